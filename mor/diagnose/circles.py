@@ -9,6 +9,7 @@ import numpy as np
 
 from mor.adjustment.linearise import misclosures
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.diagnose.edits import Edit, cells, computed, key, table_key
 from mor.diagnose.hypothesis import Hypothesis, with_observed
 from mor.diagnose.situation import Situation
 from mor.observations import ObservationGroup, wrap
@@ -63,6 +64,8 @@ def _of_rows(
     bad = situation.misfitting[number][rows].any(axis=1)
     spoiled = bad.any() and bad.mean() >= _BAD
     anew = _stations(group, rows) if spoiled else {}  # else they stand where they should
+    network, full = situation.network, 2.0 * np.pi / ANGLE_UNITS[given]
+    angles = [c.name for c, wraps in zip(group.type.components, group.type.wraps, strict=True) if wraps]
     for other in _UNITS:
         factor = ANGLE_UNITS[other] / ANGLE_UNITS[given]
         if factor != 1.0 and _is_on_circle(group, rows, factor):
@@ -75,6 +78,9 @@ def _of_rows(
                 partial(_read_in, factor),
                 f"observations, {things[0]}: units: {other}",
                 seen * float(np.log(factor)),
+                table_key(network, number, "units", f"{{{', '.join(f'{a}: {other}' for a in angles)}}}")
+                if len(rows) == group.count
+                else _in_cells(network, number, rows, angles, partial(float.__mul__, factor)),
             )
     if group.type.turns:
         columns = list(group.type.turns)
@@ -87,6 +93,15 @@ def _of_rows(
             partial(_negative, columns),
             f"axes: {{angles: {'counterclockwise' if edge.sense > 0 else 'clockwise'}}} ({things[0]})",
             0.0,
+            (key(("axes", "angles"), "counterclockwise" if edge.sense > 0 else "clockwise"),)
+            if len(rows) == group.count and sum(bool(g.type.turns) for g in network.groups) == 1
+            else _in_cells(
+                network,
+                number,
+                rows,
+                [group.type.components[group.type.turns[0]].name],
+                lambda angle: (full - angle) % full,
+            ),
         )
     names = [component.name for component in group.type.components]
     columns = [k for k, name in enumerate(names) if name in _ZENITH]
@@ -100,7 +115,22 @@ def _of_rows(
             partial(_complement, columns),
             f"observations, {things[0]}: type: directions",
             0.0,
+            _in_cells(
+                network,
+                number,
+                rows,
+                [names[k] for k in columns],
+                lambda angle: (0.25 * full - angle) % full,
+            ),
         )
+
+
+def _in_cells(
+    network: Network, number: int, rows: IntArray, names: list[str], change: Callable[[float], float]
+) -> tuple[Edit, ...]:
+    """Edits of some columns in some rows."""
+    found = [cells(network, number, rows.tolist(), name, computed(change)) for name in names]
+    return tuple(edit for edits in found for edit in edits)
 
 
 def _is_on_circle(group: ObservationGroup, rows: IntArray, factor: float) -> bool:
@@ -129,6 +159,7 @@ def _hypothesis(
     change: Callable[[FloatArray], FloatArray],
     line: str,
     stretch: float,
+    edits: tuple[Edit, ...],
 ) -> Hypothesis:
     return Hypothesis(
         cause,
@@ -139,6 +170,7 @@ def _hypothesis(
         stretch=stretch,
         anew=anew,
         afresh=True,
+        edits=edits,
     )
 
 
@@ -176,6 +208,7 @@ def _faces(situation: Situation, number: int, group: ObservationGroup) -> Iterat
     if not group.type.turns or group.type.tell_face is None:
         return
     column = group.type.turns[0]
+    full = 2.0 * np.pi / ANGLE_UNITS[_given_unit(situation.network, group)]
     misclosure = np.nan_to_num(misclosures(group, situation.values)[:, column])
     stations = np.array(list(group.references[0]))
     for name in dict.fromkeys(stations.tolist()):
@@ -190,6 +223,13 @@ def _faces(situation: Situation, number: int, group: ObservationGroup) -> Iterat
                 f"{group.name}, {name}: horizontal + 200 gon",
                 len(here),
                 rows=tuple((number, int(row)) for row in off) if len(off) < 4 else (),
+                edits=_in_cells(
+                    situation.network,
+                    number,
+                    off,
+                    [group.type.components[column].name],
+                    lambda angle: (angle + 0.5 * full) % full,
+                ),
             )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from functools import partial
 from itertools import combinations
 from typing import NamedTuple
@@ -10,6 +11,7 @@ import numpy as np
 
 from mor.approximate.similarity import similarity
 from mor.arrays import FloatArray, IntArray
+from mor.diagnose.edits import CellEdit, Edit, KeyEdit, key, to
 from mor.diagnose.hypothesis import Hypothesis, with_points
 from mor.diagnose.situation import SMALL, Situation
 from mor.quality.gross_errors.reintersection import by_sights_alone, costs_at_places
@@ -43,7 +45,7 @@ class Control(NamedTuple):
 def control_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Another unit, and exchanged axes, of every table of control."""
     tables = [control for control in control_tables(situation) if len(control.points) >= 2]
-    return [h for control in tables for h in (*_axes(situation, control), *_units(control))]
+    return [h for control in tables for h in (*_axes(situation, control), *_units(situation, control))]
 
 
 def exchange_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -81,7 +83,37 @@ def control_tables(situation: Situation) -> list[Control]:
     return tables
 
 
-def _units(control: Control) -> list[Hypothesis]:
+def _table(situation: Situation, control: Control) -> tuple[str | int, ...] | None:
+    """Path of the table of points by its label."""
+    entries = situation.network.project.points
+    found = [k for k, e in enumerate(entries) if control.label in (e.group, e.name, e.file)]
+    if control.label == "points" and len(entries) == 1:
+        found = [0]
+    return ("points", found[0]) if len(found) == 1 else None
+
+
+def _unit_edits(situation: Situation, control: Control, unit: str) -> tuple[Edit, ...]:
+    at = _table(situation, control)
+    return () if at is None else (key((*at, "units"), f"{{x: {unit}, y: {unit}, z: {unit}}}"),)
+
+
+def _axes_edits(situation: Situation, control: Control) -> tuple[Edit, ...]:
+    at = _table(situation, control)
+    if at is None:
+        return ()
+
+    def exchanged(old: str, _amount: object) -> str | None:
+        if not old:
+            return "{x: y, y: x}"
+        if not old.startswith("["):
+            return None
+        other = {"x": "y", "y": "x", "sigma_x": "sigma_y", "sigma_y": "sigma_x"}
+        return re.sub(r"\w+", lambda found: other.get(found[0], found[0]), old)
+
+    return (KeyEdit((*at, "columns"), exchanged),)
+
+
+def _units(situation: Situation, control: Control) -> list[Hypothesis]:
     return [
         Hypothesis(
             "control unit",
@@ -92,6 +124,7 @@ def _units(control: Control) -> list[Hypothesis]:
             afresh=True,
             stretch=control.given.size * float(np.log(factor)) if control.observed else 0.0,
             anew={"point": control.points},
+            edits=_unit_edits(situation, control, name.split()[0]),
         )
         for name, factor in _UNITS.items()
     ]
@@ -108,6 +141,7 @@ def _axes(situation: Situation, control: Control) -> list[Hypothesis]:
             f"points, {control.label}: columns: {{x: y, y: x}}",
             afresh=True,
             anew={"point": control.points},
+            edits=_axes_edits(situation, control),
         )
     ]
 
@@ -179,4 +213,8 @@ def _exchange(situation: Situation, control: Control, pair: tuple[int, int], can
         f"points, {control.label}: {names[0]} ↔ {names[1]}",
         candidates,
         anew={"point": points},
+        edits=tuple(
+            CellEdit(("points",), "id", to(other), cells={"id": own})
+            for own, other in zip(names, reversed(names), strict=True)
+        ),
     )

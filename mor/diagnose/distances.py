@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from mor.diagnose.edits import key, table_key
 from mor.diagnose.hypothesis import Hypothesis, with_group, with_unknown
 from mor.diagnose.situation import Situation
 from mor.observations import PLAIN_TYPES
@@ -61,7 +62,11 @@ def _common(network: Network, label: str, chosen: tuple[int, ...], name: str, se
 
     given = {"offset": "{free: 0}", "scale": "{free: 1}"}[name]
     line = f"instruments: {{edm: {{{name}: {given}}}}}; observations, {label}: instrument: edm"
-    return Hypothesis(f"distance {name}", (label,), change, line, sets, parameters=1, amount=amount)
+    tables = [edit for k in chosen for edit in table_key(network, k, "instrument", "edm")]
+    edits = (key(("instruments", "edm", name), given), *tables) if len(tables) == len(chosen) else ()
+    return Hypothesis(
+        f"distance {name}", (label,), change, line, sets, parameters=1, edits=edits, amount=amount
+    )
 
 
 def _other_kind(network: Network, number: int) -> Hypothesis:
@@ -73,4 +78,5 @@ def _other_kind(network: Network, number: int) -> Hypothesis:
         (group.name,),
         lambda changed: with_group(changed, number, replace(changed.groups[number], type=other)),
         f"observations, {group.name}: type: {other.key}",
+        edits=table_key(network, number, "type", other.key),
     )

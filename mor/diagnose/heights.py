@@ -16,6 +16,7 @@ import numpy as np
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
+from mor.diagnose.edits import CellEdit, Edit, cells, with_amount
 from mor.diagnose.hypothesis import Hypothesis, with_blocks, with_unknown
 from mor.diagnose.situation import Situation
 from mor.errors import InputError
@@ -142,7 +143,24 @@ def _hypothesis(situation: Situation, sights: Sights, candidates: int) -> Hypoth
 
     what = "stations, {}: height" if sights.cause == "instrument height" else "observations, to {}: to_height"
     line = what.format(", from ".join(sights.things))
-    return Hypothesis(sights.cause, sights.things, change, line, candidates, parameters=1, amount=amount)
+    return Hypothesis(
+        sights.cause,
+        sights.things,
+        change,
+        line,
+        candidates,
+        parameters=1,
+        edits=_edits(network, sights),
+        amount=amount,
+    )
+
+
+def _edits(network: Network, sights: Sights) -> tuple[Edit, ...]:
+    write = with_amount(lambda _old, value: value)
+    if sights.cause == "instrument height":
+        return (CellEdit(("stations",), "height", write, cells={"id": sights.things[0]}),)
+    found = [cells(network, number, rows.tolist(), "to_height", write) for number, rows, _ in sights.rows]
+    return tuple(edit for edits in found for edit in edits)
 
 
 def _given(network: Network, sights: Sights) -> float:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.diagnose.edits import Edit
 from mor.observations import ObservationGroup
 from mor.parameters.index import Values
 from mor.project.network.build import Network
@@ -38,6 +39,8 @@ class Hypothesis:
     """Blocks of each kind that begin from the given start values again; where none are given, from all else."""
     afresh: bool = False
     """True where missing start values are worth being worked out anew."""
+    edits: tuple[Edit, ...] = ()
+    """Edits of the files of the project; none if it cannot be expressed by any."""
     amount: Callable[[Values], Amount] | None = None
     """What its additional unknown is at a solution."""
 

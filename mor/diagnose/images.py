@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -9,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.diagnose.edits import Edit, KeyEdit, cells, computed, table_key
 from mor.diagnose.hypothesis import Hypothesis, with_group, with_observed
 from mor.diagnose.situation import Situation
 from mor.observations import ObservationGroup, is_image_point
@@ -133,7 +135,30 @@ def _mirrored(
         return network
 
     anew = _poses(situation.network, parts) if local else {}
-    return Hypothesis(cause, things, change, line, candidates, anew=anew, afresh=not local)
+    edits = _mirrored_cells(situation.network, parts, signs)
+    return Hypothesis(cause, things, change, line, candidates, anew=anew, afresh=not local, edits=edits)
+
+
+def _mirrored_cells(
+    network: Network, parts: list[tuple[int, IntArray]], signs: tuple[float, float]
+) -> tuple[Edit, ...]:
+    """Edits that mirror coordinates: about 0, or about the middle of images whose coordinates begin in a corner."""
+    images, cameras = network.things["image"], network.things["camera"]
+    edits: list[Edit] = []
+    for number, rows in parts:
+        group = network.groups[number]
+        for row in rows.tolist():
+            camera = cameras.ids[images.parts["camera"][images.numbers[group.references[0][row]]]]
+            scale = network.scales[camera]
+            for axis, name in enumerate("xy"):
+                if signs[axis] < 0.0:
+                    whole = 2.0 * float(scale.centre[axis]) if scale.corner else 0.0
+                    edits += cells(network, number, [row], name, computed(partial(_less_than, whole)))
+    return tuple(edits)
+
+
+def _less_than(whole: float, coordinate: float) -> float:
+    return whole - coordinate
 
 
 def _poses(network: Network, parts: list[tuple[int, IntArray]]) -> dict[str, IntArray]:
@@ -163,7 +188,12 @@ def _units(situation: Situation, name: str, parts: list[tuple[int, IntArray]]) -
 
         unit = words.partition(" ")[0]
         line = f"observations, {table}: units: {{x: {unit}, y: {unit}}}"
-        yield Hypothesis("image unit", (name, words), changed, line, 4, stretch=stretch, afresh=True)
+        (number, rows), *others = parts
+        alone = not others and len(rows) == situation.network.groups[number].count
+        edits = table_key(situation.network, number, "units", f"{{x: {unit}, y: {unit}}}") if alone else ()
+        yield Hypothesis(
+            "image unit", (name, words), changed, line, 4, stretch=stretch, afresh=True, edits=edits
+        )
 
 
 def _readings(scale: ImageScale) -> dict[str, Change]:
@@ -218,8 +248,15 @@ def _constant(situation: Situation, name: str, camera: int) -> Iterator[Hypothes
         line,
         len(network.things["camera"].ids),
         parameters=sum(not _is_observed(network, kind, block, k) for k in held),
+        edits=tuple(KeyEdit(("cameras", name, "interior", names[k]), _set_free) for k in held),
         amount=amount,
     )
+
+
+def _set_free(old: str, _amount: Amount | None) -> str | None:
+    """A fixed or observed value as a start value."""
+    number = re.match(r"\{?\s*(?:\w+:)?\s*([-+.\deE]+)", old)
+    return f"{{free: {number[1]}}}" if number else None
 
 
 def _is_observed(network: Network, kind: str, block: int, component: int) -> bool:

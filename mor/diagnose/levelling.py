@@ -13,6 +13,7 @@ import numpy as np
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
+from mor.diagnose.edits import cells, computed
 from mor.diagnose.hypothesis import Hypothesis, with_observed
 from mor.diagnose.situation import Situation
 from mor.observations import PLAIN_TYPES, ObservationGroup
@@ -40,6 +41,13 @@ def levelling_hypotheses(situation: Situation) -> list[Hypothesis]:
                     f"{group.name}, {' → '.join(names)}: {names[1]} → {names[0]}",
                     group.count,
                     rows=((number, row),),
+                    edits=cells(
+                        situation.network,
+                        number,
+                        [row],
+                        group.type.components[0].name,
+                        computed(lambda value: -value),
+                    ),
                 )
             )
     return found

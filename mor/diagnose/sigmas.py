@@ -9,6 +9,7 @@ import numpy as np
 
 from mor.adjustment.linearise import misclosures
 from mor.arrays import BoolArray, FloatArray
+from mor.diagnose.edits import KeyEdit, table_of
 from mor.diagnose.hypothesis import Hypothesis, with_group
 from mor.diagnose.situation import Situation
 from mor.observations import ObservationGroup
@@ -37,7 +38,7 @@ def sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
         beyond = beyond_any_instrument(situation.network, group)
         if beyond:  # what too small a σ says of how likely residuals are counts for nothing
             told = count if beyond < 0 else 0
-            found.append(_hypothesis(number, group.name, _FACTOR_OF_UNITS**beyond, told))
+            found.append(_hypothesis(situation, number, group.name, _FACTOR_OF_UNITS**beyond, told))
     return found or [h for number, group, count in groups for h in _near_to_units(situation, number, count)]
 
 
@@ -48,7 +49,7 @@ def _near_to_units(situation: Situation, number: int, count: int) -> Iterator[Hy
     for factor in _FACTORS:
         near = _NEAR if factor > 1.0 else np.sqrt(_FACTOR_OF_UNITS)
         if any(1.0 / near < scale / factor < near for scale in scales):
-            yield _hypothesis(number, group.name, factor, count)
+            yield _hypothesis(situation, number, group.name, factor, count)
 
 
 def _scales(situation: Situation, number: int, group: ObservationGroup, used: BoolArray) -> Iterator[float]:
@@ -73,12 +74,20 @@ def _median(sizes: FloatArray) -> float:
     return float(np.median(sizes)) / 0.6745
 
 
-def _hypothesis(number: int, name: str, factor: float, count: int) -> Hypothesis:
+def _hypothesis(situation: Situation, number: int, name: str, factor: float, count: int) -> Hypothesis:
     def change(network: Network) -> Network:
         group = network.groups[number]
         return with_group(network, number, replace(group, sigma=group.sigma * factor))
 
-    line = f"observations, {name}: factor: {factor:g}"
+    line, at = f"observations, {name}: factor: {factor:g}", table_of(situation.network, number)
     return Hypothesis(
-        "sigma unit", (name,), change, line, len(_FACTORS), stretch=-count * float(np.log(factor))
+        "sigma unit",
+        (name,),
+        change,
+        line,
+        len(_FACTORS),
+        stretch=-count * float(np.log(factor)),
+        edits=()
+        if at is None
+        else (KeyEdit((*at, "factor"), lambda old, _: f"{float(old or 1) * factor:g}"),),
     )

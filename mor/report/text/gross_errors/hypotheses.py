@@ -99,6 +99,7 @@ def diagnosed(data: dict[str, Any], words: Words = ENGLISH) -> str:
         lines.append(f"{number}. {sentence(row, words)}")
         lines.append("   " + _effect(row, words))
         lines.append("   " + words("to try it: {line}", line=row["line"]))
+        lines += _diff(row.get("diff"), words)
     if data["offered"]:
         lines.append(words("None is applied. Look at the measurements before you change anything."))
     if data["untried"]:
@@ -110,6 +111,19 @@ def diagnosed(data: dict[str, Any], words: Words = ENGLISH) -> str:
             )
         )
     return "\n".join(lines)
+
+
+DIFF = 24
+"""Lines of a diff that are printed; results as JSON have all of them."""
+
+
+def _diff(diff: str | None, words: Words) -> list[str]:
+    """The edit of the project, indented."""
+    lines = (diff or "").splitlines()
+    said = [f"     {line}" for line in lines[:DIFF]]
+    if len(lines) > DIFF:
+        said.append("     " + words("and {count:line|lines} more (--json has all)", count=len(lines) - DIFF))
+    return said
 
 
 def tried(data: dict[str, Any], words: Words = ENGLISH) -> str:
