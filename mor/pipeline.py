@@ -229,7 +229,7 @@ def _diagnosis(network: Network, adjusted: _Adjusted, go_on: GoOn) -> Diagnosis:
         told = rejection(quality, solved.network, solved.tested[1] if solved.tested else None)
     if told is Rejection.NOTHING:
         return NOTHING_FOUND
-    ended = Ended(plain, solution, quality, told, adjusted.led)
+    ended = Ended(plain, solution, quality, told, adjusted.led, solved.possible_causes)
     return causes(adjusted.whole, adjusted.start, ended, make_problem, start_or_nothing, go_on)
 
 

@@ -9,6 +9,7 @@ observations, also of those that a robust adjustment left out: a wrong height ma
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +17,11 @@ import numpy as np
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
-from mor.diagnose.edits import CellEdit, Edit, cells, with_amount
-from mor.diagnose.hypothesis import Hypothesis, with_blocks, with_unknown
+from mor.diagnose.edits import CellEdit, Edit, cells, computed, with_amount
+from mor.diagnose.hypothesis import Hypothesis, with_blocks, with_observed, with_unknown
 from mor.diagnose.situation import Situation
 from mor.errors import InputError
+from mor.observations import PLAIN_TYPES
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.quality.solved import Amount
@@ -59,6 +61,48 @@ def height_hypotheses(situation: Situation) -> list[Hypothesis]:
     promised = _reductions(all_of_them, sights)
     best = np.argsort(-promised, kind="stable")[:_TRIED]
     return [_hypothesis(situation, sights[k], len(sights)) for k in best if promised[k] > _PROMISED]
+
+
+def antenna_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the antenna heights that score tests name, with their amounts: vectors are linear in them."""
+    return [
+        _antenna(situation, one.things[0], one.amount)
+        for one in situation.scored
+        if one.cause == "antenna height" and one.amount is not None
+    ]
+
+
+def _antenna(situation: Situation, name: str, amount: Amount) -> Hypothesis:
+    """The antenna at a point that was higher by an amount than it was said to be."""
+    network = situation.network
+    ends = []
+    for number, group in enumerate(network.groups):
+        if group.type == PLAIN_TYPES["vector"]:
+            for column, sign in ((0, 1.0), (1, -1.0)):
+                rows = np.flatnonzero([one == name for one in group.references[column]])
+                if len(rows):
+                    ends.append((number, rows, sign * amount.value))
+
+    def change(changed: Network) -> Network:
+        for number, rows, by in ends:
+            shift = np.array([0.0, 0.0, by])
+            changed = with_observed(changed, number, rows, lambda d, shift=shift: d + shift)  # type: ignore[misc]
+        return changed
+
+    edits = [
+        cells(network, number, rows.tolist(), "dz", computed(partial(float.__add__, by)))
+        for number, rows, by in ends
+    ]
+    return Hypothesis(
+        "antenna height",
+        (name,),
+        change,
+        f"observations, vectors at {name}: antenna height",
+        len(ends),
+        parameters=1,
+        edits=tuple(edit for some in edits for edit in some),
+        amount=lambda _values: amount,
+    )
 
 
 def height_sights(network: Network) -> Iterator[Sights]:

@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.diagnose.edits import Edit, KeyEdit, cells, computed, table_key
+from mor.diagnose.edits import CellEdit, Edit, KeyEdit, cells, computed, table_key, to
 from mor.diagnose.hypothesis import Hypothesis, with_group, with_observed
 from mor.diagnose.situation import Situation
 from mor.observations import ObservationGroup, is_image_point
@@ -45,6 +45,62 @@ def camera_constant_hypotheses(situation: Situation) -> list[Hypothesis]:
     """The camera constants that are fixed or observed as unknowns."""
     cameras = situation.network.things["camera"].ids if "camera" in situation.network.things else ()
     return [h for k, name in enumerate(cameras) for h in _constant(situation, name, k)]
+
+
+def other_camera_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Images that may be of another camera of the project: each alone, and all together that score tests name."""
+    network = situation.network
+    if "camera" not in network.things or len(network.things["camera"].ids) < 2:
+        return []
+    images, cameras = network.things["image"], network.things["camera"]
+    sets = [
+        tuple(name for name in one.things if name in images.numbers)
+        for one in situation.scored
+        if one.cause == "camera of images"
+    ]
+    bad: dict[str, int] = {}
+    for group, wrong in zip(network.groups, situation.misfitting, strict=False):
+        if is_image_point(group.type):
+            for row in np.flatnonzero(wrong.any(axis=1)).tolist():
+                bad[group.references[0][row]] = bad.get(group.references[0][row], 0) + 1
+    sets += [(name,) for name in sorted(bad, key=lambda name: -bad[name])[:_IMAGES]]
+    found = []
+    for names in dict.fromkeys(one for one in sets if one):
+        own = {int(images.parts["camera"][images.numbers[name]]) for name in names}
+        for k, camera in enumerate(cameras.ids):
+            models = {network.project.cameras[cameras.ids[j]].model for j in (*own, k)}
+            if own != {k} and len(own) == 1 and len(models) == 1:
+                edits = tuple(
+                    CellEdit(("images",), "camera", to(camera), cells={"id": name}) for name in names
+                )
+                found.append(
+                    Hypothesis(
+                        "camera of images",
+                        (*names, camera),
+                        partial(_of_camera, names=names, camera=k),
+                        "; ".join(f"images, {name}: camera: {camera}" for name in names),
+                        len(images.ids) * len(cameras.ids),
+                        edits=edits,
+                        afresh=True,
+                    )
+                )
+    return found
+
+
+def _of_camera(network: Network, names: Sequence[str], camera: int) -> Network:
+    """The network with some images taken by another camera."""
+    cameras = network.things["camera"]
+    for number, group in enumerate(network.groups):
+        if not is_image_point(group.type):
+            continue
+        chosen = np.isin(np.array(list(group.references[0])), names)
+        slots = [k for k, s in enumerate(group.type.slots) if s.part == "interior"]
+        blocks = [
+            np.where(chosen, cameras.parts["interior"][camera], own) if k in slots else own
+            for k, own in enumerate(group.blocks)
+        ]
+        network = with_group(network, number, replace(group, blocks=tuple(blocks)))
+    return network
 
 
 def _of_images(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis]:

@@ -47,6 +47,8 @@ LEVEL = 1e-3
 OFFERED = 3
 _ENTRIES = 20_000_000
 """Numbers (observations times parameters) that are held at a time."""
+_FEW_ROWS = 1000
+"""Rows of a possible cause that are handed on."""
 _PAIRS = 12
 """Flagged rows of a station or image of which all pairs are looked at, the worst first."""
 _LEFT_OVER = 0.02
@@ -867,6 +869,7 @@ def _cause(network: Network, one: _Scored) -> PossibleCause:
     if candidate.amount is not None and not candidate.definite:
         name, present = candidate.amount
         amount = Amount(name, present + float(one.x[0]))
+    rows = [(number, row) for number, own, _ in candidate.parts for row in own.tolist()]
     return PossibleCause(
         candidate.cause,
         candidate.things,
@@ -875,4 +878,5 @@ def _cause(network: Network, one: _Scored) -> PossibleCause:
         candidate.parameters,
         float(one.log_p / np.log(10.0)),
         amount,
+        tuple(rows) if len(rows) <= _FEW_ROWS else (),
     )

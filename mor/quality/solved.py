@@ -45,6 +45,8 @@ class PossibleCause(NamedTuple):
     log10_p: float
     """Decimal logarithm of the probability that chance decreases vᵀPv as much."""
     amount: Amount | None
+    rows: tuple[tuple[int, int], ...] = ()
+    """(group, row) of the observations that it changes, if they are few."""
 
 
 @dataclass(frozen=True, eq=False)

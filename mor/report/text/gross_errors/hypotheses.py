@@ -39,6 +39,7 @@ SENTENCES = {
     "camera of images": "images may be of another camera or focal length ({names})",
     "curvature": "the curvature of the earth is not modelled",
     "set-ups exchanged": "the places of two instruments may be exchanged ({names})",
+    "images exchanged": "the names of two images may be exchanged ({names})",
     "orientation changed": "the horizontal circle may have been turned during a set of directions ({names})",
     "sigma of a table": "the standard deviations of a table may be wrong by one factor ({names})",
     "sigma unit": "standard deviations may be in another unit ({names})",
