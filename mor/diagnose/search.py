@@ -186,12 +186,12 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
 
 
 def _stages(situation: Situation) -> tuple[tuple[Family, ...], ...]:
-    """Families that are asked together: those of a whole first where most observations do not fit, else last."""
+    """Families that are asked together: those of a whole first if most observations do not fit, else last."""
     if not situation.larger:
         return (OF_SIGMAS,)  # of the others only control in a smaller unit may make residuals smaller
     if not situation.settled:
         return OF_SIGMAS, OF_A_WHOLE
-    if situation.most_do_not_fit:
+    if situation.most_do_not_fit or situation.solution is None:
         return OF_SIGMAS, OF_THE_EARTH, OF_A_WHOLE, OF_ROWS, OF_UNKNOWNS
     return OF_SIGMAS, OF_THE_EARTH, OF_ROWS, OF_UNKNOWNS, OF_A_WHOLE
 
@@ -519,7 +519,8 @@ def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArr
     promised = []
     for hypothesis in hypotheses:
         changed = hypothesis.change(network)
-        own = hypothesis.stretch - _FITS * _fitting(situation, changed)
+        told = any(_told(changed, k) for k, g in enumerate(changed.groups) if g is not network.groups[k])
+        own = (hypothesis.stretch if told else 0.0) - _FITS * _fitting(situation, changed)
         follow = changed.start is not network.start  # start values that were observed fit in any unit
         promised.append(now - _misfit(changed) + (0.0 if follow else own))
     return np.array(promised)
@@ -533,6 +534,18 @@ def _fitting(situation: Situation, changed: Network) -> int:
         if old is not new:
             count += int(np.count_nonzero(old.mask & (old.observed != new.observed) & ~bad))
     return count
+
+
+def _told(network: Network, number: int) -> bool:
+    """True if start values are given for all that any row of a group refers to."""
+    group = network.groups[number]
+    if any(slot.kind not in network.start for slot in group.type.slots):
+        return False
+    known = np.ones(group.count, dtype=bool)
+    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        start = network.start[slot.kind]
+        known &= np.isfinite(start.reshape(len(start), -1)).all(axis=1)[blocks]
+    return bool(known.any())
 
 
 def _misfit(network: Network) -> float:
