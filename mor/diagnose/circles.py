@@ -10,9 +10,10 @@ import numpy as np
 from mor.adjustment.linearise import misclosures
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.diagnose.edits import Edit, cells, computed, key, table_key
-from mor.diagnose.hypothesis import Hypothesis, with_observed
+from mor.diagnose.hypothesis import Hypothesis, with_blocks, with_observed, with_unknown
 from mor.diagnose.situation import Situation
 from mor.observations import ObservationGroup, wrap
+from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.project.observations.observation_rows import group_name
 from mor.units import ANGLE_UNITS
@@ -40,6 +41,39 @@ def face_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Rows whose horizontal circle is that of the other face."""
     groups = enumerate(situation.network.groups)
     return [h for number, group in groups if group.count for h in _faces(situation, number, group)]
+
+
+def turned_circle_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the sets that score tests say were turned between two of their rows."""
+    found = []
+    for one in situation.scored:
+        rows: dict[int, list[int]] = {}
+        for number, row in one.rows if one.cause == "orientation changed" else ():
+            rows.setdefault(number, []).append(row)
+        for number, own in rows.items():
+            group = situation.network.groups[number]
+            slot = next((k for k, s in enumerate(group.type.slots) if s.kind == "rotation"), -1)
+            if slot >= 0:
+                found.append(
+                    Hypothesis(
+                        one.cause,
+                        one.things,
+                        partial(_turned_on, number=number, rows=own, slot=slot, values=situation.values),
+                        one.line,
+                        group.count,
+                        parameters=1,
+                    )
+                )
+    return found
+
+
+def _turned_on(network: Network, number: int, rows: list[int], slot: int, values: Values) -> Network:
+    """The network with an orientation of their own for some rows of a set of directions."""
+    block = int(network.groups[number].blocks[slot][rows[0]])
+    network, own = with_unknown(
+        network, "rotation", values["rotation"][block], network.blocks["rotation"].free[block]
+    )
+    return with_blocks(network, number, rows, {slot: [own] * len(rows)})
 
 
 def _sets(

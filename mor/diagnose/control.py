@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from typing import NamedTuple
@@ -12,8 +13,9 @@ import numpy as np
 from mor.approximate.similarity import similarity
 from mor.arrays import FloatArray, IntArray
 from mor.diagnose.edits import CellEdit, Edit, KeyEdit, key, to
-from mor.diagnose.hypothesis import Hypothesis, with_points
+from mor.diagnose.hypothesis import Hypothesis, with_group, with_points
 from mor.diagnose.situation import SMALL, Situation
+from mor.project.network.build import Network
 from mor.quality.gross_errors.reintersection import by_sights_alone, costs_at_places
 
 _UNITS = {
@@ -51,6 +53,43 @@ def control_hypotheses(situation: Situation) -> list[Hypothesis]:
 def exchange_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Two points of a table exchanged, where one of them does not fit."""
     return [h for control in control_tables(situation) for h in _exchanges(situation, control)]
+
+
+def moved_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the control points that score tests say have moved, as free ones: alone, and all of a cause together."""
+    ids = situation.network.blocks["point"].ids
+    place = {name: k for k, name in enumerate(ids)}
+    found = []
+    for one in situation.scored:
+        if one.cause != "control moved":
+            continue
+        points = np.array([place[name] for name in one.things if name in place])
+        found.append(
+            Hypothesis(
+                "control moved",
+                one.things,
+                partial(_released, points=points),
+                f"points, {', '.join(one.things)}: x, y, z",
+                max(sum(len(control.points) for control in control_tables(situation)), 1),
+                parameters=3 * len(points),
+            )
+        )
+    return found
+
+
+def _released(network: Network, points: IntArray) -> Network:
+    """The network with some points neither fixed nor observed."""
+    blocks = network.blocks["point"]
+    free = blocks.free.copy()
+    free[points] = True
+    network = replace(network, blocks={**network.blocks, "point": blocks._replace(free=free)})
+    for number, group in enumerate(network.groups):
+        if group.type.key in ("observed/point", "coordinates"):
+            rows = np.flatnonzero(np.isin(group.blocks[0], points))
+            observed = group.observed.copy()
+            observed[rows] = np.nan
+            network = with_group(network, number, replace(group, observed=observed))
+    return network
 
 
 def control_tables(situation: Situation) -> list[Control]:

@@ -32,6 +32,7 @@ _MIRRORS = {
     "image turned": ((-1.0, -1.0), "x, y"),
 }
 _CONSTANTS = ("c", "fx", "fy")
+PRINCIPAL_POINT = ("xp", "yp", "x0", "y0", "cx", "cy", "xh", "yh")
 
 
 def image_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -42,9 +43,15 @@ def image_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def camera_constant_hypotheses(situation: Situation) -> list[Hypothesis]:
-    """The camera constants that are fixed or observed as unknowns."""
+    """The camera constants, and the principal points, that are fixed or observed as unknowns."""
     cameras = situation.network.things["camera"].ids if "camera" in situation.network.things else ()
-    return [h for k, name in enumerate(cameras) for h in _constant(situation, name, k)]
+    kinds = (("image scale", _CONSTANTS), ("pixel origin", PRINCIPAL_POINT))
+    return [
+        h
+        for k, name in enumerate(cameras)
+        for cause, among in kinds
+        for h in _interior(situation, name, k, cause, among)
+    ]
 
 
 def other_camera_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -269,14 +276,19 @@ def _readings(scale: ImageScale) -> dict[str, Change]:
     return {words: partial(np.multiply, factor) for words, factor in factors.items()}
 
 
-def _constant(situation: Situation, name: str, camera: int) -> Iterator[Hypothesis]:
-    """The camera constant as an unknown, where it is fixed or observed: the latter costs its observation already."""
+def _interior(
+    situation: Situation, name: str, camera: int, cause: str, among: tuple[str, ...]
+) -> Iterator[Hypothesis]:
+    """Some components of the interior orientation as unknowns, if they are fixed or observed.
+
+    An observed one costs its observation already.
+    """
     network = situation.network
     model = network.project.cameras[name].model
     kind = f"interior/{model}"
     block = int(network.things["camera"].parts["interior"][camera])
     names = network.blocks[kind].kind.names
-    columns = [k for k, own in enumerate(names) if own in _CONSTANTS]
+    columns = [k for k, own in enumerate(names) if own in among]
     held = [
         k for k in columns if not network.blocks[kind].free[block, k] or _is_observed(network, kind, block, k)
     ]
@@ -298,7 +310,7 @@ def _constant(situation: Situation, name: str, camera: int) -> Iterator[Hypothes
 
     line = f"cameras, {name}: interior: {{{names[held[0]]}: {{free: …}}}}"
     yield Hypothesis(
-        "image scale",
+        cause,
         (name,),
         change,
         line,

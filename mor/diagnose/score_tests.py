@@ -26,6 +26,7 @@ from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Outcome
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.diagnose.heights import Sights, height_sights
+from mor.diagnose.images import PRINCIPAL_POINT
 from mor.geometry import tolerant
 from mor.observations import PLAIN_TYPES, ObservationGroup, is_image_point, wrap
 from mor.observations.curvature import on_sphere
@@ -217,9 +218,7 @@ def _interiors(
     slot, kind = slots[0], group.type.slots[slots[0]].kind
     names = problem.index.blocks[kind].kind.names
     constant = [k for k, name in enumerate(names) if name in ("c", "fx", "fy")]
-    principal = [
-        k for k, name in enumerate(names) if name in ("xp", "yp", "x0", "y0", "cx", "cy", "xh", "yh")
-    ]
+    principal = [k for k, name in enumerate(names) if name in PRINCIPAL_POINT]
     images, cameras = network.things["image"], network.things["camera"]
     camera_of = dict(zip(cameras.parts["interior"].tolist(), cameras.ids, strict=True))
     blocks = np.asarray(group.blocks[slot])

@@ -22,8 +22,8 @@ from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
 from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import BoolArray, FloatArray
-from mor.diagnose.circles import circle_hypotheses, face_hypotheses
-from mor.diagnose.control import control_hypotheses, exchange_hypotheses
+from mor.diagnose.circles import circle_hypotheses, face_hypotheses, turned_circle_hypotheses
+from mor.diagnose.control import control_hypotheses, exchange_hypotheses, moved_hypotheses
 from mor.diagnose.curvature import curvature_hypotheses
 from mor.diagnose.distances import distance_hypotheses, table_unit_hypotheses
 from mor.diagnose.frames import frame_hypotheses
@@ -32,7 +32,7 @@ from mor.diagnose.hypothesis import NOTHING_FOUND, Before, Diagnosis, Fit, GoOn,
 from mor.diagnose.images import camera_constant_hypotheses, image_hypotheses, other_camera_hypotheses
 from mor.diagnose.levelling import levelling_hypotheses
 from mor.diagnose.names import name_hypotheses
-from mor.diagnose.sigmas import sigma_hypotheses
+from mor.diagnose.sigmas import scored_sigma_hypotheses, sigma_hypotheses
 from mor.diagnose.situation import (
     SMALL,
     Begin,
@@ -98,6 +98,10 @@ _FAMILIES: dict[str, Family] = {
     "antenna height": antenna_hypotheses,
     "control exchanged": exchange_hypotheses,
     "control unit": control_hypotheses,
+    "control moved": moved_hypotheses,
+    "orientation changed": turned_circle_hypotheses,
+    "sigma of a table": scored_sigma_hypotheses,
+    "pixel origin": camera_constant_hypotheses,
     "distance offset": distance_hypotheses,
     "distance scale": distance_hypotheses,
     "table unit": table_unit_hypotheses,

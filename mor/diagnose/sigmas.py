@@ -42,6 +42,23 @@ def sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
     return found or [h for number, group, count in groups for h in _near_to_units(situation, number, count)]
 
 
+def scored_sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the tables whose σ is wrong by the factor that score tests name."""
+    found = []
+    for one in situation.scored:
+        for number, group in enumerate(situation.network.groups):
+            if one.cause == "sigma of a table" and one.things == (group.name,) and one.amount is not None:
+                count = int(np.count_nonzero(group.mask & ~group.left_out))
+                plain = _hypothesis(situation, number, group.name, float(f"{one.amount.value:.3g}"), count)
+                amount = one.amount
+                found.append(
+                    replace(
+                        plain, cause="sigma of a table", parameters=1, amount=lambda _, amount=amount: amount
+                    )
+                )
+    return found
+
+
 def _near_to_units(situation: Situation, number: int, count: int) -> Iterator[Hypothesis]:
     group = situation.network.groups[number]
     used = group.mask & ~group.left_out
