@@ -48,7 +48,7 @@ def main() -> None:
         )
         return
     print(
-        "| mistake | cases | visible | right cause first | among three | another one first | by score tests | exit codes |"
+        "| mistake | cases | visible | right first | among three | another first | by score tests | exit codes |"
     )
     print("|---|---|---|---|---|---|---|---|")
     everything: list[Trial] = []

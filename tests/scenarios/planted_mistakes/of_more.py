@@ -57,7 +57,7 @@ def other_camera(survey: Survey, random: Random) -> Planted:
     if len(cameras) < 2 or not rows:
         raise NotHereError
     row = one_of(random, rows)
-    right, row["camera"] = row["camera"], one_of(random, [name for name in cameras if name != row["camera"]])
+    row["camera"] = one_of(random, [name for name in cameras if name != row["camera"]])
     return Planted(("camera of images",), {row["id"]})
 
 

@@ -133,7 +133,7 @@ def mixture_trial(seed: int, keep: Path | None = None) -> Trial:
                 continue  # it has no solution without a mistake
             statistic = _statistic(json.loads(run.out))
             project = write_project(world, folder / "wrong")[0]
-            return judged(f"mixture: {kind}", f"mixture {number}", planted, project, lambda _: statistic)
+            return judged(f"mixture: {kind}", f"mixture {number}", planted, project, lambda _, s=statistic: s)
     raise NotHereError
 
 
