@@ -9,6 +9,7 @@ observations, also of those that a robust adjustment left out: a wrong height ma
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
 
@@ -24,6 +25,7 @@ from mor.errors import InputError
 from mor.observations import PLAIN_TYPES
 from mor.parameters.index import Values
 from mor.project.network.build import Network
+from mor.quality.plausibility.set_ups import beyond_reach, usual_height
 from mor.quality.solved import Amount
 from mor.sparse.cholesky import NotFiniteError
 
@@ -61,6 +63,21 @@ def height_hypotheses(situation: Situation) -> list[Hypothesis]:
     promised = _reductions(all_of_them, sights)
     best = np.argsort(-promised, kind="stable")[:_TRIED]
     return [_hypothesis(situation, sights[k], len(sights)) for k in best if promised[k] > _PROMISED]
+
+
+def implausible_height_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the heights that nobody can reach, as unknowns that begin at the usual height."""
+    beyond = beyond_reach(situation.network)
+    if not beyond.any():
+        return []
+    found = []
+    for one in height_sights(situation.network):
+        number, rows, slot = one.rows[0]
+        if len(one.things) == 1 and beyond[situation.network.groups[number].blocks[slot][rows]].all():
+            found.append(
+                replace(_hypothesis(situation, one, 1, usual_height(situation.network)), afresh=True)
+            )
+    return found[:_TRIED]
 
 
 def antenna_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -171,10 +188,12 @@ def _reductions(here: Adjustment, sights: list[Sights]) -> FloatArray:
     return np.where(good, right**2 / np.where(good, left, 1.0), 0.0)
 
 
-def _hypothesis(situation: Situation, sights: Sights, candidates: int) -> Hypothesis:
+def _hypothesis(
+    situation: Situation, sights: Sights, candidates: int, begin: float | None = None
+) -> Hypothesis:
     network = situation.network
     number = len(network.blocks["height"].ids)
-    given = _given(network, sights)
+    given = _given(network, sights) if begin is None else begin
 
     def change(changed: Network) -> Network:
         changed, own = with_unknown(changed, "height", np.array([given]), np.array([True]))

@@ -318,21 +318,23 @@ def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_
         if group.type.turns and len(rows) > 1:
             other = observed.copy()
             other[:, group.type.turns[0]] *= -1.0
-            changes.append(("circle sense", things, "axes: {angles: …}", other))
+            changes.append(("circle sense", things, f"observations, {things[0]}: axes: {{angles: …}}", other))
         if zenith:
             other = observed.copy()
             other[:, zenith] = 0.5 * np.pi - observed[:, zenith]
-            changes.append(("elevation for zenith", things, "type: directions", other))
+            changes.append(
+                ("elevation for zenith", things, f"observations, {things[0]}: type: directions", other)
+            )
         for unit, factor in _angle_units(observed[:, angles]):
             other = observed.copy()
             other[:, angles] *= factor
-            changes.append(("circle unit", (*things, unit), f"units: {unit}", other))
+            changes.append(
+                ("circle unit", (*things, unit), f"observations, {things[0]}: units: {unit}", other)
+            )
         for cause, about, line, other in changes:
             change = _read_otherwise(values, number, group, rows, other)
             part = (number, rows, change[:, :, None])
-            yield _Candidate(
-                cause, about, f"observations, {things[0]}: {line}", (part,), True, alike=len(sets)
-            )
+            yield _Candidate(cause, about, line, (part,), True, alike=len(sets))
 
 
 def _angle_units(angles: FloatArray) -> Iterator[tuple[str, float]]:

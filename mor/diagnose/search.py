@@ -27,7 +27,7 @@ from mor.diagnose.control import control_hypotheses, exchange_hypotheses, moved_
 from mor.diagnose.curvature import curvature_hypotheses
 from mor.diagnose.distances import distance_hypotheses, table_unit_hypotheses
 from mor.diagnose.frames import frame_hypotheses
-from mor.diagnose.heights import antenna_hypotheses, height_hypotheses
+from mor.diagnose.heights import antenna_hypotheses, height_hypotheses, implausible_height_hypotheses
 from mor.diagnose.hypothesis import NOTHING_FOUND, Before, Diagnosis, Fit, GoOn, Hypothesis, Offered, Trial
 from mor.diagnose.images import camera_constant_hypotheses, image_hypotheses, other_camera_hypotheses
 from mor.diagnose.levelling import levelling_hypotheses
@@ -81,6 +81,8 @@ OF_UNKNOWNS: tuple[Family, ...] = (
     camera_constant_hypotheses,
 )
 OF_SIGMAS: tuple[Family, ...] = (sigma_hypotheses,)
+BEYOND_REACH: tuple[Family, ...] = (implausible_height_hypotheses,)
+"""Families of values that nobody has: they are tried first, even if nothing else is known."""
 OF_THE_EARTH: tuple[Family, ...] = (curvature_hypotheses,)
 OF_A_WHOLE: tuple[Family, ...] = (
     control_hypotheses,
@@ -194,10 +196,10 @@ def _stages(situation: Situation) -> tuple[tuple[Family, ...], ...]:
     if not situation.larger:
         return (OF_SIGMAS,)  # of the others only control in a smaller unit may make residuals smaller
     if not situation.settled:
-        return OF_SIGMAS, OF_A_WHOLE
+        return BEYOND_REACH, OF_SIGMAS, OF_A_WHOLE
     if situation.most_do_not_fit or situation.solution is None:
-        return OF_SIGMAS, OF_THE_EARTH, OF_A_WHOLE, OF_ROWS, OF_UNKNOWNS
-    return OF_SIGMAS, OF_THE_EARTH, OF_ROWS, OF_UNKNOWNS, OF_A_WHOLE
+        return BEYOND_REACH, OF_SIGMAS, OF_THE_EARTH, OF_A_WHOLE, OF_ROWS, OF_UNKNOWNS
+    return BEYOND_REACH, OF_SIGMAS, OF_THE_EARTH, OF_ROWS, OF_UNKNOWNS, OF_A_WHOLE
 
 
 def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hypothesis, float]]:
@@ -212,7 +214,8 @@ def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hyp
             different.setdefault((hypothesis.cause, hypothesis.things), hypothesis)
     found = list(different.values())
     if stage is not OF_A_WHOLE or not found:
-        return [(hypothesis, 0.0) for hypothesis in found]
+        spoken_for = 2.0 * _BY_CHANCE if stage is BEYOND_REACH else 0.0
+        return [(hypothesis, spoken_for) for hypothesis in found]
     promised = promises(situation, found)
     seen = not situation.begun or (situation.settled and situation.something_is_wrong_as_a_whole)
     least = -np.inf if seen else _BY_CHANCE

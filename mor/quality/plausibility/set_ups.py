@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
+from mor.arrays import BoolArray
 from mor.errors import Problem
 from mor.observations import ObservationGroup, wrap
 from mor.project.network.build import Network
@@ -22,14 +23,9 @@ _NEAR = 0.5
 
 def implausible_heights(network: Network) -> Iterator[Problem]:
     """Yield a note for each height of an instrument or target beyond 5 m or 50 times the median of all heights."""
-    if "height" not in network.blocks or not len(network.start["height"]):
+    beyond = beyond_reach(network)
+    if not beyond.any():
         return
-    size = np.abs(np.nan_to_num(network.start["height"][:, 0]))
-    given = size[size > 0.0]
-    if not len(given):
-        return
-    median = float(np.median(given)) if len(given) >= _AT_LEAST else np.inf
-    beyond = (size > _HIGHEST / network.edge.metres) | (size > _TIMES * median)
     said: set[int] = set()
     for group in network.groups:
         if not group.type.distances or group.type.between_marks:
@@ -48,15 +44,31 @@ def implausible_heights(network: Network) -> Iterator[Problem]:
             def words(row: int, own=own, column=column, of=slot.of) -> str:  # type: ignore[no-untyped-def]
                 height = float(network.start["height"][own[row], 0])
                 unit = network.project.units.length
-                reason = (
-                    f"more than {_HIGHEST:g} m"
-                    if abs(height) > _HIGHEST / network.edge.metres
-                    else f"more than {_TIMES:g} times the median of all heights"
+                if abs(height) > _HIGHEST / network.edge.metres:
+                    return f"{of} {column[row]}: the height is {height:.6g} {unit}, more than {_HIGHEST:g} m; its unit?"
+                return (
+                    f"{of} {column[row]}: the height is {height:.6g} {unit}, more than {_TIMES:g} times the median of "
+                    "all heights; its unit?"
                 )
-                return f"{of} {column[row]}: the height is {height:.6g} {unit}, {reason}; its unit?"
 
             if fresh.any():
                 yield from noted(group, np.sort(rows[fresh]), words)
+
+
+def beyond_reach(network: Network) -> BoolArray:
+    """Return which height blocks (n,) are beyond 5 m or 50 times the median of all heights."""
+    if "height" not in network.blocks:
+        return np.zeros(0, dtype=bool)
+    size = np.abs(np.nan_to_num(network.start["height"][:, 0]))
+    median = usual_height(network)
+    return np.asarray((size > _HIGHEST / network.edge.metres) | ((median > 0.0) & (size > _TIMES * median)))
+
+
+def usual_height(network: Network) -> float:
+    """Return the median of all heights that are not 0, or 0 if there are fewer than three."""
+    size = np.abs(np.nan_to_num(network.start["height"][:, 0]))
+    given = size[size > 0.0]
+    return float(np.median(given)) if len(given) >= _AT_LEAST else 0.0
 
 
 def vertical_convention(network: Network) -> Iterator[Problem]:
@@ -64,25 +76,27 @@ def vertical_convention(network: Network) -> Iterator[Problem]:
     for group in network.groups:
         for component, of in enumerate(group.type.components):
             if of.name in ("zenith", "zenith_angle"):
-                yield from _convention(group, component, 0.0, "zenith angles", "elevations", "the zenith")
+                count, line = _all_near(group, component, 0.0)
+                if count:
+                    said = (
+                        f"{group.type.name}: all {count} zenith angles are near 0 or a half circle; are they "
+                        "elevations?"
+                    )
+                    yield Problem(said, group.file, line)
             elif of.name in ("vertical", "vertical_angle", "vertical_direction"):
-                yield from _convention(
-                    group, component, 0.5 * np.pi, "elevations", "zenith angles", "the horizon"
-                )
+                count, line = _all_near(group, component, 0.5 * np.pi)
+                if count:
+                    said = (
+                        f"{group.type.name}: all {count} elevations are near a quarter of a circle; are they zenith "
+                        "angles?"
+                    )
+                    yield Problem(said, group.file, line)
 
 
-def _convention(
-    group: ObservationGroup, component: int, suspicious: float, said: str, meant: str, origin: str
-) -> Iterator[Problem]:
+def _all_near(group: ObservationGroup, component: int, suspicious: float) -> tuple[int, int]:
+    """Number of angles if all are near one value in either face, else 0; and the line of the first."""
     here = np.flatnonzero(group.mask[:, component])
     if len(here) < _AT_LEAST:
-        return
-    angles = group.observed[here, component]
-    near = np.abs(wrap(2.0 * (angles - suspicious))) / 2.0 < _NEAR  # the same in the other face
-    if near.all():
-        where = "0 or a half circle" if suspicious == 0.0 else "a quarter of a circle"
-        words = (
-            f"{group.type.name}, {group.type.components[component].name}: all {len(here)} readings are near {where} "
-            f"from {origin}; are they {meant} and not {said}?"
-        )
-        yield Problem(words, group.file, line_of(group, int(here[0])))
+        return 0, 0
+    near = np.abs(wrap(2.0 * (group.observed[here, component] - suspicious))) / 2.0 < _NEAR
+    return (len(here), line_of(group, int(here[0]))) if near.all() else (0, 0)
