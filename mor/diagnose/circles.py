@@ -70,9 +70,8 @@ def turned_circle_hypotheses(situation: Situation) -> list[Hypothesis]:
 def _turned_on(network: Network, number: int, rows: list[int], slot: int, values: Values) -> Network:
     """The network with an orientation of their own for some rows of a set of directions."""
     block = int(network.groups[number].blocks[slot][rows[0]])
-    network, own = with_unknown(
-        network, "rotation", values["rotation"][block], network.blocks["rotation"].free[block]
-    )
+    free = network.blocks["rotation"].free[block]
+    network, own = with_unknown(network, "rotation", values["rotation"][block], free, block)
     return with_blocks(network, number, rows, {slot: [own] * len(rows)})
 
 
@@ -86,7 +85,11 @@ def _sets(
     names = list(dict.fromkeys(stations.tolist()))
     shares = {name: float(bad[stations == name].mean()) for name in names if np.sum(stations == name) > 1}
     worst = sorted((name for name in shares if shares[name] >= _BAD), key=lambda name: -shares[name])
-    for name in worst[:_STATIONS] if len(names) > 1 else []:
+    causes = ("circle sense", "circle unit", "elevation for zenith")
+    scored = [
+        name for one in situation.scored if one.cause in causes for name in one.things if name in shares
+    ]
+    for name in dict.fromkeys([*scored, *worst[:_STATIONS]]) if len(names) > 1 else []:
         yield (name, group.name), np.flatnonzero(stations == name)
 
 

@@ -190,12 +190,25 @@ def _exchanges(situation: Situation, control: Control) -> list[Hypothesis]:
     count = len(control.points)
     if count < 3:
         return []
-    best = _sighted_exchanged(situation, control)
+    best = _scored(situation, control)
+    best += [pair for pair in _sighted_exchanged(situation, control) if pair not in best]
     if count <= _POINTS:
         adjusted = _without_control(situation, control)
         sums = {pair: _misfit(situation, control, adjusted, pair) for pair in combinations(range(count), 2)}
         best += [pair for pair in sorted(sums, key=lambda pair: sums[pair])[:_PAIRS] if pair not in best]
     return [_exchange(situation, control, pair, count * (count - 1) // 2) for pair in best]
+
+
+def _scored(situation: Situation, control: Control) -> list[tuple[int, int]]:
+    """Pairs that score tests name: as exchanged, or as two that moved."""
+    ids = situation.network.blocks["point"].ids
+    place = {ids[point]: k for k, point in enumerate(control.points.tolist())}
+    found = []
+    for one in situation.scored:
+        pair = sorted(place[name] for name in one.things if name in place)
+        if one.cause in ("control exchanged", "control moved") and len(pair) == 2 == len(one.things):
+            found.append((pair[0], pair[1]))
+    return list(dict.fromkeys(found))
 
 
 def _without_control(situation: Situation, control: Control) -> FloatArray:

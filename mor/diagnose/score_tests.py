@@ -166,7 +166,7 @@ def _candidates(
     yield from _set_ups(problem, network, values, adjusted, flagged)
     yield from _heights(problem, network, values)
     yield from _antennas(problem, network, values, adjusted)
-    yield from _control(problem, network, values, adjusted, flagged)
+    yield from _control(problem, network, values, adjusted, flagged, quality)
     yield from _curvature(problem, network, values, adjusted)
 
 
@@ -594,6 +594,7 @@ def _control(
     values: Values,
     adjusted: Sequence[int],
     flagged: Sequence[BoolArray],
+    quality: Quality,
 ) -> Iterator[_Candidate]:
     """Control points with wrong coordinates, and pairs of them exchanged."""
     ids = problem.index.blocks["point"].ids
@@ -609,7 +610,9 @@ def _control(
             name = ids[points[row]]
             line = f"points, {name}: x, y, z"
             yield _Candidate("control moved", (name,), line, ((k, np.array([row]), unit),), alike=group.count)
-        rows = np.flatnonzero(flagged[k] & group.mask.all(axis=1))[:_PAIRS]
+        rows = np.flatnonzero(flagged[k] & group.mask.all(axis=1))
+        sizes = np.nan_to_num(np.abs(quality.reliability[k].at(rows).test)).max(axis=1, initial=0.0)
+        rows = rows[np.argsort(-sizes, kind="stable")[:_PAIRS]]
         for pair in combinations(rows.tolist(), 2):
             one, other = np.array(pair)
             change = group.observed[[one, other]] - group.observed[[other, one]]

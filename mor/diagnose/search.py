@@ -93,6 +93,11 @@ OF_A_WHOLE: tuple[Family, ...] = (
 """Families that change all of a group, an image or a station: asked only where as much does not fit."""
 
 
+def control_point_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Two control points exchanged, and points that moved."""
+    return [*exchange_hypotheses(situation), *moved_hypotheses(situation)]
+
+
 _FAMILIES: dict[str, Family] = {
     "names exchanged": name_hypotheses,
     "levelling sign": levelling_hypotheses,
@@ -100,7 +105,7 @@ _FAMILIES: dict[str, Family] = {
     "antenna height": antenna_hypotheses,
     "control exchanged": exchange_hypotheses,
     "control unit": control_hypotheses,
-    "control moved": moved_hypotheses,
+    "control moved": control_point_hypotheses,
     "orientation changed": turned_circle_hypotheses,
     "sigma of a table": scored_sigma_hypotheses,
     "pixel origin": camera_constant_hypotheses,
@@ -135,7 +140,7 @@ def _scored(situation: Situation) -> list[Hypothesis]:
         found += [
             hypothesis
             for hypothesis in of_family[family]
-            if hypothesis.cause == one.cause
+            if (hypothesis.cause == one.cause or family is control_point_hypotheses)
             and (things <= set(hypothesis.things) or set(hypothesis.things) <= things)
         ]
     return found

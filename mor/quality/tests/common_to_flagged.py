@@ -18,7 +18,7 @@ from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.project.network.build import Network
 from mor.quality.assess import Quality
-from mor.quality.tests.partitions import partitions
+from mor.quality.tests.partitions import partitions, sets_beside_others
 
 LEVEL = 1e-3
 """Family-wise level."""
@@ -76,12 +76,15 @@ def common_to_flagged(quality: Quality, network: Network) -> tuple[CommonToFlagg
 def _memberships(quality: Quality, network: Network) -> Iterator[_Membership]:
     problem = quality.adjustment.problem
     first = np.concatenate([[0], np.cumsum([group.count for group in problem.groups])])
+    several = sets_beside_others(network)
     for partition in partitions(problem, network):
+        # the only set of a station is that station
+        counted = np.array([partition.of != "set" or name in several for name in partition.names], dtype=bool)
         rows, classes = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         for k in range(len(problem.groups)):
             own = partition.of_rows(k, slice(None))
             if own is not None:
-                here = np.flatnonzero(own >= 0)
+                here = np.flatnonzero((own >= 0) & counted[own])
                 rows.append(first[k] + here)
                 classes.append(own[here])
         yield _Membership(partition.of, partition.names, np.concatenate(rows), np.concatenate(classes))
