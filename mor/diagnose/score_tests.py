@@ -50,6 +50,10 @@ _ENTRIES = 20_000_000
 """Numbers (observations times parameters) that are held at a time."""
 _FEW_ROWS = 1000
 """Rows of a possible cause that are handed on."""
+_ALMOST = 0.9
+"""Part of what the best explains that is almost as much."""
+_UNIT_CAUSES = ("table unit", "circle unit")
+"""Causes of which one for each table is enough."""
 _PAIRS = 12
 """Flagged rows of a station or image of which all pairs are looked at, the worst first."""
 _LEFT_OVER = 0.02
@@ -87,6 +91,8 @@ class _Scored(NamedTuple):
     length: float
     """Gain less the cost of the choice of the candidate and of its parameters."""
     log_p: float
+    freedom: int
+    """Number of its parameters; of several mistakes together that of all."""
 
 
 def score_tests(
@@ -283,19 +289,17 @@ _LENGTHS = {"ft for m": 0.3048, "mm for m": 0.001, "cm for m": 0.01}
 
 
 def _units(number: int, group: ObservationGroup) -> Iterator[_Candidate]:
-    """Another unit of all lengths of a table, control among them."""
+    """Another unit of all lengths of a table; control in another unit is far from anything linear."""
     lengths = [c.quantity.length == 1 and not is_image_point(group.type) for c in group.type.components]
-    control = group.type.key in ("observed/point", "coordinates")
-    if not any(lengths) or group.count < 2 or not (group.type.distances or control):
+    if not any(lengths) or group.count < 2 or not group.type.distances:
         return
     rows = np.arange(group.count)
     for name, factor in _LENGTHS.items():
         for words, ratio in ((name, factor), (" for ".join(reversed(name.split(" for "))), 1.0 / factor)):
             change = -(ratio - 1.0) * np.where(lengths, np.nan_to_num(group.observed), 0.0)[:, :, None]
             line = f"observations, {group.name}: units: {words.split()[0]}"
-            cause = "control unit" if control else "table unit"
             yield _Candidate(
-                cause, (group.name, words), line, ((number, rows, change),), definite=True, alike=6
+                "table unit", (group.name, words), line, ((number, rows, change),), definite=True, alike=6
             )
 
 
@@ -725,7 +729,7 @@ def _score(
     p = log_p_chi2(np.array([gain]), np.array([float(one.parameters)]))
     parameters = 0 if one.definite else one.parameters
     cost = cost_of_choice(quality.adjustment.problem.observations, count, parameters, 0.0)
-    return _Scored(one, x, gain, gain - cost, float(p[0]))
+    return _Scored(one, x, gain, gain - cost, float(p[0]), parameters)
 
 
 def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
@@ -792,7 +796,7 @@ def _sigmas(quality: Quality) -> Iterator[_Scored]:
         )
         cost = cost_of_choice(quality.adjustment.problem.observations, len(tested), 1, 0.0)
         p = log_p_chi2(np.array([likelihood]), np.array([1.0]))
-        yield _Scored(one, np.array([np.sqrt(q)]), omega - r, likelihood - cost, float(p[0]))
+        yield _Scored(one, np.array([np.sqrt(q)]), omega - r, likelihood - cost, float(p[0]), 1)
 
 
 _LEAST_REDUNDANCY = 5.0
@@ -825,7 +829,7 @@ def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> t
             freedom = sum(0 if one.candidate.definite else one.candidate.parameters for one in chosen)
             p = log_p_chi2(np.array([gain]), np.array([float(max(freedom, 1))]))
             length = sum(one.length for one in chosen)
-            found.append(_Scored(together, np.zeros(0), gain, length, float(p[0])))
+            found.append(_Scored(together, np.zeros(0), gain, length, float(p[0]), freedom))
     return found, too_many
 
 
@@ -855,12 +859,27 @@ def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_S
 
 
 def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
-    """The best first, without those that explain a part of what a better one of the same kind explains."""
+    """The best first, without those that explain a part of what a better one of the same kind explains.
+
+    A definite mistake is not linear. One with a few parameters less that explains almost as much comes first.
+    """
     found: list[_Scored] = []
-    for one in sorted(good, key=lambda one: -one.length):
+    best = max((one.length for one in good), default=0.0)
+
+    def rank(one: _Scored) -> tuple[bool, float, float]:
+        alike = one.length >= _ALMOST * best
+        return not alike, float(one.freedom) if alike else 0.0, -one.length
+
+    for one in sorted(good, key=rank):
         inside = any(
             one.candidate.cause == other.candidate.cause
-            and set(one.candidate.things) <= set(other.candidate.things)
+            and (
+                set(one.candidate.things) <= set(other.candidate.things)
+                or (
+                    one.candidate.cause in _UNIT_CAUSES
+                    and one.candidate.things[0] == other.candidate.things[0]
+                )
+            )
             for other in found
         )
         if not inside:
@@ -879,7 +898,7 @@ def _cause(network: Network, one: _Scored) -> PossibleCause:
         candidate.things,
         candidate.line,
         one.gain,
-        candidate.parameters,
+        one.freedom,
         float(one.log_p / np.log(10.0)),
         amount,
         tuple(rows) if len(rows) <= _FEW_ROWS else (),
