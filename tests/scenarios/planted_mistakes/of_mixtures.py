@@ -44,6 +44,8 @@ def set_ups(world: World, random: Random) -> Planted:
         raise NotHereError
     one, other = (str(name) for name in random.choice(names, 2, replace=False))
     a, b = world.stations[one], world.stations[other]
+    if {(row[0], row[1]) for row in world.directions} & {(one, b.over), (other, a.over)}:
+        raise NotHereError  # an instrument would see itself
     a.over, b.over = b.over, a.over
     return Planted(("set-ups exchanged",), {one, other})
 
@@ -138,7 +140,13 @@ def flipped(world: World, random: Random) -> Planted:
     if not world.images:
         raise NotHereError
     world.rays = [(i, p, x, -y) for i, p, x, y in world.rays]
-    return Planted(("image flipped",), {"c"})
+    mirrored = not (world.directions or world.level_lines or world.vectors or world.local or world.bearings)
+    # images of a mirrored object: without anything else the axes of the control may as well be exchanged
+    return (
+        Planted(("image flipped", "axes exchanged"), set())
+        if mirrored
+        else Planted(("image flipped",), {"c"})
+    )
 
 
 def control_moved(world: World, random: Random) -> Planted:
