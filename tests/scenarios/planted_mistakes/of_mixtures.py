@@ -53,7 +53,8 @@ def set_ups(world: World, random: Random) -> Planted:
 def _circle(world: World, random: Random) -> tuple[list[int], set[str]]:
     if not world.directions:
         raise NotHereError
-    if random.random() < 0.5:
+    alone = len({row[0] for row in world.directions}) == 1  # then the station and the table are the same
+    if random.random() < 0.5 or alone:
         return list(range(len(world.directions))), set()
     frame = _frame(world.directions, random, 3)
     return [k for k, row in enumerate(world.directions) if row[0] == frame], {frame}
