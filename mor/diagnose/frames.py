@@ -23,9 +23,11 @@ from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.quality.gross_errors.description_length import costs_of_sizes
 
-_TRIED = 3
+_TRIED = 4
 _FRAMES = 12
 """Stations or images that are looked at, those first of which most rows do not fit."""
+ALL = -1
+"""Stands for all tables."""
 _GAIN = 20.0
 """Decrease of the cost that is worth an adjustment."""
 
@@ -37,12 +39,14 @@ def frame_hypotheses(situation: Situation) -> list[Hypothesis]:
     return [*_stations(situation), *_images(situation)]
 
 
-def exchanged_frames(network: Network, pair: tuple[str, str], of: str) -> Network:
-    """Return the network with the blocks of two frames exchanged in all their rows.
+def exchanged_frames(network: Network, pair: tuple[str, str], of: str, only: int = ALL) -> Network:
+    """Return the network with the blocks of two frames exchanged in all their rows, or in those of one table.
 
     ``of`` is ``station``, whose positions are exchanged, or ``image``, whose positions, rotations and interiors are.
     """
     for number, group in enumerate(network.groups):
+        if only not in (ALL, number):
+            continue
         blocks, changed = list(group.blocks), False
         for slot in _slots(group, of):
             column = group.references[
@@ -93,10 +97,23 @@ def _stations(situation: Situation) -> list[Hypothesis]:
         for pair in combinations(declared, 2)
         if set(pair) & set(worst) and len(set(_blocks_of(network, pair, "station", "position") or ())) == 2
     ]
-    best = _best(situation, pairs, "station")
+    tables = [k for k, group in enumerate(network.groups) if group.count and _slots(group, "station")]
+    variants = [ALL, *tables] if len(tables) > 1 else [ALL]
+    best = _best(situation, [(pair, only) for pair in pairs for only in variants], "station")
     ids = network.blocks["point"].ids
     found = []
-    for pair in best:
+    for pair, only in best:
+        if only != ALL:
+            group = network.groups[only]
+            column = np.array(list(group.references[0]))
+            booked: tuple[Edit, ...] = ()
+            for name, other in (pair, pair[::-1]):
+                rows = np.flatnonzero(column == name).tolist()
+                booked += cells(network, only, rows, group.type.references[0].name, to(other))
+            found.append(
+                _hypothesis("set-ups exchanged", pair, "station", len(pairs), booked, situation, only)
+            )
+            continue
         blocks = _blocks_of(network, pair, "station", "position")
         points = [ids[k] for k in blocks or ()]
         edits: tuple[Edit, ...] = tuple(
@@ -113,7 +130,7 @@ def _images(situation: Situation) -> list[Hypothesis]:
     worst = _worst(situation, "image", names)
     pairs = [pair for pair in combinations(worst, 2) if _alike(network, pair)]
     found = []
-    for pair in _best(situation, pairs, "image"):
+    for pair, _ in _best(situation, [(pair, ALL) for pair in pairs], "image"):
         edits: tuple[Edit, ...] = ()
         for number, group in enumerate(network.groups):
             if is_image_point(group.type):
@@ -148,19 +165,23 @@ def _worst(situation: Situation, of: str, names: list[str]) -> list[str]:
     return sorted((name for name in names if count[name]), key=lambda name: -count[name])[:_FRAMES]
 
 
-def _best(situation: Situation, pairs: list[tuple[str, str]], of: str) -> list[tuple[str, str]]:
+_Pair = tuple[tuple[str, str], int]
+"""Two frames, and the table in which they are exchanged."""
+
+
+def _best(situation: Situation, pairs: list[_Pair], of: str) -> list[_Pair]:
     network = situation.network
     now = _cost(situation, network, situation.values)
     gains = {}
-    for pair in pairs:
+    for pair, only in pairs:
         places = [situation.values]
         blocks = _blocks_of(network, pair, of, "position")
         if (
             blocks is not None
         ):  # the points, or images, are where the others have them, or have been exchanged
             places.append(_exchanged_values(situation.values, _kind(network, of), blocks))
-        changed = exchanged_frames(network, pair, of)
-        gains[pair] = now - min(_cost(situation, changed, values) for values in places)
+        changed = exchanged_frames(network, pair, of, only)
+        gains[pair, only] = now - min(_cost(situation, changed, values) for values in places)
     order = sorted((p for p in pairs if gains[p] > _GAIN), key=lambda p: -gains[p])
     return order[:_TRIED]
 
@@ -206,15 +227,18 @@ def _hypothesis(
     candidates: int,
     edits: tuple[Edit, ...],
     situation: Situation,
+    only: int = ALL,
 ) -> Hypothesis:
     blocks = _blocks_of(situation.network, pair, of, "position")
     kind = _kind(situation.network, of)
     anew = {kind: np.array(blocks)} if blocks is not None and kind == "point" else {}
     return Hypothesis(
         cause,
-        pair,
-        lambda network: exchanged_frames(network, pair, of),
-        f"{of}s: {pair[0]} ↔ {pair[1]}",
+        pair if only == ALL else (*pair, situation.network.groups[only].name),
+        lambda network: exchanged_frames(network, pair, of, only),
+        f"{of}s: {pair[0]} ↔ {pair[1]}"
+        if only == ALL
+        else f"{situation.network.groups[only].name}: {pair[0]} ↔ {pair[1]}",
         candidates,
         edits=edits,
         anew=anew,
