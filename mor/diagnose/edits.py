@@ -328,8 +328,8 @@ class _Files:
             raise _NotExpressibleError
         if path not in self.lines:
             split = self._text(path).split("\n")
-            begins = accumulate((len(line) + 1 for line in split), initial=0)
-            self.lines[path] = split, list(begins)
+            ends = accumulate((len(line) + 1 for line in split), initial=0)
+            self.lines[path] = split, list(ends)
         lines, begins = self.lines[path]
         delimiter = table.get("delimiter") or ","
         if delimiter == " ":

@@ -72,7 +72,7 @@ def _reversed_vectors(situation: Situation) -> Iterator[Hypothesis]:
             rows = np.array(sorted(row for k, row in scored if k == number), dtype=np.int64)
         if not len(rows):
             continue
-        names = tuple(dict.fromkeys(column[row] for row in rows for column in group.references[:2]))
+        names = tuple(dict.fromkeys(column[row] for row in rows.tolist() for column in group.references[:2]))
         columns = [component.name for component in group.type.components]
         edits = [
             cells(situation.network, number, rows.tolist(), c, computed(lambda value: -value))
@@ -82,7 +82,9 @@ def _reversed_vectors(situation: Situation) -> Iterator[Hypothesis]:
             "vector sign",
             names,
             partial(with_observed, number=number, rows=rows, change=np.negative),
-            "; ".join(f"{group.name}, {group.references[1][r]} → {group.references[0][r]}" for r in rows),
+            "; ".join(
+                f"{group.name}, {group.references[1][r]} → {group.references[0][r]}" for r in rows.tolist()
+            ),
             group.count,
             rows=tuple((number, int(row)) for row in rows),
             edits=tuple(edit for some in edits for edit in some),

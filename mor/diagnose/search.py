@@ -556,7 +556,8 @@ def _told(network: Network, number: int) -> bool:
     known = np.ones(group.count, dtype=bool)
     for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
         start = network.start[slot.kind]
-        known &= np.isfinite(start.reshape(len(start), -1)).all(axis=1)[blocks]
+        given: BoolArray = np.asarray(np.isfinite(start.reshape(len(start), -1)).all(axis=1))
+        known &= given[blocks]
     return bool(known.any())
 
 

@@ -38,7 +38,7 @@ def steps_from_given_coordinates(network: Network) -> Iterator[Problem]:
             continue
         with np.errstate(all="ignore"):
             difference = misclosures(group, start)
-        used = np.isfinite(difference).all(axis=1) & group.mask.all(axis=1)
+        used: BoolArray = np.asarray(np.isfinite(difference).all(axis=1) & group.mask.all(axis=1))
         if np.count_nonzero(used) >= _AT_LEAST:
             yield from _of_table(group, difference, sigma, used)
 

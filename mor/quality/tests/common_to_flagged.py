@@ -116,7 +116,7 @@ def _clearest(
         some = np.flatnonzero((k >= _AT_LEAST) & (n < whole))
         if not len(some):
             continue
-        p = _tail(k[some], n[some], hits / whole)
+        p = _tail(np.asarray(k[some], float), np.asarray(n[some], float), hits / whole)
         place = int(np.lexsort((n[some], p))[0])
         ranked = float(p[place]), int(n[some][place])
         if best is None or ranked < best[:2]:
@@ -128,5 +128,4 @@ def _clearest(
 
 def _tail(k: FloatArray, n: FloatArray, share: float) -> FloatArray:
     """Probability that a binomial number out of n is k or larger."""
-    tail: FloatArray = betainc(k, n - k + 1.0, share)
-    return tail
+    return np.asarray(betainc(k, n - k + 1.0, share), dtype=np.float64)
