@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -13,8 +14,10 @@ from mor.diagnose.edits import KeyEdit, table_of
 from mor.diagnose.hypothesis import Hypothesis, with_group
 from mor.diagnose.situation import Situation
 from mor.observations import ObservationGroup
+from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.quality.plausibility.standard_deviations import beyond_any_instrument
+from mor.quality.solved import Amount
 
 _FACTORS = (1e3, 1e-3, 1e6, 1e-6)
 _NEAR = 4.0
@@ -50,13 +53,16 @@ def scored_sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
             if one.cause == "sigma of a table" and one.things == (group.name,) and one.amount is not None:
                 count = int(np.count_nonzero(group.mask & ~group.left_out))
                 plain = _hypothesis(situation, number, group.name, float(f"{one.amount.value:.3g}"), count)
-                amount = one.amount
                 found.append(
                     replace(
-                        plain, cause="sigma of a table", parameters=1, amount=lambda _, amount=amount: amount
+                        plain, cause="sigma of a table", parameters=1, amount=partial(_the_same, one.amount)
                     )
                 )
     return found
+
+
+def _the_same(amount: Amount, _values: Values) -> Amount:
+    return amount
 
 
 def _near_to_units(situation: Situation, number: int, count: int) -> Iterator[Hypothesis]:
