@@ -220,21 +220,25 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
         )
     tests = group_tests(quality, network)
     tested = (quality.groups, tests)
-    possible = _possible_causes(quality, network, tests)
+    possible = _possible_causes(quality, network, tests, suspects)
     quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
     last = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
     quality = replace(quality, adjustment=last)
     return Solved(network, last, quality, treatment, suspects, possible, tested)
 
 
-def _possible_causes(quality: Quality, network: Network, tests: GroupTests) -> tuple[PossibleCause, ...]:
-    """Score tests of the usual mistakes, if something is rejected because residuals are too large."""
-    if rejection(quality, network, tests) is not Rejection.LARGER:
+def _possible_causes(
+    quality: Quality, network: Network, tests: GroupTests, suspects: Suspects | None
+) -> tuple[PossibleCause, ...]:
+    """Score tests of the usual mistakes, if suspects are left out or residuals are too large."""
+    rejected = rejection(quality, network, tests) is Rejection.LARGER
+    if suspects is None and not rejected:
         return ()
-    from mor.diagnose.score_tests import score_tests  # loading it takes its time
+    from mor.diagnose.score_tests import score_tests, score_tests_with_suspects  # loading it takes its time
 
     with np.errstate(all="ignore"):
-        return score_tests(quality, network)
+        found = score_tests_with_suspects(quality, network, suspects) if suspects is not None else ()
+        return found or (score_tests(quality, network) if rejected else ())
 
 
 def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
@@ -251,7 +255,7 @@ def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
         told = rejection(quality, solved.network, solved.tested[1] if solved.tested else None)
     if told is Rejection.NOTHING:
         return NOTHING_FOUND
-    ended = Ended(plain, solution, quality, told, attempt.robust)
+    ended = Ended(plain, solution, quality, told, attempt.robust, solved.possible_causes)
     return causes(adjusted.whole, adjusted.start, ended, make_problem, start_or_nothing, go_on)
 
 

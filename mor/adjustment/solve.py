@@ -27,7 +27,7 @@ from mor.adjustment.datum.s_transformation import binds, constraint, into_datum
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
 from mor.adjustment.inverse import Inverse, find_anchors, invert, invert_alike
 from mor.adjustment.memory import LESS, memory_of_adjustment
-from mor.adjustment.normals import OBJECTIVE, build_normals, gradient_elsewhere
+from mor.adjustment.normals import build_normals, gradient_elsewhere
 from mor.adjustment.plan import Plan, make_plan
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.eliminable import eliminable_rays

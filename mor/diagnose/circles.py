@@ -9,9 +9,11 @@ import numpy as np
 
 from mor.adjustment.linearise import misclosures
 from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.diagnose.hypothesis import Hypothesis, with_observed
+from mor.diagnose.edits import Edit, cells, computed, key, table_key
+from mor.diagnose.hypothesis import Hypothesis, with_blocks, with_observed, with_unknown
 from mor.diagnose.situation import Situation
 from mor.observations import ObservationGroup, wrap
+from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.project.observations.observation_rows import group_name
 from mor.units import ANGLE_UNITS
@@ -41,6 +43,38 @@ def face_hypotheses(situation: Situation) -> list[Hypothesis]:
     return [h for number, group in groups if group.count for h in _faces(situation, number, group)]
 
 
+def turned_circle_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the sets that score tests say were turned between two of their rows."""
+    found = []
+    for one in situation.scored:
+        rows: dict[int, list[int]] = {}
+        for number, row in one.rows if one.cause == "orientation changed" else ():
+            rows.setdefault(number, []).append(row)
+        for number, own in rows.items():
+            group = situation.network.groups[number]
+            slot = next((k for k, s in enumerate(group.type.slots) if s.kind == "rotation"), -1)
+            if slot >= 0:
+                found.append(
+                    Hypothesis(
+                        one.cause,
+                        one.things,
+                        partial(_turned_on, number=number, rows=own, slot=slot, values=situation.values),
+                        one.line,
+                        group.count,
+                        parameters=1,
+                    )
+                )
+    return found
+
+
+def _turned_on(network: Network, number: int, rows: list[int], slot: int, values: Values) -> Network:
+    """The network with an orientation of their own for some rows of a set of directions."""
+    block = int(network.groups[number].blocks[slot][rows[0]])
+    free = network.blocks["rotation"].free[block]
+    network, own = with_unknown(network, "rotation", values["rotation"][block], free, block)
+    return with_blocks(network, number, rows, {slot: [own] * len(rows)})
+
+
 def _sets(
     situation: Situation, number: int, group: ObservationGroup
 ) -> Iterator[tuple[tuple[str, ...], IntArray]]:
@@ -51,7 +85,11 @@ def _sets(
     names = list(dict.fromkeys(stations.tolist()))
     shares = {name: float(bad[stations == name].mean()) for name in names if np.sum(stations == name) > 1}
     worst = sorted((name for name in shares if shares[name] >= _BAD), key=lambda name: -shares[name])
-    for name in worst[:_STATIONS] if len(names) > 1 else []:
+    causes = ("circle sense", "circle unit", "elevation for zenith")
+    scored = [
+        name for one in situation.scored if one.cause in causes for name in one.things if name in shares
+    ]
+    for name in dict.fromkeys([*scored, *worst[:_STATIONS]]) if len(names) > 1 else []:
         yield (name, group.name), np.flatnonzero(stations == name)
 
 
@@ -63,6 +101,8 @@ def _of_rows(
     bad = situation.misfitting[number][rows].any(axis=1)
     spoiled = bad.any() and bad.mean() >= _BAD
     anew = _stations(group, rows) if spoiled else {}  # else they stand where they should
+    network, full = situation.network, 2.0 * np.pi / ANGLE_UNITS[given]
+    angles = [c.name for c, wraps in zip(group.type.components, group.type.wraps, strict=True) if wraps]
     for other in _UNITS:
         factor = ANGLE_UNITS[other] / ANGLE_UNITS[given]
         if factor != 1.0 and _is_on_circle(group, rows, factor):
@@ -75,6 +115,9 @@ def _of_rows(
                 partial(_read_in, factor),
                 f"observations, {things[0]}: units: {other}",
                 seen * float(np.log(factor)),
+                table_key(network, number, "units", f"{{{', '.join(f'{a}: {other}' for a in angles)}}}")
+                if len(rows) == group.count
+                else _in_cells(network, number, rows, angles, partial(float.__mul__, factor)),
             )
     if group.type.turns:
         columns = list(group.type.turns)
@@ -87,6 +130,15 @@ def _of_rows(
             partial(_negative, columns),
             f"axes: {{angles: {'counterclockwise' if edge.sense > 0 else 'clockwise'}}} ({things[0]})",
             0.0,
+            (key(("axes", "angles"), "counterclockwise" if edge.sense > 0 else "clockwise"),)
+            if len(rows) == group.count and sum(bool(g.type.turns) for g in network.groups) == 1
+            else _in_cells(
+                network,
+                number,
+                rows,
+                [group.type.components[group.type.turns[0]].name],
+                lambda angle: (full - angle) % full,
+            ),
         )
     names = [component.name for component in group.type.components]
     columns = [k for k, name in enumerate(names) if name in _ZENITH]
@@ -100,7 +152,22 @@ def _of_rows(
             partial(_complement, columns),
             f"observations, {things[0]}: type: directions",
             0.0,
+            _in_cells(
+                network,
+                number,
+                rows,
+                [names[k] for k in columns],
+                lambda angle: (0.25 * full - angle) % full,
+            ),
         )
+
+
+def _in_cells(
+    network: Network, number: int, rows: IntArray, names: list[str], change: Callable[[float], float]
+) -> tuple[Edit, ...]:
+    """Edits of some columns in some rows."""
+    found = [cells(network, number, rows.tolist(), name, computed(change)) for name in names]
+    return tuple(edit for edits in found for edit in edits)
 
 
 def _is_on_circle(group: ObservationGroup, rows: IntArray, factor: float) -> bool:
@@ -129,6 +196,7 @@ def _hypothesis(
     change: Callable[[FloatArray], FloatArray],
     line: str,
     stretch: float,
+    edits: tuple[Edit, ...],
 ) -> Hypothesis:
     return Hypothesis(
         cause,
@@ -139,6 +207,7 @@ def _hypothesis(
         stretch=stretch,
         anew=anew,
         afresh=True,
+        edits=edits,
     )
 
 
@@ -176,6 +245,7 @@ def _faces(situation: Situation, number: int, group: ObservationGroup) -> Iterat
     if not group.type.turns or group.type.tell_face is None:
         return
     column = group.type.turns[0]
+    full = 2.0 * np.pi / ANGLE_UNITS[_given_unit(situation.network, group)]
     misclosure = np.nan_to_num(misclosures(group, situation.values)[:, column])
     stations = np.array(list(group.references[0]))
     for name in dict.fromkeys(stations.tolist()):
@@ -190,6 +260,13 @@ def _faces(situation: Situation, number: int, group: ObservationGroup) -> Iterat
                 f"{group.name}, {name}: horizontal + 200 gon",
                 len(here),
                 rows=tuple((number, int(row)) for row in off) if len(off) < 4 else (),
+                edits=_in_cells(
+                    situation.network,
+                    number,
+                    off,
+                    [group.type.components[column].name],
+                    lambda angle: (angle + 0.5 * full) % full,
+                ),
             )
 
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
 from functools import partial
 from itertools import combinations
 from typing import NamedTuple
@@ -10,8 +12,10 @@ import numpy as np
 
 from mor.approximate.similarity import similarity
 from mor.arrays import FloatArray, IntArray
-from mor.diagnose.hypothesis import Hypothesis, with_points
+from mor.diagnose.edits import CellEdit, Edit, KeyEdit, key, to
+from mor.diagnose.hypothesis import Hypothesis, with_group, with_points
 from mor.diagnose.situation import SMALL, Situation
+from mor.project.network.build import Network
 from mor.quality.gross_errors.reintersection import by_sights_alone, costs_at_places
 
 _UNITS = {
@@ -43,12 +47,49 @@ class Control(NamedTuple):
 def control_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Another unit, and exchanged axes, of every table of control."""
     tables = [control for control in control_tables(situation) if len(control.points) >= 2]
-    return [h for control in tables for h in (*_axes(situation, control), *_units(control))]
+    return [h for control in tables for h in (*_axes(situation, control), *_units(situation, control))]
 
 
 def exchange_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Two points of a table exchanged, where one of them does not fit."""
     return [h for control in control_tables(situation) for h in _exchanges(situation, control)]
+
+
+def moved_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the control points that score tests say have moved, as free ones: alone, and all of a cause together."""
+    ids = situation.network.blocks["point"].ids
+    place = {name: k for k, name in enumerate(ids)}
+    found = []
+    for one in situation.scored:
+        if one.cause != "control moved":
+            continue
+        points = np.array([place[name] for name in one.things if name in place])
+        found.append(
+            Hypothesis(
+                "control moved",
+                one.things,
+                partial(_released, points=points),
+                f"points, {', '.join(one.things)}: x, y, z",
+                max(sum(len(control.points) for control in control_tables(situation)), 1),
+                parameters=3 * len(points),
+            )
+        )
+    return found
+
+
+def _released(network: Network, points: IntArray) -> Network:
+    """The network with some points neither fixed nor observed."""
+    blocks = network.blocks["point"]
+    free = blocks.free.copy()
+    free[points] = True
+    network = replace(network, blocks={**network.blocks, "point": blocks._replace(free=free)})
+    for number, group in enumerate(network.groups):
+        if group.type.key in ("observed/point", "coordinates"):
+            rows = np.flatnonzero(np.isin(group.blocks[0], points))
+            observed = group.observed.copy()
+            observed[rows] = np.nan
+            network = with_group(network, number, replace(group, observed=observed))
+    return network
 
 
 def control_tables(situation: Situation) -> list[Control]:
@@ -81,7 +122,37 @@ def control_tables(situation: Situation) -> list[Control]:
     return tables
 
 
-def _units(control: Control) -> list[Hypothesis]:
+def _table(situation: Situation, control: Control) -> tuple[str | int, ...] | None:
+    """Path of the table of points by its label."""
+    entries = situation.network.project.points
+    found = [k for k, e in enumerate(entries) if control.label in (e.group, e.name, e.file)]
+    if control.label == "points" and len(entries) == 1:
+        found = [0]
+    return ("points", found[0]) if len(found) == 1 else None
+
+
+def _unit_edits(situation: Situation, control: Control, unit: str) -> tuple[Edit, ...]:
+    at = _table(situation, control)
+    return () if at is None else (key((*at, "units"), f"{{x: {unit}, y: {unit}, z: {unit}}}"),)
+
+
+def _axes_edits(situation: Situation, control: Control) -> tuple[Edit, ...]:
+    at = _table(situation, control)
+    if at is None:
+        return ()
+
+    def exchanged(old: str, _amount: object) -> str | None:
+        if not old:
+            return "{x: y, y: x}"
+        if not old.startswith("["):
+            return None
+        other = {"x": "y", "y": "x", "sigma_x": "sigma_y", "sigma_y": "sigma_x"}
+        return re.sub(r"\w+", lambda found: other.get(found[0], found[0]), old)
+
+    return (KeyEdit((*at, "columns"), exchanged),)
+
+
+def _units(situation: Situation, control: Control) -> list[Hypothesis]:
     return [
         Hypothesis(
             "control unit",
@@ -92,6 +163,7 @@ def _units(control: Control) -> list[Hypothesis]:
             afresh=True,
             stretch=control.given.size * float(np.log(factor)) if control.observed else 0.0,
             anew={"point": control.points},
+            edits=_unit_edits(situation, control, name.split()[0]),
         )
         for name, factor in _UNITS.items()
     ]
@@ -108,6 +180,7 @@ def _axes(situation: Situation, control: Control) -> list[Hypothesis]:
             f"points, {control.label}: columns: {{x: y, y: x}}",
             afresh=True,
             anew={"point": control.points},
+            edits=_axes_edits(situation, control),
         )
     ]
 
@@ -117,12 +190,25 @@ def _exchanges(situation: Situation, control: Control) -> list[Hypothesis]:
     count = len(control.points)
     if count < 3:
         return []
-    best = _sighted_exchanged(situation, control)
+    best = _scored(situation, control)
+    best += [pair for pair in _sighted_exchanged(situation, control) if pair not in best]
     if count <= _POINTS:
         adjusted = _without_control(situation, control)
         sums = {pair: _misfit(situation, control, adjusted, pair) for pair in combinations(range(count), 2)}
         best += [pair for pair in sorted(sums, key=lambda pair: sums[pair])[:_PAIRS] if pair not in best]
     return [_exchange(situation, control, pair, count * (count - 1) // 2) for pair in best]
+
+
+def _scored(situation: Situation, control: Control) -> list[tuple[int, int]]:
+    """Pairs that score tests name: as exchanged, or as two that moved."""
+    ids = situation.network.blocks["point"].ids
+    place = {ids[point]: k for k, point in enumerate(control.points.tolist())}
+    found = []
+    for one in situation.scored:
+        pair = sorted(place[name] for name in one.things if name in place)
+        if one.cause in ("control exchanged", "control moved") and len(pair) == 2 == len(one.things):
+            found.append((pair[0], pair[1]))
+    return list(dict.fromkeys(found))
 
 
 def _without_control(situation: Situation, control: Control) -> FloatArray:
@@ -179,4 +265,8 @@ def _exchange(situation: Situation, control: Control, pair: tuple[int, int], can
         f"points, {control.label}: {names[0]} ↔ {names[1]}",
         candidates,
         anew={"point": points},
+        edits=tuple(
+            CellEdit(("points",), "id", to(other), cells={"id": own})
+            for own, other in zip(names, reversed(names), strict=True)
+        ),
     )

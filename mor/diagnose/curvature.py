@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from mor.diagnose.edits import key
 from mor.diagnose.hypothesis import Hypothesis
 from mor.diagnose.situation import Situation
 from mor.observations.curvature import on_sphere
@@ -23,4 +24,4 @@ def curvature_hypotheses(situation: Situation) -> list[Hypothesis]:
         groups = (replace(group, type=on_sphere(group.type, sphere, metres)) for group in network.groups)
         return replace(network, groups=tuple(groups), sphere=sphere)
 
-    return [Hypothesis("curvature", (), change, "curvature: true")]
+    return [Hypothesis("curvature", (), change, "curvature: true", edits=(key(("curvature",), "true"),))]

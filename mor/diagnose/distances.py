@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
-from mor.diagnose.hypothesis import Hypothesis, with_group, with_unknown
+from mor.arrays import FloatArray
+from mor.diagnose.edits import key, table_key
+from mor.diagnose.hypothesis import Hypothesis, with_group, with_observed, with_unknown
 from mor.diagnose.situation import Situation
-from mor.observations import PLAIN_TYPES
+from mor.observations import PLAIN_TYPES, is_image_point
 from mor.parameters.index import Values
 from mor.project.network.build import Network
 from mor.quality.solved import Amount
@@ -33,6 +36,56 @@ def distance_hypotheses(situation: Situation) -> list[Hypothesis]:
         names = [name for name in _COMPONENTS if not _is_free(network, chosen, name)]
         found += [_common(network, label, chosen, name, len(sets)) for name in names]
     return found + [_other_kind(network, k) for k in numbers]
+
+
+_LENGTHS = {
+    "mm for m": 0.001,
+    "m for mm": 1000.0,
+    "ft for m": 0.3048,
+    "m for ft": 1.0 / 0.3048,
+    "cm for m": 0.01,
+    "m for cm": 100.0,
+}
+
+
+def table_unit_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the hypotheses that all lengths of a table are in another unit, those that score tests name first."""
+    network, found = situation.network, []
+    scored = [one.things for one in situation.scored if one.cause == "table unit"]
+    for number, group in enumerate(network.groups):
+        lengths = np.array([c.quantity.length == 1 for c in group.type.components])
+        if (
+            not lengths.any()
+            or not group.type.distances
+            or group.count < _AT_LEAST
+            or is_image_point(group.type)
+        ):
+            continue
+        count = int(np.count_nonzero(group.mask[:, lengths]))
+        for words, factor in _LENGTHS.items():
+            unit = words.split()[0]
+            factors = np.where(lengths, factor, 1.0)
+            names = [c.name for c, own in zip(group.type.components, lengths, strict=True) if own]
+            found.append(
+                Hypothesis(
+                    "table unit",
+                    (group.name, words),
+                    partial(_scaled, number=number, factors=factors),
+                    f"observations, {group.name}: units: {unit}",
+                    len(_LENGTHS),
+                    stretch=count * float(np.log(factor)),
+                    afresh=True,
+                    edits=table_key(
+                        network, number, "units", f"{{{', '.join(f'{n}: {unit}' for n in names)}}}"
+                    ),
+                )
+            )
+    return sorted(found, key=lambda one: one.things not in scored)
+
+
+def _scaled(network: Network, number: int, factors: FloatArray) -> Network:
+    rows = np.arange(network.groups[number].count)
+    return with_observed(network, number, rows, lambda observed: observed * factors)
 
 
 def _is_free(network: Network, chosen: tuple[int, ...], name: str) -> bool:
@@ -61,7 +114,11 @@ def _common(network: Network, label: str, chosen: tuple[int, ...], name: str, se
 
     given = {"offset": "{free: 0}", "scale": "{free: 1}"}[name]
     line = f"instruments: {{edm: {{{name}: {given}}}}}; observations, {label}: instrument: edm"
-    return Hypothesis(f"distance {name}", (label,), change, line, sets, parameters=1, amount=amount)
+    tables = [edit for k in chosen for edit in table_key(network, k, "instrument", "edm")]
+    edits = (key(("instruments", "edm", name), given), *tables) if len(tables) == len(chosen) else ()
+    return Hypothesis(
+        f"distance {name}", (label,), change, line, sets, parameters=1, edits=edits, amount=amount
+    )
 
 
 def _other_kind(network: Network, number: int) -> Hypothesis:
@@ -73,4 +130,5 @@ def _other_kind(network: Network, number: int) -> Hypothesis:
         (group.name,),
         lambda changed: with_group(changed, number, replace(changed.groups[number], type=other)),
         f"observations, {group.name}: type: {other.key}",
+        edits=table_key(network, number, "type", other.key),
     )

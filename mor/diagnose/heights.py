@@ -9,6 +9,8 @@ observations, also of those that a robust adjustment left out: a wrong height ma
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -16,11 +18,14 @@ import numpy as np
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
-from mor.diagnose.hypothesis import Hypothesis, with_blocks, with_unknown
+from mor.diagnose.edits import CellEdit, Edit, cells, computed, with_amount
+from mor.diagnose.hypothesis import Hypothesis, with_blocks, with_observed, with_unknown
 from mor.diagnose.situation import Situation
 from mor.errors import InputError
+from mor.observations import PLAIN_TYPES
 from mor.parameters.index import Values
 from mor.project.network.build import Network
+from mor.quality.plausibility.set_ups import beyond_reach, usual_height
 from mor.quality.solved import Amount
 from mor.sparse.cholesky import NotFiniteError
 
@@ -58,6 +63,63 @@ def height_hypotheses(situation: Situation) -> list[Hypothesis]:
     promised = _reductions(all_of_them, sights)
     best = np.argsort(-promised, kind="stable")[:_TRIED]
     return [_hypothesis(situation, sights[k], len(sights)) for k in best if promised[k] > _PROMISED]
+
+
+def implausible_height_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the heights that nobody can reach, as unknowns that begin at the usual height."""
+    beyond = beyond_reach(situation.network)
+    if not beyond.any():
+        return []
+    found = []
+    for one in height_sights(situation.network):
+        number, rows, slot = one.rows[0]
+        if len(one.things) == 1 and beyond[situation.network.groups[number].blocks[slot][rows]].all():
+            found.append(
+                replace(_hypothesis(situation, one, 1, usual_height(situation.network)), afresh=True)
+            )
+    return found[:_TRIED]
+
+
+def antenna_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the antenna heights that score tests name, with their amounts: vectors are linear in them."""
+    return [
+        _antenna(situation, one.things[0], one.amount)
+        for one in situation.scored
+        if one.cause == "antenna height" and one.amount is not None
+    ]
+
+
+def _antenna(situation: Situation, name: str, amount: Amount) -> Hypothesis:
+    """The antenna at a point that was higher by an amount than it was said to be."""
+    network = situation.network
+    ends = []
+    for number, group in enumerate(network.groups):
+        if group.type == PLAIN_TYPES["vector"]:
+            for column, sign in ((0, 1.0), (1, -1.0)):
+                rows = np.flatnonzero([one == name for one in group.references[column]])
+                if len(rows):
+                    ends.append((number, rows, sign * amount.value))
+
+    def change(changed: Network) -> Network:
+        for number, rows, by in ends:
+            shift = np.array([0.0, 0.0, by])
+            changed = with_observed(changed, number, rows, lambda d, shift=shift: d + shift)  # type: ignore[misc]
+        return changed
+
+    edits = [
+        cells(network, number, rows.tolist(), "dz", computed(partial(float.__add__, by)))
+        for number, rows, by in ends
+    ]
+    return Hypothesis(
+        "antenna height",
+        (name,),
+        change,
+        f"observations, vectors at {name}: antenna height",
+        len(ends),
+        parameters=1,
+        edits=tuple(edit for some in edits for edit in some),
+        amount=lambda _values: amount,
+    )
 
 
 def height_sights(network: Network) -> Iterator[Sights]:
@@ -126,10 +188,12 @@ def _reductions(here: Adjustment, sights: list[Sights]) -> FloatArray:
     return np.where(good, right**2 / np.where(good, left, 1.0), 0.0)
 
 
-def _hypothesis(situation: Situation, sights: Sights, candidates: int) -> Hypothesis:
+def _hypothesis(
+    situation: Situation, sights: Sights, candidates: int, begin: float | None = None
+) -> Hypothesis:
     network = situation.network
     number = len(network.blocks["height"].ids)
-    given = _given(network, sights)
+    given = _given(network, sights) if begin is None else begin
 
     def change(changed: Network) -> Network:
         changed, own = with_unknown(changed, "height", np.array([given]), np.array([True]))
@@ -142,7 +206,24 @@ def _hypothesis(situation: Situation, sights: Sights, candidates: int) -> Hypoth
 
     what = "stations, {}: height" if sights.cause == "instrument height" else "observations, to {}: to_height"
     line = what.format(", from ".join(sights.things))
-    return Hypothesis(sights.cause, sights.things, change, line, candidates, parameters=1, amount=amount)
+    return Hypothesis(
+        sights.cause,
+        sights.things,
+        change,
+        line,
+        candidates,
+        parameters=1,
+        edits=_edits(network, sights),
+        amount=amount,
+    )
+
+
+def _edits(network: Network, sights: Sights) -> tuple[Edit, ...]:
+    write = with_amount(lambda _old, value: value)
+    if sights.cause == "instrument height":
+        return (CellEdit(("stations",), "height", write, cells={"id": sights.things[0]}),)
+    found = [cells(network, number, rows.tolist(), "to_height", write) for number, rows, _ in sights.rows]
+    return tuple(edit for edits in found for edit in edits)
 
 
 def _given(network: Network, sights: Sights) -> float:

@@ -9,6 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.diagnose.edits import Edit
 from mor.observations import ObservationGroup
 from mor.parameters.index import Values
 from mor.project.network.build import Network
@@ -38,6 +39,8 @@ class Hypothesis:
     """Blocks of each kind that begin from the given start values again; where none are given, from all else."""
     afresh: bool = False
     """True where missing start values are worth being worked out anew."""
+    edits: tuple[Edit, ...] = ()
+    """Edits of the files of the project; none if it cannot be expressed by any."""
     amount: Callable[[Values], Amount] | None = None
     """What its additional unknown is at a solution."""
 
@@ -151,8 +154,13 @@ def with_blocks(
     return with_group(network, number, replace(group, blocks=tuple(changed)))
 
 
-def with_unknown(network: Network, kind: str, value: FloatArray, free: BoolArray) -> tuple[Network, int]:
-    """The network with one more block of a kind, whose components are ``free`` (size,), and its number."""
+def with_unknown(
+    network: Network, kind: str, value: FloatArray, free: BoolArray, like: int = -1
+) -> tuple[Network, int]:
+    """The network with one more block of a kind, whose components are ``free`` (size,), and its number.
+
+    A rotation turns as the block ``like`` does.
+    """
     blocks, number = network.blocks[kind], len(network.blocks[kind].ids)
     more = np.full((1, len(value)), number, dtype=np.int64)
     nothing = np.full((1, len(value)), np.nan)
@@ -160,6 +168,9 @@ def with_unknown(network: Network, kind: str, value: FloatArray, free: BoolArray
         ids=(*blocks.ids, "hypothesis"),
         free=np.concatenate([blocks.free, free[None]]),
         owner=np.concatenate([blocks.owner, more]),
+        about_axes=None
+        if blocks.about_axes is None
+        else np.append(blocks.about_axes, blocks.about_axes[like]),
         difference=None
         if blocks.difference is None
         else np.concatenate([blocks.difference, 0.0 * value[None]]),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from functools import partial
@@ -9,6 +10,7 @@ from functools import partial
 import numpy as np
 
 from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.diagnose.edits import CellEdit, Edit, KeyEdit, cells, computed, table_key, to
 from mor.diagnose.hypothesis import Hypothesis, with_group, with_observed
 from mor.diagnose.situation import Situation
 from mor.observations import ObservationGroup, is_image_point
@@ -30,6 +32,7 @@ _MIRRORS = {
     "image turned": ((-1.0, -1.0), "x, y"),
 }
 _CONSTANTS = ("c", "fx", "fy")
+PRINCIPAL_POINT = ("xp", "yp", "x0", "y0", "cx", "cy", "xh", "yh")
 
 
 def image_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -40,9 +43,71 @@ def image_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def camera_constant_hypotheses(situation: Situation) -> list[Hypothesis]:
-    """The camera constants that are fixed or observed as unknowns."""
+    """The camera constants, and the principal points, that are fixed or observed as unknowns."""
     cameras = situation.network.things["camera"].ids if "camera" in situation.network.things else ()
-    return [h for k, name in enumerate(cameras) for h in _constant(situation, name, k)]
+    kinds = (("image scale", _CONSTANTS), ("pixel origin", PRINCIPAL_POINT))
+    return [
+        h
+        for k, name in enumerate(cameras)
+        for cause, among in kinds
+        for h in _interior(situation, name, k, cause, among)
+    ]
+
+
+def other_camera_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Images that may be of another camera of the project: each alone, and all together that score tests name."""
+    network = situation.network
+    if "camera" not in network.things or len(network.things["camera"].ids) < 2:
+        return []
+    images, cameras = network.things["image"], network.things["camera"]
+    sets = [
+        tuple(name for name in one.things if name in images.numbers)
+        for one in situation.scored
+        if one.cause == "camera of images"
+    ]
+    bad: dict[str, int] = {}
+    for group, wrong in zip(network.groups, situation.misfitting, strict=False):
+        if is_image_point(group.type):
+            for row in np.flatnonzero(wrong.any(axis=1)).tolist():
+                bad[group.references[0][row]] = bad.get(group.references[0][row], 0) + 1
+    sets += [(name,) for name in sorted(bad, key=lambda name: -bad[name])[:_IMAGES]]
+    found = []
+    for names in dict.fromkeys(one for one in sets if one):
+        own = {int(images.parts["camera"][images.numbers[name]]) for name in names}
+        for k, camera in enumerate(cameras.ids):
+            models = {network.project.cameras[cameras.ids[j]].model for j in (*own, k)}
+            if own != {k} and len(own) == 1 and len(models) == 1:
+                edits = tuple(
+                    CellEdit(("images",), "camera", to(camera), cells={"id": name}) for name in names
+                )
+                found.append(
+                    Hypothesis(
+                        "camera of images",
+                        (*names, camera),
+                        partial(_of_camera, names=names, camera=k),
+                        "; ".join(f"images, {name}: camera: {camera}" for name in names),
+                        len(images.ids) * len(cameras.ids),
+                        edits=edits,
+                        afresh=True,
+                    )
+                )
+    return found
+
+
+def _of_camera(network: Network, names: Sequence[str], camera: int) -> Network:
+    """The network with some images taken by another camera."""
+    cameras = network.things["camera"]
+    for number, group in enumerate(network.groups):
+        if not is_image_point(group.type):
+            continue
+        chosen = np.isin(np.array(list(group.references[0])), names)
+        slots = [k for k, s in enumerate(group.type.slots) if s.part == "interior"]
+        blocks = [
+            np.where(chosen, cameras.parts["interior"][camera], own) if k in slots else own
+            for k, own in enumerate(group.blocks)
+        ]
+        network = with_group(network, number, replace(group, blocks=tuple(blocks)))
+    return network
 
 
 def _of_images(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis]:
@@ -133,7 +198,30 @@ def _mirrored(
         return network
 
     anew = _poses(situation.network, parts) if local else {}
-    return Hypothesis(cause, things, change, line, candidates, anew=anew, afresh=not local)
+    edits = _mirrored_cells(situation.network, parts, signs)
+    return Hypothesis(cause, things, change, line, candidates, anew=anew, afresh=not local, edits=edits)
+
+
+def _mirrored_cells(
+    network: Network, parts: list[tuple[int, IntArray]], signs: tuple[float, float]
+) -> tuple[Edit, ...]:
+    """Edits that mirror coordinates: about 0, or about the middle of images whose coordinates begin in a corner."""
+    images, cameras = network.things["image"], network.things["camera"]
+    edits: list[Edit] = []
+    for number, rows in parts:
+        group = network.groups[number]
+        for row in rows.tolist():
+            camera = cameras.ids[images.parts["camera"][images.numbers[group.references[0][row]]]]
+            scale = network.scales[camera]
+            for axis, name in enumerate("xy"):
+                if signs[axis] < 0.0:
+                    whole = 2.0 * float(scale.centre[axis]) if scale.corner else 0.0
+                    edits += cells(network, number, [row], name, computed(partial(_less_than, whole)))
+    return tuple(edits)
+
+
+def _less_than(whole: float, coordinate: float) -> float:
+    return whole - coordinate
 
 
 def _poses(network: Network, parts: list[tuple[int, IntArray]]) -> dict[str, IntArray]:
@@ -163,7 +251,12 @@ def _units(situation: Situation, name: str, parts: list[tuple[int, IntArray]]) -
 
         unit = words.partition(" ")[0]
         line = f"observations, {table}: units: {{x: {unit}, y: {unit}}}"
-        yield Hypothesis("image unit", (name, words), changed, line, 4, stretch=stretch, afresh=True)
+        (number, rows), *others = parts
+        alone = not others and len(rows) == situation.network.groups[number].count
+        edits = table_key(situation.network, number, "units", f"{{x: {unit}, y: {unit}}}") if alone else ()
+        yield Hypothesis(
+            "image unit", (name, words), changed, line, 4, stretch=stretch, afresh=True, edits=edits
+        )
 
 
 def _readings(scale: ImageScale) -> dict[str, Change]:
@@ -183,14 +276,19 @@ def _readings(scale: ImageScale) -> dict[str, Change]:
     return {words: partial(np.multiply, factor) for words, factor in factors.items()}
 
 
-def _constant(situation: Situation, name: str, camera: int) -> Iterator[Hypothesis]:
-    """The camera constant as an unknown, where it is fixed or observed: the latter costs its observation already."""
+def _interior(
+    situation: Situation, name: str, camera: int, cause: str, among: tuple[str, ...]
+) -> Iterator[Hypothesis]:
+    """Some components of the interior orientation as unknowns, if they are fixed or observed.
+
+    An observed one costs its observation already.
+    """
     network = situation.network
     model = network.project.cameras[name].model
     kind = f"interior/{model}"
     block = int(network.things["camera"].parts["interior"][camera])
     names = network.blocks[kind].kind.names
-    columns = [k for k, own in enumerate(names) if own in _CONSTANTS]
+    columns = [k for k, own in enumerate(names) if own in among]
     held = [
         k for k in columns if not network.blocks[kind].free[block, k] or _is_observed(network, kind, block, k)
     ]
@@ -212,14 +310,21 @@ def _constant(situation: Situation, name: str, camera: int) -> Iterator[Hypothes
 
     line = f"cameras, {name}: interior: {{{names[held[0]]}: {{free: …}}}}"
     yield Hypothesis(
-        "image scale",
+        cause,
         (name,),
         change,
         line,
         len(network.things["camera"].ids),
         parameters=sum(not _is_observed(network, kind, block, k) for k in held),
+        edits=tuple(KeyEdit(("cameras", name, "interior", names[k]), _set_free) for k in held),
         amount=amount,
     )
+
+
+def _set_free(old: str, _amount: Amount | None) -> str | None:
+    """A fixed or observed value as a start value."""
+    number = re.match(r"\{?\s*(?:\w+:)?\s*([-+.\deE]+)", old)
+    return f"{{free: {number[1]}}}" if number else None
 
 
 def _is_observed(network: Network, kind: str, block: int, component: int) -> bool:

@@ -6,6 +6,7 @@ anew, by −2 δ v/σ² + δ² r/σ²: the lines for which it falls most are tri
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import partial
 
 import numpy as np
@@ -13,6 +14,7 @@ import numpy as np
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.state import Adjustment
 from mor.arrays import FloatArray, IntArray
+from mor.diagnose.edits import cells, computed
 from mor.diagnose.hypothesis import Hypothesis, with_observed
 from mor.diagnose.situation import Situation
 from mor.observations import PLAIN_TYPES, ObservationGroup
@@ -24,7 +26,7 @@ _LINES = 100
 
 def levelling_hypotheses(situation: Situation) -> list[Hypothesis]:
     """The lines that promise most with the other sign."""
-    found = []
+    found = list(_reversed_vectors(situation))
     for number, group in enumerate(situation.network.groups):
         if group.type != PLAIN_TYPES["height_difference"] or not situation.misfitting[number].any():
             continue
@@ -40,9 +42,53 @@ def levelling_hypotheses(situation: Situation) -> list[Hypothesis]:
                     f"{group.name}, {' → '.join(names)}: {names[1]} → {names[0]}",
                     group.count,
                     rows=((number, row),),
+                    edits=cells(
+                        situation.network,
+                        number,
+                        [row],
+                        group.type.components[0].name,
+                        computed(lambda value: -value),
+                    ),
                 )
             )
     return found
+
+
+_FITS = 0.1
+"""Part of its misclosure that is left of a vector with the other sign, at most: the others are not right yet."""
+
+
+def _reversed_vectors(situation: Situation) -> Iterator[Hypothesis]:
+    """Vectors that fit with the other sign, all of a table together; those that score tests name, if they name any."""
+    scored = [place for one in situation.scored if one.cause == "vector sign" for place in one.rows]
+    for number, group in enumerate(situation.network.groups):
+        if group.type != PLAIN_TYPES["vector"]:
+            continue
+        misclosure = np.nan_to_num(misclosures(group, situation.values))
+        other = misclosure - 2.0 * np.nan_to_num(group.observed)
+        now, then = np.linalg.norm(misclosure, axis=1), np.linalg.norm(other, axis=1)
+        rows = np.flatnonzero((then < _FITS * now) & situation.misfitting[number].any(axis=1))
+        if scored:
+            rows = np.array(sorted(row for k, row in scored if k == number), dtype=np.int64)
+        if not len(rows):
+            continue
+        names = tuple(dict.fromkeys(column[row] for row in rows.tolist() for column in group.references[:2]))
+        columns = [component.name for component in group.type.components]
+        edits = [
+            cells(situation.network, number, rows.tolist(), c, computed(lambda value: -value))
+            for c in columns
+        ]
+        yield Hypothesis(
+            "vector sign",
+            names,
+            partial(with_observed, number=number, rows=rows, change=np.negative),
+            "; ".join(
+                f"{group.name}, {group.references[1][r]} → {group.references[0][r]}" for r in rows.tolist()
+            ),
+            group.count,
+            rows=tuple((number, int(row)) for row in rows),
+            edits=tuple(edit for some in edits for edit in some),
+        )
 
 
 def _reductions(situation: Situation, number: int, group: ObservationGroup) -> FloatArray:

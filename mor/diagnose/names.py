@@ -22,6 +22,7 @@ import numpy as np
 from mor.adjustment.linearise import linearise, rotation_tangents
 from mor.adjustment.problem import Problem
 from mor.arrays import FloatArray, IntArray
+from mor.diagnose.edits import cells, to
 from mor.diagnose.hypothesis import Hypothesis, with_blocks
 from mor.diagnose.situation import SMALL, Situation, without_row
 from mor.geometry import tolerant
@@ -182,6 +183,11 @@ def _exchange(network: Network, one: Match, other: Match, frame: tuple[str, ...]
         f"{_where(group, one.row)}: {one.right}; {_where(group, other.row)}: {other.right}",
         one.candidates,
         rows=tuple((one.group, row) for row in rows),
+        edits=tuple(
+            edit
+            for match in (one, other)
+            for edit in cells(network, match.group, [match.row], match.reference, to(match.right))
+        ),
     )
 
 
@@ -203,6 +209,11 @@ def _wrong_name(network: Network, same: list[Match]) -> Hypothesis:
         f"{lines}: {first.reference} {first.right}",
         first.candidates,
         rows=tuple((match.group, match.row) for match in same),
+        edits=tuple(
+            edit
+            for match in same
+            for edit in cells(network, match.group, [match.row], match.reference, to(match.right))
+        ),
     )
 
 

@@ -12,7 +12,7 @@ of freedom if there is no such mistake. A definite mistake decreases vᵀPv by 2
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
@@ -20,20 +20,26 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.adjustment.equations import evaluated
-from mor.adjustment.linearise import misclosures
+from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.problem import Problem
+from mor.adjustment.solve import Settings, adjust
+from mor.adjustment.state import Outcome
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.diagnose.heights import Sights, height_sights
+from mor.diagnose.images import PRINCIPAL_POINT
 from mor.geometry import tolerant
 from mor.observations import PLAIN_TYPES, ObservationGroup, is_image_point, wrap
 from mor.observations.curvature import on_sphere
 from mor.parameters.index import Values
 from mor.project.network.build import Network
-from mor.quality.assess import Quality
+from mor.quality.assess import Quality, assess
 from mor.quality.gross_errors.description_length import cost_of_choice
+from mor.quality.gross_errors.suspects import Suspects, with_suspects
 from mor.quality.plausibility.curvature import NOTED, largest_effect, sphere_under
+from mor.quality.reliability.detectable_errors import Reliability
 from mor.quality.reliability.whitened_rows import WhitenedRows, whitened_rows
 from mor.quality.solved import Amount, PossibleCause
+from mor.quality.tests.one_factor import factor_of_group, fits_factor
 from mor.quality.tests.p_values import log_p_chi2
 from mor.quality.tests.test_statistics import CONTROLLED
 
@@ -42,8 +48,16 @@ LEVEL = 1e-3
 OFFERED = 3
 _ENTRIES = 20_000_000
 """Numbers (observations times parameters) that are held at a time."""
+_FEW_ROWS = 1000
+"""Rows of a possible cause that are handed on."""
+_ALMOST = 0.9
+"""Part of what the best explains that is almost as much."""
+_UNIT_CAUSES = ("table unit", "circle unit")
+"""Causes of which one for each table is enough."""
 _PAIRS = 12
 """Flagged rows of a station or image of which all pairs are looked at, the worst first."""
+_LEFT_OVER = 0.02
+"""Part of the gain of mistakes of one kind below which another one explains second-order terms of the others."""
 _JOINED = 12
 """Mistakes of one kind that are joined to one cause; if there are as many, the cause is another one."""
 
@@ -77,16 +91,21 @@ class _Scored(NamedTuple):
     length: float
     """Gain less the cost of the choice of the candidate and of its parameters."""
     log_p: float
+    freedom: int
+    """Number of its parameters; of several mistakes together that of all."""
 
 
-def score_tests(quality: Quality, network: Network) -> tuple[PossibleCause, ...]:
+def score_tests(
+    quality: Quality, network: Network, doubtful: Sequence[BoolArray] | None = None
+) -> tuple[PossibleCause, ...]:
     """Return up to three mistakes that would explain what the tests of an adjustment reject, the best first.
 
     They are possible causes, not verified ones. A mistake is named if its test rejects at the family-wise level
-    ``LEVEL`` and it explains more than the worst single observation does.
+    ``LEVEL`` and it explains more than the worst single observation does. ``doubtful`` are the rows (n,) of each
+    group that single mistakes are looked for in; by default those that the tests of single observations flag.
     """
     problem, values = quality.adjustment.problem, quality.adjustment.values
-    flagged: list[BoolArray] = [np.asarray(flags.any(axis=1)) for flags in quality.flagged]
+    flagged = doubtful or [np.asarray(flags.any(axis=1)) for flags in quality.flagged]
     candidates = list(_candidates(problem, network, values, quality, flagged))
     if not candidates:
         return ()
@@ -97,7 +116,43 @@ def score_tests(quality: Quality, network: Network) -> tuple[PossibleCause, ...]
     joined, too_many = _joined(quality, candidates, count)
     good = [one for one in good if one.candidate.cause not in too_many]
     good += [one for one in joined if one.log_p < limit and one.length > _single(quality)]
+    good += [one for one in _sigmas(quality) if one.log_p < limit and one.length > _single(quality)]
     return tuple(_cause(network, one) for one in _distinct(good)[:OFFERED])
+
+
+def score_tests_with_suspects(
+    quality: Quality, network: Network, suspects: Suspects
+) -> tuple[PossibleCause, ...]:
+    """Return the mistakes that would explain the suspects which an adjustment leaves out, the best first.
+
+    The derivatives are those at the solution without the suspects. All observations are in the normal equations, and
+    their residuals are those after one linear step: no further adjustment is made. Returns nothing if points or images
+    were given up together with the suspects.
+    """
+    if suspects.lost:
+        return ()
+    problem, masks = with_suspects(quality.adjustment.problem, suspects)
+    here = adjust(problem, quality.adjustment.values, Settings(0))
+    if here.outcome is Outcome.SINGULAR:
+        return ()
+    pairs = zip(masks, quality.flagged, strict=True)
+    doubtful = [np.asarray((mask | flags).any(axis=1)) for mask, flags in pairs]
+    return score_tests(_after_step(assess(here, quality.levels, aposteriori=False)), network, doubtful)
+
+
+def _after_step(quality: Quality) -> Quality:
+    """The quality with the residuals that one linear step leaves."""
+    adjustment = quality.adjustment
+    index, values = adjustment.problem.index, adjustment.values
+    step, tangent = adjustment.inverse.step(adjustment.normals), rotation_tangents(index, values)
+    groups = []
+    for group, one in zip(adjustment.problem.groups, quality.groups, strict=True):
+        part = linearise(group, index, values, tangent, slice(None))
+        moved = np.where(part.columns >= 0, step[part.columns], 0.0)
+        v = np.einsum("nmk,nk->nm", part.jacobian, moved) - part.misclosure
+        groups.append(replace(one, v=np.where(group.mask, v, np.nan)))
+    reliability = tuple(Reliability(one, quality.noncentrality) for one in groups)
+    return replace(quality, groups=tuple(groups), reliability=reliability)
 
 
 def _candidates(
@@ -109,12 +164,15 @@ def _candidates(
         yield from _instruments(problem, values, number, group)
         yield from _interiors(problem, network, values, number, group, flagged[number])
         yield from _signs(number, group, flagged[number])
-        yield from _units(network, number, group)
+        yield from _units(number, group)
         yield from _circles(values, number, group)
-        yield from _exchanges(values, number, group, quality)
+        yield from _faces(values, number, group, flagged[number])
+        yield from _turned_circles(values, number, group, flagged[number])
+        yield from _exchanges(values, number, group, quality, flagged[number])
+    yield from _set_ups(problem, network, values, adjusted, flagged)
     yield from _heights(problem, network, values)
     yield from _antennas(problem, network, values, adjusted)
-    yield from _control(problem, network, values, adjusted, flagged)
+    yield from _control(problem, network, values, adjusted, flagged, quality)
     yield from _curvature(problem, network, values, adjusted)
 
 
@@ -166,9 +224,7 @@ def _interiors(
     slot, kind = slots[0], group.type.slots[slots[0]].kind
     names = problem.index.blocks[kind].kind.names
     constant = [k for k, name in enumerate(names) if name in ("c", "fx", "fy")]
-    principal = [
-        k for k, name in enumerate(names) if name in ("xp", "yp", "x0", "y0", "cx", "cy", "xh", "yh")
-    ]
+    principal = [k for k, name in enumerate(names) if name in PRINCIPAL_POINT]
     images, cameras = network.things["image"], network.things["camera"]
     camera_of = dict(zip(cameras.parts["interior"].tolist(), cameras.ids, strict=True))
     blocks = np.asarray(group.blocks[slot])
@@ -196,6 +252,12 @@ def _interiors(
         yield _Candidate(
             "camera of images", (image,), f"images, {image}: camera: …", ((number, rows, columns),)
         )
+        for other, name in camera_of.items():
+            if other != blocks[rows[0]] and other < len(values[kind]):
+                change = _with_blocks(group, values, rows, {slot: np.full(len(rows), other)})
+                line = f"images, {image}: camera: {name}"
+                part = (number, rows, change[:, :, None])
+                yield _Candidate("camera of images", (image, name), line, (part,), True, alike=len(camera_of))
 
 
 def _signs(number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator[_Candidate]:
@@ -211,12 +273,23 @@ def _signs(number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator
         yield _Candidate(cause, names, line, ((number, rows, change),), definite=True, alike=group.count)
 
 
+def _with_blocks(
+    group: ObservationGroup, values: Values, rows: IntArray, blocks: dict[int, IntArray]
+) -> FloatArray:
+    """(k, m) by how much the computed observations of some rows change with other blocks in some slots."""
+    numbers = [blocks.get(k, np.asarray(own[rows])) for k, own in enumerate(group.blocks)]
+    given = [values[slot.kind][own] for slot, own in zip(group.type.slots, numbers, strict=True)]
+    change = group.type.equation(given, group.constants[rows]).values - evaluated(group, values, rows).values
+    change[:, group.type.wraps] = wrap(change[:, group.type.wraps])
+    return np.asarray(np.nan_to_num(change))
+
+
 _LENGTHS = {"ft for m": 0.3048, "mm for m": 0.001, "cm for m": 0.01}
 """Factors from the numbers as they were read to the numbers as they may be meant; their inverses as well."""
 
 
-def _units(network: Network, number: int, group: ObservationGroup) -> Iterator[_Candidate]:
-    """Another unit of all lengths of a table; distances have a scale of their own."""
+def _units(number: int, group: ObservationGroup) -> Iterator[_Candidate]:
+    """Another unit of all lengths of a table; control in another unit is far from anything linear."""
     lengths = [c.quantity.length == 1 and not is_image_point(group.type) for c in group.type.components]
     if not any(lengths) or group.count < 2 or not group.type.distances:
         return
@@ -226,12 +299,12 @@ def _units(network: Network, number: int, group: ObservationGroup) -> Iterator[_
             change = -(ratio - 1.0) * np.where(lengths, np.nan_to_num(group.observed), 0.0)[:, :, None]
             line = f"observations, {group.name}: units: {words.split()[0]}"
             yield _Candidate(
-                "table unit", (group.name, words), line, ((number, rows, change),), definite=True
+                "table unit", (group.name, words), line, ((number, rows, change),), definite=True, alike=6
             )
 
 
 def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_Candidate]:
-    """Sense of a circle, zenith angles that are elevations, of the table and of each of its stations; faces."""
+    """Sense and unit of a circle, zenith angles that are elevations: of the table and of each of its stations."""
     if not group.type.wraps.any() or group.type.distances is None:
         return
     stations = np.array(list(group.references[0]))
@@ -240,37 +313,134 @@ def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_
     ]
     if len(sets) > 1:
         sets.append(((group.name,), np.arange(group.count)))
-    zenith = [k for k, c in enumerate(group.type.components) if c.name in ("zenith", "zenith_angle")]
+    names = [c.name for c in group.type.components]
+    zenith = [k for k, name in enumerate(names) if name in ("zenith", "zenith_angle")]
+    angles = np.flatnonzero(group.type.wraps).tolist()
     for things, rows in sets:
         observed = np.nan_to_num(group.observed[rows])
-        plain = np.nan_to_num(misclosures(group, values, rows))
+        changes: list[tuple[str, tuple[str, ...], str, FloatArray]] = []
         if group.type.turns and len(rows) > 1:
-            column = group.type.turns[0]
-            change = np.zeros((*observed.shape, 1))
-            for name in dict.fromkeys(stations[rows].tolist()):
-                own = np.flatnonzero(stations[rows] == name)
-                other = plain[own, column] - 2.0 * observed[own, column]
-                turned = np.asarray(wrap(other - _middle(other)))
-                change[own, column, 0] = -(turned - plain[own, column])
-            line = f"observations, {things[0]}: axes: {{angles: …}}"
-            yield _Candidate("circle sense", things, line, ((number, rows, change),), True, alike=len(sets))
+            other = observed.copy()
+            other[:, group.type.turns[0]] *= -1.0
+            changes.append(("circle sense", things, f"observations, {things[0]}: axes: {{angles: …}}", other))
         if zenith:
-            change = np.zeros((*observed.shape, 1))
-            change[:, zenith, 0] = -np.asarray(wrap(0.5 * np.pi - 2.0 * observed[:, zenith]))
-            line = f"observations, {things[0]}: type: directions"
-            yield _Candidate(
-                "elevation for zenith", things, line, ((number, rows, change),), True, alike=len(sets)
+            other = observed.copy()
+            other[:, zenith] = 0.5 * np.pi - observed[:, zenith]
+            changes.append(
+                ("elevation for zenith", things, f"observations, {things[0]}: type: directions", other)
             )
+        for unit, factor in _angle_units(observed[:, angles]):
+            other = observed.copy()
+            other[:, angles] *= factor
+            changes.append(
+                ("circle unit", (*things, unit), f"observations, {things[0]}: units: {unit}", other)
+            )
+        for cause, about, line, other in changes:
+            change = _read_otherwise(values, number, group, rows, other)
+            part = (number, rows, change[:, :, None])
+            yield _Candidate(cause, about, line, (part,), True, alike=len(sets))
+
+
+def _angle_units(angles: FloatArray) -> Iterator[tuple[str, float]]:
+    """Units that angles (k, m) in radians may have been given in, with the factor from the unit they were read in."""
+    largest = float(np.abs(angles).max(initial=0.0))
+    for unit, factor in (("deg", 400.0 / 360.0), ("gon", 360.0 / 400.0)):
+        if factor * largest <= 2.0 * np.pi:
+            yield unit, factor
+
+
+def _read_otherwise(
+    values: Values, number: int, group: ObservationGroup, rows: IntArray, other: FloatArray
+) -> FloatArray:
+    """(k, m) change of the computed observations that has the effect of other observed values (k, m) of some rows.
+
+    The orientation of each set of horizontal directions follows.
+    """
+    plain = np.nan_to_num(misclosures(group, values, rows))
+    moved = plain + other - np.nan_to_num(group.observed[rows])
+    stations = np.array(list(group.references[0]))[rows]
+    for column in np.flatnonzero(group.type.wraps).tolist():
+        if column in group.type.turns and group.type.references[0].name == "station":
+            for name in dict.fromkeys(stations.tolist()):
+                own = stations == name
+                moved[own, column] -= _middle(moved[own, column])
+        moved[:, column] = wrap(moved[:, column])
+    return np.asarray(plain - moved)
+
+
+_HALF_CIRCLE_SEEN = 0.05
+"""Residual of a direction (radians) from which on half a circle is looked at: the rest of it is in the orientation."""
+
+
+def _faces(values: Values, number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator[_Candidate]:
+    """Single directions that are off by half a circle."""
+    if not group.type.turns or group.type.references[0].name != "station":
+        return
+    column = group.type.turns[0]
+    rows = np.flatnonzero(flagged)
+    plain = np.nan_to_num(misclosures(group, values, rows))[:, column]
+    for row, size in zip(rows.tolist(), plain.tolist(), strict=True):
+        if abs(size) < _HALF_CIRCLE_SEEN:
+            continue
+        change = np.zeros((1, group.observed.shape[1], 1))
+        change[0, column, 0] = np.pi * np.sign(size)
+        names = tuple(column_[row] for column_ in group.references[:2])
+        line = f"{_where(group, row)}: horizontal + 200 gon"
+        yield _Candidate("face", names, line, ((number, np.array([row]), change),), True, alike=group.count)
+
+
+_LEAST_TURNED = 2
+"""Directions before and after a circle was turned, at least."""
+
+
+def _turned_circles(
+    values: Values, number: int, group: ObservationGroup, flagged: BoolArray
+) -> Iterator[_Candidate]:
+    """Sets whose circle was turned between two of their rows: another orientation from there on."""
+    if not group.type.turns or group.type.references[0].name != "station":
+        return
+    column, stations = group.type.turns[0], np.array(list(group.references[0]))
+    shares = {
+        name: int(flagged[stations == name].sum()) for name in dict.fromkeys(stations[flagged].tolist())
+    }
+    for name in sorted(shares, key=lambda one: -shares[one])[:_PAIRS]:
+        rows = np.flatnonzero(stations == name)
+        places = range(_LEAST_TURNED, len(rows) - _LEAST_TURNED + 1)
+        if len(places) > _MOST_TURNED:
+            size = np.abs(np.diff(np.nan_to_num(misclosures(group, values, rows))[:, column]))
+            best = np.argsort(-size[_LEAST_TURNED - 1 : len(rows) - _LEAST_TURNED], kind="stable")
+            places = (best[:_MOST_TURNED] + _LEAST_TURNED).tolist()
+        for place in places:
+            turned = rows[place:]
+            unit = np.zeros((len(turned), group.observed.shape[1], 1))
+            unit[:, column, 0] = 1.0
+            line = f"{_where(group, int(turned[0]))}: a set of its own from here on"
+            yield _Candidate(
+                "orientation changed",
+                (name, group.references[1][int(turned[0])]),
+                line,
+                ((number, turned, unit),),
+                alike=len(rows),
+            )
+
+
+_MOST_TURNED = 12
+"""Places of a set at which the circle may have been turned, those with the largest steps of the misclosures."""
 
 
 def _middle(angles: FloatArray) -> float:
     """The angle that most of them are near to."""
-    near = np.abs(wrap(angles[:, None] - angles[None, :])).sum(axis=1)
-    return float(angles[int(np.argmin(near))])
+    some = angles[:: max(len(angles) // _OF_MANY, 1)]
+    near = np.abs(wrap(some[:, None] - some[None, :])).sum(axis=1)
+    return float(some[int(np.argmin(near))])
+
+
+_OF_MANY = 500
+"""Angles of a set that are compared with each other."""
 
 
 def _exchanges(
-    values: Values, number: int, group: ObservationGroup, quality: Quality
+    values: Values, number: int, group: ObservationGroup, quality: Quality, flagged: BoolArray
 ) -> Iterator[_Candidate]:
     """Pairs of rows of an image or a station whose targets were exchanged."""
     if len(group.references) != 2 or group.type.between_marks:
@@ -278,7 +448,6 @@ def _exchanges(
     target = group.type.references[-1].name
     slots = [k for k, slot in enumerate(group.type.slots) if slot.of == target]
     worst = np.nan_to_num(np.abs(quality.reliability[number].at(slice(None)).test)).max(axis=1, initial=0.0)
-    flagged = quality.flagged[number].any(axis=1)
     frames = np.array(list(group.references[0]))
     for frame in dict.fromkeys(frames[flagged].tolist()):
         here = np.flatnonzero((frames == frame) & flagged)
@@ -288,15 +457,7 @@ def _exchanges(
             continue
         rows = pairs.ravel()
         partner = pairs[:, ::-1].ravel()
-        blocks = [
-            values[slot.kind][own[partner if k in slots else rows]]
-            for k, (slot, own) in enumerate(zip(group.type.slots, group.blocks, strict=True))
-        ]
-        computed = group.type.equation(blocks, group.constants[rows]).values
-        change = computed - evaluated(group, values, rows).values
-        wraps = group.type.wraps
-        change[:, wraps] = wrap(change[:, wraps])
-        change = np.nan_to_num(change)
+        change = _with_blocks(group, values, rows, {k: np.asarray(group.blocks[k][partner]) for k in slots})
         for k, pair in enumerate(pairs):
             names = [group.references[-1][int(row)] for row in pair]
             if names[0] == names[1]:
@@ -306,6 +467,82 @@ def _exchanges(
             yield _Candidate(
                 "names exchanged", (frame, *sorted(names)), line, (part,), definite=True, alike=len(pairs)
             )
+
+
+def _set_ups(
+    problem: Problem,
+    network: Network,
+    values: Values,
+    adjusted: Sequence[int],
+    flagged: Sequence[BoolArray],
+) -> Iterator[_Candidate]:
+    """Pairs of stations whose places were exchanged: each instrument stood where the other one is said to stand."""
+    declared = set(network.things["station"].ids) if "station" in network.things else set()
+    sights: dict[str, list[tuple[int, int, IntArray]]] = {}
+    doubtful: dict[str, int] = {}
+    for number in adjusted:
+        group = problem.groups[number]
+        if group.type.distances is None or group.type.between_marks:
+            continue
+        begin = group.type.distances[0]
+        place = [reference.name for reference in group.type.references].index(begin)
+        names = np.array(list(group.references[place]))
+        slots = [k for k, s in enumerate(group.type.slots) if s.of == begin and s.part == "position"]
+        for name in dict.fromkeys(names.tolist()) if slots else ():
+            if name in declared:
+                rows = np.flatnonzero(names == name)
+                sights.setdefault(name, []).append((number, slots[0], rows))
+                doubtful[name] = doubtful.get(name, 0) + int(flagged[number][rows].sum())
+    suspected = sorted((n for n in doubtful if doubtful[n]), key=lambda n: -doubtful[n])[:_PAIRS]
+    pairs = {tuple(sorted((a, b))) for a in suspected for b in sights if a != b}
+    ordered = sorted(pairs, key=lambda pair: (-sum(doubtful[n] for n in pair), pair))[: _PAIRS**2]
+    for pair in ordered:
+        places = [
+            int(problem.groups[k].blocks[slot][rows[0]]) for k, slot, rows in (sights[n][0] for n in pair)
+        ]
+        if places[0] == places[1]:
+            continue
+        parts = []
+        for name, other in zip(pair, reversed(places), strict=True):
+            for number, slot, rows in sights[name]:
+                group = problem.groups[number]
+                moved = _with_blocks(group, values, rows, {slot: np.full(len(rows), other)})
+                change = _read_otherwise(
+                    values, number, group, rows, np.nan_to_num(group.observed[rows]) - moved
+                )
+                parts.append((number, rows, change[:, :, None]))
+        line = f"stations: {pair[0]} ↔ {pair[1]}"
+        yield _Candidate("set-ups exchanged", pair, line, tuple(parts), True, alike=len(ordered))
+        own = {(number, slot) for name in pair for number, slot, _ in sights[name]}
+        others = _of_exchanged_points(problem, values, adjusted, (places[0], places[1]), own)
+        if others:  # the same, if the points have moved to where their instruments stood
+            yield _Candidate("set-ups exchanged", pair, line, others, True, alike=len(ordered))
+
+
+def _of_exchanged_points(
+    problem: Problem,
+    values: Values,
+    adjusted: Sequence[int],
+    pair: tuple[int, int],
+    but: Collection[tuple[int, int]] = (),
+) -> tuple[tuple[int, IntArray, FloatArray], ...]:
+    """Parts of a candidate that exchanges two points (block numbers) in all rows, but for some (group, slot)."""
+    parts = []
+    for number in adjusted:
+        group = problem.groups[number]
+        blocks = {}
+        for slot, own in enumerate(group.type.slots):
+            if own.kind == "point" and (number, slot) not in but:
+                was = np.asarray(group.blocks[slot])
+                now = np.where(was == pair[0], pair[1], np.where(was == pair[1], pair[0], was))
+                if (now != was).any():
+                    blocks[slot] = now
+        if blocks:
+            changed = [blocks[slot] != np.asarray(group.blocks[slot]) for slot in blocks]
+            rows = np.flatnonzero(np.any(changed, axis=0))
+            change = _with_blocks(group, values, rows, {slot: now[rows] for slot, now in blocks.items()})
+            parts.append((number, rows, change[:, :, None]))
+    return tuple(parts)
 
 
 def _heights(problem: Problem, network: Network, values: Values) -> Iterator[_Candidate]:
@@ -361,6 +598,7 @@ def _control(
     values: Values,
     adjusted: Sequence[int],
     flagged: Sequence[BoolArray],
+    quality: Quality,
 ) -> Iterator[_Candidate]:
     """Control points with wrong coordinates, and pairs of them exchanged."""
     ids = problem.index.blocks["point"].ids
@@ -376,7 +614,9 @@ def _control(
             name = ids[points[row]]
             line = f"points, {name}: x, y, z"
             yield _Candidate("control moved", (name,), line, ((k, np.array([row]), unit),), alike=group.count)
-        rows = np.flatnonzero(flagged[k] & group.mask.all(axis=1))[:_PAIRS]
+        rows = np.flatnonzero(flagged[k] & group.mask.all(axis=1))
+        sizes = np.nan_to_num(np.abs(quality.reliability[k].at(rows).test)).max(axis=1, initial=0.0)
+        rows = rows[np.argsort(-sizes, kind="stable")[:_PAIRS]]
         for pair in combinations(rows.tolist(), 2):
             one, other = np.array(pair)
             change = group.observed[[one, other]] - group.observed[[other, one]]
@@ -403,6 +643,12 @@ def _control(
                 fixed.setdefault(point, []).append(
                     (k, rows, _slot_columns(group, values, rows, slot, (0, 1, 2)))
                 )
+    for pair in combinations(list(fixed)[:_PAIRS], 2):
+        change_parts = _of_exchanged_points(problem, values, adjusted, pair)
+        names = (ids[pair[0]], ids[pair[1]])
+        line = f"points: {names[0]} ↔ {names[1]}"
+        alike = max(len(fixed) * (len(fixed) - 1) // 2, 1)
+        yield _Candidate("control exchanged", names, line, change_parts, True, alike=alike)
     for point, parts in fixed.items():
         yield _Candidate("control moved", (ids[point],), f"points, {ids[point]}: x, y, z", tuple(parts))
 
@@ -483,7 +729,7 @@ def _score(
     p = log_p_chi2(np.array([gain]), np.array([float(one.parameters)]))
     parameters = 0 if one.definite else one.parameters
     cost = cost_of_choice(quality.adjustment.problem.observations, count, parameters, 0.0)
-    return _Scored(one, x, gain, gain - cost, float(p[0]))
+    return _Scored(one, x, gain, gain - cost, float(p[0]), parameters)
 
 
 def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
@@ -524,7 +770,39 @@ def _single(quality: Quality) -> float:
     return max(worst**2 - cost_of_choice(observations, observations, 1, 0.0), 0.0)
 
 
-_TOGETHER = ("levelling sign", "vector sign", "camera of images", "antenna height", "control moved")
+def _sigmas(quality: Quality) -> Iterator[_Scored]:
+    """Tables whose residuals are normal with another σ: −2 ln of how likely they are falls by r (q − 1 − ln q).
+
+    q = Ω/r is the variance factor of the table, r its redundancy. Not if there is but one table: then the global test
+    says the same.
+    """
+    groups = quality.adjustment.problem.groups
+    tested = [k for k, group in enumerate(groups) if not group.left_out.all() and group.count > 1]
+    for k in tested if len(tested) > 1 else ():
+        r = float(np.nansum(quality.groups[k].r))
+        omega = float(np.nansum(quality.groups[k].v * quality.groups[k].weighted))
+        factor = factor_of_group(quality, k)
+        if r < _LEAST_REDUNDANCY or omega <= r or factor is None or not fits_factor(quality, k, factor):
+            continue
+        q = omega / r
+        likelihood = r * (q - 1.0 - float(np.log(q)))
+        rows = np.flatnonzero(groups[k].mask.any(axis=1))
+        one = _Candidate(
+            "sigma of a table",
+            (groups[k].name,),
+            f"observations, {groups[k].name}: factor: {np.sqrt(q):.3g}",
+            ((k, rows, np.zeros((len(rows), groups[k].observed.shape[1], 1))),),
+            amount=("sigma factor", 0.0),
+        )
+        cost = cost_of_choice(quality.adjustment.problem.observations, len(tested), 1, 0.0)
+        p = log_p_chi2(np.array([likelihood]), np.array([1.0]))
+        yield _Scored(one, np.array([np.sqrt(q)]), omega - r, likelihood - cost, float(p[0]), 1)
+
+
+_LEAST_REDUNDANCY = 5.0
+"""Redundancy of a table from which on its σ is judged."""
+
+_TOGETHER = ("levelling sign", "vector sign", "face", "camera of images", "antenna height", "control moved")
 """Causes of which several may have come together: the same person, the same day."""
 
 
@@ -551,7 +829,7 @@ def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> t
             freedom = sum(0 if one.candidate.definite else one.candidate.parameters for one in chosen)
             p = log_p_chi2(np.array([gain]), np.array([float(max(freedom, 1))]))
             length = sum(one.length for one in chosen)
-            found.append(_Scored(together, np.zeros(0), gain, length, float(p[0])))
+            found.append(_Scored(together, np.zeros(0), gain, length, float(p[0]), freedom))
     return found, too_many
 
 
@@ -568,7 +846,7 @@ def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_S
         scores = {k: _score(quality, some[k], z[k], answer[k], residuals, count) for k in left}
         best = max(left, key=lambda k: one.length if (one := scores[k]) is not None else -np.inf)
         one = scores[best]
-        if one is None or one.length <= 0.0:
+        if one is None or one.length <= 0.0 or one.gain < _LEFT_OVER * sum(other.gain for other in chosen):
             break
         chosen.append(one)
         left.remove(best)
@@ -581,12 +859,27 @@ def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_S
 
 
 def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
-    """The best first, without those that explain a part of what a better one of the same kind explains."""
+    """The best first, without those that explain a part of what a better one of the same kind explains.
+
+    A definite mistake is not linear. One with a few parameters less that explains almost as much comes first.
+    """
     found: list[_Scored] = []
-    for one in sorted(good, key=lambda one: -one.length):
+    best = max((one.length for one in good), default=0.0)
+
+    def rank(one: _Scored) -> tuple[bool, float, float]:
+        alike = one.length >= _ALMOST * best
+        return not alike, float(one.freedom) if alike else 0.0, -one.length
+
+    for one in sorted(good, key=rank):
         inside = any(
             one.candidate.cause == other.candidate.cause
-            and set(one.candidate.things) <= set(other.candidate.things)
+            and (
+                set(one.candidate.things) <= set(other.candidate.things)
+                or (
+                    one.candidate.cause in _UNIT_CAUSES
+                    and one.candidate.things[0] == other.candidate.things[0]
+                )
+            )
             for other in found
         )
         if not inside:
@@ -599,12 +892,14 @@ def _cause(network: Network, one: _Scored) -> PossibleCause:
     if candidate.amount is not None and not candidate.definite:
         name, present = candidate.amount
         amount = Amount(name, present + float(one.x[0]))
+    rows = [(number, row) for number, own, _ in candidate.parts for row in own.tolist()]
     return PossibleCause(
         candidate.cause,
         candidate.things,
         candidate.line,
         one.gain,
-        candidate.parameters,
+        one.freedom,
         float(one.log_p / np.log(10.0)),
         amount,
+        tuple(rows) if len(rows) <= _FEW_ROWS else (),
     )

@@ -22,16 +22,17 @@ from mor.adjustment.linearise import misclosures
 from mor.adjustment.problem import Problem
 from mor.adjustment.state import Adjustment, Outcome
 from mor.arrays import BoolArray, FloatArray
-from mor.diagnose.circles import circle_hypotheses, face_hypotheses
-from mor.diagnose.control import control_hypotheses, exchange_hypotheses
+from mor.diagnose.circles import circle_hypotheses, face_hypotheses, turned_circle_hypotheses
+from mor.diagnose.control import control_hypotheses, exchange_hypotheses, moved_hypotheses
 from mor.diagnose.curvature import curvature_hypotheses
-from mor.diagnose.distances import distance_hypotheses
-from mor.diagnose.heights import height_hypotheses
+from mor.diagnose.distances import distance_hypotheses, table_unit_hypotheses
+from mor.diagnose.frames import frame_hypotheses
+from mor.diagnose.heights import antenna_hypotheses, height_hypotheses, implausible_height_hypotheses
 from mor.diagnose.hypothesis import NOTHING_FOUND, Before, Diagnosis, Fit, GoOn, Hypothesis, Offered, Trial
-from mor.diagnose.images import camera_constant_hypotheses, image_hypotheses
+from mor.diagnose.images import camera_constant_hypotheses, image_hypotheses, other_camera_hypotheses
 from mor.diagnose.levelling import levelling_hypotheses
 from mor.diagnose.names import name_hypotheses
-from mor.diagnose.sigmas import sigma_hypotheses
+from mor.diagnose.sigmas import scored_sigma_hypotheses, sigma_hypotheses
 from mor.diagnose.situation import (
     SMALL,
     Begin,
@@ -51,6 +52,7 @@ from mor.quality.gross_errors.description_length import cost_of_choice, cost_of_
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.graduated_weights import graduated_weights
 from mor.quality.gross_errors.reintersection import reintersected
+from mor.quality.solved import PossibleCause
 from mor.quality.tests.p_values import log_p_chi2
 from mor.quality.tests.rejection import LEVEL, Rejection
 from mor.sparse.cholesky import NotFiniteError
@@ -63,7 +65,15 @@ _RIVAL = 0.5
 _BY_CHANCE = float(-2.0 * np.log(LEVEL))
 """By how much chance may make a description shorter, in units of χ²."""
 Family = Callable[[Situation], list[Hypothesis]]
-OF_ROWS: tuple[Family, ...] = (levelling_hypotheses, name_hypotheses, exchange_hypotheses, face_hypotheses)
+OF_ROWS: tuple[Family, ...] = (
+    levelling_hypotheses,
+    name_hypotheses,
+    exchange_hypotheses,
+    face_hypotheses,
+    antenna_hypotheses,
+    frame_hypotheses,
+    other_camera_hypotheses,
+)
 """Families that change a few observations or points: what explains everything so has no rival among the others."""
 OF_UNKNOWNS: tuple[Family, ...] = (
     distance_hypotheses,
@@ -71,9 +81,69 @@ OF_UNKNOWNS: tuple[Family, ...] = (
     camera_constant_hypotheses,
 )
 OF_SIGMAS: tuple[Family, ...] = (sigma_hypotheses,)
+BEYOND_REACH: tuple[Family, ...] = (implausible_height_hypotheses,)
+"""Families of values that nobody has: they are tried first, even if nothing else is known."""
 OF_THE_EARTH: tuple[Family, ...] = (curvature_hypotheses,)
-OF_A_WHOLE: tuple[Family, ...] = (control_hypotheses, circle_hypotheses, image_hypotheses)
+OF_A_WHOLE: tuple[Family, ...] = (
+    control_hypotheses,
+    circle_hypotheses,
+    image_hypotheses,
+    table_unit_hypotheses,
+)
 """Families that change all of a group, an image or a station: asked only where as much does not fit."""
+
+
+def control_point_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Two control points exchanged, and points that moved."""
+    return [*exchange_hypotheses(situation), *moved_hypotheses(situation)]
+
+
+_FAMILIES: dict[str, Family] = {
+    "names exchanged": name_hypotheses,
+    "levelling sign": levelling_hypotheses,
+    "vector sign": levelling_hypotheses,
+    "antenna height": antenna_hypotheses,
+    "control exchanged": exchange_hypotheses,
+    "control unit": control_hypotheses,
+    "control moved": control_point_hypotheses,
+    "orientation changed": turned_circle_hypotheses,
+    "sigma of a table": scored_sigma_hypotheses,
+    "pixel origin": camera_constant_hypotheses,
+    "distance offset": distance_hypotheses,
+    "distance scale": distance_hypotheses,
+    "table unit": table_unit_hypotheses,
+    "instrument height": height_hypotheses,
+    "target height": height_hypotheses,
+    "set-ups exchanged": frame_hypotheses,
+    "image scale": camera_constant_hypotheses,
+    "camera of images": other_camera_hypotheses,
+    "circle sense": circle_hypotheses,
+    "circle unit": circle_hypotheses,
+    "elevation for zenith": circle_hypotheses,
+    "face": face_hypotheses,
+    "curvature": curvature_hypotheses,
+}
+"""Families of the causes that score tests name."""
+
+
+def _scored(situation: Situation) -> list[Hypothesis]:
+    """The hypotheses that score tests speak for, the best score first."""
+    of_family: dict[Family, list[Hypothesis]] = {}
+    found: list[Hypothesis] = []
+    for one in situation.scored:
+        family = _FAMILIES.get(one.cause)
+        if family is None:
+            continue
+        if family not in of_family:
+            of_family[family] = family(situation)
+        things = set(one.things)
+        found += [
+            hypothesis
+            for hypothesis in of_family[family]
+            if (hypothesis.cause == one.cause or family is control_point_hypotheses)
+            and (things <= set(hypothesis.things) or set(hypothesis.things) <= things)
+        ]
+    return found
 
 
 class Tried(NamedTuple):
@@ -90,9 +160,25 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
     found: list[Tried] = []
     trials: list[Trial] = []
     untried, explained, done = 0, -np.inf, False
-    for stage in _stages(situation):
+    known: set[tuple[str, tuple[str, ...]]] = set()
+    for hypothesis in _scored(situation):
+        if (hypothesis.cause, hypothesis.things) in known:
+            continue
+        known.add((hypothesis.cause, hypothesis.things))
+        if untried or not go_on(hypothesis):
+            untried += 1
+            continue
+        fit = tried(situation, hypothesis)
+        trials.append(Trial(hypothesis, fit, _gain(situation, fit) if fit is not None else 0.0))
+        if fit is not None:
+            found.append(Tried(hypothesis, fit, 0.0))
+            done |= nothing_is_left(fit)
+    stages = _stages(situation)
+    if done:  # a change of a whole is no rival then
+        stages = tuple(stage for stage in stages if stage in (OF_ROWS, OF_UNKNOWNS))
+    for stage in stages:
         for hypothesis, promised in _of_stage(situation, stage):
-            if promised < _RIVAL * explained:
+            if promised < _RIVAL * explained or (hypothesis.cause, hypothesis.things) in known:
                 continue
             if untried or not go_on(hypothesis):
                 untried += 1
@@ -111,14 +197,14 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
 
 
 def _stages(situation: Situation) -> tuple[tuple[Family, ...], ...]:
-    """Families that are asked together: those of a whole first where most observations do not fit, else last."""
+    """Families that are asked together: those of a whole first if most observations do not fit, else last."""
     if not situation.larger:
         return (OF_SIGMAS,)  # of the others only control in a smaller unit may make residuals smaller
     if not situation.settled:
-        return OF_SIGMAS, OF_A_WHOLE
-    if situation.most_do_not_fit:
-        return OF_SIGMAS, OF_THE_EARTH, OF_A_WHOLE, OF_ROWS, OF_UNKNOWNS
-    return OF_SIGMAS, OF_THE_EARTH, OF_ROWS, OF_UNKNOWNS, OF_A_WHOLE
+        return BEYOND_REACH, OF_SIGMAS, OF_A_WHOLE
+    if situation.most_do_not_fit or situation.solution is None:
+        return BEYOND_REACH, OF_SIGMAS, OF_THE_EARTH, OF_A_WHOLE, OF_ROWS, OF_UNKNOWNS
+    return BEYOND_REACH, OF_SIGMAS, OF_THE_EARTH, OF_ROWS, OF_UNKNOWNS, OF_A_WHOLE
 
 
 def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hypothesis, float]]:
@@ -133,7 +219,8 @@ def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hyp
             different.setdefault((hypothesis.cause, hypothesis.things), hypothesis)
     found = list(different.values())
     if stage is not OF_A_WHOLE or not found:
-        return [(hypothesis, 0.0) for hypothesis in found]
+        spoken_for = 2.0 * _BY_CHANCE if stage is BEYOND_REACH else 0.0
+        return [(hypothesis, spoken_for) for hypothesis in found]
     promised = promises(situation, found)
     seen = not situation.begun or (situation.settled and situation.something_is_wrong_as_a_whole)
     least = -np.inf if seen else _BY_CHANCE
@@ -143,6 +230,8 @@ def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hyp
 
 def _offered(situation: Situation, before: Before, found: list[Tried]) -> tuple[Offered, ...]:
     """Those that are better than none by more than chance, the best first."""
+    if situation.many_are_out:  # of a single observation only what explains all of it
+        found = [one for one in found if len(one.hypothesis.rows) != 1 or nothing_is_left(one.fit)]
     good = _in_order(situation, [one for one in found if _is_good(situation, before, one.fit)])
     if good and nothing_is_left(good[0].fit):  # then what explains much less is no rival
         least = _RIVAL * _gain(situation, good[0].fit)
@@ -207,6 +296,8 @@ class Ended(NamedTuple):
     rejected: Rejection = Rejection.LARGER
     led: Values | None = None
     """Where graduated weights lead from the start values of the plain one, where that is known."""
+    scored: tuple[PossibleCause, ...] = ()
+    """Possible causes by score tests of the solution, the best first."""
 
 
 def causes(
@@ -242,7 +333,7 @@ def causes(
         values = _graduated(make(network, start, start), start)
     else:
         values = _where_most_fit(plain, solution, ended.led)
-    situation = Situation(network, start, values, solution, make, begin)
+    situation = Situation(network, start, values, solution, make, begin, scored=ended.scored)
     return possible_causes(situation, _before(situation, plain), go_on)
 
 
@@ -440,7 +531,8 @@ def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArr
     promised = []
     for hypothesis in hypotheses:
         changed = hypothesis.change(network)
-        own = hypothesis.stretch - _FITS * _fitting(situation, changed)
+        told = any(_told(changed, k) for k, g in enumerate(changed.groups) if g is not network.groups[k])
+        own = (hypothesis.stretch if told else 0.0) - _FITS * _fitting(situation, changed)
         follow = changed.start is not network.start  # start values that were observed fit in any unit
         promised.append(now - _misfit(changed) + (0.0 if follow else own))
     return np.array(promised)
@@ -454,6 +546,19 @@ def _fitting(situation: Situation, changed: Network) -> int:
         if old is not new:
             count += int(np.count_nonzero(old.mask & (old.observed != new.observed) & ~bad))
     return count
+
+
+def _told(network: Network, number: int) -> bool:
+    """True if start values are given for all that any row of a group refers to."""
+    group = network.groups[number]
+    if any(slot.kind not in network.start for slot in group.type.slots):
+        return False
+    known = np.ones(group.count, dtype=bool)
+    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        start = network.start[slot.kind]
+        given: BoolArray = np.asarray(np.isfinite(start.reshape(len(start), -1)).all(axis=1))
+        known &= given[blocks]
+    return bool(known.any())
 
 
 def _misfit(network: Network) -> float:

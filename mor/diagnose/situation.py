@@ -28,6 +28,7 @@ from mor.quality.gross_errors.description_length import (
 from mor.quality.gross_errors.exclusion import exclude
 from mor.quality.gross_errors.graduated_weights import robust_scales
 from mor.quality.gross_errors.reintersection import SUSPECT
+from mor.quality.solved import PossibleCause
 from mor.sparse.cholesky import NotFiniteError
 
 SMALL = 20_000
@@ -35,6 +36,8 @@ SMALL = 20_000
 _ITERATIONS = 15
 _PATIENCE = 2
 """Iterations one after the other that do not halve vᵀPv, as long as it is far from what is expected."""
+_PART_OUT, _MASS = 0.05, 3
+"""Part of a group that is out, and number of its rows, from which on a single observation explains nothing."""
 _AT_LEAST = 3
 """Rows of an image or a station of which half is more than chance."""
 
@@ -60,6 +63,8 @@ class Situation:
 
     settled: bool = True
     """False where the values are start values, and nothing is known of where most observations fit."""
+    scored: tuple[PossibleCause, ...] = ()
+    """Possible causes by score tests of the solution, the best first."""
     larger: bool = True
     """False where all that is rejected is smaller than its σ says."""
 
@@ -146,6 +151,17 @@ class Situation:
         return 2 * sum(int(bad.any(axis=1).sum()) for _, bad in pairs) > sum(
             g.count for g in self.network.groups
         )
+
+    @cached_property
+    def many_are_out(self) -> bool:
+        """True if more than 5 % of a group, or all of it, are left out of the solution: no single mistake did that."""
+        if self.solution is None:
+            return False
+        for group in self.solution.problem.groups:
+            out, count = int(group.left_out.any(axis=1).sum()), group.count
+            if out >= _MASS and (out > _PART_OUT * count or out == count):
+                return True
+        return False
 
     @cached_property
     def something_is_wrong_as_a_whole(self) -> bool:

@@ -15,6 +15,7 @@ from mor.quality.gross_errors.suspects import Suspects
 from mor.quality.reliability.effects import Effect, effects
 from mor.quality.reliability.observation_quality import ObservationQuality
 from mor.quality.reliability.reliability_map import Controlled, reliability_map
+from mor.quality.tests.common_to_flagged import CommonToFlagged, common_to_flagged
 from mor.quality.tests.group_tests import GroupTests
 from mor.quality.treatment import Treatment
 from mor.quality.verdict import Verdict, verdict
@@ -44,6 +45,8 @@ class PossibleCause(NamedTuple):
     log10_p: float
     """Decimal logarithm of the probability that chance decreases vᵀPv as much."""
     amount: Amount | None
+    rows: tuple[tuple[int, int], ...] = ()
+    """(group, row) of the observations that it changes, if they are few."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +78,11 @@ class Solved:
     def effects(self) -> tuple[Effect, ...]:
         """What the suspicious observations do, worked out once for all reports."""
         return tuple(effects(self.quality)) if self.quality is not None else ()
+
+    @cached_property
+    def common(self) -> tuple[CommonToFlagged, ...]:
+        """What flagged observations have in common, worked out once for all reports."""
+        return common_to_flagged(self.quality, self.network) if self.quality is not None else ()
 
     @cached_property
     def verdict(self) -> Verdict | None:

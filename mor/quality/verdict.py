@@ -17,6 +17,7 @@ from mor.quality.diagnosis.weak_directions import weak_directions
 from mor.quality.tests.common_effects import CommonEffect, common_effects
 from mor.quality.tests.fixed_coordinates import fixed_point_tests
 from mor.quality.tests.group_tests import GroupTest, GroupTests, group_tests, rows_of_test
+from mor.quality.tests.one_factor import fits_one_factor
 from mor.quality.tests.p_values import log_p_normal, log_p_student
 from mor.quality.tests.quadratic_form import Moments, log_tail
 
@@ -91,7 +92,7 @@ class Verdict(NamedTuple):
     explained: tuple[Explained, ...]
     """The worst of the rejected groups; those first of which an effect or an observation explains most of vᵀPv."""
     all_alike: bool
-    """True where groups are rejected, but none of them beside the others: then all σ are wrong by the same factor."""
+    """True if groups are rejected, none of them beside the others, and the w of all are normal with one factor."""
     chosen_only: bool
     """True where the fixed coordinates are the datum and no more: no observation controls them."""
     determined: Determined | None = None
@@ -108,7 +109,7 @@ def verdict(quality: Quality, network: Network, tests: GroupTests | None = None)
     tests = tests or group_tests(quality, network)
     rejected = tests.rejected
     limit = float(np.log(tests.level_of_each))
-    alike = tests.all_alike
+    alike = tests.all_alike and fits_one_factor(quality)
     beside = sum(test.log_p_beside_rest <= limit for test in rejected)
     looked_at = rejected[: min(max(beside, ALWAYS_EXPLAINED), EXPLAINED)]
     explained = [] if alike else [_explained(quality, tests, test) for test in looked_at]

@@ -59,3 +59,46 @@ def test_a_common_offset_of_distances_is_named_with_its_amount(tmp_path: Path) -
 @pytest.mark.parametrize("name", ["bridge", "aerial_strip"])
 def test_nothing_is_named_if_nothing_is_rejected(name: str, tmp_path: Path) -> None:
     assert _solved(survey(name).write(tmp_path)).possible_causes == ()
+
+
+@pytest.mark.slow
+def test_two_images_of_another_lens_are_named_together() -> None:
+    best = _solved(CASES / "other_lens_of_two_images.yaml").possible_causes[0]
+    assert (best.cause, set(best.things)) == ("camera of images", {"I0", "I2"})
+
+
+@pytest.mark.slow
+def test_exchanged_set_ups_are_named_although_thirteen_suspects_are_left_out() -> None:
+    solved = _solved(CASES / "set_ups_exchanged.yaml")
+    assert solved.suspects is not None
+    assert [(one.cause, set(one.things)) for one in solved.possible_causes] == [
+        ("set-ups exchanged", {"S0", "S1"})
+    ]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "cause", "thing"),
+    [
+        ("circles_counterclockwise", "circle sense", "zenith_directions 2"),
+        ("instrument_height_in_centimetres", "instrument height", "S1"),
+        ("set_ups_exchanged", "set-ups exchanged", "S0"),
+    ],
+)
+def test_a_mistake_of_a_whole_is_diagnosed_with_nothing_left(name: str, cause: str, thing: str) -> None:
+    path = CASES / f"{name}.yaml"
+    network = pipeline.read_network(pipeline.read_document(path), path.parent)
+    _, found = pipeline.diagnose_network(network, lambda _: True)
+    best = found.offered[0]
+    assert best.hypothesis.cause == cause
+    assert thing in best.hypothesis.things
+    assert best.after == pytest.approx(95.6, abs=2.0)
+    assert best.hypothesis.edits
+
+
+def test_a_height_beyond_reach_is_noted_before_adjusting() -> None:
+    path = CASES / "instrument_height_in_centimetres.yaml"
+    network = pipeline.read_network(pipeline.read_document(path), path.parent)
+    notes = [note for note in network.notes if "height" in note.message]
+    assert len(notes) == 1
+    assert "station S1: the height is 159 m, more than 5 m" in notes[0].message

@@ -46,7 +46,8 @@ def command(
       mor diagnose network.gkf --json | jq '.offered[0]'
 
     Hypotheses are mistakes that people make: exchanged names, a forgotten height, another unit, the other sense of a
-    circle. Each is tried in an adjustment of its own. No file is written and no hypothesis is applied.
+    circle. Each is tried in an adjustment of its own. No file is written and no hypothesis is applied. The edit of the
+    project that a hypothesis needs is printed as a diff, if it can be expressed by one.
 
     \b
     Exit codes: 0 nothing is rejected; 1 something is rejected, explained or not; 2 input.
@@ -76,7 +77,7 @@ def command(
         solved, found = diagnose_network(
             Project(document, network, project.parent).network, go_on, say.iteration
         )
-    data = diagnosis(network, found)
+    data = diagnosis(network, found, document, project.parent)
     data["possible_causes"] = possible_causes(solved) if solved is not None else []
     accepted = solved is not None and solved.accepted and solved.suspects is None and not found.trials
     if as_json:

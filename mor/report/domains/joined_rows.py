@@ -79,6 +79,7 @@ def gross_errors(parts: Sequence[Contribution], flagged: int, order: Mapping[str
     worst = sorted(rows, key=lambda row: -abs(row["w"]))[: min(flagged, EXPLAINED) or AT_LEAST]
     told = {
         "suspicious": worst,
+        "in_common": [],
         "snooping": _snooping(parts, order),
         "robust": _robust(parts, order["groups"]),
     }

@@ -18,7 +18,7 @@ from mor.report.text.gross_errors.hypotheses import decrease, sentence
 from mor.report.text.gross_errors.suspects import sentences
 from mor.report.text.reliability import mostly_out_in_words
 from mor.report.text.undetermined import sentences_of_things
-from mor.report.verdict.sentences import contradictions, ill_determined, said_conventions
+from mor.report.verdict.sentences import contradictions, ill_determined, in_common, said_conventions
 from mor.report.verdict.words_of_reliability import uncontrolled_in_words, uncontrolled_sentence
 from mor.report.words.language import Words
 
@@ -68,13 +68,14 @@ def headline(data: PageData) -> Statement:
             count=count,
         )
         return Statement(BAD, say("Not controlled"), words)
+    shared = in_common(data.view.gross_errors.get("in_common", []), say)
     left_out = sentences(data.view.suspects, say)
     if left_out:
-        return Statement(BAD, say("Not accepted"), " ".join(left_out))
+        return Statement(BAD, say("Not accepted"), " ".join([*left_out, *shared]))
     emptied = [*_emptied(data), *_mostly_out(data)]
     things = tuple(_thing(row) for row in summary.get("undeterminable", []))
     emptied += sentences_of_things(things, say)
-    flagged = " ".join([_flagged(summary["flagged"], say), *emptied])
+    flagged = " ".join([_flagged(summary["flagged"], say), *shared, *emptied])
     contradicted = contradictions(data.view.verdict, say)
     open_ = ill_determined(data.view.verdict, summary["units"]["length"], say)
     whole = not open_ or bool((data.view.verdict or {})["determined"]["as_a_whole"])

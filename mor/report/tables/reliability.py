@@ -39,6 +39,7 @@ def gross_errors(solved: Solved) -> dict[str, Any]:
         "familywise_level": quality.levels.familywise,
         "global_level_of_b_method": limit.level if limit else None,
         "suspicious": [suspicious(solved, effect) for effect in solved.effects],
+        "in_common": [one._asdict() for one in solved.common],
         "snooping": _snooping(solved),
         "robust": _robust(solved),
     }

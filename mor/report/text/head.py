@@ -12,12 +12,13 @@ from mor.report.results.summary import summary
 from mor.report.tables.estimates import group_table
 from mor.report.tables.gross_errors.hypotheses import possible_causes
 from mor.report.tables.gross_errors.suspects import suspects
+from mor.report.tables.reliability import gross_errors
 from mor.report.text.gross_errors.hypotheses import first_sentence
 from mor.report.text.gross_errors.suspects import sentences as sentences_on_suspects
 from mor.report.text.undetermined import sentences_of_things
 from mor.report.verdict.group_tests import verdict_rows
 from mor.report.verdict.reliability_map import reliability_rows
-from mor.report.verdict.sentences import contradictions, ill_determined
+from mor.report.verdict.sentences import contradictions, ill_determined, in_common
 from mor.report.words.datum import datum_name
 from mor.report.words.language import ENGLISH, Words
 
@@ -103,6 +104,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         if flagged
         else words("No observation is flagged.")
     )
+    lines += in_common(gross_errors(solved).get("in_common", []), words)
     lines += first_sentence(possible_causes(solved), words)
     lines += sentences_of_things(solved.network.undeterminable, words)
     return [*lines, *(_uncontrolled(solved, words) if test.redundancy else []), *_emptied(solved, words)]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from mor.quality.solved import Solved
@@ -90,6 +91,28 @@ def contradictions(data: dict[str, Any] | None, words: Words) -> list[str]:
         )
     ]
     return lines + [_explained(row, words) for row in explained]
+
+
+def in_common(rows: Sequence[dict[str, Any]], words: Words) -> list[str]:
+    """Return a sentence that names what flagged observations have in common; nothing if they have nothing."""
+    if not rows:
+        return []
+    said = [
+        words(
+            "{thing} ({flagged} of its {count:row|rows})",
+            thing=_thing(row, words),
+            flagged=row["flagged"],
+            count=row["rows"],
+        )
+        for row in rows
+    ]
+    return [
+        words(
+            "The flagged observations ({count:row|rows}) have in common: {names}.",
+            count=rows[0]["all_flagged"],
+            names=", ".join(said),
+        )
+    ]
 
 
 def ill_determined(data: dict[str, Any] | None, unit: str, words: Words) -> list[str]:

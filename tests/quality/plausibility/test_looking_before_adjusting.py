@@ -51,6 +51,9 @@ def test_nothing_is_said_of_a_sample(name: str) -> None:
         "than that of any",
         "beside what",
         "the loop misses",
+        "the given coordinates",
+        "the height is",
+        "are they",
         "start pose shows",
     )
     assert [note for note in notes_of(SAMPLES / name / "project.yaml") if any(w in note for w in words)] == []
@@ -203,3 +206,40 @@ def test_readings_in_gon_declared_as_radians(tmp_path: Path) -> None:
     run = mor("adjust", project, "--no-html")
     assert run.code == 3
     assert "NO SOLUTION" in run.out + run.err
+
+
+def test_elevations_in_a_table_of_zenith_angles(
+    changed: Callable[[str, str, Callable[[Rows], object]], Path],
+) -> None:
+    def mistake(rows: Rows) -> None:
+        for row in rows:
+            row["zenith"] = f"{(100.0 - float(row['zenith'])) % 400.0:.4f}"
+
+    notes = [note for note in notes_of(changed("bridge", "directions.csv", mistake)) if "elevations" in note]
+    assert len(notes) == 1
+    assert "zenith angles are near 0 or a half circle; are they elevations?" in notes[0]
+
+
+@pytest.mark.parametrize(("factor", "said"), [(1.0 / 0.3048, "3.28 times"), (1000.0, "1e+03 times")])
+def test_distances_in_another_unit_than_the_given_coordinates(
+    factor: float, said: str, changed: Callable[[str, str, Callable[[Rows], object]], Path]
+) -> None:
+    def mistake(rows: Rows) -> None:
+        for row in rows:
+            row["distance"] = f"{factor * float(row['distance']):.4f}"
+
+    notes = [note for note in notes_of(changed("bridge", "distances.csv", mistake)) if "their unit?" in note]
+    assert len(notes) == 1
+    assert said in notes[0]
+
+
+def test_one_distance_far_off_the_given_coordinates(
+    changed: Callable[[str, str, Callable[[Rows], object]], Path],
+) -> None:
+    def mistake(rows: Rows) -> None:
+        rows[3]["distance"] = f"{float(rows[3]['distance']) + 200.0:.4f}"
+
+    notes = notes_of(changed("bridge", "distances.csv", mistake))
+    found = [note for note in notes if "as far from the given coordinates" in note]
+    assert len(found) == 1
+    assert "distances.csv:5:" in found[0]

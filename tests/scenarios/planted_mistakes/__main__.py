@@ -5,9 +5,12 @@ from __future__ import annotations
 import argparse
 import warnings
 from collections import Counter
+from collections.abc import Callable
+from functools import partial
 
 from tests.scenarios.planted_mistakes.error_free import rates
-from tests.scenarios.planted_mistakes.trial import KINDS, Trial, trial
+from tests.scenarios.planted_mistakes.trial import KINDS, Trial, mixture_trial, trial
+from tests.scenarios.planted_mistakes.truth import NotHereError
 
 
 def row(name: str, found: list[Trial]) -> str:
@@ -18,7 +21,8 @@ def row(name: str, found: list[Trial]) -> str:
     codes = Counter(one.code for one in found)
     said = ", ".join(f"{code}: {count}" for code, count in sorted(codes.items()))
     visible = sum(one.visible for one in found)
-    return f"| {name} | {len(found)} | {visible} | {first} | {among} | {blamed} | {said} |"
+    scored = sum(one.scored is not None for one in found)
+    return f"| {name} | {len(found)} | {visible} | {first} | {among} | {blamed} | {scored} | {said} |"
 
 
 def main() -> None:
@@ -33,6 +37,7 @@ def main() -> None:
     parser.add_argument(
         "--error-free", type=int, default=0, help="in place of that, so many projects without a mistake"
     )
+    parser.add_argument("--mixtures", type=int, default=0, help="in place of that, so many mixtures")
     parser.add_argument("--sample", default="bridge", help="sample project without a mistake")
     chosen = parser.parse_args()
     warnings.simplefilter("ignore")
@@ -42,17 +47,42 @@ def main() -> None:
             f"{chosen.sample}: {count} without a mistake, {rejected} looked into, {offered} with a hypothesis"
         )
         return
-    print("| mistake | cases | visible | right cause first | among three | another one first | exit codes |")
-    print("|---|---|---|---|---|---|---|")
+    print(
+        "| mistake | cases | visible | right first | among three | another first | by score tests | exit codes |"
+    )
+    print("|---|---|---|---|---|---|---|---|")
     everything: list[Trial] = []
-    for kind in chosen.kind or KINDS:
-        found = [trial(kind, seed) for seed in range(chosen.first, chosen.first + chosen.count)]
+    trials: dict[str, list[Callable[[], Trial]]] = {
+        kind: [partial(trial, kind, seed) for seed in range(chosen.first, chosen.first + chosen.count)]
+        for kind in chosen.kind or KINDS
+    }
+    if chosen.mixtures:
+        seeds = range(chosen.first, chosen.first + chosen.mixtures)
+        trials = {f"mixture {seed}": [partial(mixture_trial, seed)] for seed in seeds}
+    for kind, some in trials.items():
+        found = []
+        for one in some:
+            try:
+                found.append(one())
+            except NotHereError:
+                print(f"{kind}: no project for it")
         everything += found
         print(row(kind.replace("_", " "), found), flush=True)
         if chosen.show:
             for seed, one in enumerate(found, chosen.first):
                 if one.place != 0:
-                    print("   ", seed, *one[1:6], one.place, *one.offered[:4], sep="; ")
+                    print(
+                        "   ",
+                        seed,
+                        *one[:7],
+                        "place",
+                        one.place,
+                        "scored",
+                        one.scored,
+                        *one.offered[:4],
+                        sep="; ",
+                        flush=True,
+                    )
     print(row("all", everything))
     print(row("of these: visible", [one for one in everything if one.visible]))
     solved = [one for one in everything if one.outcome == "converged"]

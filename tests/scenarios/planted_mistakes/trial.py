@@ -4,15 +4,25 @@ from __future__ import annotations
 
 import json
 import tempfile
+from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from tests.scenarios.planted_mistakes import of_images, of_instruments, of_names, of_units
+from tests.scenarios.mixtures.ingredients import mixture
+from tests.scenarios.mixtures.project_file import write_project
+from tests.scenarios.planted_mistakes import (
+    of_images,
+    of_instruments,
+    of_mixtures,
+    of_more,
+    of_names,
+    of_units,
+)
 from tests.scenarios.planted_mistakes.survey import NAMES, survey
-from tests.scenarios.planted_mistakes.truth import NotHereError
+from tests.scenarios.planted_mistakes.truth import NotHereError, Planted
 from tests.scenarios.small_projects import mor
 
 KINDS = {
@@ -43,9 +53,24 @@ KINDS = {
         of_units.control_unit,
         of_units.axes_exchanged,
         of_units.sigma_unit,
+        of_more.set_ups_exchanged,
+        of_more.station_exchanged_in_directions,
+        of_more.images_exchanged,
+        of_more.other_camera,
+        of_more.control_moved,
+        of_more.distance_unit,
+        of_more.levelling_unit,
+        of_more.orientation_changed,
+        of_more.sigma_factor,
+        of_more.pixel_origin,
+        of_more.two_levelling_signs,
+        of_more.instrument_height_in_centimetres,
+        of_more.target_height_sign,
     )
 }
 _TRIES = 100
+LIMIT = 120
+"""Seconds of a diagnosis."""
 VISIBLE = 17.07
 """Non-centrality that a test of level 0.001 finds with a probability of 0.80 (W. Baarda 1968): what changes v'Pv by
 less cannot be told from chance by anybody."""
@@ -85,28 +110,53 @@ def trial(kind: str, seed: int, keep: Path | None = None, sample: str = "") -> T
     else:
         raise NotHereError
     with tempfile.TemporaryDirectory() as folder:
-        project = chosen.write(keep or Path(folder))
-        run = mor("adjust", project, "--json", "-q")
-        found = json.loads(mor("diagnose", project, "--json", "-q", "--limit", "600").out)["offered"]
+        return judged(kind, chosen.name, planted, chosen.write(keep or Path(folder)), _without)
+
+
+def mixture_trial(seed: int, keep: Path | None = None) -> Trial:
+    """Plant a mistake into a mixture of everything; both are chosen by the seed."""
+    kinds = sorted(of_mixtures.KINDS)
+    random = np.random.default_rng([seed, 39])
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = keep or Path(scratch)
+        for attempt in range(_TRIES):
+            kind = str(random.choice(kinds))
+            number = 1000 * seed + attempt
+            sound = write_project(mixture(number), folder / "sound")[0]
+            world = mixture(number)
+            try:
+                planted = of_mixtures.KINDS[kind](world, random)
+            except NotHereError:
+                continue
+            run = mor("adjust", sound, "--json", "-q")
+            if run.code != 0:
+                continue  # it has no solution without a mistake
+            statistic = _statistic(json.loads(run.out))
+            project = write_project(world, folder / "wrong")[0]
+            return judged(f"mixture: {kind}", f"mixture {number}", planted, project, lambda _, s=statistic: s)
+    raise NotHereError
+
+
+def judged(kind: str, sample: str, planted: Planted, project: Path, without: Callable[[str], float]) -> Trial:
+    """Adjust and diagnose a project with a mistake; ``without`` returns v'Pv of the project without it."""
+    run = mor("adjust", project, "--json", "-q")
+    told = mor("diagnose", project, "--json", "-q", "--limit", str(LIMIT))
+    found = json.loads(told.out)["offered"] if told.out else []
     places = [place for place, hypothesis in enumerate(found) if planted.is_named_by(hypothesis)]
     place, things = (places[0] if places else None), tuple(sorted(planted.things))
     offered = tuple(f"{h['cause']} ({', '.join(h['things'])})" for h in found)
     if not run.out:
-        return Trial(
-            kind, chosen.name, things, run.code, "input", True, True, place, offered or (run.err[:200],)
-        )
+        return Trial(kind, sample, things, run.code, "input", True, True, place, offered or (run.err[:200],))
     results = json.loads(run.out)
     scored = [k for k, one in enumerate(results["possible_causes"]) if planted.is_named_by(one)]
     return Trial(
         kind,
-        chosen.name,
+        sample,
         things,
         run.code,
         results["suspects"]["outcome"] if results.get("suspects") else results["outcome"],
         run.code != 0 or not results["global_test"]["accepted"],
-        run.code != 0
-        or bool(results["suspects"])
-        or abs(_statistic(results) - _without(chosen.name)) > VISIBLE,
+        run.code != 0 or bool(results["suspects"]) or abs(_statistic(results) - without(sample)) > VISIBLE,
         place,
         offered,
         scored[0] if scored else None,

@@ -78,6 +78,18 @@ class Robust(Part):
     rms_shift: float = Field(description="Root mean square of these differences")
 
 
+class InCommon(Part):
+    """A point, image, station or table that many flagged observations refer to."""
+
+    of: Literal["group", "image", "camera", "station", "set", "instrument", "system", "point"] = Field(
+        description="Kind of the object"
+    )
+    name: str = Field(description="Its name")
+    flagged: int = Field(description="Number of its rows of observations that are flagged or left out")
+    rows: int = Field(description="Number of its rows of observations")
+    all_flagged: int = Field(description="Number of all rows of observations that are flagged or left out")
+
+
 class GrossErrors(Part):
     """Tests of single observations; empty without a solution."""
 
@@ -91,6 +103,9 @@ class GrossErrors(Part):
     )
     suspicious: list[Suspicious] = Field(
         default=[], description="Observations with the largest |w|, and what errors in them do"
+    )
+    in_common: list[InCommon] = Field(
+        default=[], description="What more of the flagged observations refer to than chance explains"
     )
     snooping: Snooping | None = Field(default=None, description="Data snooping, where it was asked for")
     robust: Robust | None = Field(default=None, description="Robust solution, where it was asked for")

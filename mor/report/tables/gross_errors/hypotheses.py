@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from math import isfinite
+from pathlib import Path
 from typing import Any
 
+from mor.diagnose.edits import as_diff
 from mor.diagnose.hypothesis import Diagnosis
+from mor.project.file.nodes import Document
 from mor.project.network.build import Network
 from mor.quality.solved import Amount, Solved
 
@@ -27,8 +30,11 @@ def possible_causes(solved: Solved) -> list[dict[str, Any]]:
     ]
 
 
-def diagnosis(network: Network, found: Diagnosis) -> dict[str, Any]:
-    """A search for mistakes: vᵀPv before, what is offered, and what was tried."""
+def diagnosis(network: Network, found: Diagnosis, document: Document, folder: Path) -> dict[str, Any]:
+    """A search for mistakes: vᵀPv before, what is offered, and what was tried.
+
+    ``document`` is the project file and ``folder`` that of its tables: hypotheses come with the diff of their edits.
+    """
     before = found.before
     return {
         "vtpv_before": before.told if isfinite(before.told) else None,
@@ -38,6 +44,7 @@ def diagnosis(network: Network, found: Diagnosis) -> dict[str, Any]:
                 "cause": one.hypothesis.cause,
                 "things": list(one.hypothesis.things),
                 "line": one.hypothesis.line,
+                "diff": as_diff(document, folder, one.hypothesis.edits, one.amount),
                 "candidates": one.hypothesis.candidates,
                 "amount": _amount(network, one.amount),
                 "vtpv_after": one.after,
@@ -64,7 +71,7 @@ def _amount(network: Network, amount: Amount | None) -> dict[str, Any] | None:
     """The value of an additional parameter, with its unit."""
     if amount is None:
         return None
-    units = {"offset": network.project.units.length, "scale": ""}
+    units = {"offset": network.project.units.length, "scale": "", "sigma factor": ""}
     units["height"] = units["offset"]
     unit = units.get(amount.name, next((scale.unit for scale in network.scales.values()), ""))
     return {"name": amount.name, "value": amount.value, "unit": unit}

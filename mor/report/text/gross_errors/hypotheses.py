@@ -38,6 +38,10 @@ SENTENCES = {
     "pixel origin": "the principal point, or the origin of the pixels, may be wrong ({names})",
     "camera of images": "images may be of another camera or focal length ({names})",
     "curvature": "the curvature of the earth is not modelled",
+    "set-ups exchanged": "the places of two instruments may be exchanged ({names})",
+    "images exchanged": "the names of two images may be exchanged ({names})",
+    "orientation changed": "the horizontal circle may have been turned during a set of directions ({names})",
+    "sigma of a table": "the standard deviations of a table may be wrong by one factor ({names})",
     "sigma unit": "standard deviations may be in another unit ({names})",
 }
 """What each cause says."""
@@ -96,6 +100,7 @@ def diagnosed(data: dict[str, Any], words: Words = ENGLISH) -> str:
         lines.append(f"{number}. {sentence(row, words)}")
         lines.append("   " + _effect(row, words))
         lines.append("   " + words("to try it: {line}", line=row["line"]))
+        lines += _diff(row.get("diff"), words)
     if data["offered"]:
         lines.append(words("None is applied. Look at the measurements before you change anything."))
     if data["untried"]:
@@ -107,6 +112,19 @@ def diagnosed(data: dict[str, Any], words: Words = ENGLISH) -> str:
             )
         )
     return "\n".join(lines)
+
+
+DIFF = 24
+"""Lines of a diff that are printed; results as JSON have all of them."""
+
+
+def _diff(diff: str | None, words: Words) -> list[str]:
+    """The edit of the project, indented."""
+    lines = (diff or "").splitlines()
+    said = [f"     {line}" for line in lines[:DIFF]]
+    if len(lines) > DIFF:
+        said.append("     " + words("and {count:line|lines} more (--json has all)", count=len(lines) - DIFF))
+    return said
 
 
 def tried(data: dict[str, Any], words: Words = ENGLISH) -> str:

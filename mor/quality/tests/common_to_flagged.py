@@ -1,0 +1,131 @@
+"""What flagged observations have in common: a point, image, camera, station, set, instrument or table.
+
+A row of observations counts as flagged if the test of single observations flags it, or if it was left out. If flagged
+rows fell on all rows alike, the number of them among the n rows of a point or an image would be at most as large as a
+binomial number with the share of flagged rows. The thing with the smallest probability of so many is named, then that
+of the rows which are left, as long as the family-wise level is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import betainc
+
+from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.observations import ObservationGroup
+from mor.project.network.build import Network
+from mor.quality.assess import Quality
+from mor.quality.tests.partitions import partitions, sets_beside_others
+
+LEVEL = 1e-3
+"""Family-wise level."""
+NAMED = 3
+_AT_LEAST = 2
+
+
+class CommonToFlagged(NamedTuple):
+    """A thing that many of the flagged rows refer to."""
+
+    of: str
+    """``group``, ``image``, ``camera``, ``station``, ``set``, ``instrument``, ``system`` or ``point``."""
+    name: str
+    flagged: int
+    """Number of its flagged rows."""
+    rows: int
+    all_flagged: int
+    """Number of all flagged rows."""
+
+
+class _Membership(NamedTuple):
+    """Which rows refer to the things of one kind."""
+
+    of: str
+    names: Sequence[str]
+    rows: IntArray
+    """(k,) rows, counted through all groups."""
+    classes: IntArray
+    """(k,)"""
+
+
+def common_to_flagged(quality: Quality, network: Network) -> tuple[CommonToFlagged, ...]:
+    """Return up to three things that more flagged rows refer to than chance explains, the clearest first."""
+    groups = quality.adjustment.problem.groups
+    pairs = zip(quality.flagged, groups, strict=True)
+    flagged = np.concatenate([np.zeros(0, bool), *((f | g.left_out).any(axis=1) for f, g in pairs)])
+    if np.count_nonzero(flagged) < _AT_LEAST:
+        return ()
+    counted: BoolArray = np.concatenate([np.zeros(0, bool), *(g.mask.any(axis=1) for g in groups)])
+    memberships = list(_memberships(quality, network))
+    found: list[CommonToFlagged] = []
+    for _ in range(NAMED):
+        best = _clearest(memberships, flagged & counted, counted)
+        if best is None:
+            break
+        one, number, rows = best
+        mine = one.rows[one.classes == number]
+        hit = int(np.count_nonzero(flagged[mine] & counted[mine]))
+        found.append(CommonToFlagged(one.of, one.names[number], hit, rows, int(np.count_nonzero(flagged))))
+        counted = counted.copy()
+        counted[mine] = False
+    return tuple(found)
+
+
+def _memberships(quality: Quality, network: Network) -> Iterator[_Membership]:
+    problem = quality.adjustment.problem
+    first = np.concatenate([[0], np.cumsum([group.count for group in problem.groups])])
+    several = sets_beside_others(network)
+    for partition in partitions(problem, network):
+        # the only set of a station is that station
+        counted = np.array([partition.of != "set" or name in several for name in partition.names], dtype=bool)
+        rows, classes = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        for k in range(len(problem.groups)):
+            own = partition.of_rows(k, slice(None))
+            if own is not None:
+                here = np.flatnonzero((own >= 0) & counted[own])
+                rows.append(first[k] + here)
+                classes.append(own[here])
+        yield _Membership(partition.of, partition.names, np.concatenate(rows), np.concatenate(classes))
+    if "point" in problem.index.blocks:
+        yield _of_points(problem.groups, first, problem.index.blocks["point"].ids)
+
+
+def _of_points(groups: Sequence[ObservationGroup], first: IntArray, ids: Sequence[str]) -> _Membership:
+    pairs = [np.zeros((0, 2), np.int64)]
+    for k, group in enumerate(groups):
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == "point":
+                pairs.append(np.stack([first[k] + np.arange(group.count), np.asarray(blocks)], axis=1))
+    both = np.unique(np.concatenate(pairs), axis=0)
+    return _Membership("point", ids, both[:, 0], both[:, 1])
+
+
+def _clearest(
+    memberships: Sequence[_Membership], flagged: BoolArray, counted: BoolArray
+) -> tuple[_Membership, int, int] | None:
+    """The thing whose flagged rows are least likely, with its number and its number of rows."""
+    whole, hits = int(np.count_nonzero(counted)), int(np.count_nonzero(flagged))
+    best: tuple[float, int, _Membership, int] | None = None
+    tests = 0
+    for one in memberships:
+        n = np.bincount(one.classes, weights=counted[one.rows], minlength=len(one.names))
+        k = np.bincount(one.classes, weights=flagged[one.rows], minlength=len(one.names))
+        tests += int(np.count_nonzero(n))
+        some = np.flatnonzero((k >= _AT_LEAST) & (n < whole))
+        if not len(some):
+            continue
+        p = _tail(np.asarray(k[some], float), np.asarray(n[some], float), hits / whole)
+        place = int(np.lexsort((n[some], p))[0])
+        ranked = float(p[place]), int(n[some][place])
+        if best is None or ranked < best[:2]:
+            best = (*ranked, one, int(some[place]))
+    if best is None or best[0] * tests >= LEVEL:
+        return None
+    return best[2], best[3], best[1]
+
+
+def _tail(k: FloatArray, n: FloatArray, share: float) -> FloatArray:
+    """Probability that a binomial number out of n is k or larger."""
+    return np.asarray(betainc(k, n - k + 1.0, share), dtype=np.float64)
