@@ -43,7 +43,7 @@ class Defect:
     @property
     def dimension(self) -> int:
         """Unknowns less the rank of the normal matrix, apart from what is not determined inside the network."""
-        return self.datum.shape[1] + self.to_second_order
+        return int(self.datum.shape[1]) + self.to_second_order
 
     @cached_property
     def undetermined(self) -> tuple[Undetermined, ...]:

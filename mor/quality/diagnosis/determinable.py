@@ -147,7 +147,7 @@ def _with_far_points(
     failed = np.zeros(0, dtype=np.int64)
     failures = 0
     far = _beyond_reach(network, values, found, means)
-    given = np.isfinite(start["point"][far.points]).all(axis=1)
+    given: BoolArray = np.asarray(np.isfinite(start["point"][far.points]).all(axis=1))
     if given.any():
         begun = _from_given_places(network, start, values, found, far.take(~given), means)
         if begun is not None:
