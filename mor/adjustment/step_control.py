@@ -111,7 +111,7 @@ def _along(state: Adjustment, regular: FloatArray, along: FloatArray) -> Taken |
     without = move(index, state.values, regular)
     if objective(state.plan, without) > _limit(state):
         return None
-    for share in _first_share(state, along) * 0.5 ** np.arange(10):
+    for share in _first_share(state, along) * 0.25 ** np.arange(5):
         values, before = move(index, state.values, regular + share * along), np.inf
         for _ in range(_CORRECTIONS):
             normals = build_normals(state.plan, values)
