@@ -55,11 +55,8 @@ def test_wrong_identities_do_not_keep_it_from_starting(tmp_path):
     assert trial.reached, trial.words
 
 
-LOST = pytest.mark.xfail(reason="start values of this seed lead to another minimum", strict=False)
-
-
 @pytest.mark.slow
-@pytest.mark.parametrize("seed", [2300080, pytest.param(2300196, marks=LOST)])
+@pytest.mark.parametrize("seed", [2300080, 2300196])
 def test_wrong_identities_do_not_keep_it_from_its_end(seed, tmp_path):
     """Heights that leave a part two verticals; three points of vectors, one of which a station sights as another."""
     world = mixture(seed)
