@@ -55,9 +55,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 KNOWN_FAULTS = (
-    "tests/undeterminable/test_planted.py::test_what_was_planted_is_named_and_the_rest_is_as_without_it[4]",
     "tests/diagnose/test_score_tests.py::test_a_mistake_of_a_whole_is_diagnosed_with_nothing_left[instrument_height_in",
-    "tests/docs/test_tutorials.py::test_page_shows_what_the_program_says",
     "tests/domains/test_results.py::test_gross_errors_reject_the_same_groups_and_move_the_same_points",
     "tests/domains/test_snooping.py::test_the_same_rows_go_in_the_same_rounds[an image]",
     "tests/domains/test_weights.py::test_robust_solutions_that_do_not_settle",

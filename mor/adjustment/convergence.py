@@ -128,6 +128,8 @@ def is_in_datum(state: Adjustment, step: FloatArray, shift: FloatArray, gain: fl
     coordinate that moves farthest is worked out, in the datum, and in the minimal datum of the anchors: a step that is
     nothing may be that times ``change`` there, and the shift takes it back. All of that may be ``gain`` times as large.
     """
+    if not np.isfinite(shift).all():  # the constraint does not bind the movements here
+        return False
     mask = state.constraint.mask
     moving = float(np.abs(shift[mask]).max(initial=0.0))
     if moving == 0.0:

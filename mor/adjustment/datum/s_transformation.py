@@ -133,15 +133,13 @@ def into_datum(
 
     With it by how much more an error of the step moves it there than BᵀG says. B changes with the movements t: the
     derivative of Bᵀ(x − x₀) by them is BᵀG + K. Where x₀ is bad K is not small, and a network that is moved without it
-    swings into its datum slowly, or for ever.
+    swings into its datum slowly, or for ever. The step is NaN if the constraint does not bind the movements here.
     """
     total = corrections(problem.datum, problem.index, values) + np.where(constraint.mask, step, 0.0)
     missing, across = constraint.normals.T @ total, constraint.normals.T @ null
     movement: FloatArray = tolerant.solve(across, missing)
     gain = 1.0
-    if not np.isfinite(
-        movement
-    ).all():  # the constraint does not bind the movements here: no step is in the datum
+    if not np.isfinite(movement).all():
         return np.full(len(step), np.nan), gain
     bent = _bent(null, problem, values, total)
     if bent is not None:

@@ -1,9 +1,9 @@
 """What flagged observations have in common: a point, image, camera, station, set, instrument or table.
 
-A row of observations counts as flagged if the test of single observations flags it, or if it was left out. If flagged
-rows fell on all rows alike, the number of them among the n rows of a point or an image would be at most as large as a
-binomial number with the share of flagged rows. The thing with the smallest probability of so many is named, then that
-of the rows which are left, as long as the family-wise level is kept.
+A row of observations counts as flagged if the test of single observations flags it, or if mor left it out. Checks do
+not count: the project keeps them out. If flagged rows fell on all rows alike, their number among the n rows of a point
+would be at most binomial with the share of flagged rows. The thing with the smallest probability is named. Without its
+rows the next one is looked for, as long as the family-wise level is kept.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from scipy.special import betainc
 from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup
 from mor.project.network.build import Network
+from mor.project.network.entities import thing_of
 from mor.quality.assess import Quality
 from mor.quality.tests.partitions import partitions, sets_beside_others
 
@@ -53,11 +54,12 @@ class _Membership(NamedTuple):
 def common_to_flagged(quality: Quality, network: Network) -> tuple[CommonToFlagged, ...]:
     """Return up to three things that more flagged rows refer to than chance explains, the clearest first."""
     groups = quality.adjustment.problem.groups
-    pairs = zip(quality.flagged, groups, strict=True)
-    flagged = np.concatenate([np.zeros(0, bool), *((f | g.left_out).any(axis=1) for f, g in pairs)])
+    used = [group.mask & (k < len(network.groups)) for k, group in enumerate(groups)]  # the last are checks
+    parts = zip(quality.flagged, groups, used, strict=True)
+    flagged = np.concatenate([np.zeros(0, bool), *(((f | g.left_out) & u).any(axis=1) for f, g, u in parts)])
     if np.count_nonzero(flagged) < _AT_LEAST:
         return ()
-    counted: BoolArray = np.concatenate([np.zeros(0, bool), *(g.mask.any(axis=1) for g in groups)])
+    counted: BoolArray = np.concatenate([np.zeros(0, bool), *(u.any(axis=1) for u in used)])
     memberships = list(_memberships(quality, network))
     found: list[CommonToFlagged] = []
     for _ in range(NAMED):
@@ -67,7 +69,10 @@ def common_to_flagged(quality: Quality, network: Network) -> tuple[CommonToFlagg
         one, number, rows = best
         mine = one.rows[one.classes == number]
         hit = int(np.count_nonzero(flagged[mine] & counted[mine]))
-        found.append(CommonToFlagged(one.of, one.names[number], hit, rows, int(np.count_nonzero(flagged))))
+        of, name = one.of, one.names[number]
+        if of == "point":  # or a projection centre
+            of, name = thing_of(of, name)
+        found.append(CommonToFlagged(of, name, hit, rows, int(np.count_nonzero(flagged))))
         counted = counted.copy()
         counted[mine] = False
     return tuple(found)

@@ -13,7 +13,7 @@ from mor.quality.reliability.detectable_errors import Reliability
 from mor.quality.solved import Solved
 from mor.quality.tests.common_to_flagged import _tail, common_to_flagged
 from mor.quality.tests.one_factor import _is_normal, fits_one_factor
-from tests.scenarios.planted_mistakes.survey import survey
+from tests.scenarios.planted_mistakes.survey import SAMPLES, survey
 
 BRIDGE = "bridge"
 
@@ -91,3 +91,14 @@ def _scaled(solved: Solved, factors: tuple[float, float]):  # type: ignore[no-un
     return replace(
         quality, groups=groups, reliability=tuple(Reliability(one, quality.noncentrality) for one in groups)
     )
+
+
+@pytest.mark.parametrize("sample", ["drone_block", "three_line_strip"])
+def test_checks_are_not_flagged(sample: str) -> None:
+    """The project keeps them out: that they are out is nothing to tell."""
+    path = SAMPLES / sample / "project.yaml"
+    network = pipeline.read_network(pipeline.read_document(path), path.parent)
+    solved = pipeline.solve_network(network)
+    assert network.checks
+    assert solved.quality is not None
+    assert common_to_flagged(solved.quality, solved.network) == ()
