@@ -52,19 +52,3 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
             item.add_marker("slow")
         if "shared_data" in getattr(item, "fixturenames", ()) or finders & vars(item.module).keys():
             item.add_marker("shared_data")
-
-
-KNOWN_FAULTS = (
-    "tests/diagnose/test_score_tests.py::test_a_mistake_of_a_whole_is_diagnosed_with_nothing_left[instrument_height_in",
-    "tests/domains/test_results.py::test_gross_errors_reject_the_same_groups_and_move_the_same_points",
-    "tests/domains/test_snooping.py::test_the_same_rows_go_in_the_same_rounds[an image]",
-    "tests/domains/test_weights.py::test_robust_solutions_that_do_not_settle",
-)
-"""Tests that the present state does not pass, to be mended."""
-
-
-@pytest.hookimpl(trylast=True)
-def pytest_itemcollected(item: pytest.Item) -> None:
-    """Expect known faults to fail."""
-    if item.nodeid.startswith(KNOWN_FAULTS):
-        item.add_marker(pytest.mark.xfail(reason="known fault", strict=False))

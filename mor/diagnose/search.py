@@ -161,8 +161,11 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
     trials: list[Trial] = []
     untried, explained, done = 0, -np.inf, False
     known: set[tuple[str, tuple[str, ...]]] = set()
+    later = {
+        (one.cause, one.things) for one in implausible_height_hypotheses(situation)
+    }  # begun at a usual height
     for hypothesis in _scored(situation):
-        if (hypothesis.cause, hypothesis.things) in known:
+        if (hypothesis.cause, hypothesis.things) in known | later:
             continue
         known.add((hypothesis.cause, hypothesis.things))
         if untried or not go_on(hypothesis):
