@@ -46,7 +46,7 @@ def main() -> None:
         code = 128 + int(next(iter(interruption.args), signal.SIGINT))
     except OSError:
         code = _NOT_WRITTEN
-    if not _all_said():
+    if not _flushed():
         code = code or _NOT_WRITTEN
     gc.freeze()  # all memory goes with the process: nothing is looked for in what is there
     sys.exit(code)
@@ -56,8 +56,8 @@ _NOT_WRITTEN = 2
 """Exit code where something cannot be written."""
 
 
-def _all_said() -> bool:
-    """Whether the last words could be written. Where not, they go nowhere: Python would end with its own code."""
+def _flushed() -> bool:
+    """Flush the standard streams. Lead one that fails to nowhere, or Python exits with a code of its own."""
     said = True
     for stream in (sys.stdout, sys.stderr):
         try:

@@ -12,20 +12,13 @@ import numpy as np
 
 from mor.approximate.similarity import similarity
 from mor.arrays import FloatArray, IntArray
+from mor.diagnose.distances import LENGTHS
 from mor.diagnose.edits import CellEdit, Edit, KeyEdit, key, to
 from mor.diagnose.hypothesis import Hypothesis, with_group, with_points
 from mor.diagnose.situation import SMALL, Situation
 from mor.project.network.build import Network
 from mor.quality.gross_errors.reintersection import by_sights_alone, costs_at_places
 
-_UNITS = {
-    "mm for m": 0.001,
-    "m for mm": 1000.0,
-    "ft for m": 0.3048,
-    "m for ft": 1.0 / 0.3048,
-    "cm for m": 0.01,
-    "m for cm": 100.0,
-}
 _PAIRS = 3
 """Exchanges that are tried, of all pairs."""
 _SUSPECTED = 12
@@ -159,13 +152,13 @@ def _units(situation: Situation, control: Control) -> list[Hypothesis]:
             (control.label, name),
             partial(with_points, points=control.points, change=partial(np.multiply, factor)),
             f"points, {control.label}: units: {{x: {name.split()[0]}, y: {name.split()[0]}, z: {name.split()[0]}}}",
-            len(_UNITS),
+            len(LENGTHS),
             afresh=True,
             stretch=control.given.size * float(np.log(factor)) if control.observed else 0.0,
             anew={"point": control.points},
             edits=_unit_edits(situation, control, name.split()[0]),
         )
-        for name, factor in _UNITS.items()
+        for name, factor in LENGTHS.items()
     ]
 
 

@@ -38,7 +38,7 @@ def distance_hypotheses(situation: Situation) -> list[Hypothesis]:
     return found + [_other_kind(network, k) for k in numbers]
 
 
-_LENGTHS = {
+LENGTHS = {
     "mm for m": 0.001,
     "m for mm": 1000.0,
     "ft for m": 0.3048,
@@ -62,7 +62,7 @@ def table_unit_hypotheses(situation: Situation) -> list[Hypothesis]:
         ):
             continue
         count = int(np.count_nonzero(group.mask[:, lengths]))
-        for words, factor in _LENGTHS.items():
+        for words, factor in LENGTHS.items():
             unit = words.split()[0]
             factors = np.where(lengths, factor, 1.0)
             names = [c.name for c, own in zip(group.type.components, lengths, strict=True) if own]
@@ -72,7 +72,7 @@ def table_unit_hypotheses(situation: Situation) -> list[Hypothesis]:
                     (group.name, words),
                     partial(_scaled, number=number, factors=factors),
                     f"observations, {group.name}: units: {unit}",
-                    len(_LENGTHS),
+                    len(LENGTHS),
                     stretch=count * float(np.log(factor)),
                     afresh=True,
                     edits=table_key(
