@@ -139,9 +139,11 @@ def _until(happened):
         time.sleep(0.05)
 
 
-def test_processes_here_and_a_cluster_are_not_asked_for_together(blocks, capfd):
-    assert run(["batch", blocks, "--jobs", "2", "--cluster", "tcp://127.0.0.1:9"]) == 2
+def test_processes_here_and_a_cluster_are_not_asked_for_together(blocks, tmp_path, capfd):
+    output = tmp_path / "results"
+    assert run(["batch", blocks, "-o", str(output), "--jobs", "2", "--cluster", "tcp://127.0.0.1:9"]) == 2
     assert "--jobs and --cluster together" in capfd.readouterr().err
+    assert not output.exists()
 
 
 def test_one_simulated_project_needs_no_cluster(tmp_path, capfd):

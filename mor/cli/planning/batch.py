@@ -119,8 +119,8 @@ def command(
     for case in found:
         note_input(case.project)
     logs = [f"{case.name}/{LOG}" for case in found]
-    write_among(output, {}, (*_TABLES, *logs))
     with _workers(output, len(found), jobs, cluster, timeout) as work:
+        write_among(output, {}, (*_TABLES, *logs))
         rows = _rows(found, options, work, against, tol, quiet)
     text, data = batch_text(rows, words), to_json(batch_data(rows))
     contents = (text, data, batch_page(rows, words), junit_xml(rows, words))
