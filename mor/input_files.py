@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import hashlib
 import os
@@ -151,13 +152,20 @@ def read_bytes(path: Path, most: str = TABLE) -> bytes:
 
 
 def read_text(path: Path, most: str = PROJECT, errors: str = "strict") -> str:
-    """Text of a UTF-8 file, with or without a mark of byte order. Raises :class:`InputError`."""
-    content = read_bytes(path, most)
+    """Return the text of a file in UTF-8, or in UTF-16 with a byte order mark. Raises :class:`InputError`."""
+    content = as_utf8(read_bytes(path, most))
     try:
-        return content.decode("utf-8-sig", errors).replace("\r\n", "\n").replace("\r", "\n")
+        return content.decode("utf-8", errors).replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
         raise InputError([Problem("this is not UTF-8 text", str(path), line)]) from None
+
+
+def as_utf8(content: bytes) -> bytes:
+    """Return text as UTF-8 without a byte order mark; text that begins with the mark of UTF-16 is converted."""
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", "replace").encode()
+    return content.removeprefix(codecs.BOM_UTF8)
 
 
 def check_regular(path: Path) -> None:

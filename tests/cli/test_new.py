@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import shutil
+import zipfile
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +13,10 @@ import polars as pl
 import pytest
 
 from mor.cli import run
+from mor.errors import InputError
 from mor.pipeline import read_document
 from mor.project.file.recognition import recognise
+from mor.project.tables.spreadsheets import read_spreadsheet
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 
@@ -79,11 +83,12 @@ def test_empty_beginning_is_a_project_with_nothing_in_it(
 def test_columns_in_other_words_and_units(tmp_path: Path) -> None:
     path = tmp_path / "points.csv"
     path.write_text("Photo;Point ID;x_mm;y [mm];quality\n1;010;1.5;-2;9\n".replace("Point ID", "point_id"))
-    found = recognise(path)
+    (found,) = recognise(path)
     assert found.kind == "image"
     assert found.columns == {"image": "Photo", "point": "point_id", "x": "x_mm", "y": "y [mm]"}
     assert found.units == {"x": "mm", "y": "mm"}
     assert found.delimiter == ";"
+    assert found.unused == ("quality",)
     assert found.texts("point") == ["010"]
 
 
@@ -98,14 +103,132 @@ def test_columns_in_other_words_and_units(tmp_path: Path) -> None:
         ("von,nach,Strecke", "distance"),
         ("at,from,to,angle", "angle"),
         ("from,to,dx,dy,dz", "vector"),
+        ("From,To,dX,dY,dZ,cxx,cxy,cxz,cyy,cyz,czz", "vector"),
+        ("Point,Easting,Northing,Elevation", "points"),
+        ("id,E,N,H", "points"),
+        ("Punktnummer;Rechtswert;Hochwert;Höhe", "points"),
+        ("target x y z", "points"),
+        ("image,id,u,v", "image"),
+        ("photo,target,col,row", "image"),
+        ("Station,Target,Hz,V", "zenith_directions"),
+        ("Standpunkt;Ziel;Hz;V;Schrägstrecke", "zenith_directions"),
+        ("from,to,zenith angle", "zenith_angle"),
+        ("from,to,slope distance", "distance"),
+        ("Δx,id,to,from", None),
         ("from,to,dh", "height_difference"),
         ("station,to,horizontal,vertical", "directions"),
     ],
 )
-def test_what_a_table_is(tmp_path: Path, header: str, kind: str) -> None:
+def test_what_a_table_is(tmp_path: Path, header: str, kind: str | None) -> None:
     path = tmp_path / "t.csv"
-    path.write_text(f"{header}\n")
-    assert recognise(path).kind == kind
+    path.write_text(f"{header}\n", encoding="utf-8")
+    if kind is None:
+        with pytest.raises(InputError, match="what is this"):
+            recognise(path)
+    else:
+        assert recognise(path)[0].kind == kind
+
+
+FIELD_BOOK = """Station;Ziel;Hz;V;Strecke;ih;th;Bemerkung
+1;2;0,0000;100,0000;50,000;1,5;1,5;Pfeiler
+1;3;50,0000;100,0000;70,7107;1,5;1,5;
+2;1;200,0000;100,0000;50,000;1,5;1,5;
+2;3;100,0000;100,0000;50,000;1,5;1,5;
+"""
+CONTROL = "Name;X;Y;Z\n1;0,0;0,0;0,0\n2;0,0;50,0;0,0\n"
+
+
+def _in_utf_16(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-16")
+    return path
+
+
+def _as_spreadsheet(path: Path, text: str) -> Path:
+    """Numbers as numbers, the rest as texts, in the smallest .xlsx file."""
+    rows = []
+    for line in text.splitlines():
+        cells = []
+        for cell in line.split(";"):
+            number = cell.replace(",", ".")
+            is_number = number.replace(".", "").isdigit()
+            cells.append(
+                f"<c><v>{number}</v></c>" if is_number else f'<c t="inlineStr"><is><t>{cell}</t></is></c>'
+            )
+        rows.append(f"<row>{''.join(cells)}</row>")
+    main = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
+    relations = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
+    packages = "http://schemas.openxmlformats.org/package/2006"
+    path = path.with_suffix(".xlsx")
+    with zipfile.ZipFile(path, "w") as file:
+        file.writestr(
+            "[Content_Types].xml",
+            f'<Types xmlns="{packages}/content-types"><Default Extension="xml" ContentType="application/xml"/></Types>',
+        )
+        file.writestr(
+            "_rels/.rels",
+            f'<Relationships xmlns="{packages}/relationships"><Relationship Id="a" '
+            f'Type="{relations}/officeDocument" Target="xl/workbook.xml"/></Relationships>',
+        )
+        file.writestr(
+            "xl/workbook.xml",
+            f'<workbook xmlns="{main}" xmlns:r="{relations}"><sheets><sheet name="S" sheetId="1" r:id="a"/></sheets>'
+            "</workbook>",
+        )
+        file.writestr(
+            "xl/_rels/workbook.xml.rels",
+            f'<Relationships xmlns="{packages}/relationships"><Relationship Id="a" '
+            f'Type="{relations}/worksheet" Target="worksheets/sheet1.xml"/></Relationships>',
+        )
+        file.writestr(
+            "xl/worksheets/sheet1.xml",
+            f'<worksheet xmlns="{main}"><sheetData>{"".join(rows)}</sheetData></worksheet>',
+        )
+    return path
+
+
+@pytest.mark.parametrize("written", [_in_utf_16, _as_spreadsheet])
+def test_a_field_book_in_german_becomes_two_groups_that_adjust(
+    tmp_path: Path, written: Callable[[Path, str], Path], capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Decimal commas, German names, a remark that is not used: the third corner of a square of 50 m is found."""
+    book, control = written(tmp_path / "book.csv", FIELD_BOOK), written(tmp_path / "control.csv", CONTROL)
+    project = tmp_path / "p.yaml"
+    assert run(["new", str(project), str(book), str(control)]) == 0
+    assert "columns not used: Bemerkung" in capsys.readouterr().err
+    data = read_document(project).data
+    assert [entry["type"] for entry in data["observations"]] == ["zenith_directions", "distance"]
+    name = f"file: {control.name}\n"
+    project.write_text(project.read_text().replace(name, f"{name}    values: {{sigma: 1 mm}}\n"))
+    assert run(["adjust", str(project), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) == 0
+    found = pl.read_csv(tmp_path / "r" / "points.csv", schema_overrides={"id": pl.String})
+    corner = found.filter(pl.col("id") == "3").select("x", "y").row(0)
+    assert corner == pytest.approx((50.0, 50.0), abs=1e-3)
+
+
+def test_covariances_of_vectors_are_used_and_their_unit_is_asked_for(tmp_path: Path) -> None:
+    table = tmp_path / "gnss.csv"
+    table.write_text(
+        "from,to,dX,dY,dZ,cxx,cxy,cxz,cyy,cyz,czz\nA,B,1,2,3,5.3,0.5,3.3,2.3,0.5,5.9\nB,C,1,2,3,5.3,0.5,3.3,2.3,0.5,5.9\n"
+    )
+    project = tmp_path / "p.yaml"
+    assert run(["new", str(project), str(table), "--datum", "free"]) == 0
+    assert "cov_dx_dx: mm" in project.read_text()
+    assert "CHECK the units" in project.read_text()
+    assert run(["check", str(project), "--quiet"]) == 0
+
+
+def test_a_list_of_points_without_header(tmp_path: Path) -> None:
+    table = tmp_path / "points.txt"
+    table.write_text("A 1 2 3\nB 2 3 4\n")
+    (found,) = recognise(table)
+    assert (found.kind, found.has_header, found.texts("id")) == ("points", False, ["A", "B"])
+
+
+def test_sheets_of_a_spreadsheet_must_be_named_if_missing(tmp_path: Path) -> None:
+    table = _as_spreadsheet(tmp_path / "p.csv", CONTROL)
+    assert read_spreadsheet(table, "S").rows() == [("1", "0", "0", "0"), ("2", "0", "50", "0")]
+    with pytest.raises(InputError, match="found no sheet 'T'"):
+        read_spreadsheet(table, "T")
 
 
 @pytest.mark.parametrize(

@@ -53,7 +53,7 @@ def command(
     datum: str,
     force: bool,
 ) -> None:
-    """Begin PROJECT, a commented project file, from TABLES (CSV), or from photographs.
+    """Begin PROJECT, a commented project file, from TABLES (CSV, spreadsheets), or from photographs.
 
     \b
     Examples:
@@ -63,11 +63,12 @@ def command(
       mor new field.yaml image_points.csv scale_bars.csv --length mm -c 35 --datum free
       mor new wall.yaml photos/*.jpg
 
-    The names of its columns tell what a table is: image points (image, point, x, y), distances (from, to, distance),
-    directions (station, to, horizontal, zenith), points (id, x, y, z), images (id, x, y, z, omega, phi, kappa) and
-    more. A list id, x, y, z whose names are images has their projection centres. Points and images that only
-    observations name are listed; no start values are needed. mor.schema.json beside it is that of this version.
-    Photographs alone say their camera, size, focal length and GNSS position themselves (EXIF; extra formats).
+    The names of its columns, also German and usual other ones, tell what a table is: image points (image, point, x,
+    y), distances (from, to, distance), directions (station, to, horizontal, zenith), points (id, x, y, z), images
+    (id, x, y, z, omega, phi, kappa) and more. A list id, x, y, z whose names are images has their projection
+    centres. Points and images that only observations name are listed; no start values are needed. mor.schema.json
+    beside it is that of this version. Photographs alone say their camera, size, focal length and GNSS position
+    themselves (EXIF; extra formats).
 
     \b
     Exit codes: 0 done; 2 input.
@@ -89,7 +90,7 @@ def command(
     if tables and all(map(is_photograph, tables)):
         _begin_from_photographs(project, tables, force)
         return
-    found = told_apart([recognise(table) for table in tables])
+    found = told_apart([part for table in tables for part in recognise(table)])
     settings = CameraSettings(camera, constant, size, pixel)
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
     schema = project.with_name("mor.schema.json")
@@ -98,6 +99,8 @@ def command(
     write_files(texts, force, makes_folders=True)
     for table in found:
         tell(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}")
+    for path, unused in {table.path: table.unused for table in found if table.unused}.items():
+        tell(f"note: {path}: columns not used: {', '.join(unused)}")
     tell(f"{project} is there: look at the lines marked CHECK, then mor check {project}")
 
 

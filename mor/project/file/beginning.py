@@ -32,6 +32,10 @@ _PIXELS = 100.0
 """Image coordinates that go beyond this and never below zero are pixels from a corner."""
 
 
+_VARIANCE = 0.01
+"""Square of a standard deviation of 0.1: no vector between points is worse in metres."""
+
+
 class CameraSettings(NamedTuple):
     """What is known of the camera; ``None`` where nothing is."""
 
@@ -100,21 +104,21 @@ def _camera(settings: CameraSettings, corner: bool) -> dict[str, Any]:
 def _from_a_corner(table: Found) -> bool:
     if table.units.get("x", "px") != "px":
         return False
-    values = [float(text) for name in "xy" for text in table.texts(name) if _is_number(text)]
+    values = [value for name in "xy" for value in table.numbers(name)]
     return bool(values) and min(values) >= 0.0 and max(values) > _PIXELS
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
 
 
 def _names(tables: Iterable[Found], columns: Sequence[str]) -> list[str]:
     names = (name for table in tables for column in columns for name in table.texts(column))
     return list(dict.fromkeys(name for name in names if name))
+
+
+def _units_of_covariances(table: Found) -> dict[str, str]:
+    """Millimetres for covariances that would mean a standard deviation above a decimetre in metres."""
+    variances = [value for name in ("cov_dx_dx", "cov_dy_dy", "cov_dz_dz") for value in table.numbers(name)]
+    if not variances or sorted(variances)[len(variances) // 2] < _VARIANCE:
+        return {}
+    return {name: "mm" for name in table.columns if name.startswith("cov_") and name not in table.units}
 
 
 def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts: dict[Path, str]) -> str:
@@ -134,17 +138,30 @@ def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts:
 def _entry(target: Path, table: Found, corner: bool) -> dict[str, Any]:
     """What the template says of a table."""
     renamed = {theirs: ours for ours, theirs in table.columns.items() if ours != theirs}
-    unknown = [name for name in table.header if name not in table.columns.values()]
+    others = [name for name in table.header if name not in table.columns.values()]
+    units = {**table.units, **_units_of_covariances(table)}
     keys: dict[str, Any] = {}
-    if renamed or unknown:
-        keys["columns"] = {**renamed, **dict.fromkeys(unknown)}
-    if table.units:
-        keys["units"] = dict(table.units)
+    if not table.has_header:
+        keys["columns"] = list(table.header)
+    elif renamed or others:
+        keys["columns"] = {**renamed, **dict.fromkeys(others)}
+    if units:
+        keys["units"] = units
     if table.delimiter != ",":
         keys["delimiter"] = table.delimiter
+    if table.decimal_comma:
+        keys["decimal"] = ","
     lines = [
         f"{key}: {yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=100_000).splitlines()[0]}"
         for key, value in keys.items()
+    ]
+    if not table.has_header:
+        lines[0] += "  # CHECK the order: the file has no header"
+    lines = [
+        f"{line}  # CHECK the units of the covariances: found values that are large for squares of the unit of length"
+        if line.startswith("units:") and units != table.units
+        else line
+        for line in lines
     ]
     return {
         "kind": table.kind,

@@ -1,4 +1,4 @@
-"""What a table of measurements is, by the names of its columns: for beginning a project from what there is."""
+"""Recognise tables of measurements and coordinates by the names of their columns, to begin a project from them."""
 
 from __future__ import annotations
 
@@ -11,55 +11,120 @@ from typing import NamedTuple
 from mor.errors import InputError, Problem
 from mor.input_files import TABLE, read_text
 from mor.project.tables.guarded import plain
+from mor.project.tables.spreadsheets import is_spreadsheet, read_spreadsheet
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
-KINDS: Mapping[str, tuple[str, ...]] = {
-    "image": ("image", "point", "x", "y"),
-    "zenith_directions": ("station", "to", "horizontal", "zenith"),
-    "directions": ("station", "to", "horizontal"),
-    "angle": ("at", "from", "to", "angle"),
-    "distance": ("from", "to", "distance"),
-    "bearing": ("from", "to", "bearing"),
-    "zenith_angle": ("from", "to", "zenith_angle"),
-    "vertical_direction": ("from", "to", "vertical_direction"),
-    "vector": ("from", "to", "dx", "dy", "dz"),
-    "height_difference": ("from", "to", "dz"),
-    "images": ("id", "omega", "phi", "kappa"),
-    "images with a camera": ("id", "camera"),
-    "stations": ("id", "orientation"),
-    "stations over points": ("id", "point", "height"),
-    "points": ("id", "x", "y", "z"),
+_FROM = (
+    "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ"
+)
+_TO = "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|fs"
+_POINT = (
+    "point|pointid|pt|ptid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
+)
+_HEIGHTS = {
+    "from_height": "fromheight|ih|hi|instrumentheight|instrheight|geraetehoehe|instrumentenhoehe|standhoehe",
+    "to_height": "toheight|th|ht|hr|targetheight|prismheight|reflectorheight|rodheight|zielhoehe|reflektorhoehe",
 }
-"""Columns that tell what a table is, the first that fits."""
-_OTHER_NAMES = {
-    **dict.fromkeys(("photo", "image_id", "img", "bild"), "image"),
-    **dict.fromkeys(("point_id", "punkt", "pt", "target", "name", "number", "nr"), "point"),
-    **dict.fromkeys(("length", "dist", "strecke"), "distance"),
-    **dict.fromkeys(("hz", "direction", "richtung"), "horizontal"),
-    **dict.fromkeys(("v", "zd"), "zenith"),
-    **dict.fromkeys(("point_a", "start", "von"), "from"),
-    **dict.fromkeys(("point_b", "end", "nach"), "to"),
-    **dict.fromkeys(("dh", "height_difference"), "dz"),
-    **{f"s{name}": f"sigma_{name}" for name in ("x", "y", "z")},
-    **dict.fromkeys(("std", "stdev", "sigma_distance"), "sigma"),
-    "x0": "x",
-    "y0": "y",
-    "z0": "z",
+_SIGHT = {
+    "station_height": f"fromheight|{_HEIGHTS['from_height']}",
+    "to_height": _HEIGHTS["to_height"],
+    "set": "set|satz",
+    "face": "face|lage",
+    "epoch": "epoch|epoche",
 }
-_KNOWN = {name for names in KINDS.values() for name in names} | {
-    "sigma",
-    "height",
-    "from_height",
-    "station_height",
-    "to_height",
-    "set",
-    "face",
+_BETWEEN = {**_HEIGHTS, "sigma": "", "epoch": "epoch|epoche"}
+_DISTANCE = "distance|length|dist|strecke|sd|slope|slopedistance|slopedist|slopedistances|schraegstrecke"
+_HORIZONTAL = (
+    "horizontal|hz|ha|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
+    "|hzrichtung|horizontalrichtung"
+)
+_ZENITH = "zenith|v|za|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va"
+_POINTS = {
+    "x": "x|x0|e|east|easting|eastings|rechts|rechtswert|ost|ostwert",
+    "y": "y|y0|n|north|northing|northings|hoch|hochwert|nord|nordwert",
+    "z": "z|z0|h|height|elevation|elev|el|alt|altitude|hoehe",
 }
+_STATED = {f"sigma_{name}": f"s{name}|std{name}|stdev{name}" for name in "xyz"} | {
+    "sigma": "std|stdev|accuracy"
+}
+_COVARIANCES = {
+    f"cov_d{a}_d{b}": f"c{a}{b}|cov{a}{b}|q{a}{b}|covd{a}d{b}"
+    for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
+}
+_VECTOR = {f"d{name}": f"d{name}|delta{name}" for name in "xyz"}
+
+KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
+    "image": (
+        {
+            "image": "image|img|imageid|imagename|photo|photoid|bild|foto|filename|picture",
+            "point": f"{_POINT}|id|target",
+            "x": "x|u|col|column|px|pixelx|spalte",
+            "y": "y|v|row|line|py|pixely|zeile",
+        },
+        {"sigma": "", "sigma_x": "sx", "sigma_y": "sy"},
+    ),
+    "zenith_directions": (
+        {
+            "station": _FROM,
+            "to": f"{_TO}|{_POINT}|id",
+            "horizontal": _HORIZONTAL,
+            "zenith": _ZENITH,
+        },
+        {**_SIGHT, "sigma_horizontal": "shz", "sigma_zenith": "sv", "sigma": ""},
+    ),
+    "directions": (
+        {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": _HORIZONTAL},
+        {**_SIGHT, "sigma": ""},
+    ),
+    "angle": (
+        {"at": "at|station|vertex", "from": "from|von", "to": "to|nach", "angle": "angle|winkel"},
+        {**_BETWEEN, "at_height": "ih|hi"},
+    ),
+    "vector": (
+        {"from": _FROM, "to": _TO, **_VECTOR},
+        {**_BETWEEN, **_COVARIANCES, **{f"sigma_{name}": f"s{name}" for name in _VECTOR}},
+    ),
+    "zenith_angle": ({"from": _FROM, "to": _TO, "zenith_angle": _ZENITH}, _BETWEEN),
+    "bearing": ({"from": _FROM, "to": _TO, "bearing": "bearing|azimuth|azimut|richtungswinkel"}, _BETWEEN),
+    "vertical_direction": ({"from": _FROM, "to": _TO, "vertical_direction": ""}, _BETWEEN),
+    "distance": (
+        {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _DISTANCE},
+        {**_BETWEEN, "sigma": "sigmadistance|std|stdev"},
+    ),
+    "height_difference": (
+        {"from": _FROM, "to": _TO, "dz": "dz|dh|deltah|deltaz|heightdifference|heightdiff|hoehenunterschied"},
+        {"sigma": "std|stdev", "epoch": "epoch|epoche"},
+    ),
+    "images": (
+        {"id": "id|image|imageid|imagename|photo|bild|foto", "omega": "", "phi": "", "kappa": ""},
+        {**_POINTS, **_STATED, "camera": "kamera"},
+    ),
+    "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
+    "stations": ({"id": f"id|{_FROM}", "orientation": "orientierung"}, {"point": _POINT, "height": "ih|hi"}),
+    "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
+    "points": ({"id": f"id|{_POINT}|station|target", **_POINTS}, _STATED),
+    "images with positions": ({"id": "image|imageid|imagename|photo|bild|foto", **_POINTS}, _STATED),
+}
+"""Columns that a kind of table must have, and those that it may have, with other names for each.
+
+The first kind whose columns are all there is taken. Names are compared in lower case without blanks and signs.
+"""
+_ALSO = {
+    "zenith_directions": ("distance",),
+    "directions": ("distance", "height_difference"),
+    "zenith_angle": ("distance",),
+    "distance": ("height_difference",),
+}
+"""Kinds that a table of a field book may hold besides its own, in further columns."""
 _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
 PLACES = ("point", "at", "from", "to", "station")
 """Columns of measurements that name points."""
 _LONGEST_HEADING = 200
-_NUMBER = re.compile(r"^[-+]?[\d.]")
+_NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
+_UMLAUTS = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "δ": "d", "ω": "omega", "φ": "phi", "κ": "kappa"}
+)
 
 
 class Found(NamedTuple):
@@ -68,10 +133,14 @@ class Found(NamedTuple):
     path: Path
     kind: str
     columns: Mapping[str, str]
-    """Its columns by their names in a project; those that mean nothing here are missing."""
+    """Its columns by their names in a project."""
+    unused: tuple[str, ...]
+    """Columns that neither this kind nor another one in the same table reads."""
     units: Mapping[str, str]
     """Units that the names of columns say."""
     delimiter: str
+    decimal_comma: bool
+    has_header: bool
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
 
@@ -82,39 +151,64 @@ class Found(NamedTuple):
         place = self.header.index(self.columns[name])
         return [plain(row[place].strip()) for row in self.rows if len(row) > place]
 
+    def numbers(self, name: str) -> list[float]:
+        """Cells of a column that are plain numbers."""
+        cells = (cell.replace(",", ".") if self.decimal_comma else cell for cell in self.texts(name))
+        return [float(cell) for cell in cells if _NUMBER.fullmatch(cell) and "," not in cell]
+
     @property
     def has_sigma(self) -> bool:
-        """True where the table has σ."""
-        return any(name.startswith("sigma") for name in self.columns)
+        """True if the table has standard deviations or covariances."""
+        return any(name.startswith(("sigma", "cov_")) for name in self.columns)
 
 
-def recognise(path: Path) -> Found:
-    """Read a table and say what it is. Raises :class:`InputError` where that cannot be told."""
-    lines = read_text(path, TABLE).split("\n")
-    first = lines[0] if lines else ""
-    delimiter = max(",;\t", key=first.count)
-    try:
-        rows = tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
-    except csv.Error as error:
-        words = f"this is no table: {error}; is a quote not closed?"
-        raise InputError([Problem(words, str(path))]) from None
+def recognise(path: Path) -> list[Found]:
+    """Read a table and return what it holds, one entry per kind: a field book may hold directions and distances.
+
+    Raises :class:`InputError` if its columns are those of no kind.
+    """
+    delimiter, rows = _cells(path)
     header = tuple(cell.strip() for cell in rows[0]) if rows else ()
-    if not header or any(_NUMBER.match(cell) for cell in header):
-        words = "expected a header with the names of the columns in the first line"
-        raise InputError([Problem(words, str(path), 1)])
-    columns, units = _named(header)
-    kind = next((kind for kind, wanted in KINDS.items() if set(wanted) <= set(columns)), None)
-    if kind is None:
+    has_header = bool(header) and not any(_NUMBER.fullmatch(cell) for cell in header)
+    if not has_header:
+        if not _is_list_of_points(rows):
+            words = (
+                "expected a header with the names of the columns in the first line; only a list of points "
+                "(name, x, y, z) may be without"
+            )
+            raise InputError([Problem(words, str(path), 1)])
+        header = ("id", "x", "y", "z")
+    named = [(cell, *_name_and_unit(cell)) for cell in header]
+    kinds = _kinds(named)
+    if not kinds:
         raise InputError(
-            [Problem(f"what is this? found the columns {', '.join(header)}; {_wanted()}", str(path), 1)]
+            [Problem(f"what is this? found the columns {', '.join(header)}; {_known()}", str(path), 1)]
         )
-    if kind == "points" and _means(columns["id"]) == "image":
-        kind = "images"
-    return Found(path, kind.split(" ")[0], columns, units, delimiter, header, rows[1:])
+    used = {cell for columns in kinds.values() for cell in columns.values()}
+    unused = tuple(cell for cell in header if cell not in used)
+    units = {cell: unit for cell, _, unit in named if unit}
+    decimal_comma = delimiter != "," and any(
+        _DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row
+    )
+    return [
+        Found(
+            path,
+            kind.split(" ")[0],
+            columns,
+            unused,
+            {ours: units[theirs] for ours, theirs in columns.items() if theirs in units},
+            delimiter,
+            decimal_comma,
+            has_header,
+            header,
+            rows[has_header:],
+        )
+        for kind, columns in kinds.items()
+    ]
 
 
 def told_apart(tables: Sequence[Found]) -> list[Found]:
-    """The tables again, where lists of points that are images of the other tables are lists of images.
+    """Return the tables, with those lists of points that hold images of the other tables as lists of images.
 
     A list ``id, x, y, z`` may hold points, or projection centres by GNSS: the measurements tell which of them. Raises
     :class:`InputError` for a list with both.
@@ -138,46 +232,88 @@ def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
     return table._replace(kind="images") if of_images else table
 
 
-def _named(header: tuple[str, ...]) -> tuple[dict[str, str], dict[str, str]]:
-    """Columns by the names of the project, with the units their names carry (``x_mm``, ``x [mm]``)."""
+def _cells(path: Path) -> tuple[str, tuple[tuple[str, ...], ...]]:
+    """Delimiter and cells of a table, without comments and empty lines."""
+    if is_spreadsheet(path):
+        frame = read_spreadsheet(path)
+        return ",", (tuple(frame.columns), *(tuple(cell or "" for cell in row) for row in frame.iter_rows()))
+    lines = [line for line in read_text(path, TABLE).split("\n") if line.strip() and not line.startswith("#")]
+    first = lines[0] if lines else ""
+    delimiter = max(";\t,", key=first.count)
+    if not first.count(delimiter):
+        delimiter, lines = " ", [" ".join(line.split()) for line in lines]
+    try:
+        return delimiter, tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
+    except csv.Error as error:
+        words = f"this is no table: {error}; is a quote not closed?"
+        raise InputError([Problem(words, str(path))]) from None
+
+
+def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:
+    return bool(rows) and all(
+        len(row) == 4 and row[0].strip() and all(_NUMBER.fullmatch(cell.strip()) for cell in row[1:])
+        for row in rows
+    )
+
+
+def _kinds(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
+    """Columns by their names in a project, for every kind that the table holds."""
+    for kind in KINDS:
+        columns = _columns(kind, named)
+        if columns is not None:
+            break
+    else:
+        return {}
+    found = {kind: columns}
+    for other in _ALSO.get(kind, ()):
+        own = KINDS[other][0].keys() - {"from", "to"}
+        free = [entry for entry in named if entry[0] not in columns.values() or _shared(columns, entry[0])]
+        more = _columns(other, free)
+        if more is not None and not own.isdisjoint(more):
+            found[other] = more
+    return found
+
+
+def _shared(columns: Mapping[str, str], cell: str) -> bool:
+    """True for a column that says between what, from what height or when something was measured."""
+    return any(columns.get(name) == cell for name in (*PLACES, *_SIGHT))
+
+
+def _columns(kind: str, named: Sequence[tuple[str, str, str]]) -> dict[str, str] | None:
+    """Columns of a kind by their names in a project; ``None`` if one that it must have is missing."""
+    required, optional = KINDS[kind]
     columns: dict[str, str] = {}
-    units: dict[str, str] = {}
-    meant = {_means(cell) for cell in header}
-    is_list = {"x", "y", "z"} <= meant and not {"image", "point"} <= meant
-    for cell in header:
-        name, unit = _means(cell), _plain(cell)[1]
-        if name in ("point", "image") and (is_list or _has_angles(header)):
-            name = "id"
-        if (name in _KNOWN or name.startswith("sigma_")) and name not in columns:
-            columns[name] = cell
-            if unit:
-                units[name] = unit
-    return columns, units
+    for ours, others in (*required.items(), *optional.items()):
+        for name in dict.fromkeys((_normalised(ours), *filter(None, others.split("|")))):
+            cell = next(
+                (cell for cell, text, _ in named if text == name and cell not in columns.values()), None
+            )
+            if cell is not None:
+                columns[ours] = cell
+                break
+        else:
+            if ours in required:
+                return None
+    return columns
 
 
-def _has_angles(header: tuple[str, ...]) -> bool:
-    return {"omega", "phi", "kappa"} <= {_plain(cell)[0] for cell in header}
-
-
-def _means(cell: str) -> str:
-    """Name of a column as a project has it."""
-    name = _plain(cell)[0]
-    return _OTHER_NAMES.get(name, name)
-
-
-def _plain(cell: str) -> tuple[str, str]:
-    """Name and unit of a column heading."""
+def _name_and_unit(cell: str) -> tuple[str, str]:
+    """Normalised name and unit of a column heading (``x_mm``, ``x [mm]``, ``x (mm)``)."""
     if len(cell) > _LONGEST_HEADING:
-        return cell.strip().lower(), ""
+        return cell, ""
     match = re.match(r"^(.*?)[\s_]*(?:\[([^\]]*)\]|\(([^)]*)\)|_([A-Za-zµ]+))$", cell.strip())
     if match:
         unit = next(group for group in match.groups()[1:] if group is not None)
         if unit in _UNITS:
-            return match[1].strip().lower(), unit
-    return cell.strip().lower(), ""
+            return _normalised(match[1]), unit
+    return _normalised(cell), ""
 
 
-def _wanted() -> str:
-    return "known are " + "; ".join(
-        f"{kind}: {', '.join(names)}" for kind, names in KINDS.items() if kind != "images with a camera"
-    )
+def _normalised(name: str) -> str:
+    return re.sub(r"[\W_]", "", name.strip().lower().translate(_UMLAUTS))
+
+
+def _known() -> str:
+    hidden = ("images with a camera", "images with positions")
+    kinds = {kind: required for kind, (required, _) in KINDS.items() if kind not in hidden}
+    return "known are " + "; ".join(f"{kind}: {', '.join(required)}" for kind, required in kinds.items())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, Field, StringConstraints, model_validator
 
@@ -16,7 +16,8 @@ class Table(Strict):
 
     name: Text | None = Field(default=None, description="Name in reports; default the file or the type")
     file: Text | None = Field(
-        default=None, description="CSV or Parquet, relative to the project file; may be .gz"
+        default=None,
+        description="CSV (may be .gz), Parquet or spreadsheet (.xlsx, .ods), relative to the project file",
     )
     rows: list[list[str | None]] | None = Field(
         default=None, description="Rows in place, in the order of columns"
@@ -40,6 +41,10 @@ class Table(Strict):
     ) = Field(
         default=None, description="Between columns of a CSV file; a blank stands for any number of blanks"
     )
+    decimal: Literal[".", ","] = Field(default=".", description="Decimal sign of the numbers in the file")
+    sheet: Text | None = Field(
+        default=None, description="Sheet of a spreadsheet; needed if several sheets hold something"
+    )
 
     @model_validator(mode="after")
     def _one_source(self) -> Table:
@@ -51,6 +56,12 @@ class Table(Strict):
             raise ValueError("rows need a list of columns")
         if given[0] not in ("file", "rows") and (self.columns is not None or self.delimiter is not None):
             raise ValueError(f"columns and delimiter belong to a file or rows, not to {given[0]}")
+        if self.file is None and (self.decimal != "." or self.sheet is not None):
+            raise ValueError("decimal and sheet belong to a file")
+        if self.decimal == "," and self.delimiter in (None, ","):
+            raise ValueError(
+                "numbers with a decimal comma need another delimiter than a comma: say delimiter: ;"
+            )
         return self
 
     @property

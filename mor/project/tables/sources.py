@@ -11,6 +11,7 @@ from mor.errors import InputError, Problem, nearest
 from mor.input_files import TABLE, check_regular, check_size, is_folder, limit, note_file, read_bytes
 from mor.project.file.table import Table
 from mor.project.tables.columns import Column, Place, Source
+from mor.project.tables.spreadsheets import is_spreadsheet, read_spreadsheet
 from mor.project.tables.texts import COLUMNS, from_text, our_name, too_many_columns, wrong_length
 
 _SMALLEST_CELL = 8
@@ -50,6 +51,8 @@ def from_file(table: Table, known: dict[str, Column], place: Place, problems: li
     try:
         if path.suffix == ".parquet":
             return _from_frame(_read_parquet(path), table, str(path))
+        if is_spreadsheet(path):
+            return _from_frame(read_spreadsheet(path, table.sheet), table, str(path))
         return from_text(read_bytes(path), table, known, str(path), problems)
     except InputError as error:
         problems += error.problems

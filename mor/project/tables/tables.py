@@ -93,6 +93,8 @@ def _convert(
         elif column.parse is None:
             texts[name] = _identifiers(column, cells, source, problems)
         else:
+            if table.decimal == "," and cells.dtype == pl.String:
+                cells = cells.str.replace(",", ".", literal=True)
             numbers[name] = _numbers(column, cells, table, source, place, problems)
     return None if len(problems) > before else Rows(count, texts, numbers, source.lines, source.file)
 

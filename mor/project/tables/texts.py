@@ -19,7 +19,7 @@ import polars as pl
 from mor.arrays import IntArray, SmallIntArray
 from mor.counting import counted
 from mor.errors import Problem
-from mor.input_files import limit, raise_it
+from mor.input_files import as_utf8, limit, raise_it
 from mor.project.file.table import Table
 from mor.project.tables.columns import Column, Source, tell_rows
 from mor.project.tables.guarded import plain_column
@@ -59,7 +59,7 @@ def from_text(
     text: bytes, table: Table, known: dict[str, Column], file: str, problems: list[Problem]
 ) -> Source | None:
     """Rows of a text file; ``None`` where ``problems`` were added instead."""
-    text = text.removeprefix(b"\xef\xbb\xbf")
+    text = as_utf8(text)
     line = _first_undecodable_line(text)
     if line:
         problems.append(Problem("this is not UTF-8 text", file, line))
