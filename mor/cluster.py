@@ -54,7 +54,7 @@ class Cluster:
     def result(self, submitted: Any) -> Any:
         """What the task has returned, or raised; it is waited for as long as somebody is at work.
 
-        Raises :class:`InputError` where the task kills its workers, where they are lost and no new ones come, where the
+        Raises :class:`InputError` if the task kills its workers, where they are lost and no new ones come, where the
         scheduler is lost or gives them nothing to do.
         """
         from concurrent.futures import CancelledError
@@ -87,7 +87,7 @@ class Cluster:
             raise InputError([Mistake("the scheduler is lost, and with it the tasks")]) from None
 
     def _look(self) -> None:
-        """Begin workers anew where none is left. Raises :class:`InputError` where nobody was at work for too long."""
+        """Begin workers anew where none is left. Raises :class:`InputError` if nobody was at work for too long."""
         at_work, workers = self._at_work()
         now = time.monotonic()
         if at_work:
@@ -101,7 +101,7 @@ class Cluster:
             self.renew()
 
     def _at_work(self) -> tuple[bool, int | None]:
-        """Whether a worker has something to do, and how many there are; ``None`` where the scheduler does not say."""
+        """Whether a worker has something to do, and how many there are; ``None`` if the scheduler does not say."""
         try:
             told = self.client.sync(self.client.scheduler.processing, workers=None, callback_timeout=_LOOK)
         except (TimeoutError, OSError):
@@ -123,7 +123,7 @@ def connected(
 ) -> Iterator[Cluster]:
     """The cluster at an address, or so many workers of this machine, which end with the work.
 
-    All of them see ``folder``, and have ``memory`` bytes each. Raises :class:`InputError` where they cannot do it:
+    All of them see ``folder``, and have ``memory`` bytes each. Raises :class:`InputError` if they cannot do it:
     another version, files they do not see, too little memory.
     """
     _check_installed(address is None)

@@ -54,7 +54,7 @@ _FAST_SUMS = {"reassoc", "contract", "nsz"}
 
 _installed = find_spec("numba") is not None
 available = _installed and os.environ.get("NUMBA_DISABLE_JIT", "0") in ("", "0")
-"""True where there is a compiler."""
+"""True if there is a compiler."""
 elsewhere = False
 """Whether kernels are used outside of networks that :func:`chosen_by_size` decides about; True in the tests."""
 
@@ -73,7 +73,7 @@ _say: ContextVar[Say] = ContextVar("say", default=lambda words, /, **values: Non
 
 
 def wanted() -> bool:
-    """True where kernels are to be taken, not the plain NumPy form of the same step."""
+    """Return True if kernels are to be taken, not the plain NumPy form of the same step."""
     used = _used.get()
     return available and (elsewhere if used is None else used)
 
@@ -120,12 +120,12 @@ def notes_told_by(say: Say) -> Iterator[None]:
 
 
 def are_loaded() -> bool:
-    """True where this process has taken the kernels from the cache, as a network that is large enough does."""
+    """Return True if this process has taken the kernels from the cache, as a network that is large enough does."""
     return _state == [""]
 
 
 def as_here(work: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
-    """The same work to be done by another thread, which takes kernels or plain numpy as the one that asks for it."""
+    """Return ``work`` for another thread, with the same choice of kernels or NumPy as in this thread."""
     context = copy_context()
 
     def carried(*args: Parameters.args, **kwargs: Parameters.kwargs) -> Result:
@@ -297,7 +297,7 @@ def _folder() -> Path:
 
 @cache
 def _state_of_code() -> str:
-    """What machine code depends on: Numba itself looks at the file of a kernel only, not at those that it calls."""
+    """Digest of all code that kernels call; Numba itself checks the file of a kernel only."""
     import llvmlite.binding as llvm
     import numpy as np
 
@@ -318,7 +318,7 @@ def _is_sealed() -> bool:
 
 
 def _is_there() -> bool:
-    """Whether there is a sealed cache of any state: without one Numba need not be imported to find that out."""
+    """True if any sealed cache exists; found out without importing Numba."""
     return any(cache_root().glob(f"kernels-*/{_SEAL}"))
 
 

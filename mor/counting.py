@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class Place(str):
-    """What stands in a place of a sentence. ``{count:image|images}`` says how many, and the word that goes with it."""
+    """A placeholder in a sentence; ``{count:image|images}`` chooses the singular or plural noun."""
 
     __slots__ = ()
 

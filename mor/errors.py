@@ -1,4 +1,4 @@
-"""What can go wrong, as data: every problem has a place, and every failure an exit code."""
+"""Errors as data: every message has a location, and every failure an exit code."""
 
 from __future__ import annotations
 
@@ -91,7 +91,7 @@ class InputError(MorError):
 
 
 class NoSolutionError(MorError):
-    """What was asked for needs a solution, and the adjustment has none: it says why."""
+    """The adjustment has no solution, which the requested result needs."""
 
     exit_code = ExitCode.NOT_CONVERGED
 

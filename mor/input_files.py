@@ -117,7 +117,7 @@ def note_file(path: Path, content: bytes | None = None) -> None:
 
 
 def limit(name: str) -> int:
-    """A limit, as the environment has it or by default. Raises :class:`InputError` where that is no number."""
+    """A limit, as the environment has it or by default. Raises :class:`InputError` if that is no number."""
     given = os.environ.get(name, "")
     if not given:
         return LIMITS[name]
@@ -128,14 +128,14 @@ def limit(name: str) -> int:
 
 
 def raise_it(name: str) -> str:
-    """What to do where a limit is in the way."""
+    """Return the hint on how to raise a limit."""
     return f"a larger {name} in the environment allows more"
 
 
 def read_bytes(path: Path, most: str = TABLE) -> bytes:
     """Content of a file, unpacked where its name ends in ``.gz``; ``most`` is the limit of its size.
 
-    Raises :class:`InputError` where it does not exist, is no regular file (a pipe, a device), cannot be read or is
+    Raises :class:`InputError` if it does not exist, is no regular file (a pipe, a device), cannot be read or is
     larger than the limit.
     """
     check_regular(path)

@@ -1,4 +1,4 @@
-"""What this process may take of the machine, memory and processors, and what is said where it will not do.
+"""Memory and processors that this process may use, and messages if they do not suffice.
 
 Memory is the least of: what the machine has available, what the control group of the process leaves, and the limit of
 its address space (``ulimit -v``). Where the system tells none of them, nothing is refused.
@@ -22,7 +22,7 @@ _GROUP = Path("/sys/fs/cgroup")
 
 
 def processors() -> int:
-    """How many processors this process may run on."""
+    """Return the number of processors that this process may run on."""
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else os.cpu_count() or 1
 
@@ -53,7 +53,7 @@ def _said(size: float) -> str:
 
 
 def available() -> float | None:
-    """Bytes that this process may still take; ``None`` where nobody knows."""
+    """Bytes that this process may still take; ``None`` if nobody knows."""
     given = os.environ.get(ENVIRONMENT, "")
     if given.isascii() and given.isdigit():
         return max(float(given) * _MB - resident(), 0.0)
@@ -92,7 +92,7 @@ _M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
 
 
 def _of_c_library(name: str, *arguments: int) -> None:
-    """Call a function of glibc; nothing where there is none."""
+    """Call a function of glibc; nothing if there is none."""
     function = getattr(ctypes.CDLL(None), name, None) if os.name == "posix" else None
     if function is not None:
         function(*arguments)

@@ -348,7 +348,7 @@ def _with_settled_sigma(
 
 
 def same_sigma(one: Problem, other: Problem) -> bool:
-    """True where two problems have the same σ and, of trajectories, rows between the same knots."""
+    """Return True if two problems have the same σ and, of trajectories, rows between the same knots."""
     return all(
         (a.sigma is b.sigma or np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True))
         and all(

@@ -126,7 +126,7 @@ def worked_out(network: Network) -> Approximation:
 def _settled(
     network: Network, start: Mapping[str, FloatArray]
 ) -> tuple[Mapping[str, FloatArray], float] | None:
-    """Values to which start values lead and their v'Pv, infinite where singular; ``None`` where they lead nowhere."""
+    """Values to which start values lead and their v'Pv, infinite if singular; ``None`` if they lead nowhere."""
     from mor.approximate.parts.lines import with_lines_turned
 
     network, start = with_lines_turned(network, start)
@@ -151,7 +151,7 @@ def _worked_out_once(network: Network) -> Approximation:
 
 
 def start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:
-    """Start values of a changed network; nothing where there are none, or where it is no more as large."""
+    """Start values of a changed network; nothing if there are none, or where it is no more as large."""
     try:
         reduced, start = determinable_start(network, _worked_out_once)
     except (InputError, NoStartValuesError):

@@ -1,4 +1,4 @@
-"""What a notebook shows of a result: the summary as text, and the network as a drawing."""
+"""Show a result in a notebook: its summary as text, and the network as a drawing."""
 
 from __future__ import annotations
 

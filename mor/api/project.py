@@ -39,7 +39,7 @@ class Project:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What was assumed on reading."""
+        """Notes about assumptions made while the project was read."""
         return tuple(str(note) for note in self.network.notes)
 
     def __str__(self) -> str:

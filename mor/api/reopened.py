@@ -38,7 +38,7 @@ def reopen(path: Path) -> Project:
 
 
 def solve(project: Project) -> Solved:
-    """The solution of a project. Raises :class:`InputError` where there is none."""
+    """The solution of a project. Raises :class:`InputError` if there is none."""
     from mor.pipeline import solve_network
     from mor.report.text.undetermined import section
 
@@ -52,7 +52,7 @@ def solve(project: Project) -> Solved:
 def in_datum(project: Project, target: str, said: str) -> tuple[Project, Solved]:
     """The project with another datum, written as in a project file, and its solution; ``said``: where it was said.
 
-    Fixed coordinates are released where the other datum is free. Raises :class:`InputError` where they strain the
+    Fixed coordinates are released where the other datum is free. Raises :class:`InputError` if they strain the
     network: then its residuals depend on them, and only a new adjustment can do without.
     """
     from mor.quality.deformation.released_coordinates import released, strained

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Result:
-    """What became of an adjustment, in the axes and units of its project.
+    """The result of an adjustment, in the axes and units of its project.
 
     Attributes:
         project: what was adjusted.
@@ -41,12 +41,12 @@ class Result:
 
     @property
     def reason(self) -> str:
-        """Why there is no solution; empty where there is one."""
+        """Why there is no solution; empty if there is one."""
         return self.solved.adjustment.reason
 
     @property
     def converged(self) -> bool:
-        """True where there is a solution, and tables and covariances can be asked for."""
+        """True if there is a solution, and tables and covariances can be asked for."""
         return self.solved.quality is not None
 
     @property
@@ -151,7 +151,7 @@ class Result:
             return covariance_of_points(solved, points) if points else covariance_of_everything(solved)
 
     def cofactor(self, *points: str) -> Labelled:
-        """The same for σ0 = 1: the matrix of cofactors Q."""
+        """Return the cofactor matrix Q, which is the covariance matrix for σ0 = 1."""
         found = self.covariance(*points)
         return found._replace(matrix=found.matrix / found.sigma0**2, sigma0=1.0)
 
@@ -176,7 +176,7 @@ class Result:
         return text_report(self.solved, words_of(language), self._identity)
 
     def to_dict(self) -> dict[str, Any]:
-        """What ``results.json`` holds, as plain data."""
+        """Return the content of ``results.json`` as plain data."""
         from mor.report.results.json import results
 
         return results(self.solved, {}, self._identity)
@@ -210,7 +210,7 @@ class Result:
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        """For notebooks: the summary, and the network in plan where matplotlib is installed."""
+        """Return the summary, and a plan of the network if matplotlib is installed, for notebooks."""
         from mor.api.notebook import summary_and_network
 
         return summary_and_network(self.solved)

@@ -55,7 +55,7 @@ class Table:
         return str(self.frame)
 
     def _repr_html_(self) -> str:
-        """For notebooks: the first rows, units in the headings."""
+        """Return the first rows, with units in the headings, for notebooks."""
         shown = self.frame.head(20)
         heads = "".join(f"<th>{escape(self._head(name))}</th>" for name in shown.columns)
         rows = "".join(

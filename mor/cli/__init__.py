@@ -145,7 +145,7 @@ OUT_OF_MEMORY = (
 
 
 def _tell(error: MorError, language: str) -> None:
-    """What is wrong, on one screen at most, and how to see the rest."""
+    """Print the mistakes, at most one screen of them, and say how to see the rest."""
     from mor.errors import MOST_TOLD
     from mor.escapes import shortened
 
@@ -161,7 +161,7 @@ def _tell(error: MorError, language: str) -> None:
 
 
 def _said(error: MorError, language: str) -> str:
-    """What is wrong, each mistake with its place."""
+    """Text of the mistakes, each with its file and line."""
     from mor.errors import InputError
 
     if isinstance(error, InputError):

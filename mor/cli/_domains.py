@@ -59,7 +59,7 @@ class Wanted(NamedTuple):
 
     @property
     def shared_out(self) -> bool:
-        """True where workers are to do it."""
+        """True if workers are to do it."""
         return self.workers is not None or self.cluster is not None
 
 
@@ -77,7 +77,7 @@ class Results(NamedTuple):
 
     @property
     def listed(self) -> bool:
-        """True where all residuals are written anywhere: into their table, or into the report."""
+        """True if all residuals are written anywhere: into their table, or into the report."""
         return self.residuals or self.full
 
 
@@ -86,7 +86,7 @@ _SMALL = 100e6
 
 
 def needs_domains(document: Document, folder: Path, wanted: Wanted) -> bool:
-    """True where workers are asked for, or a project does not fit in the memory it may take.
+    """Return True if workers are asked for, or a project does not fit in the memory it may take.
 
     What nobody asked for is not done where something else was that domains do not do. Raises :class:`InputError`.
     """
@@ -174,7 +174,7 @@ def adjust_in_domains(
 
 
 def _again(project: Project, wanted: Wanted) -> bool:
-    """True where adjustments follow the first one, whose state stays until they are solutions."""
+    """Return True if adjustments follow the first one, whose state stays until they are solutions."""
     settings = project.settings
     weights = settings.robust is not None or settings.variance_components == "iterate"
     return wanted.snoop or settings.snooping or weights
@@ -204,7 +204,7 @@ def _print(file: Path) -> None:
 
 
 def has_library(say: Progress) -> bool:
-    """True where the chart library of the page is installed; says so where it is not."""
+    """Return True if the chart library of the page is installed; says so where it is not."""
     from mor.report.html.library import library_path
 
     if library_path() is None:
@@ -214,7 +214,7 @@ def has_library(say: Progress) -> bool:
 
 
 def _without_page(rays: int, memory: float, wanted: bool | None, html: bool) -> list[Mistake]:
-    """The word that there is no page. Raises :class:`OutOfMemoryError` where it was asked for and has no room."""
+    """The word that there is no page. Raises :class:`OutOfMemoryError` if it was asked for and has no room."""
     from mor.domains.room import MOST_ON_PAGE, need_of_page
     from mor.errors import OutOfMemoryError
 

@@ -76,7 +76,7 @@ def in_all_languages(command: click.Command) -> click.Command:
 
 
 def show(error: click.ClickException, language: str) -> None:
-    """What is wrong with a command line: click's own words, or those of the language."""
+    """Print a mistake in a command line in click's own words, or in the language of the user."""
     if language == LANGUAGES[0]:
         error.show()
         return

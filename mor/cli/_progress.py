@@ -91,7 +91,7 @@ class Progress:
         return lambda name: more(sizes.get(name or "", 0))
 
     def notes(self, notes: Iterable[Problem]) -> None:
-        """What a reader left out or decided on its own; the terminal is given a screenful of it."""
+        """Print notes of a reader, at most one screen of them."""
         from mor.errors import screenful
 
         told = list(notes)

@@ -92,7 +92,7 @@ def _refuse_control_characters(files: Mapping[Path, bytes]) -> None:
 
 
 def format_to_write(target: Path) -> str:
-    """Key of the format that the suffix of a target means; empty where it means none."""
+    """Key of the format that the suffix of a target means; empty if it means none."""
     last = target.suffix.lower()
     return next((k for k, f in FORMATS.items() if f.write is not None and last and last in f.suffixes), "")
 

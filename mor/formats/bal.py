@@ -68,7 +68,7 @@ class _Numbers:
         self.at = 0
 
     def refuse(self, number: int, words: str) -> InputError:
-        """What is wrong with the number of this place."""
+        """Return the error for the number at this place."""
         seen = 0
         for line, text in enumerate(self.text.split("\n"), start=1):
             found = text.split()

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Code(NamedTuple):
-    """Where a reader or a writer stands; it is loaded when it is needed."""
+    """Module and name of a reader or writer; it is imported when it is used."""
 
     module: str
     function: str
@@ -21,11 +21,11 @@ class Format(NamedTuple):
     suffixes: tuple[str, ...] = ()
     """Suffixes that mean this format and no other, where the content does not tell, and of files that are written."""
     folder: bool = False
-    """True where a folder is a project."""
+    """True if a folder is a project."""
     beside: Code | None = None
     """Reader of a file that is put together with others, if it has more to say then."""
     untried: str = ""
-    """What was not tried on files of the program itself, told on every conversion; empty where all was."""
+    """What was not tried on files of the program itself, told on every conversion; empty if all was."""
 
 
 def _book(module: str, function: str) -> Code:

@@ -48,7 +48,7 @@ def combined(documents: Sequence[Document]) -> Document:
 
     Of a point that several files have the one that is held or observed stays, of equal ones the later; positions of
     images that a later file gives are taken over. Coordinates of files without control are in systems of their own:
-    they are left out, those of the first file only where another one has control. Raises :class:`InputError` where
+    they are left out, those of the first file only where another one has control. Raises :class:`InputError` if
     axes differ or two cameras share a name.
     """
     whole, *others = (_opened(document) for document in documents)
@@ -121,7 +121,7 @@ def _merge_settings(whole: _Project, other: _Project) -> None:
 
 
 def _has_control(project: _Project) -> bool:
-    """True where coordinates of points or images are fixed or observed."""
+    """Return True if coordinates of points or images are fixed or observed."""
     tables = [*project.tables("points"), *project.tables("images")]
     return any(
         table.get("fixed") or any(str(name).startswith("sigma") for name in table.get("columns") or ())
@@ -161,7 +161,7 @@ def _names(project: _Project, section: str) -> list[str]:
 
 
 def _say_once(whole: _Project, other: _Project) -> None:
-    """Of a point that both have the one held or observed stays, else the one with coordinates, else the later."""
+    """Keep one entry of each point in both files: held or observed, else with coordinates, else the later one."""
     first, second = _weights(whole), _weights(other)
     both = first.keys() & second.keys()
     later = {name for name in both if second[name] >= first[name]}
@@ -174,7 +174,7 @@ def _say_once(whole: _Project, other: _Project) -> None:
 
 
 def _weights(project: _Project) -> dict[str, int]:
-    """What is said of each point: 2 for held or observed coordinates, 1 for start values, 0 for its name alone."""
+    """Rank of each point entry: 2 held or observed coordinates, 1 start values, 0 name alone."""
     weights: dict[str, int] = {}
     for table in project.tables("points"):
         frame = project.frames.get(str(table.get("file")))
@@ -352,7 +352,7 @@ def _in_units_of(whole: _Project, other: _Project) -> None:
 
 
 def _quantity(column: str, type_: str) -> Quantity | None:
-    """What a column of a table is, by its name; σ and start values as what they belong to."""
+    """Quantity of a column by its name; σ and start values have the quantity that they belong to."""
     if type_ and type_ not in PLAIN_TYPES:
         return None
     components = PLAIN_TYPES[type_].components if type_ else (*POINT.components, *ROTATION.components)

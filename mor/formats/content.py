@@ -1,4 +1,4 @@
-"""What is in a project, for writers: its tables as arrays in the project's length unit, radians and pixels."""
+"""The tables of a project as arrays in its length unit, radians and pixels, for writers of foreign formats."""
 
 from __future__ import annotations
 
@@ -139,7 +139,7 @@ _CONTROL_IN_TITLE = "[\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]"
 
 
 def _given(rows: Rows, name: str) -> int:
-    """How many cells of a column have a value other than 0."""
+    """Number of cells of a column with a value other than 0."""
     if name in rows.numbers:
         return int(np.count_nonzero(np.nan_to_num(rows.numbers[name])))
     return int((rows.texts[name] != "").sum()) if name in rows.texts else 0
@@ -333,7 +333,7 @@ def frames(content: Content, what: str) -> Things:
 
 
 def _not_a_frame(camera: Camera) -> list[str]:
-    """What of a camera makes its images other than central perspectives from their positions."""
+    """Properties of a camera whose images are not central perspectives from their positions."""
     found = []
     if camera.line_time is not None or camera.line is not None:
         found.append("is a line scanner")
@@ -417,7 +417,7 @@ _SECTIONS = (
 def not_carried(
     content: Content, types: tuple[str, ...], sections: tuple[str, ...], what: str
 ) -> list[Problem]:
-    """What of a project a format has no place for: observations of other types, whole sections, columns, counted."""
+    """Return counted notes on observations, sections and columns that a format cannot hold."""
     project, file = content.project, content.document.file
     notes = []
     for entry in project.observations:

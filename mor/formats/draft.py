@@ -107,7 +107,7 @@ LARGEST = 1e30
 
 
 def usable(values: FloatArray | Sequence[float]) -> bool:
-    """True where all of them are numbers up to 1e30."""
+    """Return True if all of them are numbers up to 1e30."""
     with np.errstate(invalid="ignore"):
         return bool((np.abs(values) <= LARGEST).all())
 

@@ -1,4 +1,4 @@
-"""What photographs say of themselves (EXIF): camera, focal length, size, GNSS position with its accuracy."""
+"""Read camera, focal length, size and GNSS position with its accuracy from photographs (EXIF)."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def is_photograph(path: Path) -> bool:
 def read_photographs(paths: Sequence[Path], target: Path) -> Document:
     """A project with the cameras and images of photographs; ``target`` is the project file they begin.
 
-    Raises :class:`InputError` where one cannot be read, and where Pillow, of the extra ``formats``, is missing.
+    Raises :class:`InputError` if one cannot be read, and where Pillow, of the extra ``formats``, is missing.
     """
     draft = Draft(str(target))
     photographs = [_photograph(path) for path in paths]

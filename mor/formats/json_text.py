@@ -13,7 +13,7 @@ from mor.input_files import TABLE, read_bytes
 
 
 class JsonFile:
-    """The content of a JSON file. Raises :class:`InputError` where it is none, or has a key twice."""
+    """The content of a JSON file. Raises :class:`InputError` if it is none, or has a key twice."""
 
     def __init__(self, path: Path):
         self.file = str(path)

@@ -17,7 +17,7 @@ def write_opencv(document: Document, folder: Path, target: Path) -> Written:
     """A file for each camera, beside each other where there are several.
 
     cx and cy count from the centre of the upper left pixel, as OpenCV counts: half a pixel less than from its corner.
-    Raises :class:`InputError` where OpenCV has no model that says the same.
+    Raises :class:`InputError` if OpenCV has no model that says the same.
     """
     content = content_of(document, folder)
     problems: list[Problem] = []

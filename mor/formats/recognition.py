@@ -1,4 +1,4 @@
-"""Which format a file or a folder has, by its structure: XML root, magic numbers, records; suffixes come last.
+"""Recognise the format of a file or folder by its structure: XML root, magic numbers, records, and last its suffix.
 
 Every format has a rule that returns the reason why an input may have it. Two formats with equally good reasons are told
 apart by the suffix, or not at all: nothing is guessed.
@@ -188,7 +188,7 @@ def _by_suffix(path: Path) -> str | None:
 
 
 def _numbers(words: list[str]) -> int:
-    """How many words there are, if all are numbers."""
+    """Number of words if all of them are numbers."""
     try:
         for word in words:
             float(word)

@@ -25,7 +25,7 @@ class RefinedCamera(NamedTuple):
     xh: float
     yh: float
     corrected: bool
-    """True where coordinates were freed of distortion."""
+    """True if coordinates were freed of distortion."""
 
 
 class RefinedPoints(NamedTuple):
@@ -117,7 +117,7 @@ def _points(content: Content, used: dict[str, str], cameras: dict[str, RefinedCa
 
 
 def _freed(content: Content, camera: Camera, xy: FloatArray) -> FloatArray:
-    """Coordinates (n, 2) without distortion, in the unit of the camera; NaN where there is no ray."""
+    """Coordinates (n, 2) without distortion, in the unit of the camera; NaN if there is no ray."""
     model = CAMERA_MODELS[camera.model]
     scale = image_scale(camera, content.project.units)
     values = interior_values(camera, content.edge, scale)

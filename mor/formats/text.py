@@ -22,7 +22,7 @@ def read_lines(path: Path, draft: Draft) -> list[str]:
     """Lines of a text file without their ends; what follows the last end is no line where it is empty.
 
     UTF-8 and UTF-16 by their mark, UTF-8 without one; else Windows' Western European or Cyrillic letters, which a
-    note says. Raises :class:`InputError` where the file cannot be read.
+    note says. Raises :class:`InputError` if the file cannot be read.
     """
     text, encoding = decoded(read_bytes(path, PROJECT))
     if encoding in _NAMES and encoding != "utf-16":

@@ -1,4 +1,4 @@
-"""What a writer hands back: files, and what they have no place for."""
+"""Files produced by a writer, and notes on content that they cannot hold."""
 
 from __future__ import annotations
 

@@ -30,7 +30,7 @@ class _EntityError(Exception):
 def parse_xml(content: bytes, file: str) -> Element:
     """Root element of an XML document.
 
-    Raises :class:`InputError` where the document is not well-formed or declares entities.
+    Raises :class:`InputError` if the document is not well-formed or declares entities.
     """
     parser = expat.ParserCreate()
     parser.buffer_text = True

@@ -87,7 +87,7 @@ def east_north_up(latitude: FloatArray, longitude: FloatArray) -> FloatArray:
 
 
 class Foot(NamedTuple):
-    """Where the normals through n places meet the ellipsoid, in object coordinates."""
+    """Feet of the normals from n places to the ellipsoid, in object coordinates."""
 
     position: FloatArray
     """(n, 3)."""

@@ -64,7 +64,7 @@ def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
 
 
 def _any_inside(flat: FloatArray, ear: tuple[int, int, int], left: list[int]) -> bool:
-    """True where another corner is inside an ear, or on its edges: nothing can be cut off there."""
+    """Return True if another corner is inside an ear, or on its edges: nothing can be cut off there."""
     a, b, c = (flat[k] for k in ear)
     for k in left:
         if k in ear or any(np.array_equal(flat[k], corner) for corner in (a, b, c)):

@@ -55,7 +55,7 @@ class Pose:
 
 
 class Path(NamedTuple):
-    """What the poses of n rows depend on whatever their time: k knots each."""
+    """The k knots on which the poses of n rows depend."""
 
     positions: FloatArray
     """(n, k, 3) X_k."""

@@ -27,7 +27,7 @@ TURNED_AXIS: FloatArray = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0
 
 @cache
 def at_infinity(type_: ObservationType) -> ObservationType:
-    """The same observation of a point at infinity: its last point is a direction, lengths of the set-up are nothing.
+    """Return the observation type for a point at infinity, which is a direction; lengths of the set-up vanish.
 
     Slots: those of ``type_`` that are no lengths, and a rotation in place of the point.
     """

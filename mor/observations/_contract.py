@@ -1,4 +1,4 @@
-"""What an observation type is: a value with its components, its slots and one vectorised equation."""
+"""Define an observation type: components, parameter blocks, and one vectorised equation."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from mor.units import ANGLE, Component
 
 
 class Computed(NamedTuple):
-    """What an equation returns for n observations of m components."""
+    """Values and derivatives of an equation for n observations of m components."""
 
     values: FloatArray
     """(n, m) computed values."""
@@ -63,15 +63,15 @@ class ObservationType(NamedTuple):
     tell_face: Callable[[FloatArray], FloatArray] | None = None
     """Face (1 or 2) that the reading (n,) of the last component tells, for types with a constant ``face``."""
     in_object_axes: bool = False
-    """True where the components are coordinates in the axes of the object system."""
+    """True if the components are coordinates in the axes of the object system."""
     written: str = ""
     """What a project calls it, where that is not the key."""
     about_local_vertical: bool = False
-    """True where the equation turns into the horizon of the place: on the earth verticals are not parallel."""
+    """True if the equation turns into the horizon of the place: on the earth verticals are not parallel."""
     between_marks: bool = False
-    """True where marks are observed (levelling, satellites), not sights of an instrument that stands over one."""
+    """True if marks are observed (levelling, satellites), not sights of an instrument that stands over one."""
     through_air: bool = False
-    """True where a length is measured by the time that light takes: the air makes it longer."""
+    """True if a length is measured by the time that light takes: the air makes it longer."""
     still: ObservationType | None = None
     """Of points that move, the same observation of points that do not."""
     flat: ObservationType | None = None
@@ -79,7 +79,7 @@ class ObservationType(NamedTuple):
 
     @property
     def name(self) -> str:
-        """What a project calls this type, and reports do."""
+        """Name of the type in projects and reports."""
         return self.written or self.key
 
     @property
@@ -89,7 +89,7 @@ class ObservationType(NamedTuple):
 
 
 class External(NamedTuple):
-    """How a group's components were given, and are reported: internal = T · (given · factor) + t."""
+    """Transformation from internal to reported components: internal = T · (given · factor) + t."""
 
     transform: FloatArray
     """(m, m) signed permutation T."""
@@ -121,7 +121,7 @@ class ObservationGroup:
     blocks: tuple[AnyIntArray, ...]
     """One (n,) array of block numbers per slot."""
     observed: FloatArray
-    """(n, m); NaN where a component was not observed."""
+    """(n, m); NaN if a component was not observed."""
     sigma: FloatArray
     """(n, m) standard deviations, > 0 where observed."""
     constants: FloatArray
@@ -133,7 +133,7 @@ class ObservationGroup:
     centring: SetUp = PERFECT_SET_UP
     """Errors of the set-up of instrument and target."""
     external: External | None = None
-    """How it was given; ``None`` where it is given in internal units and axes."""
+    """How it was given; ``None`` if it is given in internal units and axes."""
     image_unit: str = "mm"
     lines: SmallIntArray = field(default_factory=lambda: np.zeros(0, dtype=np.int32))
     """(n,) line of each row in its file, or none where the rows come from nowhere."""

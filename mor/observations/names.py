@@ -90,7 +90,7 @@ def names_of(texts: Sequence[str]) -> Names:
 
 
 def one_name(text: str, count: int) -> Names:
-    """The same name for all rows, in the room of one."""
+    """Return one name for all rows, stored once."""
     return Names(np.broadcast_to(np.zeros(1, dtype=np.int32), (count,)), (text,))
 
 

@@ -17,7 +17,7 @@ Values: TypeAlias = Mapping[str, FloatArray]
 
 
 def all_known(values: Values) -> bool:
-    """True where no value is missing: NaN stands for one that is."""
+    """Return True if no value is missing: NaN stands for one that is."""
     return all(bool(np.isfinite(array).all()) for array in values.values())
 
 
@@ -164,7 +164,7 @@ def _move_rotations(blocks: Blocks, D: FloatArray, delta: FloatArray) -> FloatAr
 
 
 def tangents(blocks: Blocks, D: FloatArray) -> FloatArray | None:
-    """dδ/d(columns) (n, 3, 3) of rotations, or ``None`` where every rotation moves by its vector."""
+    """dδ/d(columns) (n, 3, 3) of rotations, or ``None`` if every rotation moves by its vector."""
     by_angles = moves_by_angles(blocks)
     if not by_angles.any():
         return None

@@ -70,7 +70,7 @@ def _name(path: Path) -> str:
 
 
 def stamp(case: Case) -> tuple[int, int] | None:
-    """What tells the results of a project from those of an earlier run, or ``None`` if there are none."""
+    """Return a digest of the results of a project, or ``None`` if there are none."""
     try:
         status = (case.folder / RESULTS).stat()
     except OSError:
@@ -79,7 +79,7 @@ def stamp(case: Case) -> tuple[int, int] | None:
 
 
 def row_of(case: Case, done: Done, is_new: bool, against: Path | None, tolerance: float) -> Row:
-    """What is said of a project, from its exit code and from its results if this run has written them."""
+    """Return the row of a project, from its exit code and from results that this run has written."""
     content = _content(case.folder / RESULTS) if done.code is not None and is_new else None
     row = _row(case, done, content)
     if against is None:

@@ -49,12 +49,12 @@ class Design(NamedTuple):
 
     @property
     def fulfilled(self) -> bool:
-        """True where there is a solution, and it reaches all that is required."""
+        """True if there is a solution, and it reaches all that is required."""
         return self.solved.quality is not None and all(one.met for one in self.judged)
 
     @property
     def notes(self) -> Sequence[Problem]:
-        """What was assumed on reading."""
+        """Notes about assumptions made while the plan was read."""
         return self.solved.network.notes
 
     def write(self, place: Reservation, of: Identity, language: str) -> None:
@@ -83,7 +83,7 @@ class Design(NamedTuple):
         return to_json(data)
 
     def screen(self, words: Words) -> str:
-        """What the terminal is told."""
+        """Return the text for the terminal."""
         lines = verdict(self.solved, self.judged, words)
         required = requirement_section(self.solved, self.judged, words)
         if self.solved.quality is None:
@@ -135,7 +135,7 @@ def designed(path: Path, form: str, ranks: bool, most: int) -> Design:
 
 
 def _without_points(required: Requirement, variant: Variant) -> Requirement | None:
-    """What is left of a requirement where a variant leaves points out; nothing where it leaves out all of them."""
+    """What is left of a requirement where a variant leaves points out; nothing if it leaves out all of them."""
     if not isinstance(required, RequiredPrecision):
         return required
     stays: BoolArray = np.array([not named_in(variant, name) for name in required.names], dtype=bool)

@@ -45,7 +45,7 @@ class SingularPlanError(MorError):
 
 
 class Trial(NamedTuple):
-    """What is simulated: a project file, a seed, and whether start values are worked out anew in every run."""
+    """A project to simulate, a seed, and whether every run computes start values."""
 
     path: Path
     form: str
@@ -144,7 +144,7 @@ def run_trial(
 ) -> Tally:
     """All runs of a trial, with what the folder has of them already; ``told`` hears how many more are done.
 
-    ``work`` does the chunks that are missing. Raises :class:`InputError` where the folder has runs of something else.
+    ``work`` does the chunks that are missing. Raises :class:`InputError` if the folder has runs of something else.
     """
     assert ready.truth is not None
     folder.mkdir(parents=True, exist_ok=True)
@@ -212,6 +212,6 @@ def _check_key(folder: Path, trial: Trial, files: Mapping[Any, ReadFile]) -> Non
 
 
 def digest_of(files: Mapping[Any, ReadFile]) -> str:
-    """What tells inputs from others: names and contents of all files that were read."""
+    """Return a digest of the names and contents of all files that were read."""
     content = sorted((file.path.name, file.sha256) for file in files.values())
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()

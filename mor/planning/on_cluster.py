@@ -24,7 +24,7 @@ def tasks_on_cluster(
 ) -> Iterator[Done]:
     """Do all tasks, each in a process of its own where a worker is; what is done comes in the order of the tasks.
 
-    Raises :class:`InputError` where the working folder is not there, or nobody does them any more.
+    Raises :class:`InputError` if the working folder is not there, or nobody does them any more.
     """
     here = Path.cwd()
     submitted = [
@@ -48,7 +48,7 @@ def chunks_on_cluster(
 ) -> Worked:
     """Do chunks of a trial, whose inputs are the ``files`` that were read for it.
 
-    Raises :class:`InputError` where they are others for a worker, or nobody does the chunks any more.
+    Raises :class:`InputError` if they are others for a worker, or nobody does the chunks any more.
     """
     trial = ready.trial._replace(path=ready.trial.path.resolve())
     submitted = [cluster.submit(_chunk, trial, digest_of(files), chunk) for chunk in chunks]

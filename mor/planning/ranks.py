@@ -28,7 +28,7 @@ from mor.quality.solved import Solved
 
 
 class Ranking(NamedTuple):
-    """What can be spared, what helps most, and a greedy plan."""
+    """Changes that lose least, changes that gain most, and a greedy plan."""
 
     network: Network
     now: Outcome

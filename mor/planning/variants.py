@@ -1,4 +1,4 @@
-"""What-if variants of a plan: something left out, other σ, another lens, candidates that take part."""
+"""Variants of a plan: parts left out, other σ, another lens, candidates added."""
 
 from __future__ import annotations
 
@@ -143,5 +143,5 @@ def _kept(correlations: Iterable[Correlation], out: Sequence[BoolArray]) -> tupl
 
 
 def named_in(variant: Variant, name: str) -> bool:
-    """True where a variant leaves a point out by its name: nothing is required of it then."""
+    """Return True if a variant leaves a point out by its name: nothing is required of it then."""
     return any(fnmatchcase(name, pattern) for pattern in variant.without.points)

@@ -38,9 +38,9 @@ class Done(NamedTuple):
 
     number: int
     code: int | None
-    """Exit code; nothing where its process died, or was ended."""
+    """Exit code; nothing if its process died, or was ended."""
     death: str
-    """How it died: ``killed by SIGKILL``, ``ended after 60 s``; empty where it did not."""
+    """How it died: ``killed by SIGKILL``, ``ended after 60 s``; empty if it did not."""
     seconds: float
 
 

@@ -48,13 +48,13 @@ class ImageScale(NamedTuple):
 
     unit: str
     pixel: float
-    """Camera units per pixel; NaN where the camera says nothing of pixels."""
+    """Camera units per pixel; NaN if the camera says nothing of pixels."""
     size: float
-    """Millimetres per pixel; NaN where the camera says nothing of them."""
+    """Millimetres per pixel; NaN if the camera says nothing of them."""
     centre: tuple[float, float]
     """Origin of the coordinates inside, px from the upper left corner: the image centre, or the corner itself."""
     corner: bool
-    """True where coordinates count from the upper left corner, y down."""
+    """True if coordinates count from the upper left corner, y down."""
 
     def factor(self, unit: str) -> float:
         """Camera units per given unit. Raises :class:`UnitError`."""
@@ -102,7 +102,7 @@ def image_scale(camera: Camera, units: Units) -> ImageScale:
 
 
 def _pixel_size(text: str | None, unit: str) -> float:
-    """Millimetres per pixel, NaN where a camera in pixels does not say. Raises :class:`UnitError`."""
+    """Millimetres per pixel, NaN if a camera in pixels does not say. Raises :class:`UnitError`."""
     if text is None:
         if unit == PIXEL:
             return float("nan")
@@ -155,7 +155,7 @@ class Edge(NamedTuple):
         return quantity.unit(self.units.length, angle, image.unit if image else "mm")
 
     def factor(self, quantity: Quantity, unit: str, image: ImageScale | None = None) -> float:
-        """Internal units per given unit (``""``: the project's). Raises :class:`UnitError` where it does not fit."""
+        """Internal units per given unit (``""``: the project's). Raises :class:`UnitError` if it does not fit."""
         if quantity.time:
             return self._of_time(quantity, unit or self.default_unit(quantity))
         if quantity.length == 1 and not quantity.image:
@@ -228,10 +228,10 @@ class Edge(NamedTuple):
 
     @property
     def turned(self) -> bool:
-        """True where ω, φ, κ against the project's axes differ from those inside: right-handed axes other than en."""
+        """True if ω, φ, κ against the project's axes differ from those inside: right-handed axes other than en."""
         return self.right_handed and self.axes.xy != "en"
 
     @property
     def right_handed(self) -> bool:
-        """True where the project's axes form a right-handed system."""
+        """True if the project's axes form a right-handed system."""
         return bool(np.linalg.det(self.matrix) > 0.0)

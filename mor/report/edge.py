@@ -18,7 +18,7 @@ from mor.units import ANGLE_UNITS
 
 
 class Estimate(NamedTuple):
-    """Values (n, k) with standard deviations (n, k; NaN where there are none) and covariances (n, k, k) or ``None``."""
+    """Values (n, k) with standard deviations (n, k; NaN if there are none) and covariances (n, k, k) or ``None``."""
 
     values: FloatArray
     sigma: FloatArray
@@ -118,7 +118,7 @@ def _sigma(covariance: FloatArray | None, shape: tuple[int, ...]) -> FloatArray:
 
 
 class Said(NamedTuple):
-    """How the arrays of a group are said to the user."""
+    """Transformation of the arrays of a group to the units and axes of the user."""
 
     source: IntArray
     """(m,) internal component behind each reported one."""

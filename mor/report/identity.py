@@ -1,4 +1,4 @@
-"""What a report is of: program, project, the files it was read from, options, and the date of the newest of them."""
+"""Identity of a report: program, project, input files, options, and date of the newest file."""
 
 from __future__ import annotations
 

@@ -74,12 +74,12 @@ def short(value: float | None, digits: int = 6) -> str:
 
 
 def in_words(row: dict[str, Any], words: Words) -> str:
-    """Which observation: its type, where its first name does not say that already, its names and its component."""
+    """Return the name of an observation: its type, its point and station names, and its component."""
     names = ", ".join(f"{words.listed(key)} {name}" for key, name in row["names"].items())
     type_ = "" if next(iter(row["names"]), "") == row["type"] else f"{row['type']} "
     return f"{type_}{names}{component_of(row)}"
 
 
 def component_of(row: dict[str, Any]) -> str:
-    """The component after a comma; nothing where it is the type once more, as of a distance."""
+    """The component after a comma; nothing if it is the type once more, as of a distance."""
     return "" if row["component"] == row["type"] else f", {row['component']}"

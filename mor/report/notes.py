@@ -1,4 +1,4 @@
-"""What was noted while a project was read, as plain data: what was left out, or decided without being asked."""
+"""Notes made while a project was read, as plain data."""
 
 from __future__ import annotations
 

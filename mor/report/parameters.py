@@ -38,7 +38,7 @@ def factors_of(solved: Solved, components: Sequence[Component]) -> list[float]:
 
 
 def _significance(estimate: Estimate, k: int, neutral: float) -> float | None:
-    """How many σ a component differs from its neutral value: what says whether it is needed."""
+    """Distance of a component from its neutral value, in units of σ."""
     sigma = float(estimate.sigma[0, k])
     return float((estimate.values[0, k] - neutral) / sigma) if sigma > 0.0 else None
 
@@ -72,7 +72,7 @@ def other_rows(solved: Solved) -> list[dict[str, Any]]:
 
 
 def motion_columns(solved: Solved) -> dict[str, FloatArray]:
-    """Velocities and rates of rotation of the images that are read out row by row, with σ; nothing where none is."""
+    """Velocities and rates of rotation of the images that are read out row by row, with σ; nothing if none is."""
     parts, columns = solved.network.things["image"].parts, dict[str, FloatArray]()
     for kind in (IMAGE_VELOCITY, ROTATION_RATE):
         here = np.flatnonzero(parts[kind.key] >= 0)
@@ -88,5 +88,5 @@ def motion_columns(solved: Solved) -> dict[str, FloatArray]:
 
 
 def number_or_none(value: float) -> float | None:
-    """The number, or nothing where it is none."""
+    """The number, or nothing if it is none."""
     return float(value) if np.isfinite(value) else None

@@ -62,7 +62,7 @@ def readme(names: Collection[str], words: Words = ENGLISH) -> str:
 
 
 def may_write(folder: Path, languages: Collection[Words]) -> bool:
-    """False where a file of that name stands in the folder that is not a readme of mor."""
+    """False if a file of that name stands in the folder that is not a readme of mor."""
     path = folder / FILE
     if not path.is_file():
         return not path.exists()

@@ -1,4 +1,4 @@
-"""What pictures and pages show of an adjustment, as plain tables: from an outcome, or read back from its folder."""
+"""Tables for pictures and pages of an adjustment, from an outcome or from its results folder."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def view_of(
 
 
 def view_of_folder(folder: Path) -> View:
-    """The view of results on disk. Raises :class:`InputError` where they are missing or tell of no solution."""
+    """The view of results on disk. Raises :class:`InputError` if they are missing or tell of no solution."""
     path = folder / "results.json"
     note_input(path)
     try:

@@ -1,4 +1,4 @@
-"""How many threads the dense linear algebra may use.
+"""Number of threads of dense linear algebra.
 
 Threads wake up and spin for every call. On the small fronts of a sparse factorisation that costs far more
 than it gains (on a busy machine a thousandfold), so they are let loose on large fronts only, each by itself.

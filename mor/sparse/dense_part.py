@@ -48,7 +48,7 @@ class DensePart:
             values[places] += dense[rows[:, :, None], columns[:, None, :]]
 
     def of(self, values: FloatArray) -> FloatArray:
-        """The (n, n) part of a matrix with these values, zero where nothing is stored."""
+        """The (n, n) part of a matrix with these values, zero if nothing is stored."""
         dense = np.zeros((self.unknowns.size, self.unknowns.size))
         for places, rows, columns in self._places:
             stored = values[places]

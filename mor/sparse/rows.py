@@ -74,7 +74,7 @@ def accumulate_rows_plainly(
     misclosure: FloatArray,
     columns: IntArray,
 ) -> None:
-    """The same in plain numpy, the reference that the compiled form is tested against."""
+    """Accumulate in NumPy; the reference that the compiled form is tested against."""
     free = columns >= 0
     jacobian = np.where(free[:, None, :], jacobian, 0.0)
     gradient = np.einsum("nmk,nm->nk", jacobian, misclosure)
@@ -132,7 +132,7 @@ def row_cofactors(
 def row_cofactors_plainly(
     cofactors: BlockMatrix, block_of: IntArray, jacobian: FloatArray, columns: IntArray
 ) -> FloatArray:
-    """The same in plain numpy."""
+    """Compute in NumPy; the reference that the compiled form is tested against."""
     places, _ = _places(Target(cofactors.structure, block_of), columns, lower_only=False)
     q = np.where(places >= 0, cofactors.values[places], 0.0)
     free = np.where((columns >= 0)[:, None, :], jacobian, 0.0)
@@ -175,7 +175,7 @@ def _places(into: Target, columns: IntArray, *, lower_only: bool) -> tuple[IntAr
 
 
 def block_cofactors(pattern: Target, values: FloatArray, columns: IntArray) -> FloatArray:
-    """(n, k, k) cofactors of n small sets of unknowns ``columns`` (n, k), zero where fixed, NaN where not stored."""
+    """(n, k, k) cofactors of n small sets of unknowns ``columns`` (n, k), zero if fixed, NaN if not stored."""
     free = columns >= 0
     both = free[:, :, None] & free[:, None, :]
     if values.size == 0:

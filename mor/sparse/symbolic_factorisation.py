@@ -41,7 +41,7 @@ class Scalars(NamedTuple):
 
 
 class Entries(NamedTuple):
-    """Where the stored blocks of the matrix go, sorted by front.
+    """Positions of the stored blocks of the matrix, sorted by front.
 
     Attributes:
         pointers: (f+1,) the blocks of front i are ``pointers[i]:pointers[i+1]`` in what follows.
@@ -75,7 +75,7 @@ class Entries(NamedTuple):
         )
 
     def scalars_of_front(self, f: int, pivots: int, rows: int) -> Scalars:
-        """Where each entry of those blocks goes, in a front of so many pivots and further rows."""
+        """Return the position of each entry of those blocks in a front of given pivots and further rows."""
         if f not in self.known:
             self.known[f] = _scalars(*self.of_front(f), pivots, rows)
         return self.known[f]

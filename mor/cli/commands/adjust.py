@@ -59,7 +59,7 @@ class Asked(NamedTuple):
 
     @property
     def writes(self) -> bool:
-        """False where results are only printed."""
+        """False if results are only printed."""
         return self.output is not None or not self.as_json
 
     @property
@@ -77,7 +77,7 @@ class Asked(NamedTuple):
 
     @property
     def all_tables(self) -> bool:
-        """True where no table was asked to be left out."""
+        """True if no table was asked to be left out."""
         return self.tables in (None, "all")
 
     @property

@@ -74,7 +74,7 @@ def relative_command(
       mor orient relative pairs.csv -c 28.8 --json | jq .
 
     PAIRS has the columns id, x1, y1, x2, y2 (x3, y3 …): image coordinates relative to the principal point, x right, y
-    up, in the unit of the camera constant; empty where a point is not seen. Each image is oriented to the one before;
+    up, in the unit of the camera constant; empty if a point is not seen. Each image is oriented to the one before;
     common points carry the scale on, then all is adjusted together. Degenerate data are named.
 
     \b
@@ -145,7 +145,7 @@ def planar_command(
       mor orient planar corners.csv -c 50 --length A B 2.500 --wall
       mor orient planar corners.csv -c 50 --length A B 2.500 --length-sigma 0.002 --off TOWER
 
-    POINTS has the columns id, x1, y1, x2, y2 (x3, y3 …), as for relative orientation; empty where a point is not seen.
+    POINTS has the columns id, x1, y1, x2, y2 (x3, y3 …), as for relative orientation; empty if a point is not seen.
     Points off the plane get heights. All admissible solutions are given.
 
     \b

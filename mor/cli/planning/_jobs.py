@@ -33,7 +33,7 @@ cluster_option = click.option(
 
 
 def jobs_here(jobs: int | None, cluster: str | None) -> int:
-    """How many processes of this machine; a cluster has its own. Raises :class:`InputError` where both are given."""
+    """Return the number of local processes. Raises :class:`InputError` if a cluster is given as well."""
     if jobs is not None and cluster is not None:
         raise InputError([Problem("--jobs and --cluster together; give either of them")])
     return jobs or processors()

@@ -183,7 +183,7 @@ def _one(
 
 
 def _refuse_with_runs(gross: int, drop: float, systematic: Sequence[Systematic], noise_free: bool) -> None:
-    """What is planted goes into one simulated project; runs have errors of their own."""
+    """Refuse options that plant errors in one simulated project together with ``--runs``."""
     from mor.errors import InputError, Problem
 
     given = {"--gross": gross, "--drop": drop, "--offset or --ppm": systematic, "--noise-free": noise_free}

@@ -23,7 +23,7 @@ class Words(NamedTuple):
 
 
 def stem_of(path: Path) -> Path:
-    """What the names of all files begin with. Raises :class:`InputError` where a folder holds none or several."""
+    """Return the common beginning of all file names. Raises :class:`InputError` if a folder holds none or several."""
     if path.is_dir():
         stems = sorted({_bare(file) for file in path.iterdir() if _bare(file).suffix == ".ior"})
         if not stems:
@@ -77,7 +77,7 @@ def _split(line: str) -> list[str]:
 
 
 def numbers(line: Words, chosen: slice, draft: Draft) -> bool:
-    """True where the chosen words are numbers; a mistake is reported otherwise."""
+    """Return True if the chosen words are numbers; a mistake is reported otherwise."""
     try:
         for word in line.words[chosen]:
             number(word)
@@ -88,7 +88,7 @@ def numbers(line: Words, chosen: slice, draft: Draft) -> bool:
 
 
 def enough(line: Words, count: int, form: str, draft: Draft) -> bool:
-    """True where a line has at least ``count`` words; a mistake is reported otherwise."""
+    """Return True if a line has at least ``count`` words; a mistake is reported otherwise."""
     if len(line.words) >= count:
         return True
     draft.problem(f"found {len(line.words)} columns, expected {form}", line.line, line.file)

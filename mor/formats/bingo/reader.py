@@ -24,7 +24,7 @@ POSE = ("x", "y", "z", "omega", "phi", "kappa")
 
 @dataclass
 class Ground:
-    """What is read of ``geoin.dat``."""
+    """Content of ``geoin.dat``."""
 
     cameras: dict[str, tuple[list[str], int]] = field(default_factory=dict)
     """c, xh, yh by name, and the line."""

@@ -55,7 +55,7 @@ def _refuse(content: Content, found: Things, places: Things) -> None:
 
 
 def told(content: Content, places: Things, cameras: dict[str, RefinedCamera], what: str) -> list[str]:
-    """What a reader of the files will not know any more."""
+    """Notes about information that the files cannot hold."""
     some = places.fixed | np.isfinite(places.statuses.sigma)
     partly = int((some.any(axis=1) & ~some.all(axis=1)).sum())
     words = [f"{what}'s files have no σ and do not say which interior parameters are free"]

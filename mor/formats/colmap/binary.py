@@ -29,11 +29,11 @@ class Bytes:
         self.file, self.content, self.at = str(path), read_bytes(path), 0
 
     def refuse(self, words: str) -> InputError:
-        """What is wrong at the place that was reached."""
+        """Return the error for the position reached in the file."""
         return InputError([Problem(f"byte {self.at}: {words}", self.file)])
 
     def take(self, form: str) -> tuple[int | float, ...]:
-        """Numbers of a format of :mod:`struct`. Raises :class:`InputError` where the file ends before."""
+        """Numbers of a format of :mod:`struct`. Raises :class:`InputError` if the file ends before."""
         size = struct.calcsize(form)
         self.need(size)
         numbers = struct.unpack_from(form, self.content, self.at)

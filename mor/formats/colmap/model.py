@@ -1,4 +1,4 @@
-"""What a COLMAP model consists of, whether its files are text or binary (COLMAP documentation, "Output Format")."""
+"""The content of a COLMAP model, as text or binary files (COLMAP documentation, "Output Format")."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def read_colmap(path: Path) -> Document:
 
 
 def read_model(folder: Path, draft: Draft) -> ColmapModel:
-    """The files of a folder; binary ones where both are there. Raises :class:`InputError` where one is missing."""
+    """The files of a folder; binary ones where both are there. Raises :class:`InputError` if one is missing."""
     end = ".bin" if (folder / "cameras.bin").is_file() else ".txt"
     missing = [f"{name}{end}" for name in _PARTS if not (folder / f"{name}{end}").is_file()]
     if missing:

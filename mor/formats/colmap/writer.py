@@ -24,7 +24,7 @@ _TRACK = "<II"
 
 
 class Model:
-    """What is written: everything by the number that COLMAP knows it by."""
+    """Cameras, images and points to be written, by their COLMAP numbers."""
 
     def __init__(self, content: Content):
         self.images = frames(content, "a COLMAP model")

@@ -37,7 +37,7 @@ class Place(NamedTuple):
 
 
 class CameraError(ValueError):
-    """What is wrong with a camera, and where."""
+    """A mistake in a camera, with its location."""
 
     def __init__(self, words: str, place: Place) -> None:
         super().__init__(words)
@@ -56,7 +56,7 @@ class Texts:
     script: str
 
     def at(self, element: Element) -> Place:
-        """Where an element of the camera stands."""
+        """Return the location of an element of the camera."""
         return Place(element.line, self.file)
 
     def find(self, name: str) -> tuple[str, Place]:

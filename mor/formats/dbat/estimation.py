@@ -1,4 +1,4 @@
-"""What a DBAT script sets before its bundle adjustment: parameters that are estimated, initial values of the camera."""
+"""Read the settings of a DBAT script: estimated parameters and start values of the camera."""
 
 from __future__ import annotations
 

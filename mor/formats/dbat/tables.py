@@ -56,7 +56,7 @@ def table_of(
 
 
 def _plain(row: dict[str, str], line: int, file: str, draft: Draft) -> bool:
-    """True where names are there and the rest are numbers."""
+    """Return True if names are there and the rest are numbers."""
     try:
         for name, cell in row.items():
             if name in ("id", "im") and not cell:
@@ -109,7 +109,7 @@ def filtered(rows: list[Line], section: Element, draft: Draft) -> list[Line]:
 
 
 def sigmas(row: Line) -> list[str | None]:
-    """σ of x, y, z: its own column, that of the plane, that of all; ``None`` where there is none."""
+    """σ of x, y, z: its own column, that of the plane, that of all; ``None`` if there is none."""
     cells = row.cells
     plane = cells.get("sxy", cells.get("sxyz"))
     return [cells.get("sx", plane), cells.get("sy", plane), cells.get("sz", cells.get("sxyz"))]

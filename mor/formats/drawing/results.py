@@ -1,4 +1,4 @@
-"""What a drawing shows of a project: points with their σ where results are beside it, images, lines of sight."""
+"""Draw a project: points with their σ if results exist, images, lines of sight."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ _LINES = {
 
 
 class Drawing(NamedTuple):
-    """Everything in metres, in the axes of the project or in its reference system; σ NaN where there is none."""
+    """Everything in metres, in the axes of the project or in its reference system; σ NaN if there is none."""
 
     title: str
     ids: list[str]
@@ -45,7 +45,7 @@ class Drawing(NamedTuple):
     sigma: FloatArray
     """(n, 3)."""
     ellipses: FloatArray
-    """(n, 3) semi-axes a, b and the bearing (rad, counterclockwise from +x) of a; NaN where there is none."""
+    """(n, 3) semi-axes a, b and the bearing (rad, counterclockwise from +x) of a; NaN if there is none."""
     images: list[str]
     centres: FloatArray
     """(m, 3)."""
@@ -55,7 +55,7 @@ class Drawing(NamedTuple):
     crs: str = ""
     """Name (URN) of the reference system on the earth that they are in, where it has one."""
     degrees: bool = False
-    """True where x and y are longitude and latitude in degrees."""
+    """True if x and y are longitude and latitude in degrees."""
     notes: tuple[Problem, ...] = ()
     """What was left out, and how much."""
 
@@ -63,7 +63,7 @@ class Drawing(NamedTuple):
 def drawing(document: Document, folder: Path) -> Drawing:
     """The drawing of a project; of an adjusted one (``adjusted.yaml``) with the σ of the results beside it.
 
-    Raises :class:`InputError` where no point has coordinates.
+    Raises :class:`InputError` if no point has coordinates.
     """
     content = content_of(document, folder)
     if content.project.world is not None:
@@ -136,7 +136,7 @@ def _on_earth(content: Content) -> Drawing:
 
 
 def _sigma_of_places(path: Path, ids: list[str]) -> FloatArray:
-    """σ (n, 3) east, north, up by the table of results, NaN where there is none."""
+    """σ (n, 3) east, north, up by the table of results, NaN if there is none."""
     rows: dict[str, dict[str, str | None]] = {}
     if path.is_file():
         note_input(path)
@@ -146,7 +146,7 @@ def _sigma_of_places(path: Path, ids: list[str]) -> FloatArray:
 
 
 def _precision(path: Path, ids: list[str], metres: float) -> tuple[FloatArray, FloatArray]:
-    """σ and error ellipses in plan by the table of results, NaN where there is none."""
+    """σ and error ellipses in plan by the table of results, NaN if there is none."""
     sigma, ellipses = np.full((len(ids), 3), np.nan), np.full((len(ids), 3), np.nan)
     if not path.is_file():
         return sigma, ellipses

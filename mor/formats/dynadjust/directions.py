@@ -41,7 +41,7 @@ def read_directions(found: Measurements) -> None:
 
 
 def _goes_on(found: Measurements) -> bool:
-    """True where the next line is one of the same set: its station is left out."""
+    """Return True if the next line is one of the same set: its station is left out."""
     text = found.lines[found.at + 1] if found.at + 1 < len(found.lines) else ""
     return text[:1] in (CODE, " ") and not text[_FROM].strip() and bool(text[_TARGET].strip())
 

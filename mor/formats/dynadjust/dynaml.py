@@ -45,7 +45,7 @@ def _beside(path: Path, name: str, end: str) -> Path:
 
 
 def root_of(path: Path) -> Element:
-    """Root element of a file. Raises :class:`InputError` where it is none of DynaML."""
+    """Root element of a file. Raises :class:`InputError` if it is none of DynaML."""
     if not path.is_file():
         words = f"this file does not exist; DynaML has a pair of …{STATIONS} and …{MEASURED}"
         raise InputError([Problem(words, str(path))])
@@ -56,7 +56,7 @@ def root_of(path: Path) -> Element:
 
 
 def stations_of_xml(path: Path) -> Iterator[Station]:
-    """Stations of a file. Raises :class:`InputError` where it is none of DynaML."""
+    """Stations of a file. Raises :class:`InputError` if it is none of DynaML."""
     for element in root_of(path).all("DnaStation"):
         place = next(iter(element.all("StationCoord")), element)
         values = [_text(place, name) for name in ("XAxis", "YAxis", "Height")]

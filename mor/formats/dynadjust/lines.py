@@ -37,7 +37,7 @@ def measured_words(text: str, least: int) -> list[str]:
 
 @dataclass
 class Collected:
-    """What is read of measurements, whether they come as DNA or as DynaML."""
+    """Measurements read from DNA or DynaML."""
 
     draft: Draft
     geoid: dict[str, tuple[float, float, float]]
@@ -100,7 +100,7 @@ def beside(path: Path, end: str) -> Path:
 
 
 def marked_lines(path: Path, draft: Draft) -> list[str]:
-    """Lines of a station or measurement file. Raises :class:`InputError` where it is none."""
+    """Lines of a station or measurement file. Raises :class:`InputError` if it is none."""
     if not path.is_file():
         raise InputError(
             [Problem("this file does not exist; DynAdjust has a pair of .stn and .msr", str(path))]
@@ -114,7 +114,7 @@ def marked_lines(path: Path, draft: Draft) -> list[str]:
 
 
 def read_geoid(path: Path, draft: Draft) -> dict[str, tuple[float, float, float]]:
-    """N, ξ, η of the stations in the file ``.geo`` beside the pair; nothing where there is none."""
+    """N, ξ, η of the stations in the file ``.geo`` beside the pair; nothing if there is none."""
     found: dict[str, tuple[float, float, float]] = {}
     if not path.is_file():
         return found

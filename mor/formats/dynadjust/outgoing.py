@@ -75,13 +75,13 @@ class Outgoing(NamedTuple):
     frame: str
     stations: EarthPoints
     above: bool
-    """True where heights are above the geoid."""
+    """True if heights are above the geoid."""
     measured: list[Measurement]
     notes: list[Problem]
 
 
 def outgoing(document: Document, folder: Path, target: Path) -> Outgoing:
-    """What DynAdjust's files say of a project.
+    """Return the content of DynAdjust files for a project.
 
     Raises :class:`InputError` for networks that are not on GDA94 or GDA2020, and what the files cannot say.
     """

@@ -51,7 +51,7 @@ class Station(NamedTuple):
 
 
 def stations_of_lines(path: Path, draft: Draft) -> Iterator[Station]:
-    """Stations of a DNA file. Raises :class:`InputError` where it is none."""
+    """Stations of a DNA file. Raises :class:`InputError` if it is none."""
     for line, text in enumerate(marked_lines(path, draft)[1:], start=2):
         if text.strip():
             values = [text[place].strip() for place in (slice(28, 48), slice(48, 68), slice(68, 88))]
@@ -178,14 +178,14 @@ def _system(code: int) -> ReferenceSystem:
 
 
 def frame_of(lines: list[str], draft: Draft) -> str:
-    """The frame that the first line names. Raises :class:`InputError` where it is none that is known."""
+    """The frame that the first line names. Raises :class:`InputError` if it is none that is known."""
     words = lines[0].split()
     frame = next((word.upper() for word in words[3:] if word.upper() in SYSTEMS), "")
     return known_frame(frame or (words[4] if len(words) > 4 else lines[0]), 1, draft)
 
 
 def known_frame(name: str, line: int, draft: Draft) -> str:
-    """A frame by its name. Raises :class:`InputError` where it is none that is known."""
+    """A frame by its name. Raises :class:`InputError` if it is none that is known."""
     if name.upper() not in SYSTEMS:
         words = f"found the reference frame {name!r}, expected one of {', '.join(SYSTEMS)}"
         draft.problem(words, line)

@@ -16,9 +16,9 @@ class Kind(NamedTuple):
     value: str
     angle: bool = False
     heights: bool = False
-    """True where heights of instrument and target may follow."""
+    """True if heights of instrument and target may follow."""
     on_geoid: bool = False
-    """True where it cannot be told without the geoid."""
+    """True if it cannot be told without the geoid."""
 
 
 _LINE = ("from", "to")

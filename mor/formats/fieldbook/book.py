@@ -44,7 +44,7 @@ _ZERO = "coordinates that are all 0"
 
 
 class Sight(NamedTuple):
-    """Readings to a target; angles in the unit of the book, lengths in metres, ``None`` where there is none."""
+    """Readings to a target; angles in the unit of the book, lengths in metres, ``None`` if there is none."""
 
     target: str
     line: int
@@ -61,7 +61,7 @@ class Sight(NamedTuple):
 
 
 class Place(NamedTuple):
-    """Coordinates of a point in metres, ``None`` where the book has none, and their line."""
+    """Coordinates of a point in metres, ``None`` if the book has none, and their line."""
 
     east: float | None
     north: float | None
@@ -85,7 +85,7 @@ class SetUp:
 
 @dataclass
 class FieldBook:
-    """What a reader collects."""
+    """Records collected by a reader of field books."""
 
     draft: Draft
     angle: str = "deg"
@@ -350,7 +350,7 @@ class FieldBook:
         return measured or any(place.height is not None for place in self.points.values())
 
     def _only(self) -> str:
-        """What a book without points and readings has."""
+        """Content of a book without points and readings."""
         found = [f"{what} ({counted(len(lines), 'record')})" for what, lines in self.skipped.items()]
         return f"; it has only: {'; '.join(found)}" if found else ""
 

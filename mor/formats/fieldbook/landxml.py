@@ -126,7 +126,7 @@ def _units(root: Element, draft: Draft) -> tuple[float, str, str]:
 
 @dataclass
 class _Survey:
-    """What is read of a file."""
+    """Content of a LandXML file."""
 
     book: FieldBook
     metres: float

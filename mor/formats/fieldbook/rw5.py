@@ -53,7 +53,7 @@ def _cells(text: str) -> dict[str, str]:
 
 
 class _Reader:
-    """What holds until another record changes it."""
+    """State of an RW5 file; each value holds until another record changes it."""
 
     def __init__(self, book: FieldBook) -> None:
         self.book = book

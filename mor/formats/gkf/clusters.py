@@ -14,7 +14,7 @@ from mor.formats.xml import Element
 
 
 class GamaKind(NamedTuple):
-    """How an element becomes an observation of a project: its type, names, components and what it needs of points."""
+    """Type, names and components of an observation element, and the point components that it needs."""
 
     type: str
     names: tuple[tuple[str, str], ...]
@@ -58,7 +58,7 @@ class GamaObservation(NamedTuple):
     kind: str
     names: tuple[str, ...]
     values: tuple[str | None, ...]
-    """Values as written, by component of its kind; ``None`` where not observed."""
+    """Values as written, by component of its kind; ``None`` if not observed."""
     sigma: str | None
     heights: tuple[str | None, str | None]
     line: int
@@ -162,7 +162,7 @@ def _sigma(
 
 
 def _covariance(element: Element, entries: int, draft: Draft) -> FloatArray | None:
-    """Symmetric matrix from the rows of its upper band; ``None`` where there is none or a mistake was reported."""
+    """Symmetric matrix from the rows of its upper band; ``None`` if there is none or a mistake was reported."""
     matrices = element.all("cov-mat")
     if not matrices:
         if element.name in ("coordinates", "vectors"):

@@ -1,4 +1,4 @@
-"""Which elements and attributes a GNU Gama XML input file has, and what is wrong with one that differs."""
+"""Elements and attributes of GNU Gama XML input, and the errors for others."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _one_of(*choices: str) -> Check:
 
 
 class Rule(NamedTuple):
-    """What an element may contain: child elements, required and optional attributes."""
+    """Child elements and attributes, required and optional, of an element."""
 
     children: tuple[str, ...] = ()
     required: Mapping[str, Check] | None = None

@@ -1,4 +1,4 @@
-"""What GNU Gama calls the components of observations, and its units."""
+"""GNU Gama's names and units of observation components."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ CC = GON / 1e4
 
 
 class Part(NamedTuple):
-    """How a component becomes an attribute: element, attribute, and the value in face one, internal units."""
+    """Element, attribute, and value in face one (internal units) of a component."""
 
     element: str
     attribute: str

@@ -25,16 +25,16 @@ class GamaPoint:
     constrained: set[str] = field(default_factory=set)
 
     def is_active(self, part: str) -> bool:
-        """True where a part (``xy`` or ``z``) is fixed or adjusted; all others take no part."""
+        """Return True if a part (``xy`` or ``z``) is fixed or adjusted; all others take no part."""
         return part in self.fixed or part in self.adjusted
 
     def carries_datum(self, part: str) -> bool:
-        """True where a part is adjusted and constrained; fixed wins."""
+        """Return True if a part is adjusted and constrained; fixed wins."""
         return part in self.constrained and part not in self.fixed
 
     @property
     def place(self) -> FloatArray:
-        """(3,) coordinates given, NaN where not."""
+        """(3,) coordinates given, NaN if not."""
         return np.array([float(self.coordinates.get(name, "nan")) for name in "xyz"])
 
 

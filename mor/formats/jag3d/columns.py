@@ -1,4 +1,4 @@
-"""What the files of a JAG3D network are: their names, their columns, the types they stand for.
+"""Names and columns of the files of a JAG3D network, and their observation types.
 
 JAG3D asks for the kind of a file when it is imported; here its name tells. Lengths are m, angles gon, y is east and
 x north. Source: JAG3D, *Datenimport* (wiki), and the classes that read its flat files.

@@ -51,7 +51,7 @@ class Script:
     columns: dict[str, list[str]] = field(default_factory=dict)
     rows: dict[str, list[tuple[dict[str, str], int]]] = field(default_factory=dict)
     cached: bool = False
-    """True where rows of a table are in the file .data."""
+    """True if rows of a table are in the file .data."""
 
     def of(self, name: str) -> list[tuple[dict[str, str], int]]:
         """Rows of a table."""
@@ -83,7 +83,7 @@ def read_jag3d_script(path: Path) -> Document:
 
 
 def _without_rows(script: Script, path: Path) -> str:
-    """What to do about a project without points: their rows may be in its binary file."""
+    """Hint for a project without points: their rows may be in its binary file."""
     if not script.cached:
         return "found no points in this project: its tables are empty"
     data = path.with_suffix(".data").name

@@ -32,7 +32,7 @@ SIGMA_MARKER, SIGMA_PROJECTION, SIGMA_CAMERA, SIGMA_TIE_POINT = 0.005, 0.5, 10.0
 
 @dataclass
 class Chunk:
-    """What is read of a chunk."""
+    """Content of a chunk."""
 
     cameras: dict[str, str] = field(default_factory=dict)
     """Name of each image by the number of its camera element."""
@@ -40,7 +40,7 @@ class Chunk:
     markers_placed: dict[str, tuple[list[str | None], list[str | None], int]] = field(default_factory=dict)
     tie: TiePoints | None = None
     posed: bool = False
-    """True where poses are read."""
+    """True if poses are read."""
 
 
 def read_metashape(path: Path) -> Document:
@@ -201,7 +201,7 @@ def _accuracy(chunk: Element, name: str, default: float) -> str:
 def _put_images(chunk: Element, found: Chunk, control: bool, draft: Draft) -> bool:
     """Images with projections of markers: poses in the chunk, or in its coordinate system where that is local.
 
-    True where positions of three or more images are observed.
+    True if positions of three or more images are observed.
     """
     system = _system(chunk)
     known = _positions(chunk, draft) if system != "geographic" else {}

@@ -11,7 +11,7 @@ NAMES = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2", "p3", 
 
 
 class SensorError(ValueError):
-    """What is wrong with a sensor."""
+    """A mistake in a sensor."""
 
 
 def camera_of(sensor: Element) -> tuple[dict[str, Any], bool]:

@@ -89,7 +89,7 @@ def read_tie_points(cloud: Element, path: Path) -> TiePoints:
 
 
 def _size(files: zipfile.ZipFile, named: Element, archive: Path) -> int:
-    """Bytes of a file that an element names. Raises :class:`InputError` where it is not there."""
+    """Bytes of a file that an element names. Raises :class:`InputError` if it is not there."""
     name = named.attributes.get("path", "")
     try:
         return files.getinfo(name).file_size

@@ -31,7 +31,7 @@ class EarthPoints(NamedTuple):
     given: FloatArray
     """(n, 3) in the reference system and the heights of the project."""
     geoid: FloatArray
-    """(n,) N, NaN where unknown."""
+    """(n,) N, NaN if unknown."""
     deflections: FloatArray
     """(n, 2) ξ, η."""
     held: BoolArray
@@ -88,7 +88,7 @@ def earth_points(content: Content, network: Network, what: str) -> EarthPoints:
 
 
 class _Entry(NamedTuple):
-    """A point as its table has it: coordinates (m, rad; NaN where there are none), what is held."""
+    """A point as its table has it: coordinates (m, rad; NaN if there are none), what is held."""
 
     given: FloatArray
     held: BoolArray
@@ -133,7 +133,7 @@ class SetUps:
         self._under = {name: point for name, (point, _) in stations(content).items()}
 
     def point(self, station: str) -> str:
-        """The point of a station. Raises :class:`InputError` where it stands on none."""
+        """The point of a station. Raises :class:`InputError` if it stands on none."""
         point = self._under.get(station, station)
         if point not in self._points:
             words = f"station {station!r} stands on no point"
@@ -142,7 +142,7 @@ class SetUps:
 
 
 def raised(content: Content, found: list[Group]) -> bool:
-    """True where directions have heights of instrument or target."""
+    """Return True if directions have heights of instrument or target."""
     sets = [group for group in found if group.entry.type == "directions"]
     columns = [group.rows.number(f"{end}_height") for group in sets for end in ("from", "to", "station")]
     own = [height for _, height in stations(content).values()] if sets else []

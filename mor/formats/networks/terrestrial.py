@@ -27,7 +27,7 @@ class Group:
     entry: Observations
     rows: Rows
     values: FloatArray
-    """(n, components), NaN where not observed."""
+    """(n, components), NaN if not observed."""
     sigma: FloatArray
     covariance: FloatArray | None
     """Over all observed values, row by row; that of an entry over those of its cluster, in the units of their σ."""
@@ -110,7 +110,7 @@ def _sigma_unit(entry: Observations, name: str) -> str:
 def _covariance(
     entry: Observations, type_: ObservationType, rows: Rows, values: FloatArray, sigma: FloatArray
 ) -> FloatArray | None:
-    """Covariance over the observed values of a table, in the order of its rows; ``None`` where it has only σ.
+    """Covariance over the observed values of a table, in the order of its rows; ``None`` if it has only σ.
 
     Vectors and coordinates always have one.
     """
@@ -154,7 +154,7 @@ def heights_of(
 
 
 class Places(NamedTuple):
-    """Points east, north, up in metres: values, σ (NaN where there is none), free or held; (n, 3) each."""
+    """Points east, north, up in metres: values, σ (NaN if there is none), free or held; (n, 3) each."""
 
     values: FloatArray
     sigma: FloatArray

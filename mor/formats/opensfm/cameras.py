@@ -16,7 +16,7 @@ Numbers = Mapping[str, float]
 
 
 def camera_of(name: str, given: dict[str, Any]) -> dict[str, Any]:
-    """A camera as a project file says it. Raises :class:`Wrong` where mor has no model that says the same."""
+    """A camera as a project file says it. Raises :class:`Wrong` if mor has no model that says the same."""
     kind = str(given.get("projection_type", "perspective"))
     if kind not in _KINDS:
         words = f"projection type {kind!r} has no counterpart in mor that says exactly the same"

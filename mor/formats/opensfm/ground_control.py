@@ -58,7 +58,7 @@ class Control:
 
 
 def read_control(folder: Path, whole: dict[str, Any], shots: dict[str, Any], draft: Draft) -> Control:
-    """The control of a block, empty where it has none."""
+    """The control of a block, empty if it has none."""
     places = [folder / "gcp_list.txt", folder.parent / "gcp_list.txt"]
     listed = next(
         (p for p in places if p.is_file() and (p.parent == folder or folder.name == "opensfm")), None
@@ -186,7 +186,7 @@ def _read_list(
 
 
 def _latitude_first(lines: list[str], path: Path, draft: Draft) -> bool:
-    """True where a second number is no latitude, which only the other order explains; longitude is first otherwise."""
+    """Return True if the order of the columns must be latitude, longitude: some second number is no latitude."""
     for line, text in enumerate(lines, start=2):
         words = text.split()
         try:
@@ -250,7 +250,7 @@ def _json_point(
 
 
 def _local(latitude: float, longitude: float, height: float, whole: dict[str, Any]) -> FloatArray | None:
-    """East, north, up about the reference point of a block, of degrees on WGS84; ``None`` where it has none."""
+    """East, north, up about the reference point of a block, of degrees on WGS84; ``None`` if it has none."""
     reference = whole.get("reference_lla")
     if not isinstance(reference, dict):
         return None

@@ -1,4 +1,4 @@
-"""What OpenSfM knows of a camera beforehand: ``camera_models.json``, with the σ of ``config.yaml`` or its defaults.
+"""Read camera priors of OpenSfM (``camera_models.json``), with σ from ``config.yaml`` or its defaults.
 
 OpenSfM's own bundle adjustment observes every interior parameter: focal lengths with a relative σ, all others in its
 own units (OpenSfM source, ``config.py`` and ``bundle_adjuster.cc``).

@@ -101,7 +101,7 @@ def _put_cameras(given: dict[str, Any], file: JsonFile, folder: Path, draft: Dra
 def _put_images(
     shots: dict[str, Any], cameras: dict[str, str], file: JsonFile, other_system: bool, draft: Draft
 ) -> bool:
-    """True where positions of images are observed."""
+    """Return True if positions of images are observed."""
     rows = []
     for name, content in shots.items():
         try:

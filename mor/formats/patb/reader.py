@@ -23,7 +23,7 @@ CONTROL = ".con"
 
 @dataclass
 class Photos:
-    """What is read of an image file."""
+    """Content of an image file."""
 
     images: dict[str, Row] = field(default_factory=dict)
     """Image and camera constant (mm)."""

@@ -45,7 +45,7 @@ class Export(NamedTuple):
 
 
 def read_export(path: Path, draft: Draft) -> Export:
-    """The parts of an export. Raises :class:`InputError` where its head is none."""
+    """The parts of an export. Raises :class:`InputError` if its head is none."""
     lines = read_lines(path, draft)
     if len(lines) < 6:
         words = "this is no PhotoModeler text export: found fewer than 6 lines"

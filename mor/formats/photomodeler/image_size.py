@@ -28,7 +28,7 @@ def image_size(
     points: Mapping[str, Sequence[float]],
     marks: Sequence[Seen],
 ) -> tuple[int, int] | None:
-    """Width and height in px, or ``None`` where the solution does not give them.
+    """Width and height in px, or ``None`` if the solution does not give them.
 
     The camera constant, the poses and the points say where in the format (mm) a point is seen, the mark where in the
     image (px): their ratio is the size of a pixel, and the format divided by it the number of pixels.

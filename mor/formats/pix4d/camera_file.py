@@ -90,7 +90,7 @@ def _read(text: str, line: int, found: list[_Camera]) -> None:
 
 
 def _camera(values: dict[str, float], size: tuple[float, float]) -> dict[str, Any]:
-    """As model ``metashape``, whose principal point counts from the image centre."""
+    """Convert a camera to the model ``metashape``, whose principal point counts from the image centre."""
     given = {"f": values["F"], "cx": values["Px"] - size[0] / 2.0, "cy": values["Py"] - size[1] / 2.0}
     given |= {f"k{k}": values.get(f"K{k}", 0.0) for k in (1, 2, 3)}
     given |= {"p1": values.get("T2", 0.0), "p2": values.get("T1", 0.0)}

@@ -51,7 +51,7 @@ class Named:
 def files_of(path: Path) -> dict[str, Path]:
     """Parameter files by their kind, of a project folder, of its folder ``params`` or beside one of them.
 
-    Raises :class:`InputError` where there is none, or several projects.
+    Raises :class:`InputError` if there is none, or several projects.
     """
     folder = path if path.is_dir() else path.parent
     for inner in ("1_initial/params", "params"):
@@ -70,7 +70,7 @@ def files_of(path: Path) -> dict[str, Path]:
 
 
 def kind_of(name: str) -> str:
-    """Which of the parameter files a name means; empty where none."""
+    """Return the kind of parameter file that a name means, or an empty text."""
     return next((end for end in _ENDS if name == end or name.endswith(f"_{end}")), "")
 
 

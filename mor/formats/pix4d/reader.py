@@ -157,7 +157,7 @@ def _poses(photos: Sequence[Photo], files: dict[str, Path], draft: Draft) -> dic
 
 
 def _apart(own: FloatArray, external: FloatArray, placed: bool) -> bool:
-    """True where two poses differ by more than the digits they are printed with."""
+    """Return True if two poses differ by more than the digits they are printed with."""
     turned = (own[3:] - external[3:] + 180.0) % 360.0 - 180.0
     return bool(np.abs(turned).max() > 1e-4 or (placed and np.abs(own[:3] - external[:3]).max() > 1e-3))
 

@@ -1,4 +1,4 @@
-"""What both programs say: cameras with one focal length, poses, points with their image points; as a project.
+"""Build a project from cameras with one focal length, poses, and points with their image points.
 
 Camera axes are right, down, forward, x = R (X − C); image coordinates are px, y down, as the programs' own centre of
 the image, width/2 and height/2, counts them. Distortion is that of OpenCV: at the ideal coordinates, added.
@@ -76,7 +76,7 @@ class Block:
             self.draft.note(words, self.file.line(name))
 
     def add_image(self, view: str, name: str, camera: str, R: FloatArray, centre: Sequence[float]) -> None:
-        """An image with its pose. Raises :class:`Wrong` where that is none."""
+        """An image with its pose. Raises :class:`Wrong` if that is none."""
         if camera not in self.cameras:
             raise Wrong(f"image {name!r}: camera {camera!r} is not among the cameras")
         if not np.allclose(R @ R.T, np.eye(3), atol=1e-4) or np.linalg.det(R) < 0.0:
@@ -160,5 +160,5 @@ def plain_list(value: Any, count: int, what: str) -> list[float]:
 
 
 def entries(value: Any) -> Iterable[dict[str, Any]]:
-    """The mappings of a list; nothing where it is none."""
+    """The mappings of a list; nothing if it is none."""
     return (one for one in value if isinstance(one, dict)) if isinstance(value, list) else ()

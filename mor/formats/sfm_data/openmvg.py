@@ -56,7 +56,7 @@ def _tried(block: Block, entry: dict[str, Any], read: Any) -> None:
 
 
 def _data(entry: dict[str, Any], what: str) -> dict[str, Any]:
-    """What an entry wraps. Raises :class:`Wrong`."""
+    """Content of an entry. Raises :class:`Wrong`."""
     wrapper = mapping(mapping(entry.get("value"), what).get("ptr_wrapper"), f"{what}: ptr_wrapper")
     return mapping(wrapper.get("data"), f"{what}: data")
 

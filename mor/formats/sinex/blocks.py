@@ -85,7 +85,7 @@ def parameters_of(block: Block, draft: Draft) -> dict[int, Parameter]:
 
 
 def matrix_of(block: Block, parameters: dict[int, Parameter], draft: Draft) -> FloatArray | None:
-    """Covariances (n, n) in the order of the numbers of the parameters; ``None`` where there is a mistake."""
+    """Covariances (n, n) in the order of the numbers of the parameters; ``None`` if there is a mistake."""
     place = {index: k for k, index in enumerate(sorted(parameters))}
     kind = block.kind
     if len(kind) != 2 or kind[0] not in ("L", "U") or kind[1] not in ("CORR", "COVA", "INFO"):

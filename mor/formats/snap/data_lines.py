@@ -26,7 +26,7 @@ NO_REFRACTION = "NONE"
 
 
 class Writing(NamedTuple):
-    """What the lines of all tables share."""
+    """Settings that the lines of all tables share."""
 
     content: Content
     set_ups: SetUps

@@ -64,7 +64,7 @@ class VectorError(NamedTuple):
     ppm: tuple[float, ...] = (0.0, 0.0, 0.0)
     """Of the length of a vector."""
     relative: bool = False
-    """True where members of a set have errors relative to each other (mmr, ppmr)."""
+    """True if members of a set have errors relative to each other (mmr, ppmr)."""
 
     def variances(self, length: float) -> FloatArray:
         """(3,) east, north, up."""

@@ -74,7 +74,7 @@ class Words:
         return number(self.take(what))
 
     def skip(self, word: str) -> bool:
-        """Pass over a word where it is the next one; True where it was."""
+        """Pass over a word where it is the next one; True if it was."""
         if self.peek().lower() != word:
             return False
         self._at += 1

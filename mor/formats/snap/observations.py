@@ -67,7 +67,7 @@ class Item(NamedTuple):
 
 @dataclass
 class Data:
-    """What is read of all data files, and what the commands of the present one have said."""
+    """Content of all data files, and the state set by commands of the current one."""
 
     draft: Draft
     stations: Stations

@@ -114,7 +114,7 @@ def _commands(path: Path, draft: Draft) -> _Commands:
 
 
 def _command(found: _Commands, path: Path, name: str, words: Words, line: int) -> bool:
-    """Follow a command; False where it is not one of these."""
+    """Follow a command; False if it is not one of these."""
     if name == "title":
         while words:
             found.title = f"{found.title} {words.take('')}".strip()

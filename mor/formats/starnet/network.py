@@ -29,7 +29,7 @@ Values = tuple[str | float | None, ...]
 
 @dataclass
 class Network:
-    """What is read so far, and the options in force."""
+    """Content read so far, and the options in force."""
 
     draft: Draft
     plane: bool = False

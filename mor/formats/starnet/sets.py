@@ -65,7 +65,7 @@ def traverse(line: Line, network: Network) -> None:
 
 
 def _leg(lines: list[Line], target: str, network: Network) -> None:
-    """What a T line measures: the backsight is the station before it, or what TB says."""
+    """Observation of a T line: the backsight is the station before it, or that of TB."""
     before, line = lines[-2], lines[-1]
     values = 3 if network.plane else 4
     need(line, values, "station, angle, distance, zenith angle, σ")

@@ -96,7 +96,7 @@ def _notes(content: Content, target: Path, guessed: int) -> list[Problem]:
 
 
 def _separator(found: Things, content: Content) -> str:
-    """What stands between names: - or a sign that is in none of them. Raises :class:`InputError`."""
+    """Separator of names: - or a sign that is in none of them. Raises :class:`InputError`."""
     names = [*found.ids]
     for group in groups(content, _TYPES):
         for reference in PLAIN_TYPES[group.entry.type].references:

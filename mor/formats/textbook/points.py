@@ -22,7 +22,7 @@ class Coordinates:
     lines: dict[str, int] = field(default_factory=dict)
     fixed: set[tuple[str, str]] = field(default_factory=set)
     free: list[tuple[str, str]] | None = None
-    """Components that carry the datum of a free network; ``None`` where it is none."""
+    """Components that carry the datum of a free network; ``None`` if it is none."""
     observed: list[tuple[str, str]] = field(default_factory=list)
     covariance: list[list[str]] = field(default_factory=list)
     datum_line: int = 0

@@ -17,7 +17,7 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, parse_dms
 
 
 class KrummKind(NamedTuple):
-    """How a section becomes a group of observations."""
+    """Observation group of a section."""
 
     type: str
     names: tuple[str, ...]

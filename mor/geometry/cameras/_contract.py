@@ -1,4 +1,4 @@
-"""What a camera model is: names of its interior parameters and one vectorised projection."""
+"""Define a camera model: names of its interior parameters and one vectorised projection."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class CameraModel(NamedTuple):
     constants: tuple[Component, ...]
     project: Callable[[FloatArray, FloatArray, FloatArray, FloatArray], Projection]
     sees_behind: bool = False
-    """True where points with Z* ≥ 0 can be imaged (fisheye beyond 180 degrees)."""
+    """True if points with Z* ≥ 0 can be imaged (fisheye beyond 180 degrees)."""
     central: bool = True
-    """True where images are central projections onto one plane but for distortion, which has a radial part."""
+    """True if images are central projections onto one plane but for distortion, which has a radial part."""
     corrects_measured: bool = False
-    """True where ``project`` looks at the measured coordinates at all."""
+    """True if ``project`` looks at the measured coordinates at all."""

@@ -86,7 +86,7 @@ def ellipsoid_arc(horizon: Horizon) -> ObservationType:
 
 
 def height_reduced_distance(horizon: Horizon) -> ObservationType:
-    """What programs make of a slope distance with the heights of its ends."""
+    """Return the slope distance reduced with the heights of its ends."""
     return _type("height_reduced_distance", lambda start, end, _: by_heights(horizon, start, end))
 
 

@@ -98,7 +98,7 @@ class Attitude:
     read: Reading
     horizon: Horizon
     to_grid: bool
-    """True where the axes are turned by the convergence."""
+    """True if the axes are turned by the convergence."""
     plane: Plane | None = None
 
     def __call__(self, blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:

@@ -1,4 +1,4 @@
-"""What the types on the earth share: verticals at the ends of an observation, marks lifted to instrument and target."""
+"""Verticals at the ends of an observation on the earth, and marks lifted to instrument and target."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def end_constants(ends: Sequence[str], names: Sequence[str]) -> tuple[Component,
 
 
 class End(NamedTuple):
-    """Where an end of an observation stands among the slots of its type."""
+    """Slots of one end of an observation."""
 
     name: str
     position: int

@@ -1,4 +1,4 @@
-"""What satellites give in geocentric axes: vectors between marks, positions of marks, in a frame of their own.
+"""GNSS vectors and positions in geocentric axes of a reference frame of their own.
 
 The frame of a GNSS solution may lie, turn and scale a little differently from that of the points. About the origin X₀
 of the object system, the middle of the network,

@@ -98,5 +98,5 @@ def _open(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
 
 
 def is_open(type_: ObservationType) -> bool:
-    """True where the projection is still to be named."""
+    """Return True if the projection is still to be named."""
     return type_.equation is _open

@@ -1,1 +1,1 @@
-"""What terrestrial instruments observe between positions: distances, directions, angles, differences of coordinates."""
+"""Terrestrial observations: distances, directions, angles, coordinate differences."""

@@ -143,14 +143,14 @@ def meet(
     clock: FloatArray,
     readout: FloatArray,
 ) -> Meeting[At]:
-    """Where points meet a shutter, looked for from ``measured`` (n, 2) by Newton's method.
+    """Return the image points at which the shutter passes, by Newton's method from ``measured`` (n, 2).
 
     ``at`` says what there is when parts (n,) of the readout have passed: how things are, where the points are seen,
     and ∂X*/∂t (n, 3).
     """
 
     def seen(xy: FloatArray) -> Meeting[At]:
-        """What is seen in the moment in which the shutter passes xy."""
+        """Return the projection at the moment when the shutter passes xy."""
         phase = phases(xy, clock)
         found, projection, by_time = at(phase)
         drift = np.einsum("nij,nj->ni", projection.by_star, by_time)

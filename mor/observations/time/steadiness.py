@@ -1,4 +1,4 @@
-"""How steady a trajectory is: first and second differences of neighbouring knots, observed as 0.
+"""Observe the first and second differences of neighbouring knots of a trajectory as 0.
 
     constancy     (X₂ − X₁)/Δ₁₂                                        velocity between two knots
     smoothness    2 ((X₃ − X₂)/Δ₂₃ − (X₂ − X₁)/Δ₁₂)/(Δ₁₂ + Δ₂₃)        acceleration about the middle one of three

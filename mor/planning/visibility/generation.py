@@ -84,7 +84,7 @@ def with_visible(document: Document, folder: Path) -> tuple[Document, tuple[Sigh
 
 
 class Scene(NamedTuple):
-    """What the sights of an entry are worked out from, and the place of the entry."""
+    """Data from which the sights of an entry are computed."""
 
     reading: Reading
     start: Start
@@ -114,7 +114,7 @@ class Viewpoint(NamedTuple):
 def _seen(
     scene: Scene, entry: Observations, section: str, number: int
 ) -> tuple[pl.DataFrame, Sighted] | None:
-    """Rows of everything that an entry sees; ``None`` where there are mistakes."""
+    """Rows of everything that an entry sees; ``None`` if there are mistakes."""
     known = sights(scene.reading)
     type_ = known.get(entry.type)
     wanted, before = entry.visible, len(scene.reading.problems)

@@ -32,7 +32,7 @@ def outcomes(
 ) -> IntArray:
     """(n,) what becomes of the sights from one place (3,) to targets (n, 3), as a number of ``REASONS``.
 
-    ``up`` (3,) is upwards there. ``normals`` (n, 3) are NaN where a target has none; ``shows`` says what is on the
+    ``up`` (3,) is upwards there. ``normals`` (n, 3) are NaN if a target has none; ``shows`` says what is on the
     format of an image.
     """
     step = targets - origin

@@ -29,7 +29,7 @@ class Surroundings(NamedTuple):
     clearance: float
     """Distance of a surface from either end of a sight up to which it is not in the way."""
     normals: FloatArray
-    """(points, 3) unit normals, internal axes; NaN where a target has none."""
+    """(points, 3) unit normals, internal axes; NaN if a target has none."""
 
 
 def surroundings(reading: Reading, targets: Targets) -> Surroundings:

@@ -24,7 +24,7 @@ class Targets(NamedTuple):
     blocks: IntArray
     """(n,) their blocks."""
     positions: FloatArray
-    """(n, 3) where they are, internal axes; NaN where they are nowhere yet."""
+    """(n, 3) where they are, internal axes; NaN if they are nowhere yet."""
     groups: Mapping[str, list[int]]
     """Blocks of the groups of points."""
 

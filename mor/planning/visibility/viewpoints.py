@@ -73,7 +73,7 @@ class Image(NamedTuple):
         return seen
 
     def _image(self, star: FloatArray) -> FloatArray:
-        """(n, 2) image coordinates of points in the axes of the image; NaN where there are none."""
+        """(n, 2) image coordinates of points in the axes of the image; NaN if there are none."""
         interior = np.broadcast_to(self.interior, (len(star), len(self.interior)))
         constants = np.broadcast_to(self.constants, (len(star), len(self.constants)))
         measured = np.zeros((len(star), 2))
@@ -105,7 +105,7 @@ class Image(NamedTuple):
 
 
 def image(reading: Reading, start: Start, number: int) -> Image:
-    """An image of the project; NaN where it has no place."""
+    """An image of the project; NaN if it has no place."""
     images = reading.shop.things["image"]
     part = {name: int(blocks[number]) for name, blocks in images.parts.items()}
     name = reading.shop.things["camera"].ids[part["camera"]]

@@ -37,7 +37,7 @@ _VARIANCE = 0.01
 
 
 class CameraSettings(NamedTuple):
-    """What is known of the camera; ``None`` where nothing is."""
+    """What is known of the camera; ``None`` if nothing is."""
 
     name: str = "camera"
     constant: float | None = None
@@ -122,7 +122,7 @@ def _units_of_covariances(table: Found) -> dict[str, str]:
 
 
 def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts: dict[Path, str]) -> str:
-    """Rows, or a file, with the names that no table has; empty where there are none."""
+    """Rows, or a file, with the names that no table has; empty if there are none."""
     listed = set(_names(tables, ("id",)))
     rest = [name for name in names if name not in listed]
     if not rest:

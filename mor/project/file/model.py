@@ -217,7 +217,7 @@ class Observations(Table):
 
     @property
     def sources(self) -> dict[str, object]:
-        """What the rows may come from, by its key; ``None`` where it is not given."""
+        """What the rows may come from, by its key; ``None`` if it is not given."""
         return {**super().sources, "visible": self.visible}
 
 

@@ -36,7 +36,7 @@ class Motion(Table):
 
     @property
     def sources(self) -> dict[str, object]:
-        """What the rows may come from, by its key; ``None`` where it is not given."""
+        """What the rows may come from, by its key; ``None`` if it is not given."""
         return {**super().sources, "points": self.points}
 
     @model_validator(mode="after")

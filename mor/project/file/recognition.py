@@ -145,7 +145,7 @@ class Found(NamedTuple):
     rows: tuple[tuple[str, ...], ...]
 
     def texts(self, name: str) -> list[str]:
-        """Cells of a column, empty where it is missing."""
+        """Cells of a column, empty if it is missing."""
         if name not in self.columns:
             return []
         place = self.header.index(self.columns[name])

@@ -66,5 +66,5 @@ class Table(Strict):
 
     @property
     def sources(self) -> dict[str, object]:
-        """What the rows may come from, by its key; ``None`` where it is not given."""
+        """What the rows may come from, by its key; ``None`` if it is not given."""
         return {"file": self.file, "rows": self.rows}

@@ -66,7 +66,7 @@ def _telling(document: Document, details: list[ErrorDetails]) -> list[ErrorDetai
 
 
 def _of_another_kind(detail: ErrorDetails) -> bool:
-    """True where an error says only that this is another kind of thing."""
+    """Return True if an error says only that this is another kind of thing."""
     structured = isinstance(detail.get("input"), (dict, list))
     return detail["type"] in _OTHER_KIND or (detail["type"] == "literal_error" and structured)
 

@@ -51,7 +51,7 @@ class Normals(Table):
 
     @property
     def sources(self) -> dict[str, object]:
-        """What the normals may come from, by its key; ``None`` where it is not given."""
+        """What the normals may come from, by its key; ``None`` if it is not given."""
         return {**super().sources, "direction": self.direction, "surface": self.surface}
 
     @model_validator(mode="after")

@@ -106,7 +106,7 @@ def _named(reading: Reading, patterns: list[str], place: Place) -> list[str]:
 
 
 def _point(reading: Reading, rows: Rows, row: int) -> MovingPoint | None:
-    """The point of a row, which moves from now on; ``None`` where there is none."""
+    """The point of a row, which moves from now on; ``None`` if there is none."""
     name, points = rows.series("id")[row], reading.shop.things["point"]
     if name not in points.numbers:
         if "point" not in reading.broken:

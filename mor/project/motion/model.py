@@ -21,7 +21,7 @@ class MovingPoint:
     block: int
     """Its own block: before all steps, or in its first epoch."""
     own_epochs: bool = False
-    """True where every epoch has coordinates of its own."""
+    """True if every epoch has coordinates of its own."""
     by_epoch: dict[int, int] = field(default_factory=dict)
     """Block of each epoch of those."""
     motions: dict[str, int] = field(default_factory=dict)
@@ -65,7 +65,7 @@ class Motion:
         return self.times.index(time)
 
     def label_of(self, space: str, name: str) -> str:
-        """Epoch of an image or a station as it was written; nothing where it has none."""
+        """Epoch of an image or a station as it was written; nothing if it has none."""
         epoch = self.epoch_of.get(space, {}).get(name)
         return "" if epoch is None else self.labels[epoch]
 

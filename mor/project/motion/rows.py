@@ -156,7 +156,7 @@ def _some(found: Group, rows: IntArray) -> Group:
 def _all_have_epochs(
     reading: Reading, group: ObservationGroup, positions: list[int], without: BoolArray
 ) -> bool:
-    """False where a row sees a moving point at no time; each such row is told."""
+    """False if a row sees a moving point at no time; each such row is told."""
     if not without.any():
         return True
     moving = reading.motion.points

@@ -59,13 +59,13 @@ class DatumChoice(NamedTuple):
     mask: BoolArray
     """(points, 3) coordinates that carry it, internal axes."""
     at_reference: bool = False
-    """True where the movements of the inner constraints are taken at the reference, not the adjusted coordinates."""
+    """True if the movements of the inner constraints are taken at the reference, not the adjusted coordinates."""
     minimal: bool = False
-    """True where just as many coordinates carry it as the network has free movements, and keep their start values."""
+    """True if just as many coordinates carry it as the network has free movements, and keep their start values."""
     reference: FloatArray | None = None
     """(points, 3) coordinates it refers to, internal axes; ``None``: the given ones."""
     given: FloatArray | None = None
-    """(points, 3) coordinates that the project gives, internal axes, NaN where it gives none."""
+    """(points, 3) coordinates that the project gives, internal axes, NaN if it gives none."""
 
     def reference_from(self, start: FloatArray) -> FloatArray:
         """Return the coordinates (points, 3) that inner constraints refer to.

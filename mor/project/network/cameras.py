@@ -196,7 +196,7 @@ def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, floa
 
 
 def _variant_sigma(reading: Reading, text: str | None, component: Component, scale: ImageScale) -> float:
-    """σ of the difference of each image from its camera, NaN where there is none. Raises :class:`UnitError`."""
+    """σ of the difference of each image from its camera, NaN if there is none. Raises :class:`UnitError`."""
     if text is None:
         return float("nan")
     sigma = reading.edge.number(text, component.quantity, "", scale)

@@ -41,7 +41,7 @@ class BlockStore:
     ) -> IntArray:
         """Add n blocks; ``values`` (n, size), rotations as ω, φ, κ. Returns their numbers.
 
-        ``start`` holds start values that differ from the (observed) values, NaN where they do not.
+        ``start`` holds start values that differ from the (observed) values, NaN if they do not.
         """
         first = len(self.ids)
         self.ids.extend(ids)
@@ -94,7 +94,7 @@ class BlockStore:
         return Blocks(self.kind, tuple(self.ids), self.all_free(), owner, about_axes, difference)
 
     def all_values(self) -> FloatArray:
-        """(n, size) values, NaN where not given."""
+        """(n, size) values, NaN if not given."""
         return np.concatenate(self.values) if self.values else np.zeros((0, self.kind.size))
 
     def all_start(self) -> FloatArray:
@@ -102,7 +102,7 @@ class BlockStore:
         return np.concatenate(self.start) if self.start else np.zeros((0, self.kind.size))
 
     def start_values(self, values: FloatArray) -> FloatArray:
-        """(n, size) what the adjustment starts from, NaN where there is nothing yet: ``values``, or others.
+        """(n, size) what the adjustment starts from, NaN if there is nothing yet: ``values``, or others.
 
         The same array where no start value differs.
         """

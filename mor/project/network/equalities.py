@@ -89,7 +89,7 @@ def settle_equalities(store: BlockStore, equalities: Iterable[Equality]) -> None
 
 
 def _nothing(value: float, scale: float, full: float) -> bool:
-    """True where a value is zero but for round-off, and for whole turns."""
+    """Return True if a value is zero but for round-off, and for whole turns."""
     rest = float(np.remainder(value + 0.5 * full, full) - 0.5 * full) if np.isfinite(full) else value
     return abs(rest) <= 1e-9 * max(abs(scale), 1e-3)
 

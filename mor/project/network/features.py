@@ -126,7 +126,7 @@ def _add_system(
 def _point_beside(
     reading: Reading, coordinates: FloatArray, line: Feature, D: FloatArray, centre: FloatArray
 ) -> str:
-    """Name of the point that carries the turn of a line; empty where all points are on it.
+    """Name of the point that carries the turn of a line; empty if all points are on it.
 
     While coordinates are missing any point may be: :mod:`mor.approximate.parts.lines` knows better when there are some.
     """

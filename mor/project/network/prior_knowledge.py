@@ -81,7 +81,7 @@ def level_groups(reading: Reading) -> list[ObservationGroup]:
 
 
 def variant_groups(reading: Reading, variants: dict[str, dict[int, float]]) -> list[ObservationGroup]:
-    """Differences of image-variant components from their camera's, observed as zero where they have a σ."""
+    """Differences of image-variant components from their camera's, observed as zero if they have a σ."""
     groups = []
     cameras, images = reading.shop.things["camera"], reading.shop.things["image"]
     for number, name in enumerate(cameras.ids):

@@ -68,7 +68,7 @@ class Reading:
     undeclared: dict[str, tuple[str, int]] = field(default_factory=dict)
     """Points that only observations name, with file and line where they come first."""
     planned: bool = False
-    """True where observations need no values: they are planned, not measured."""
+    """True if observations need no values: they are planned, not measured."""
     unmeasured: list[str] = field(default_factory=list)
     """Tables of observations in which values are missing, where they may be."""
     variants: dict[str, dict[int, float]] = field(default_factory=dict)

@@ -102,7 +102,7 @@ def _set_ups(
 
 
 class _Said(NamedTuple):
-    """What n rows say of the components of a constant, (n, size) each; NaN where they say nothing."""
+    """What n rows say of the components of a constant, (n, size) each; NaN if they say nothing."""
 
     given: FloatArray
     sigma: FloatArray

@@ -103,7 +103,7 @@ def members_of(clusters: IntArray | SmallIntArray) -> list[IntArray]:
 
 
 def wrong_rows(given: Sequence[Sequence[float]], members: list[IntArray], names: Sequence[str]) -> str:
-    """What is wrong with the lengths of the rows of the matrices of clusters, in words; empty where nothing is."""
+    """What is wrong with the lengths of the rows of the matrices of clusters, in words; empty if nothing is."""
     count = sum(map(len, members))
     if len(given) != count:
         return f"covariance: found {len(given)} rows, expected {count}, one for each observation"
@@ -197,7 +197,7 @@ def _matrix(reading: Reading, entry: Observations, place: Place) -> FloatArray |
 def rows_of_covariance(
     entry: Observations, place: Place, problems: list[Problem]
 ) -> Sequence[Sequence[float]] | None:
-    """Rows of the matrix of a table, from the project or a file; ``None`` where ``problems`` were added instead."""
+    """Rows of the matrix of a table, from the project or a file; ``None`` if ``problems`` were added instead."""
     if not isinstance(entry.covariance, str):
         return entry.covariance or []
     path = place.folder / entry.covariance
@@ -237,7 +237,7 @@ def _is_number(text: str) -> bool:
 
 
 def _are_positive_definite(matrices: Sequence[FloatArray]) -> bool:
-    """True where nothing is wrong with any covariance matrix; those of one size are looked at together."""
+    """Return True if nothing is wrong with any covariance matrix; those of one size are looked at together."""
     sizes = np.array([len(matrix) for matrix in matrices], dtype=np.int64)
     return all(
         not _not_positive_definite(np.stack([matrices[int(k)] for k in np.flatnonzero(sizes == size)]))
@@ -246,7 +246,7 @@ def _are_positive_definite(matrices: Sequence[FloatArray]) -> bool:
 
 
 def _not_positive_definite(matrix: FloatArray) -> str:
-    """What is wrong with a covariance matrix (…, n, n), or with one of several, in words; empty where nothing is."""
+    """What is wrong with a covariance matrix (…, n, n), or with one of several, in words; empty if nothing is."""
     variances = np.diagonal(matrix, axis1=-2, axis2=-1)
     if not np.isfinite(matrix).all():
         return "the covariance matrix is not complete: found NaN"

@@ -112,7 +112,7 @@ def read_groups(reading: Reading) -> list[Group]:
 def _in_projection(
     reading: Reading, entry: Observations, type_: ObservationType, place: Place
 ) -> ObservationType | None:
-    """The type in the projection that it refers to; ``None`` where there is a mistake in that."""
+    """The type in the projection that it refers to; ``None`` if there is a mistake in that."""
     if not is_open(type_):
         words = f"projection: {entry.type} refers to none; expected it with projected_bearing"
         reading.problems.append(place.problem(words, "projection"))
@@ -363,7 +363,7 @@ _NO_LENGTH = (
 
 
 def _grows(type_: ObservationType) -> bool:
-    """True where some component is a length measured between two places."""
+    """Return True if some component is a length measured between two places."""
     return type_.distances is not None and any(c.quantity.length == 1 for c in type_.components)
 
 

@@ -213,7 +213,7 @@ def _all_timed(
     rows: Rows,
     chosen: IntArray,
 ) -> bool:
-    """False where a row has no coordinate along the readout, or of a line scanner lacks one; each is told."""
+    """False if a row has no coordinate along the readout, or of a line scanner lacks one; each is told."""
     missing = np.zeros(rows.count, dtype=bool)
     if scanner is not None:
         missing[chosen] = np.isnan(observed).any(axis=1)

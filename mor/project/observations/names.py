@@ -27,7 +27,7 @@ _NEUTRAL = ("distance meter", "refraction", "gnss frame")
 
 
 def instrument_blocks(reading: Reading, entry: Observations, place: Place) -> dict[str, int]:
-    """Blocks of the instrument of a group, neutral ones or -1 where it names none; nothing where it is unknown."""
+    """Blocks of the instrument of a group, neutral ones or -1 where it names none; nothing if it is unknown."""
     instruments = reading.shop.things["instrument"]
     if entry.instrument is None:
         return {part: 0 if part in _NEUTRAL else -1 for part in instruments.parts}
@@ -44,7 +44,7 @@ class Resolved(NamedTuple):
 
     names: Names
     blocks: dict[str, IntArray]
-    """Blocks (n,) by part, −1 where there is none; nothing where a name is unknown."""
+    """Blocks (n,) by part, −1 where there is none; nothing if a name is unknown."""
     at_centre: BoolArray
     """(n,) true where the name is that of a projection centre."""
 
@@ -177,7 +177,7 @@ def _add_stations(reading: Reading, stands: list[tuple[str, str]]) -> None:
 
 
 def check_different(type_: ObservationType, rows: Rows, problems: list[Problem]) -> bool:
-    """False where an observation lies between a place and itself, or an angle has two equal targets."""
+    """False if an observation lies between a place and itself, or an angle has two equal targets."""
     names = [reference.name for reference in type_.references if reference.name not in ("system", "frame")]
     good = True
     for i, a in enumerate(names):

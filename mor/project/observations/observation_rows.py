@@ -34,7 +34,7 @@ class Group:
     covariances: FloatArray | None = None
     """(n, m, m) covariances given row by row, internal units but project axes."""
     clusters: Names | None = None
-    """Names of the rows that are correlated among themselves; ``None`` where a matrix is over the whole table."""
+    """Names of the rows that are correlated among themselves; ``None`` if a matrix is over the whole table."""
     epochs: IntArray | None = None
     """(n,) number of the epoch of each row, −1 where it has none."""
 
@@ -45,7 +45,7 @@ def own_or_common(own: FloatArray, common: FloatArray) -> FloatArray:
 
 
 def sigma_is_good(group: ObservationGroup, rows: Rows, chosen: IntArray, problems: list[Problem]) -> bool:
-    """False where an observation has no σ > 0; every such row is told, once for all where none has any."""
+    """False if an observation has no σ > 0; every such row is told, once for all where none has any."""
     bad = group.mask & ~(group.sigma > 0.0)
     if bad.any() and np.isnan(group.sigma[group.mask]).all():
         matrix = "; or covariances" if len(group.type.components) == 3 else ""

@@ -36,7 +36,7 @@ def declare(reading: Reading, rows: Rows, column: str, spaces: Sequence[str]) ->
 
 
 def may_declare(reading: Reading) -> bool:
-    """True where the project wants free points for names that nothing has."""
+    """Return True if the project wants free points for names that nothing has."""
     wanted = reading.project.settings.undeclared_points == "free"
     return wanted and reading.section == "observations" and "point" not in reading.broken
 

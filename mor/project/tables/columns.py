@@ -39,7 +39,7 @@ class Source(NamedTuple):
 
 @dataclass(frozen=True)
 class Rows:
-    """Columns read: identifiers as texts, numbers as floats in internal units, NaN where empty."""
+    """Columns read: identifiers as texts, numbers as floats in internal units, NaN if empty."""
 
     count: int
     texts: dict[str, pl.Series]
@@ -48,7 +48,7 @@ class Rows:
     file: str
 
     def text(self, name: str) -> list[str]:
-        """Identifiers of a column, for tables of few rows; empty where the column is missing."""
+        """Identifiers of a column, for tables of few rows; empty if the column is missing."""
         column: list[str] = self.series(name).to_list()
         return column
 
@@ -63,7 +63,7 @@ class Rows:
         return coded(self.series(name))
 
     def number(self, name: str) -> FloatArray:
-        """Numbers of a column, NaN where it is missing."""
+        """Numbers of a column, NaN if it is missing."""
         return self.numbers[name] if name in self.numbers else np.full(self.count, np.nan)
 
     def take(self, chosen: IntArray) -> Rows:

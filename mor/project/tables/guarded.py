@@ -28,7 +28,7 @@ def is_unsafe(name: str) -> bool:
 
 
 def any_unsafe(names: Iterable[str]) -> bool:
-    """True where one of the names needs to be guarded."""
+    """Return True if one of the names needs to be guarded."""
     return any(map(is_unsafe, names))
 
 
@@ -64,7 +64,7 @@ def write_csv(frame: pl.DataFrame, file: IO[bytes], header: bool = True) -> None
 
 
 def _any(told: pl.DataFrame) -> bool:
-    """True where one of the columns, all of one row, says so."""
+    """Return True if one of the columns, all of one row, says so."""
     return any(map(any, told.rows()))
 
 

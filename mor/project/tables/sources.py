@@ -38,7 +38,7 @@ def from_rows(table: Table, place: Place, problems: list[Problem]) -> Source:
 
 
 def from_file(table: Table, known: dict[str, Column], place: Place, problems: list[Problem]) -> Source | None:
-    """Rows of a file beside the project; ``None`` where ``problems`` were added instead."""
+    """Rows of a file beside the project; ``None`` if ``problems`` were added instead."""
     frame = place.document.frame(str(table.file))
     if frame is not None:
         return _from_frame(frame, table, place.document.file_of(place.path))

@@ -18,7 +18,7 @@ __all__ = ["Column", "Place", "Rows", "read_table"]
 
 
 def read_table(table: Table, columns: Sequence[Column], place: Place, problems: list[Problem]) -> Rows | None:
-    """Rows of a table; ``None`` where ``problems`` were added instead."""
+    """Rows of a table; ``None`` if ``problems`` were added instead."""
     before = len(problems)
     known = {column.name: column for column in columns}
     _check_names(table, known, place, problems)
@@ -172,7 +172,7 @@ def _numbers(
 
 
 def _factor(column: Column, unit: str) -> float | None:
-    """Internal units per unit of plain numbers; ``None`` where they must be read one by one."""
+    """Internal units per unit of plain numbers; ``None`` if they must be read one by one."""
     try:
         return column.factor(unit) if column.factor is not None else None
     except ValueError:

@@ -38,7 +38,7 @@ class _Text(NamedTuple):
 
 
 def our_name(table: Table, name: str) -> str | None:
-    """Name of a column of a file as the program knows it; ``None`` where it is left out."""
+    """Name of a column of a file as the program knows it; ``None`` if it is left out."""
     return table.columns.get(name, name) if isinstance(table.columns, dict) else name
 
 
@@ -58,7 +58,7 @@ def wrong_length(found: int, names: Sequence[str | None]) -> str:
 def from_text(
     text: bytes, table: Table, known: dict[str, Column], file: str, problems: list[Problem]
 ) -> Source | None:
-    """Rows of a text file; ``None`` where ``problems`` were added instead."""
+    """Rows of a text file; ``None`` if ``problems`` were added instead."""
     text = as_utf8(text)
     line = _first_undecodable_line(text)
     if line:
@@ -186,7 +186,7 @@ def _cells(line: str, separator: str) -> list[str]:
 def _frame(
     cleaned: _Text, table: Table, header: list[str], kinds: dict[str, type[pl.DataType]]
 ) -> pl.DataFrame | None:
-    """The whole table; with texts instead of numbers where it must be. ``None`` where rows differ in length."""
+    """The whole table; with texts instead of numbers where it must be. ``None`` if rows differ in length."""
     separator, headed = table.delimiter or ",", not isinstance(table.columns, list)
     count = cleaned.content.count(separator.encode())
     if count != len(cleaned.lines) * (len(header) - 1) or len(set(header)) < len(header):

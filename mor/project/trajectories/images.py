@@ -147,7 +147,7 @@ def clocks_of_rows(
     scanner: ImageScale | None,
     later: FloatArray | None,
 ) -> RowClocks | None:
-    """Clocks of rows (n,) that name images on trajectories of one kind; ``None`` where one is outside, which is told.
+    """Clocks of rows (n,) that name images on trajectories of one kind; ``None`` if one is outside, which is told.
 
     ``y`` (n,) are the observed ones inside; a ``scanner`` has a time for each row. So much ``later`` (n,) than the
     middle of their images rows of a rolling shutter are read out.

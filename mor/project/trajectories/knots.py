@@ -73,7 +73,7 @@ def _refused(reading: Reading) -> bool:
 
 
 class _Lengths(NamedTuple):
-    """Spacing and gap of a table in seconds; NaN where there is none."""
+    """Spacing and gap of a table in seconds; NaN if there is none."""
 
     spacing: float
     gap: float
@@ -105,7 +105,7 @@ def _read_table(reading: Reading, table: Declared, place: Place, rows: Rows) -> 
 
 
 def _seconds(reading: Reading, place: Place, key: str, text: str | None) -> float:
-    """A length of time above 0, NaN where there is none; mistakes are told."""
+    """A length of time above 0, NaN if there is none; mistakes are told."""
     if text is None:
         return float("nan")
     try:
@@ -215,7 +215,7 @@ _WHOLE = 1e-9
 def between_rows(given: FloatArray, values: FloatArray, times: FloatArray) -> FloatArray:
     """Poses (n, 6) at ``times``, linear between rows at ascending times ``given`` (m,) with values (m, 6).
 
-    Rows without a position, or without an attitude, are passed over there; NaN where there are not two. Before the
+    Rows without a position, or without an attitude, are passed over there; NaN if there are not two. Before the
     first row and behind the last the nearest two are extended.
     """
     result = np.full((len(times), 6), np.nan)

@@ -26,7 +26,7 @@ class Scanner(NamedTuple):
     """A camera that is a line scanner."""
 
     line_time: float
-    """Seconds from one line to the next; NaN where its images have tables of their times."""
+    """Seconds from one line to the next; NaN if its images have tables of their times."""
     line: float
     """y of the line in the axes of the camera, image unit."""
 
@@ -37,7 +37,7 @@ class Lines(NamedTuple):
     rows: FloatArray
     times: FloatArray
     steady: bool = False
-    """True where they say a rate that goes on before and behind."""
+    """True if they say a rate that goes on before and behind."""
 
 
 class Trajectory(NamedTuple):

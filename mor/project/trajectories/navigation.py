@@ -72,7 +72,7 @@ def navigation_groups(
 
 
 def known_trajectories(reading: Reading, names: Sequence[str], rows: Rows) -> bool:
-    """False where a row names a trajectory that does not exist; each name is told once."""
+    """False if a row names a trajectory that does not exist; each name is told once."""
     unknown = [name for name in dict.fromkeys(names) if name and name not in reading.trajectories]
     if "trajectory" not in reading.broken:
         for name in unknown:
@@ -86,7 +86,7 @@ def clocks(
 ) -> tuple[Clock, IntArray, IntArray] | None:
     """Clock of every row (n,) of trajectories of one kind, and the position and rotation blocks (n, k) of its knots.
 
-    ``None`` where a row is outside its trajectory; each such row is told. So much ``later`` (n,) rows are read out.
+    ``None`` if a row is outside its trajectory; each such row is told. So much ``later`` (n,) rows are read out.
     """
     order = reading.trajectories[names[0]].order
     n = len(names)
@@ -169,7 +169,7 @@ def _instrument(
 def _shifts(
     reading: Reading, entry: Observations, rows: Rows, place: Place
 ) -> tuple[IntArray, FloatArray] | None:
-    """Block of shift and drift of every row, and the time they refer to; ``None`` where the instrument is unknown."""
+    """Block of shift and drift of every row, and the time they refer to; ``None`` if the instrument is unknown."""
     kind, key = _SHIFTS[entry.type]
     known = reading.project.instruments
     if entry.instrument is not None and entry.instrument not in known:

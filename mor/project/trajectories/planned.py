@@ -126,7 +126,7 @@ class _Sight:
 
 
 def _crossings(sight: _Sight, lines: Lines) -> FloatArray:
-    """Times (n,) at which points cross the line of their camera for the first time, NaN where they do not."""
+    """Times (n,) at which points cross the line of their camera for the first time, NaN if they do not."""
     ends = _ends(sight.trajectory, lines)
     found = np.full(len(sight.point), np.nan)
     if len(ends) < 2:

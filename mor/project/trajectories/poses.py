@@ -28,7 +28,7 @@ class ImagePoses(NamedTuple):
 
 
 class Flights(Protocol):
-    """What says which images are on which trajectory, and when: a network, or a project that is being read."""
+    """Trajectory and time of each image, of a network or of a project that is being read."""
 
     @property
     def trajectories(self) -> Mapping[str, Trajectory]:

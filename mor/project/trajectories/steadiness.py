@@ -53,7 +53,7 @@ def steadiness_groups(reading: Reading) -> list[ObservationGroup]:
 def _group(
     reading: Reading, type_: ObservationType, name: str, trajectories: list[Trajectory], sigma: float
 ) -> ObservationGroup | None:
-    """Differences of all neighbours of these trajectories; ``None`` where no stretch has enough knots."""
+    """Differences of all neighbours of these trajectories; ``None`` if no stretch has enough knots."""
     count = len(type_.slots)
     rotations = type_.slots[0].kind == "rotation"
     blocks: list[IntArray] = []

@@ -68,7 +68,7 @@ def check_held_on_earth(reading: Reading, groups: Sequence[ObservationGroup], fr
 
 
 def _places_held(reading: Reading, groups: Sequence[ObservationGroup]) -> int:
-    """How many points and places of frames are fixed or observed, each once."""
+    """Number of points and frame positions that are fixed or observed."""
     free = reading.shop.store("point").all_free()
     held = np.zeros(len(free), dtype=bool)
     for things in reading.shop.things.values():
@@ -82,7 +82,7 @@ def _places_held(reading: Reading, groups: Sequence[ObservationGroup]) -> int:
 
 
 def _turn_is_held(reading: Reading, groups: Sequence[ObservationGroup]) -> bool:
-    """Whether anything says how the network is turned: vectors, azimuths, orientations that are fixed or observed."""
+    """True if anything fixes or observes the orientation of the network."""
     if any(group.type.key in _TURNED for group in groups):
         return True
     if any(group.type.key == _ORIENTED and group.mask[:, _KAPPA].any() for group in groups):

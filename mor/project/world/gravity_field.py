@@ -47,7 +47,7 @@ def geoid_of_table(
 def deflections_of_table(
     reading: Reading, section: WorldSection, table: PointTable, geodetic: FloatArray
 ) -> FloatArray:
-    """ξ, η (n, 2) of the points of a table: of its columns, else of the grids; NaN where neither has them."""
+    """ξ, η (n, 2) of the points of a table: of its columns, else of the grids; NaN if neither has them."""
     given = section.deflections
     if given is None or not np.isnan(table.deflection).any():
         return table.deflection
@@ -84,7 +84,7 @@ def at_places_to_be_found(reading: Reading, ids: list[str], deflection: FloatArr
 
 
 def _of_grid(reading: Reading, key: str, name: str, read: Callable[[], _Values]) -> _Values | None:
-    """What a grid has; ``None`` where it cannot be read, which is told once."""
+    """What a grid has; ``None`` if it cannot be read, which is told once."""
     try:
         return read()
     except GridError as error:

@@ -14,7 +14,7 @@ __all__ = ["GridError", "deflections", "geoid_heights"]
 
 
 def geoid_heights(file: Path, geodetic: FloatArray) -> FloatArray:
-    """N (n,), m, at latitudes and longitudes (n, 3; radians), bilinear, NaN where the grid does not reach.
+    """N (n,), m, at latitudes and longitudes (n, 3; radians), bilinear, NaN if the grid does not reach.
 
     Raises :class:`GridError`.
     """
@@ -46,7 +46,7 @@ def _check_there(file: Path) -> None:
 
 
 def _of_proj(file: Path, geodetic: FloatArray) -> FloatArray:
-    """Values (n,) of a grid with one value at each node, NaN where it does not reach."""
+    """Values (n,) of a grid with one value at each node, NaN if it does not reach."""
     from pyproj import Transformer
     from pyproj.exceptions import ProjError
 

@@ -40,7 +40,7 @@ class Subgrid(NamedTuple):
     steps: tuple[float, float]
     """To the north and to the west."""
     nodes: FloatArray
-    """(rows from the south, columns from the east, 3): N (m), ξ, η (radians); NaN where there is none."""
+    """(rows from the south, columns from the east, 3): N (m), ξ, η (radians); NaN if there is none."""
 
     def at(self, geodetic: FloatArray) -> FloatArray:
         """(n, 3) N, ξ, η at latitudes and longitudes (n, 2 or more), bilinear; NaN beyond its edges."""
@@ -118,7 +118,7 @@ def _subgrid(content: bytes, start: int, order: str, unit: float) -> tuple[Subgr
 def values_at(file: Path, geodetic: FloatArray) -> FloatArray:
     """(n, 3) N (m), ξ, η (radians) at latitudes and longitudes (n, 2 or more; radians), of the finest subgrid there.
 
-    NaN where none reaches. Raises :class:`GridError`.
+    NaN if none reaches. Raises :class:`GridError`.
     """
     result = np.full((len(geodetic), 3), np.nan)
     for grid in read_gsb(file):

@@ -1,4 +1,4 @@
-"""What observations on the earth must know besides what was measured: deflections, geoid heights, their own place."""
+"""Deflections, geoid heights and places that observations on the earth need."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ def place_of_observed(
 
 
 def convergence_of_rows(world: World, rows: Rows) -> FloatArray:
-    """Directions of grid north (n,) at the places of the columns ``east`` and ``north``; NaN where there are none."""
+    """Directions of grid north (n,) at the places of the columns ``east`` and ``north``; NaN if there are none."""
     there = np.stack([rows.number(name) for name in PLANE], axis=1)
     found, known = np.full(rows.count, np.nan), np.isfinite(there).all(axis=1)
     if known.any():

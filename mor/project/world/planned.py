@@ -19,7 +19,7 @@ from mor.project.world.world import World
 def known_at_place(network: Network, place: Mapping[str, FloatArray]) -> Network:
     """The network with projections linearised at the place, where nothing may have been observed yet.
 
-    Raises :class:`InputError` where a height above the geoid is meant, and nothing says where that is.
+    Raises :class:`InputError` if a height above the geoid is meant, and nothing says where that is.
     """
     world = network.world
     if world is None:

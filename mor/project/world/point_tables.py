@@ -29,9 +29,9 @@ class PointTable(NamedTuple):
     coordinates: FloatArray
     """(n, 3) in the system; lengths and radians."""
     start: FloatArray
-    """(n, 3) start values that differ from them, NaN where they do not."""
+    """(n, 3) start values that differ from them, NaN if they do not."""
     sigma: FloatArray
-    """(n, 3) east, north, up; NaN where free, 0 where fixed."""
+    """(n, 3) east, north, up; NaN if free, 0 where fixed."""
     geoid: FloatArray
     deflection: FloatArray
     """(n, 2) ξ, η."""
@@ -51,7 +51,7 @@ def _columns(reading: Reading, system: ReferenceSystem) -> list[Column]:
 def read_point_table(
     reading: Reading, system: ReferenceSystem, number: int, table: Points, seen: list[Seen]
 ) -> PointTable | None:
-    """A table of points in a system; ``None`` where it cannot be read. Mistakes are told."""
+    """A table of points in a system; ``None`` if it cannot be read. Mistakes are told."""
     place = reading.at("points", number)
     rows = read_table(table, _columns(reading, system), place, reading.problems)
     if rows is None:

@@ -78,7 +78,7 @@ def _system(reading: Reading, section: WorldSection) -> ReferenceSystem | None:
 
 
 def _orthometric(reading: Reading, section: WorldSection, system: ReferenceSystem) -> bool:
-    """True where heights are above the geoid; a height system that is left open is a mistake."""
+    """Return True if heights are above the geoid; a height system that is left open is a mistake."""
     place = reading.at("world")
     if section.heights is None and not system.vertical and system.kind != "geocentric":
         if system.kind == "geographic" and len(system.crs.axis_info) == 3:

@@ -26,7 +26,7 @@ COORDINATES = {
 
 
 class ReferenceSystemError(ValueError):
-    """What is no reference system of a place on the earth; the words say why."""
+    """The text does not name a reference system on the earth."""
 
 
 @dataclass(frozen=True)
@@ -41,13 +41,13 @@ class ReferenceSystem:
 
     @property
     def name(self) -> str:
-        """As its authority calls it, e.g. ``ETRS89 / UTM zone 32N (EPSG:25832)``."""
+        """Name by its authority, e.g. ``ETRS89 / UTM zone 32N (EPSG:25832)``."""
         authority = self.crs.to_authority()
         return f"{self.crs.name} ({':'.join(authority)})" if authority else str(self.crs.name)
 
     @property
     def urn(self) -> str:
-        """As other programs name it, e.g. ``urn:ogc:def:crs:EPSG::25832``; empty where no authority has it."""
+        """Name as a URN, e.g. ``urn:ogc:def:crs:EPSG::25832``; empty if no authority has it."""
         authority = self.crs.to_authority()
         return f"urn:ogc:def:crs:{authority[0]}::{authority[1]}" if authority else ""
 

@@ -1,4 +1,4 @@
-"""What a network on the earth knows: its reference system, its object system, verticals and geoid at its points."""
+"""Reference system, object system, verticals and geoid of a network on the earth."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ class World:
     metres: float
     """Metres per unit of length."""
     orthometric: bool
-    """True where heights of points are above the geoid."""
+    """True if heights of points are above the geoid."""
     extent: FloatArray = field(default_factory=lambda: np.zeros((2, 2)))
     """(2, 2) least and largest object coordinates x, y of the points whose places are given."""
     geoid: Path | None = None
     """Grid of geoid heights."""
     at_points: dict[str, FloatArray] = field(default_factory=dict)
-    """(points,) by block: N, ξ, η; NaN where unknown. Points that were read later are not in it."""
+    """(points,) by block: N, ξ, η; NaN if unknown. Points that were read later are not in it."""
 
     def of_points(self, name: str, blocks: IntArray) -> FloatArray:
-        """(n,) ξ, η (0 where nothing is given) or N (NaN where nothing is given) of point blocks."""
+        """(n,) ξ, η (0 where nothing is given) or N (NaN if nothing is given) of point blocks."""
         known = self.at_points.get(name, np.zeros(0))
         result = np.full(len(blocks), np.nan if name == GEOID else 0.0)
         inside = (blocks >= 0) & (blocks < len(known))

@@ -1,4 +1,4 @@
-"""What a batch says of one project, and the table of all: text and plain data."""
+"""The table of a batch, one row per project, as text and as plain data."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ SCHEMA_VERSION = 1
 
 
 class Row(NamedTuple):
-    """What became of one project."""
+    """Outcome of one project."""
 
     name: str
     status: str
     """accepted, flagged, rejected, not converged, singular, input, crashed, …"""
     code: int | None
-    """Exit code of its adjustment; nothing where its process died."""
+    """Exit code of its adjustment; nothing if its process died."""
     reason: str
-    """Why there is no solution; empty where there is one."""
+    """Why there is no solution; empty if there is one."""
     seconds: float
     observations: int | None = None
     unknowns: int | None = None
@@ -32,13 +32,13 @@ class Row(NamedTuple):
     flagged: int | None = None
     uncontrolled: int | None = None
     differences: int | None = None
-    """Numbers that differ from those kept, −1 where there is nothing to compare; nothing where nobody asked."""
+    """Numbers that differ from those kept, −1 where there is nothing to compare; nothing if nobody asked."""
     first: str = ""
     """The largest of them."""
 
     @property
     def fails(self) -> bool:
-        """True where its exit code is not 0, where it died, or where it differs from what was kept."""
+        """True if its exit code is not 0, where it died, or where it differs from what was kept."""
         return self.code != 0 or bool(self.differences)
 
 
@@ -79,7 +79,7 @@ def batch_text(rows: Sequence[Row], words: Words) -> str:
 
 
 def reason(row: Row, words: Words) -> str:
-    """Why a project fails, in a few words; empty where there is nothing to say."""
+    """Why a project fails, in a few words; empty if there is nothing to say."""
     parts = [words.told(row.reason)] if row.reason else []
     if row.differences:
         parts.append(words.listed(row.first))
@@ -87,7 +87,7 @@ def reason(row: Row, words: Words) -> str:
 
 
 def summary(rows: Sequence[Row], words: Words) -> str:
-    """How many projects, how many fail."""
+    """Count the projects, and those that fail."""
     bad = sum(row.fails for row in rows)
     if not bad:
         return words("{count:project|projects}, none fails.", count=len(rows))

@@ -1,4 +1,4 @@
-"""What stands on the certificate of a camera, as plain data."""
+"""Content of a camera certificate as plain data."""
 
 from __future__ import annotations
 
@@ -115,13 +115,13 @@ def _radii(camera: dict[str, Any], measured: pl.DataFrame) -> FloatArray:
 
 
 def _is_corner(camera: dict[str, Any]) -> bool:
-    """True where image coordinates count from the upper left corner, y down."""
+    """Return True if image coordinates count from the upper left corner, y down."""
     size = camera.get("format")
     return size is not None and size["origin"] == "corner"
 
 
 def _counts_from_corner(camera: dict[str, Any]) -> bool:
-    """True where the principal point does, too."""
+    """Return True if the principal point does, too."""
     return _is_corner(camera) and "cx" in camera["components"]
 
 

@@ -42,7 +42,7 @@ def certificate_page(one: Certificate, words: Words = ENGLISH) -> str:
 
 
 def certificate_text(one: Certificate, words: Words = ENGLISH) -> str:
-    """The same as text, at most 100 signs wide."""
+    """Return the certificate as text, at most 100 characters wide."""
     title = words("Calibration of camera {id}", id=one.camera["id"])
     facts = [*_facts(one, words), *_validity(one, words)]
     width = max(len(name) for name, _ in facts)
@@ -68,7 +68,7 @@ def certificate_text(one: Certificate, words: Words = ENGLISH) -> str:
 
 
 def _facts(one: Certificate, words: Words) -> list[tuple[str, str]]:
-    """What was calibrated, for whom, in which adjustment."""
+    """Camera, client and adjustment."""
     view, camera = one.view, one.camera
     sigma0 = view.summary["sigma0"]
     test = view.summary["global_test"]
@@ -120,7 +120,7 @@ def _format(camera: dict[str, Any], words: Words) -> str:
 
 
 def _validity(one: Certificate, words: Words) -> list[tuple[str, str]]:
-    """How far from the principal point the parameters rest on measurements."""
+    """Largest distance from the principal point at which measurements support the parameters."""
     said = words(
         "up to {radius} {unit} from the principal point", radius=short(one.covered, 4), unit=one.unit
     )

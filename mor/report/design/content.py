@@ -32,7 +32,7 @@ _OF_MEASUREMENT = (
 
 
 def design_data(solved: Solved, judged: Sequence[Judged], of: Identity) -> dict[str, Any]:
-    """What is expected of a plan; nothing in it comes from a measured value."""
+    """Return the expected precision of a plan; nothing in it depends on measured values."""
     about = {key: value for key, value in summary(solved).items() if key not in _OF_MEASUREMENT}
     about["schema_version"] = SCHEMA_VERSION
     data: dict[str, Any] = {"schema": SCHEMA, **about, "plan": True}

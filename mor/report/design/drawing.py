@@ -26,7 +26,7 @@ class Drawing(NamedTuple):
 
     names: Sequence[str]
     places: FloatArray
-    """(n, 3); NaN where a point is nowhere."""
+    """(n, 3); NaN if a point is nowhere."""
     covariances: FloatArray
     """(n, 3, 3)."""
     at: Mapping[str, FloatArray]

@@ -104,7 +104,7 @@ def _requirement(one: Judged, solved: Solved, words: Words) -> dict[str, Any]:
 
 
 def _drawing(solved: Solved) -> Drawing:
-    """Where everything is, and the ellipses of the points, in the axes of the drawing."""
+    """Positions, and error ellipses of the points, in the axes of the drawing."""
     quality, network = solved.quality, solved.network
     assert quality is not None
     table = point_table(solved)
@@ -141,7 +141,7 @@ def _all_sights(network: Network) -> list[tuple[str, list[str]]]:
 
 
 def _unit_row(network: Network, number: int, unit: Unit, solved: Solved) -> dict[str, Any]:
-    """What is said of observations that are made together."""
+    """Row of a set of observations that are made together."""
     groups = network.candidates if unit.is_candidate else network.groups
     group = groups[unit.group]
     ends = [names.texts()[unit.row] for names in named_places(group).values()]

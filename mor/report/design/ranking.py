@@ -30,7 +30,7 @@ _SCHEMA = {
 
 
 def now_row(now: Outcome, network: Network) -> dict[str, Any]:
-    """What the plan is without any change, and what ``rms_sigma`` is in: parts of the limits, or the length unit."""
+    """Return the row of the unchanged plan; ``rms_sigma`` is in parts of the limits, or in the length unit."""
     return {
         "shortfall": float(now.shortfall[0]),
         "rms_sigma": float(np.sqrt(now.precision[0])),
@@ -79,7 +79,7 @@ def _row(
 
 
 def _unit(now: Outcome, network: Network) -> str:
-    """Length unit of the mean σ; empty where σ are required, for then it is in parts of their limits."""
+    """Length unit of the mean σ; empty if σ are required, for then it is in parts of their limits."""
     return "" if np.isfinite(now.largest_ratio[0]) else network.project.units.length
 
 
@@ -88,7 +88,7 @@ def _number(value: float) -> float | None:
 
 
 def ranking_text(frame: pl.DataFrame, now: Outcome, network: Network, unestimable: int, words: Words) -> str:
-    """What can be spared, what helps most, and the greedy plan."""
+    """Return the changes that lose least, those that gain most, and the greedy plan as text."""
     lines = [
         heading(words("What observations are worth")),
         words(

@@ -60,7 +60,7 @@ def design_text(
 
 
 def verdict(solved: Solved, judged: Sequence[Judged], words: Words) -> list[str]:
-    """Whether this can be adjusted, whether it reaches what is required, and what no camera would show."""
+    """State whether the plan can be adjusted and meets its requirements, and its visibility limits."""
     outside = count_outside_the_format(solved.network)
     said = "{count:planned image point lies|planned image points lie} outside the format of the camera."
     return [*_verdict(solved, judged, words), *([words(said, count=outside)] if outside else [])]
@@ -81,7 +81,7 @@ def _verdict(solved: Solved, judged: Sequence[Judged], words: Words) -> list[str
 def head(
     solved: Solved, judged: Sequence[Judged], words: Words, persons: Sequence[tuple[str, str]] = ()
 ) -> str:
-    """What it is, the verdict, key figures."""
+    """Return title, verdict and key figures."""
     data = summary(solved)
     title = data["title"] or words("Adjustment")
     plan = words("PLAN: nothing of this is measured; σ are those expected, a priori.")

@@ -20,7 +20,7 @@ Named = tuple[str, Solved, Sequence[Judged]]
 
 
 def variant_row(name: str, solved: Solved, judged: Sequence[Judged]) -> dict[str, Any]:
-    """What a variant gives: counts, mean σ of the free points, the requirements."""
+    """Return counts, mean σ of the free points, and requirements of a variant."""
     quality = solved.quality
     row: dict[str, Any] = {
         "name": name,

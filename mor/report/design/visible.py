@@ -13,7 +13,7 @@ _NAMED = 12
 
 
 def visible_rows(sighted: Sequence[Sighted]) -> list[dict[str, Any]]:
-    """What each group of planned observations sees, as plain data."""
+    """Return the sights of each group of planned observations as plain data."""
     return [
         {
             "group": one.name,

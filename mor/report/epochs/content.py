@@ -1,4 +1,4 @@
-"""What the page of two epochs shows, from their adjustments."""
+"""Content of the page of two epochs, from their adjustments."""
 
 from __future__ import annotations
 

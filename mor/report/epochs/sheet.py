@@ -15,7 +15,7 @@ from mor.report.words.language import ENGLISH, Words
 
 
 class Epoch(NamedTuple):
-    """What one of the epochs is: its summary and identity as ``results.json`` has them, and where it is from."""
+    """Summary and identity of an epoch as in ``results.json``, and its source."""
 
     place: str
     summary: dict[str, Any]

@@ -1,4 +1,4 @@
-"""What the page says of each point, image and set beyond the tables of results: r, |w|, angles, coverage."""
+"""Quantities of points, images and sets that the page shows beyond the result tables."""
 
 from __future__ import annotations
 

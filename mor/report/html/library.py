@@ -10,7 +10,7 @@ from mor.report.html.packing import compressed
 
 
 def library_path() -> Path | None:
-    """Where plotly.js stands, or nothing. The package is looked up, not imported: only its one file is wanted."""
+    """Return the path of plotly.js, or ``None``; the package is not imported."""
     spec = find_spec("plotly")
     places = spec.submodule_search_locations if spec is not None else None
     for place in places or ():
@@ -21,7 +21,7 @@ def library_path() -> Path | None:
 
 
 def chart_library() -> str:
-    """plotly.js, compressed, as base64. Raises :class:`InputError` where it is missing."""
+    """plotly.js, compressed, as base64. Raises :class:`InputError` if it is missing."""
     path = library_path()
     if path is None:
         raise InputError([Problem("report.html needs the Python package plotly: pip install plotly")])

@@ -62,7 +62,7 @@ OF_PANORAMA = {
 
 
 def meaning(model: str, name: str) -> str:
-    """What a component of an interior orientation is; nothing where nobody has said it."""
+    """Return the meaning of a component of an interior orientation, or an empty text."""
     known = {**MEANINGS, **OF_PANORAMA} if model == "panorama" else MEANINGS
     return known.get(name.rstrip("0123456789"), known.get(name, ""))
 
@@ -94,7 +94,7 @@ def page(view: View, words: Words = ENGLISH) -> str:
 
 
 def environment() -> Environment:
-    """Where the templates are, with the filters they use."""
+    """Return the template environment with its filters."""
     environment = Environment(
         loader=PackageLoader("mor.report.html"),
         autoescape=True,
@@ -173,7 +173,7 @@ def _movement(view: View) -> dict[str, Any]:
 
 
 def sigma_words(data: PageData) -> str:
-    """What every σ of the page refers to."""
+    """State which σ0 every σ of the page refers to."""
     sigma0 = data.view.summary["sigma0"]
     posterior = sigma0["used_for_sigma"] != sigma0["apriori"]
     return data.words(

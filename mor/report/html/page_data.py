@@ -45,7 +45,7 @@ class PageData(NamedTuple):
 
 
 def page_data(view: View, words: Words = ENGLISH) -> PageData:
-    """What a page shows of a view, in a language."""
+    """Return the data of the page of a view, in a language."""
     rays, measured = rays_of(view), image_points(view)
     areas = windows(view, measured)
     return PageData(

@@ -71,7 +71,7 @@ def browser() -> str | None:
 
 
 def print_page(program: str, page: str, target: Path, paper: str) -> None:
-    """Print a page as PDF by a browser. Raises :class:`InputError` where the browser does not."""
+    """Print a page as PDF by a browser. Raises :class:`InputError` if the browser does not."""
     with tempfile.TemporaryDirectory(prefix="mor", ignore_cleanup_errors=True) as folder:
         sheet = Path(folder) / "report.html"
         size = PAPERS[paper]

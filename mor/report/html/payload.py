@@ -146,7 +146,7 @@ def meta(data: PageData) -> dict[str, Any]:
 
 
 def drawn_axes(xy: str) -> dict[str, Any]:
-    """Which project axis is drawn to the right and which upwards, and which of them count backwards."""
+    """Return the project axes drawn to the right and upwards, and their signs."""
     right = "x" if xy[0] in "ew" else "y"
     up = "y" if right == "x" else "x"
     letters = dict(zip("xy", xy, strict=True))

@@ -41,7 +41,7 @@ def datum_in_words(data: PageData) -> str:
 
 
 def epoch_in_words(data: PageData) -> str:
-    """How it is compared with another epoch, and how it is not."""
+    """State how the result can be compared with another epoch."""
     return data.words(
         "mor compare OTHER THIS --epochs carries both into the datum of their common points and tests the movements; "
         "bare differences of coordinates of two datums are no movements."
@@ -49,7 +49,7 @@ def epoch_in_words(data: PageData) -> str:
 
 
 def help_in_words(data: PageData) -> str:
-    """What to measure next: the least precise point, and what nothing controls."""
+    """Suggest what to measure next: the least precise point, and uncontrolled observations."""
     view, say, parts = data.view, data.words, []
     if "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():
         worst = data.points.sort("ellipsoid_a", descending=True, nulls_last=True).row(0, named=True)

@@ -1,4 +1,4 @@
-"""What the network figure draws besides rays: sights by kind, given points, relative ellipses, external reliability."""
+"""Data of the network figure besides rays: sights by kind, given points, relative ellipses, external reliability."""
 
 from __future__ import annotations
 

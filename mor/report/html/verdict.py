@@ -33,7 +33,7 @@ _NEGATIVE = re.compile(r"(?<![\w-])-(?=\d)|(?<=e)-(?=\d)")
 
 
 class Statement(NamedTuple):
-    """What to think of one thing, and the numbers it rests on."""
+    """A statement of the verdict, and the numbers it rests on."""
 
     state: str
     title: str
@@ -122,7 +122,7 @@ def _rests_on(data: PageData) -> list[Statement]:
 
 
 def _another_epoch(data: PageData) -> Statement:
-    """Whether it may be compared with another epoch."""
+    """State whether the result can be compared with another epoch."""
     say, accepted = data.words, data.view.summary["global_test"]["accepted"]
     if accepted and headline(data).state != BAD:
         return Statement(PLAIN, say("Another epoch"), epoch_in_words(data))
@@ -165,7 +165,7 @@ def _emptied(data: PageData) -> list[str]:
 
 
 def _mostly_out(data: PageData) -> list[str]:
-    """Things of which most observations were taken out."""
+    """Points, images or stations most of whose observations were excluded."""
     snooping = data.view.gross_errors.get("snooping")
     return mostly_out_in_words((snooping or {}).get("mostly_out", []), data.words, _NAMED)
 
@@ -278,7 +278,7 @@ def _controlled(data: PageData) -> Statement | None:
 
 
 def _uncontrolled(found: dict[str, Any], say: Words) -> list[str]:
-    """How many observations are uncontrolled, and what the first of them carry."""
+    """Count the uncontrolled observations and name the first."""
     lines = uncontrolled_in_words({**found, "observations": []}, say)[:1]
     return lines + [f"{uncontrolled_sentence(row, say)}." for row in found["observations"][:_NAMED]]
 

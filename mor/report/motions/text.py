@@ -29,7 +29,7 @@ class Listed(NamedTuple):
 
 
 def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
-    """What moves the points, then the movements."""
+    """Return the motion models of the points and the estimated movements as text."""
     if found_movements(solved) is None:
         return ""
     lines = [heading(words("Movements of points")), *statements(solved, words)]
@@ -41,7 +41,7 @@ def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
 
 
 def statements(solved: Solved, words: Words) -> list[str]:
-    """What was tested, and with which result."""
+    """Return the tests and their results as text."""
     found, motion = found_movements(solved), solved.network.motion
     assert found is not None
     order, parameters, between = motion.in_order, found.parameters, found.between

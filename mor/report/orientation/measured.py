@@ -16,7 +16,7 @@ from mor.input_files import read_bytes
 
 
 class Measured(NamedTuple):
-    """Homologous image points: identifiers and coordinates (n, images, 2), NaN where not measured."""
+    """Homologous image points: identifiers and coordinates (n, images, 2), NaN if not measured."""
 
     ids: tuple[str, ...]
     coordinates: FloatArray

@@ -13,7 +13,7 @@ ANGLES = ("omega", "phi", "kappa")
 
 
 def number(value: Any) -> float | None:
-    """A number, or nothing where there is none."""
+    """A number, or nothing if there is none."""
     return float(value) if np.isfinite(value) else None
 
 

@@ -18,7 +18,7 @@ from mor.units import ANGLE_UNITS
 
 
 class Wanted(NamedTuple):
-    """How the user wants the object: scale, system, unit of angles."""
+    """Scale, system and unit of angles in which the user wants the object."""
 
     length: tuple[str, str, float] | None
     length_sigma: float
@@ -37,7 +37,7 @@ def planar(measured: Measured, constants: FloatArray, sigma: float, off: tuple[s
 
 
 def is_known(shape: PlaneShape) -> bool:
-    """True where the outcome names a solution, unambiguous or not."""
+    """Return True if the outcome names a solution, unambiguous or not."""
     return shape.outcome.usable
 
 

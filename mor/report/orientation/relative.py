@@ -71,17 +71,17 @@ def _auxiliary(pair: RobustOrientation, a: Bundle, b: Bundle) -> Auxiliary | Non
 
 
 def is_known(pair: RobustOrientation) -> bool:
-    """True where the outcome names a solution, unambiguous or not."""
+    """Return True if the outcome names a solution, unambiguous or not."""
     return pair.orientation.outcome.usable
 
 
 def _is_turned(pair: RobustOrientation) -> bool:
-    """True where both images are from one centre, and it is known how the second one is turned."""
+    """Return True if both images are from one centre, and it is known how the second one is turned."""
     return bool(np.all(np.isfinite(pair.orientation.rotation)) and np.isnan(pair.orientation.base[0]))
 
 
 def solved(found: Oriented) -> bool:
-    """True where all images hang together."""
+    """Return True if all images hang together."""
     return found.model is not None
 
 

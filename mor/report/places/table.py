@@ -47,7 +47,7 @@ def place_table(solved: Solved) -> pl.DataFrame:
 
 
 def _sigma(solved: Solved, world: World, positions: FloatArray) -> FloatArray:
-    """σ (n, 3) east, north, up at positions (n, 3), NaN where there is no solution."""
+    """σ (n, 3) east, north, up at positions (n, 3), NaN if there is no solution."""
     if solved.quality is None:
         return np.full(positions.shape, np.nan)
     numbers = solved.network.things["point"].parts["position"]

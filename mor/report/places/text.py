@@ -18,7 +18,7 @@ _ANGULAR_DIGITS = {"gon": 9, "deg": 9, "rad": 11, "mrad": 8, "mgon": 6}
 
 
 def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
-    """One line for each point, and what the coordinates refer to; nothing where the network is nowhere on the earth."""
+    """One line for each point, and what the coordinates refer to; nothing if the network is nowhere on the earth."""
     world, frame = solved.network.world, place_table(solved)
     if world is None or frame.height == 0:
         return ""

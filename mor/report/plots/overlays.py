@@ -1,4 +1,4 @@
-"""What is drawn over a network: sights by kind, scale bars, given points, relative ellipses, external reliability."""
+"""Overlays of a network plot: sights by kind, scale bars, given points, relative ellipses, external reliability."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ _NO_DATE: dict[str, dict[str, Any]] = {
 
 
 def style() -> AbstractContextManager[None]:
-    """The look of pictures, to draw and save them in. Raises :class:`InputError` where matplotlib is missing."""
+    """The look of pictures, to draw and save them in. Raises :class:`InputError` if matplotlib is missing."""
     try:
         from matplotlib import rc_context
     except ImportError:

@@ -23,7 +23,7 @@ _NAMES = ("id", "name")
 
 
 class Difference(NamedTuple):
-    """Where two results differ."""
+    """A difference between two results."""
 
     place: str
     one: Any
@@ -31,7 +31,7 @@ class Difference(NamedTuple):
 
     @property
     def amount(self) -> float:
-        """Size of the difference; infinite where it is none of numbers."""
+        """Size of the difference; infinite if it is none of numbers."""
         if _is_number(self.one) and _is_number(self.other):
             return abs(float(self.one) - float(self.other))
         return float("inf")

@@ -1,4 +1,4 @@
-"""What a project contains, before anything is adjusted."""
+"""Content of a project before it is adjusted."""
 
 from __future__ import annotations
 

@@ -45,7 +45,7 @@ def covariance_of_points(solved: Solved, names: Sequence[str]) -> Labelled:
 
 
 def covariance_of_everything(solved: Solved) -> Labelled:
-    """Covariance of all unknowns. Raises :class:`InputError` where there are too many."""
+    """Covariance of all unknowns. Raises :class:`InputError` if there are too many."""
     index = solved.adjustment.problem.index
     if index.count > LARGEST:
         words = (

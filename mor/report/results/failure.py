@@ -1,4 +1,4 @@
-"""What a report says where there is no solution: what does not come to rest, and what fits worst."""
+"""Report of a failed adjustment: unknowns that do not settle, and the worst residuals."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ WORST_MISFITS = 100
 
 
 def failure(solved: Solved) -> dict[str, Any] | None:
-    """What does not come to rest and what fits worst, where there is no solution."""
+    """Return the unknowns that do not settle and the worst residuals of a failed adjustment."""
     if solved.quality is not None:
         return None
     worst = worst_misfits(solved, WORST_MISFITS).to_dicts()

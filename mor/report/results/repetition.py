@@ -1,4 +1,4 @@
-"""Whether results are those of the same command: then replacing them loses nothing."""
+"""Compare earlier results with this command: results of the same command may be replaced."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from mor import __version__
 
 
 def is_repeated(folder: Path, project: Path, options: Sequence[str]) -> bool:
-    """True where a folder holds results of this project file, by this program, from input that has not changed.
+    """Return True if a folder holds results of this project file, by this program, from input that has not changed.
 
     Every input file that ``results.json`` names must have the SHA-256 it had. What cannot be read is another result.
     """
@@ -36,7 +36,7 @@ def _identity(path: Path) -> dict[str, Any]:
 
 
 def _is_of(files: Sequence[dict[str, Any]], project: Path) -> bool:
-    """True where the project, a file or a folder of a foreign format, is what was read."""
+    """Return True if the project, a file or a folder of a foreign format, is what was read."""
     return project.is_dir() or os.path.realpath(project.parent / files[0]["file"]) == os.path.realpath(
         project
     )

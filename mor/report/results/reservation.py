@@ -38,18 +38,18 @@ class Reservation(NamedTuple):
 
     folder: Path
     force: bool
-    """True where results in it may be replaced."""
+    """True if results in it may be replaced."""
     work: Path
     """Folder beside it, on the same file system."""
 
     @property
     def new(self) -> Path:
-        """Where the new folder grows."""
+        """Path of the new folder while it is written."""
         return self.work / "new"
 
     @property
     def old(self) -> Path:
-        """Where the old folder is for a moment, where the system cannot exchange two in one step."""
+        """Path of the old folder while folders are exchanged in two steps."""
         return self.work / "old"
 
 
@@ -57,7 +57,7 @@ class Reservation(NamedTuple):
 def reserve(folder: Path, force: bool, names: Iterable[str] = ()) -> Iterator[Reservation]:
     """Reserve a folder for results; folders above it are made, and go again where nothing was written.
 
-    ``names`` are files that will be written into it, as far as they are known. Raises :class:`InputError` where another
+    ``names`` are files that will be written into it, as far as they are known. Raises :class:`InputError` if another
     run has it reserved, or where :func:`mor.output_files.check_folder` does.
     """
     check_folder(folder, force, names)
@@ -113,7 +113,7 @@ class _Interruptions:
 
     @contextmanager
     def heeded(self) -> Iterator[None]:
-        """Where an interruption does no harm."""
+        """Hold back interruptions."""
         try:
             self.heed()
             yield
@@ -164,7 +164,7 @@ def move_into_place(place: Reservation, names: Sequence[str], stale: Collection[
 
 
 def _exchanged(one: Path, other: Path) -> bool:
-    """Whether the system has let two folders change places."""
+    """True if the system has exchanged two folders."""
     rename = getattr(ctypes.CDLL(None), "renameat2", None) if os.name == "posix" else None
     if rename is None:
         return False
@@ -181,7 +181,7 @@ def _tidy(place: Reservation) -> None:
 
 
 def _locked(place: Reservation, said: Path) -> int:
-    """Descriptor of the lock of a folder. Raises :class:`InputError` where another process holds it."""
+    """Descriptor of the lock of a folder. Raises :class:`InputError` if another process holds it."""
     path = place.work / "lock"
     while True:
         with named(said), suppress(FileExistsError):

@@ -22,7 +22,7 @@ SCHEMA_VERSION = 2
 
 
 class Ended(NamedTuple):
-    """How an adjustment ended, as a whole."""
+    """Outcome of an adjustment."""
 
     outcome: str
     reason: str

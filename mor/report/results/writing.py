@@ -50,7 +50,7 @@ WORST = 10_000
 
 
 class Choice(NamedTuple):
-    """Which tables are written, and how."""
+    """Tables to be written, and their format."""
 
     tables: Literal["none", "worst", "all"] = "all"
     kind: Format = "csv"
@@ -71,7 +71,7 @@ def usual_files(tables: str | None, kind: Format) -> list[str]:
 
 
 def is_large(solved: Solved) -> bool:
-    """True where a table of all residuals, and a page of them, is more than anybody looks at."""
+    """Return True if a table of all residuals, and a page of them, is more than anybody looks at."""
     return entries(solved) > MOST_LISTED
 
 
@@ -162,7 +162,7 @@ def _readme(names: Sequence[str], place: Reservation, choice: Choice) -> dict[st
 
 
 def _is_alone(solved: Solved, choice: Choice) -> bool:
-    """True where the long table is written last, with the room of all others."""
+    """Return True if the long table is written last, with the room of all others."""
     return is_large(solved) and not choice.html
 
 

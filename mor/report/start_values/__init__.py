@@ -1,1 +1,1 @@
-"""What start values there are, where each comes from, and how far it is to be trusted."""
+"""Report start values, their sources, and their confidence."""

@@ -40,14 +40,14 @@ class StartValue(NamedTuple):
     found: tuple[str, ...]
     """Components that were found or replaced; what is observed or fixed stays."""
     part: int | None
-    """The part in which it was known first, 0 for the object system; ``None`` where it has no value."""
+    """The part in which it was known first, 0 for the object system; ``None`` if it has no value."""
     how: Rule | None
     components: tuple[str, ...]
     values: FloatArray
     """(k,) in project axes and units."""
     units: tuple[str, ...]
     sigma: FloatArray
-    """(k,) NaN where its own observations do not determine it, or hold it; of an attitude the largest, once."""
+    """(k,) NaN if its own observations do not determine it, or hold it; of an attitude the largest, once."""
     misfit: float
     """Root mean square of the misclosures of its observations in units of their σ."""
     observations: int
@@ -207,7 +207,7 @@ def _sigma_outwards(network: Network, kind: str, sigma: FloatArray) -> FloatArra
 
 
 def counts(rows: Sequence[StartValue]) -> Iterator[tuple[str, str, dict[str, int]]]:
-    """How many of each kind of value are given, found, replaced and missing."""
+    """Count given, computed, replaced and missing start values by kind."""
     found: dict[tuple[str, str], dict[str, int]] = {}
     for row in rows:
         of = found.setdefault(

@@ -66,7 +66,7 @@ def _parts(approximation: Approximation, words: Words) -> str:
 
 
 def _frames(join: Join, approximation: Approximation) -> tuple[int, int]:
-    """How many images, and how many stations and sets, a part has."""
+    """Counts of images, stations and sets of a part."""
     names = {approximation.frames[number].name for number in join.frames}
     names |= {approximation.sights[number].name for number in join.sights}
     images = sum(name.startswith("image ") for name in names)

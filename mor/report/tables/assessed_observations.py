@@ -25,7 +25,7 @@ class AssessedRows(NamedTuple):
 
     group: ObservationGroup
     is_check: bool
-    """True where the group was kept out to check the adjustment by."""
+    """True if the group was kept out to check the adjustment by."""
     whole: Quality | None
     one: ObservationQuality
     tests: Reliability

@@ -1,4 +1,4 @@
-"""How well points and images are controlled: mean redundancy number, largest test value of their observations."""
+"""Mean redundancy number and largest |w| by point and by image."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ def control_of_points(solved: Solved, numbers: IntArray) -> dict[str, FloatArray
 
 
 def control_of_images(solved: Solved) -> dict[str, FloatArray]:
-    """The same columns of all images, over their rays."""
+    """Return mean redundancy number and largest |w| of all images, over their rays."""
     return _control(solved)["image"]
 
 

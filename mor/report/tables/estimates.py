@@ -227,7 +227,7 @@ def group_table(solved: Solved) -> pl.DataFrame:
 
 
 def variance_components(solved: Solved) -> dict[str, Any] | None:
-    """How the factors of the σ of the groups were estimated."""
+    """Return the estimation of the variance components of the groups."""
     if solved.treatment is None:
         return None
     found = solved.treatment.components

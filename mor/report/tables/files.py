@@ -101,7 +101,7 @@ def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:
 
 
 def _ahead(pieces: Iterator[AssessedRows], make: Callable[[AssessedRows], Made]) -> Iterator[Made]:
-    """What is made of each piece, in their order; as many as there are processors are worked on at a time."""
+    """Results of ``work`` in order; as many pieces as there are processors are worked on at a time."""
     workers = processors()
     waiting: deque[Future[Made]] = deque()
     with ThreadPoolExecutor(workers) as pool:

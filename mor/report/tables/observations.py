@@ -40,7 +40,7 @@ SHOWN = (
 
 
 def observation_table(solved: Solved, columns: Sequence[str] = tuple(SCHEMA)) -> pl.DataFrame:
-    """All observations. ``v`` = adjusted − observed; ``r`` and ``w`` are empty where there was no solution."""
+    """All observations. ``v`` = adjusted − observed; ``r`` and ``w`` are empty if there was no solution."""
     parts = [table_of(rows, columns) for rows in AssessedGroups(solved).pieces()]
     return pl.concat(parts) if parts else pl.DataFrame(schema={name: SCHEMA[name] for name in columns})
 
@@ -71,7 +71,7 @@ def _among(names: Sequence[str]) -> Coded:
 
 
 def _numbers(rows: AssessedRows) -> dict[str, Callable[[], FloatArray]]:
-    """What makes each column of numbers, (k, m), in the units and axes of the project."""
+    """Functions that compute each numeric column, (k, m), in the units and axes of the project."""
     group, one = rows.group, rows.one
     observed = said_values(group, group.observed)
     return {

@@ -102,7 +102,7 @@ class Window(NamedTuple):
     y: tuple[float, float]
     down: bool
     known: bool
-    """False where the camera says nothing of its format: the extent of what was measured."""
+    """False if the camera says nothing of its format: the extent of what was measured."""
 
 
 def window(camera: dict[str, Any], unit: str, xy: FloatArray) -> Window:

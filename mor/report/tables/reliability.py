@@ -95,7 +95,7 @@ def suspicious(solved: Solved, effect: Effect) -> dict[str, Any]:
 
 
 def place(group: ObservationGroup, row: int, component: int) -> dict[str, Any]:
-    """Which observation, as a row of residuals says it, and its names by the references of its type."""
+    """Return the names of an observation as in a row of residuals, by the references of its type."""
     outside = _outside(group, component)
     names = {
         reference.name: names[row]

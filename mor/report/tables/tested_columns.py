@@ -39,7 +39,7 @@ FLAGS = ("", "uncontrolled", "gross", "excluded", "check")
 
 
 def tested_columns(rows: AssessedRows) -> dict[str, Callable[[], FloatArray]]:
-    """What makes each of the columns but the flag, (k, m) each, in the units, axes and senses of the project.
+    """Return functions that compute each column but the flag, (k, m) each, in the user's units and axes.
 
     NaN without a test.
     """
@@ -95,7 +95,7 @@ def _as_if_inside(group: ObservationGroup, q: FloatArray) -> FloatArray:
 
 
 def flags(rows: AssessedRows) -> IntArray:
-    """What is to be said of observations (k, m), as numbers into :data:`FLAGS`. In the user's axes."""
+    """Return the flags of observations (k, m), as numbers into :data:`FLAGS`, in the user's axes."""
     group = rows.group
     number = np.where(rows.uncontrolled, FLAGS.index("uncontrolled"), 0)
     number[rows.flagged] = FLAGS.index("gross")

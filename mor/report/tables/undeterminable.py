@@ -1,4 +1,4 @@
-"""Things that nothing determines: what they are, why, and what was done about them."""
+"""Table of undetermined unknowns, with reason and treatment."""
 
 from __future__ import annotations
 

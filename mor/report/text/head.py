@@ -67,7 +67,7 @@ def section(solved: Solved, words: Words = ENGLISH, persons: Sequence[tuple[str,
 
 
 def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
-    """What to think of it, in plain words."""
+    """Return the verdict in words."""
     adjustment, quality = solved.adjustment, solved.quality
     if quality is None:
         reason = f", {words.told(adjustment.reason)}" if adjustment.reason else ""
@@ -141,7 +141,7 @@ def _emptied(solved: Solved, words: Words) -> list[str]:
 
 
 def _advice(solved: Solved, words: Words) -> list[str]:
-    """What to do where the iteration led nowhere."""
+    """Hint for an adjustment that does not converge."""
     count = len(solved.adjustment.iterations)
     if solved.adjustment.reason == STANDS_STILL:
         return [

@@ -1,4 +1,4 @@
-"""What the report is of, and who signs it: the last section."""
+"""Last section of the report: inputs, program, signature."""
 
 from __future__ import annotations
 

@@ -65,7 +65,7 @@ def listed(
 
 
 def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> str:
-    """Velocities and rates of rotation of the images that are read out row by row; nothing where none is."""
+    """Velocities and rates of rotation of the images that are read out row by row; nothing if none is."""
     names = [*IMAGE_VELOCITY.names, *ROTATION_RATE.names]
     if names[0] not in frame.columns:
         return ""

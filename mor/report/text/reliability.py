@@ -104,7 +104,7 @@ def _fixed_points(solved: Solved, unit: str, words: Words, shown: int) -> list[s
 
 
 def snooped_in_words(data: dict[str, Any] | None, words: Words, shown: int = SHOWN) -> list[str]:
-    """What data snooping took out and put back; nothing where it was not asked for."""
+    """State what data snooping removed and reinstated; empty if it was not requested."""
     if data is None:
         return []
     out = sum(step["action"] == "excluded" for step in data["steps"])
@@ -151,7 +151,7 @@ def mostly_out_in_words(rows: list[dict[str, Any]], words: Words, shown: int) ->
 
 
 def robust_in_words(data: dict[str, Any] | None, unit: str, words: Words, shown: int = SHOWN) -> list[str]:
-    """What the robust solution rejects, and how it moves the points; nothing where it was not asked for."""
+    """State what the robust solution rejects and how points move; empty if it was not requested."""
     if data is None:
         return []
     d = DIGITS[unit]

@@ -24,7 +24,7 @@ WORST, CAMERAS, CHECKS, GROUPS = 3, 2, 2, 6
 
 
 def screen(solved: Solved, words: Words = ENGLISH) -> str:
-    """What the terminal is told of an outcome; names with control characters are spelled out."""
+    """Return the outcome for the terminal; control characters in names are escaped."""
     return escaped(_screen(solved, words))
 
 

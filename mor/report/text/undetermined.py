@@ -1,4 +1,4 @@
-"""What is not determined, in words, with what would help."""
+"""Report undetermined unknowns, with hints."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ def _named(solved: Solved, words: Words) -> list[str]:
 
 
 def listed(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
-    """What was left out, what is at infinity, what stops the adjustment."""
+    """Return the unknowns that were left out, are at infinity, or stop the adjustment."""
     things = solved.network.undeterminable
     if not things:
         return ""
@@ -65,7 +65,7 @@ def listed(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
 
 
 def sentences_of_things(things: Sequence[Undeterminable], words: Words = ENGLISH) -> list[str]:
-    """What the verdict says of them: how many, the first by name, where all of them stand."""
+    """Count the undetermined unknowns, name the first, and say where all of them are listed."""
     left = [thing for thing in things if thing.treatment == "left out"]
     far = [thing for thing in things if thing.treatment == "at infinity"]
     lines = []

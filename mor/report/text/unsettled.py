@@ -11,7 +11,7 @@ SHOWN = 40
 
 
 def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
-    """Iterations, movements and misfits; nothing where there is a solution."""
+    """Iterations, movements and misfits; nothing if there is a solution."""
     if solved.quality is not None:
         return ""
     parts = [

@@ -81,7 +81,7 @@ def rows_of_verdict(
 
 
 def _determined(found: Determined, length: float) -> dict[str, Any]:
-    """How well the result is determined, lengths in units of the project."""
+    """Determination of the result, lengths in units of the project."""
     return {
         "as_a_whole": found.as_a_whole,
         "everywhere": found.everywhere,

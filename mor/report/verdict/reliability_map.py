@@ -61,7 +61,7 @@ def barely_determined(unknown: IntArray, observations: IntArray) -> BoolArray:
 
 
 def _uncontrolled(quality: Quality) -> tuple[int, list[Entry]]:
-    """How many there are, and those with the smallest redundancy numbers."""
+    """Number of uncontrolled observations, and those with the smallest redundancy numbers."""
     found = []
     for number, one in enumerate(quality.groups):
         rows, components = np.nonzero(uncontrolled(quality, number))
@@ -139,7 +139,7 @@ def _cure(solved: Solved, further: Further) -> dict[str, Any]:
 
 
 def _things(solved: Solved, one: Controlled) -> list[dict[str, Any]]:
-    """Things of one kind: all in their order, or the weakest of very many."""
+    """Rows of one kind: all in order, or the weakest of many."""
     few = len(one.names) <= MOST
     return thing_rows(solved, one, np.flatnonzero(np.isfinite(one.smallest_r)) if few else one.worst(MOST))
 

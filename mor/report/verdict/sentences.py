@@ -56,7 +56,7 @@ def _cells(row: dict[str, Any], words: Words) -> list[str]:
 
 
 def contradictions(data: dict[str, Any] | None, words: Words) -> list[str]:
-    """Which groups reject, and what would explain the worst of them; nothing where none does."""
+    """Name the groups that are rejected, and possible explanations of the worst; empty if there are none."""
     if data is None or not data["rejected"]:
         return []
     if data["all_alike"]:
@@ -165,7 +165,7 @@ def _thing(row: dict[str, Any], words: Words) -> str:
 
 
 def _explained(row: dict[str, Any], words: Words) -> str:
-    """What would bring a group into line: a hypothesis, never a fact."""
+    """Possible explanation of a rejected group."""
     thing, effect = _thing(row, words), row["effect"]
     if effect is None and row["sigma_factor"] < 1.0:
         return words("{thing}: residuals are smaller than its sigma says.", thing=thing)
@@ -213,7 +213,7 @@ def _size(effect: dict[str, Any]) -> tuple[tuple[str, str], str]:
 
 
 def said_conventions(data: dict[str, Any], words: Words) -> list[str]:
-    """What no observation says."""
+    """Return the values that no observation determines."""
     found, lines = data["conventions"], []
     if found["movements"]:
         lines.append(

@@ -62,7 +62,7 @@ class Sentence:
 
     @cached_property
     def fixed(self) -> list[str]:
-        """What has to stand in a text of this sentence, the longest first."""
+        """Fixed parts of this sentence, longest first."""
         return sorted((part.fixed for part in parts(self.english) if part.fixed), key=len, reverse=True)
 
     @cached_property
@@ -89,7 +89,7 @@ class Sentence:
         return re.compile("".join(written), re.DOTALL)
 
     def values(self, text: str) -> dict[str, str] | None:
-        """Values that make the English sentence this text; ``None`` where it is another one."""
+        """Values that make the English sentence this text; ``None`` if it is another one."""
         if not all(words in text for words in self.fixed):
             return None
         match = self._pattern.fullmatch(text)
@@ -97,7 +97,7 @@ class Sentence:
 
 
 def _shape(words: str) -> str:
-    """What stands in a place: a number before one of two words, a name in quotes, or anything."""
+    """Pattern of a placeholder: a number before one of two nouns, a quoted name, or any text."""
     one, bar, many = words.partition("|")
     return rf"\S+ (?:{re.escape(one)}|{re.escape(many)})" if bar else _VALUE
 

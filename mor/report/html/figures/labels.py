@@ -1,4 +1,4 @@
-"""Where names have room beside what they name: none where another name, a mark or the edge of the picture is."""
+"""Place labels in a figure without overlap."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ def figure(traces: list[dict[str, Any]], x: str, y: str, **layout: Any) -> Figur
 
 
 def numbers(values: FloatArray) -> list[float | None]:
-    """Numbers with six significant digits, ``None`` where there is none."""
+    """Numbers with six significant digits, ``None`` if there is none."""
     return [float(f"{value:.{DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()]
 
 

@@ -32,7 +32,7 @@ class Overlap(NamedTuple):
 
 
 def overlap(view: View, rays: Rays) -> Overlap | None:
-    """Images over each cell of a grid; nothing where what images measured spans no area.
+    """Images over each cell of a grid; nothing if what images measured spans no area.
 
     Counted is what was measured, not what an image might show: a cell has every image once that measured one of its
     points or more.

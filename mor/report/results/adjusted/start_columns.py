@@ -25,7 +25,7 @@ class Placed(NamedTuple):
     network: Network
     values: Values
     snooping: bool = False
-    """True where data snooping was asked for outside the project file."""
+    """True if data snooping was asked for outside the project file."""
 
 
 def angle_unit(placed: Placed) -> str:
@@ -139,7 +139,7 @@ def constant_columns(placed: Placed, kind: BlockKind, numbers: IntArray, own: Bo
 
 
 class Unknown(NamedTuple):
-    """Which components of the constants of n frames are unknowns without a σ, (n, size) each."""
+    """Mask (n, size) of the constants of n frames that are unknowns without a σ."""
 
     names: tuple[str, ...]
     free: BoolArray
@@ -170,7 +170,7 @@ def unknown_constants(
 
 
 def _shared_names(placed: Placed, numbers: IntArray) -> list[str]:
-    """Names of the points or shared positions that frames stand on; empty where a position is a frame's own."""
+    """Names of the points or shared positions that frames stand on; empty if a position is a frame's own."""
     names: dict[int, str] = {}
     for space in ("position", "point"):
         things = placed.network.things.get(space)

@@ -142,7 +142,7 @@ def _moving(placed: Placed, kind: BlockKind) -> BoolArray:
 
 
 def _image_variant(placed: Placed) -> dict[str, FloatArray]:
-    """Start values of the interior components that every image has of its own, empty where it has none."""
+    """Start values of the interior components that every image has of its own, empty if it has none."""
     things, cameras = placed.network.things["image"], placed.network.project.cameras
     columns: dict[str, FloatArray] = {}
     for number, name in enumerate(placed.network.things["camera"].ids):

@@ -46,7 +46,7 @@ class Misfit(Residual):
 
 
 class Failure(Part):
-    """What is known where there is no solution."""
+    """State of an adjustment without a solution."""
 
     notice: str = Field(description="What the values of such results are worth")
     moving: list[Moving] = Field(description="Unknowns that do not come to rest")

@@ -10,7 +10,7 @@ from mor.report.results.models.model_parts import Number, Part
 
 
 class Place(Part):
-    """Which observation."""
+    """Name of an observation."""
 
     model_config = ConfigDict(extra="allow", strict=True, serialize_by_alias=True)
 
@@ -130,7 +130,7 @@ class Suspects(Part):
 
 
 class Amount(Part):
-    """What an additional unknown came out as."""
+    """Estimate of an additional unknown."""
 
     name: str = Field(description="offset, scale, height, c")
     value: float = Field(description="Its estimate")

@@ -17,7 +17,7 @@ class Epoch(Part):
 
 
 class Motion(Part):
-    """What moves a point; of an annual oscillation x … are of the sine."""
+    """Motion model of a point; for an annual oscillation x … are the sine terms."""
 
     point: str = Field(description="Its name")
     parameter: Literal["velocity", "annual oscillation", "step"] = Field(description="What it is")

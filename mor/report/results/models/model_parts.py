@@ -26,7 +26,7 @@ class Input(Part):
 
 
 class Note(Part):
-    """What was left out or decided without being asked while the project was read, or looks strange in it."""
+    """A note made while the project was read."""
 
     message: str = Field(description="What was noted, in words")
     file: str = Field(description="File it stands in, counted from the folder of the project; empty: none")
@@ -34,7 +34,7 @@ class Note(Part):
 
 
 class Identity(Part):
-    """What the results are of: program, who and for whom, from which files."""
+    """Identity of the results: program, operator, client, input files."""
 
     program: str = Field(default="", description="Program and version")
     project_version: str = Field(default="1", description="Version of the project file, its key mor")
@@ -293,7 +293,7 @@ class Group(Part):
 
 
 class VarianceComponents(Part):
-    """How the factors of the σ of the groups were estimated."""
+    """Estimation of the variance components of the groups."""
 
     method: Literal["simplified", "helmert"] = Field(description="Each group by itself, or the full system")
     iterated: bool = Field(description="True where the weights have them in")

@@ -53,7 +53,7 @@ class CommonEffect(Part):
 
 
 class Explanation(Named):
-    """What would bring a rejected group into line."""
+    """Factor or parameter that would explain a rejected group."""
 
     sigma_factor: float = Field(description="What would make its σ fit its residuals")
     flagged: int = Field(description="Number of its observations that are flagged")
@@ -62,7 +62,7 @@ class Explanation(Named):
 
 
 class Conventions(Part):
-    """What no observation says: it was chosen."""
+    """Values that were chosen because no observation determines them."""
 
     movements: list[str] = Field(description="Movements of the whole that the datum settles")
     scale: bool = Field(description="True where the scale is arbitrary")
@@ -80,7 +80,7 @@ class IllDetermined(Part):
 
 
 class Determined(Part):
-    """How well the result is determined, with σ a priori, or a posteriori if these are smaller."""
+    """Determination of the result, with σ a priori, or a posteriori if these are smaller."""
 
     as_a_whole: bool = Field(description="False where σ of more than half of the points are beyond the limit")
     everywhere: bool = Field(description="True where no point is beyond the limit and no direction is weak")
@@ -153,7 +153,7 @@ class Uncontrolled(Place):
 
 
 class Weakest(Part):
-    """How well the observations of a point, image, station or set control each other."""
+    """Mean redundancy of a point, image, station or set."""
 
     id: str = Field(description="Its name")
     observations: int = Field(description="Number of its observations: a ray is two of them")
@@ -168,7 +168,7 @@ class Weakest(Part):
 
 
 class ReliabilityMap(Part):
-    """Where errors would hide, and what they would do."""
+    """Internal and external reliability by point, image, station and set."""
 
     least_redundancy: float = Field(description="r below which an observation is called uncontrolled")
     uncontrolled: int = Field(description="Number of these observations")

@@ -14,7 +14,7 @@ MOST = 10_000
 
 
 def suspects(solved: Solved) -> dict[str, Any] | None:
-    """How the adjustment of all observations ended, and the suspects, the worst first."""
+    """Return the outcome of the adjustment of all observations, and the suspects, worst first."""
     found, quality = solved.suspects, solved.quality
     if found is None or quality is None:
         return None

@@ -1,1 +1,1 @@
-"""What is said of gross errors: observations that were left out, and possible causes."""
+"""Report observations that were left out, and possible causes."""

@@ -80,7 +80,7 @@ def first_sentence(rows: list[dict[str, Any]], words: Words = ENGLISH) -> list[s
 
 
 def decrease(row: dict[str, Any], words: Words = ENGLISH) -> str:
-    """What a possible cause would do to vᵀPv."""
+    """State how a possible cause would reduce vᵀPv."""
     return words("vTPv would decrease by {gain}", gain=words.number(short(row["vtpv_decrease"], 4)))
 
 

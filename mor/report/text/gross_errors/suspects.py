@@ -1,4 +1,4 @@
-"""What was left out because all observations together have no solution, or an absurd one, in words."""
+"""Report observations left out because all together have no acceptable solution."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ SHOWN = 200
 
 
 def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
-    """The suspects, the worst first; nothing where there are none."""
+    """The suspects, the worst first; nothing if there are none."""
     data = suspects(solved)
     if data is None:
         return ""
