@@ -32,6 +32,7 @@ def identity_of(project: Project, identity: Identity) -> dict[str, Any]:
     return {
         "program": f"mor {__version__}",
         "project_version": project.mor,
+        "measured": project.date,
         "operator": report.operator,
         "client": report.client,
         "remarks": report.remarks,

@@ -317,6 +317,10 @@ class Project(Strict):
 
     mor: Literal["1"] = Field(description="Version of the project file")
     title: str = Field(default="", description="Heads the reports")
+    date: Text | None = Field(
+        default=None,
+        description="When the observations were made: a day, or a span of days; stands on the reports",
+    )
     report: Report = Field(
         default=Report.model_construct(), description="Operator, client and remarks that stand on the reports"
     )

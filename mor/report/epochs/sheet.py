@@ -69,6 +69,7 @@ def _facts(epochs: tuple[Epoch, Epoch], words: Words) -> list[tuple[str, str, st
             "results": of.place,
             "title": data["title"] or "–",
             "operator": of.identity.get("operator") or "–",
+            "measured": of.identity.get("measured") or "–",
             "input as of": of.identity.get("date") or "–",
             "program": of.identity.get("program", "–"),
             "observations n": str(data["observations"]),

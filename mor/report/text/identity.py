@@ -14,7 +14,7 @@ LINE = "_" * 30
 
 def persons(identity: dict[str, Any], words: Words = ENGLISH) -> list[tuple[str, str]]:
     """Who and when, for the head; what the project does not say is left out."""
-    rows = [(key, identity[key] or "") for key in ("client", "operator", "date", "remarks")]
+    rows = [(key, identity[key] or "") for key in ("client", "operator", "measured", "date", "remarks")]
     rows = [("input as of" if key == "date" else key, text) for key, text in rows if text]
     return [(words(name), " ".join(text.split())) for name, text in rows]
 

@@ -38,6 +38,9 @@ class Identity(Part):
 
     program: str = Field(default="", description="Program and version")
     project_version: str = Field(default="1", description="Version of the project file, its key mor")
+    measured: str | None = Field(
+        default=None, description="date of the project: when the observations were made"
+    )
     operator: str | None = Field(default=None, description="report: {operator} of the project")
     client: str | None = Field(default=None, description="report: {client} of the project")
     remarks: str | None = Field(default=None, description="report: {remarks} of the project")
