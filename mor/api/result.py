@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from os import PathLike
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from mor.quality.assess import Quality
     from mor.quality.solved import Solved
     from mor.report.identity import Identity
-    from mor.report.results.covariance import Labelled
+    from mor.report.results.covariance import Labelled, RelativePose
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,18 +137,34 @@ class Result:
         )
         return Table(frame, {**units, "influence": self._length})
 
-    def covariance(self, *points: str) -> Labelled:
-        """Covariance matrix of the coordinates of named points, or of all unknowns where none is named.
+    def covariance(
+        self, *points: str, images: Sequence[str] = (), cameras: Sequence[str] | None = None
+    ) -> Labelled:
+        """Return the joint covariance of named points, images and cameras, or of all unknowns if none is named.
 
-        Labelled with names and units, in the datum of the result and with its σ0. Raises :class:`mor.InputError` for
-        unknown names, :class:`mor.NoSolutionError`.
+        An empty sequence ``cameras`` stands for all cameras. Labelled with names and units, in the datum of the result
+        and with its σ0. Raises :class:`mor.InputError` for unknown names, :class:`mor.NoSolutionError`.
         """
         from mor.compilation import chosen_by_size
-        from mor.report.results.covariance import covariance_of_everything, covariance_of_points
+        from mor.report.results.covariance import covariance_of_everything, covariance_of_names
 
         solved = self._solution
         with chosen_by_size(solved.network.observations):
-            return covariance_of_points(solved, points) if points else covariance_of_everything(solved)
+            if points or images or cameras is not None:
+                return covariance_of_names(solved, points, images, cameras)
+            return covariance_of_everything(solved)
+
+    def relative_pose(self, first: str, second: str) -> RelativePose:
+        """Return the pose of the second image in the axes of the first one, with its covariance (6, 6).
+
+        Raises :class:`mor.InputError` for unknown names, :class:`mor.NoSolutionError`.
+        """
+        from mor.compilation import chosen_by_size
+        from mor.report.results.covariance import relative_pose
+
+        solved = self._solution
+        with chosen_by_size(solved.network.observations):
+            return relative_pose(solved, first, second)
 
     def cofactor(self, *points: str) -> Labelled:
         """Return the cofactor matrix Q, which is the covariance matrix for σ0 = 1."""

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from mor.report.results.comparison import Difference, differences
 from tests.scenarios.small_projects import BLOCK, LEVELLING, OBJECT, block, mor, write, write_block
@@ -187,11 +188,57 @@ def test_blocks_and_relative_ellipsoids(tmp_path: Path) -> None:
     assert float(pair["sdistance"]) == pytest.approx(np.sqrt(d @ difference @ d) / length, rel=1e-6)
 
 
+def test_covariances_of_images_and_cameras_are_those_of_all_unknowns(tmp_path: Path) -> None:
+    results = adjusted(tmp_path, BLOCK.replace("c: 20", "c: {free: 20}"))
+    wanted = ("--points", "P1", "--images", "1e3,010", "--cameras")
+    assert mor("covariance", results, *wanted, "-o", tmp_path / "some.npz").code == 0
+    assert mor("covariance", results, "--full", "-o", tmp_path / "all.npz").code == 0
+    some, everything = np.load(tmp_path / "some.npz"), np.load(tmp_path / "all.npz")
+    where = [list(everything["labels"]).index(label) for label in some["labels"]]
+    assert len(where) == 3 + 2 * 6 + 1
+    expected = everything["covariance"][np.ix_(where, where)]
+    scale = np.sqrt(np.outer(np.diagonal(expected), np.diagonal(expected)))
+    np.testing.assert_allclose(some["covariance"] / scale, expected / scale, atol=1e-9)
+
+
+def _relative_pose(poses: np.ndarray) -> np.ndarray:
+    """Base and angles (gon) of the second image in the axes of the first: two rows x, y, z, ω, φ, κ (gon)."""
+    first, second = (Rotation.from_euler("XYZ", np.radians(angles * 0.9)) for angles in poses[:, 3:])
+    base = first.inv().apply(poses[1, :3] - poses[0, :3])
+    return np.concatenate([base, np.degrees((first.inv() * second).as_euler("XYZ")) / 0.9])
+
+
+def test_relative_pose_against_differences_of_the_poses(tmp_path: Path) -> None:
+    results = adjusted(tmp_path)
+    assert mor("covariance", results, "--images", "010,1e3", "-o", tmp_path / "two.npz").code == 0
+    assert mor("covariance", results, "--relative-pose", "010,1e3", "-o", tmp_path / "pose.csv").code == 0
+    two = np.load(tmp_path / "two.npz")
+    poses, steps = two["values"].reshape(2, 6), np.sqrt(np.diagonal(two["covariance"])) * 0.1
+    columns = []
+    for step in np.diag(steps):
+        ahead, back = (_relative_pose(poses + sign * step.reshape(2, 6)) for sign in (1.0, -1.0))
+        columns.append((ahead - back) / (2.0 * step.sum()))
+    A = np.stack(columns, axis=1)
+    expected = A @ two["covariance"] @ A.T
+    (row,) = rows((tmp_path / "pose.csv").read_text())
+    names = ("bx", "by", "bz", "omega", "phi", "kappa")
+    np.testing.assert_allclose([float(row[name]) for name in names], _relative_pose(poses), atol=1e-7)
+    sigma = np.array([float(row[f"s{name}"]) for name in names])
+    np.testing.assert_allclose(sigma, np.sqrt(np.diagonal(expected)), rtol=1e-4)
+    assert float(row["cov_bx_kappa"]) / (sigma[0] * sigma[5]) == pytest.approx(
+        expected[0, 5] / (sigma[0] * sigma[5]), abs=1e-4
+    )
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ((), "choose one of"),
-        (("--full", "--blocks"), "choose one of"),
+        ((), "or one of"),
+        (("--full", "--blocks"), "or one of"),
+        (("--images", "010,Q9"), "Q9"),
+        (("--cameras", "Q9"), "Q9"),
+        (("--images", "010", "--full"), "or one of"),
+        (("--relative-pose", "010"), "two images"),
         (("--points", "P1,Q9"), "Q9"),
         (("--relative", "P1"), "two points"),
     ],

@@ -12,8 +12,8 @@ import scipy.linalg
 
 from mor.arrays import FloatArray, IntArray
 from mor.errors import InputError, Problem
-from mor.geometry.rotations import angles_by_tangent, angles_from_rotation
-from mor.parameters.index import moves_by_angles
+from mor.geometry.rotations import angles_by_tangent, angles_from_rotation, cross_matrix
+from mor.parameters.index import moves_by_angles, tangents
 from mor.project.network.entities import unknown_name
 from mor.project.tables.guarded import guarded
 from mor.quality.assess import Quality
@@ -39,9 +39,58 @@ class Labelled(NamedTuple):
     """What the cofactors were multiplied with (squared), a priori 1."""
 
 
-def covariance_of_points(solved: Solved, names: Sequence[str]) -> Labelled:
-    """Covariance of the coordinates of named points. Raises :class:`InputError` for unknown names."""
-    return _labelled(solved, [("point", number) for number in point_numbers(solved, names)])
+def covariance_of_names(
+    solved: Solved,
+    points: Sequence[str] = (),
+    images: Sequence[str] = (),
+    cameras: Sequence[str] | None = None,
+) -> Labelled:
+    """Return the joint covariance of coordinates of points, poses of images and interior orientations.
+
+    An empty sequence ``cameras`` stands for all cameras, ``None`` for no camera. Raises :class:`InputError` for unknown
+    names, and for images whose pose is not an unknown of its own.
+    """
+    blocks = [("point", number) for number in point_numbers(solved, points)]
+    blocks += [block for name in images for block in _pose_blocks(solved, name)]
+    if cameras is not None:
+        blocks += _interior_blocks(solved, cameras)
+    return _labelled(solved, blocks)
+
+
+class RelativePose(NamedTuple):
+    """Pose of an image in the axes of another one, with the covariance (6, 6)."""
+
+    values: FloatArray
+    """(6,) base in project lengths, and ω, φ, κ in the angle unit of the project."""
+    covariance: FloatArray
+
+
+def relative_pose(solved: Solved, first: str, second: str) -> RelativePose:
+    """Return base b = D₁ (X₂ − X₁) and rotation R = D₂ D₁ᵀ of two images with their covariance.
+
+    dδ_R = dδ₂ − R dδ₁ and db = D₁ (dX₂ − dX₁) + [b]× dδ₁, with rotations updated by D ← exp(−[δ]×) D. Raises
+    :class:`InputError` for unknown names.
+    """
+    quality = _quality(solved)
+    problem, values = solved.adjustment.problem, solved.adjustment.values
+    blocks = [_pose_blocks(solved, name) for name in (first, second)]
+    columns = np.concatenate(
+        [problem.index.columns[kind][number] for pair in blocks for kind, number in pair]
+    )
+    (X1, X2), (D1, D2) = (
+        [values[kind][number] for kind, number in pair] for pair in zip(*blocks, strict=True)
+    )
+    turns = tangents(problem.index.blocks["rotation"], values["rotation"])
+    T1, T2 = (np.eye(3) if turns is None else turns[pair[1][1]] for pair in blocks)
+    b, R = D1 @ (X2 - X1), D2 @ D1.T
+    unit = ANGLE_UNITS[angle_unit(solved)]
+    angles = angles_from_rotation(R[None])
+    to_angles = angles_by_tangent(angles)[0] / unit
+    A = np.zeros((6, 12))
+    A[:3, :3], A[:3, 3:6], A[:3, 6:9] = -D1, cross_matrix(b) @ T1, D1
+    A[3:, 3:6], A[3:, 9:] = -to_angles @ R @ T1, to_angles @ T2
+    covariance = A @ joint_cofactors(quality, columns) @ A.T * quality.sigma_factor**2
+    return RelativePose(np.concatenate([b, angles[0] / unit]), 0.5 * (covariance + covariance.T))
 
 
 def covariance_of_everything(solved: Solved) -> Labelled:
@@ -64,6 +113,56 @@ def _own(solved: Solved, kind: str, columns: IntArray) -> np.ndarray:
     """(n, size) free components that are not another block's."""
     owner = solved.adjustment.problem.index.blocks[kind].owner
     return np.asarray((columns >= 0) & (owner == np.arange(len(owner))[:, None]))
+
+
+def _pose_blocks(solved: Solved, name: str) -> list[tuple[str, int]]:
+    """Blocks of the position and the rotation of an image."""
+    images = solved.network.things["image"]
+    if name not in images.numbers:
+        raise InputError([Problem(unknown_name("image", name, images.ids))])
+    blocks = [("point", images.part(name, "position")), ("rotation", images.part(name, "rotation"))]
+    derived = images.part(name, "trajectory") >= 0 or images.part(name, "relative rotation") >= 0
+    if derived or any(number < 0 for _, number in blocks):
+        words = f"image {name!r} has no pose of its own: it follows from a trajectory or from another image"
+        raise InputError([Problem(words)])
+    return blocks
+
+
+def _interior_blocks(solved: Solved, names: Sequence[str]) -> list[tuple[str, int]]:
+    cameras = solved.network.things["camera"]
+    problems = [
+        Problem(unknown_name("camera", name, cameras.ids)) for name in names if name not in cameras.numbers
+    ]
+    if problems:
+        raise InputError(problems)
+    wanted = names or cameras.ids
+    return [
+        (kind, block.ids.index(name))
+        for name in wanted
+        for kind, block in solved.network.blocks.items()
+        if kind.startswith("interior/") and name in block.ids
+    ]
+
+
+def relative_pose_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> list[list[object]]:
+    """Rows from, to, the six values, their σ, and the upper triangle of their covariance."""
+    rows: list[list[object]] = []
+    for one, other in pairs:
+        found = relative_pose(solved, one, other)
+        sigma = np.sqrt(np.maximum(np.diagonal(found.covariance), 0.0))
+        rows.append([one, other, *found.values.tolist(), *sigma.tolist(), *found.covariance[_UPPER].tolist()])
+    return rows
+
+
+POSE = ("bx", "by", "bz", "omega", "phi", "kappa")
+_UPPER = np.triu_indices(6)
+RELATIVE_POSE_HEADER = (
+    "from",
+    "to",
+    *POSE,
+    *(f"s{name}" for name in POSE),
+    *(f"cov_{POSE[i]}_{POSE[j]}" for i, j in zip(*_UPPER, strict=True)),
+)
 
 
 def point_numbers(solved: Solved, names: Sequence[str]) -> list[int]:
