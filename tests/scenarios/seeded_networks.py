@@ -152,6 +152,7 @@ def drawn(
     sigma_scale: float = 1.0,
     rough: float = 0.0,
     gross: float = 0.0,
+    noise: float = 1.0,
 ) -> Drawn:
     """Return a network of a kind.
 
@@ -162,6 +163,7 @@ def drawn(
         sigma_scale: stated σ over true σ.
         rough: σ of the given coordinates as a part of the size.
         gross: size of one gross error in units of the true σ.
+        noise: random errors in units of the true σ.
     """
     random = np.random.default_rng([seed, KINDS.index(kind)])
     plane = kind.startswith("plane") or kind == "levelling"
@@ -229,7 +231,7 @@ def drawn(
     for key, sigma in plan.sigmas().items():
         first = 2
         for row in rows[key]:
-            row[first:] = [float(x + sigma * random.standard_normal()) for x in row[first:]]
+            row[first:] = [float(x + noise * sigma * random.standard_normal()) for x in row[first:]]
     if gross:
         key = list(rows)[-1]
         row = rows[key][int(random.integers(len(rows[key])))]

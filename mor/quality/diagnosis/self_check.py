@@ -16,9 +16,10 @@ import numpy as np
 
 from mor.adjustment.datum.undetermined import Undetermined
 from mor.adjustment.datum.weak_directions import NOTHING_KNOWN
+from mor.adjustment.equations import evaluated
 from mor.adjustment.normals import image_of, objective
 from mor.adjustment.state import Adjustment, Outcome
-from mor.arrays import BoolArray
+from mor.arrays import BoolArray, IntArray
 from mor.geometry import tolerant
 from mor.observations import can_be_at_infinity, target_slot
 from mor.parameters.index import move
@@ -35,6 +36,9 @@ _SEEN, _BENT = 9.0, 100.0
 """Increase of vᵀPv by 3 σ, and how many times as large as the linear equations have it where these do not hold."""
 _NARROW = 0.05
 """σ (rad) of a direction that is known, the angle below which rays are nearly parallel."""
+_TYPICAL, _SAMPLED = 1e-3, 500
+"""Effect of one σ of a typical observation on a point, in parts of the size of the network, that is taken literally (a
+tenth of what linear equations bear), and observations of a group that are asked for it."""
 _LENGTHS = ("point", "base")
 _TOLD = 1000
 
@@ -61,20 +65,20 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
 
     σ are those of :func:`sigma_of_geometry`.
     """
-    problem, found = quality.adjustment.problem, []
+    problem, found, factor = quality.adjustment.problem, [], sigma_of_geometry(quality)
     size = network_size(quality.adjustment)
     for kind, columns in problem.index.columns.items():
         limit = size if kind in _LENGTHS else NOTHING_KNOWN if kind == "rotation" else np.inf
         if not np.isfinite(limit) or limit <= 0.0:
             continue
         variance = np.diagonal(quality.cofactors[kind], axis1=1, axis2=2)
-        sigma = sigma_of_geometry(quality) * np.sqrt(np.maximum(variance, 0.0))
+        sigma = factor * np.sqrt(np.maximum(variance, 0.0))
         beyond = (columns >= 0) & ~(sigma <= limit) & ~told_by_user(quality, kind)[:, None]
         for block in np.flatnonzero(beyond.any(axis=1)):
             components = np.flatnonzero(beyond[block])
             if kind in _LENGTHS and _is_bound(quality, kind, int(block), limit):
                 continue
-            if kind == "point" and _has_direction(quality, int(block), limit):
+            if kind == "point" and _has_direction(quality, int(block), limit, factor):
                 continue
             labels = tuple(problem.index.label(int(columns[block, k])) for k in components)
             amounts = sigma[block, components]
@@ -87,12 +91,27 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
 
 
 def sigma_of_geometry(quality: Quality) -> float:
-    """Return the factor on √Q with which determinability is judged.
+    """Return the factor on √Q with which determinability is judged, at most 1: the stated σ count.
 
-    It is 1, the σ a priori: residuals that are too large say nothing about the geometry. If they are smaller than the
-    stated σ say, as with weights that only mean ratios, it is σ0 a posteriori.
+    Residuals that are too large say nothing about the geometry. If the stated σ only mean ratios, they are far larger
+    than the errors, and the factor is σ0. Residuals of error-free observations vanish, whatever the σ are. So the
+    factor is at least the one by which a typical observation is good to ``_TYPICAL`` of the size of the network.
     """
-    return min(1.0, quality.sigma0)
+    if quality.sigma0 >= 1.0:
+        return 1.0
+    adjustment = quality.adjustment
+    size, relative = median_distance(adjustment), []
+    for group in adjustment.problem.groups if size > 0.0 else ():
+        slots = [k for k, slot in enumerate(group.type.slots) if slot.kind == "point"]
+        if not slots or group.count == 0:
+            continue
+        rows: IntArray = np.unique(np.linspace(0, group.count - 1, _SAMPLED).astype(np.int64))
+        jacobians = evaluated(group, adjustment.values, rows).jacobians
+        change = size * np.sqrt(sum(np.sum(jacobians[k] ** 2, axis=2) for k in slots))
+        told = (group.mask & ~group.left_out)[rows] & (change > 0.0)
+        relative.append(group.sigma[rows][told] / change[told])
+    typical = np.median(np.concatenate(relative)) if relative else 0.0
+    return float(min(1.0, max(quality.sigma0, _TYPICAL / typical if typical > 0.0 else 1.0)))
 
 
 def _is_bound(quality: Quality, kind: str, block: int, size: float) -> bool:
@@ -116,7 +135,7 @@ def _is_bound(quality: Quality, kind: str, block: int, size: float) -> bool:
     return min(moved) - before > max(_SEEN, _BENT * linear)
 
 
-def _has_direction(quality: Quality, block: int, size: float) -> bool:
+def _has_direction(quality: Quality, block: int, size: float, factor: float) -> bool:
     """Return True if a point is far away, seen by rays alone: they determine its direction, hardly its distance.
 
     The adjustment has converged at a finite distance. The verdict names the point as not determined.
@@ -129,7 +148,7 @@ def _has_direction(quality: Quality, block: int, size: float) -> bool:
             if not can_be_at_infinity(group.type) or k != target_slot(group.type):
                 return False
     variances = np.sort(tolerant.eigvalsh(quality.cofactors["point"][block]))
-    sigma = sigma_of_geometry(quality) * np.sqrt(np.maximum(variances, 0.0))
+    sigma = factor * np.sqrt(np.maximum(variances, 0.0))
     points = quality.adjustment.values["point"]
     distance = float(np.linalg.norm(points[block] - np.median(points, axis=0)))
     return bool(np.isfinite(sigma).all() and sigma[-2] <= max(size, _NARROW * distance))

@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 
 import mor
-from tests.scenarios.seeded_networks import KINDS, OPEN, drawn
+from mor.errors import NoStartValuesError
+from tests.scenarios.seeded_networks import KINDS, OPEN, RELATIVE, drawn
 from tests.scenarios.small_projects import mor as command
 
 CASE = Path(__file__).parents[2] / "cases" / "dam_not_determined" / "dam.yaml"
@@ -49,3 +52,82 @@ def test_sigma_of_one_for_every_observation_says_nothing_about_the_geometry() ->
     result = mor.adjust(drawn("plane distances", 3, sigma_scale=1e4).project())
     found = result.solved.verdict.determined
     assert found.everywhere
+
+
+SCALES = (1e-9, 1e-6, 1e-3, 1.0, 1e3, 1e6, 1e9)
+FAR = {"in line": (2.0, 0.2), "parallel": None, "hardly converging": (5e3, 5e4)}
+"""A point sighted from A (0, 0) and B (1, 0.1), in units of the size of the network."""
+
+
+def hanging(kind: str, size: float, noise: float, sigma_scale: float) -> dict[str, Any]:
+    """A network of a kind with a point, or two, that too few observations tie to the rest."""
+    network = drawn(kind, 3, size=size, sigma_scale=sigma_scale, noise=noise, rough=1e-3)
+    for key, rows in network.rows.items():
+        if kind in ("levelling", "vectors"):
+            rows[:] = [row for row in rows if (row[0] in ("P0", "P1")) == (row[1] in ("P0", "P1"))]
+        elif key in ("directions", "zenith_directions", "image"):
+            rows[:] = [row for row in rows if row[0] != "P0" and (row[1] != "P0" or row[0] in "P2 I0")]
+        else:
+            few = {"plane distances": 1, "distances": 2}.get(kind, 0)
+            rows[:] = [row for row in rows if "P0" not in row[:2]] + [r for r in rows if "P0" in r[:2]][:few]
+    return network.project()
+
+
+def lines_of_sight(where: str, size: float, noise: float, sigma_scale: float) -> dict[str, Any]:
+    """A point that two stations see along one line, along parallel lines, or where these hardly converge."""
+    random = np.random.default_rng(1)
+    at = {"A": (0.0, 0.0), "B": (1.0, 0.1), "C": (0.4, 0.9), "D": (0.7, -0.6), "far": FAR[where]}
+    rows = []
+    for station, others in (("A", ("C", "D", "B", "far")), ("B", ("C", "D", "A", "far"))):
+        for name in others:
+            bearing = 0.3 if at[name] is None else np.arctan2(*np.subtract(at[name], at[station]))
+            rows.append([station, name, float(bearing + noise * RELATIVE * random.standard_normal())])
+    at["far"] = at["far"] or (0.7, 2.0)
+    points = {name: [name, xy[0] * size, xy[1] * size, 0.0] for name, xy in at.items()}
+    return {
+        "mor": 1,
+        "units": {"length": "m", "angle": "rad"},
+        "points": [
+            {"columns": ["id", "x", "y", "z"], "rows": [points[k] for k in names], "fixed": fixed}
+            for names, fixed in (("ABC", ["x", "y", "z"]), (("D", "far"), ["z"]))
+        ],
+        "observations": [
+            {
+                "type": "directions",
+                "columns": ["station", "to", "horizontal"],
+                "rows": rows,
+                "values": {"sigma": repr(sigma_scale * RELATIVE)},
+            }
+        ],
+    }
+
+
+def says_determined(project: dict[str, Any]) -> bool:
+    try:
+        result = mor.adjust(project)
+    except NoStartValuesError:
+        return False
+    if not result.converged:
+        assert "determined" in result.reason, result.reason
+        return False
+    return result.solved.verdict.determined.everywhere and not result.solved.network.undeterminable
+
+
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+@pytest.mark.parametrize("sigma_scale", [1.0, 1e9])
+@pytest.mark.parametrize("where", FAR)
+def test_lines_of_sight_without_an_intersection(where: str, sigma_scale: float, noise: float) -> None:
+    assert not says_determined(lines_of_sight(where, 1.0, noise, sigma_scale))
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("noise", [0.0, 1.0])
+@pytest.mark.parametrize("size", SCALES)
+@pytest.mark.parametrize("sigma_scale", SCALES)
+def test_known_rank_at_any_scale(size: float, sigma_scale: float, noise: float) -> None:
+    for kind in KINDS:
+        sound = drawn(kind, 3, size=size, sigma_scale=sigma_scale, noise=noise, rough=1e-3)
+        assert says_determined(sound.project()), kind
+        assert not says_determined(hanging(kind, size, noise, sigma_scale)), kind
+    for where in FAR if sigma_scale >= 1.0 else ("in line", "parallel"):
+        assert not says_determined(lines_of_sight(where, size, noise, sigma_scale)), where
