@@ -281,7 +281,7 @@ def _is_good(situation: Situation, before: Before, fit: Fit) -> bool:
 
 
 def _before(situation: Situation, plain: Adjustment) -> Before:
-    freedom = plain.problem.observations - plain.problem.index.count + int(plain.defect.datum.shape[1])
+    freedom = plain.problem.observations - plain.problem.index.count + plain.defect.dimension
     objective = plain.normals.objective
     compared = objective if plain.outcome is Outcome.CONVERGED else situation.fit.omega
     return Before(objective, compared, freedom)
@@ -424,7 +424,7 @@ def tried(
 
 def _fit(situation: Situation, network: Network, hypothesis: Hypothesis, found: Adjustment) -> Fit:
     """How an adjustment of the changed network fits, the choice of the change counted in."""
-    values, defect = found.values, found.defect.datum.shape[1]
+    values, defect = found.values, found.defect.dimension
     lost = 0 if situation.solution is None else situation.defect - defect
     stretch = hypothesis.stretch
     if stretch:

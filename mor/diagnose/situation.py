@@ -195,7 +195,7 @@ class Situation:
     @property
     def defect(self) -> int:
         """Movements of the whole network that the observations leave free; 0 where that is not known."""
-        return 0 if self.solution is None else int(self.solution.defect.datum.shape[1])
+        return 0 if self.solution is None else self.solution.defect.dimension
 
 
 def redundancy_numbers(adjustment: Adjustment) -> tuple[FloatArray, ...]:

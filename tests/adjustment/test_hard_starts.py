@@ -14,6 +14,8 @@ from mor.pipeline import read_document, read_network
 from mor.preparation import determinable_start, make_problem
 from mor.quality.assess import assess
 from mor.quality.diagnosis.self_check import checked
+from mor.quality.solved import Solved
+from mor.report.results.summary import summary
 from tests.scenarios.hard_starts import by_scipy, hard_start
 from tools.far_start_trials import _dense
 
@@ -71,6 +73,10 @@ def test_an_iteration_whose_steps_alternate_goes_on_to_the_minimum():
     assert quality.redundancy == 391
     assert quality.redundancy_sum == pytest.approx(391.0, abs=1e-6)
     assert checked(quality).outcome is Outcome.CONVERGED
+    network = read_network(read_document(CASES / "fixed_components" / "project.yaml"), CASES / "fixed_components")
+    data = summary(Solved(network, found, quality))
+    assert data["redundancy"] == data["observations"] - data["unknowns"] + data["defect"]
+    assert len(data["movements"]) == data["defect"] == 1
 
 
 def test_what_the_curvature_binds_has_its_standard_deviation_from_the_sum_of_squares():

@@ -22,6 +22,8 @@ MOVEMENTS = (
     "rotation Z",
     "scale",
 )
+BY_CURVATURE = "movement that the curvature of vTPv determines"
+"""A movement that no observation notices to first order."""
 _SMALL = 1e-6
 
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mor import __version__
+from mor.adjustment.datum.defect import BY_CURVATURE
 from mor.adjustment.state import Iteration
 from mor.project.file.model import Project
 from mor.project.network.entities import said_thing
@@ -44,7 +45,7 @@ def summary(solved: Solved) -> dict[str, Any]:
         solved.quality is not None,
         adjustment.problem.observations,
         adjustment.problem.index.count,
-        adjustment.defect.movements,
+        (*adjustment.defect.movements, *[BY_CURVATURE] * adjustment.defect.to_second_order),
         adjustment.problem.datum.name,
         adjustment.iterations,
         adjustment.kernels,
