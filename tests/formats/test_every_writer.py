@@ -21,9 +21,6 @@ from mor.project.file.validation import without_empty_keys
 
 ROOT = Path(__file__).parents[2]
 PROJECTS = sorted([*ROOT.glob("sample_projects/*/project.yaml"), *ROOT.glob("tests/cases/**/*.yaml")])
-PROJECTS.remove(
-    ROOT / "tests/cases/mistakes/set_ups_exchanged.yaml"
-)  # by mistake, set-ups sight their own points
 WRITERS = [key for key, form in FORMATS.items() if form.write is not None]
 _NO_NUMBER = re.compile(r"(?<![\w.])[-+]?(nan|inf|infinity)(?![\w.])", re.IGNORECASE)
 READERS = {"colmap-binary": "colmap", **{key: key for key in WRITERS if FORMATS[key].read is not None}}

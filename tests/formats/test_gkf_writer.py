@@ -97,3 +97,24 @@ def test_what_it_cannot_say_is_refused(tmp_path: Path, old: str, new: str, words
     path.write_text(NET.replace(old, new, 1))
     with pytest.raises(InputError, match=words):
         _again(path, tmp_path)
+
+
+def _changed_net(tmp_path: Path, old: str, new: str) -> Path:
+    path = tmp_path / "net.yaml"
+    assert old in NET
+    path.write_text(NET.replace(old, new))
+    return path
+
+
+def test_a_distance_from_a_station_begins_at_its_point_with_its_height(tmp_path: Path) -> None:
+    path = _changed_net(tmp_path, '[["A & B", C, 94362, 1500, 1300]]', '[[S, point:C, 94362, "", 1300]]')
+    written, _ = _again(path, tmp_path)
+    line = next(one for one in written.read_text().splitlines() if "<s-distance" in one)
+    assert 'from="A &amp; B" to="C"' in line
+    assert 'from_dh="1.5" to_dh="1.3"' in line
+
+
+def test_a_set_up_that_sights_its_own_point_is_refused(tmp_path: Path) -> None:
+    path = _changed_net(tmp_path, "[S, B, 10, 90.5, 1300, 1]", '[S, "A & B", 10, 90.5, 1300, 1]')
+    with pytest.raises(InputError, match=r"net.yaml:\d+: point 'A & B' is observed from itself"):
+        _again(path, tmp_path)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+import polars as pl
 
 from mor.arrays import BoolArray, FloatArray
 from mor.errors import InputError, Problem
@@ -15,6 +16,7 @@ from mor.observations import PLAIN_TYPES, ObservationType
 from mor.project.file.model import Observations
 from mor.project.observations.correlations import members_of, rows_of_covariance
 from mor.project.observations.observation_rows import CLUSTER
+from mor.project.tables.columns import tell_rows
 from mor.project.tables.statuses import number_column
 from mor.project.tables.tables import Column, Rows
 from mor.units import ANGLE, LENGTH
@@ -38,13 +40,69 @@ class Group:
 def groups(
     content: Content, types: Collection[str], known: Mapping[str, ObservationType] = PLAIN_TYPES
 ) -> list[Group]:
-    """All tables of some types, which stand in ``known``. Raises :class:`InputError`."""
+    """All tables of some types, which stand in ``known``, with the points under the stations that they name.
+
+    Raises :class:`InputError`, also for an observation between a point and itself and for one from an image.
+    """
+    chosen = [(k, entry) for k, entry in enumerate(content.project.observations) if entry.type in types]
+    if not chosen:
+        return []
+    aside = content._replace(unread={})  # reading names a second time is no use of the other columns
+    sections = {"points": content.project.points, "images": content.project.images}
+    points, images = (
+        {
+            name
+            for k, table in enumerate(tables)
+            for name in aside.rows(section, k, table, [Column("id")]).text("id")
+        }
+        for section, tables in sections.items()
+    )
+    under = stations(aside)
+    found = [
+        _between_points(_group(content, k, entry, known[entry.type]), under, points, images, content)
+        for k, entry in chosen
+    ]
     return [
         part
-        for number, entry in enumerate(content.project.observations)
-        if entry.type in types
-        for part in _by_cluster(_group(content, number, entry, known[entry.type]), content, number)
+        for (k, _), group in zip(chosen, found, strict=True)
+        for part in _by_cluster(group, content, k)
     ]
+
+
+def _between_points(
+    group: Group,
+    under: Mapping[str, tuple[str, float]],
+    points: Collection[str],
+    images: Collection[str],
+    content: Content,
+) -> Group:
+    """A table that names points: those under its stations, whose heights are those of its rows without one."""
+    type_ = PLAIN_TYPES.get(group.entry.type)
+    texts, numbers, problems = dict(group.rows.texts), dict(group.rows.numbers), []
+    columns: list[list[str]] = []
+    for reference in type_.references if type_ is not None else ():
+        names, column = group.rows.text(reference.name), reference.name
+        if reference.among[0] == "station":
+            columns.append([under.get(name, (name, 0.0))[0] for name in names])
+        elif "point" in reference.among:
+            height = group.rows.number(f"{column}_height").copy()
+            for row, name in enumerate(names):
+                space, _, bare = name.rpartition(":")
+                names[row] = bare = bare if space in ("point", "station", "image", "centre") else name
+                if space in ("image", "centre") or (bare in images and bare not in points | under.keys()):
+                    words = f"{column}: {bare!r} is an image; the format knows observations between points only"
+                    problems.append(Problem(words, group.rows.file, int(group.rows.lines[row])))
+                elif bare in under and (space == "station" or (space != "point" and bare not in points)):
+                    names[row], own = under[bare]
+                    if not type_.between_marks and np.isnan(height[row]):
+                        height[row] = own / content.edge.metres
+            texts[column], numbers[f"{column}_height"] = pl.Series(names, dtype=pl.String), height
+            columns.append(names)
+    ends = np.array([[len(set(row)) < len(columns)] for row in zip(*columns, strict=True)], dtype=bool)
+    tell_rows(problems, ends.ravel(), group.rows, lambda row: f"point {columns[-1][row]!r} is observed from itself")
+    if problems:
+        raise InputError(problems)
+    return replace(group, rows=replace(group.rows, texts=texts, numbers=numbers))
 
 
 def _by_cluster(group: Group, content: Content, number: int) -> Iterator[Group]:

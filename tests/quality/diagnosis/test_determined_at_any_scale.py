@@ -108,7 +108,7 @@ def says_determined(project: dict[str, Any]) -> bool:
     except NoStartValuesError:
         return False
     if not result.converged:
-        assert "determined" in result.reason, result.reason
+        assert "determine" in result.reason, result.reason
         return False
     return result.solved.verdict.determined.everywhere and not result.solved.network.undeterminable
 
