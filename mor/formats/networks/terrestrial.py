@@ -45,8 +45,12 @@ def groups(
     Raises :class:`InputError`, also for an observation between a point and itself and for one from an image.
     """
     chosen = [(k, entry) for k, entry in enumerate(content.project.observations) if entry.type in types]
-    if not chosen:
-        return []
+    if not chosen or content.project.world is not None:  # on the earth, stations are resolved by SetUps
+        return [
+            part
+            for k, entry in chosen
+            for part in _by_cluster(_group(content, k, entry, known[entry.type]), content, k)
+        ]
     aside = content._replace(unread={})  # reading names a second time is no use of the other columns
     sections = {"points": content.project.points, "images": content.project.images}
     points, images = (
