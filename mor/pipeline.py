@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mor.adjustment.datum.local_defects import beside
 from mor.adjustment.problem import Problem
 from mor.adjustment.solve import Settings, adjust
 from mor.adjustment.state import Adjustment, Watcher, counting_on
@@ -190,11 +191,14 @@ def _attempt(network: Network, start: Mapping[str, FloatArray], watch: Watcher |
 
 def _plainly(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Adjustment:
     """Adjust all observations from the start values."""
-    problem = make_problem(network, start, start)
+    problem, settings = make_problem(network, start, start), Settings(network.project.settings.max_iterations)
     try:
-        adjustment = adjust(problem, start, Settings(network.project.settings.max_iterations), watch)
+        adjustment = adjust(problem, start, settings, watch)
     except NotFiniteError:
-        raise InputError(_undefined(problem, start)) from None
+        try:
+            adjustment = adjust(problem, _moved_apart(problem, start), settings, watch)
+        except NotFiniteError:
+            raise InputError(_undefined(problem, start)) from None
     return _with_settled_sigma(network, adjustment, watch)
 
 
@@ -267,6 +271,17 @@ def _with_lost_held(network: Network, lost: Sequence[tuple[str, str]]) -> Networ
     ]
     marked = {kind: lost_blocks(blocks, kind, lost) for kind, blocks in network.blocks.items()}
     return with_blocks_held(network, marked, things)
+
+
+def _moved_apart(problem: Problem, start: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Start values in which unknown points of observations without a value there lie a little beside their places."""
+    there, points = beside(problem, start)["point"], start["point"].copy()
+    for group in problem.groups:
+        rows = undefined_rows(group, problem.index, start)
+        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == "point":
+                points[numbers[rows]] = there[numbers[rows]]
+    return {**start, "point": points}
 
 
 def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Mistake]:

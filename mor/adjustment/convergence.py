@@ -49,6 +49,8 @@ _STANDING = 10
 """Iterations that are compared with as many before them."""
 _STANDS = 1e-3
 """Part of vᵀPv by which it still falls at a standstill, at most: σ0 then keeps its first three digits."""
+_CRAWLS = 1e-6
+"""The same of ten damped iterations: a point on its way to infinity gains little by little."""
 _EPS = float(np.finfo(float).eps)
 
 
@@ -99,6 +101,8 @@ def stands_still(iterations: tuple[Iteration, ...]) -> bool:
         return False
     earlier, later = iterations[-2 * _STANDING : -_STANDING], iterations[-_STANDING:]
     if earlier[0].objective - later[-1].objective > _STANDS * later[-1].objective:
+        return False
+    if later[-1].damping and later[0].objective - later[-1].objective > _CRAWLS * later[-1].objective:
         return False
     if 0.0 < later[-1].damping < 0.5 * later[0].damping:
         return False

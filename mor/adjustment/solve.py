@@ -141,7 +141,7 @@ def _advance(state: Adjustment) -> Adjustment:
         return _converged(_last_step(state, step + shift, iteration))
     taken = None if over else _with_curvature(state, change)  # steps of round-off tell no curvature
     if taken is None:
-        taken = accept(state, regular, stride.weak + shift, change)
+        taken = accept(state, regular, stride.weak, shift, change)
     if taken is None and change <= AT_THE_LAST_DIGIT:
         return _converged(_at_minimum(state._replace(iterations=(*state.iterations, iteration))))
     if taken is None:

@@ -19,10 +19,13 @@ from typing import NamedTuple
 
 import numpy as np
 
+from mor.adjustment.datum.defect import similarities
+from mor.adjustment.datum.weak_directions import weak_turns
 from mor.adjustment.inverse import DampedStep, damped_step, invert
 from mor.adjustment.normals import Normals, build_normals, gradient_elsewhere, normal_product, objective
 from mor.adjustment.state import Adjustment
 from mor.arrays import LARGEST, FloatArray
+from mor.geometry.rotations import exponential
 from mor.parameters.index import move
 
 _CORRECTIONS = 6
@@ -53,28 +56,42 @@ class Taken(NamedTuple):
     """(u,) the step without the shift into the datum, where it is not the one of Gauss-Newton."""
 
 
-def accept(state: Adjustment, regular: FloatArray, along: FloatArray, change: float) -> Taken | None:
+def accept(
+    state: Adjustment, regular: FloatArray, weak: FloatArray, shift: FloatArray, change: float
+) -> Taken | None:
     """The first of the steps that makes the objective so much smaller as can be expected; ``None`` where there is none.
 
-    The whole step nearly always does, so the system is built there at once. The whole step is expected to gain
-    ``change``². With κ the ratio of the true curvature along it to the one that Gauss-Newton sees, it gains the part
+    The whole step nearly always does, unless the last one was damped, so the system is built there at once. It is
+    expected to gain ``change``². With κ the ratio of the true curvature along it to the one that Gauss-Newton sees, it gains the part
     ρ = 2 − κ of that: where residuals are large, κ may exceed 2, and steps go to and fro. The part 1/κ = 1/(2 − ρ) of
     the step then hits.
     """
+    along = weak + shift
     whole = regular + along
     values = move(state.problem.index, state.values, whole)
-    normals = build_normals(state.plan, values)
-    full = Taken(values, 0.0, 1.0, normals) if normals.objective <= _limit(state) else None
-    gained = state.normals.objective - normals.objective
+    damped_before = bool(state.iterations) and state.iterations[-1].damping > 0.0
+    normals = None if damped_before else build_normals(state.plan, values)
+    reached = objective(state.plan, values) if normals is None else normals.objective
+    full = Taken(values, 0.0, 1.0, normals) if reached <= _limit(state) else None
+    gained = state.normals.objective - reached
     curved = state.inverse.weak.shape[1] == 0 and -1.0 < _share_of(gained, change) < _EXPECTED
     if full is not None and not (curved and change > 1.0):
         return full
+    if full is None and shift.any():
+        values = _as_a_whole(state, move(state.problem.index, state.values, regular + weak), shift)
+        if objective(state.plan, values) <= _limit(state):
+            return Taken(values, 0.0, 1.0)
+    if full is None and weak.any():
+        # Damping takes weak directions with the others, but for turns of the whole network, which are bent.
+        turns = weak_turns(state.inverse.weak, state.problem, state.values)
+        if not turns and (taken := _damped(state)) is not None:
+            return taken
     if full is None and along.any() and (taken := _along(state, regular, along)) is not None:
         return taken
     if curved:
         share = 1.0 / (2.0 - _share_of(gained, change))
         values = move(state.problem.index, state.values, share * whole)
-        if objective(state.plan, values) < min(state.normals.objective, normals.objective):
+        if objective(state.plan, values) < min(state.normals.objective, reached):
             return Taken(values, 1.0 / share - 1.0, share)
     return full or _damped(state)
 
@@ -100,6 +117,37 @@ def _share_of(gained: float, change: float) -> float:
 
 def _limit(state: Adjustment) -> float:
     return state.normals.objective * (1.0 + 1e-6) + 1e-6
+
+
+def _as_a_whole(
+    state: Adjustment, values: Mapping[str, FloatArray], shift: FloatArray
+) -> Mapping[str, FloatArray]:
+    """Return values moved by the similarity of all points whose derivative is the shift (u,), as far as it is one."""
+    index, moved = state.problem.index, dict(values)
+    columns = index.columns["point"]
+    free = (columns >= 0).all(axis=1)
+    if not free.any():
+        return move(index, values, shift)
+    centre = state.values["point"][free].mean(axis=0)
+    fields = similarities(state.values["point"][free], centre).reshape(-1, 7)
+    lengths = np.linalg.norm(fields, axis=0)
+    fields = fields / np.where(lengths > 0.0, lengths, 1.0)
+    found = np.linalg.lstsq(fields, shift[columns[free]].ravel(), rcond=1e-12)[0]
+    found /= np.where(lengths > 0.0, lengths, 1.0)
+    found *= min(1.0, _LARGEST_TURN / max(float(np.abs(found[3:]).max()), 1e-300))
+    R, scale = exponential(found[3:6]), float(np.exp(found[6]))
+    for kind, own in index.columns.items():
+        change = np.where(own >= 0, shift[own], 0.0)
+        touched = (change != 0.0).any(axis=1)
+        if index.blocks[kind].kind.is_rotation:
+            moved[kind] = np.where(touched[:, None, None], values[kind] @ R.T, values[kind])
+        elif kind == "point":
+            there = centre + found[:3] + scale * (values[kind] - centre) @ R.T
+            moved[kind] = np.where(own >= 0, there, values[kind])
+        else:
+            powers = [float(one.quantity.length) for one in index.blocks[kind].kind.components]
+            moved[kind] = np.where(change != 0.0, values[kind] * scale ** np.array(powers), values[kind])
+    return moved
 
 
 def _along(state: Adjustment, regular: FloatArray, along: FloatArray) -> Taken | None:

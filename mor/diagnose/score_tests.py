@@ -252,7 +252,8 @@ def _interiors(
         yield _Candidate(
             "camera of images", (image,), f"images, {image}: camera: …", ((number, rows, columns),)
         )
-        for other, name in camera_of.items():
+        # With a camera for each image there is nothing to take the wrong one from.
+        for other, name in camera_of.items() if 2 * len(camera_of) <= len(images.ids) else ():
             if other != blocks[rows[0]] and other < len(values[kind]):
                 change = _with_blocks(group, values, rows, {slot: np.full(len(rows), other)})
                 line = f"images, {image}: camera: {name}"

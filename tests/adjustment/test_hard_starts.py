@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+import mor
 from mor.adjustment.solve import adjust
 from mor.adjustment.state import Outcome
 from mor.parameters.index import move
@@ -17,6 +18,7 @@ from mor.quality.diagnosis.self_check import checked
 from mor.quality.solved import Solved
 from mor.report.results.summary import summary
 from tests.scenarios.hard_starts import by_scipy, hard_start
+from tests.scenarios.seeded_networks import drawn
 from tools.far_start_trials import _dense
 
 
@@ -73,7 +75,9 @@ def test_an_iteration_whose_steps_alternate_goes_on_to_the_minimum():
     assert quality.redundancy == 391
     assert quality.redundancy_sum == pytest.approx(391.0, abs=1e-6)
     assert checked(quality).outcome is Outcome.CONVERGED
-    network = read_network(read_document(CASES / "fixed_components" / "project.yaml"), CASES / "fixed_components")
+    network = read_network(
+        read_document(CASES / "fixed_components" / "project.yaml"), CASES / "fixed_components"
+    )
     data = summary(Solved(network, found, quality))
     assert data["redundancy"] == data["observations"] - data["unknowns"] + data["defect"]
     assert len(data["movements"]) == data["defect"] == 1
@@ -100,3 +104,16 @@ def _constrained(found, values, column):
         step[others] = np.linalg.lstsq(J[:, others], -misclosures, rcond=None)[0]
         values = move(found.problem.index, values, step)
     return float(np.sum(_dense(found.problem, values)[0] ** 2)) - found.normals.objective
+
+
+def test_places_that_coincide_where_the_adjustment_starts_are_moved_apart():
+    network = drawn("plane directions and distances", 1, rough=1e-3)
+    network.given[1] = network.given[0]
+    apart, expected = (
+        mor.adjust(network.project()),
+        mor.adjust(drawn("plane directions and distances", 1).project()),
+    )
+    assert apart.converged
+    assert apart.solved.adjustment.normals.objective == pytest.approx(
+        expected.solved.adjustment.normals.objective
+    )

@@ -67,9 +67,7 @@ def groups(
         for k, entry in chosen
     ]
     return [
-        part
-        for (k, _), group in zip(chosen, found, strict=True)
-        for part in _by_cluster(group, content, k)
+        part for (k, _), group in zip(chosen, found, strict=True) for part in _by_cluster(group, content, k)
     ]
 
 
@@ -94,7 +92,9 @@ def _between_points(
                 space, _, bare = name.rpartition(":")
                 names[row] = bare = bare if space in ("point", "station", "image", "centre") else name
                 if space in ("image", "centre") or (bare in images and bare not in points | under.keys()):
-                    words = f"{column}: {bare!r} is an image; the format knows observations between points only"
+                    words = (
+                        f"{column}: {bare!r} is an image; the format knows observations between points only"
+                    )
                     problems.append(Problem(words, group.rows.file, int(group.rows.lines[row])))
                 elif bare in under and (space == "station" or (space != "point" and bare not in points)):
                     names[row], own = under[bare]
@@ -103,7 +103,9 @@ def _between_points(
             texts[column], numbers[f"{column}_height"] = pl.Series(names, dtype=pl.String), height
             columns.append(names)
     ends = np.array([[len(set(row)) < len(columns)] for row in zip(*columns, strict=True)], dtype=bool)
-    tell_rows(problems, ends.ravel(), group.rows, lambda row: f"point {columns[-1][row]!r} is observed from itself")
+    tell_rows(
+        problems, ends.ravel(), group.rows, lambda row: f"point {columns[-1][row]!r} is observed from itself"
+    )
     if problems:
         raise InputError(problems)
     return replace(group, rows=replace(group.rows, texts=texts, numbers=numbers))

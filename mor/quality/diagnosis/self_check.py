@@ -76,9 +76,9 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
         beyond = (columns >= 0) & ~(sigma <= limit) & ~told_by_user(quality, kind)[:, None]
         for block in np.flatnonzero(beyond.any(axis=1)):
             components = np.flatnonzero(beyond[block])
-            if kind in _LENGTHS and _is_bound(quality, kind, int(block), limit):
-                continue
             if kind == "point" and _has_direction(quality, int(block), limit, factor):
+                continue
+            if kind in _LENGTHS and _is_bound(quality, kind, int(block), limit):
                 continue
             labels = tuple(problem.index.label(int(columns[block, k])) for k in components)
             amounts = sigma[block, components]
