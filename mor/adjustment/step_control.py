@@ -62,9 +62,9 @@ def accept(
     """The first of the steps that makes the objective so much smaller as can be expected; ``None`` where there is none.
 
     The whole step nearly always does, unless the last one was damped, so the system is built there at once. It is
-    expected to gain ``change``². With κ the ratio of the true curvature along it to the one that Gauss-Newton sees, it gains the part
-    ρ = 2 − κ of that: where residuals are large, κ may exceed 2, and steps go to and fro. The part 1/κ = 1/(2 − ρ) of
-    the step then hits.
+    expected to gain ``change``². With κ the ratio of the true curvature along it to the one that Gauss-Newton sees, it
+    gains the part ρ = 2 − κ of that: where residuals are large, κ may exceed 2, and steps go to and fro. The part
+    1/κ = 1/(2 − ρ) of the step then hits.
     """
     along = weak + shift
     whole = regular + along
@@ -82,9 +82,9 @@ def accept(
         if objective(state.plan, values) <= _limit(state):
             return Taken(values, 0.0, 1.0)
     if full is None and weak.any():
-        # Damping takes weak directions with the others, but for turns of the whole network, which are bent.
+        # Damping takes weak directions with the others, unless they all turn the whole network: these are bent.
         turns = weak_turns(state.inverse.weak, state.problem, state.values)
-        if not turns and (taken := _damped(state)) is not None:
+        if len(turns) < state.inverse.weak.shape[1] and (taken := _damped(state)) is not None:
             return taken
     if full is None and along.any() and (taken := _along(state, regular, along)) is not None:
         return taken
@@ -125,14 +125,14 @@ def _as_a_whole(
     """Return values moved by the similarity of all points whose derivative is the shift (u,), as far as it is one."""
     index, moved = state.problem.index, dict(values)
     columns = index.columns["point"]
-    free = (columns >= 0).all(axis=1)
+    free = columns >= 0
     if not free.any():
         return move(index, values, shift)
-    centre = state.values["point"][free].mean(axis=0)
-    fields = similarities(state.values["point"][free], centre).reshape(-1, 7)
+    centre = state.values["point"][free.any(axis=1)].mean(axis=0)
+    fields = similarities(state.values["point"], centre)[free]
     lengths = np.linalg.norm(fields, axis=0)
     fields = fields / np.where(lengths > 0.0, lengths, 1.0)
-    found = np.linalg.lstsq(fields, shift[columns[free]].ravel(), rcond=1e-12)[0]
+    found = np.linalg.lstsq(fields, shift[columns[free]], rcond=1e-12)[0]
     found /= np.where(lengths > 0.0, lengths, 1.0)
     found *= min(1.0, _LARGEST_TURN / max(float(np.abs(found[3:]).max()), 1e-300))
     R, scale = exponential(found[3:6]), float(np.exp(found[6]))

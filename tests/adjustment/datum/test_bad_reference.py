@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import mor
+from mor.adjustment.normals import objective
+from mor.adjustment.step_control import _as_a_whole
 from tests.scenarios.mixtures.ingredients import mixture
 from tests.scenarios.mixtures.trial import tried
+from tests.scenarios.seeded_networks import drawn
 
 
 @pytest.mark.slow
@@ -17,3 +22,17 @@ def test_free_network_comes_to_rest_far_from_its_reference(seed: int, tmp_path: 
     trial = tried(mixture(seed), tmp_path)
     assert trial.counts
     assert trial.reached, trial.words
+
+
+@pytest.mark.parametrize("kind", ["images", "distances", "polar", "plane directions"])
+def test_a_movement_of_the_whole_network_changes_no_observation_however_large_it_is(kind):
+    found = mor.adjust(drawn(kind, 4, rough=1e-3).project()).solved.adjustment
+    columns = found.problem.index.columns["point"]
+    shift = found.defect.datum @ np.random.default_rng(5).standard_normal(found.defect.datum.shape[1])
+    shift *= 20.0 / np.abs(shift[columns[columns >= 0]]).max()  # of 100 m
+    moved = _as_a_whole(found, found.values, shift)
+    assert objective(found.plan, moved) == pytest.approx(found.normals.objective, rel=1e-6)
+    used = columns >= 0
+    linear = found.values["point"][used] + shift[columns[used]]
+    assert np.abs(moved["point"][used] - linear).max() < 10.0
+    assert np.abs(moved["point"][used] - found.values["point"][used]).max() > 5.0
