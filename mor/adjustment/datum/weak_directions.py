@@ -43,11 +43,14 @@ def weak_turns(weak: FloatArray, problem: Problem, values: Values) -> tuple[Weak
     generators = similarities(values["point"], centre)[used]
     lengths = np.linalg.norm(generators, axis=0)
     lengths[lengths == 0.0] = 1.0
-    turns = []
+    turns, point = [], np.nonzero(used)[0]
     for direction in weak[columns].T:
         movement = np.linalg.lstsq(generators / lengths, direction, rcond=1e-9)[0] / lengths
-        rest = np.linalg.norm(direction - generators @ movement)
+        moved = generators @ movement
+        rest, whole = (np.sqrt(np.bincount(point, one**2)) for one in (direction - moved, moved))
+        # Of each point by itself: a far one that moves alone outweighs all others that do not.
+        rigid = float(np.mean((rest <= _RIGID * whole)[np.unique(point)])) > 0.5
         size = float(np.linalg.norm(movement[3:6]))
-        if size > 0.0 and rest <= _RIGID * np.linalg.norm(direction):
+        if size > 0.0 and rigid:
             turns.append(WeakTurn(movement[3:6] / size, size))
     return tuple(sorted(turns, key=lambda turn: -turn.sigma))
