@@ -78,9 +78,9 @@ def accept(
     if full is not None and not (curved and change > 1.0):
         return full
     if full is None and shift.any():
-        values = _as_a_whole(state, move(state.problem.index, state.values, regular + weak), shift)
-        if objective(state.plan, values) <= _limit(state):
-            return Taken(values, 0.0, 1.0)
+        shifted = _as_a_whole(state, move(state.problem.index, state.values, regular + weak), shift)
+        if objective(state.plan, shifted) <= _limit(state):
+            return Taken(shifted, 0.0, 1.0)
     if full is None and weak.any():
         # Damping takes weak directions with the others, unless they all turn the whole network: these are bent.
         turns = weak_turns(state.inverse.weak, state.problem, state.values)
@@ -132,7 +132,7 @@ def _as_a_whole(
     fields = similarities(state.values["point"], centre)[free]
     lengths = np.linalg.norm(fields, axis=0)
     fields = fields / np.where(lengths > 0.0, lengths, 1.0)
-    found = np.linalg.lstsq(fields, shift[columns[free]], rcond=1e-12)[0]
+    found: FloatArray = np.asarray(np.linalg.lstsq(fields, shift[columns[free]], rcond=1e-12)[0], float)
     found /= np.where(lengths > 0.0, lengths, 1.0)
     found *= min(1.0, _LARGEST_TURN / max(float(np.abs(found[3:]).max()), 1e-300))
     R, scale = exponential(found[3:6]), float(np.exp(found[6]))

@@ -52,15 +52,16 @@ def groups(
             for part in _by_cluster(_group(content, k, entry, known[entry.type]), content, k)
         ]
     aside = content._replace(unread={})  # reading names a second time is no use of the other columns
-    sections = {"points": content.project.points, "images": content.project.images}
-    points, images = (
-        {
-            name
-            for k, table in enumerate(tables)
-            for name in aside.rows(section, k, table, [Column("id")]).text("id")
-        }
-        for section, tables in sections.items()
-    )
+    points = {
+        name
+        for k, table in enumerate(content.project.points)
+        for name in aside.rows("points", k, table, [Column("id")]).text("id")
+    }
+    images = {
+        name
+        for k, table in enumerate(content.project.images)
+        for name in aside.rows("images", k, table, [Column("id")]).text("id")
+    }
     under = stations(aside)
     found = [
         _between_points(_group(content, k, entry, known[entry.type]), under, points, images, content)
@@ -79,10 +80,10 @@ def _between_points(
     content: Content,
 ) -> Group:
     """A table that names points: those under its stations, whose heights are those of its rows without one."""
-    type_ = PLAIN_TYPES.get(group.entry.type)
+    type_ = PLAIN_TYPES[group.entry.type]
     texts, numbers, problems = dict(group.rows.texts), dict(group.rows.numbers), []
     columns: list[list[str]] = []
-    for reference in type_.references if type_ is not None else ():
+    for reference in type_.references:
         names, column = group.rows.text(reference.name), reference.name
         if reference.among[0] == "station":
             columns.append([under.get(name, (name, 0.0))[0] for name in names])
