@@ -15,9 +15,7 @@ from mor.approximate.terrestrial.polar import (
     bearing,
     orient,
     polar_points,
-    polar_points_level,
     polar_rays,
-    trigonometric_height,
 )
 from mor.geometry.rotations import rotation_from_angles
 
@@ -49,17 +47,10 @@ def test_polar_points_invert_the_observations(seed):
     np.testing.assert_allclose(
         polar_points(station, kappa, directions, verticals, distances), points, atol=1e-10
     )
-    level = distances * np.cos(verticals)
-    np.testing.assert_allclose(
-        polar_points_level(station[:2], kappa, directions, level), points[:, :2], atol=1e-10
-    )
     rays = polar_rays(directions, verticals) * distances[:, None]
     np.testing.assert_allclose(
         rays @ rotation_from_angles(np.array([0, 0, kappa])) + station, points, atol=1e-10
     )
-    for k in range(len(points)):
-        height = trigonometric_height(station[2], level[k], verticals[k], 1.5, 1.5)
-        assert height == pytest.approx(points[k, 2])
 
 
 def test_orientation_is_a_median_on_the_circle():
