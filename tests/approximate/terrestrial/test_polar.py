@@ -7,7 +7,6 @@ import pytest
 from mor.approximate.terrestrial.bearings_and_arcs import SectionOutcome, arc_section, bearing_section
 from mor.approximate.terrestrial.free_station import (
     StationOutcome,
-    free_station,
     free_station_level,
     resect_directions,
 )
@@ -189,19 +188,6 @@ def test_every_mixture_of_directions_and_distances_gives_the_station(mixture):
         if mixture == "ss":
             assert found.outcome is StationOutcome.AMBIGUOUS
             assert np.isnan(found.kappa)
-
-
-def test_free_station_in_space_has_a_height():
-    for seed in range(10):
-        points, station, kappa = setup(seed)
-        directions, verticals, distances = observe(points, station, kappa)
-        distances[2:] = np.nan
-        verticals[4] = np.nan
-        found = free_station(points, directions, verticals, distances, 1e-5, 1e-3)
-        assert found.outcome is StationOutcome.DETERMINED
-        np.testing.assert_allclose(found.position, station, atol=1e-6)
-    blind = free_station(points, directions, np.full(6, np.nan), np.full(6, np.nan), 1e-5, 1e-3)
-    assert np.isnan(blind.position[2])
 
 
 def test_stations_without_enough_or_with_wrong_measurements_are_named():
