@@ -15,11 +15,9 @@ from mor.approximate.growth.grow_levelled import (
     stand_level_with_sights,
 )
 from mor.approximate.growth.mixed_intersection import grow_mixed
-from mor.approximate.growth.pose_by_three import pose_by_three
 from mor.approximate.growth.poses.pose_by_rays import pose_by_rays
 from mor.approximate.growth.rigid_seeds import rigid_seeds
 from mor.approximate.growth.single_points import grow_single_points
-from mor.approximate.growth.trilateration import place_by_few_distances
 from mor.approximate.observation_ties.tie_by_observations import tie_by_observations
 from mor.approximate.parts.joining import (
     carry,
@@ -151,13 +149,9 @@ def _place_the_rest(assembly: Assembly) -> None:
         _join_all(assembly)
     if begin_heights(parts[0], scene.terrestrial):
         grow(parts[0], scene, assembly.fewest)
-    while (
-        pose_by_three(parts[0], scene)
-        or pose_by_rays(parts[0], scene, 0, ambiguous=True)
-        or grow_single_points(parts[0], scene, ambiguous=True)
+    while pose_by_rays(parts[0], scene, 0, ambiguous=True) or grow_single_points(
+        parts[0], scene, ambiguous=True
     ):
-        grow(parts[0], scene, assembly.fewest)
-    while place_by_few_distances(parts[0], scene.distances[1]):
         grow(parts[0], scene, assembly.fewest)
     if place_as_if_level(parts[0], scene.terrestrial, scene.distances[1], scene.choices):
         grow(parts[0], scene, assembly.fewest)
