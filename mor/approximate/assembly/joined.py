@@ -25,7 +25,7 @@ from mor.approximate.parts.joining import (
     join,
     open_movements,
     stand_on_marks,
-    tie_at_last,
+    tie,
 )
 from mor.approximate.parts.level_and_scale import direct_roughly, level_roughly, scale_roughly
 from mor.approximate.parts.movement import Movement
@@ -171,4 +171,4 @@ def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
     level_roughly(source, scene)
     scale_roughly(source, scene)
     direct_roughly(source, scene)
-    return tie_at_last(system, source, scene)
+    return tie(system, source, scene)
