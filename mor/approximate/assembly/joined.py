@@ -14,7 +14,6 @@ from mor.approximate.growth.grow_levelled import (
     place_as_if_level,
     stand_level_with_sights,
 )
-from mor.approximate.growth.mixed_intersection import grow_mixed
 from mor.approximate.growth.poses.pose_by_rays import pose_by_rays
 from mor.approximate.growth.rigid_seeds import rigid_seeds
 from mor.approximate.growth.single_points import grow_single_points
@@ -55,7 +54,7 @@ def assembled(network: Network, scene: Scene) -> Assembly:
     _place_the_rest(assembly)
     stand_on_marks(parts[0], scene)
     intersect_the_rest(parts[0], scene.seen)
-    if grow_mixed(parts[0], scene, contradicting=True) | pose_the_rest(parts[0], scene.frames):
+    if pose_the_rest(parts[0], scene.frames):
         grow(parts[0], scene, FEWEST)
         while grow_single_points(parts[0], scene, ambiguous=True):
             grow(parts[0], scene, FEWEST)
