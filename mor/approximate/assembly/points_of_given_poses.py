@@ -27,5 +27,6 @@ def with_points_of_given_poses(network: Network) -> dict[str, FloatArray]:
     intersect_again(part, scene.frames, scene.seen, sorted(part.poses))
     grow_single_points(part, scene)
     intersect_the_rest(part, scene.seen)
-    grow_single_points(part, scene, ambiguous=True, contradicting=True)
+    while grow_single_points(part, scene, ambiguous=True, contradicting=True):
+        pass
     return {**start, "point": np.where(np.isnan(start["point"]), part.points, start["point"])}
