@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 
-from mor.approximate.plane_and_line import FitOutcome, fit_line, fit_plane, frame_on_line, frame_on_plane
 from mor.approximate.similarity import SimilarityOutcome, congruence, similarity
 
 
@@ -79,48 +78,3 @@ def test_degenerate_sets_are_named():
     assert congruence(points, points[:, [1, 0, 2]]).outcome is SimilarityOutcome.MIRRORED
     assert similarity(points[:, :2], points[:, [1, 0]]).outcome is SimilarityOutcome.MIRRORED
     assert not SimilarityOutcome.COLLINEAR.usable
-
-
-def test_plane_is_fitted_and_carries_a_frame(scenes):
-    rng = np.random.default_rng(3)
-    turn = scenes.random_rotation(rng)
-    flat = np.column_stack([rng.uniform(-5, 5, (30, 2)), 0.01 * rng.normal(size=30)])
-    points = flat @ turn.T + [100.0, 200.0, 50.0]
-    found = fit_plane(points)
-    assert found.outcome is FitOutcome.DETERMINED
-    assert abs(found.normal @ turn[:, 2]) == pytest.approx(1.0, abs=1e-4)
-    assert found.sigma0 == pytest.approx(0.01, rel=0.4)
-    position, D = frame_on_plane(found)
-    np.testing.assert_allclose(((points - position) @ D.T)[:, 2], found.distances, atol=1e-12)
-    assert np.linalg.det(D) == pytest.approx(1.0)
-    # The least-squares plane: no tilted or shifted one is better.
-    for _ in range(30):
-        normal = found.normal + 1e-3 * rng.normal(size=3)
-        other = (points - found.origin - 1e-3 * rng.normal(size=3)) @ (normal / np.linalg.norm(normal))
-        assert other @ other >= found.distances @ found.distances
-
-
-def test_line_is_fitted_and_carries_a_frame():
-    rng = np.random.default_rng(4)
-    direction = np.array([2.0, -1.0, 2.0]) / 3.0
-    s = np.linspace(0.0, 9.0, 12)
-    points = np.outer(s, direction) + 1e-3 * rng.normal(size=(12, 3)) + 7.0
-    found = fit_line(points, np.full(12, 2.0))
-    assert found.outcome is FitOutcome.DETERMINED
-    np.testing.assert_allclose(found.direction, direction, atol=1e-3)
-    np.testing.assert_allclose(np.diff(found.along), np.diff(s), atol=1e-2)
-    position, D = frame_on_line(found)
-    local = (points - position) @ D.T
-    np.testing.assert_allclose(np.linalg.norm(local[:, :2], axis=1), found.distances, atol=1e-12)
-    np.testing.assert_allclose(local[:, 2], found.along, atol=1e-12)
-
-
-def test_points_that_make_no_plane_or_line_are_named():
-    line = np.outer(np.arange(4.0), [1.0, 0.0, 1.0])
-    assert fit_plane(line).outcome is FitOutcome.COLLINEAR
-    assert fit_plane(line[:2]).outcome is FitOutcome.TOO_FEW
-    assert fit_plane(np.ones((4, 3))).outcome is FitOutcome.COINCIDENT
-    assert fit_line(np.ones((4, 3))).outcome is FitOutcome.COINCIDENT
-    assert fit_line(line[:1]).outcome is FitOutcome.TOO_FEW
-    assert fit_line(line, np.zeros(4)).outcome is FitOutcome.INVALID
-    assert np.isnan(fit_line(line[:2]).sigma0)

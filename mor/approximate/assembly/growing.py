@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.approximate.growth.bearing_network import grow_by_bearings
 from mor.approximate.growth.grow_bundles import FEWEST, grow_bundles
 from mor.approximate.growth.grow_levelled import grow_arcs, grow_levelled
-from mor.approximate.growth.mixed_intersection import grow_mixed
-from mor.approximate.growth.poses.pose_again import pose_again
 from mor.approximate.growth.poses.pose_by_rays import pose_by_rays
 from mor.approximate.growth.rigid_seeds import grow_polar
 from mor.approximate.growth.single_points import grow_single_points
@@ -36,11 +33,8 @@ def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool
         grown |= grow_polar(part, scene)
         grown |= grow_relative(part, scene)
         grown |= grow_bundles(part, *scene.rays_for(part), fewest, most)
-        grown |= grow_mixed(part, scene)
         grown = grown or grow_distances(part, scene.distances[1])
-        grown = grown or (part.levelled and grow_by_bearings(part, scene.terrestrial))
         grown = grown or grow_single_points(part, scene)
-        grown = grown or pose_again(part, scene)
         grown = grown or (fewest <= FEWEST and pose_by_rays(part, scene))
         spread_positions(part, scene.frames)
         if not grown:

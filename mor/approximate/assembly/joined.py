@@ -14,12 +14,9 @@ from mor.approximate.growth.grow_levelled import (
     place_as_if_level,
     stand_level_with_sights,
 )
-from mor.approximate.growth.mixed_intersection import grow_mixed
-from mor.approximate.growth.pose_by_three import pose_by_three
 from mor.approximate.growth.poses.pose_by_rays import pose_by_rays
 from mor.approximate.growth.rigid_seeds import rigid_seeds
 from mor.approximate.growth.single_points import grow_single_points
-from mor.approximate.growth.trilateration import place_by_few_distances
 from mor.approximate.observation_ties.tie_by_observations import tie_by_observations
 from mor.approximate.parts.joining import (
     carry,
@@ -27,7 +24,7 @@ from mor.approximate.parts.joining import (
     join,
     open_movements,
     stand_on_marks,
-    tie_at_last,
+    tie,
 )
 from mor.approximate.parts.level_and_scale import direct_roughly, level_roughly, scale_roughly
 from mor.approximate.parts.movement import Movement
@@ -57,7 +54,7 @@ def assembled(network: Network, scene: Scene) -> Assembly:
     _place_the_rest(assembly)
     stand_on_marks(parts[0], scene)
     intersect_the_rest(parts[0], scene.seen)
-    if grow_mixed(parts[0], scene, contradicting=True) | pose_the_rest(parts[0], scene.frames):
+    if pose_the_rest(parts[0], scene.frames):
         grow(parts[0], scene, FEWEST)
         while grow_single_points(parts[0], scene, ambiguous=True):
             grow(parts[0], scene, FEWEST)
@@ -151,13 +148,9 @@ def _place_the_rest(assembly: Assembly) -> None:
         _join_all(assembly)
     if begin_heights(parts[0], scene.terrestrial):
         grow(parts[0], scene, assembly.fewest)
-    while (
-        pose_by_three(parts[0], scene)
-        or pose_by_rays(parts[0], scene, 0, ambiguous=True)
-        or grow_single_points(parts[0], scene, ambiguous=True)
+    while pose_by_rays(parts[0], scene, 0, ambiguous=True) or grow_single_points(
+        parts[0], scene, ambiguous=True
     ):
-        grow(parts[0], scene, assembly.fewest)
-    while place_by_few_distances(parts[0], scene.distances[1]):
         grow(parts[0], scene, assembly.fewest)
     if place_as_if_level(parts[0], scene.terrestrial, scene.distances[1], scene.choices):
         grow(parts[0], scene, assembly.fewest)
@@ -177,4 +170,4 @@ def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
     level_roughly(source, scene)
     scale_roughly(source, scene)
     direct_roughly(source, scene)
-    return tie_at_last(system, source, scene)
+    return tie(system, source, scene)

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from mor.approximate.growth.grow_bundles import intersect_again, intersect_the_rest
-from mor.approximate.growth.mixed_intersection import grow_mixed
+from mor.approximate.growth.single_points import grow_single_points
 from mor.approximate.parts.scene import scene_of
 from mor.approximate.parts.transfer import starting_part, with_observed
 from mor.arrays import FloatArray
@@ -25,7 +25,8 @@ def with_points_of_given_poses(network: Network) -> dict[str, FloatArray]:
     scene = scene_of(network)
     part = starting_part(network, scene.frames)
     intersect_again(part, scene.frames, scene.seen, sorted(part.poses))
-    grow_mixed(part, scene)
+    grow_single_points(part, scene)
     intersect_the_rest(part, scene.seen)
-    grow_mixed(part, scene, contradicting=True)
+    while grow_single_points(part, scene, ambiguous=True, contradicting=True):
+        pass
     return {**start, "point": np.where(np.isnan(start["point"]), part.points, start["point"])}

@@ -17,10 +17,8 @@ from mor.approximate.parts.sightings import Sightings
 from mor.approximate.relative_orientation.outcome import RelativeOutcome
 from mor.approximate.relative_orientation.rinner import nearest_rotation
 from mor.approximate.relative_orientation.robust import RobustOrientation, robust_relative_orientation
-from mor.approximate.relative_orientation.upright import FEWEST, upright_orientation
 from mor.approximate.remembered import remembered
 from mor.arrays import FloatArray, IntArray
-from mor.geometry.rotations import exponential
 
 PAIRS_TRIED = 24
 LOOKED_AT = 96
@@ -34,9 +32,6 @@ DOUBTFUL, MOST = 2e-3, 0.9
 WINDOW = 64
 """Rays of a point among which frames are paired."""
 FEWEST_COMMON = 8
-FEWEST_UPRIGHT = FEWEST
-"""The same of two frames that both know the vertical."""
-UPRIGHT_TOLERANCE = 1e-3
 _SAMPLE = 80
 _REMEMBERED = 512
 """Pairs that are not oriented again: every beginning, and every change tried of a network, comes to most of them."""
@@ -86,11 +81,7 @@ def seed_bundles(
     """
     oriented: list[tuple[float, Part]] = []
     reason: Rule | None = None
-    upright = np.array([bool(np.isfinite(frame.up).all()) for frame in frames])
-    fewest = np.where(
-        upright[pairs.first[among]] & upright[pairs.second[among]], FEWEST_UPRIGHT, FEWEST_COMMON
-    )
-    both = among[pairs.common[among] >= fewest]
+    both = among[pairs.common[among] >= FEWEST_COMMON]
     first, second = pairs.first[both], pairs.second[both]
     if len(both) == 0:
         return Seed(None, _too_few(frames, pairs, among))
@@ -174,9 +165,6 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
     measured = one.rays[at_i], one.sigma[at_i], other.rays[at_j], other.sigma[at_j]
     found = _with_least_slack(*measured)
     if isinstance(found, RelativeOutcome):
-        part = _upright(frames, i, j, at_i, at_j, points)
-        if part is not None:
-            return float(len(at_i)), part
         words = "{one} and {other}, relative orientation: {outcome}"
         return rule(words, one=frames[i].name, other=frames[j].name, outcome=found.value)
     slack, result = found
@@ -202,39 +190,6 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
     return count * min(angle, 0.6), part
 
 
-def _upright(
-    frames: Sequence[Frame], i: int, j: int, at_i: IntArray, at_j: IntArray, points: int
-) -> Part | None:
-    """A levelled part of two frames that both know the vertical; fewer points will do, and no plane is critical."""
-    one, other = frames[i], frames[j]
-    if not (np.isfinite(one.up).all() and np.isfinite(other.up).all()):
-        return None
-    A, B = _towards_vertical(one.up), _towards_vertical(other.up)
-    found = upright_orientation(one.rays[at_i] @ A.T, other.rays[at_j] @ B.T, UPRIGHT_TOLERANCE)
-    if found is None:
-        return None
-    part = empty_part(points)
-    part.levelled = True
-    part.poses[i] = (np.zeros(3), A.T)
-    part.poses[j] = (found.base, B.T @ found.turn)
-    part.began = rule(
-        "relative orientation of {one} and {other}, both upright, {count} points",
-        one=one.name,
-        other=other.name,
-        count=len(at_i),
-    )
-    part.how[one.name] = part.how[other.name] = part.began
-    return part
-
-
-def _towards_vertical(up: FloatArray) -> FloatArray:
-    """The smallest rotation that takes a direction in the axes of a frame to e_Z."""
-    cross = np.cross(up, [0.0, 0.0, 1.0])
-    sine = float(np.linalg.norm(cross))
-    axis = cross / sine if sine > 0.0 else np.array([1.0, 0.0, 0.0])
-    return np.asarray(exponential((np.arctan2(sine, up[2]) * axis)[None])[0])
-
-
 @remembered(_REMEMBERED)
 def _with_least_slack(
     a_rays: FloatArray, a_sigma: FloatArray, b_rays: FloatArray, b_sigma: FloatArray
@@ -244,8 +199,6 @@ def _with_least_slack(
     Where there is none, what became of the tightest. Rays that meet precisely, but behind, do not become a pair by
     looseness: they are mirrored. Of rays (n, 3) and their σ (n,) in two frames.
     """
-    if len(a_rays) < FEWEST_COMMON:
-        return RelativeOutcome.DOES_NOT_FIT
 
     def oriented(slack: float) -> tuple[RobustOrientation, bool]:
         a = direction_bundle(a_rays, loosened(a_sigma, slack))

@@ -58,8 +58,10 @@ def grow_single_points(
     ``ambiguous``: also one that has several places that fit alike, the nearest to what is known of them.
     ``contradicting``: also where surfaces pass by each other, nearest to all of them.
     """
-    open_ = np.isnan(part.points[scene.with_surfaces]).any(axis=1)
-    missing = [p for p in scene.with_surfaces[open_].tolist() if p not in part.placed]
+    here: BoolArray = np.isfinite(part.points)
+    asked: BoolArray = np.asarray(here.any(axis=1))
+    asked[scene.with_surfaces] = True
+    missing = [p for p in np.flatnonzero(asked & ~here.all(axis=1)).tolist() if p not in part.placed]
     known = part.points[np.isfinite(part.points).all(axis=1)]
     if not missing or len(known) < 2:
         return False

@@ -7,12 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.approximate.growth.grow_levelled import known_arcs
 from mor.approximate.parts.distances import Distances
 from mor.approximate.parts.part import Part, empty_part
 from mor.approximate.parts.rule import rule
 from mor.approximate.parts.scene import Scene
-from mor.approximate.terrestrial.bearings_and_arcs import arc_section
 from mor.approximate.terrestrial.distance_network import Lengths, core_of, shape_of_distances
 from mor.arrays import BoolArray, FloatArray
 from mor.geometry import tolerant
@@ -91,47 +89,6 @@ def grow_distances(part: Part, distances: Distances) -> bool:
             part.how[f"point {point}"] = rule("section of {count} spheres", count=len(slopes))
             added = True
     return added
-
-
-def place_by_few_distances(part: Part, distances: Distances) -> bool:
-    """One point by two arcs in plan, or by three spheres, of which two places fit alike; true where there is one."""
-    for point, neighbours in distances.neighbours.items():
-        if np.isfinite(part.points[point, :2]).all():
-            continue
-        centres, lengths = known_arcs(part, distances, point, neighbours)
-        if len(lengths) == 2:
-            places = arc_section(np.array(centres), np.array(lengths)).points
-            if len(places):
-                part.points[point, :2] = places[0]
-                part.how[f"point {point}"] = rule("section of two arcs: one of two places that fit alike")
-                return True
-        slopes = _known_slopes(part, distances, point, neighbours)
-        if len(slopes) == 3 and np.isnan(part.points[point]).all():
-            place = _of_three_spheres(*_spheres(part, slopes))
-            if place is not None:
-                part.points[point] = place
-                part.how[f"point {point}"] = rule(
-                    "section of three spheres: one of two places that fit alike"
-                )
-                return True
-    return False
-
-
-def _of_three_spheres(centres: FloatArray, lengths: FloatArray) -> FloatArray | None:
-    """The upper one of the two points (3,) at three distances."""
-    first, along, across = centres[0], centres[1] - centres[0], centres[2] - centres[0]
-    normal = np.cross(along, across)
-    height = float(np.linalg.norm(normal))
-    if height < FLAT * float(np.linalg.norm(along) * np.linalg.norm(across)):
-        return None
-    normal *= np.copysign(1.0 / height, normal[2])
-    right = 0.5 * (lengths[0] ** 2 - lengths[1:] ** 2 + np.sum((centres[1:] - first) ** 2, axis=1))
-    in_plane: FloatArray = tolerant.lstsq(np.stack([along, across]), right, rcond=None)
-    square = float(lengths[0] ** 2 - in_plane @ in_plane)
-    if square < -AGREES * lengths[0] ** 2:
-        return None
-    found: FloatArray = first + in_plane + np.sqrt(max(square, 0.0)) * normal
-    return found
 
 
 def _known_slopes(

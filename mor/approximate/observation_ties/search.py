@@ -9,7 +9,6 @@ import numpy as np
 from mor.approximate.observation_ties.equations import Moves, Rows, Sides, only_used, placed, residuals
 from mor.approximate.parts.movement import Turn
 from mor.approximate.parts.part import Part
-from mor.approximate.ray_ties.movement_by_rays import sampled_turns
 from mor.arrays import FloatArray, IntArray
 from mor.geometry import tolerant
 from mor.geometry.rotations import exponential
@@ -49,6 +48,21 @@ class Stance(NamedTuple):
 
 
 KNOWN = Stance(Turn.NONE, False, False)
+
+
+def sampled_turns(turn: Turn) -> FloatArray:
+    """Return rotations (k, 3, 3) over all attitudes, about the vertical, or none."""
+    if turn is Turn.NONE:
+        return np.eye(3)[None]
+    angles = 2.0 * np.pi * np.arange(72) / 72
+    about = exponential(np.stack([0.0 * angles, 0.0 * angles, angles], axis=1))
+    if turn is Turn.VERTICAL:
+        return about
+    k = np.arange(60) + 0.5
+    z, around = 1.0 - 2.0 * k / 60.0, np.pi * (1.0 + 5.0**0.5) * k
+    tilt, azimuth = np.arccos(z), around
+    axes = np.stack([-np.sin(azimuth), np.cos(azimuth), 0.0 * k], axis=1) * tilt[:, None]
+    return np.concatenate([one @ about[::4] for one in exponential(axes)])
 
 
 def stance_of(target: Part, source: Part) -> Stance:

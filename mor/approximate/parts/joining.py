@@ -14,7 +14,6 @@ from mor.approximate.parts.movement import PRECISION, Movement, Ties, Turn, move
 from mor.approximate.parts.part import Part
 from mor.approximate.parts.platform import tie_by_platform
 from mor.approximate.parts.scene import Scene
-from mor.approximate.ray_ties.tie_by_rays import tie_by_rays
 from mor.approximate.similarity import Similarity, SimilarityOutcome, congruence, similarity
 from mor.arrays import FloatArray
 from mor.geometry import tolerant
@@ -45,8 +44,6 @@ def join(target: Part, source: Part, scene: Scene, ambiguous: bool = False) -> b
     found = _tie_of_either_hand(target, source, scene)
     if found is None or found.open:
         found = tie_by_platform(target, source, scene) or found
-    if found is None or found.open:
-        found = tie_by_rays(target, source, scene) or found
     if found is None or found.open or (found.redundancy > 0 and found.misfit > FITS):
         return False
     if found.alternatives and not ambiguous:
@@ -77,17 +74,9 @@ def _tie_of_either_hand(target: Part, source: Part, scene: Scene) -> Movement | 
     return found._replace(alternatives=(*found.alternatives, found.similarity))
 
 
-def tie_at_last(target: Part, source: Part, scene: Scene) -> Movement | None:
-    """The tie of two parts that nothing ties well enough: by the rays between them, controlled or not."""
-    found = tie(target, source, scene)
-    if found is None or found.open:
-        return tie_by_rays(target, source, scene, 0) or found
-    return found
-
-
 def open_movements(target: Part, source: Part, scene: Scene) -> int:
     """How many movements nothing determines between two parts."""
-    found = tie_at_last(target, source, scene)
+    found = tie(target, source, scene)
     return ALL_OPEN if found is None else found.open
 
 

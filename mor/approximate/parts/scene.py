@@ -66,7 +66,7 @@ class Scene:
     partial_systems: tuple[LocalSystem, ...]
     """Those of which single coordinates are measured, with all their points."""
     with_surfaces: IntArray
-    """Points that distances, vertical directions or single coordinates of a system refer to."""
+    """Points of distances, horizontal and vertical directions, and single coordinates of a system."""
     sights_to: dict[int, list[int]]
     """Of these points: the numbers of the levelled sets that see them."""
     attitudes: dict[int, FloatArray]
@@ -98,6 +98,7 @@ def scene_of(network: Network) -> Scene:
     count = len(network.blocks["point"].ids)
     partial = _systems(network, partial=True)
     ends = [sights.slopes.start, sights.slopes.end, sights.verticals.start, sights.verticals.end]
+    ends += [sight.points for sight in sights.sights]
     surfaced = np.unique(np.concatenate([*ends, *(one.points for one in partial)])).astype(np.int64)
     seen = sightings(frames, count)
     heights = target_heights(frames, count, _marks(network, frames, sights))

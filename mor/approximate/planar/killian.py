@@ -240,14 +240,6 @@ def _same(first: Quadrilateral, second: Quadrilateral) -> bool:
     )
 
 
-def corners_in_plane(solution: Quadrilateral) -> FloatArray:
-    """Corners (4, 2) in the plane: S the origin, corner 1 on the first axis, corner 3 on the side of the second."""
-    sine = np.sqrt(max(0.0, 1.0 - solution.cos_alpha**2))
-    a1, a2, b1, b2 = solution.halves
-    second = np.array([solution.cos_alpha, sine])
-    return np.array([[a1, 0.0], [-a2, 0.0], b1 * second, -b2 * second])
-
-
 def corners_in_frame(corners: FloatArray, solution: Quadrilateral, image: int) -> FloatArray:
     """Corners (4, 3) in the frame of image 0 or 1, from the rays (4, 3) of that image."""
     angles = angles_in_image(corners)

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
-from mor.approximate.bundle import Bundle
-from mor.approximate.intersection import Intersection, intersect
 from mor.approximate.planar.plane_shape import PlaneShape
-from mor.arrays import FloatArray, IntArray
+from mor.arrays import FloatArray
 
 
 class PlacedPlane(NamedTuple):
@@ -92,23 +89,6 @@ def _placed(shape: PlaneShape, origin: int, turn: FloatArray, scale: float) -> P
         turn,
         scale,
     )
-
-
-def points_in_plane(shape: PlaneShape, image: int, rays: FloatArray) -> FloatArray:
-    """Further points (k, 2) of the plane from their rays (k, 3) in one image.
-
-    Not a number where a ray does not meet the plane ahead of the camera.
-    """
-    position, turned = shape.positions[image], rays @ shape.rotations[image]
-    ahead = turned[:, 2] * position[2] < 0.0
-    factor = np.where(ahead, -position[2] / np.where(ahead, turned[:, 2], 1.0), np.nan)
-    return np.asarray((position + turned * factor[:, None])[:, :2])
-
-
-def point_off_plane(shape: PlaneShape, images: Sequence[int] | IntArray, bundle: Bundle) -> Intersection:
-    """Further point anywhere, from its rays in two or more images: ray i of ``bundle`` in image ``images[i]``."""
-    index = np.asarray(images, dtype=np.int64)
-    return intersect(bundle, shape.positions[index], shape.rotations[index])
 
 
 def sides_and_angles(corners: FloatArray) -> SidesAndAngles:

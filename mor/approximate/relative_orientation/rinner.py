@@ -59,20 +59,6 @@ def homogeneous_unknowns(rows: FloatArray) -> LinearSolution:
     return LinearSolution(right[8].reshape(3, 3) * NORM, rows.T @ rows, values)
 
 
-def inhomogeneous_unknowns(rows: FloatArray, lm: tuple[int, int]) -> FloatArray:
-    """Solve (5) for ik' = ik : lm by least squares, n ≥ 8 ``rows`` (n, 9); returns ik (3, 3) at the norm
-    (14).
-
-    The chosen unknown ``lm`` must not vanish (it does, for instance, when A and B see along a base that is an
-    axis of both); its size follows from Σ ik'² lm² = 2, lm itself included in the sum as 1 (18).
-    """
-    column = 3 * lm[0] + lm[1]
-    others = np.delete(np.arange(9), column)
-    solution = np.ones(9)
-    solution[others] = tolerant.lstsq(rows[:, others], -rows[:, column], rcond=None)
-    return np.asarray(solution.reshape(3, 3) * (NORM / np.linalg.norm(solution)))
-
-
 def adjoint(ik: FloatArray) -> FloatArray:
     """Matrix of the cofactors (…, 3, 3): its columns are n2 × n3, n3 × n1, n1 × n2."""
     first, second, third = ik[..., :, 0], ik[..., :, 1], ik[..., :, 2]

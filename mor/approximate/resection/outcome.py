@@ -37,7 +37,6 @@ class ResectionOutcome(Enum):
     TOO_FEW = "fewer than three points"
     INVALID = "a ray or a point is no number, or a ray is zero, or their numbers differ"
     COLLINEAR = "the points lie in one line, in the object or as seen"
-    MIRRORED = "the image is mirrored, or its principal distance has the wrong sign: points would lie behind"
     DOES_NOT_FIT = (
         "no pose fits half of the points within their precision: wrong identities or wrong interior"
     )

@@ -52,10 +52,7 @@ def resect(bundle: Bundle, points: FloatArray, seed: int = 1841) -> Resection:
         return failed_resection(refusal, len(points))
     seeds = _seeds(bundle, points, np.random.default_rng(seed))
     refined = [_settled(bundle, points, pose) for pose in seeds]
-    result = judged(bundle, points, [one for one in refined if one is not None])
-    if result.outcome is ResectionOutcome.DOES_NOT_FIT and _fits_mirrored(bundle, points, seed):
-        return failed_resection(ResectionOutcome.MIRRORED, len(points))
-    return result
+    return judged(bundle, points, [one for one in refined if one is not None])
 
 
 def _refusal(bundle: Bundle, points: FloatArray) -> ResectionOutcome | None:
@@ -136,10 +133,3 @@ def _settled(bundle: Bundle, points: FloatArray, pose: Pose) -> tuple[Pose, Bool
 
 def _agreeing(bundle: Bundle, points: FloatArray, pose: Pose, limit: float) -> BoolArray:
     return np.asarray(misfits(bundle, star_of(points, pose)[None])[0] < limit)
-
-
-def _fits_mirrored(bundle: Bundle, points: FloatArray, seed: int) -> bool:
-    mirrored = Bundle(-bundle.rays, bundle.normals, bundle.axes, bundle.sigma)
-    seeds = _seeds(mirrored, points, np.random.default_rng(seed))
-    refined = [_settled(mirrored, points, pose) for pose in seeds]
-    return judged(mirrored, points, [one for one in refined if one is not None]).outcome.usable

@@ -87,45 +87,6 @@ def free_station_level(
     return _judged(points, observed, sigma, fitting, count - unknowns)
 
 
-def free_station(
-    points: FloatArray,
-    directions: FloatArray,
-    verticals: FloatArray,
-    distances: FloatArray,
-    sigma_direction: float,
-    sigma_distance: float,
-) -> FreeStation:
-    """Levelled station (3,) from known points (n, 3): directions, vertical directions and slope distances,
-    NaN missing.
-
-    The plane first, with distances reduced by the vertical direction or, where there is none, by nothing;
-    the height is the weighted mean over the sighted points with a vertical direction. Without any the
-    height is NaN.
-    """
-    points, verticals = np.asarray(points, dtype=float), np.asarray(verticals, dtype=float)
-    level = np.asarray(distances, dtype=float) * np.cos(np.nan_to_num(verticals))
-    station = free_station_level(points[:, :2], directions, level, sigma_direction, sigma_distance)
-    others = tuple((_lifted(points, verticals, xy), kappa) for xy, kappa in station.alternatives)
-    return FreeStation(
-        station.outcome,
-        _lifted(points, verticals, station.position),
-        station.kappa,
-        station.residuals,
-        station.sigma0,
-        others,
-    )
-
-
-def _lifted(points: FloatArray, verticals: FloatArray, position: FloatArray) -> FloatArray:
-    seen = np.isfinite(verticals)
-    if not np.any(seen) or not np.all(np.isfinite(position)):
-        return np.append(position, np.nan)
-    reach = np.linalg.norm(points[seen, :2] - position, axis=1)
-    heights = points[seen, 2] - reach * np.tan(verticals[seen])
-    weights = 1.0 / np.maximum(reach, 1e-6) ** 2
-    return np.append(position, weights @ heights / np.sum(weights))
-
-
 def resect_directions(points: FloatArray, directions: FloatArray) -> tuple[FloatArray, float, FloatArray]:
     """Station (2,) and κ from n ≥ 3 directions in closed form, and the singular values (4,) of its system.
 

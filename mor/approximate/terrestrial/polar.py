@@ -51,16 +51,6 @@ def polar_points(
     return np.asarray(np.asarray(station) + rays * np.asarray(distances)[:, None])
 
 
-def polar_points_level(
-    station: FloatArray, kappa: float, directions: FloatArray, distances: FloatArray
-) -> FloatArray:
-    """Points (n, 2) from a station (2,): directions and horizontal distances (n,)."""
-    t = np.asarray(directions) - kappa
-    return np.asarray(
-        np.asarray(station) + np.stack([np.sin(t), np.cos(t)], axis=-1) * np.asarray(distances)[:, None]
-    )
-
-
 def orient(station: FloatArray, points: FloatArray, directions: FloatArray) -> Orientation:
     """Orientation of ``directions`` (n,) from a station (2 or 3,) to known ``points`` (n, 2 or 3).
 
@@ -77,14 +67,3 @@ def orient(station: FloatArray, points: FloatArray, directions: FloatArray) -> O
     near = np.abs(np.angle(units * np.conj(median))) <= AGREES
     kappa = float(np.angle(units[near].mean() if near.any() else median))
     return Orientation(kappa, np.angle(np.exp(1j * kappa) * units.conj()), abs(units.mean()))
-
-
-def trigonometric_height(
-    height: float,
-    distance: float,
-    vertical: float,
-    instrument_height: float = 0.0,
-    target_height: float = 0.0,
-) -> float:
-    """Height of a target from the ``height`` of the station, a horizontal ``distance`` and the vertical direction."""
-    return height + instrument_height + distance * float(np.tan(vertical)) - target_height

@@ -9,7 +9,6 @@ import pytest
 from mor.approximate.planar.killian import (
     angles_in_image,
     corners_in_frame,
-    corners_in_plane,
     cubic,
     cubic_roots,
     linking_constants,
@@ -124,20 +123,6 @@ def test_all_solutions_are_those_of_the_decomposed_collineation(scenes, seed):
                 matched.add(k)
     # Each of the two stands for a pair that differs in the sign of shift and normal.
     assert matched == {0, 1, 2, 3}
-
-
-@pytest.mark.parametrize("seed", range(10))
-def test_corners_in_plane_and_frame_have_one_shape(scenes, seed):
-    made = quadrilateral(scenes, seed)
-    for solution in solve_quadrilateral(*made.rays):
-        plane = corners_in_plane(solution)
-        for image in (0, 1):
-            space = corners_in_frame(made.rays[image], solution, image)
-            for i in range(4):
-                for j in range(i):
-                    assert np.linalg.norm(space[i] - space[j]) == pytest.approx(
-                        np.linalg.norm(plane[i] - plane[j])
-                    )
 
 
 def test_solutions_hidden_from_an_image_are_not_admissible(scenes):

@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 
 from mor.approximate.bundle import direction_bundle, image_bundle
-from mor.approximate.intersection import IntersectionOutcome
 from mor.approximate.planar.homography import fit_homography
 from mor.approximate.planar.plane_object import (
     on_level_plane,
     on_wall,
-    point_off_plane,
-    points_in_plane,
     scale_from_length,
     sides_and_angles,
 )
@@ -114,22 +111,6 @@ def test_points_need_not_be_seen_in_every_image(scenes):
     found = shape_of_plane(bundles(made))
     assert shape_error(found.points, made.flat) < 1e-9
     assert np.all(np.isnan(found.residuals[1, :4]))
-
-
-def test_further_points_in_and_off_the_plane(scenes):
-    made = scenes.plane_scene(3, images=2, n=10)
-    found = shape_of_plane(bundles(made))
-    assert found.outcome is PlaneOutcome.UNIQUE
-    (x1, d1), (x2, d2) = made.cameras
-    again = points_in_plane(found, 1, made.rays[1])
-    np.testing.assert_allclose(again, found.points, atol=1e-9)
-    assert np.all(np.isnan(points_in_plane(found, 1, -made.rays[1])))
-    above = made.points.mean(axis=0) + 0.2 * made.normal
-    rays = np.concatenate([scenes.image(above[None], x1, d1), scenes.image(above[None], x2, d2)])
-    point = point_off_plane(found, [0, 1], image_bundle(rays, 1e-4))
-    scale = similarity(found.points, made.flat).scale
-    assert point.outcome is IntersectionOutcome.DETERMINED
-    assert scale * point.point[2] == pytest.approx(0.2, abs=1e-8)
 
 
 def test_level_plane_and_wall_put_cameras_where_they_are(scenes):

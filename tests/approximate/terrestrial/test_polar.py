@@ -7,7 +7,6 @@ import pytest
 from mor.approximate.terrestrial.bearings_and_arcs import SectionOutcome, arc_section, bearing_section
 from mor.approximate.terrestrial.free_station import (
     StationOutcome,
-    free_station,
     free_station_level,
     resect_directions,
 )
@@ -15,9 +14,7 @@ from mor.approximate.terrestrial.polar import (
     bearing,
     orient,
     polar_points,
-    polar_points_level,
     polar_rays,
-    trigonometric_height,
 )
 from mor.geometry.rotations import rotation_from_angles
 
@@ -49,17 +46,10 @@ def test_polar_points_invert_the_observations(seed):
     np.testing.assert_allclose(
         polar_points(station, kappa, directions, verticals, distances), points, atol=1e-10
     )
-    level = distances * np.cos(verticals)
-    np.testing.assert_allclose(
-        polar_points_level(station[:2], kappa, directions, level), points[:, :2], atol=1e-10
-    )
     rays = polar_rays(directions, verticals) * distances[:, None]
     np.testing.assert_allclose(
         rays @ rotation_from_angles(np.array([0, 0, kappa])) + station, points, atol=1e-10
     )
-    for k in range(len(points)):
-        height = trigonometric_height(station[2], level[k], verticals[k], 1.5, 1.5)
-        assert height == pytest.approx(points[k, 2])
 
 
 def test_orientation_is_a_median_on_the_circle():
@@ -198,19 +188,6 @@ def test_every_mixture_of_directions_and_distances_gives_the_station(mixture):
         if mixture == "ss":
             assert found.outcome is StationOutcome.AMBIGUOUS
             assert np.isnan(found.kappa)
-
-
-def test_free_station_in_space_has_a_height():
-    for seed in range(10):
-        points, station, kappa = setup(seed)
-        directions, verticals, distances = observe(points, station, kappa)
-        distances[2:] = np.nan
-        verticals[4] = np.nan
-        found = free_station(points, directions, verticals, distances, 1e-5, 1e-3)
-        assert found.outcome is StationOutcome.DETERMINED
-        np.testing.assert_allclose(found.position, station, atol=1e-6)
-    blind = free_station(points, directions, np.full(6, np.nan), np.full(6, np.nan), 1e-5, 1e-3)
-    assert np.isnan(blind.position[2])
 
 
 def test_stations_without_enough_or_with_wrong_measurements_are_named():
