@@ -28,7 +28,7 @@ LAYERS = (
     ("report", "formats"),
     ("preparation",),
     ("pipeline",),
-    ("planning", "domains"),
+    ("planning",),
     ("api",),
     ("cli",),
 )

@@ -9,18 +9,9 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
-from mor.cli._domains import (
-    Amount,
-    Results,
-    Wanted,
-    adjust_in_domains,
-    check_scratch_folder,
-    has_library,
-    needs_domains,
-)
 from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option, tell
-from mor.cli._output import InputPath, OutputPath, kernels_option, quiet_option
+from mor.cli._output import Amount, InputPath, OutputPath, kernels_option, quiet_option
 from mor.errors import ExitCode, NoStartValuesError
 
 if TYPE_CHECKING:
@@ -50,8 +41,6 @@ class Asked(NamedTuple):
     tables: Literal["none", "worst", "all"] | None
     table_format: Literal["csv", "parquet"]
     memory: float | None
-    workers: int | None
-    cluster: str | None
     scratch: Path | None
     events: Path | None
     quiet: bool
@@ -75,22 +64,12 @@ class Asked(NamedTuple):
         of_format = ("--from", self.source_format) if self.source_format else ()
         return (*(("--snoop",) if self.snoop else ()), *of_format)
 
-    @property
-    def all_tables(self) -> bool:
-        """True if no table was asked to be left out."""
-        return self.tables in (None, "all")
 
-    @property
-    def limits(self) -> Wanted:
-        """What decides whether the network is adjusted in domains."""
-        return Wanted(
-            self.memory,
-            self.workers,
-            self.cluster,
-            self.scratch,
-            self.snoop,
-            self.html,
-        )
+def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) -> None:
+    """Raise a usage error if one adjustment is to be shared among processes."""
+    if value is not None:
+        words = "mor adjust works in one process, on all its processors"
+        raise click.UsageError(f"--{param.name}: {words}; mor batch and mor simulate share work", ctx)
 
 
 @click.command(name="adjust")
@@ -147,26 +126,17 @@ class Asked(NamedTuple):
     metavar="SIZE",
     type=Amount(),
     show_default="what there is",
-    help="Memory a process may take, e.g. 4GB; what does not fit is adjusted in domains, one after the other.",
-)
-@click.option(
-    "--workers",
-    metavar="N",
-    type=click.IntRange(1, 1024),
-    help="Adjust in domains by so many processes of this machine (needs mor-adjustment[dask]).",
-)
-@click.option(
-    "--cluster",
-    metavar="ADDRESS",
-    help="Adjust in domains by the workers of a Dask scheduler, e.g. tcp://host:8786.",
+    help="Memory that mor may take, e.g. 4GB; if it does not suffice, long arrays are kept in files.",
 )
 @click.option(
     "--scratch",
     metavar="FOLDER",
     type=InputPath(),
     show_default="beside the results",
-    help="Folder for the state of the domains, which all workers see under the same name.",
+    help="Folder for the files of long arrays.",
 )
+@click.option("--workers", metavar="N", hidden=True, callback=refuse_workers, expose_value=False)
+@click.option("--cluster", metavar="ADDRESS", hidden=True, callback=refuse_workers, expose_value=False)
 @click.option(
     "--events",
     metavar="FILE",
@@ -204,6 +174,7 @@ def run(asked: Asked) -> int:
     from mor.cli._progress import progress
     from mor.compilation import notes_told_by
     from mor.input_files import files_read
+    from mor.machine import memory_allowed
     from mor.output_files import lines_into
     from mor.pipeline import read_document
     from mor.report.identity import Identity
@@ -213,8 +184,8 @@ def run(asked: Asked) -> int:
     from mor.report.words.language import words_of
 
     project, folder, words = asked.project, asked.folder, words_of(asked.lang)
-    check_scratch_folder(asked.scratch)
     with ExitStack() as held:
+        held.enter_context(memory_allowed(asked.memory))
         files = held.enter_context(files_read())
         events = held.enter_context(lines_into(asked.events, asked.force))
         say = held.enter_context(progress(asked.quiet, asked.verbose, events, words))
@@ -224,19 +195,6 @@ def run(asked: Asked) -> int:
         replaces = asked.force or is_repeated(folder, project, asked.told)
         names = usual_files(asked.tables, asked.table_format)
         place = held.enter_context(reserve(folder, replaces, names)) if asked.writes else None
-        if needs_domains(document, project.parent, asked.limits):
-            how = Results(
-                asked.table_format,
-                asked.all_tables and asked.writes,
-                asked.strict,
-                asked.quiet,
-                words,
-                asked.told,
-                asked.as_json,
-                asked.full and asked.writes,
-            )
-            with named_in_full(place):
-                return adjust_in_domains(document, project.parent, asked.limits, place, how, say, files)
         with named_in_full(place):
             solved = adjusted(document, project.parent, asked.snoop, say)
         of = Identity(tuple(files.values()), project.parent, asked.told)
@@ -349,6 +307,17 @@ def chosen(asked: Asked, solved: Solved, say: Progress) -> Choice:
         full=asked.full,
         done=say.counter(entries(solved)),
     )
+
+
+def has_library(say: Progress) -> bool:
+    """Return whether the chart library of the page is installed, and note if it is not."""
+    from mor.errors import Problem
+    from mor.report.html.library import library_path
+
+    if library_path() is None:
+        say.notes([Problem("no report.html: the Python package plotly is missing (pip install plotly)")])
+        return False
+    return True
 
 
 def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Problem]:
