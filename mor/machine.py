@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import os
 import re
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -39,17 +39,14 @@ def check_room(further: float, phase: str, advice: str) -> None:
     )
 
 
-_ALLOWED: list[float] = []
-"""Bytes that the process may take, as the user has asked."""
+_ALLOWED: list[tuple[float, Callable[[], None]]] = []
+"""Bytes that the process may take, as the user has asked, and what gives back memory that is not needed now."""
 
 
 @contextmanager
-def memory_allowed(size: float | None) -> Iterator[None]:
-    """Allow this process ``size`` bytes in all, or what the machine has if it is ``None``."""
-    if size is None:
-        yield
-        return
-    _ALLOWED.append(size)
+def memory_allowed(size: float, give_back: Callable[[], None]) -> Iterator[None]:
+    """Allow this process ``size`` bytes in all; ``give_back`` is called before it is asked how much is left."""
+    _ALLOWED.append((size, give_back))
     try:
         yield
     finally:
@@ -72,7 +69,10 @@ def _said(size: float) -> str:
 
 def available() -> float | None:
     """Bytes that this process may still take; ``None`` where nobody knows."""
-    most = _ALLOWED[-1] if _ALLOWED else None
+    most = None
+    if _ALLOWED:
+        most, give_back = _ALLOWED[-1]
+        give_back()
     given = os.environ.get(ENVIRONMENT, "")
     if most is None and given.isascii() and given.isdigit():
         most = float(given) * _MB

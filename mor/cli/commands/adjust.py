@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from tempfile import gettempdir
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
@@ -174,7 +175,7 @@ def run(asked: Asked) -> int:
     from mor.cli._progress import progress
     from mor.compilation import notes_told_by
     from mor.input_files import files_read
-    from mor.machine import memory_allowed
+    from mor.long_arrays import limited_memory
     from mor.output_files import lines_into
     from mor.pipeline import read_document
     from mor.report.identity import Identity
@@ -185,7 +186,6 @@ def run(asked: Asked) -> int:
 
     project, folder, words = asked.project, asked.folder, words_of(asked.lang)
     with ExitStack() as held:
-        held.enter_context(memory_allowed(asked.memory))
         files = held.enter_context(files_read())
         events = held.enter_context(lines_into(asked.events, asked.force))
         say = held.enter_context(progress(asked.quiet, asked.verbose, events, words))
@@ -195,6 +195,8 @@ def run(asked: Asked) -> int:
         replaces = asked.force or is_repeated(folder, project, asked.told)
         names = usual_files(asked.tables, asked.table_format)
         place = held.enter_context(reserve(folder, replaces, names)) if asked.writes else None
+        scratch = asked.scratch or (place.work if place is not None else Path(gettempdir()))
+        held.enter_context(limited_memory(asked.memory, scratch))
         with named_in_full(place):
             solved = adjusted(document, project.parent, asked.snoop, say)
         of = Identity(tuple(files.values()), project.parent, asked.told)
