@@ -25,7 +25,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from mor.errors import InputError, Problem
-from mor.machine import memory_allowed, resident
+from mor.machine import memory_allowed, pages_of_files, resident
 
 Kept = TypeVar("Kept", bound=NDArray[Any])
 
@@ -33,6 +33,8 @@ LONG = 1 << 20
 """Bytes from which on an array goes into a file."""
 _SHARE = 0.8
 """Share of the allowed memory above which pages of files are given back."""
+_WORTH = 16e6
+"""Bytes of pages that are worth giving back."""
 _PAUSE = 0.02
 """Seconds between two looks at the resident memory: some 20 MB can be read or written meanwhile."""
 
@@ -93,9 +95,11 @@ def limited_memory(size: float | None, folder: Path) -> Iterator[None]:
     scratch, over = _Scratch(folder), Event()
 
     def watch() -> None:
+        stays = 0.0  # pages of files that are resident after all were given back: those of libraries
         while not over.wait(_PAUSE):
-            if resident() > _SHARE * size:
+            if resident() > _SHARE * size and pages_of_files() > stays + _WORTH:
                 scratch.give_back()
+                stays = pages_of_files()
 
     _SCRATCH.append(scratch)
     watching = Thread(target=watch, daemon=True)
@@ -107,6 +111,11 @@ def limited_memory(size: float | None, folder: Path) -> Iterator[None]:
         _SCRATCH.remove(scratch)
         over.set()
         watching.join()
+
+
+def is_limited() -> bool:
+    """Return True while long arrays go into files."""
+    return bool(_SCRATCH)
 
 
 def empty(shape: int | tuple[int, ...], dtype: DTypeLike = np.float64) -> NDArray[Any]:

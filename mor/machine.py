@@ -87,6 +87,11 @@ def resident() -> float:
     return _field(Path("/proc/self/status"), "VmRSS") or 0.0
 
 
+def pages_of_files() -> float:
+    """Bytes of files that are mapped and resident now; 0 where nobody knows."""
+    return _field(Path("/proc/self/status"), "RssFile") or 0.0
+
+
 def _of_machine() -> float | None:
     return _field(Path("/proc/meminfo"), "MemAvailable")
 

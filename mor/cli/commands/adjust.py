@@ -278,14 +278,31 @@ OF_OBSERVATION = 60
 """Bytes of CSV tables for an observation where these are the longest, points among them: at most."""
 
 
+OF_PARQUET = 190
+"""Bytes of memory for a row of a Parquet table."""
+
+
+def rows_of_parquet(path: Path) -> int:
+    """Number of rows of a Parquet file; 0 of any other one, or if it cannot be read, which is told when it is read."""
+    import polars as pl
+
+    if path.suffix.lower() != ".parquet":
+        return 0
+    try:
+        return int(pl.scan_parquet(path).select(pl.len()).collect().item())
+    except (pl.exceptions.PolarsError, OSError):
+        return 0
+
+
 def look_ahead(document: Document, folder: Path) -> None:
     """By the sizes of the tables: refuse what memory cannot hold, begin to load what many observations will need."""
     from mor.compilation import WORTH_COMPILING, load_ahead
     from mor.machine import check_room
 
-    files = (folder / name for name in document.table_files() if name.lower().endswith(".csv"))
-    size = sum(path.stat().st_size for path in files if path.is_file())
-    check_room(float(OF_CSV * size), "reading the tables", "fewer observations at a time")
+    files = [path for name in document.table_files() if (path := folder / name).is_file()]
+    size = sum(path.stat().st_size for path in files if path.suffix.lower() == ".csv")
+    room = OF_CSV * size + OF_PARQUET * sum(map(rows_of_parquet, files))
+    check_room(float(room), "reading the tables", "fewer observations at a time")
     if size >= OF_OBSERVATION * WORTH_COMPILING:
         load_ahead()
 
