@@ -25,6 +25,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from mor.errors import InputError, Problem
+from mor.input_files import is_folder
 from mor.machine import memory_allowed, pages_of_files, resident
 
 Kept = TypeVar("Kept", bound=NDArray[Any])
@@ -54,7 +55,9 @@ class _Scratch:
                 _allocate(file.fileno(), size)
                 found = mmap.mmap(file.fileno(), size)
         except OSError as error:
-            words = f"no room for long arrays: {error.strerror}; --scratch names another folder"
+            words = (
+                f"long arrays cannot be kept in this folder: {error.strerror}; --scratch names another one"
+            )
             raise InputError([Problem(words, str(self.folder))]) from None
         with self.lock:
             self.maps.add(found)
@@ -87,11 +90,15 @@ def _allocate(descriptor: int, size: int) -> None:
 def limited_memory(size: float | None, folder: Path) -> Iterator[None]:
     """Keep long arrays in files of a folder, and the process below ``size`` bytes; nothing of it if that is None.
 
-    Raises :class:`InputError` if the folder cannot be written.
+    Raises :class:`InputError` if there is no such folder.
     """
     if size is None:
         yield
         return
+    if not is_folder(folder):
+        raise InputError(
+            [Problem("this is no folder, expected one for the files of long arrays", str(folder))]
+        )
     scratch, over = _Scratch(folder), Event()
 
     def watch() -> None:

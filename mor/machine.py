@@ -33,6 +33,10 @@ def check_room(further: float, phase: str, advice: str) -> None:
     left = available()
     if left is None or further <= left:
         return
+    if _ALLOWED:
+        most = _said(_ALLOWED[-1][0])
+        words = f"{phase} needs about {_said(further)} of memory more, and {_said(left)} of {most} are left (--memory)"
+        raise OutOfMemoryError(f"{words}. What helps: a larger limit; {advice}.")
     words = f"{phase} needs about {_said(further)} of memory more, and {_said(left)} are left"
     raise OutOfMemoryError(
         f"{words}. What helps: {advice}; a machine with more of it ({ENVIRONMENT}=… overrules)."
