@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from math import prod
 from pathlib import Path
 from threading import Event, Lock, Thread
-from typing import Any, TypeVar
+from typing import Any, TypeVar, cast
 from weakref import WeakSet
 
 import numpy as np
@@ -145,6 +145,6 @@ def kept(array: Kept) -> Kept:
     """Return an array, or its copy in a file if it is long and the memory is limited; broadcast ones stay."""
     if not _SCRATCH or array.nbytes < LONG or isinstance(array.base, mmap.mmap) or 0 in array.strides:
         return array
-    result: Any = empty(array.shape, array.dtype)
+    result = cast("Kept", empty(array.shape, array.dtype))
     result[...] = array
     return result

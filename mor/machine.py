@@ -72,7 +72,7 @@ def _said(size: float) -> str:
 
 
 def available() -> float | None:
-    """Bytes that this process may still take; ``None`` where nobody knows."""
+    """Bytes that this process may still take; ``None`` if nobody knows."""
     most = None
     if _ALLOWED:
         most, give_back = _ALLOWED[-1]
