@@ -1,4 +1,4 @@
-"""The processes of a Dask cluster, on this machine or on many, and what is asked of them before they get work.
+"""The processes of a Dask cluster, and what is asked of them before they get work.
 
 A task is done anew where the worker that had it is lost: it must leave the same where it is done twice.
 """
@@ -20,7 +20,6 @@ from typing import Any
 from mor import __version__
 from mor.errors import InputError
 from mor.errors import Problem as Mistake
-from mor.machine import available
 
 _PATIENCE = 60.0
 """Seconds to wait for a scheduler, for its first worker, and for one to be at work."""
@@ -28,10 +27,6 @@ _ANSWER = 20.0
 """Seconds that a scheduler may take to answer who it is."""
 _LOOK = 5.0
 """Seconds after which it is looked whether there still are workers."""
-_BEGINNING = 20.0
-"""Seconds that workers may take to begin before others are begun in their place."""
-_DEATHS = 100
-"""Workers a task may lose before it is taken for what kills them."""
 _SAME = ("numpy", "scipy", "polars")
 
 
@@ -40,12 +35,8 @@ class Cluster:
     """A cluster that does tasks."""
 
     client: Any
-    renew: Callable[[], None] = lambda: None
-    """Begins workers anew where none is left; of a cluster of others it does nothing."""
     idle_since: float | None = None
     """Since when nobody has been at work, though tasks are waited for."""
-    renewed: float = 0.0
-    """When workers were last begun anew."""
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
         """Have a worker do the task."""
@@ -87,7 +78,7 @@ class Cluster:
             raise InputError([Mistake("the scheduler is lost, and with it the tasks")]) from None
 
     def _look(self) -> None:
-        """Begin workers anew where none is left. Raises :class:`InputError` if nobody was at work for too long."""
+        """Raise :class:`InputError` if nobody has been at work for too long."""
         at_work, workers = self._at_work()
         now = time.monotonic()
         if at_work:
@@ -96,9 +87,6 @@ class Cluster:
         self.idle_since = self.idle_since or now
         if now - self.idle_since > _PATIENCE:
             raise InputError([Mistake(_IDLE[workers])])
-        if workers == 0 and now - self.renewed > _BEGINNING:
-            self.renewed = now
-            self.renew()
 
     def _at_work(self) -> tuple[bool, int | None]:
         """Whether a worker has something to do, and how many there are; ``None`` if the scheduler does not say."""
@@ -118,68 +106,26 @@ _IDLE = {
 
 
 @contextmanager
-def connected(
-    folder: Path, address: str | None, workers: int | None = None, memory: float | None = None
-) -> Iterator[Cluster]:
-    """The cluster at an address, or so many workers of this machine, which end with the work.
+def connected(folder: Path, address: str) -> Iterator[Cluster]:
+    """The cluster at an address, all workers of which see ``folder``.
 
-    All of them see ``folder``, and have ``memory`` bytes each. Raises :class:`InputError` if they cannot do it:
-    another version, files they do not see, too little memory.
+    Raises :class:`InputError` where they cannot do the work: another version, files they do not see.
     """
-    _check_installed(address is None)
-    with _client(workers, address, memory) as (client, renew):
-        _check(client, folder, memory)
-        yield Cluster(client, renew)
-
-
-def _check_installed(begins_workers: bool) -> None:
-    wanted = ("dask", "distributed", *(["cryptography"] if begins_workers else []))
-    missing = [name for name in wanted if find_spec(name) is None]
+    missing = [name for name in ("dask", "distributed") if find_spec(name) is None]
     if missing:
         words = f"{' and '.join(missing)} missing: pip install 'mor-adjustment[dask]'"
         raise InputError([Mistake(f"a cluster needs Dask, {words}")])
-
-
-@contextmanager
-def _client(
-    workers: int | None, address: str | None, memory: float | None
-) -> Iterator[tuple[Any, Callable[[], None]]]:
-    import dask
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     _silence()
-    if address is not None:
-        _check_scheduler(address)
-        try:
-            client = Client(address, timeout=_ANSWER, set_as_default=False)  # type: ignore[no-untyped-call]
-        except (OSError, ValueError):
-            raise InputError([Mistake(_NO_SCHEDULER, address)]) from None
-        with client:
-            yield client, lambda: None
-        return
-    count = workers or 1
-    each = memory if memory is not None else (available() or 4e9 * count) / count
-    settings = {
-        "distributed.scheduler.allowed-failures": _DEATHS,
-        "distributed.worker.memory.target": False,
-        "distributed.worker.memory.spill": False,
-        "distributed.worker.memory.pause": False,
-        "distributed.worker.memory.terminate": False,
-        # no pages of any kind, which any user of the machine could read
-        "distributed.scheduler.http.routes": [],
-        "distributed.worker.http.routes": [],
-    }
-    with (
-        dask.config.set(settings),
-        _begun(LocalCluster, count, int(each)) as cluster,
-        Client(cluster, set_as_default=False) as client,  # type: ignore[no-untyped-call]
-    ):
-
-        def renew() -> None:
-            cluster.scale(0)
-            cluster.scale(count)
-
-        yield client, renew
+    _check_scheduler(address)
+    try:
+        client = Client(address, timeout=_ANSWER, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError):
+        raise InputError([Mistake(_NO_SCHEDULER, address)]) from None
+    with client:
+        _check(client, folder)
+        yield Cluster(client)
 
 
 _NO_SCHEDULER = (
@@ -226,28 +172,7 @@ def _silence() -> None:
             logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
-def _begun(local_cluster: Callable[..., Any], count: int, each: int) -> Any:
-    """A cluster on this machine, begun anew where a worker is lost before it is there. Raises :class:`InputError`."""
-    until = time.monotonic() + _PATIENCE
-    while True:
-        try:
-            return local_cluster(
-                n_workers=count,
-                threads_per_worker=1,
-                memory_limit=each,
-                dashboard_address=None,
-                silence_logs=50,
-                # Certificates made for this run alone: nobody else on the machine can connect and have tasks run.
-                security=True,
-                protocol="tls://",
-            )
-        except RuntimeError as error:
-            if time.monotonic() > until:
-                reason = str(error).splitlines()[0]
-                raise InputError([Mistake(f"workers of this machine do not begin: {reason}")]) from None
-
-
-def _check(client: Any, folder: Path, memory: float | None) -> None:
+def _check(client: Any, folder: Path) -> None:
     """Raise :class:`InputError` with all that keeps the workers from doing it."""
     try:
         client.wait_for_workers(1, timeout=_PATIENCE)
@@ -265,11 +190,6 @@ def _check(client: Any, folder: Path, memory: float | None) -> None:
             problems.append(Mistake(f"another version: {'; '.join(other)}", worker))
         if found["word"] != word:
             words = f"does not see {folder}: it has to be on a file system that all machines have in common"
-            problems.append(Mistake(words, worker))
-        if memory is not None and found["memory"] is not None and found["memory"] < memory:
-            words = (
-                f"has {found['memory'] / 1e9:.2f} GB of memory, and --memory counts on {memory / 1e9:.2f} GB"
-            )
             problems.append(Mistake(words, worker))
     token.unlink()
     if problems:
@@ -301,10 +221,10 @@ def versions() -> dict[str, str]:
 
 
 def _what_is_there(token: str) -> dict[str, Any]:
-    """Versions, memory and whether a file is seen, where a worker is."""
+    """Versions and whether a file is seen, where a worker is."""
     path = Path(token)
     try:
         word = path.read_text(encoding="ascii")
     except OSError:
         word = ""
-    return {"versions": versions(), "word": word, "memory": available()}
+    return {"versions": versions(), "word": word}

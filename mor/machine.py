@@ -6,9 +6,10 @@ its address space (``ulimit -v``). Where the system tells none of them, nothing 
 
 from __future__ import annotations
 
-import ctypes
 import os
 import re
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from mor.errors import OutOfMemoryError
@@ -32,10 +33,28 @@ def check_room(further: float, phase: str, advice: str) -> None:
     left = available()
     if left is None or further <= left:
         return
+    if _ALLOWED:
+        most = _said(_ALLOWED[-1][0])
+        words = f"{phase} needs about {_said(further)} of memory more, and {_said(left)} of {most} are left (--memory)"
+        raise OutOfMemoryError(f"{words}. What helps: a larger limit; {advice}.")
     words = f"{phase} needs about {_said(further)} of memory more, and {_said(left)} are left"
     raise OutOfMemoryError(
         f"{words}. What helps: {advice}; a machine with more of it ({ENVIRONMENT}=… overrules)."
     )
+
+
+_ALLOWED: list[tuple[float, Callable[[], None]]] = []
+"""Bytes that the process may take, as the user has asked, and what gives back memory that is not needed now."""
+
+
+@contextmanager
+def memory_allowed(size: float, give_back: Callable[[], None]) -> Iterator[None]:
+    """Allow this process ``size`` bytes in all; ``give_back`` is called before it is asked how much is left."""
+    _ALLOWED.append((size, give_back))
+    try:
+        yield
+    finally:
+        _ALLOWED.pop()
 
 
 def check_address_space() -> None:
@@ -54,9 +73,15 @@ def _said(size: float) -> str:
 
 def available() -> float | None:
     """Bytes that this process may still take; ``None`` if nobody knows."""
+    most = None
+    if _ALLOWED:
+        most, give_back = _ALLOWED[-1]
+        give_back()
     given = os.environ.get(ENVIRONMENT, "")
-    if given.isascii() and given.isdigit():
-        return max(float(given) * _MB - resident(), 0.0)
+    if most is None and given.isascii() and given.isdigit():
+        most = float(given) * _MB
+    if most is not None:
+        return max(most - resident(), 0.0)
     found = [size for size in (_of_machine(), _of_group(), _of_address_space()) if size is not None]
     return max(min(found), 0.0) if found else None
 
@@ -66,36 +91,9 @@ def resident() -> float:
     return _field(Path("/proc/self/status"), "VmRSS") or 0.0
 
 
-def largest_resident() -> float:
-    """Bytes of memory the process has taken at most; 0 where nobody knows."""
-    return _field(Path("/proc/self/status"), "VmHWM") or 0.0
-
-
-def keep_freed_memory() -> None:
-    """Have this process keep the memory of arrays that it has freed for the next ones, up to a GiB each.
-
-    glibc gives large arrays back to the system at once, which clears every page of the next array before it is used: in
-    dense algebra a fifth of the time. It is for processes that make large arrays from the first to the last; other C
-    libraries go on as they do.
-    """
-    for parameter, value in ((_M_MMAP_THRESHOLD, 2**30), (_M_TRIM_THRESHOLD, 2**31 - 1)):
-        _of_c_library("mallopt", parameter, value)
-
-
-def give_back_freed_memory() -> None:
-    """Give back what :func:`keep_freed_memory` has kept, for work of another kind."""
-    _of_c_library("malloc_trim", 0)
-
-
-_M_TRIM_THRESHOLD, _M_MMAP_THRESHOLD = -1, -3
-"""Of ``malloc.h``."""
-
-
-def _of_c_library(name: str, *arguments: int) -> None:
-    """Call a function of glibc; nothing if there is none."""
-    function = getattr(ctypes.CDLL(None), name, None) if os.name == "posix" else None
-    if function is not None:
-        function(*arguments)
+def pages_of_files() -> float:
+    """Bytes of files that are mapped and resident now; 0 where nobody knows."""
+    return _field(Path("/proc/self/status"), "RssFile") or 0.0
 
 
 def _of_machine() -> float | None:

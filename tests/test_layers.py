@@ -19,7 +19,7 @@ LAYERS = (
     ("registers",),
     ("sparse",),
     ("geometry", "input_files", "machine"),
-    ("parameters", "cluster", "output_files"),
+    ("parameters", "cluster", "output_files", "long_arrays"),
     ("observations",),
     ("project",),
     ("approximate", "adjustment"),
@@ -28,7 +28,7 @@ LAYERS = (
     ("report", "formats"),
     ("preparation",),
     ("pipeline",),
-    ("planning", "domains"),
+    ("planning",),
     ("api",),
     ("cli",),
 )

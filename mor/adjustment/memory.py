@@ -9,6 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from mor.adjustment.plan import Plan
+from mor.long_arrays import is_limited
 
 LESS = "fewer observations at a time, or parts of the network by themselves"
 """Advice."""
@@ -22,6 +23,8 @@ _KERNELS = 30e6
 """Compiled passes over rays, which are loaded when they are needed."""
 _OF_RAY, _OF_OTHER = 210, 350
 """Bytes of an image point, and of another row: derivatives, residuals, and what is kept of their quality."""
+_OF_RAY_IN_FILES = 80
+"""The same of an image point if long arrays are in files: mostly what is kept of its object point."""
 
 
 def memory_of_adjustment(plan: Plan) -> float:
@@ -32,4 +35,5 @@ def memory_of_adjustment(plan: Plan) -> float:
     others = sum(len(row_set.rows) for row_set in plan.row_sets)
     dense = _NUMBER * (_FACTORS * factor + _FRONTS * float(elimination.largest_front) ** 2)
     kernels = _KERNELS if len(plan.rays.row) else 0.0
-    return _BUFFERS + kernels + dense + _OF_RAY * len(plan.rays.row) + _OF_OTHER * others
+    of_ray = _OF_RAY_IN_FILES if is_limited() else _OF_RAY
+    return _BUFFERS + kernels + dense + of_ray * len(plan.rays.row) + _OF_OTHER * others

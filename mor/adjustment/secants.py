@@ -13,6 +13,7 @@ from typing import NamedTuple
 
 from mor.adjustment.inverse import Inverse
 from mor.arrays import FloatArray
+from mor.long_arrays import kept
 
 _KEPT = 6
 """Pairs that are remembered at most: half of the unknowns of a point or pose and its neighbour."""
@@ -33,7 +34,7 @@ class Secants(NamedTuple):
         change = before - now
         if not step @ change > _CURVED * abs(float(step @ before)):
             return NOTHING_LEARNT
-        steps, taken_away = (*self.steps, step), (*self.taken_away, change)
+        steps, taken_away = (*self.steps, kept(step)), (*self.taken_away, kept(change))
         return Secants(steps[-_KEPT:], taken_away[-_KEPT:])
 
     def step(self, inverse: Inverse, rhs: FloatArray) -> FloatArray:

@@ -9,6 +9,7 @@ Rays that part by more than the angle at which nobody asks contradict each other
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -98,25 +99,33 @@ def _suspects(network: Network, values: Values) -> BoolArray:
     if not candidates.any():
         return candidates
     points = values["point"]
-    from_, to = [], []
+    first, rays = np.zeros(len(points), dtype=np.int64), np.zeros(len(points), dtype=np.int64)
+    for place, point in _rays_to(network, candidates):
+        first[point] = place
+        rays += np.bincount(point, minlength=len(points))
+    met = np.zeros(len(points), dtype=bool)
+    for place, point in _rays_to(network, candidates):
+        here = np.take(points, point, axis=0)  # in a quarter of the time of an index
+        away = here - np.take(points, place, axis=0)
+        other = here - np.take(points, np.take(first, point), axis=0)
+        along = np.einsum("ni,ni->n", away, other)
+        size = np.einsum("ni,ni->n", away, away) * np.einsum("ni,ni->n", other, other)
+        met[point[(along < 0.0) | (along * along < np.cos(NARROW) ** 2 * size)]] = True
+    return candidates & (rays > 1) & ~met
+
+
+def _rays_to(network: Network, candidates: BoolArray) -> Iterator[tuple[IntArray, IntArray]]:
+    """Blocks (k,) that the rays to candidates come from and go to, so many at a time."""
     for group in network.groups:
         if can_be_at_infinity(group.type):
-            target = group.blocks[target_slot(group.type)]
-            rows = candidates[target]
-            from_.append(group.blocks[0][rows].astype(np.int64))
-            to.append(target[rows].astype(np.int64))
-    place, point = np.concatenate(from_), np.concatenate(to)
-    first = np.zeros(len(points), dtype=np.int64)
-    first[point] = place
-    here = np.take(points, point, axis=0)  # in a quarter of the time of an index
-    away = here - np.take(points, place, axis=0)
-    other = here - np.take(points, np.take(first, point), axis=0)
-    along = np.einsum("ni,ni->n", away, other)
-    size = np.einsum("ni,ni->n", away, away) * np.einsum("ni,ni->n", other, other)
-    wide = (along < 0.0) | (along * along < np.cos(NARROW) ** 2 * size)
-    rays = np.bincount(point, minlength=len(points))
-    met: BoolArray = np.bincount(point[wide], minlength=len(points)) > 0
-    return candidates & (rays > 1) & ~met
+            for start in range(0, group.count, _RAYS_AT_A_TIME):
+                some = slice(start, start + _RAYS_AT_A_TIME)
+                point = group.blocks[target_slot(group.type)][some]
+                rows = candidates[point]
+                yield group.blocks[0][some][rows].astype(np.int64), point[rows].astype(np.int64)
+
+
+_RAYS_AT_A_TIME = 250_000
 
 
 def _only_rays(network: Network) -> BoolArray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from pathlib import Path
 from typing import Any
 
@@ -41,6 +42,23 @@ class OutputPath(_NamedPath):
 
     Every option that names an output has this type: the tests find the outputs of all commands by it.
     """
+
+
+_UNITS = {"": 1.0, "b": 1.0, "kb": 1e3, "mb": 1e6, "gb": 1e9, "tb": 1e12, "mib": 2.0**20, "gib": 2.0**30}
+
+
+class Amount(click.ParamType):  # type: ignore[type-arg]
+    """An amount of memory in bytes: 4GB, 800 MB."""
+
+    name = "size"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The amount in bytes."""
+        found = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*([a-z]*)", str(value).strip().lower(), re.ASCII)
+        size = float(found[1]) * _UNITS.get(found[2], 0.0) if found else 0.0
+        if not 0.0 < size < 1e18:
+            self.fail(f"found {str(value)!r}, expected an amount of memory such as 4GB or 800MB", param, ctx)
+        return size
 
 
 def _ask_for_kernels(ctx: click.Context, param: click.Parameter, value: str) -> None:

@@ -95,8 +95,7 @@ class Verdict(NamedTuple):
     """True if groups are rejected, none of them beside the others, and the w of all are normal with one factor."""
     chosen_only: bool
     """True where the fixed coordinates are the datum and no more: no observation controls them."""
-    determined: Determined | None = None
-    """``None`` for networks in domains."""
+    determined: Determined
 
     @property
     def contradicted(self) -> bool:

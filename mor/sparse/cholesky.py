@@ -166,16 +166,6 @@ def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = 
     return _eliminated(matrix, elimination, tolerance, elimination.fronts)
 
 
-def eliminate_inner(matrix: BlockMatrix, elimination: Elimination, tolerance: float = TOLERANCE) -> Factor:
-    """Return the factor of all fronts but the last, in which the matrix of its pivots is left, lower triangle.
-
-    That is the Schur complement of what was eliminated: for who hands it on to be put together with others. Raises as
-    :func:`factorise` does.
-    """
-    _refuse_not_finite(matrix)
-    return _eliminated(matrix, elimination, tolerance, elimination.fronts - 1)
-
-
 def _refuse_not_finite(matrix: BlockMatrix) -> None:
     if not np.isfinite(
         matrix.values.sum()

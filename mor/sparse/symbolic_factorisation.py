@@ -149,49 +149,6 @@ def analyse(structure: BlockStructure) -> Elimination:
     return _in_front_order(structure, graph, order, compact[chain_of_step], front_parent)
 
 
-def analyse_inner(structure: BlockStructure, outer: BoolArray) -> Elimination:
-    """Return the plan in which the ``outer`` blocks (b,), one at least, are the last front, all others before it.
-
-    It is meant for :func:`mor.sparse.cholesky.eliminate_inner`, which leaves the last front to others.
-    """
-    from mor.sparse.ordering import block_graph, fill_reducing_order
-
-    inner, last = np.flatnonzero(~outer), np.flatnonzero(outer)
-    graph = block_graph(structure)
-    order = np.concatenate(
-        [inner[fill_reducing_order(graph[inner][:, inner])] if inner.size else inner, last]
-    )
-    parent = _tree_to_the_last(graph, order, inner.size)
-    post = symbolic.postorder(parent)
-    order, parent = order[post], _relabelled(parent, post)
-    sizes, permuted = structure.sizes[order], _permuted(graph, order)
-    orders = symbolic.column_orders(*_pattern(permuted), parent, sizes)
-    chain_of_step = symbolic.chains(parent, orders, sizes)
-    root = int(chain_of_step[: inner.size].max(initial=-1)) + 1
-    chain_of_step[inner.size :] = root
-    first = np.flatnonzero(np.diff(chain_of_step, prepend=-1))
-    ends = np.append(first[1:], parent.size) - 1
-    chain_parent = np.where(parent[ends] >= 0, chain_of_step[parent[ends]], -1)
-    into = symbolic.amalgamate(chain_parent, np.add.reduceat(sizes, first), orders[first], _PRICES)
-    into[into == root] = np.flatnonzero(into == root)
-    front_of_chain = _representatives(into)
-    stays, compact = np.unique(front_of_chain, return_inverse=True)
-    upward = chain_parent[stays]
-    front_parent = np.where(upward >= 0, compact[front_of_chain[upward]], -1)
-    return _in_front_order(structure, graph, order, compact[chain_of_step], front_parent)
-
-
-def _tree_to_the_last(graph: scipy.sparse.csr_array, order: IntArray, inner: int) -> IntArray:
-    """The elimination tree in this order, in which all that comes after the first ``inner`` steps is one chain.
-
-    What meets nothing of the chain hangs below it all the same: the chain is to come last.
-    """
-    parent = symbolic.elimination_tree(*_pattern(_permuted(graph, order)))
-    parent[:inner][parent[:inner] < 0] = inner
-    parent[inner:] = np.append(np.arange(inner + 1, parent.size), -1)
-    return parent
-
-
 def _postordered_tree(graph: scipy.sparse.csr_array, order: IntArray) -> tuple[IntArray, IntArray]:
     """Return the order rearranged so that subtrees are contiguous, and the elimination tree in that order."""
     permuted = _permuted(graph, order)

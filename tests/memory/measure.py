@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import json
 import sys
+from pathlib import Path
 from typing import Any
 
 import mor.adjustment.solve
@@ -31,7 +32,7 @@ def measure(arguments: list[str]) -> dict[str, float]:
     mor.adjustment.solve.check_room = replaced
     code = run(["adjust", *arguments, "-q", "--force"])
     # Not ru_maxrss: that begins with the size of the process this one was forked from.
-    peak = mor.machine.largest_resident()
+    peak = mor.machine._field(Path("/proc/self/status"), "VmHWM") or 0.0
     estimate = begun[0] + asked["the adjustment"] + asked["writing the reports"]
     return {"code": float(code), "estimated": estimate / MB, "measured": peak / MB}
 

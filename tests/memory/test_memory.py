@@ -2,10 +2,6 @@
 
 from __future__ import annotations
 
-import platform
-import subprocess
-import sys
-
 import pytest
 
 import mor.machine
@@ -30,34 +26,6 @@ def test_what_does_not_fit_is_refused_with_what_would_help(tmp_path, monkeypatch
     assert "memory" in run.err
     assert "What helps" in run.err
     assert not (tmp_path / "project.results").exists()
-
-
-_PAGES = """
-import resource, numpy, mor.machine
-{before}
-def faults():
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-    numpy.ones(2**23)
-    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
-faults(); second = faults()
-mor.machine.give_back_freed_memory(); print(second, faults())
-"""
-
-
-@pytest.mark.slow
-@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="other C libraries go on as they do")
-def test_freed_memory_is_kept_until_it_is_given_back():
-    def pages(before: str) -> tuple[int, int]:
-        told = subprocess.run(
-            [sys.executable, "-c", _PAGES.format(before=before)], capture_output=True, text=True, check=True
-        )
-        second, after = told.stdout.split()
-        return int(second), int(after)
-
-    as_ever, _ = pages("")
-    kept, given_back = pages("mor.machine.keep_freed_memory()")
-    assert kept < as_ever / 4
-    assert given_back > 4 * kept
 
 
 def test_the_least_of_all_limits_counts(monkeypatch):

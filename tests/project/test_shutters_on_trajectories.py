@@ -274,13 +274,6 @@ def test_free_motions_of_images_on_trajectories_are_mistakes(tmp_path: Path) -> 
     assert "images.csv:2: image '1_00' is on a trajectory: its velocity and rate" in mistakes(project)[0]
 
 
-def test_trajectories_are_refused_in_domains(tmp_path: Path) -> None:
-    project = written(tmp_path / "p", simulated(0, strips=1))
-    run = mor("adjust", project, "--workers", "2", "-o", tmp_path / "out")
-    assert run.code == 2
-    assert "project.yaml:11: domains do not do this: trajectories" in run.err
-
-
 def test_beyond_the_last_knot_its_interval_goes_on() -> None:
     times, numbers = np.array([0.0, 1.0, 2.0, 10.0, 11.0]), np.arange(5)
     flown = Trajectory("t", times, np.array([0, 0, 0, 1, 1]), numbers, numbers, False)

@@ -118,27 +118,6 @@ def units_of_length(index: Index, values: Values) -> FloatArray:
     return units
 
 
-def explained_movements(whole: FloatArray, on_points: FloatArray) -> tuple[tuple[str, ...], FloatArray]:
-    """Names of the movements of the network in a null space, and the combinations (k, d) of its basis that are some.
-
-    As :func:`explain_defect`, of a network in parts: ``whole`` (k, k) has the scalar products of the null vectors (it
-    is the R factor of them all), ``on_points`` (n, k + 7) those of null vectors and similarities on the components of
-    points that observations name.
-    """
-    k = len(whole)
-    to_basis = np.linalg.inv(whole)
-    lengths = np.linalg.norm(on_points[:, k:], axis=0)
-    generators = on_points[:, k:] / np.where(lengths > 0.0, lengths, 1.0)
-    moved = on_points[:, :k] @ to_basis
-    span, sizes, _ = np.linalg.svd(generators, full_matrices=False)
-    span = span[:, sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-300)]
-    stretches, right = _stretches(moved - span @ (span.T @ moved))
-    rigid = right[stretches <= _SMALL].T
-    motion, inner = _stretches(moved @ rigid)
-    combined = rigid @ inner[motion > _SMALL].T
-    return _name(moved @ combined, generators), to_basis @ combined
-
-
 def _stretches(matrix: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Singular values (k,) and all right singular vectors (k, k), row by row, of a matrix (n, k) that may be long."""
     short = np.linalg.qr(matrix, mode="r")

@@ -7,13 +7,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor import compilation
+from mor import compilation, long_arrays
 from mor.adjustment.problem import Problem
 from mor.adjustment.rays.compiled import sorting
 from mor.adjustment.rays.compiled.sights.image_rays import Measured
 from mor.adjustment.rays.frames import Frames, GroupFrames, all_frames, group_frames, is_ray
 from mor.adjustment.rays.knots import along_trajectory, clock_of_rows
 from mor.arrays import AnyIntArray, FloatArray, IntArray, SmallIntArray
+from mor.long_arrays import kept
 from mor.observations import IMAGE_TYPES, MOVING_TYPES, ObservationGroup
 from mor.observations.on_the_sphere import is_on_the_sphere
 
@@ -129,7 +130,7 @@ def plan_rays(problem: Problem, points: IntArray) -> RayPlan:
         parts[0] if len(parts) == 1 else map(np.concatenate, zip((none,) * 3, *parts, strict=True))
     )
     pointers, order = _order(point, frame, len(points))
-    row, frame = row.astype(np.int32)[order], frame[order]
+    row, frame = kept(row.astype(np.int32)[order]), frame[order]
     frames = all_frames(tuple(found), groups, index)
     group_of_frame = np.repeat([g.group for g in found], [g.count for g in found]).astype(np.int64)
     local, chunks = _chunks(pointers, frame, first)
@@ -154,7 +155,7 @@ def _chunks(pointers: IntArray, frame: IntArray, frames: int) -> tuple[SmallIntA
         last = int(np.searchsorted(pointers, pointers[bounds[-1]] + RAYS_AT_A_TIME, side="right")) - 1
         bounds.append(max(min(last, bounds[-1] + POINTS_AT_A_TIME), bounds[-1] + 1))
     first_ray = pointers[bounds]
-    local = np.empty(len(frame), dtype=np.int32)
+    local = long_arrays.empty(len(frame), np.int32)
     of_chunk, found = sorting.local_numbers(frame, first_ray, frames, local)
     chunks = tuple(
         Chunk(
@@ -201,12 +202,18 @@ def _of_rows(group: ObservationGroup, rows: SmallIntArray, longest: int) -> Meas
         weight = 1.0 / group.sigma[:longest]
         if len(rows) > VERY_MANY_RAYS:
             return Measurements(group.observed, weight, group.observed, clock, rows)
-        observed = group.observed[rows]
+        observed = _taken(group.observed, rows)
         return Measurements(observed, weight, observed, clock)
-    observed, weight = group.observed[rows], 1.0 / group.sigma[rows]
+    observed, weight = _taken(group.observed, rows), kept(1.0 / group.sigma[rows])
     unseen = ~np.isfinite(observed)
     if unseen.any():
         observed[unseen] = weight[unseen] = 0.0
     if forward:
         return Measurements(observed, weight, observed, clock)
-    return Measurements(observed, weight, np.nan_to_num(group.constants[rows, :2]), clock)
+    return Measurements(observed, weight, kept(np.nan_to_num(group.constants[rows, :2])), clock)
+
+
+def _taken(values: FloatArray, rows: SmallIntArray) -> FloatArray:
+    """Rows (n,) of values (k, 2)."""
+    result: FloatArray = long_arrays.empty((len(rows), 2))
+    return np.take(values, rows, axis=0, out=result)

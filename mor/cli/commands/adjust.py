@@ -5,22 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from tempfile import gettempdir
 from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import click
 
-from mor.cli._domains import (
-    Amount,
-    Results,
-    Wanted,
-    adjust_in_domains,
-    check_scratch_folder,
-    has_library,
-    needs_domains,
-)
 from mor.cli._format import format_option, only_project
 from mor.cli._language import language_option, tell
-from mor.cli._output import InputPath, OutputPath, kernels_option, quiet_option
+from mor.cli._output import Amount, InputPath, OutputPath, kernels_option, quiet_option
 from mor.errors import ExitCode, NoStartValuesError
 
 if TYPE_CHECKING:
@@ -50,8 +42,6 @@ class Asked(NamedTuple):
     tables: Literal["none", "worst", "all"] | None
     table_format: Literal["csv", "parquet"]
     memory: float | None
-    workers: int | None
-    cluster: str | None
     scratch: Path | None
     events: Path | None
     quiet: bool
@@ -75,22 +65,12 @@ class Asked(NamedTuple):
         of_format = ("--from", self.source_format) if self.source_format else ()
         return (*(("--snoop",) if self.snoop else ()), *of_format)
 
-    @property
-    def all_tables(self) -> bool:
-        """True if no table was asked to be left out."""
-        return self.tables in (None, "all")
 
-    @property
-    def limits(self) -> Wanted:
-        """What decides whether the network is adjusted in domains."""
-        return Wanted(
-            self.memory,
-            self.workers,
-            self.cluster,
-            self.scratch,
-            self.snoop,
-            self.html,
-        )
+def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) -> None:
+    """Raise a usage error if one adjustment is to be shared among processes."""
+    if value is not None:
+        words = "mor adjust works in one process, on all its processors"
+        raise click.UsageError(f"--{param.name}: {words}; mor batch and mor simulate share work", ctx)
 
 
 @click.command(name="adjust")
@@ -147,26 +127,17 @@ class Asked(NamedTuple):
     metavar="SIZE",
     type=Amount(),
     show_default="what there is",
-    help="Memory a process may take, e.g. 4GB; what does not fit is adjusted in domains, one after the other.",
-)
-@click.option(
-    "--workers",
-    metavar="N",
-    type=click.IntRange(1, 1024),
-    help="Adjust in domains by so many processes of this machine (needs mor-adjustment[dask]).",
-)
-@click.option(
-    "--cluster",
-    metavar="ADDRESS",
-    help="Adjust in domains by the workers of a Dask scheduler, e.g. tcp://host:8786.",
+    help="Memory that mor may take, e.g. 4GB; if it does not suffice, long arrays are kept in files.",
 )
 @click.option(
     "--scratch",
     metavar="FOLDER",
     type=InputPath(),
     show_default="beside the results",
-    help="Folder for the state of the domains, which all workers see under the same name.",
+    help="Folder for the files of long arrays.",
 )
+@click.option("--workers", metavar="N", hidden=True, callback=refuse_workers, expose_value=False)
+@click.option("--cluster", metavar="ADDRESS", hidden=True, callback=refuse_workers, expose_value=False)
 @click.option(
     "--events",
     metavar="FILE",
@@ -204,6 +175,7 @@ def run(asked: Asked) -> int:
     from mor.cli._progress import progress
     from mor.compilation import notes_told_by
     from mor.input_files import files_read
+    from mor.long_arrays import limited_memory
     from mor.output_files import lines_into
     from mor.pipeline import read_document
     from mor.report.identity import Identity
@@ -213,7 +185,6 @@ def run(asked: Asked) -> int:
     from mor.report.words.language import words_of
 
     project, folder, words = asked.project, asked.folder, words_of(asked.lang)
-    check_scratch_folder(asked.scratch)
     with ExitStack() as held:
         files = held.enter_context(files_read())
         events = held.enter_context(lines_into(asked.events, asked.force))
@@ -224,19 +195,8 @@ def run(asked: Asked) -> int:
         replaces = asked.force or is_repeated(folder, project, asked.told)
         names = usual_files(asked.tables, asked.table_format)
         place = held.enter_context(reserve(folder, replaces, names)) if asked.writes else None
-        if needs_domains(document, project.parent, asked.limits):
-            how = Results(
-                asked.table_format,
-                asked.all_tables and asked.writes,
-                asked.strict,
-                asked.quiet,
-                words,
-                asked.told,
-                asked.as_json,
-                asked.full and asked.writes,
-            )
-            with named_in_full(place):
-                return adjust_in_domains(document, project.parent, asked.limits, place, how, say, files)
+        scratch = asked.scratch or (place.work if place is not None else Path(gettempdir()))
+        held.enter_context(limited_memory(asked.memory, scratch))
         with named_in_full(place):
             solved = adjusted(document, project.parent, asked.snoop, say)
         of = Identity(tuple(files.values()), project.parent, asked.told)
@@ -318,14 +278,31 @@ OF_OBSERVATION = 60
 """Bytes of CSV tables for an observation where these are the longest, points among them: at most."""
 
 
+OF_PARQUET = 190
+"""Bytes of memory for a row of a Parquet table."""
+
+
+def rows_of_parquet(path: Path) -> int:
+    """Number of rows of a Parquet file; 0 of any other one, or if it cannot be read, which is told when it is read."""
+    import polars as pl
+
+    if path.suffix.lower() != ".parquet":
+        return 0
+    try:
+        return int(pl.scan_parquet(path).select(pl.len()).collect().item())
+    except (pl.exceptions.PolarsError, OSError):
+        return 0
+
+
 def look_ahead(document: Document, folder: Path) -> None:
     """By the sizes of the tables: refuse what memory cannot hold, begin to load what many observations will need."""
     from mor.compilation import WORTH_COMPILING, load_ahead
     from mor.machine import check_room
 
-    files = (folder / name for name in document.table_files() if name.lower().endswith(".csv"))
-    size = sum(path.stat().st_size for path in files if path.is_file())
-    check_room(float(OF_CSV * size), "reading the tables", "fewer observations at a time")
+    files = [path for name in document.table_files() if (path := folder / name).is_file()]
+    size = sum(path.stat().st_size for path in files if path.suffix.lower() == ".csv")
+    room = OF_CSV * size + OF_PARQUET * sum(map(rows_of_parquet, files))
+    check_room(float(room), "reading the tables", "fewer observations at a time")
     if size >= OF_OBSERVATION * WORTH_COMPILING:
         load_ahead()
 
@@ -349,6 +326,17 @@ def chosen(asked: Asked, solved: Solved, say: Progress) -> Choice:
         full=asked.full,
         done=say.counter(entries(solved)),
     )
+
+
+def has_library(say: Progress) -> bool:
+    """Return whether the chart library of the page is installed, and note if it is not."""
+    from mor.errors import Problem
+    from mor.report.html.library import library_path
+
+    if library_path() is None:
+        say.notes([Problem("no report.html: the Python package plotly is missing (pip install plotly)")])
+        return False
+    return True
 
 
 def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Problem]:

@@ -10,6 +10,7 @@ import numpy as np
 
 from mor.arrays import LARGEST, FloatArray, IntArray, SmallIntArray
 from mor.geometry.cameras import CAMERA_MODELS, CameraModel
+from mor.long_arrays import kept
 from mor.observations import (
     FOLLOWER_TYPES,
     IMAGE_TYPES,
@@ -75,8 +76,7 @@ def raw_image(name: str, required: bool = False) -> Column:
 def image_groups(reading: Reading, entry: Observations, number: int, rows: Rows, place: Place) -> list[Group]:
     """One group for every camera and kind of image (single, stereo follower) of an entry."""
     images = reading.shop.things["image"]
-    image = named_things(reading, "image", "image", rows)
-    point = named_things(reading, "point", "point", rows)
+    image, point = (named_things(reading, name, name, rows) for name in ("image", "point"))
     if (image.numbers < 0).any() or (point.numbers < 0).any():
         return []
     epochs = row_epochs(reading, rows, IMAGE_TYPES["mor"].references, (image, point))
@@ -89,10 +89,14 @@ def image_groups(reading: Reading, entry: Observations, number: int, rows: Rows,
     for key in np.unique(keys):
         chosen = np.flatnonzero(keys == key)
         group = _image_group(
-            reading, entry, number, rows, place, image.take(chosen), point.take(chosen), chosen
+            reading, entry, number, rows, place, _taken(image, chosen), _taken(point, chosen), chosen
         )
         result += [replace(group, epochs=epochs[chosen])] if group is not None else []
     return result
+
+
+def _taken(names: Names, rows: IntArray) -> Names:
+    return Names(kept(names.numbers[rows]), names.known)
 
 
 def _image_group(
@@ -144,13 +148,13 @@ def _image_group(
         name=group_name(entry, number),
         type=type_,
         blocks=(*knots, *_blocks_beside(reading, type_.slots[len(knots) :], image, point)),
-        observed=observed,
+        observed=kept(observed),
         sigma=_once(sigma * entry.factor),
         constants=constants,
         references=(image, point),
         external=external_image(scale),
         image_unit=scale.unit,
-        lines=rows.lines[chosen],
+        lines=kept(rows.lines[chosen]),
         file=rows.file,
     )
     if not sigma_is_good(group, rows, chosen, reading.problems):
@@ -246,14 +250,13 @@ def _blocks_of(blocks: IntArray, names: Names) -> SmallIntArray:
     """Blocks (n,) of the things that rows name; the numbers of the names themselves where they are the same."""
     if np.array_equal(blocks, np.arange(len(blocks))):
         return names.numbers
-    found: SmallIntArray = blocks.astype(np.int32)[names.numbers]
-    return found
+    return kept(blocks.astype(np.int32)[names.numbers])
 
 
 def _once(array: Repeated) -> Repeated:
     """The array (n,) or (n, m), of which only one row is kept where all are the same: ten million of them add up."""
     same = len(array) > 1 and bool((array == array[0]).all())
-    return np.broadcast_to(array[:1].copy(), array.shape) if same else array
+    return np.broadcast_to(array[:1].copy(), array.shape) if same else kept(array)
 
 
 def _image_values(

@@ -259,11 +259,6 @@ class _Whole(NamedTuple):
         return self._replace(quality=quality) if complete else None
 
 
-def without_entries(problem: Problem, out: Collection[Entry]) -> Problem:
-    """A problem that keeps nothing out, without some entries."""
-    return exclude(problem, masks_of(tuple(group.left_out for group in problem.groups), out))
-
-
 def entries_of(masks: Masks, part: int = 0) -> Out:
     """The entries that are true in masks (n, m) of each group."""
     return Out(

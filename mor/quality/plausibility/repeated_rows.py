@@ -43,6 +43,8 @@ def repeated_rows(network: Network) -> Iterator[Problem]:
 
 def _of_one_type(network: Network, numbers: list[int], deviations: list[FloatArray]) -> Iterator[Problem]:
     groups = [network.groups[number] for number in numbers]
+    if len(groups) == 1 and groups[0].type.key in OF_IMAGES:
+        return  # points that an image has twice in one table are noted one by one
     owner = np.repeat(np.arange(len(groups)), [group.count for group in groups])
     row = np.concatenate([np.arange(group.count) for group in groups])
     order, again = _pairs(groups)
@@ -63,7 +65,7 @@ def _of_one_type(network: Network, numbers: list[int], deviations: list[FloatArr
             here = (owner[first] == one) & (owner[second] == other) & ~zero
             found = np.flatnonzero(here & equal)
             if len(found) == 0 or (one == other and groups[one].type.key in OF_IMAGES):
-                continue  # points that an image has twice in one table are noted one by one
+                continue
             whole = (
                 one != other
                 and len(found) == groups[other].count

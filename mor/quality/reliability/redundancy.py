@@ -11,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from mor import compilation
+from mor import compilation, long_arrays
 from mor.adjustment.datum.s_transformation import STransformation
 from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
 from mor.adjustment.normals import image_of_rays
@@ -67,7 +67,7 @@ def observation_quality(
         ),
         *(cluster_quality(adjustment, cofactors, alike, quality, tangent, extra) for alike in wide),
     ]
-    of_points = np.zeros((len(adjustment.problem.index.columns.get("point", ())), 3, 3))
+    of_points = long_arrays.full((len(adjustment.problem.index.columns.get("point", ())), 3, 3), 0.0)
     weak = adjustment.inverse.weak
     selected = split(reduced_columns(plan.rays.frames.columns, plan.reduced), cofactors)
 
@@ -172,8 +172,8 @@ def _of_each_group(group: IntArray) -> Iterator[tuple[int, IntArray]]:
 
 
 def _empty(group: ObservationGroup) -> ObservationQuality:
-    v, absorbed, carried = (np.full(group.observed.shape, np.nan) for _ in range(3))
-    joint, freedom = np.full(group.count, np.nan), np.zeros(group.count, dtype=np.int8)
+    v, absorbed, carried = (long_arrays.full(group.observed.shape, np.nan) for _ in range(3))
+    joint, freedom = long_arrays.full(group.count, np.nan), long_arrays.full(group.count, 0, np.int8)
     return ObservationQuality(v, absorbed, carried, joint, freedom, group.sigma, group.left_out)
 
 

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import betainc
 
-from mor.arrays import BoolArray, FloatArray, IntArray
+from mor.arrays import BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.observations import ObservationGroup
 from mor.project.network.build import Network
 from mor.project.network.entities import thing_of
@@ -45,9 +45,9 @@ class _Membership(NamedTuple):
 
     of: str
     names: Sequence[str]
-    rows: IntArray
+    rows: SmallIntArray
     """(k,) rows, counted through all groups."""
-    classes: IntArray
+    classes: SmallIntArray
     """(k,)"""
 
 
@@ -85,26 +85,33 @@ def _memberships(quality: Quality, network: Network) -> Iterator[_Membership]:
     for partition in partitions(problem, network):
         # the only set of a station is that station
         counted = np.array([partition.of != "set" or name in several for name in partition.names], dtype=bool)
-        rows, classes = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
+        rows, classes = [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
         for k in range(len(problem.groups)):
             own = partition.of_rows(k, slice(None))
             if own is not None:
                 here = np.flatnonzero((own >= 0) & counted[own])
-                rows.append(first[k] + here)
-                classes.append(own[here])
+                rows.append((first[k] + here).astype(np.int32))
+                classes.append(own[here].astype(np.int32))
         yield _Membership(partition.of, partition.names, np.concatenate(rows), np.concatenate(classes))
     if "point" in problem.index.blocks:
         yield _of_points(problem.groups, first, problem.index.blocks["point"].ids)
 
 
 def _of_points(groups: Sequence[ObservationGroup], first: IntArray, ids: Sequence[str]) -> _Membership:
-    pairs = [np.zeros((0, 2), np.int64)]
+    rows, classes = [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
     for k, group in enumerate(groups):
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == "point":
-                pairs.append(np.stack([first[k] + np.arange(group.count), np.asarray(blocks)], axis=1))
-    both = np.unique(np.concatenate(pairs), axis=0)
-    return _Membership("point", ids, both[:, 0], both[:, 1])
+        points = [
+            blocks
+            for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+            if slot.kind == "point"
+        ]
+        for i, blocks in enumerate(points):
+            new = np.ones(group.count, dtype=bool)  # a row counts once for each point
+            for before in points[:i]:
+                new &= before != blocks
+            rows.append((first[k] + np.flatnonzero(new)).astype(np.int32))
+            classes.append(blocks[new].astype(np.int32))
+    return _Membership("point", ids, np.concatenate(rows), np.concatenate(classes))
 
 
 def _clearest(

@@ -142,22 +142,6 @@ def tests_of_sums(
     return GroupTests(whole.level, each, tuple(_decided(tests, whole, each, exactly)), tuple(found))
 
 
-def undecided(summed: Sequence[Summed], redundancy: int, level: float) -> list[bool]:
-    """Which of the groups need exact moments, each tested with a level."""
-    if not summed:
-        return []
-    omega, some, count, _ = np.stack([one.sums for one in summed], axis=1)
-    some = np.maximum(some, CONTROLLED)
-    rejects = [log_tail(omega, each) < np.log(level) for each in bounds(some, count, float(redundancy))]
-    return [bool(one) for one in rejects[0] != rejects[1]]
-
-
-def exact_moments(quality: Quality, network: Network, one: Summed) -> Moments:
-    """Moments of the part that the observations of one thing have in vᵀPv, all of them being at hand."""
-    partition = partitions(quality.adjustment.problem, network)[one.partition]
-    return moments(_rows(quality, partition, one.number), float(one.sums[1]))
-
-
 def summed_groups(quality: Quality, network: Network, seed: int = 0) -> list[Summed]:
     """Sums over everything that is tested; those of parts of a network add up, each part having its own ``seed``."""
     found, several = partitions(quality.adjustment.problem, network), sets_beside_others(network)

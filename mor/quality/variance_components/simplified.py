@@ -70,11 +70,6 @@ def components(quality: Quality, method: Method = "simplified") -> Components:
     return _told(_estimate(quality, method, redundancy >= _REPORTED))
 
 
-def components_of_sums(omega: FloatArray, redundancy: FloatArray) -> Components:
-    """The simplified ones of groups (g,) of which the parts of vᵀPv and Σr are known."""
-    return _told(_simplified(omega, redundancy, redundancy >= _REPORTED))
-
-
 def _told(found: _Estimate) -> Components:
     possible = found.variances >= 0.0
     factors = np.sqrt(np.where(possible, found.variances, 1.0))
@@ -108,19 +103,6 @@ def iterated_components(
 def has_settled(step: FloatArray) -> bool:
     """True where the factors (g,) of a round change nothing any more."""
     return bool(np.abs(step - 1.0).max(initial=0.0) < _SETTLED)
-
-
-def next_step(
-    omega: FloatArray, redundancy: FloatArray, estimated: BoolArray, total: FloatArray
-) -> FloatArray:
-    """Simplified factors (g,) to multiply σ with, from the sums of a round; ``total`` are those they have by now."""
-    found = np.sqrt(np.maximum(_simplified(omega, redundancy, estimated).variances, 0.0))
-    return np.asarray(np.where(estimated & (found > 0.0), found, 1.0 / total))
-
-
-def spread_of_sums(omega: FloatArray, redundancy: FloatArray, estimated: BoolArray) -> FloatArray:
-    """(g,) standard deviations of simplified factors of σ, relative to these."""
-    return _simplified(omega, redundancy, estimated).spread
 
 
 class _Estimate(NamedTuple):

@@ -13,20 +13,6 @@ def to_json(data: dict[str, Any]) -> str:
     return _text(data) + "\n"
 
 
-def json_in_pieces(
-    data: Mapping[str, Any], long: Mapping[str, Iterable[Sequence[Mapping[str, Any]]]]
-) -> Iterator[str]:
-    """The same text a piece at a time, lists of ``long`` keys from parts of their rows, which are never all there."""
-    yield "{"
-    for number, (key, value) in enumerate(data.items()):
-        yield "," * (number > 0) + f"\n {_text(key)}: "
-        if key in long:
-            yield from _rows(long[key])
-        else:
-            yield textwrap.indent(_text(value), " ").lstrip()
-    yield "\n}\n"
-
-
 def _rows(parts: Iterable[Sequence[Mapping[str, Any]]]) -> Iterator[str]:
     empty = True
     for rows in parts:

@@ -14,6 +14,8 @@ _OF_ROW = 120
 _PAGE = 15e6
 _OF_RAY_ON_PAGE, _OF_OTHER_ON_PAGE = 1200, 1000
 """Bytes of a row of the network beside the adjustment: in the tables, and on the page."""
+_OF_POINT = 450
+"""Bytes of a point in the tables and in the adjusted project."""
 _OF_LISTED = 5_500
 """Bytes of a point that ``results.json`` lists, as Python objects."""
 FEWER = "--no-html, and --tables worst"
@@ -26,6 +28,7 @@ def memory_of_reports(network: Network, html: bool, tables: Literal["none", "wor
     others = sum(group.count for group in network.groups) - rays
     points = len(network.things["point"].ids)
     size = _LIBRARIES + _OF_LISTED * (points if points <= INLINE else 0)
+    size += _OF_POINT * points
     if tables == "all" or html:
         size += _OF_ROW * min(rays + others, _ROWS_TOGETHER)
     if html:

@@ -9,8 +9,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from mor.compilation import as_here, kernels_used
 from mor.errors import Undeterminable
 from mor.input_files import inputs_of_run
+from mor.long_arrays import is_limited
 from mor.output_files import Content, listed_files, write_content
 from mor.parameters.index import Values
 from mor.project.file.nodes import Document
@@ -103,8 +105,12 @@ def write_results(
     reports = _reports(solved, of, names, files, choice)
     about = _readme([*starts, *long, *reports], place, choice)
     files += sorted([*about, *starts, *long, *reports])
-    with inputs_of_run(file.path for file in of.files), ThreadPoolExecutor(1) as beside:
-        made = {name: _made(beside.submit(make)) for name, make in reports.items()}
+    with (
+        inputs_of_run(file.path for file in of.files),
+        kernels_used(solved.adjustment.kernels),
+        ThreadPoolExecutor(1) as beside,
+    ):
+        made = {name: _made(beside.submit(as_here(make))) for name, make in reports.items()}
         writers = {**made, **long} if _is_alone(solved, choice) else {**long, **made}
         try:
             write_folder(place, {**about, **starts, **writers})
@@ -162,8 +168,8 @@ def _readme(names: Sequence[str], place: Reservation, choice: Choice) -> dict[st
 
 
 def _is_alone(solved: Solved, choice: Choice) -> bool:
-    """Return True if the long table is written last, with the room of all others."""
-    return is_large(solved) and not choice.html
+    """True where the long table is written last, with the room of all others."""
+    return is_limited() or (is_large(solved) and not choice.html)
 
 
 def _starts(solved: Solved, document: Document, source: Path, folder: Path) -> dict[str, Writer]:

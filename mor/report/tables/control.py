@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-import polars as pl
 
 from mor.arrays import AnyIntArray, BoolArray, FloatArray, IntArray
 from mor.observations import ObservationGroup, is_image_point
@@ -69,35 +68,3 @@ def _columns(totals: FloatArray, largest: FloatArray) -> dict[str, FloatArray]:
         "mean_r": np.where(seen, total / np.maximum(number, 1), np.nan),
         "largest_w": np.where(seen, largest, np.nan),
     }
-
-
-def sums_of_control(solved: Solved, kind: str, names: list[str]) -> pl.DataFrame:
-    """Sums over the observations of some points, or images: what their columns come from where several parts see them.
-
-    Columns: id, Σ r, active observations, largest test value, rays, other rows, Σ v² of image coordinates as given.
-    """
-    things = solved.network.things[kind]
-    size = len(solved.network.blocks["point"].ids) if kind == "point" else len(things.ids)
-    sums, largest = np.zeros((5, size)), np.zeros(size)
-    quality = solved.quality
-    assert quality is not None
-    for group, one, tests in zip(
-        quality.adjustment.problem.groups, quality.groups, quality.reliability, strict=True
-    ):
-        ray = is_image_point(group.type)
-        for owner, blocks in owners_of_rows(solved, group):
-            if owner != kind:
-                continue
-            active: BoolArray = group.mask & ~group.left_out
-            r = np.where(active, np.nan_to_num(one.r), 0.0).sum(axis=1)
-            test = np.where(active, np.nan_to_num(np.abs(tests.test)), 0.0).max(axis=1, initial=0.0)
-            factors = group.external.factors if ray and group.external is not None else 1.0
-            squares = np.nansum((one.v / factors) ** 2, axis=1)
-            rows = np.ones(group.count)
-            for k, amount in enumerate((r, active.sum(axis=1), rows * ray, rows * (not ray), squares * ray)):
-                np.add.at(sums[k], blocks, amount)
-            np.maximum.at(largest, blocks, test)
-    numbers = np.array([things.numbers[name] for name in names], dtype=np.int64)
-    at = things.parts["position"][numbers] if kind == "point" else numbers
-    columns = dict(zip(("r", "active", "rays", "others", "squares"), sums[:, at], strict=True))
-    return pl.DataFrame({"id": pl.Series(names, dtype=pl.String), **columns, "largest": largest[at]})

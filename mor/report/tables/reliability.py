@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from mor.arrays import FloatArray
 from mor.observations import ObservationGroup
 from mor.quality.gross_errors.data_snooping import Snooped
-from mor.quality.gross_errors.rejected_as_a_whole import TakenOut, mostly_out, taken_out
+from mor.quality.gross_errors.rejected_as_a_whole import TakenOut, mostly_out
 from mor.quality.reliability.effects import Effect
 from mor.quality.solved import Solved
 from mor.quality.tests.fixed_coordinates import FixedPointTest, fixed_point_tests
@@ -128,14 +127,6 @@ def _snooping(solved: Solved) -> dict[str, Any] | None:
         "sigma0_before": snooping.sigma0_before,
         "steps": [_step(solved, step) for step in snooping.steps],
     }
-
-
-def taken_out_rows(solved: Solved, also: Collection[tuple[str, str]]) -> list[tuple[str, dict[str, Any]]]:
-    """Kind and row of everything that data snooping took an observation of, and of some blocks (kind, name) besides."""
-    snooping = solved.treatment.snooping if solved.treatment else None
-    if snooping is None:
-        return []
-    return [(one.kind, _taken_out(solved, one)) for one in taken_out(snooping, also)]
 
 
 def _taken_out(solved: Solved, one: TakenOut) -> dict[str, Any]:

@@ -68,7 +68,7 @@ def contradictions(data: dict[str, Any] | None, words: Words) -> list[str]:
                 count=data["tests"],
             )
         ]
-    explained = data["explanations"][:1]  # none where nobody has looked, as in domains
+    explained = data["explanations"][:1]
     rejected = sorted((row for row in data["groups"] if row["rejected"]), key=lambda row: row["p"])
     worst = (data["explanations"] or rejected)[:NAMED]
     names = ", ".join(

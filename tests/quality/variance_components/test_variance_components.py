@@ -11,11 +11,10 @@ import pytest
 from mor.adjustment.solve import adjust
 from mor.quality.assess import Levels, assess
 from mor.quality.gross_errors.exclusion import exclude, reweighted
-from mor.quality.variance_components import helmert
+from mor.quality.variance_components import helmert, simplified
 from mor.quality.variance_components.helmert import helmert_system
 from mor.quality.variance_components.simplified import (
     components,
-    components_of_sums,
     group_sums,
     iterated_components,
 )
@@ -60,7 +59,8 @@ def test_planted_factors_are_recovered(method):
 
 def test_the_sigma_of_a_simplified_factor_is_its_scatter():
     redundancy = np.full(40_000, 50.0)
-    found = components_of_sums(np.random.default_rng(8).chisquare(redundancy), redundancy)
+    omega = np.random.default_rng(8).chisquare(redundancy)
+    found = simplified._told(simplified._simplified(omega, redundancy, redundancy > 0.0))
     assert np.std(found.factors) == pytest.approx(np.mean(found.sigma), rel=0.03)
 
 

@@ -124,9 +124,7 @@ class Verdict(Part):
         description="The worst groups; those first whose effect explains most"
     )
     conventions: Conventions = Field(description="What was chosen and not measured")
-    determined: Determined | None = Field(
-        default=None, description="Whether the result is determined; null for projects in domains"
-    )
+    determined: Determined = Field(description="Whether the result is determined")
 
 
 class Further(Part):

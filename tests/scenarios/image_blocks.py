@@ -1,4 +1,4 @@
-"""Simulated image blocks as project folders, seeded: what adjustments in domains are compared on."""
+"""Simulated image blocks as project folders, seeded: small blocks for tests of the engine."""
 
 from __future__ import annotations
 
