@@ -17,10 +17,10 @@ import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
-from mor.arrays import FloatArray
-from mor.planning.plan import solve_plan
-from mor.planning.ranks import ranking
-from mor.quality.design.requirements import requirements
+from mor.api.design import ranking
+from mor.api.plan import solve_plan
+from mor.plan.requirements import requirements
+from mor.types import FloatArray
 from tests.scenarios.planned_networks import grid
 
 LEAST, ORDERS = 0.2, 1000

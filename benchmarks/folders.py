@@ -22,7 +22,7 @@ from scenes import (
     Scene,
 )
 
-from mor.arrays import FloatArray, IntArray
+from mor.types import FloatArray, IntArray
 
 _Column = pl.Series | NDArray[Any]
 _SIGMA = {"distance": SIGMA_DISTANCE, "bearing": SIGMA_BEARING, "height_difference": SIGMA_HEIGHT}

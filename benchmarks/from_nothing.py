@@ -20,11 +20,10 @@ from folders import write_block
 from measure import now, since
 from scenes import Block, make
 
-from mor.adjustment.solve import adjust
-from mor.compilation import chosen_by_size
-from mor.pipeline import read_document, read_network
-from mor.preparation import determinable_start, make_problem
-from mor.sparse.blas_threads import one_thread
+from mor.api.pipeline import determinable_start, make_problem, read_document, read_network
+from mor.linalg.cholesky import one_thread
+from mor.linalg.compilation import chosen_by_size
+from mor.solve.iterate import adjust
 
 _SMALL = 4, 8
 """Strips and images of a block by which kernels are loaded before anything is timed."""

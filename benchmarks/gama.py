@@ -101,7 +101,7 @@ def compared(scene: Scene, result: Path) -> dict[str, float]:
     from problems import problem_of_grid
     from scenes import Grid
 
-    from mor.adjustment.solve import adjust
+    from mor.solve.iterate import adjust
 
     if not isinstance(scene, Grid):
         raise ValueError("only geodetic networks are adjusted by gama-local")

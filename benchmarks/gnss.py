@@ -21,7 +21,7 @@ from measure import run
 from pyproj import Transformer
 from scipy.spatial import cKDTree
 
-from mor.arrays import FloatArray, IntArray
+from mor.types import FloatArray, IntArray
 
 _ROOT = Path(__file__).resolve().parent.parent
 _WIDTH = 3.0

@@ -18,11 +18,11 @@ import numpy as np
 import scenes
 from problems import as_problem
 
-from mor.adjustment.problem import Problem
-from mor.adjustment.solve import adjust
-from mor.arrays import BoolArray
-from mor.compilation import chosen_by_size
-from mor.quality.gross_errors.suspects import without_suspects
+from mor.linalg.compilation import chosen_by_size
+from mor.quality.outliers import without_suspects
+from mor.solve.iterate import adjust
+from mor.solve.problem import Problem
+from mor.types import BoolArray
 
 Result = TypeVar("Result")
 

@@ -11,15 +11,14 @@ import scenes
 from measure import Seconds, now, resident, since
 from problems import as_problem
 
-from mor import compilation
-from mor.adjustment.normals import build_normals
-from mor.adjustment.problem import Problem
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Adjustment
-from mor.arrays import FloatArray, IntArray
-from mor.quality.assess import Quality, assess
-from mor.quality.precision.cofactors import datum_transformation, parameter_cofactors
-from mor.quality.reliability.redundancy import observation_quality
+from mor.linalg import compilation
+from mor.quality.assessment import Quality, assess
+from mor.quality.precision import datum_transformation, parameter_cofactors
+from mor.quality.redundancy import observation_quality
+from mor.solve.iterate import Adjustment, adjust
+from mor.solve.normals import build_normals
+from mor.solve.problem import Problem
+from mor.types import FloatArray, IntArray
 
 compilation.elsewhere = compilation.available
 

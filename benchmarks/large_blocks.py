@@ -20,8 +20,8 @@ from folders import images_of_block, names, project_of_block
 from polars.io.plugins import register_io_source
 from scenes import SIGMA_CENTRE, SIGMA_IMAGE, project
 
-from mor.arrays import FloatArray, IntArray
-from mor.geometry.rotations import rotation_from_angles
+from mor.model.rotations import rotation_from_angles
+from mor.types import FloatArray, IntArray
 
 ALONG, ACROSS = 180.0, 280.0
 """m from image to image, and from strip to strip."""

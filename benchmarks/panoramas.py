@@ -16,16 +16,15 @@ from problems import Posed, problem_of_block
 from rolling_shutters import iteration
 from scenes import INTERIOR, SIGMA_IMAGE, Block, aerial
 
-from mor.adjustment.problem import Problem
-from mor.adjustment.solve import Settings, adjust
-from mor.arrays import FloatArray
-from mor.geometry.rotations import rotation_from_angles
-from mor.geometry.trajectory import linear_weights
-from mor.observations import IMAGE_TYPES, ObservationType
-from mor.observations.time.shutter_on_trajectory import shutter_on_trajectory
-from mor.observations.time.trajectory import on_trajectory
-from mor.parameters.index import Blocks, index_unknowns
-from mor.parameters.kinds import INTERIORS, READOUT
+from mor.model.images import shutter_on_trajectory
+from mor.model.motion import linear_weights
+from mor.model.observation_types import IMAGE_TYPES, ObservationType
+from mor.model.parameters import INTERIORS, READOUT, Blocks, index_unknowns
+from mor.model.rotations import rotation_from_angles
+from mor.model.trajectory import on_trajectory
+from mor.solve.iterate import Settings, adjust
+from mor.solve.problem import Problem
+from mor.types import FloatArray
 
 OF_PANORAMAS = np.array([100, 0.02, -0.03, 1e-4, 0.01, 0.002, 1e-4, 1e-3, 1e-8, 0.0, 1e-4, 1e-4, 0.0, 0.0])
 STRIPS, IMAGES = 10, 20

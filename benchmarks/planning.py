@@ -23,11 +23,11 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from folders import write_block
 from scenes import SIGMA_IMAGE, Block, aerial, project
 
-from mor.geometry.rotations import rotation_from_angles
-from mor.pipeline import read_document
-from mor.planning.plan import at_its_place, read_plan, solve_plan
-from mor.planning.ranks import ranking
-from mor.quality.design.requirements import requirements
+from mor.api.design import ranking
+from mor.api.pipeline import read_document
+from mor.api.plan import at_its_place, read_plan, solve_plan
+from mor.model.rotations import rotation_from_angles
+from mor.plan.requirements import requirements
 
 Result = TypeVar("Result")
 _STRIPS, _IN_STRIP = 20, 25

@@ -15,12 +15,21 @@ from scenes import (
     Scene,
 )
 
-from mor.adjustment.problem import Datum, Problem
-from mor.arrays import FloatArray, IntArray
-from mor.geometry.rotations import rotation_from_angles
-from mor.observations import IMAGE_TYPES, OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup
-from mor.parameters.index import Blocks, index_unknowns
-from mor.parameters.kinds import DISTANCE_METER, ECCENTRICITY, HEIGHT, INTERIORS, POINT, ROTATION, BlockKind
+from mor.model.observation_types import IMAGE_TYPES, OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup
+from mor.model.parameters import (
+    DISTANCE_METER,
+    ECCENTRICITY,
+    HEIGHT,
+    INTERIORS,
+    POINT,
+    ROTATION,
+    BlockKind,
+    Blocks,
+    index_unknowns,
+)
+from mor.model.rotations import rotation_from_angles
+from mor.solve.problem import Datum, Problem
+from mor.types import FloatArray, IntArray
 
 Posed = tuple[Problem, dict[str, FloatArray]]
 """A problem and the values it starts from."""

@@ -22,7 +22,7 @@ import numpy as np
 import polars as pl
 from measure import now, run, since
 
-from mor.arrays import FloatArray, IntArray
+from mor.types import FloatArray, IntArray
 
 _ROOT = Path(__file__).resolve().parent.parent
 _PER_POINT, _PER_IMAGE = 10, 5000
@@ -127,9 +127,9 @@ def write_tables(block: Block, folder: Path, end: str) -> Path:
 
 def read_here(path: Path) -> dict[str, float]:
     """CPU seconds to the document and to the network of a block, and the largest memory (GB), of this process."""
-    from mor.pipeline import read_document
-    from mor.project.file.validation import validate
-    from mor.project.network.build import build_network
+    from mor.api.pipeline import read_document
+    from mor.project.network import build_network
+    from mor.project.schema import validate
 
     start = now()
     document = read_document(path)

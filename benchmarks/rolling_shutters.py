@@ -13,17 +13,14 @@ from measure import now, since
 from problems import Posed, problem_of_block
 from scenes import INTERIOR, SIGMA_IMAGE, Block, aerial
 
-from mor.adjustment.inverse import invert_alike
-from mor.adjustment.normals import build_normals
-from mor.adjustment.problem import Problem
-from mor.adjustment.rays.point_solutions import full_step
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Adjustment
-from mor.arrays import FloatArray
-from mor.geometry.rotations import rotation_from_angles
-from mor.observations import MOVING_TYPES, OBSERVED_PARAMETERS, ObservationGroup
-from mor.parameters.index import Blocks, index_unknowns
-from mor.parameters.kinds import IMAGE_VELOCITY, READOUT, ROTATION_RATE, BlockKind
+from mor.model.observation_types import MOVING_TYPES, OBSERVED_PARAMETERS, ObservationGroup
+from mor.model.parameters import IMAGE_VELOCITY, READOUT, ROTATION_RATE, BlockKind, Blocks, index_unknowns
+from mor.model.rotations import rotation_from_angles
+from mor.solve.inverse import invert_alike
+from mor.solve.iterate import Adjustment, adjust
+from mor.solve.normals import build_normals, full_step
+from mor.solve.problem import Problem
+from mor.types import FloatArray
 
 READOUT_TIME = 0.03
 SIGMAS = {"image velocity": 0.3, "rotation rate": 0.005}

@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from mor.arrays import FloatArray, IntArray
-from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
+from mor.model.rotations import angles_from_rotation, rotation_from_angles
+from mor.types import FloatArray, IntArray
 
 SIGMA_IMAGE = 0.003
 """mm."""

@@ -16,16 +16,13 @@ from typing import Any
 
 import numpy as np
 
-from mor.approximate.bundle import image_bundle
-from mor.approximate.intersection import intersect
-from mor.approximate.planar.plane_shape import shape_of_plane
-from mor.approximate.relative_orientation.coplanarity import adjust_coplanarity
-from mor.approximate.relative_orientation.robust import robust_relative_orientation
-from mor.approximate.relative_orientation.two_bundles import relative_orientation
-from mor.approximate.resection.refinement import Pose, adjust_pose
-from mor.approximate.resection.space_resection import resect
-from mor.approximate.similarity import similarity
-from mor.approximate.terrestrial.free_station import free_station_level
+from mor.start.bundle import image_bundle, similarity
+from mor.start.free_station import free_station_level
+from mor.start.image_pair import relative_orientation, robust_relative_orientation
+from mor.start.intersection import intersect
+from mor.start.plane_object import shape_of_plane
+from mor.start.relative_orientation import adjust_coplanarity
+from mor.start.resection import Pose, adjust_pose, resect
 
 NOISES = (0.0, 0.001, 0.005)
 Trial = tuple[str, float, bool]

@@ -17,15 +17,23 @@ from problems import Posed, problem_of_block
 from rolling_shutters import iteration
 from scenes import INTERIOR, SIGMA_IMAGE, aerial
 
-from mor.adjustment.problem import Datum, Problem
-from mor.adjustment.solve import adjust
-from mor.arrays import FloatArray, IntArray
-from mor.geometry.rotations import rotation_from_angles
-from mor.observations import OBSERVED_PARAMETERS, ObservationGroup
-from mor.observations.time.line_scanner import line_scanner
-from mor.parameters.index import Blocks, index_unknowns
-from mor.parameters.kinds import ECCENTRICITY, HEIGHT, INTERIORS, POINT, ROTATION, BlockKind
-from mor.project.trajectories.model import Trajectory
+from mor.model.images import line_scanner
+from mor.model.observation_types import OBSERVED_PARAMETERS, ObservationGroup
+from mor.model.parameters import (
+    ECCENTRICITY,
+    HEIGHT,
+    INTERIORS,
+    POINT,
+    ROTATION,
+    BlockKind,
+    Blocks,
+    index_unknowns,
+)
+from mor.model.rotations import rotation_from_angles
+from mor.project.entities import Trajectory
+from mor.solve.iterate import adjust
+from mor.solve.problem import Datum, Problem
+from mor.types import FloatArray, IntArray
 
 LINES = np.array([45.0, 0.0, -28.0])
 """y of the lines in mm, at c = 100 mm."""

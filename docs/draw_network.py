@@ -14,9 +14,9 @@ import numpy as np
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
-from mor.pipeline import read_document, read_network, solve_network
-from mor.quality.solved import Solved
-from mor.report.tables.estimates import image_table, point_table
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.quality.solution import Solved
+from mor.report.estimates import image_table, point_table
 
 ROOT = Path(__file__).resolve().parents[1]
 TARGET = ROOT / "docs" / "images" / "network.svg"

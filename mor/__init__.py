@@ -17,21 +17,16 @@ from typing import TYPE_CHECKING, Any
 __version__ = "0.1.0"
 
 if TYPE_CHECKING:
-    from mor.api.adjust import adjust as adjust
-    from mor.api.project import Project as Project
-    from mor.api.project import read as read
-    from mor.api.result import Result as Result
-    from mor.api.table import Table as Table
-    from mor.errors import InputError as InputError
-    from mor.errors import MorError as MorError
-    from mor.errors import NoSolutionError as NoSolutionError
+    from mor.api.project import Project, read
+    from mor.api.result import Result, Table, adjust
+    from mor.errors import InputError, MorError, NoSolutionError
 
 _PLACES = {
     "Project": "mor.api.project",
-    "adjust": "mor.api.adjust",
+    "adjust": "mor.api.result",
     "read": "mor.api.project",
     "Result": "mor.api.result",
-    "Table": "mor.api.table",
+    "Table": "mor.api.result",
     "InputError": "mor.errors",
     "MorError": "mor.errors",
     "NoSolutionError": "mor.errors",

@@ -1,14 +1,45 @@
-"""Errors as data: every message has a location, and every failure an exit code."""
+"""Texts of the user as they are shown: what would move the cursor, hide letters or break a line is spelled out."""
 
 from __future__ import annotations
 
 import difflib
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
-from mor.escapes import escaped
+# ------------------------------------------------------------
+# Texts of the user as they are shown: what would move the cursor, hide letters or break a line is spelled out.
+# ------------------------------------------------------------
+
+_UNSEEN = re.compile(
+    "[\x00-\x09\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff\ufff9-\ufffb]"
+)
+"""Control characters but the line feed, marks of the direction of writing, line separators, halves of surrogates."""
+LONGEST = 500
+"""Letters of a line that a terminal is given."""
+
+
+def escaped(text: str) -> str:
+    """The text with ``\\x1b`` and the like in the place of characters that are no letters; lines stay lines."""
+    return _UNSEEN.sub(_spelled, text) if not text.isascii() or not text.isprintable() else text
+
+
+def shortened(line: str, longest: int = LONGEST) -> str:
+    """A line that fits the terminal, or another width; what is left out of its middle is marked."""
+    tail = longest // 5
+    return line if len(line) <= longest else f"{line[: longest - tail]} … {line[3 - tail :]}"
+
+
+def _spelled(match: re.Match[str]) -> str:
+    code = ord(match[0])
+    return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
+
+
+# ------------------------------------------------------------
+# Errors as data: every message has a location, and every failure an exit code.
+# ------------------------------------------------------------
 
 
 class ExitCode(IntEnum):
@@ -23,7 +54,7 @@ class ExitCode(IntEnum):
     INTERNAL = 70
 
 
-class Problem(NamedTuple):
+class Message(NamedTuple):
     """One mistake in the input: where it stands, what was found, what was expected.
 
     ``file`` and ``line`` may be empty (``""``, 0) where a problem belongs to no single place.
@@ -42,12 +73,12 @@ MOST_TOLD = 20
 """Mistakes or notes that fill a screen."""
 
 
-def screenful(notes: Sequence[Problem], told_by: str) -> Sequence[Problem]:
+def screenful(notes: Sequence[Message], told_by: str) -> Sequence[Message]:
     """Notes that a terminal is given: all, or the first ones, how many more there are, and what tells all of them."""
     more = len(notes) - MOST_TOLD
     if more <= 0:
         return notes
-    return [*notes[:MOST_TOLD], Problem(f"… and {more} more notes; {told_by} tells all of them")]
+    return [*notes[:MOST_TOLD], Message(f"… and {more} more notes; {told_by} tells all of them")]
 
 
 class Undeterminable(NamedTuple):
@@ -82,7 +113,7 @@ class InputError(MorError):
     told_by = "mor check --all"
     """The command that tells all problems, where they are more than a screen holds."""
 
-    def __init__(self, problems: Iterable[Problem]):
+    def __init__(self, problems: Iterable[Message]):
         self.problems = tuple(problems)
         super().__init__(self.problems)
 
@@ -137,7 +168,7 @@ class NoStartValuesError(InputError):
         contradicted = bool(self.remarks) or any(thing.reason == CONTRADICTED for thing in self.things)
         hint = ("mor diagnose searches for mistakes that may be the cause",) if contradicted else ()
         super().__init__(
-            [Problem(words) for words in (advice, *said, *hint, *map(str, self.things), *self.remarks)]
+            [Message(words) for words in (advice, *said, *hint, *map(str, self.things), *self.remarks)]
         )
 
 
@@ -169,3 +200,23 @@ def _alike(name: str, names: list[str]) -> list[str]:
         own = np.array([wanted], dtype=f"U{width}").view(np.uint32)
         score = np.maximum(score, np.count_nonzero(letters == own, axis=1))
     return [names[k] for k in np.argsort(-score, kind="stable")[:100].tolist()]
+
+
+# ------------------------------------------------------------
+# Counted things in words: 1 image, 2 images.
+# ------------------------------------------------------------
+
+
+class Place(str):
+    """A placeholder in a sentence; ``{count:image|images}`` chooses the singular or plural noun."""
+
+    __slots__ = ()
+
+    def __format__(self, words: str) -> str:
+        one, bar, many = words.partition("|")
+        return f"{self!s} {one if self == '1' else many}" if bar else format(str(self), words)
+
+
+def counted(count: int, one: str, many: str = "") -> str:
+    """A count with its word: ``counted(1, "ray")`` is "1 ray", ``counted(2, "ray")`` "2 rays"."""
+    return f"{count} {one if count == 1 else many or one + 's'}"

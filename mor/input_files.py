@@ -14,7 +14,7 @@ from pathlib import Path
 from stat import S_ISDIR, S_ISREG
 from typing import NamedTuple
 
-from mor.errors import InputError, Problem
+from mor.errors import InputError, Message
 
 LIMITS = {
     "MOR_MAX_FILE_MB": 2_000,
@@ -123,7 +123,7 @@ def limit(name: str) -> int:
         return LIMITS[name]
     if not given.isascii() or not given.isdigit() or int(given) == 0:
         words = f"found {given!r} in the environment, expected a whole number above 0"
-        raise InputError([Problem(words, name)])
+        raise InputError([Message(words, name)])
     return int(given)
 
 
@@ -148,7 +148,7 @@ def read_bytes(path: Path, most: str = TABLE) -> bytes:
         return gzip.decompress(content) if packed else content
     except (OSError, EOFError, zlib.error) as error:
         words = getattr(error, "strerror", None) or str(error)
-        raise InputError([Problem(f"this file cannot be read: {words}", str(path))]) from None
+        raise InputError([Message(f"this file cannot be read: {words}", str(path))]) from None
 
 
 def read_text(path: Path, most: str = PROJECT, errors: str = "strict") -> str:
@@ -158,7 +158,7 @@ def read_text(path: Path, most: str = PROJECT, errors: str = "strict") -> str:
         return content.decode("utf-8", errors).replace("\r\n", "\n").replace("\r", "\n")
     except UnicodeDecodeError as error:
         line = content[: error.start].count(b"\n") + 1
-        raise InputError([Problem("this is not UTF-8 text", str(path), line)]) from None
+        raise InputError([Message("this is not UTF-8 text", str(path), line)]) from None
 
 
 def as_utf8(content: bytes) -> bytes:
@@ -173,16 +173,16 @@ def check_regular(path: Path) -> None:
     try:
         mode = os.stat(path).st_mode
     except FileNotFoundError:
-        raise InputError([Problem("this file does not exist", str(path))]) from None
+        raise InputError([Message("this file does not exist", str(path))]) from None
     except PermissionError as error:
-        raise InputError([Problem(f"this file cannot be read: {error.strerror}", str(path))]) from None
+        raise InputError([Message(f"this file cannot be read: {error.strerror}", str(path))]) from None
     except (OSError, ValueError) as error:
         words = getattr(error, "strerror", None) or str(error)
-        raise InputError([Problem(f"this is no name of a file: {words}", str(path))]) from None
+        raise InputError([Message(f"this is no name of a file: {words}", str(path))]) from None
     if S_ISREG(mode):
         return
     words = "folder" if S_ISDIR(mode) else "pipe or a device"
-    raise InputError([Problem(f"this is a {words}, expected a file", str(path))])
+    raise InputError([Message(f"this is a {words}, expected a file", str(path))])
 
 
 def is_folder(path: Path) -> bool:
@@ -197,7 +197,7 @@ def check_size(size: int, path: Path, most: str) -> None:
     """Raise :class:`InputError` where ``size`` bytes are above the limit ``most``."""
     if size > limit(most) * _MB:
         words = f"found more than {limit(most)} MB; {raise_it(most)}"
-        raise InputError([Problem(words, str(path))])
+        raise InputError([Message(words, str(path))])
 
 
 def _unpacked_size(path: Path, most: int) -> int:

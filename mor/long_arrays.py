@@ -24,7 +24,7 @@ from weakref import WeakSet
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
-from mor.errors import InputError, Problem
+from mor.errors import InputError, Message
 from mor.input_files import is_folder
 from mor.machine import memory_allowed, pages_of_files, resident
 
@@ -58,7 +58,7 @@ class _Scratch:
             words = (
                 f"long arrays cannot be kept in this folder: {error.strerror}; --scratch names another one"
             )
-            raise InputError([Problem(words, str(self.folder))]) from None
+            raise InputError([Message(words, str(self.folder))]) from None
         with self.lock:
             self.maps.add(found)
             self.size += size
@@ -97,7 +97,7 @@ def limited_memory(size: float | None, folder: Path) -> Iterator[None]:
         return
     if not is_folder(folder):
         raise InputError(
-            [Problem("this is no folder, expected one for the files of long arrays", str(folder))]
+            [Message("this is no folder, expected one for the files of long arrays", str(folder))]
         )
     scratch, over = _Scratch(folder), Event()
 

@@ -25,7 +25,7 @@ from stat import S_ISCHR, S_ISDIR, S_ISFIFO, S_ISREG, S_ISSOCK
 from typing import TextIO
 
 from mor import __version__
-from mor.errors import InputError, Problem
+from mor.errors import InputError, Message
 from mor.input_files import is_input
 
 Writer = Callable[[Path], None]
@@ -57,19 +57,19 @@ def check_file(path: Path, force: bool, makes_folders: bool = False) -> None:
             real = Path(os.path.realpath(path))  # of a link to nothing, what it points to
             if not makes_folders and not real.parent.is_dir():
                 raise InputError(
-                    [Problem("the folder of this file does not exist; make it first", str(path))]
+                    [Message("the folder of this file does not exist; make it first", str(path))]
                 ) from None
             return
         if S_ISDIR(mode):
-            raise InputError([Problem("this is a folder, expected a file to write", str(path))])
+            raise InputError([Message("this is a folder, expected a file to write", str(path))])
         if is_input(path):
-            raise InputError([Problem(_OVER_INPUT, str(path))])
+            raise InputError([Message(_OVER_INPUT, str(path))])
         if _is_stream(mode):
             return
         if not S_ISREG(mode):
-            raise InputError([Problem("this is a device, expected a file to write", str(path))])
+            raise InputError([Message("this is a device, expected a file to write", str(path))])
         if not force:
-            raise InputError([Problem("this file exists; --force replaces it", str(path))])
+            raise InputError([Message("this file exists; --force replaces it", str(path))])
 
 
 def write_file(path: Path, content: Content, force: bool) -> None:
@@ -82,7 +82,7 @@ def write_files(files: Mapping[Path, Content], force: bool, makes_folders: bool 
 
     Raises :class:`InputError` with the name of the file, before anything is replaced.
     """
-    problems: list[Problem] = []
+    problems: list[Message] = []
     for path in files:
         try:
             check_file(path, force, makes_folders)
@@ -131,11 +131,11 @@ def named(path: Path) -> Iterator[None]:
         raise
     except OSError as error:
         words = error.strerror or str(error).partition(" (os")[0]  # "(os error 28)" is what polars adds
-        raise InputError([Problem(f"this file cannot be written: {words}", str(path))]) from None
+        raise InputError([Message(f"this file cannot be written: {words}", str(path))]) from None
     except ValueError as error:
         if "null" not in str(error):  # "embedded null byte"
             raise
-        raise InputError([Problem("this is no name of a file", str(path))]) from None
+        raise InputError([Message("this is no name of a file", str(path))]) from None
 
 
 def _is_stream(mode: int) -> bool:
@@ -244,10 +244,10 @@ def check_folder(folder: Path, force: bool, names: Iterable[str] = ()) -> None:
         except FileNotFoundError:
             return
         if not S_ISDIR(mode):
-            raise InputError([Problem("this is a file, expected a folder for the results", str(folder))])
+            raise InputError([Message("this is a file, expected a folder for the results", str(folder))])
         if any(folder.iterdir()) and not force:
             words = "the folder exists and is not empty; --force replaces results in it"
-            raise InputError([Problem(words, str(folder))])
+            raise InputError([Message(words, str(folder))])
         check_names(folder, names)
 
 
@@ -261,12 +261,12 @@ def check_names(folder: Path, names: Iterable[str]) -> None:
     for name in sorted(names | listed):
         path = folder / name
         if is_input(path):
-            problems.append(Problem(_RESULTS_OVER_INPUT, str(path)))
+            problems.append(Message(_RESULTS_OVER_INPUT, str(path)))
         elif name in names - listed and os.path.lexists(path):
-            problems.append(Problem(_NOT_LISTED, str(path)))
+            problems.append(Message(_NOT_LISTED, str(path)))
         else:
             problems += [
-                Problem(_NOT_LISTED, str(folder / above))
+                Message(_NOT_LISTED, str(folder / above))
                 for above in PurePosixPath(name).parents
                 if (folder / above).exists() and not (folder / above).is_dir()
             ]

@@ -12,11 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from mor.parameters.kinds import INTERIORS
-from mor.pipeline import read_document, read_network, solve_network
-from mor.quality.assess import Quality, standard_deviations
-from mor.quality.solved import Solved
-from mor.report.places.table import place_table
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.model.parameters import INTERIORS
+from mor.quality.assessment import Quality, standard_deviations
+from mor.quality.solution import Solved
+from mor.report.estimates import place_table
 from sample_projects.simulate import SCENES
 
 ROOT = Path(__file__).resolve().parent

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import kstest
 
-from mor.pipeline import read_document, read_network, solve_network
+from mor.api.pipeline import read_document, read_network, solve_network
 from sample_projects.expected import parameter_results, point_results, quality_of
 from sample_projects.simulate import Files, content
 

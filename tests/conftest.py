@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mor import compilation
+from mor.linalg import compilation
 from tests.reference_data import MISSING, missing, reference_folder
 
 compilation.elsewhere = True  # tests of single steps compare kernels with the plain form

@@ -6,11 +6,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.adjustment.problem import Problem
-from mor.arrays import FloatArray
-from mor.geometry.rotations import angles_from_rotation, tangent_of_angles
-from mor.observations import wrap
-from mor.parameters.index import Values, moves_by_angles
+from mor.model.observation_types import wrap
+from mor.model.parameters import Values, moves_by_angles
+from mor.model.rotations import angles_from_rotation, tangent_of_angles
+from mor.solve.problem import Problem
+from mor.types import FloatArray
 
 
 @dataclass(frozen=True)

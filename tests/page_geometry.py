@@ -13,7 +13,7 @@ import re
 import subprocess
 from pathlib import Path
 
-from mor.report.html.paper import browser
+from mor.report.page import browser
 
 _LOOK = Path(__file__).with_suffix(".js")
 """What is added to a page: it says what sticks out once everything is drawn."""

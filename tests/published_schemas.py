@@ -9,8 +9,8 @@ from pathlib import Path
 import jsonschema
 import yaml
 
-from mor.project.file.schema import project_schema
-from mor.report.results.models.model import results_schema
+from mor.project.schema import project_schema
+from mor.report.schema import results_schema
 
 
 @cache

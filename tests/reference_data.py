@@ -12,13 +12,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import angles_from_rotation
-from mor.parameters.index import moves_by_angles
-from mor.pipeline import Solved, solve_network
-from mor.project.file.nodes import Document, read_yaml
-from mor.project.file.validation import validate
-from mor.project.network.build import Network, build_network
-from mor.quality.precision.cofactors import angle_cofactors
+from mor.api.pipeline import solve_network
+from mor.model.parameters import moves_by_angles
+from mor.model.rotations import angles_from_rotation
+from mor.project.document import Document, read_yaml
+from mor.project.network import Network, build_network
+from mor.project.schema import validate
+from mor.quality.precision import angle_cofactors
+from mor.quality.solution import Solved
 
 MISSING = "need the reference data of other programs (../shared/data, or the folder MOR_SHARED_DATA)"
 """Why tests of readers and of large blocks are skipped in a clone with nothing beside it."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.arrays import across
+from mor.types import across
 
 
 @pytest.mark.parametrize("width", [1, 2, 3])

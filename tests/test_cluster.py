@@ -11,9 +11,9 @@ from threading import Thread
 
 import pytest
 
-from mor import cluster
-from mor.cluster import Cluster
 from mor.errors import InputError
+from mor.solve import cluster
+from mor.solve.cluster import Cluster
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("default")

@@ -17,14 +17,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mor import compilation
-from mor.compilation import WORTH_COMPILING, chosen_by_size, notes_told_by, wanted
+from mor.linalg import compilation
+from mor.linalg.compilation import WORTH_COMPILING, chosen_by_size, notes_told_by, wanted
 
 numba = pytest.importorskip("numba")
 pytestmark = pytest.mark.skipif(not compilation.available, reason="nothing is compiled")
 
 INNER = """
-from mor.compilation import compile_kernel
+from mor.linalg.compilation import compile_kernel
 
 @compile_kernel
 def add(numbers, offset):
@@ -34,7 +34,7 @@ def add(numbers, offset):
     return total
 """
 OUTER = """
-from mor.compilation import compile_kernel
+from mor.linalg.compilation import compile_kernel
 from inner_kernels import add
 
 @compile_kernel
@@ -243,8 +243,8 @@ def test_where_numba_is_missing_a_large_network_is_told(
 
 
 LARGE = """
-import mor.compilation
-mor.compilation.WORTH_COMPILING = 3
+import mor.linalg.compilation
+mor.linalg.compilation.WORTH_COMPILING = 3
 from mor.__main__ import main
 main()
 """

@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from mor.counting import counted
-from mor.quality.diagnosis.sentences import english
-from mor.report.words.language import words_of, words_of_page
+from mor.errors import counted
+from mor.quality.singularity import english
+from mor.report.language import words_of, words_of_page
 from tests.scenarios.small_projects import LEVELLING, mor, write
 
 ONE_OF_MANY = re.compile(

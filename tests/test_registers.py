@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor import compilation
-from mor.compilation import compile_kernel
-from mor.registers import each, fetch, four, put, same, total
+from mor.linalg import compilation
+from mor.linalg.compilation import compile_kernel
+from mor.linalg.registers import each, fetch, four, put, same, total
 
 
 def _of_all_operations(array, place, into):

@@ -14,12 +14,10 @@ import warnings
 import numpy as np
 import scipy.optimize
 
-from mor.adjustment.linearise import linearise, rotation_tangents
-from mor.adjustment.problem import Problem
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.arrays import FloatArray
-from mor.parameters.index import Values, move, moves_by_angles
+from mor.model.parameters import Values, move, moves_by_angles
+from mor.solve.iterate import Outcome, adjust
+from mor.solve.problem import Problem, linearise, rotation_tangents
+from mor.types import FloatArray
 from tests.scenarios.gross_error_scenes import KINDS, Spoiled, disturbed, spoiled
 from tools.gross_error_trials import adjusted
 

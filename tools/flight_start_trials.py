@@ -14,13 +14,12 @@ from typing import Any, NamedTuple
 import numpy as np
 
 import mor
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.compilation import chosen_by_size
+from mor.api.pipeline import determinable_start, make_problem
 from mor.errors import MorError
-from mor.preparation import determinable_start, make_problem
-from mor.project.network.build import Network
-from mor.project.trajectories.poses import with_image_poses
+from mor.linalg.compilation import chosen_by_size
+from mor.project.network import Network
+from mor.project.planned_network import with_image_poses
+from mor.solve.iterate import Outcome, adjust
 from sample_projects.simulate.geometry import DEGREE, Array, angles, rotation
 
 KINDS = ("lines", "lines, GNSS", "lines, INS", "images", "images, GNSS")

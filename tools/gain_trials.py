@@ -14,19 +14,19 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-from mor.observations import ObservationGroup  # noqa: E402
-from mor.planning.plan import solve_plan  # noqa: E402
-from mor.planning.ranks import Ranking, ranking  # noqa: E402
-from mor.project.network.build import Network  # noqa: E402
-from mor.quality.assess import Quality  # noqa: E402
-from mor.quality.design.interest import MOST_ROWS  # noqa: E402
-from mor.quality.design.requirements import (  # noqa: E402
+from mor.api.design import Ranking, ranking  # noqa: E402
+from mor.api.plan import solve_plan  # noqa: E402
+from mor.model.observation_types import ObservationGroup  # noqa: E402
+from mor.plan.requirements import (  # noqa: E402
+    MOST_ROWS,
+    REACHED,
     RequiredControl,
     RequiredPrecision,
     Requirement,
     requirements,
 )
-from mor.quality.design.shortfall import REACHED  # noqa: E402
+from mor.project.network import Network  # noqa: E402
+from mor.quality.assessment import Quality  # noqa: E402
 from sample_projects.simulate import SCENES  # noqa: E402
 from tests.scenarios.planned_networks import sample  # noqa: E402
 

@@ -15,22 +15,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Adjustment, Outcome
-from mor.arrays import BoolArray, FloatArray
-from mor.observations import ObservationGroup, wrap
-from mor.parameters.index import index_unknowns
-from mor.quality.assess import Levels, Quality, assess
-from mor.quality.gross_errors.data_snooping import snoop
-from mor.quality.gross_errors.exclusion import exclude
-from mor.quality.gross_errors.suspects import (
-    Suspects,
-    held,
-    lost_blocks,
-    may_be_absurd,
-    with_suspects,
-    without_suspects,
-)
+from mor.model.observation_types import ObservationGroup, wrap
+from mor.model.parameters import index_unknowns
+from mor.quality.assessment import Levels, Quality, assess
+from mor.quality.outliers import Suspects, held, lost_blocks, may_be_absurd, with_suspects, without_suspects
+from mor.quality.robust_estimation import exclude
+from mor.quality.snooping import snoop
+from mor.solve.iterate import Adjustment, Outcome, adjust
+from mor.types import BoolArray, FloatArray
 from tests.scenarios.gross_error_scenes import KINDS, Spoiled, disturbed, spoiled
 
 GON = np.pi / 200.0

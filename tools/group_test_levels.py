@@ -13,14 +13,15 @@ from pathlib import Path
 import numpy as np
 
 ROOT = Path(__file__).resolve().parents[1]
-from mor.adjustment.solve import adjust  # noqa: E402
-from mor.adjustment.state import Adjustment  # noqa: E402
-from mor.arrays import BoolArray  # noqa: E402
-from mor.quality.assess import Quality, assess  # noqa: E402
-from mor.quality.reliability.whitened_rows import WhitenedRows, whitened_rows  # noqa: E402
-from mor.quality.solved import Solved  # noqa: E402
-from mor.quality.tests.group_tests import GroupTests, group_tests, rows_of_test  # noqa: E402
-from mor.quality.tests.quadratic_form import Moments, log_tail, moments  # noqa: E402
+from mor.quality.assessment import Quality, assess  # noqa: E402
+from mor.quality.external_reliability import WhitenedRows, whitened_rows  # noqa: E402
+from mor.quality.group_tests import GroupTests, Moments, group_tests, log_tail, moments, rows_of_test  # noqa: E402  # noqa: E402
+from mor.quality.solution import Solved  # noqa: E402
+from mor.solve.iterate import (  # noqa: E402
+    Adjustment,
+    adjust,
+)
+from mor.types import BoolArray  # noqa: E402
 from sample_projects.expected import solve_sample  # noqa: E402
 from sample_projects.simulate import SCENES  # noqa: E402
 
@@ -67,7 +68,7 @@ def _places(rows: list[BoolArray], everything: WhitenedRows) -> BoolArray:
 
 def measured_anew(adjustment: Adjustment, seed: int) -> Adjustment:
     """The adjustment of the same project, with other errors."""
-    from mor.adjustment.linearise import misclosures
+    from mor.solve.problem import misclosures
 
     random, problem = np.random.default_rng(seed), adjustment.problem
     groups = []

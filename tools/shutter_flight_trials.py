@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mor.compilation import chosen_by_size
-from mor.pipeline import read_document, read_network, solve_network
-from mor.quality.solved import Solved
-from mor.report.trajectories.table import knot_table
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.linalg.compilation import chosen_by_size
+from mor.quality.solution import Solved
+from mor.report.estimates import knot_table
 from sample_projects.expected import parameter_results, point_results, quality_of
 from sample_projects.trials import Trial, say
 from tests.scenarios.shutter_flights import READOUT, Files, simulated

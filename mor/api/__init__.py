@@ -1,1 +1,1 @@
-"""The front door for Python: read or build a project, adjust it, look at the result."""
+"""The Python interface, and the way from a project to its results."""

@@ -5,12 +5,12 @@ from __future__ import annotations
 from html import escape
 from io import StringIO
 
-from mor.quality.solved import Solved
+from mor.quality.solution import Solved
 
 
 def summary_and_network(solved: Solved) -> str:
     """HTML of the summary of one screen; below it the network in plan where there is a solution and matplotlib."""
-    from mor.report.text.screen import screen
+    from mor.report.text import screen
 
     return f"<pre>{escape(screen(solved))}</pre>{_network(solved)}"
 
@@ -22,9 +22,8 @@ def _network(solved: Solved) -> str:
         return ""
     if solved.quality is None:
         return ""
-    from mor.report.plots.network import network
-    from mor.report.plots.sheet import style
-    from mor.report.tables.observations import SHOWN, observation_table
+    from mor.report.observations import SHOWN, observation_table
+    from mor.report.plots import network, style
     from mor.report.view import view_of
 
     text = StringIO()

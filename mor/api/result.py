@@ -1,25 +1,199 @@
-"""The result of an adjustment: verdict, tables with units, covariances, other datums, files."""
+"""Results in Python: adjust, tables, plots, reopening."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from html import escape
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from mor.api.table import Table
-from mor.errors import NoSolutionError
+import numpy as np
+
+from mor.api.project import Project, Source, read
+from mor.errors import InputError, Message, NoSolutionError
+from mor.input_files import note_input
 
 if TYPE_CHECKING:
     import polars as pl
 
-    from mor.api.project import Project
-    from mor.quality.assess import Quality
-    from mor.quality.solved import Solved
+    from mor.project.network import Network
+    from mor.quality.assessment import Quality
+    from mor.quality.redundancy import Done
+    from mor.quality.solution import Solved
+    from mor.report.covariance import Labelled, RelativePose
     from mor.report.identity import Identity
-    from mor.report.results.covariance import Labelled, RelativePose
+    from mor.solve.iterate import Watcher
+
+
+# ------------------------------------------------------------
+# Tables of results: data frames that know their units.
+# ------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Table:
+    """A data frame and the units of its columns.
+
+    Attributes:
+        frame: the polars data frame, in axes and units of the project.
+        units: unit of each column that has one; ``"unit"`` where each row has its own, in the column ``unit``.
+    """
+
+    frame: pl.DataFrame
+    units: Mapping[str, str]
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of the columns."""
+        return self.frame.columns
+
+    def __len__(self) -> int:
+        return self.frame.height
+
+    def __getitem__(self, column: str) -> pl.Series:
+        return self.frame[column]
+
+    def row(self, name: str) -> dict[str, Any]:
+        """The row of a thing by its name. Raises ``KeyError``, with the nearest name."""
+        from mor.errors import nearest
+
+        found = self.frame.filter(self.frame["id"] == name)
+        if found.height == 0:
+            raise KeyError(f"nothing here is called {name!r}{nearest(name, self.frame['id'].to_list())}")
+        return found.row(0, named=True)
+
+    def to_pandas(self) -> Any:
+        """The table as a pandas data frame, with the units in its ``attrs``; pandas must be installed."""
+        import pandas
+
+        result = pandas.DataFrame({name: self.frame[name].to_list() for name in self.frame.columns})
+        result.attrs["units"] = dict(self.units)
+        return result
+
+    def __str__(self) -> str:
+        return str(self.frame)
+
+    def _repr_html_(self) -> str:
+        """Return the first rows, with units in the headings, for notebooks."""
+        shown = self.frame.head(20)
+        heads = "".join(f"<th>{escape(self._head(name))}</th>" for name in shown.columns)
+        rows = "".join(
+            f"<tr>{''.join(f'<td>{escape(_cell(value))}</td>' for value in row)}</tr>" for row in shown.rows()
+        )
+        more = self.frame.height - shown.height
+        rest = f"<p>… {more} more rows</p>" if more > 0 else ""
+        return f"<table><thead><tr>{heads}</tr></thead><tbody>{rows}</tbody></table>{rest}"
+
+    def _head(self, name: str) -> str:
+        unit = self.units.get(name)
+        return name if unit is None or unit == "unit" else f"{name} [{unit}]"
+
+
+def _cell(value: object) -> str:
+    if value is None:
+        return ""
+    return f"{value:.7g}" if isinstance(value, float) else str(value)
+
+
+# ------------------------------------------------------------
+# Results opened again: a project solved where it stands, in its datum or in another one.
+# ------------------------------------------------------------
+
+ADJUSTED = "adjusted.yaml"
+REFERENCE = "reference.csv"
+
+
+def reopen(path: Path) -> Project:
+    """The project behind a results folder, or a project file.
+
+    The datum of results refers to the coordinates that stand with them. Raises :class:`InputError`.
+    """
+    file = path / ADJUSTED if path.is_dir() else path
+    if path.is_dir() and not file.is_file():
+        words = f"no {ADJUSTED} in this folder; expected the results of mor adjust"
+        raise InputError([Message(words, str(path))])
+    project = read(file)
+    reference = path / REFERENCE
+    if not path.is_dir() or not reference.is_file():
+        return project
+    note_input(reference)
+    return replace(project, network=_with_reference(project.network, reference))
+
+
+def solve(project: Project) -> Solved:
+    """The solution of a project. Raises :class:`InputError` if there is none."""
+    from mor.api.pipeline import solve_network
+    from mor.report.text_findings import undetermined_section as section
+
+    solved = solve_network(project.network)
+    if solved.quality is None:
+        words = "\n".join(part for part in (solved.adjustment.reason, section(solved)) if part)
+        raise InputError([Message(f"no solution: {words}", project.document.file)])
+    return solved
+
+
+def in_datum(project: Project, target: str, said: str) -> tuple[Project, Solved]:
+    """The project with another datum, written as in a project file, and its solution; ``said``: where it was said.
+
+    Fixed coordinates are released where the other datum is free. Raises :class:`InputError` if they strain the
+    network: then its residuals depend on them, and only a new adjustment can do without.
+    """
+    from mor.quality.deformation import released, strained
+
+    other = _with_datum(project, target, said)
+    if not other.network.datum.free:
+        return other, solve(other)
+    before = solve(project)
+    free = released(before)
+    if free is project.network:
+        return other, solve(other)
+    other = replace(other, network=replace(free, datum=other.network.datum))
+    after = solve(other)
+    if strained(before, after):
+        words = "the fixed coordinates strain the network: another datum needs a new adjustment without them"
+        raise InputError([Message(words, project.document.file)])
+    return other, after
+
+
+def _with_datum(project: Project, target: str, said: str) -> Project:
+    """The project with the other datum; start values and reference coordinates stay."""
+    from mor.api.pipeline import read_network
+    from mor.project.document import read_yaml
+
+    data = read_yaml(f"datum: {{{target}}}" if ":" in target else f"datum: {target}", said).data
+    document = replace(
+        project.document,
+        data={**project.document.data, **data},
+        lines={**project.document.lines, ("datum",): 0},
+        files={**project.document.files, ("datum",): said},
+    )
+    datum = read_network(document, project.folder).datum._replace(reference=project.network.datum.reference)
+    return replace(project, document=document, network=replace(project.network, datum=datum))
+
+
+def _with_reference(network: Network, path: Path) -> Network:
+    import polars as pl
+
+    from mor.model.contract import places
+    from mor.project.document import plain_column
+
+    reference = network.start["point"].copy()
+    points = network.things["point"]
+    table = pl.read_csv(path, schema={"id": pl.String, **dict.fromkeys("xyz", pl.Float64)})
+    table = table.with_columns(plain_column(table["id"]))
+    place = places(table["id"].fill_null(""), pl.Series(points.ids, dtype=pl.String))
+    known = place >= 0
+    given = table.select("x", "y", "z").fill_null(np.nan).to_numpy()[known]
+    reference[points.parts["position"][place[known]]] = given @ network.edge.matrix.T
+    return replace(network, datum=network.datum._replace(reference=reference))
+
+
+# ------------------------------------------------------------
+# The result of an adjustment: verdict, tables with units, covariances, other datums, files.
+# ------------------------------------------------------------
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,21 +253,21 @@ class Result:
     @cached_property
     def points(self) -> Table:
         """Object points: coordinates, σ, error ellipsoid, correlations, rays, control."""
-        from mor.report.tables.estimates import point_table
+        from mor.report.estimates import point_table
 
         return self._table(point_table(self._solution))
 
     @cached_property
     def images(self) -> Table:
         """Images: projection centre (of the rotation centre, where there is an eccentricity), ω φ κ, σ."""
-        from mor.report.tables.estimates import image_table
+        from mor.report.estimates import image_table
 
         return self._table(image_table(self._solution))
 
     @cached_property
     def stations(self) -> Table:
         """Theodolite stations: position, ω φ κ, orientation of the circle, σ."""
-        from mor.report.tables.estimates import station_table
+        from mor.report.estimates import station_table
 
         return self._table(station_table(self._solution))
 
@@ -102,8 +276,8 @@ class Result:
         """Interior orientations: a row for each component of each camera, with its unit."""
         import polars as pl
 
-        from mor.geometry.cameras import CAMERA_MODELS
-        from mor.report.tables.estimates import interior_rows
+        from mor.model.cameras import CAMERA_MODELS
+        from mor.report.estimates import interior_rows
 
         rows = [
             {
@@ -122,14 +296,14 @@ class Result:
     @cached_property
     def groups(self) -> Table:
         """Groups of observations: number, Σ r, part of vᵀPv, σ0 of the group."""
-        from mor.report.tables.estimates import group_table
+        from mor.report.estimates import group_table
 
         return Table(group_table(self._solution), {})
 
     @cached_property
     def observations(self) -> Table:
         """All observations: observed, adjusted, v = adjusted − observed, σ, r, tests, reliability."""
-        from mor.report.tables.observations import observation_table
+        from mor.report.observations import observation_table
 
         frame = observation_table(self._solution)
         units = dict.fromkeys(
@@ -145,8 +319,8 @@ class Result:
         An empty sequence ``cameras`` stands for all cameras. Labelled with names and units, in the datum of the result
         and with its σ0. Raises :class:`mor.InputError` for unknown names, :class:`mor.NoSolutionError`.
         """
-        from mor.compilation import chosen_by_size
-        from mor.report.results.covariance import covariance_of_everything, covariance_of_names
+        from mor.linalg.compilation import chosen_by_size
+        from mor.report.covariance import covariance_of_everything, covariance_of_names
 
         solved = self._solution
         with chosen_by_size(solved.network.observations):
@@ -159,8 +333,8 @@ class Result:
 
         Raises :class:`mor.InputError` for unknown names, :class:`mor.NoSolutionError`.
         """
-        from mor.compilation import chosen_by_size
-        from mor.report.results.covariance import relative_pose
+        from mor.linalg.compilation import chosen_by_size
+        from mor.report.covariance import relative_pose
 
         solved = self._solution
         with chosen_by_size(solved.network.observations):
@@ -177,7 +351,6 @@ class Result:
         Residuals and redundancy numbers stay as they are. Raises :class:`mor.InputError` where fixed coordinates
         strain the network, :class:`mor.NoSolutionError`.
         """
-        from mor.api.reopened import in_datum
 
         adjustment = self._solution.adjustment
         here = self.solved.network.datum._replace(reference=adjustment.problem.datum.reference["point"])
@@ -186,14 +359,14 @@ class Result:
 
     def report(self, language: Literal["en", "de"] = "en") -> str:
         """The text report."""
-        from mor.report.text_report import text_report
-        from mor.report.words.language import words_of
+        from mor.report.language import words_of
+        from mor.report.text import text_report
 
         return text_report(self.solved, words_of(language), self._identity)
 
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``results.json`` as plain data."""
-        from mor.report.results.json import results
+        from mor.report.results import results
 
         return results(self.solved, {}, self._identity)
 
@@ -211,15 +384,15 @@ class Result:
 
         Raises :class:`mor.InputError` where results are there already and ``force`` was not said.
         """
-        from mor.report.results.reservation import reserve
-        from mor.report.results.writing import Choice, write_results
+        from mor.report.output_folder import reserve
+        from mor.report.results import Choice, write_results
 
         choice = Choice(tables=tables, kind=table_format, html=html, language=language)
         with reserve(Path(folder), force) as place:
             write_results(self.solved, self.project.document, self._identity, place, choice)
 
     def __str__(self) -> str:
-        from mor.report.text.screen import screen
+        from mor.report.text import screen
 
         return screen(self.solved)
 
@@ -253,7 +426,7 @@ class Result:
         return self.solved.network.project.units.length
 
     def _table(self, frame: pl.DataFrame) -> Table:
-        from mor.report.edge import angle_unit
+        from mor.report.units import angle_unit
 
         units: Mapping[str, str] = {
             **dict.fromkeys(_LENGTHS, self._length),
@@ -287,3 +460,34 @@ _ANGLES = (
     "sorientation",
     "ellipse_azimuth",
 )
+
+
+# ------------------------------------------------------------
+# From a project to its result.
+# ------------------------------------------------------------
+
+
+def adjust(
+    source: Source | Project,
+    snoop: bool = False,
+    watch: Watcher | None = None,
+    assessing: Callable[[int], Done] | None = None,
+) -> Result:
+    """Adjust a project and assess the outcome; start values that are missing are worked out.
+
+    Args:
+        source: a :class:`Project`, or what :func:`read` takes.
+        snoop: take flagged observations out one by one until the rest is clean (data snooping).
+        watch: called after every iteration.
+        assessing: called between the solution and its statistics with the effort ahead; what it returns is told how
+            much more is done.
+
+    Raises:
+        InputError: the project has mistakes, or start values cannot be found. That an adjustment does not converge, or
+            that the network is singular, is no error: the result says so.
+    """
+    from mor.api.pipeline import snooped, solve_network
+
+    project = source if isinstance(source, Project) else read(source)
+    network = snooped(project.network) if snoop else project.network
+    return Result(project, solve_network(network, watch, assessing))

@@ -9,8 +9,7 @@ from collections.abc import Sequence
 import click
 
 from mor import __version__
-from mor.cli._help import Context, in_all_languages, show
-from mor.cli._language import language_of, tell, told, told_problem
+from mor.cli.console import Context, in_all_languages, language_of, show, tell, told, told_problem
 from mor.errors import ExitCode, MorError
 from mor.input_files import inputs_of_run
 
@@ -38,9 +37,6 @@ COMMANDS = {
 }
 
 
-_PLANNING = ("design", "simulate", "batch")
-"""Commands that stand in ``cli/planning``; all others in ``cli/commands``."""
-
 WIDTH = 100
 """Columns of help texts, where the terminal has them."""
 
@@ -59,8 +55,7 @@ class _Lazy(click.Group):
         from mor.machine import check_address_space
 
         check_address_space()
-        folder = "planning" if name in _PLANNING else "commands"
-        command: click.Command = importlib.import_module(f"mor.cli.{folder}.{name}").command
+        command: click.Command = importlib.import_module(f"mor.cli.{name}").command
         return in_all_languages(command)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
@@ -146,8 +141,7 @@ OUT_OF_MEMORY = (
 
 def _tell(error: MorError, language: str) -> None:
     """Print the mistakes, at most one screen of them, and say how to see the rest."""
-    from mor.errors import MOST_TOLD
-    from mor.escapes import shortened
+    from mor.errors import MOST_TOLD, shortened
 
     lines = [shortened(line) for line in _said(error, language).splitlines()]
     more = len(lines) - MOST_TOLD

@@ -1,1 +1,1 @@
-"""Hypotheses about mistakes: score tests at the solution, and adjustments that try them."""
+"""Search for mistakes in a rejected network."""

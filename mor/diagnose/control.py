@@ -1,8 +1,9 @@
-"""Control points: two exchanged, all in another unit, northing and easting exchanged."""
+"""Hypotheses about control points, distances and standard deviations."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -10,14 +11,157 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.approximate.similarity import similarity
-from mor.arrays import FloatArray, IntArray
-from mor.diagnose.distances import LENGTHS
-from mor.diagnose.edits import CellEdit, Edit, KeyEdit, key, to
-from mor.diagnose.hypothesis import Hypothesis, with_group, with_points
-from mor.diagnose.situation import SMALL, Situation
-from mor.project.network.build import Network
-from mor.quality.gross_errors.reintersection import by_sights_alone, costs_at_places
+from mor.diagnose.hypothesis import (
+    SMALL,
+    CellEdit,
+    Edit,
+    Hypothesis,
+    KeyEdit,
+    Situation,
+    key_edit,
+    table_key,
+    table_of,
+    to,
+    with_group,
+    with_observed,
+    with_points,
+    with_unknown,
+)
+from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, is_image_point
+from mor.model.parameters import Values
+from mor.project.network import Network
+from mor.quality.outliers import by_sights_alone, costs_at_places
+from mor.quality.plausibility import beyond_any_instrument
+from mor.quality.solution import Amount
+from mor.solve.problem import misclosures
+from mor.start.bundle import similarity
+from mor.types import BoolArray, FloatArray, IntArray
+
+# ------------------------------------------------------------
+# Distances of one instrument: a common offset, a common scale, slope for horizontal.
+# ------------------------------------------------------------
+
+DISTANCE, HORIZONTAL_DISTANCE = PLAIN_TYPES["distance"], PLAIN_TYPES["horizontal_distance"]
+_AT_LEAST = 3
+"""Distances that a common error shows in."""
+_COMPONENTS = {"scale": 0, "offset": 1}
+
+
+def distance_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Hypotheses about every group of distances, and about those that share an instrument."""
+    network = situation.network
+    numbers = [k for k, g in enumerate(network.groups) if g.type in (DISTANCE, HORIZONTAL_DISTANCE)]
+    sets: list[tuple[str, tuple[int, ...]]] = [
+        (network.groups[k].name, (k,)) for k in numbers if network.groups[k].count >= _AT_LEAST
+    ]
+    if len(numbers) > 1:
+        sets.append((", ".join(network.groups[k].name for k in numbers), tuple(numbers)))
+    found = []
+    for label, chosen in sets:
+        names = [name for name in _COMPONENTS if not _is_free(network, chosen, name)]
+        found += [_common(network, label, chosen, name, len(sets)) for name in names]
+    return found + [_other_kind(network, k) for k in numbers]
+
+
+LENGTHS = {
+    "mm for m": 0.001,
+    "m for mm": 1000.0,
+    "ft for m": 0.3048,
+    "m for ft": 1.0 / 0.3048,
+    "cm for m": 0.01,
+    "m for cm": 100.0,
+}
+
+
+def table_unit_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the hypotheses that all lengths of a table are in another unit, those that score tests name first."""
+    network, found = situation.network, []
+    scored = [one.things for one in situation.scored if one.cause == "table unit"]
+    for number, group in enumerate(network.groups):
+        lengths = np.array([c.quantity.length == 1 for c in group.type.components])
+        if (
+            not lengths.any()
+            or not group.type.distances
+            or group.count < _AT_LEAST
+            or is_image_point(group.type)
+        ):
+            continue
+        count = int(np.count_nonzero(group.mask[:, lengths]))
+        for words, factor in LENGTHS.items():
+            unit = words.split()[0]
+            factors = np.where(lengths, factor, 1.0)
+            names = [c.name for c, own in zip(group.type.components, lengths, strict=True) if own]
+            found.append(
+                Hypothesis(
+                    "table unit",
+                    (group.name, words),
+                    partial(_scaled, number=number, factors=factors),
+                    f"observations, {group.name}: units: {unit}",
+                    len(LENGTHS),
+                    stretch=count * float(np.log(factor)),
+                    afresh=True,
+                    edits=table_key(
+                        network, number, "units", f"{{{', '.join(f'{n}: {unit}' for n in names)}}}"
+                    ),
+                )
+            )
+    return sorted(found, key=lambda one: one.things not in scored)
+
+
+def _scaled(network: Network, number: int, factors: FloatArray) -> Network:
+    rows = np.arange(network.groups[number].count)
+    return with_observed(network, number, rows, lambda observed: observed * factors)
+
+
+def _is_free(network: Network, chosen: tuple[int, ...], name: str) -> bool:
+    free = network.blocks["distance meter"].free[:, _COMPONENTS[name]]
+    return any(bool(free[network.groups[k].blocks[-1]].any()) for k in chosen)
+
+
+def _common(network: Network, label: str, chosen: tuple[int, ...], name: str, sets: int) -> Hypothesis:
+    component = _COMPONENTS[name]
+    number = len(network.blocks["distance meter"].ids)
+    meter = int(network.groups[chosen[0]].blocks[-1][0])
+
+    def change(changed: Network) -> Network:
+        free = changed.blocks["distance meter"].free[meter].copy()
+        free[component] = True
+        value = changed.start["distance meter"][meter]
+        changed, own = with_unknown(changed, "distance meter", value, free)
+        for k in chosen:
+            group = changed.groups[k]
+            blocks = (*group.blocks[:-1], np.full(group.count, own))
+            changed = with_group(changed, k, replace(group, blocks=blocks))
+        return changed
+
+    def amount(values: Values) -> Amount:
+        return Amount(name, float(values["distance meter"][number, component]))
+
+    given = {"offset": "{free: 0}", "scale": "{free: 1}"}[name]
+    line = f"instruments: {{edm: {{{name}: {given}}}}}; observations, {label}: instrument: edm"
+    tables = [edit for k in chosen for edit in table_key(network, k, "instrument", "edm")]
+    edits = (key_edit(("instruments", "edm", name), given), *tables) if len(tables) == len(chosen) else ()
+    return Hypothesis(
+        f"distance {name}", (label,), change, line, sets, parameters=1, edits=edits, amount=amount
+    )
+
+
+def _other_kind(network: Network, number: int) -> Hypothesis:
+    group = network.groups[number]
+    other = DISTANCE if group.type == HORIZONTAL_DISTANCE else HORIZONTAL_DISTANCE
+    cause = "slope distance" if other == DISTANCE else "horizontal distance"
+    return Hypothesis(
+        cause,
+        (group.name,),
+        lambda changed: with_group(changed, number, replace(changed.groups[number], type=other)),
+        f"observations, {group.name}: type: {other.key}",
+        edits=table_key(network, number, "type", other.key),
+    )
+
+
+# ------------------------------------------------------------
+# Control points: two exchanged, all in another unit, northing and easting exchanged.
+# ------------------------------------------------------------
 
 _PAIRS = 3
 """Exchanges that are tried, of all pairs."""
@@ -126,7 +270,7 @@ def _table(situation: Situation, control: Control) -> tuple[str | int, ...] | No
 
 def _unit_edits(situation: Situation, control: Control, unit: str) -> tuple[Edit, ...]:
     at = _table(situation, control)
-    return () if at is None else (key((*at, "units"), f"{{x: {unit}, y: {unit}, z: {unit}}}"),)
+    return () if at is None else (key_edit((*at, "units"), f"{{x: {unit}, y: {unit}, z: {unit}}}"),)
 
 
 def _axes_edits(situation: Situation, control: Control) -> tuple[Edit, ...]:
@@ -262,4 +406,105 @@ def _exchange(situation: Situation, control: Control, pair: tuple[int, int], can
             CellEdit(("points",), "id", to(other), cells={"id": own})
             for own, other in zip(names, reversed(names), strict=True)
         ),
+    )
+
+
+# ------------------------------------------------------------
+# Standard deviations in another unit: those that no instrument has, and those a thousand times off the residuals.
+# ------------------------------------------------------------
+
+_FACTORS = (1e3, 1e-3, 1e6, 1e-6)
+_NEAR = 4.0
+"""Factor within which residuals that are too large agree with a unit; those too small have no other reason."""
+_SIGMAS_AT_LEAST = 5
+_FACTOR_OF_UNITS = 1e3
+
+
+def sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Groups whose σ nobody has; without any, those whose residuals are near to the factor between two units.
+
+    As long as a σ is one that nobody has, residuals in units of others say nothing.
+    """
+    groups = [
+        (number, group, int(np.count_nonzero(group.mask & ~group.left_out)))
+        for number, group in enumerate(situation.network.groups)
+    ]
+    groups = [one for one in groups if one[2] >= _SIGMAS_AT_LEAST]
+    found = []
+    for number, group, count in groups:
+        beyond = beyond_any_instrument(situation.network, group)
+        if beyond:  # what too small a σ says of how likely residuals are counts for nothing
+            told = count if beyond < 0 else 0
+            found.append(_hypothesis(situation, number, group.name, _FACTOR_OF_UNITS**beyond, told))
+    return found or [h for number, group, count in groups for h in _near_to_units(situation, number, count)]
+
+
+def scored_sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the tables whose σ is wrong by the factor that score tests name."""
+    found = []
+    for one in situation.scored:
+        for number, group in enumerate(situation.network.groups):
+            if one.cause == "sigma of a table" and one.things == (group.name,) and one.amount is not None:
+                count = int(np.count_nonzero(group.mask & ~group.left_out))
+                plain = _hypothesis(situation, number, group.name, float(f"{one.amount.value:.3g}"), count)
+                found.append(
+                    replace(
+                        plain, cause="sigma of a table", parameters=1, amount=partial(_the_same, one.amount)
+                    )
+                )
+    return found
+
+
+def _the_same(amount: Amount, _values: Values) -> Amount:
+    return amount
+
+
+def _near_to_units(situation: Situation, number: int, count: int) -> Iterator[Hypothesis]:
+    group = situation.network.groups[number]
+    used = group.mask & ~group.left_out
+    scales = list(_scales(situation, number, group, used))
+    for factor in _FACTORS:
+        near = _NEAR if factor > 1.0 else np.sqrt(_FACTOR_OF_UNITS)
+        if any(1.0 / near < scale / factor < near for scale in scales):
+            yield _hypothesis(situation, number, group.name, factor, count)
+
+
+def _scales(situation: Situation, number: int, group: ObservationGroup, used: BoolArray) -> Iterator[float]:
+    """Factors of σ by the median where most observations fit, and in the adjustment of all of them.
+
+    Of the latter also √(Ω/Σ r), with the residuals and redundancy numbers of the group (W. Förstner 1979): the median
+    of sights so precise that all else follows them is next to nothing.
+    """
+    yield _median(situation.sizes[number][used])
+    if situation.solution is None:
+        return
+    sizes = np.abs(misclosures(group, situation.solution.values) / group.given_sigma)
+    yield _median(sizes[used])
+    if situation.redundancy_of_solution is not None:
+        numbers = situation.redundancy_of_solution[number]
+        known = used & np.isfinite(numbers)
+        freedom = float(np.sum(numbers[known]))
+        yield float(np.sqrt(np.sum(sizes[known] ** 2) / freedom)) if freedom > 0.0 else np.nan
+
+
+def _median(sizes: FloatArray) -> float:
+    return float(np.median(sizes)) / 0.6745
+
+
+def _hypothesis(situation: Situation, number: int, name: str, factor: float, count: int) -> Hypothesis:
+    def change(network: Network) -> Network:
+        group = network.groups[number]
+        return with_group(network, number, replace(group, sigma=group.sigma * factor))
+
+    line, at = f"observations, {name}: factor: {factor:g}", table_of(situation.network, number)
+    return Hypothesis(
+        "sigma unit",
+        (name,),
+        change,
+        line,
+        len(_FACTORS),
+        stretch=-count * float(np.log(factor)),
+        edits=()
+        if at is None
+        else (KeyEdit((*at, "factor"), lambda old, _: f"{float(old or 1) * factor:g}"),),
     )

@@ -9,15 +9,25 @@ from functools import partial
 
 import numpy as np
 
-from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.diagnose.edits import CellEdit, Edit, KeyEdit, cells, computed, table_key, to
-from mor.diagnose.hypothesis import Hypothesis, with_group, with_observed
-from mor.diagnose.situation import Situation
-from mor.observations import ObservationGroup, is_image_point
-from mor.parameters.index import Values
-from mor.project.edge import ImageScale
-from mor.project.network.build import Network
-from mor.quality.solved import Amount
+from mor.diagnose.hypothesis import (
+    CellEdit,
+    Edit,
+    Hypothesis,
+    KeyEdit,
+    Situation,
+    cells,
+    computed,
+    table_key,
+    to,
+    with_group,
+    with_observed,
+)
+from mor.model.observation_types import ObservationGroup, is_image_point
+from mor.model.parameters import Values
+from mor.project.axes import ImageScale
+from mor.project.network import Network
+from mor.quality.solution import Amount
+from mor.types import BoolArray, FloatArray, IntArray
 
 Change = Callable[[FloatArray], FloatArray]
 

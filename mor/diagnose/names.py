@@ -19,17 +19,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.linearise import linearise, rotation_tangents
-from mor.adjustment.problem import Problem
-from mor.arrays import FloatArray, IntArray
-from mor.diagnose.edits import cells, to
-from mor.diagnose.hypothesis import Hypothesis, with_blocks
-from mor.diagnose.situation import SMALL, Situation, without_row
-from mor.geometry import tolerant
-from mor.observations import ObservationGroup, some_rows, wrap
-from mor.parameters.index import Values, index_unknowns, move
-from mor.project.network.build import Network
-from mor.quality.gross_errors.description_length import cost_of_residuals, sizes_of
+from mor.diagnose.hypothesis import SMALL, Hypothesis, Situation, cells, to, with_blocks, without_row
+from mor.model import rotations
+from mor.model.observation_types import ObservationGroup, some_rows, wrap
+from mor.model.parameters import Values, index_unknowns, move
+from mor.project.network import Network
+from mor.quality.outliers import cost_of_residuals, sizes_of
+from mor.solve.problem import Problem, linearise, rotation_tangents
+from mor.types import FloatArray, IntArray
 
 _ROWS = 40
 """Rows of a group that are looked at, the worst first."""
@@ -338,7 +335,7 @@ def _adjusted(problem: Problem, values: Values) -> Values:
     for _ in range(_ITERATIONS):
         if not (np.isfinite(now).all() and np.isfinite(derivatives).all()):
             break
-        step = np.asarray(tolerant.lstsq(derivatives, now, rcond=None), dtype=np.float64)
+        step = np.asarray(rotations.lstsq(derivatives, now, rcond=None), dtype=np.float64)
         for _ in range(_HALVED):
             there = move(problem.index, values, step)
             residuals, further = _system(problem, there)

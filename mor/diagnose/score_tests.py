@@ -19,29 +19,24 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.equations import evaluated
-from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
-from mor.adjustment.problem import Problem
-from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Outcome
-from mor.arrays import BoolArray, FloatArray, IntArray
 from mor.diagnose.heights import Sights, height_sights
 from mor.diagnose.images import PRINCIPAL_POINT
-from mor.geometry import tolerant
-from mor.observations import PLAIN_TYPES, ObservationGroup, is_image_point, wrap
-from mor.observations.curvature import on_sphere
-from mor.parameters.index import Values
-from mor.project.network.build import Network
-from mor.quality.assess import Quality, assess
-from mor.quality.gross_errors.description_length import cost_of_choice
-from mor.quality.gross_errors.suspects import Suspects, with_suspects
-from mor.quality.plausibility.curvature import NOTED, largest_effect, sphere_under
-from mor.quality.reliability.detectable_errors import Reliability
-from mor.quality.reliability.whitened_rows import WhitenedRows, whitened_rows
-from mor.quality.solved import Amount, PossibleCause
-from mor.quality.tests.one_factor import factor_of_group, fits_factor
-from mor.quality.tests.p_values import log_p_chi2
-from mor.quality.tests.test_statistics import CONTROLLED
+from mor.model import rotations
+from mor.model.curvature import on_sphere
+from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, is_image_point, wrap
+from mor.model.parameters import Values
+from mor.project.network import Network
+from mor.quality.assessment import Quality, assess
+from mor.quality.external_reliability import WhitenedRows, whitened_rows
+from mor.quality.global_tests import factor_of_group, fits_factor
+from mor.quality.outliers import Suspects, cost_of_choice, with_suspects
+from mor.quality.plausibility import NOTED, largest_effect, sphere_under
+from mor.quality.redundancy import Reliability
+from mor.quality.solution import Amount, PossibleCause
+from mor.quality.test_statistics import CONTROLLED, log_p_chi2
+from mor.solve.iterate import Outcome, Settings, adjust
+from mor.solve.problem import Problem, evaluated, linearise, misclosures, rotation_tangents
+from mor.types import BoolArray, FloatArray, IntArray
 
 LEVEL = 1e-3
 """Family-wise level of all score tests together."""
@@ -716,14 +711,14 @@ def _score(
 ) -> _Scored | None:
     g, M, whole = -z.T @ residuals, z.T @ answer, z.T @ z
     size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
-    scaled = tolerant.eigvalsh(M / np.outer(size, size))
+    scaled = rotations.eigvalsh(M / np.outer(size, size))
     if not np.isfinite(M).all() or not np.diag(whole).all() or scaled[0] <= CONTROLLED:
         return None
     if one.definite:
         x = np.ones(1)
         gain = float(2.0 * g[0] - M[0, 0])
     else:
-        x = np.asarray(tolerant.solve(M, g))
+        x = np.asarray(rotations.solve(M, g))
         gain = float(g @ x)
     if gain <= 0.0:
         return None
@@ -853,7 +848,7 @@ def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_S
         left.remove(best)
         residuals = residuals + answer[best] @ one.x
         if not some[best].definite:  # its parameters are estimated together with those of the others
-            inverse = tolerant.inv(z[best].T @ answer[best])
+            inverse = rotations.inv(z[best].T @ answer[best])
             for k in left:
                 answer[k] = answer[k] - answer[best] @ (inverse @ (answer[best].T @ z[k]))
     return chosen

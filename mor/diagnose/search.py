@@ -18,44 +18,57 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.linearise import misclosures
-from mor.adjustment.problem import Problem
-from mor.adjustment.state import Adjustment, Outcome
-from mor.arrays import BoolArray, FloatArray
-from mor.diagnose.circles import circle_hypotheses, face_hypotheses, turned_circle_hypotheses
-from mor.diagnose.control import control_hypotheses, exchange_hypotheses, moved_hypotheses
-from mor.diagnose.curvature import curvature_hypotheses
-from mor.diagnose.distances import distance_hypotheses, table_unit_hypotheses
-from mor.diagnose.frames import frame_hypotheses
-from mor.diagnose.heights import antenna_hypotheses, height_hypotheses, implausible_height_hypotheses
-from mor.diagnose.hypothesis import NOTHING_FOUND, Before, Diagnosis, Fit, GoOn, Hypothesis, Offered, Trial
-from mor.diagnose.images import camera_constant_hypotheses, image_hypotheses, other_camera_hypotheses
-from mor.diagnose.levelling import levelling_hypotheses
-from mor.diagnose.names import name_hypotheses
-from mor.diagnose.sigmas import scored_sigma_hypotheses, sigma_hypotheses
-from mor.diagnose.situation import (
+from mor.diagnose.angles import circle_hypotheses, face_hypotheses, frame_hypotheses, turned_circle_hypotheses
+from mor.diagnose.control import (
+    control_hypotheses,
+    distance_hypotheses,
+    exchange_hypotheses,
+    moved_hypotheses,
+    scored_sigma_hypotheses,
+    sigma_hypotheses,
+    table_unit_hypotheses,
+)
+from mor.diagnose.heights import (
+    antenna_hypotheses,
+    curvature_hypotheses,
+    height_hypotheses,
+    implausible_height_hypotheses,
+    levelling_hypotheses,
+)
+from mor.diagnose.hypothesis import (
+    NOTHING_FOUND,
     SMALL,
+    Before,
     Begin,
+    Diagnosis,
+    Fit,
+    GoOn,
     HopelessError,
+    Hypothesis,
     Make,
+    Offered,
     Situation,
+    Trial,
     attempt,
     changed_observations,
     controlled_part,
     fit_of,
 )
+from mor.diagnose.images import camera_constant_hypotheses, image_hypotheses, other_camera_hypotheses
+from mor.diagnose.names import name_hypotheses
 from mor.errors import InputError
-from mor.parameters.index import Values, all_known, with_shared_components
-from mor.project.network.build import Network
-from mor.quality.assess import Quality
-from mor.quality.gross_errors.description_length import cost_of_choice, cost_of_residuals, sizes_of
-from mor.quality.gross_errors.exclusion import exclude
-from mor.quality.gross_errors.graduated_weights import graduated_weights
-from mor.quality.gross_errors.reintersection import reintersected
-from mor.quality.solved import PossibleCause
-from mor.quality.tests.p_values import log_p_chi2
-from mor.quality.tests.rejection import LEVEL, Rejection
-from mor.sparse.cholesky import NotFiniteError
+from mor.linalg.cholesky import NotFiniteError
+from mor.model.parameters import Values, all_known, with_shared_components
+from mor.project.network import Network
+from mor.quality.assessment import Quality
+from mor.quality.group_tests import LEVEL, Rejection
+from mor.quality.outliers import cost_of_choice, cost_of_residuals, reintersected, sizes_of
+from mor.quality.robust_estimation import exclude, graduated_weights
+from mor.quality.solution import PossibleCause
+from mor.quality.test_statistics import log_p_chi2
+from mor.solve.iterate import Adjustment, Outcome
+from mor.solve.problem import Problem, misclosures
+from mor.types import BoolArray, FloatArray
 
 OFFERED = 5
 _ABSURD, _LESS = 10.0, 0.3

@@ -8,12 +8,11 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
-from mor.errors import InputError, Problem, nearest
-from mor.formats.aicon.files import is_stem
+from mor.errors import InputError, Message, nearest
 from mor.formats.catalogue import FORMATS
-from mor.formats.recognition import explain_unknown, format_of
-from mor.formats.written import Writer, Written
-from mor.project.file.nodes import Document
+from mor.formats.draft import Writer, Written
+from mor.formats.recognition import explain_unknown, format_of, is_stem
+from mor.project.document import Document
 
 Reader = Callable[[Path], Document]
 
@@ -30,17 +29,17 @@ def read_foreign(path: Path, key: str = "", beside: bool = False) -> Document:
     ``beside``: the file is put together with others. Raises :class:`InputError` with every mistake found.
     """
     if not path.exists() and not is_stem(path):
-        raise InputError([Problem(f"this file does not exist{_suffix_hint(path)}", str(path))])
+        raise InputError([Message(f"this file does not exist{_suffix_hint(path)}", str(path))])
     key = key or format_of(path) or ""
     form = FORMATS.get(key)
     if form is None or form.read is None:
-        raise InputError([Problem(_unknown(path, key), str(path))])
+        raise InputError([Message(_unknown(path, key), str(path))])
     code = form.beside if beside and form.beside is not None else form.read
     read: Reader = getattr(import_module(code.module), code.function)
     document = read(path)
     if not form.untried:
         return document
-    return replace(document, notes=(Problem(form.untried, str(path)), *document.notes))
+    return replace(document, notes=(Message(form.untried, str(path)), *document.notes))
 
 
 def read_together(paths: Sequence[Path], keys: Sequence[str]) -> Document:
@@ -53,7 +52,7 @@ def read_together(paths: Sequence[Path], keys: Sequence[str]) -> Document:
     own = [path for path in paths if path.suffix.lower() in (".yaml", ".yml")]
     if own:
         words = "a project file is not put together with other files: name their tables in it"
-        raise InputError([Problem(words, str(path)) for path in own])
+        raise InputError([Message(words, str(path)) for path in own])
     by_path = (*keys, *[""] * len(paths))
     return combined([read_foreign(path, key, True) for path, key in zip(paths, by_path, strict=False)])
 
@@ -64,10 +63,10 @@ def write_foreign(document: Document, folder: Path, target: Path, key: str) -> W
     if form is None or form.write is None:
         writable = {name: form for name, form in FORMATS.items() if form.write is not None}
         words = f"{key!r} is no format that is written{nearest(key, writable)} (known: {', '.join(writable)})"
-        raise InputError([Problem(words)])
+        raise InputError([Message(words)])
     if document.data.get("motions"):
         words = f"the points of this project move; {key} has points that stand still"
-        raise InputError([Problem(words, document.file, document.line(("motions",)))])
+        raise InputError([Message(words, document.file, document.line(("motions",)))])
     write: Writer = getattr(import_module(form.write.module), form.write.function)
     written = write(document, folder, target)
     _refuse_control_characters(written.files)
@@ -88,7 +87,7 @@ def _refuse_control_characters(files: Mapping[Path, bytes]) -> None:
         if found is not None:
             line = text.count("\n", 0, found.start()) + 1
             words = f"a name has the control character {found[0]!r}, which this format cannot hold; rename it"
-            raise InputError([Problem(words, str(path), line)])
+            raise InputError([Message(words, str(path), line)])
 
 
 def format_to_write(target: Path) -> str:

@@ -13,8 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import polars as pl
 
-from mor.arrays import FloatArray, IntArray
-from mor.errors import InputError, Problem
+from mor.errors import InputError, Message
 from mor.formats.content import (
     Content,
     block,
@@ -25,14 +24,13 @@ from mor.formats.content import (
     placed_points,
     rays_of_points,
 )
-from mor.formats.draft import LARGEST, Draft, Row, usable
-from mor.formats.text import decoded
-from mor.formats.written import Written
-from mor.geometry.rotations import angles_from_rotation, exponential, rotation_from_angles
+from mor.formats.draft import LARGEST, Draft, Row, Written, decoded, usable
 from mor.input_files import TABLE, read_bytes
-from mor.project.edge import image_scale, split
-from mor.project.file.model import Camera
-from mor.project.file.nodes import Document
+from mor.model.rotations import angles_from_rotation, exponential, rotation_from_angles
+from mor.project.axes import image_scale, split
+from mor.project.document import Document
+from mor.project.schema import Camera
+from mor.types import FloatArray, IntArray
 
 _CAMERA = 9
 
@@ -73,10 +71,10 @@ class _Numbers:
         for line, text in enumerate(self.text.split("\n"), start=1):
             found = text.split()
             if seen + len(found) > number:
-                return InputError([Problem(f"found {found[number - seen]!r}, {words}", self.file, line)])
+                return InputError([Message(f"found {found[number - seen]!r}, {words}", self.file, line)])
             seen += len(found)
         line = self.text.rstrip("\n").count("\n") + 1
-        return InputError([Problem(f"found the end of the file, {words}", self.file, line)])
+        return InputError([Message(f"found the end of the file, {words}", self.file, line)])
 
     def take(self, count: int, what: str) -> FloatArray:
         """So many numbers."""
@@ -214,13 +212,13 @@ def write_bal(document: Document, folder: Path, target: Path) -> Written:
     """A BAL file. Raises :class:`InputError` for cameras of other models, and images without a pose."""
     content = content_of(document, folder)
     found = frames(content, "BAL")
-    problems: list[Problem] = []
+    problems: list[Message] = []
     interior = {
         name: _interior(content, name, camera, problems) for name, camera in content.project.cameras.items()
     }
     if np.isnan(found.values).any():
         words = "there are images without a pose of their own; convert an adjusted project (adjusted.yaml)"
-        problems.append(Problem(words, document.file))
+        problems.append(Message(words, document.file))
     if problems:
         raise InputError(problems)
     whole = block(content, "BAL", found, corner=False)
@@ -238,7 +236,7 @@ def write_bal(document: Document, folder: Path, target: Path) -> Written:
     lines += [repr(v) for v in places.values.ravel().tolist()]
     notes = [*without, *lost, *not_carried(content, ("image",), (), "BAL")]
     notes.append(
-        Problem(
+        Message(
             "BAL has no names, no σ, no fixed or observed points: images and points are numbered", str(target)
         )
     )
@@ -246,7 +244,7 @@ def write_bal(document: Document, folder: Path, target: Path) -> Written:
 
 
 def _interior(
-    content: Content, name: str, camera: Camera, problems: list[Problem]
+    content: Content, name: str, camera: Camera, problems: list[Message]
 ) -> tuple[float, float, float]:
     """f, k1, k2 in px."""
     scale = image_scale(camera, content.project.units)
@@ -268,7 +266,7 @@ def _interior(
 
 def _rotation_vectors(R: FloatArray) -> FloatArray:
     """Rodrigues vectors (n, 3) of rotations (n, 3, 3), by way of quaternions."""
-    from mor.geometry.quaternions import quaternions
+    from mor.model.rotations import quaternions
 
     q = quaternions(R)
     sine = np.linalg.norm(q[:, 1:], axis=1)

@@ -50,36 +50,36 @@ FORMATS: dict[str, Format] = {
     ),
     "opensfm": Format(
         "OpenSfM or OpenDroneMap block (folder, reconstruction.json)",
-        Code("mor.formats.opensfm.reader", "read_opensfm"),
+        Code("mor.formats.opensfm", "read_opensfm"),
         folder=True,
     ),
     "gcp": Format(
         "OpenDroneMap ground control (gcp_list.txt)",
-        Code("mor.formats.opensfm.ground_control", "read_gcp_list"),
-        Code("mor.formats.opensfm.ground_control_list", "write_gcp_list"),
-        beside=Code("mor.formats.opensfm.ground_control", "read_gcp_list_of_block"),
+        Code("mor.formats.recognition", "read_gcp_list"),
+        Code("mor.formats.opensfm", "write_gcp_list"),
+        beside=Code("mor.formats.recognition", "read_gcp_list_of_block"),
     ),
     "openmvg": Format(
         "openMVG sfm_data.json",
-        Code("mor.formats.sfm_data.openmvg", "read_openmvg"),
+        Code("mor.formats.sfm_data", "read_openmvg"),
         untried="no reconstruction of openMVG could be had: this reader was written from its source",
     ),
     "alicevision": Format(
         "AliceVision, Meshroom (.sfm)",
-        Code("mor.formats.sfm_data.alicevision", "read_alicevision"),
+        Code("mor.formats.sfm_data", "read_alicevision"),
         suffixes=(".sfm",),
         untried="of a real file only cameras and poses could be tried; image points were written from the source",
     ),
     "metashape": Format(
         "Metashape cameras.xml, markers.xml; projects .psz and .psx with tie points",
-        Code("mor.formats.metashape.reader", "read_metashape"),
-        Code("mor.formats.metashape.writer", "write_metashape"),
+        Code("mor.formats.metashape", "read_metashape"),
+        Code("mor.formats.metashape", "write_metashape"),
         untried="tried on a project of PhotoScan, its own output and excerpts of files of Metashape; "
         "no .psx and no tie points could be had",
     ),
     "metashape-reference": Format(
         "Metashape reference pane as text: markers or cameras",
-        Code("mor.formats.metashape.reference", "read_reference"),
+        Code("mor.formats.metashape", "read_reference"),
         untried="no export of the reference pane could be had: this reader was written from the manual",
     ),
     "bal": Format(
@@ -124,8 +124,8 @@ FORMATS: dict[str, Format] = {
     ),
     "starnet": Format(
         "STAR*NET input data",
-        Code("mor.formats.starnet.reader", "read_starnet"),
-        Code("mor.formats.starnet.writer", "write_starnet"),
+        Code("mor.formats.starnet", "read_starnet"),
+        Code("mor.formats.starnet", "write_starnet"),
         untried="no file of STAR*NET users could be had: this reader was written from the manual",
     ),
     "dynadjust": Format(
@@ -137,7 +137,7 @@ FORMATS: dict[str, Format] = {
     "dynaml": Format(
         "DynaML (pair of …stn.xml and …msr.xml, and .geo): networks on the earth",
         Code("mor.formats.dynadjust.reader", "read_dynaml"),
-        Code("mor.formats.dynadjust.dynaml_writer", "write_dynaml"),
+        Code("mor.formats.dynadjust.writer", "write_dynaml"),
     ),
     "snap": Format(
         "SNAP command file (.snp), or coordinate and data files (.crd with .dat): networks on the earth",
@@ -147,70 +147,68 @@ FORMATS: dict[str, Format] = {
     ),
     "sinex": Format(
         "SINEX: a GNSS solution with its covariance matrix",
-        Code("mor.formats.sinex.reader", "read_sinex"),
-        Code("mor.formats.sinex.writer", "write_sinex"),
+        Code("mor.formats.sinex", "read_sinex"),
+        Code("mor.formats.sinex", "write_sinex"),
         suffixes=(".snx",),
         untried="no file of a processing centre could be had: this reader was written from the format description",
     ),
     "jag3d": Format(
         "JAG3D column text (folder, names of files tell their kinds)",
-        Code("mor.formats.jag3d.reader", "read_jag3d"),
-        Code("mor.formats.jag3d.writer", "write_jag3d"),
+        Code("mor.formats.jag3d", "read_jag3d"),
+        Code("mor.formats.jag3d", "write_jag3d"),
         folder=True,
         untried="no project of JAG3D could be had: this was written from its wiki and the source of its import",
     ),
     "jag3d-script": Format(
         "JAG3D project as SQL text (HSQLDB script with rows)",
-        Code("mor.formats.jag3d.script", "read_jag3d_script"),
+        Code("mor.formats.jag3d", "read_jag3d_script"),
         suffixes=(".script",),
         untried="no project of JAG3D could be had: this reader was written from the tables that its source makes",
     ),
     "textbook": Format(
-        "textbook network (Krumm)", Code("mor.formats.textbook.reader", "read_krumm"), suffixes=(".dat",)
+        "textbook network (Krumm)", Code("mor.formats.textbook", "read_krumm"), suffixes=(".dat",)
     ),
     "photomodeler": Format(
         "PhotoModeler text export",
-        Code("mor.formats.photomodeler.reader", "read_photomodeler"),
+        Code("mor.formats.photomodeler", "read_photomodeler"),
     ),
-    "dbat": Format(
-        "DBAT script (XML with the tables it names)", Code("mor.formats.dbat.reader", "read_dbat")
-    ),
+    "dbat": Format("DBAT script (XML with the tables it names)", Code("mor.formats.dbat", "read_dbat")),
     "pix4d": Format(
         "Pix4Dmapper parameters (folder params, or …_calibrated_camera_parameters.txt)",
-        Code("mor.formats.pix4d.reader", "read_pix4d"),
+        Code("mor.formats.pix4d", "read_pix4d"),
         folder=True,
         untried="of real files cameras and poses could be tried; image points and control were written from readers "
         "of others and the manual",
     ),
     "pix4d-cam": Format(
         "Pix4D camera file (.cam)",
-        Code("mor.formats.pix4d.camera_file", "read_camera_file"),
+        Code("mor.formats.recognition", "read_camera_file"),
         suffixes=(".cam",),
         untried="tried on the lines of one public file",
     ),
     "pix4d-gcp": Format(
         "Pix4D ground control (name, X, Y, Z, accuracies)",
-        Code("mor.formats.pix4d.reader", "read_control"),
+        Code("mor.formats.pix4d", "read_control"),
         untried="no file of users could be had: this reader was written from the manual",
     ),
     "bingo": Format(
         "BINGO (folder with image.dat, geoin.dat and itera.dat)",
-        Code("mor.formats.bingo.reader", "read_bingo"),
-        Code("mor.formats.bingo.writer", "write_bingo"),
+        Code("mor.formats.bingo", "read_bingo"),
+        Code("mor.formats.bingo", "write_bingo"),
         folder=True,
         untried="no file of BINGO could be had: this reader was written from programs that read and write its files",
     ),
     "pat-b": Format(
         "PAT-B (image coordinates .im, with the control points .con beside them)",
-        Code("mor.formats.patb.reader", "read_patb"),
-        Code("mor.formats.patb.writer", "write_patb"),
+        Code("mor.formats.patb", "read_patb"),
+        Code("mor.formats.patb", "write_patb"),
         suffixes=(".im",),
         untried="no file of PAT-B could be had: this reader was written from what other programs say of their exports",
     ),
     "aicon": Format(
         "AICON 3D Studio flat files",
-        Code("mor.formats.aicon.reader", "read_aicon"),
-        Code("mor.formats.aicon.writer", "write_aicon"),
+        Code("mor.formats.aicon", "read_aicon"),
+        Code("mor.formats.aicon", "write_aicon"),
         suffixes=(".ior", ".eor", ".obc", ".phc", ".scale"),
         folder=True,
     ),
@@ -225,6 +223,6 @@ FORMATS: dict[str, Format] = {
         untried="tried on excerpts of a cadastral plan and of a converted field book; no survey of an instrument could "
         "be had",
     ),
-    "opencv": Format("OpenCV camera files", write=Code("mor.formats.opencv_file", "write_opencv")),
+    "opencv": Format("OpenCV camera files", write=Code("mor.formats.calibration", "write_opencv")),
 }
 """Formats by the key that ``--from`` and ``--to`` take."""

@@ -9,11 +9,10 @@ from typing import Any
 
 import polars as pl
 
-from mor.counting import counted
-from mor.errors import InputError, Problem
-from mor.observations import PLAIN_TYPES
-from mor.parameters.kinds import POINT, ROTATION
-from mor.project.file.nodes import Document, Path
+from mor.errors import InputError, Message, counted
+from mor.model.observation_types import PLAIN_TYPES
+from mor.model.parameters import POINT, ROTATION
+from mor.project.document import Document, KeyPath
 from mor.units import ANGLE, LENGTH, Quantity
 
 _COORDINATES = ("x", "y", "z")
@@ -28,19 +27,19 @@ class _Project:
     """A document that is taken apart or added to."""
 
     data: dict[str, Any]
-    lines: dict[Path, int]
+    lines: dict[KeyPath, int]
     file: str
-    files: dict[Path, str]
-    notes: list[Problem]
+    files: dict[KeyPath, str]
+    notes: list[Message]
     frames: dict[str, pl.DataFrame]
-    problems: list[Problem] = field(default_factory=list)
+    problems: list[Message] = field(default_factory=list)
 
     def tables(self, section: str) -> list[dict[str, Any]]:
         found: list[dict[str, Any]] = self.data.get(section) or []
         return found
 
     def note(self, words: str, line: int = 0) -> None:
-        self.notes.append(Problem(words, self.file, line))
+        self.notes.append(Message(words, self.file, line))
 
 
 def combined(documents: Sequence[Document]) -> Document:
@@ -72,13 +71,13 @@ def _opened(document: Document) -> _Project:
 def _add(whole: _Project, other: _Project) -> None:
     if _axes(whole) != _axes(other):
         words = f"the axes are not those of {whole.file}: convert one of them by itself first"
-        whole.problems.append(Problem(words, other.file))
+        whole.problems.append(Message(words, other.file))
     _in_units_of(whole, other)
     _share_system(whole, other)
     cameras, more = (project.data.get("cameras") or {} for project in (whole, other))
     for name in sorted(set(cameras) & set(more)):
         words = f"camera {name!r} is in {whole.file}, too"
-        whole.problems.append(Problem(words, other.file, other.lines.get(("cameras", name), 0)))
+        whole.problems.append(Message(words, other.file, other.lines.get(("cameras", name), 0)))
     if more:
         whole.data["cameras"] = {**cameras, **more}
     _merge_settings(whole, other)
@@ -204,7 +203,7 @@ def _drop_points(project: _Project, names: Collection[str]) -> None:
     _drop_empty(project, "points")
 
 
-def _keep_rows(whole: _Project, path: Path, table: dict[str, Any], kept: list[int]) -> None:
+def _keep_rows(whole: _Project, path: KeyPath, table: dict[str, Any], kept: list[int]) -> None:
     lines = [whole.lines.get((*path, "rows", k), 0) for k in kept]
     for k in range(len(table["rows"])):
         whole.lines.pop((*path, "rows", k), None)
@@ -224,14 +223,14 @@ def _drop_empty(whole: _Project, section: str) -> None:
         return
     new = {old: k for k, old in enumerate(kept)}
     for mapping in (whole.lines, whole.files):
-        found: list[tuple[Path, Any]] = [(path, mapping.pop(path)) for path in _inside(mapping, section)]
+        found: list[tuple[KeyPath, Any]] = [(path, mapping.pop(path)) for path in _inside(mapping, section)]
         for path, value in found:
             if path[1] in new:
                 mapping[(section, new[int(path[1])], *path[2:])] = value
     whole.data[section] = [tables[k] for k in kept]
 
 
-def _inside(mapping: Mapping[Path, Any], section: str) -> list[Path]:
+def _inside(mapping: Mapping[KeyPath, Any], section: str) -> list[KeyPath]:
     return [path for path in mapping if len(path) > 1 and path[0] == section]
 
 

@@ -10,27 +10,30 @@ from typing import NamedTuple
 import numpy as np
 import polars as pl
 
-from mor.arrays import BoolArray, FloatArray, IntArray
-from mor.counting import counted
-from mor.errors import InputError, Problem
-from mor.geometry.cameras import CAMERA_MODELS
-from mor.observations import IMAGE_TYPES, PLAIN_TYPES
-from mor.parameters.kinds import POINT, ROTATION
-from mor.project.edge import Edge, ImageScale, image_scale
-from mor.project.file.model import Camera, Observations, Project
-from mor.project.file.model_instruments import Value
-from mor.project.file.nodes import Document
-from mor.project.file.table import Table
-from mor.project.file.validation import validate
-from mor.project.network.entities import workshop
-from mor.project.network.images import image_columns
-from mor.project.network.points import point_columns
-from mor.project.network.reading import Reading, ignore_table
-from mor.project.network.stations import station_columns
-from mor.project.observations.groups import observation_columns
-from mor.project.tables.columns import tell_rows
-from mor.project.tables.statuses import Statuses, component_columns, component_rows, number_column
-from mor.project.tables.tables import Column, Place, Rows, read_table
+from mor.errors import InputError, Message, counted
+from mor.model.cameras import CAMERA_MODELS
+from mor.model.observation_types import IMAGE_TYPES, PLAIN_TYPES
+from mor.model.parameters import POINT, ROTATION
+from mor.project.axes import Edge, ImageScale, image_scale
+from mor.project.document import Document
+from mor.project.entities import Reading, ignore_table, workshop
+from mor.project.images import image_columns
+from mor.project.observations import observation_columns
+from mor.project.points import point_columns
+from mor.project.schema import Camera, Observations, Project, Table, Value, validate
+from mor.project.stations import station_columns
+from mor.project.tables import (
+    Column,
+    Place,
+    Rows,
+    Statuses,
+    component_columns,
+    component_rows,
+    number_column,
+    read_table,
+    tell_rows,
+)
+from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import LENGTH, Component, Quantity
 
 PIXELS = Quantity()
@@ -87,7 +90,7 @@ class Content(NamedTuple):
 
         Raises :class:`InputError`, also for names that no text file can hold.
         """
-        problems: list[Problem] = []
+        problems: list[Message] = []
         own = {column.name for column in columns}
         others = [column for column in self._known_columns(section, table) if column.name not in own]
         optional = [column._replace(required=False) for column in others]
@@ -121,7 +124,7 @@ class Content(NamedTuple):
         return []
 
 
-def refuse_control_characters(problems: list[Problem], name: str, cells: pl.Series, rows: Rows) -> None:
+def refuse_control_characters(problems: list[Message], name: str, cells: pl.Series, rows: Rows) -> None:
     """Tell names with characters that XML forbids and text files break lines at."""
     odd = cells.str.contains(_CONTROL).fill_null(False).to_numpy()
 
@@ -153,7 +156,7 @@ def content_of(document: Document, folder: Path) -> Content:
     odd = next((name for name in names if re.search(_CONTROL_IN_TITLE, name)), None)
     if odd is not None:
         words = f"found the name {odd!r}, expected one without control characters; rename it"
-        raise InputError([Problem(words, document.file)])
+        raise InputError([Message(words, document.file)])
     project = project.model_copy(update={"title": title})
     return Content(document, project, Edge(project.units, project.axes), folder, {})
 
@@ -168,7 +171,7 @@ def points(content: Content) -> Things:
     columns.append(number_column("sigma", LENGTH, content.edge))
     for k, table in enumerate(content.project.points):
         rows = content.rows("points", k, table, columns)
-        found: list[Problem] = []
+        found: list[Message] = []
         statuses = component_rows(rows, POINT.components, table.fixed, found, rows.number("sigma"))
         parts.append(Things(rows.text("id"), {}, statuses))
     return _joined(parts, len(POINT.components), ())
@@ -185,7 +188,7 @@ def images(content: Content) -> Things:
         columns = [Column("id", required=True), *(Column(name) for name in _IMAGE_TEXTS)]
         columns += component_columns(components, content.edge)
         rows = content.rows("images", k, table, columns)
-        found: list[Problem] = []
+        found: list[Message] = []
         statuses = component_rows(rows, components, table.fixed, found)
         parts.append(Things(rows.text("id"), {name: rows.text(name) for name in _IMAGE_TEXTS}, statuses))
     return _joined(parts, len(components), _IMAGE_TEXTS)
@@ -245,7 +248,7 @@ def given_points(entry: Observations, rows: Rows) -> tuple[FloatArray, FloatArra
 
 
 def _plain_values(entry: Observations) -> Observations:
-    from mor.project.observations.image_groups import units_of_values
+    from mor.project.observations import units_of_values
 
     return units_of_values(entry)
 
@@ -310,7 +313,7 @@ def block(content: Content, what: str, found: Things, corner: bool = True) -> Bl
     rays = image_points(content, used, corner)
     if not rays.images:
         words = f"{what} has image blocks; this project has no image points"
-        raise InputError([Problem(words, content.document.file)])
+        raise InputError([Message(words, content.document.file)])
     return Block(found, with_undeclared(content, places, rays.points), rays, used)
 
 
@@ -326,7 +329,7 @@ def frames(content: Content, what: str) -> Things:
     shared = any("".join(found.texts[key]) for key in ("shared_height", "shared_eccentricity"))
     if raised or shared:
         words = f"images have heights or eccentricities, which {what} cannot hold"
-        problems.append(Problem(words, content.document.file))
+        problems.append(Message(words, content.document.file))
     if problems:
         raise InputError(problems)
     return found
@@ -353,14 +356,14 @@ def with_undeclared(content: Content, places: Things, named: Iterable[str]) -> T
         return places
     if content.project.settings.undeclared_points != "free":
         words = f"point {more[0]!r} is not among the points"
-        raise InputError([Problem(words, content.document.file)])
+        raise InputError([Message(words, content.document.file)])
     nothing = np.full((len(more), 3), np.nan)
     theirs = Statuses(nothing, np.ones(nothing.shape, dtype=bool), nothing, nothing)
     both = Statuses(*(np.concatenate(pair) for pair in zip(places.statuses, theirs, strict=True)))
     return Things([*places.ids, *more], places.texts, both._replace(free=both.free.astype(bool)))
 
 
-def placed_points(content: Content, places: Things, what: str) -> tuple[Things, list[Problem]]:
+def placed_points(content: Content, places: Things, what: str) -> tuple[Things, list[Message]]:
     """Return the points that have all coordinates, and a note on those that are left out."""
     placed = np.isfinite(places.values).all(axis=1)
     missing = int(np.count_nonzero(~placed))
@@ -372,7 +375,7 @@ def placed_points(content: Content, places: Things, what: str) -> tuple[Things, 
         f"{counted(missing, 'point')} without coordinates: left out of {what}; "
         "convert an adjusted project (adjusted.yaml)"
     )
-    return kept, [Problem(words, content.document.file)]
+    return kept, [Message(words, content.document.file)]
 
 
 def some_rays(rays: ImagePoints, chosen: IntArray) -> ImagePoints:
@@ -385,7 +388,7 @@ def some_rays(rays: ImagePoints, chosen: IntArray) -> ImagePoints:
 
 def rays_of_points(
     content: Content, rays: ImagePoints, places: Things, what: str
-) -> tuple[ImagePoints, list[Problem]]:
+) -> tuple[ImagePoints, list[Message]]:
     """Return the image points of these points, and a note on the others."""
     known = set(places.ids)
     chosen = np.flatnonzero([name in known for name in rays.points])
@@ -397,9 +400,9 @@ def rays_of_points(
             f"{what}: no image point belongs to a point with coordinates; "
             "convert an adjusted project (adjusted.yaml)"
         )
-        raise InputError([Problem(words, content.document.file)])
+        raise InputError([Message(words, content.document.file)])
     words = f"{counted(lost, 'image point')} of points without coordinates: left out of {what}"
-    return some_rays(rays, chosen), [Problem(words, content.document.file)]
+    return some_rays(rays, chosen), [Message(words, content.document.file)]
 
 
 _SECTIONS = (
@@ -416,7 +419,7 @@ _SECTIONS = (
 
 def not_carried(
     content: Content, types: tuple[str, ...], sections: tuple[str, ...], what: str
-) -> list[Problem]:
+) -> list[Message]:
     """Return counted notes on observations, sections and columns that a format cannot hold."""
     project, file = content.project, content.document.file
     notes = []
@@ -437,7 +440,7 @@ def not_carried(
     if project.curvature:
         notes.append("curvature (coordinates are plan coordinates and heights above a sphere)")
     notes += [f"{key} ({counted(count, 'value')})" for key, count in content.unread.items()]
-    return [Problem(f"{what} has no place for: {', '.join(notes)}", file)] if notes else []
+    return [Message(f"{what} has no place for: {', '.join(notes)}", file)] if notes else []
 
 
 def interior_values(camera: Camera, edge: Edge, scale: ImageScale) -> dict[str, float]:

@@ -9,12 +9,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mor.counting import counted
-from mor.errors import InputError, Problem
-from mor.formats.draft import Draft, Row
-from mor.formats.wgs84 import east_north_up
+from mor.errors import InputError, Message, counted
+from mor.formats.draft import Draft, Row, east_north_up
 from mor.input_files import check_regular, note_input
-from mor.project.file.nodes import Document
+from mor.project.document import Document
 
 SUFFIXES = (".jpg", ".jpeg", ".tif", ".tiff", ".png", ".webp", ".heic")
 SIGMA_PLAN, SIGMA_HEIGHT = 5.0, 10.0
@@ -71,7 +69,7 @@ def _photograph(path: Path) -> Photograph:
         from PIL import Image
     except ImportError:
         words = "photographs need the extra formats: pip install 'mor-adjustment[formats]'"
-        raise InputError([Problem(words, str(path))]) from None
+        raise InputError([Message(words, str(path))]) from None
     try:
         with warnings.catch_warnings(), Image.open(path) as picture:
             warnings.simplefilter("ignore")
@@ -79,7 +77,7 @@ def _photograph(path: Path) -> Photograph:
             exif = picture.getexif()
             inner, gps = dict(exif.get_ifd(_EXIF_PART)), dict(exif.get_ifd(_GPS_PART))
     except Exception as error:  # noqa: BLE001 - damaged pictures end in errors of all kinds
-        raise InputError([Problem(f"this picture cannot be read: {error}", str(path))]) from None
+        raise InputError([Message(f"this picture cannot be read: {error}", str(path))]) from None
     make, model = (str(exif.get(tag, "")).strip("\0 ") for tag in (_MAKE, _MODEL))
     model = model if model.startswith(make) else f"{make} {model}".strip()
     focal, wide = (_number(inner.get(tag)) for tag in (_FOCAL, _FOCAL_35))

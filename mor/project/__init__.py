@@ -1,1 +1,1 @@
-"""The project file: nodes with line numbers, model, tables, axes and units at the edge, writing."""
+"""The project file, its tables, and the network that they describe."""

@@ -1,1 +1,1 @@
-"""What follows the solution: redundancy, reliability, precision, tests."""
+"""Precision, reliability, tests, robust estimation, variance components, deformation."""

@@ -1,1 +1,1 @@
-"""Reports: one file per section; text, JSON, CSV as renderers."""
+"""Tables, results.json, texts, pages, plots, certificates, languages."""

@@ -1,16 +1,149 @@
-"""Headings and tables of the text report."""
+"""Layout of texts and figures: columns, numbers, colours."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
-from typing import Any
+import re
+import textwrap
+from collections.abc import Collection, Sequence
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from mor.arrays import FloatArray
-from mor.report.columns import WIDTH, drawn
-from mor.report.words.language import ENGLISH, Words
+from mor.errors import MOST_TOLD, escaped
+from mor.report.language import ENGLISH, Words
+from mor.types import FloatArray
+
+# ------------------------------------------------------------
+# Columns and paragraphs of text that fit a page: 100 signs wide, whatever names and headings are in them.
+# ------------------------------------------------------------
+
+WIDTH = 100
+_GAPS = ("  ", " ")
+"""What stands between columns: the second where the first is too wide."""
+_OF_UNIT = "\u2007["
+"""A unit that stays with its quantity; figure spaces stand in no report."""
+_NARROWEST = 12
+"""Signs down to which a column of texts is narrowed before the table is cut into blocks."""
+
+
+def drawn(
+    headers: Sequence[str], rows: Sequence[Sequence[str]], left: Collection[int], margin: int = 0
+) -> str:
+    """Columns with a line under their headers; those of ``left`` hold texts, the others numbers.
+
+    Columns are as wide as their widest cell and two wider than their header. Where that is too wide for a page, headers
+    are broken at their blanks, but for the one before a unit; then texts are; then the columns are cut into blocks that
+    all begin with the first one. ``margin``: blanks that every line begins with.
+    """
+    cells = [[escaped(cell.strip()) for cell in row] for row in (headers, *rows)]
+    widest = [max((len(row[k]) for row in cells[1:]), default=0) for k in range(len(headers))]
+    widths = [max(width, len(header) + 2) for width, header in zip(widest, cells[0], strict=True)]
+    gap = _GAPS[0]
+    page = WIDTH - margin
+    if _total(widths) > page:
+        cells[0] = [header.replace(" [", _OF_UNIT) for header in cells[0]]
+        heads = [max(map(len, header.split(" "))) for header in cells[0]]
+        widths = [max(pair) for pair in zip(widest, heads, strict=True)]
+        gap = next((gap for gap in _GAPS if _total(widths, gap) <= page), gap)
+        widths = _narrowed(widths, left, page) if gap == _GAPS[0] else widths
+    text = "\n\n".join(
+        _block(
+            [[row[k] for k in block] for row in cells], [widths[k] for k in block], _within(block, left), gap
+        )
+        for block in _blocks(widths, gap, page)
+    ).replace(_OF_UNIT, " [")
+    return textwrap.indent(text, " " * margin)
+
+
+def _total(widths: Sequence[int], gap: str = _GAPS[0]) -> int:
+    return sum(widths) + len(gap) * (len(widths) - 1)
+
+
+def _narrowed(widths: list[int], left: Collection[int], page: int) -> list[int]:
+    """Widths with the columns of texts made narrower, the widest first, as far as the page wants it."""
+    widths = list(widths)
+    texts = [k for k in range(len(widths)) if k in left]
+    while texts and _total(widths) > page:
+        widest = max(texts, key=lambda k: widths[k])
+        if widths[widest] <= _NARROWEST:
+            break
+        widths[widest] -= 1
+    return widths
+
+
+def _blocks(widths: Sequence[int], gap: str, page: int) -> list[list[int]]:
+    """Numbers of the columns of each block; the first column stands in all of them."""
+    blocks = [[0]]
+    for k in range(1, len(widths)):
+        if len(blocks[-1]) > 1 and _total([widths[i] for i in (*blocks[-1], k)], gap) > page:
+            blocks.append([0])
+        blocks[-1].append(k)
+    return blocks
+
+
+def _within(block: Sequence[int], left: Collection[int]) -> set[int]:
+    return {place for place, k in enumerate(block) if k in left}
+
+
+def _block(cells: Sequence[Sequence[str]], widths: Sequence[int], left: Collection[int], gap: str) -> str:
+    lines = []
+    for number, row in enumerate(cells):
+        parts = [_broken(cell, width) for cell, width in zip(row, widths, strict=True)]
+        height = max(map(len, parts))
+        for part in parts:
+            missing = [""] * (height - len(part))
+            part[:] = [*missing, *part] if number == 0 else [*part, *missing]
+        for line in zip(*parts, strict=True):
+            lines.append(_line(line, widths, left, gap))
+        if number == 0:
+            lines.append(gap.join("-" * width for width in widths))
+    return "\n".join(lines)
+
+
+def _broken(cell: str, width: int) -> list[str]:
+    return textwrap.wrap(cell, width, break_on_hyphens=False) if len(cell) > width else [cell]
+
+
+def _line(cells: Sequence[str], widths: Sequence[int], left: Collection[int], gap: str) -> str:
+    placed = [
+        cell.ljust(width) if k in left else cell.rjust(width)
+        for k, (cell, width) in enumerate(zip(cells, widths, strict=True))
+    ]
+    return gap.join(placed).rstrip()
+
+
+_TIED = "\u2007=\u2007"
+"""An equals sign that stays with what is on both of its sides."""
+_LEAD = re.compile(r"\S.{0,38}?\s{2,}(?=\S)")
+_MARK = re.compile(r"\s*(\d+\. )?")
+
+
+def paragraphs(text: str) -> str:
+    """Lines that are too long broken at blanks; the further ones stand below where their text began."""
+    return "\n".join(_paragraph(line) for line in text.split("\n"))
+
+
+def _paragraph(line: str) -> str:
+    if len(line) <= WIDTH:
+        return line
+    lead = _LEAD.match(line)
+    mark = _MARK.match(line)
+    indent = lead.end() if lead else (mark.end() if mark else 0) + 2
+    return textwrap.fill(
+        line.replace(" = ", _TIED),
+        WIDTH,
+        subsequent_indent=" " * indent,
+        break_long_words=False,
+        break_on_hyphens=False,
+        replace_whitespace=False,
+        drop_whitespace=True,
+    ).replace(_TIED, " = ")
+
+
+# ------------------------------------------------------------
+# Headings and tables of the text report.
+# ------------------------------------------------------------
 
 DIGITS = {"m": 5, "mm": 4, "cm": 4, "dm": 5, "um": 2, "km": 8, "ft": 5, "us-ft": 5, "in": 4}
 ANGLE_DIGITS = {"gon": 5, "deg": 6, "rad": 8, "mrad": 5, "mgon": 3}
@@ -83,3 +216,184 @@ def in_words(row: dict[str, Any], words: Words) -> str:
 def component_of(row: dict[str, Any]) -> str:
     """The component after a comma; nothing if it is the type once more, as of a distance."""
     return "" if row["component"] == row["type"] else f", {row['component']}"
+
+
+# ------------------------------------------------------------
+# Colours of charts: the set of Okabe and Ito, told apart by colour-blind readers, on light and on dark ground.
+# ------------------------------------------------------------
+
+BLUE = "#3b8fd0"
+ORANGE = "#e69f00"
+GREEN = "#009e73"
+RED = "#d55e00"
+PURPLE = "#cc79a7"
+GREY = "#8a8f98"
+BAND = "rgba(59,143,208,0.22)"
+
+DIVERGING = [[0.0, "#b35806"], [0.25, "#f1a340"], [0.5, "#f7f7f7"], [0.75, "#998ec3"], [1.0, "#542788"]]
+"""Brown to purple through white: signs that colour-blind readers tell apart (C. Brewer, PuOr)."""
+
+
+# ------------------------------------------------------------
+# Classes of a histogram of test values, as many for a gross error of a million σ as for none.
+# ------------------------------------------------------------
+
+BIN_WIDTH = 0.25
+OUTERMOST = 10.0
+"""|w| that has a place of its own; larger ones stand in the outermost classes. N(0, 1) has none at all there."""
+
+
+class Bins(NamedTuple):
+    """Edges of the classes, the test values with those beyond the edges moved into the last class, their number."""
+
+    edges: FloatArray
+    w: FloatArray
+    beyond: int
+
+    @property
+    def limit(self) -> float:
+        """The last edge."""
+        return -float(self.edges[0])
+
+
+def normal_bins(w: FloatArray, critical: float) -> Bins:
+    """Classes for test values (n,), wide enough for the critical value and for |w| up to :data:`OUTERMOST`."""
+    largest = float(np.abs(w).max(initial=1.0))
+    limit = max(min(float(np.ceil(largest * 2.0) / 2.0), OUTERMOST), float(np.ceil(critical + 0.5)))
+    edges = np.linspace(-limit, limit, round(2.0 * limit / BIN_WIDTH) + 1)
+    inside = limit - 0.5 * BIN_WIDTH
+    return Bins(edges, np.clip(w, -inside, inside), int(np.count_nonzero(np.abs(w) > limit)))
+
+
+# ------------------------------------------------------------
+# Last section of the report: inputs, program, signature.
+# ------------------------------------------------------------
+
+LINE = "_" * 30
+
+
+def persons(identity: dict[str, Any], words: Words = ENGLISH) -> list[tuple[str, str]]:
+    """Who and when, for the head; what the project does not say is left out."""
+    rows = [(key, identity[key] or "") for key in ("client", "operator", "measured", "date", "remarks")]
+    rows = [("input as of" if key == "date" else key, text) for key, text in rows if text]
+    return [(words(name), " ".join(text.split())) for name, text in rows]
+
+
+def section(
+    identity: dict[str, Any],
+    words: Words = ENGLISH,
+    notes: Sequence[dict[str, Any]] = (),
+    shown: int = MOST_TOLD,
+) -> str:
+    """Program, options, input files with their SHA-256, what was noted of them, and the place for the signature."""
+    rows = [
+        (words("program"), identity["program"]),
+        (words("options"), " ".join(identity["options"]) or words("none")),
+    ]
+    width = max(len(name) for name, _ in rows)
+    lines = [heading(words("About this report")), *(f"{name.ljust(width)}  {text}" for name, text in rows)]
+    if identity["inputs"]:
+        lines += ["", words("Read from ({count:file|files}), with SHA-256:", count=len(identity["inputs"]))]
+    for file in identity["inputs"]:
+        said = words("{count:byte|bytes}", count=file["bytes"])
+        lines += [f"  {file['file']}, {said}", f"    {file['sha256']}"]
+    if notes:
+        lines += ["", f"{words('Notes on what was read')}:", *(_note(row, words) for row in notes[:shown])]
+    if len(notes) > shown:
+        more = len(notes) - shown
+        lines.append(words("{count:more note stands|more notes stand} in results.json.", count=more))
+    lines += [
+        "",
+        "",
+        f"{LINE}    {LINE}",
+        f"{words('place and date').ljust(len(LINE))}    {words('signature')}",
+    ]
+    return "\n".join(lines)
+
+
+def _note(row: dict[str, Any], words: Words) -> str:
+    line = f":{row['line']}" if row["line"] else ""
+    place = f"{row['file']}{line}: " if row["file"] else ""
+    return f"  {place}{words.told(row['message'])}"
+
+
+# ------------------------------------------------------------
+# Charts as plain data: a chart is its traces and a layout whose axes carry names and units.
+# ------------------------------------------------------------
+
+Figure = dict[str, Any]
+FIGURE_DIGITS = 6
+
+
+def figure(traces: list[dict[str, Any]], x: str, y: str, **layout: Any) -> Figure:
+    """A chart with named axes."""
+    axes = {"xaxis": {"title": {"text": x}}, "yaxis": {"title": {"text": y}}}
+    for name in axes:
+        axes[name] |= layout.pop(name, {})
+    return {"data": traces, "layout": {**axes, **layout}}
+
+
+def numbers(values: FloatArray) -> list[float | None]:
+    """Numbers with six significant digits, ``None`` if there is none."""
+    return [float(f"{value:.{FIGURE_DIGITS}g}") if np.isfinite(value) else None for value in values.tolist()]
+
+
+def joined(start: FloatArray, end: FloatArray) -> tuple[list[float | None], list[float | None]]:
+    """x and y of separate lines from start to end (n, 2)."""
+    gap = np.full((len(start), 1), np.nan)
+    x = np.column_stack([start[:, 0], end[:, 0], gap]).ravel()
+    y = np.column_stack([start[:, 1], end[:, 1], gap]).ravel()
+    return numbers(x), numbers(y)
+
+
+def round_length(value: float) -> float:
+    """The largest of 1, 2, 5 · 10ᵏ that does not exceed a positive value; 1 for anything else."""
+    if not np.isfinite(value) or value <= 0.0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value * (1.0 + 1e-12)))
+
+
+def small_unit(unit: str, size: float) -> tuple[str, float]:
+    """Unit and factor in which a size in ``unit`` reads well: µm instead of 0.0004 mm."""
+    if unit == "mm" and size < 0.05:
+        return "µm", 1e3
+    if unit == "m" and size < 0.1:
+        return ("mm", 1e3) if size >= 1e-4 else ("µm", 1e6)
+    return unit, 1.0
+
+
+# ------------------------------------------------------------
+# Place labels in a figure without overlap.
+# ------------------------------------------------------------
+
+_LABELS_MARK = 3.0
+"""Half the width of a mark."""
+NO_MARKS = np.zeros((0, 2))
+
+
+def placed(
+    marks: FloatArray, size: FloatArray, edge: FloatArray, others: FloatArray = NO_MARKS
+) -> list[tuple[int, tuple[float, float]]]:
+    """Number of those names that have room, the first ones first, and of each the offset of its middle from its mark.
+
+    ``marks`` (n, 2) are the places of what is named, ``others`` (m, 2) those of further marks, ``size`` (n, 2) width
+    and height of the names, ``edge`` the least and the largest x and y of the picture (x, y, x, y).
+    """
+    every = np.concatenate([marks, others])
+    taken = np.concatenate([every - _LABELS_MARK, every + _LABELS_MARK], axis=1)
+    found = []
+    for k, (mark, (width, height)) in enumerate(zip(marks, size, strict=True)):
+        side, above = 0.5 * width + 1.4 * _LABELS_MARK, 0.5 * height + 1.2 * _LABELS_MARK
+        for x, y in ((1, 1), (1, -1), (-1, 1), (-1, -1), (0, 1), (0, -1)):
+            offset = np.array([x * side, y * (above if x == 0 else 0.5 * height)])
+            half = 0.5 * np.array([width, height])
+            box = np.concatenate([mark + offset - half, mark + offset + half])
+            if (box[:2] < edge[:2]).any() or (box[2:] > edge[2:]).any():
+                continue
+            if ((box[:2] < taken[:, 2:]) & (taken[:, :2] < box[2:])).all(axis=1).any():
+                continue
+            taken = np.concatenate([taken, box[None]])
+            found.append((k, (float(offset[0]), float(offset[1]))))
+            break
+    return found

@@ -1,4 +1,4 @@
-"""Tables for pictures and pages of an adjustment, from an outcome or from its results folder."""
+"""What figures and pages show of results.json."""
 
 from __future__ import annotations
 
@@ -6,39 +6,37 @@ import json
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
 
-from mor.arrays import FloatArray
-from mor.errors import InputError, Problem
+from mor.errors import InputError, Message
 from mor.input_files import note_input
-from mor.project.tables.guarded import plain_column
-from mor.quality.solved import Solved
-from mor.report.edge import points
-from mor.report.identity import Identity, identity_of
-from mor.report.notes import note_rows
-from mor.report.results.summary import SCHEMA_VERSION, summary
-from mor.report.tables.checks import check_rows
-from mor.report.tables.ellipses import chosen_pairs, relative_rows
-from mor.report.tables.estimates import (
+from mor.model.cameras import CAMERA_MODELS
+from mor.project.document import plain_column
+from mor.quality.solution import Solved
+from mor.report.estimates import (
+    chosen_pairs,
     group_table,
     image_table,
     interior_rows,
+    knot_table,
     point_table,
+    relative_rows,
     station_table,
 )
-from mor.report.tables.gross_errors.hypotheses import possible_causes
-from mor.report.tables.gross_errors.suspects import suspects
-from mor.report.tables.observations import SCHEMA
-from mor.report.tables.reliability import gross_errors
-from mor.report.trajectories.table import knot_table
-from mor.report.verdict.external_reliability import FILE as EXTERNAL_FILE
-from mor.report.verdict.external_reliability import SCHEMA as EXTERNAL
-from mor.report.verdict.external_reliability import external_reliability
-from mor.report.verdict.group_tests import verdict_rows
-from mor.report.verdict.reliability_map import reliability_rows
+from mor.report.identity import Identity, identity_of, note_rows
+from mor.report.observations import SCHEMA, check_rows, gross_errors, possible_causes, suspects
+from mor.report.summary import SCHEMA_VERSION, summary
+from mor.report.units import points
+from mor.report.verdict import FILE, external_reliability, reliability_rows, verdict_rows
+from mor.report.verdict import SCHEMA as EXTERNAL
+from mor.types import FloatArray, IntArray
+
+# ------------------------------------------------------------
+# Tables for pictures and pages of an adjustment, from an outcome or from its results folder.
+# ------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -64,9 +62,9 @@ class View:
     residuals_file: str = "residuals.csv"
     """Where the residuals stand as a table."""
     external: pl.DataFrame = field(default_factory=lambda: pl.DataFrame(schema=EXTERNAL))
-    """External reliability of points, see :func:`mor.report.verdict.external_reliability.external_reliability`."""
+    """External reliability of points, see :func:`mor.report.verdict.external_reliability`."""
     trajectories: pl.DataFrame = field(default_factory=pl.DataFrame)
-    """Knots of trajectories, see :func:`mor.report.trajectories.table.knot_table`; none is written by itself."""
+    """Knots of trajectories, see :func:`mor.report.estimates.knot_table`; none is written by itself."""
 
     @property
     def length(self) -> str:
@@ -137,29 +135,29 @@ def view_of_folder(folder: Path) -> View:
     try:
         data = json.loads(path.read_text(encoding="utf-8"))
     except FileNotFoundError:
-        raise InputError([Problem("there is no results.json in this folder", str(folder))]) from None
+        raise InputError([Message("there is no results.json in this folder", str(folder))]) from None
     except (ValueError, RecursionError):
-        raise InputError([Problem("this is no results.json of mor", str(path))]) from None
+        raise InputError([Message("this is no results.json of mor", str(path))]) from None
     if isinstance(data, dict) and (version := data.get("schema_version")) != SCHEMA_VERSION:
         words = (
             f"these results are of version {version}, this program reads version {SCHEMA_VERSION}; "
             "mor adjust --force writes them anew"
         )
-        raise InputError([Problem(words, str(path))])
+        raise InputError([Message(words, str(path))])
     if not isinstance(data, dict) or data.get("global_test") is None:
-        raise InputError([Problem("these results tell of no solution: there is nothing to draw", str(path))])
+        raise InputError([Message("these results tell of no solution: there is nothing to draw", str(path))])
     try:
         return _view(data, folder)
     except (KeyError, TypeError, pl.exceptions.PolarsError):
         words = "these results are not complete"
-        raise InputError([Problem(words, str(path))]) from None
+        raise InputError([Message(words, str(path))]) from None
 
 
 def _view(data: dict[str, Any], folder: Path) -> View:
     points, images = (_table(data, name, folder) for name in ("points", "images"))
     view = view_of_rows(data, points, images, _residuals(data, folder))
-    if (folder / EXTERNAL_FILE).is_file():
-        view = replace(view, external=_read(folder / EXTERNAL_FILE, "external reliability", EXTERNAL))
+    if (folder / FILE).is_file():
+        view = replace(view, external=_read(folder / FILE, "external reliability", EXTERNAL))
     if "trajectories" not in data["tables"]:
         return view
     knots = _read(folder / data["tables"]["trajectories"], "trajectories", {"trajectory": pl.String})
@@ -207,7 +205,7 @@ def _residuals(data: dict[str, Any], folder: Path) -> pl.DataFrame:
         return pl.DataFrame(data["residuals"], schema_overrides=SCHEMA, infer_schema_length=None)
     if "residuals_worst" in data["tables"] or "residuals" not in data["tables"]:
         words = "these results have no table of all residuals: mor adjust --tables all writes it"
-        raise InputError([Problem(words, str(folder / "results.json"))])
+        raise InputError([Message(words, str(folder / "results.json"))])
     return _read(folder / data["tables"]["residuals"], "residuals", SCHEMA)
 
 
@@ -223,7 +221,7 @@ _TEXTS = ("id", "camera", "status")
 
 def _read(path: Path, what: str, kinds: dict[str, type[pl.DataType]]) -> pl.DataFrame:
     if not path.exists():
-        raise InputError([Problem(f"the table of {what} is missing beside results.json", str(path))])
+        raise InputError([Message(f"the table of {what} is missing beside results.json", str(path))])
     note_input(path)
     if path.is_dir():  # a table in parts
         for part in path.glob("*.parquet"):
@@ -255,3 +253,215 @@ def projection_centres(solved: Solved) -> FloatArray:
         base = np.einsum("nji,nj->ni", D, values["base"][parts["base"][follows]])
         centres[follows] += base @ solved.network.edge.matrix
     return centres
+
+
+# ------------------------------------------------------------
+# The geometry of rays: who sees what, at which angles rays meet, how much of each image is measured.
+# ------------------------------------------------------------
+
+_CHUNK = 2_000_000
+"""Pairs of rays looked at together."""
+
+
+class Rays(NamedTuple):
+    """Rays as pairs of numbers: frame (image or station, images first) and point."""
+
+    frame: IntArray
+    point: IntArray
+
+
+def rays_of(view: View) -> Rays:
+    """Every ray of an image and every sight of a station to a point of the table of points, once each."""
+    points = _numbers(view.points["id"], "to", "point", 0)
+    images = _numbers(view.images["id"], "from", "frame", 0)
+    stations = _numbers(view.stations["id"], "from", "frame", view.images.height)
+    seen = view.used.select("type", "from", "to")
+    parts = [
+        seen.filter(is_ray(seen)).join(images, on="from", maintain_order="left"),
+        seen.filter(pl.col("type").str.ends_with("directions")).join(
+            stations, on="from", maintain_order="left"
+        ),
+    ]
+    pairs = pl.concat(parts).join(points, on="to", maintain_order="left").select("frame", "point")
+    pairs = pairs.drop_nulls().unique(maintain_order=True)
+    return Rays(pairs["frame"].to_numpy(), pairs["point"].to_numpy())
+
+
+def _numbers(ids: pl.Series, key: str, name: str, first: int) -> pl.DataFrame:
+    numbers = np.arange(first, first + len(ids), dtype=np.int64)
+    return pl.DataFrame({key: ids.cast(pl.String), name: numbers}).unique(
+        key, keep="first", maintain_order=True
+    )
+
+
+def centres(view: View) -> FloatArray:
+    """(n, 3) places the rays start from: projection centres, then stations; NaN for images that were scanned.
+
+    What was scanned along a trajectory has a place for every line, and that of the table is the first line's.
+    """
+    parts = [
+        frame.select("x", "y", "z").to_numpy().copy()
+        for frame in (view.images, view.stations)
+        if frame.height
+    ]
+    if view.images.height:
+        parts[0][view.images["id"].is_in(scanned_images(view)).to_numpy()] = np.nan
+    return np.concatenate(parts) if parts else np.zeros((0, 3))
+
+
+def scanned_images(view: View) -> list[str]:
+    """Images that line scanners took while they moved along a trajectory."""
+    if not view.trajectories.height:
+        return []
+    lines = [
+        camera["id"]
+        for camera in view.cameras
+        if camera["model"] != "panorama" and (camera.get("format") or {}).get("height") == 1
+    ]
+    return view.images.filter(pl.col("camera").is_in(lines))["id"].to_list()
+
+
+def places(view: View) -> FloatArray:
+    """(n, 3) coordinates of the table of points."""
+    return view.points.select("x", "y", "z").to_numpy() if view.points.height else np.zeros((0, 3))
+
+
+def intersection_angles(rays: Rays, start: FloatArray, end: FloatArray) -> FloatArray:
+    """(p,) radians between those two rays of each point that meet best, at most π/2; NaN with fewer than two."""
+    result = np.full(len(end), np.nan)
+    along = end[rays.point] - start[rays.frame]
+    length = np.linalg.norm(along, axis=1)
+    known = np.flatnonzero(np.isfinite(length) & (length > 0.0))
+    order = known[np.argsort(rays.point[known], kind="stable")]
+    along, owner = along[order] / length[order, None], rays.point[order]
+    numbers, first, count = np.unique(owner, return_index=True, return_counts=True)
+    for k in np.unique(count[count > 1]):
+        chosen = np.flatnonzero(count == k)
+        for part in np.array_split(chosen, max(1, len(chosen) * k * k // _CHUNK)):
+            bundle = along[first[part, None] + np.arange(k)]
+            cosine = np.abs(bundle @ np.swapaxes(bundle, 1, 2)).reshape(len(part), -1).min(axis=1)
+            result[numbers[part]] = np.arccos(np.clip(cosine, 0.0, 1.0))
+    return result
+
+
+class Window(NamedTuple):
+    """The area image coordinates of a camera lie in, and whether y counts downwards."""
+
+    x: tuple[float, float]
+    y: tuple[float, float]
+    down: bool
+    known: bool
+    """False if the camera says nothing of its format: the extent of what was measured."""
+
+
+def window(camera: dict[str, Any], unit: str, xy: FloatArray) -> Window:
+    """Window of a camera for image coordinates (n, 2) in ``unit``."""
+    size = camera.get("format")
+    if size is None:
+        low, high = (xy.min(axis=0), xy.max(axis=0)) if len(xy) else (np.zeros(2), np.ones(2))
+        return Window((float(low[0]), float(high[0])), (float(low[1]), float(high[1])), False, False)
+    factor = 1.0 if unit == "px" else size["pixel"] * _per_camera_unit(camera["unit"], unit)
+    width, height = size["width"] * factor, size["height"] * factor
+    if size["height"] == 1 and len(xy):  # a line scanner: its images have as many rows as lines were taken
+        across = (0.0, width) if size["origin"] == "corner" else (-width / 2.0, width / 2.0)
+        return Window(
+            across, (float(xy[:, 1].min()), float(xy[:, 1].max())), size["origin"] == "corner", False
+        )
+    if size["origin"] == "corner":
+        return Window((0.0, width), (0.0, height), True, True)
+    return Window((-width / 2.0, width / 2.0), (-height / 2.0, height / 2.0), False, True)
+
+
+def _per_camera_unit(camera_unit: str, unit: str) -> float:
+    from mor.units import LENGTH_UNITS
+
+    return LENGTH_UNITS.get(camera_unit, 1.0) / LENGTH_UNITS.get(unit, 1.0)
+
+
+def covered(xy: FloatArray, area: float) -> float:
+    """Share of an image's area inside the convex hull of its points (n, 2); 0 with fewer than three."""
+    if len(xy) < 3 or area <= 0.0:
+        return 0.0
+    from scipy.spatial import ConvexHull, QhullError  # no network without images waits for it
+
+    try:
+        return float(min(ConvexHull(xy).volume / area, 1.0))
+    except QhullError:
+        return 0.0
+
+
+# ------------------------------------------------------------
+# Distortion of a camera with its standard deviation, from the interior orientation as it stands in ``results.json``.
+#
+# The distortion is what the model makes of an ideal image point beyond central projection with the camera
+# constant and the principal point alone. Its σ follows from the covariance of the distortion components,
+# those of the camera constant and the principal point left aside.
+# ------------------------------------------------------------
+
+_NOT_DISTORTION = {"c", "f", "xh", "yh", "fx", "fy", "cx", "cy"}
+_AZIMUTHS = 16
+
+
+class Distortion(NamedTuple):
+    """Distortion at n ideal image points (n, 2), with covariances (n, 2, 2); image unit of the camera."""
+
+    shift: FloatArray
+    covariance: FloatArray
+
+
+class RadialCurve(NamedTuple):
+    """Radial distortion (mean over all directions) by radius, with σ; all (n,)."""
+
+    radius: FloatArray
+    shift: FloatArray
+    sigma: FloatArray
+
+
+def distortion(camera: dict[str, Any], ideal: FloatArray) -> Distortion:
+    """Distortion of a camera (an entry of ``cameras``) at ideal points (n, 2) counted from the principal point."""
+    shift, by_terms, covariance = _linearised(camera, ideal)
+    return Distortion(shift, by_terms @ covariance @ np.swapaxes(by_terms, 1, 2))
+
+
+def radial_curve(camera: dict[str, Any], largest: float, count: int = 61) -> RadialCurve:
+    """Radial distortion of a camera from the principal point to the radius ``largest``."""
+    radius = np.linspace(0.0, largest, count)[1:]
+    azimuth = np.arange(_AZIMUTHS) * 2.0 * np.pi / _AZIMUTHS
+    direction = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
+    ideal = (radius[:, None, None] * direction).reshape(-1, 2)
+    shift, by_terms, covariance = _linearised(camera, ideal)
+    along = np.tile(direction, (len(radius), 1))
+    mean = np.einsum("nk,nk->n", shift, along).reshape(-1, _AZIMUTHS).mean(axis=1)
+    form = np.einsum("nk,nkp->np", along, by_terms).reshape(len(radius), _AZIMUTHS, -1).mean(axis=1)
+    sigma = np.sqrt(np.maximum(np.einsum("np,pq,nq->n", form, covariance, form), 0.0))
+    zero = np.zeros(1)
+    return RadialCurve(np.append(zero, radius), np.append(zero, mean), np.append(zero, sigma))
+
+
+def _linearised(camera: dict[str, Any], ideal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Distortion (n, 2), its derivatives (n, 2, k) by the estimated terms, their covariance (k, k)."""
+    model = CAMERA_MODELS[camera["model"]]
+    names = [component.name for component in model.components]
+    values = np.array([camera["components"][name]["value"] for name in names])
+    plain = np.where([name in _NOT_DISTORTION for name in names], values, 0.0)
+    constants = np.full((len(ideal), len(model.constants)), float(camera["r0"] or 0.0))
+    focal = values[0]
+    scale = np.array([1.0, focal / values[names.index("fy")] if "fy" in names else 1.0])
+    star = np.column_stack([ideal * scale, np.full(len(ideal), -focal)])
+    centre = model.project(star, np.tile(plain, (len(ideal), 1)), constants, ideal)
+    seen = model.project(star, np.tile(values, (len(ideal), 1)), constants, centre.xy)
+    base = model.project(star, np.tile(plain, (len(ideal), 1)), constants, centre.xy)
+    terms = [k for k, name in enumerate(camera["correlations"]["components"]) if name not in _NOT_DISTORTION]
+    free = [camera["correlations"]["components"][k] for k in terms]
+    by_terms = seen.by_interior[:, :, [names.index(name) for name in free]]
+    return seen.xy - base.xy, by_terms, _covariance(camera, terms, free)
+
+
+def _covariance(camera: dict[str, Any], terms: list[int], free: list[str]) -> FloatArray:
+    matrix = camera["correlations"]["matrix"]
+    if matrix is None or not free:
+        return np.zeros((len(free), len(free)))
+    sigma = np.array([camera["components"][name]["sigma"] for name in free])
+    correlation = np.array(matrix)[np.ix_(terms, terms)]
+    covariance: FloatArray = correlation * np.outer(sigma, sigma)
+    return covariance

@@ -5,11 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.adjustment.convergence import ACCURACY, left_after, round_off, stands_still, without_progress
-from mor.adjustment.normals import build_normals
-from mor.adjustment.plan import make_plan
-from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Iteration, Outcome
+from mor.solve.iterate import (
+    ACCURACY,
+    Iteration,
+    Outcome,
+    Settings,
+    adjust,
+    left_after,
+    round_off,
+    stands_still,
+    without_progress,
+)
+from mor.solve.normals import build_normals, make_plan
 from tests.scenarios.scenes import mixed_network, photo_block, plane_network
 
 

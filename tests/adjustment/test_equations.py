@@ -7,13 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mor import compilation
-from mor.adjustment.equations import Equations, evaluated
-from mor.adjustment.normals import build_normals
-from mor.adjustment.plan import make_plan
-from mor.adjustment.rays.eliminable import eliminable_rays
-from mor.observations import some_rows
-from mor.parameters.index import move
+from mor.linalg import compilation
+from mor.model.observation_types import some_rows
+from mor.model.parameters import move
+from mor.solve.normals import build_normals, eliminable_rays, make_plan
+from mor.solve.problem import Equations, evaluated
 from tests.scenarios.path_scenes import path_scene
 from tests.scenarios.scenes import mixed_network
 

@@ -7,12 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mor.adjustment.problem import Problem
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.geometry.rotations import rotation_from_angles
-from mor.observations import wrap
-from mor.quality.assess import assess
+from mor.model.observation_types import wrap
+from mor.model.rotations import rotation_from_angles
+from mor.quality.assessment import assess
+from mor.solve.iterate import Outcome, adjust
+from mor.solve.problem import Problem
 from tests.scenarios.scenes import (
     CAMERA_STATIONS,
     Scene,

@@ -8,15 +8,12 @@ import numpy as np
 import pytest
 
 import mor
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.parameters.index import move
-from mor.pipeline import read_document, read_network
-from mor.preparation import determinable_start, make_problem
-from mor.quality.assess import assess
-from mor.quality.diagnosis.self_check import checked
-from mor.quality.solved import Solved
-from mor.report.results.summary import summary
+from mor.api.pipeline import determinable_start, make_problem, read_document, read_network
+from mor.model.parameters import move
+from mor.quality.assessment import assess, checked
+from mor.quality.solution import Solved
+from mor.report.summary import summary
+from mor.solve.iterate import Outcome, adjust
 from tests.scenarios.hard_starts import by_scipy, hard_start
 from tests.scenarios.seeded_networks import drawn
 from tools.far_start_trials import _dense

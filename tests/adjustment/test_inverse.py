@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from mor.adjustment.inverse import damped_step, find_anchors, invert
-from mor.adjustment.normals import build_normals
-from mor.adjustment.plan import make_plan
+from mor.solve.inverse import damped_step, find_anchors, invert
+from mor.solve.normals import build_normals, make_plan
 from tests.dense_reference import dense_system
 from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block, plane_network
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.adjustment.linearise import linearise, misclosures, rotation_tangents
-from mor.parameters.index import move
+from mor.model.parameters import move
+from mor.solve.problem import linearise, misclosures, rotation_tangents
 from tests.dense_reference import dense_system
 from tests.scenarios.scenes import GON, Scene, mixed_network, plane_network
 

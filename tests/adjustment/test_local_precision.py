@@ -6,11 +6,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mor.adjustment.linearise import misclosures
-from mor.adjustment.local_precision import local_precision
-from mor.geometry.rotations import rotate
-from mor.pipeline import read_document, read_network, solve_network
-from mor.preparation import make_problem
+from mor.api.pipeline import make_problem, read_document, read_network, solve_network
+from mor.model.rotations import rotate
+from mor.solve.inverse import local_precision
+from mor.solve.problem import misclosures
 from tests.scenarios.small_projects import BLOCK, write, write_block
 
 CROSS = """\

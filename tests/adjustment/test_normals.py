@@ -5,9 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor import compilation
-from mor.adjustment.normals import build_normals, image_of, objective
-from mor.adjustment.plan import make_plan
+from mor.linalg import compilation
+from mor.solve.normals import build_normals, image_of, make_plan, objective
 from tests.dense_reference import dense_system
 from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block, plane_network
 

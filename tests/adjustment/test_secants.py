@@ -7,9 +7,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mor.adjustment.secants import NOTHING_LEARNT
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
+from mor.solve.iterate import NOTHING_LEARNT, Outcome, adjust
 from tests.scenarios.gross_error_scenes import GON, disturbed, names_exchanged
 
 

@@ -8,9 +8,8 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Outcome
-from mor.parameters.index import move
+from mor.model.parameters import move
+from mor.solve.iterate import Outcome, Settings, adjust
 from tests.dense_reference import dense_system
 from tests.scenarios.scenes import (
     OBJECT_POINTS,

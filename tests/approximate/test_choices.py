@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from mor.approximate.choices import Choices, Judgement, disagreement, likeliest
-from mor.pipeline import read_document, read_network
+from mor.api.pipeline import read_document, read_network
+from mor.start.sights import Choices, Judgement, disagreement, likeliest
 
 LEVELS = """mor: 1
 points: [{columns: [id, x, y, z], rows: [[A, 0, 0, 0], [B, 1, 0, 1]]}]

@@ -14,9 +14,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mor.api.pipeline import diagnose_network, read_document, read_network, solve_network
 from mor.errors import MorError
-from mor.geometry import tolerant
-from mor.pipeline import diagnose_network, read_document, read_network, solve_network
+from mor.model import rotations as tolerant
 from tests.scenarios.mixtures.ingredients import mixture
 from tests.scenarios.mixtures.project_file import write_project
 from tests.selection import slow_after

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mor.approximate.bundle import direction_bundle, image_bundle
-from mor.approximate.intersection import IntersectionOutcome, intersect, nearest_point
+from mor.start.bundle import direction_bundle, image_bundle
+from mor.start.intersection import IntersectionOutcome, intersect, nearest_point
 
 
 def rays_to(scenes, point, cameras, noise=0.0, rng=None):

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mor.approximate.similarity import SimilarityOutcome, congruence, similarity
+from mor.start.bundle import SimilarityOutcome, congruence, similarity
 
 
 def rotation_of(scenes, rng, dimension):

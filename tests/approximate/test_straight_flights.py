@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import mor
-from mor.approximate.straight_flights import Sights, attitude_of, level_flight, positions_of
 from mor.errors import NoStartValuesError
-from mor.geometry.rotations import rotation_from_angles
+from mor.model.rotations import rotation_from_angles
+from mor.start.along_trajectories import Sights, attitude_of, level_flight, positions_of
 from tools.flight_start_trials import flown, said
 
 

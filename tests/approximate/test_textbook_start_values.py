@@ -6,12 +6,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.approximate.bundle import image_bundle
-from mor.approximate.planar.two_images import solutions_of_homography
-from mor.approximate.relative_orientation.coplanarity import adjust_coplanarity
-from mor.approximate.resection.outcome import ResectionOutcome
-from mor.approximate.resection.space_resection import resect
-from mor.geometry.rotations import rotation_from_angles
+from mor.model.rotations import rotation_from_angles
+from mor.start.bundle import image_bundle
+from mor.start.killian import solutions_of_homography
+from mor.start.relative_orientation import adjust_coplanarity
+from mor.start.resection import ResectionOutcome, resect
 
 EXAMPLES = (
     Path(__file__).parents[1] / "reference" / "networks" / "worked-examples" / "small-computations.json"

@@ -23,7 +23,7 @@ STAND_IN = """#!{python}
 import sys
 from pathlib import Path
 import numpy as np
-from mor.pipeline import read_document, read_network, solve_network
+from mor.api.pipeline import read_document, read_network, solve_network
 
 network, options = Path(sys.argv[1]), dict(zip(sys.argv[2::2], sys.argv[3::2]))
 assert options["--cov-band"] == "0"

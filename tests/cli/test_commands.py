@@ -55,7 +55,7 @@ class TestStartValues:
         known = "{columns: [id, x, y, z], rows: [[B, 0, 0, 11], [C, 0, 0, 12]], fixed: [x, y]}"
         project = write(tmp_path, LEVELLING.replace(known, unknown))
         adjust = "import sys; from mor.cli import run; run(['adjust', {!r}, '-q', '--no-html'])"
-        search = "print('mor.approximate.growth.strategy' in sys.modules, 'scipy.optimize' in sys.modules)"
+        search = "print('mor.start.assembly' in sys.modules, 'scipy.optimize' in sys.modules)"
         adjusted = tmp_path / "project.results" / "adjusted.yaml"
         said = []
         for path in (project, adjusted):
@@ -117,7 +117,7 @@ class TestExitCodes:
         def broken(*_: object) -> None:
             raise ZeroDivisionError("by zero")
 
-        monkeypatch.setattr("mor.pipeline.solve_network", broken)
+        monkeypatch.setattr("mor.api.pipeline.solve_network", broken)
         run = mor("adjust", write(tmp_path, LEVELLING))
         assert run.code == 70
         assert run.err.startswith("internal error: ZeroDivisionError: by zero")
@@ -213,7 +213,7 @@ class TestJson:
         def closed(*_: object, **__: object) -> None:
             raise BrokenPipeError(errno.EPIPE, "Broken pipe")
 
-        monkeypatch.setattr("mor.cli.commands.adjust.click.echo", closed)
+        monkeypatch.setattr("mor.cli.adjust.click.echo", closed)
         assert run(["adjust", str(write_block(tmp_path)), "--json", "-q"]) == 0
 
     def test_closed_pipe_is_no_failure(self, tmp_path: Path) -> None:

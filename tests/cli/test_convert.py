@@ -7,10 +7,10 @@ from pathlib import Path
 import polars as pl
 import pytest
 
+from mor.api.pipeline import read_document, read_network
 from mor.cli import run
 from mor.formats import read_foreign
-from mor.pipeline import read_document, read_network
-from mor.project.file.writing import LONGEST, project_files
+from mor.project.document import LONGEST, project_files
 
 GKF = """<?xml version="1.0"?>
 <gama-local xmlns="http://www.gnu.org/software/gama/gama-local">

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mor.report.results.comparison import Difference, differences
+from mor.report.comparison import Difference, differences
 from tests.scenarios.small_projects import BLOCK, LEVELLING, OBJECT, block, mor, write, write_block
 
 FREE = {"over three": "free: [P0, P5, P9]", "by components": "free: {xy: [P0, P1], xyz: [P7, P9], z: [P3]}"}

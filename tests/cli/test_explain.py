@@ -9,14 +9,13 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-import mor.report.html
-import mor.report.text
-from mor.adjustment.state import Outcome
+import mor.report
 from mor.cli import ENDED, INTERRUPTED, LEFT, run
 from mor.errors import ExitCode, InputError
-from mor.report.words.terms import find, terms
+from mor.report.language import find, terms
+from mor.solve.iterate import Outcome
 
-HTML = Path(mor.report.html.__file__).parent
+HTML = Path(mor.report.__file__).parent
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 
 
@@ -88,7 +87,9 @@ def test_the_language_may_be_told_once(
 
 def test_every_heading_of_the_reports_is_explained() -> None:
     """Heads of tables of the text report, of the page, and of its key figures."""
-    text = {name for path in Path(mor.report.text.__file__).parent.glob("*.py") for name in headers(path)}
+    text = {
+        name for part in ("text", "text_tables", "text_findings") for name in headers(HTML / f"{part}.py")
+    }
     templates = " ".join(path.read_text(encoding="utf-8") for path in (HTML / "templates").glob("*.j2"))
     heads = re.findall(r"<th\b[^>]*>(.*?)</th>", templates)
     page = {name for head in heads for name in (re.findall(r'say\("([^"]*)"', head) or [head])}

@@ -37,7 +37,7 @@ def test_hit_at_random_moments_the_old_or_the_new_result_is_there(scene: Scene, 
 
 def test_a_run_that_is_asked_to_end_tidies_up(tmp_path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(signal, "signal", lambda *_: None)
-    monkeypatch.setattr("mor.report.results.writing.text_report", lambda *_: process._interrupt(15, None))
+    monkeypatch.setattr("mor.report.results.text_report", lambda *_: process._interrupt(15, None))
     project = write(tmp_path, LEVELLING)
     run = mor("adjust", project)
     assert run.code == 143

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from mor import compilation
+from mor.linalg import compilation
 from tests.scenarios.small_projects import LEVELLING, mor, write
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
@@ -24,7 +24,7 @@ NEVER = {
 }
 """What no small project needs, with or without page."""
 WITHOUT_PAGE = {"jinja2", "scipy.spatial"}
-ONE_FRONT = {"scipy.sparse", "mor.approximate.growth.strategy", "mor.formats.gkf"}
+ONE_FRONT = {"scipy.sparse", "mor.start.assembly", "mor.formats.gkf"}
 """What a network that is one dense front and has its start values does not need either."""
 
 
@@ -39,7 +39,7 @@ def loaded(*arguments: object, before: str = "") -> set[str]:
 def test_the_smallest_network_loads_what_it_needs(tmp_path):
     project = write(tmp_path, LEVELLING)
     modules = loaded("adjust", project, "-q", "--no-html")
-    assert "mor.adjustment.solve" in modules
+    assert "mor.solve.iterate" in modules
     assert modules & (NEVER | WITHOUT_PAGE | ONE_FRONT) == set()
 
 
@@ -69,8 +69,8 @@ def test_what_is_done_with_results_of_a_small_project_loads_no_compiler(command,
 
 @pytest.mark.skipif(not compilation.available, reason="there is no compiler")
 def test_a_project_that_is_worth_it_takes_the_compiler(tmp_path):
-    few = "import mor.compilation\nmor.compilation.WORTH_COMPILING = 3\n"
-    few += "mor.compilation._is_sealed = lambda: True  # which its folder is asked for, and so numba"
+    few = "import mor.linalg.compilation\nmor.linalg.compilation.WORTH_COMPILING = 3\n"
+    few += "mor.linalg.compilation._is_sealed = lambda: True  # which its folder is asked for, and so numba"
     project = write(tmp_path, LEVELLING)
     assert "numba" in loaded("adjust", project, "-q", "--no-html", before=few)
 
@@ -82,7 +82,7 @@ def test_import_mor_loads_nothing():
 
 
 def test_a_batch_begins_without_loading_what_its_processes_do():
-    text = "import sys, mor.planning.batch, mor.report.batch.files, mor.report.results.json_text\n"
+    text = "import sys, mor.api.batch, mor.report.batch, mor.report.output_folder\n"
     done = subprocess.run(
         [sys.executable, "-c", text + "print(*sys.modules)"], capture_output=True, text=True, check=True
     )

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from mor.cli.commands import compare
-from mor.report.results.summary import SCHEMA
+from mor.cli import compare
+from mor.report.summary import SCHEMA
 from tests.scenarios.small_projects import LEVELLING, mor, write
 
 

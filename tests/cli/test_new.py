@@ -12,11 +12,11 @@ import numpy as np
 import polars as pl
 import pytest
 
+from mor.api.pipeline import read_document
 from mor.cli import run
 from mor.errors import InputError
-from mor.pipeline import read_document
-from mor.project.file.recognition import recognise
-from mor.project.tables.spreadsheets import read_spreadsheet
+from mor.project.recognition import recognise
+from mor.project.tables import read_spreadsheet
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 

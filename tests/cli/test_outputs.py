@@ -18,7 +18,7 @@ from pathlib import Path
 import click
 import pytest
 
-from mor.cli._output import InputPath, OutputPath
+from mor.cli.options import InputPath, OutputPath
 from tests.scenarios.output_trials import (
     HOPELESS,
     RECIPES,
@@ -209,7 +209,7 @@ def test_a_signal_while_kernels_are_compiled_ends_the_run(tmp_path: Path, name: 
     pytest.importorskip("numba")
     sample = Path(__file__).parents[2] / "sample_projects" / "building"
     script = (
-        "import mor.compilation as c, sys\n"
+        "import mor.linalg.compilation as c, sys\n"
         "c.WORTH_COMPILING = 0\n"
         "from mor.__main__ import main\n"
         f"sys.argv = ['mor', 'adjust', {str(sample / 'project.yaml')!r}, '-o', {str(tmp_path / 'out')!r}, '-v']\n"

@@ -13,9 +13,10 @@ import pytest
 pytest.importorskip("matplotlib", reason="pictures need matplotlib")
 
 from mor.cli import run
-from mor.cli.commands.plot import KINDS, view_of_source
-from mor.report.plots.network import covariances, ellipse_lines
-from mor.report.results.summary import SCHEMA_VERSION
+from mor.cli.plot import KINDS, view_of_source
+from mor.report.page_data import covariances
+from mor.report.plots import ellipse_lines
+from mor.report.summary import SCHEMA_VERSION
 from mor.report.view import View
 from tests.scenarios.small_projects import LEVELLING, mor
 from tests.selection import slow_after
@@ -107,8 +108,7 @@ def test_a_picture_is_not_replaced_unasked(results: Path, tmp_path: Path) -> Non
 
 
 def test_a_long_title_leaves_the_network_its_size(results: Path, tmp_path: Path) -> None:
-    from mor.report.plots.network import network
-    from mor.report.plots.sheet import save
+    from mor.report.plots import network, save
 
     view: View = view_of_source(results)
     sizes = []
@@ -120,7 +120,7 @@ def test_a_long_title_leaves_the_network_its_size(results: Path, tmp_path: Path)
 
 
 def test_network_without_images_or_stations_is_drawn(results: Path) -> None:
-    from mor.report.plots.network import network
+    from mor.report.plots import network
 
     view: View = view_of_source(results)
     nothing = pl.DataFrame({"id": []}, {"id": pl.String})

@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from mor.report.html import paper
-from mor.report.html.paper import browser
+from mor.report import page as paper
+from mor.report.page import browser
 from tests.scenarios.small_projects import LEVELLING, mor, write
 
 

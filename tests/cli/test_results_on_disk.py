@@ -17,10 +17,10 @@ from types import FrameType
 import pytest
 
 from mor.errors import InputError
-from mor.report.results import folder as folder_module
-from mor.report.results import reservation
-from mor.report.results.folder import Writer
-from mor.report.results.reservation import reserve
+from mor.output_files import Writer
+from mor.report import output_folder as folder_module
+from mor.report import output_folder as reservation
+from mor.report.output_folder import reserve
 from tests.scenarios.small_projects import BLOCK, LEVELLING, mor, write, write_block
 
 
@@ -99,7 +99,7 @@ class TestOverwriting:
         project = write(tmp_path, LEVELLING)
         assert mor("adjust", project).code == 0
         project.write_text(LEVELLING + "# a remark\n")
-        monkeypatch.setattr("mor.pipeline.solve_network", lambda *_: pytest.fail("adjusted all the same"))
+        monkeypatch.setattr("mor.api.pipeline.solve_network", lambda *_: pytest.fail("adjusted all the same"))
         assert mor("adjust", project).code == 2
 
     def test_empty_folder_is_free(self, tmp_path: Path) -> None:
@@ -189,7 +189,7 @@ class TestInterruption:
             raise KeyboardInterrupt
 
         project = write(tmp_path, LEVELLING)
-        monkeypatch.setattr("mor.report.results.writing.text_report", interrupt)
+        monkeypatch.setattr("mor.report.results.text_report", interrupt)
         run = mor("adjust", project)
         assert run.code == 130
         assert run.err.splitlines()[-1] == "interrupted; no file was left incomplete"
@@ -403,7 +403,7 @@ class TestTwoRunsAtOnce:
     def test_the_second_is_told_before_it_works(
         self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
     ) -> None:
-        monkeypatch.setattr("mor.pipeline.solve_network", lambda *_: pytest.fail("adjusted all the same"))
+        monkeypatch.setattr("mor.api.pipeline.solve_network", lambda *_: pytest.fail("adjusted all the same"))
         project, folder = write(tmp_path, LEVELLING), tmp_path / "project.results"
         with reserve(folder, force=False):
             for force in ((), ("--force",)):

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import yaml
 
-from mor.arrays import FloatArray
+from mor.types import FloatArray
 from tests.scenarios.mixtures.ingredients import mixture
 from tests.scenarios.mixtures.project_file import write_project
 from tests.scenarios.mixtures.surveys.composed import composed

@@ -12,16 +12,15 @@ from pathlib import Path
 import pytest
 from rich.console import Console
 
-from mor import compilation
-from mor.adjustment.state import Iteration
-from mor.cli._iterations import MOST, iteration_line, iteration_table
-from mor.cli._progress import Progress
-from mor.cli.commands.adjust import left_out
-from mor.pipeline import read_document, read_network, solve_network
-from mor.quality.effort import Done
-from mor.quality.solved import Solved
-from mor.report.text.screen import WIDTH, screen
-from mor.report.words.language import words_of
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.cli.adjust import left_out
+from mor.cli.progress import MOST, Progress, iteration_line, iteration_table
+from mor.linalg import compilation
+from mor.quality.redundancy import Done
+from mor.quality.solution import Solved
+from mor.report.language import words_of
+from mor.report.text import WIDTH, screen
+from mor.solve.iterate import Iteration
 from tests.scenarios.small_projects import LEVELLING, block, mor, write, write_block
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
@@ -73,7 +72,7 @@ def test_what_is_told_on_the_way_is_german(tmp_path: Path) -> None:
 
 def test_notes_are_there_in_german(outcome: Solved, monkeypatch: pytest.MonkeyPatch) -> None:
     german = words_of("de").catalogue
-    monkeypatch.setattr("mor.report.results.writing.MOST_LISTED", 1)
+    monkeypatch.setattr("mor.report.results.MOST_LISTED", 1)
     notes = [note.message for note in left_out(outcome, None, None)]
     assert len(notes) == 2
     assert {*notes, compilation.COMPILING, compilation.MISSING, compilation.FAILED} <= set(german)
@@ -172,7 +171,7 @@ class Line:
 
 def test_a_phase_tells_how_much_is_left(monkeypatch: pytest.MonkeyPatch) -> None:
     now = [100.0]
-    monkeypatch.setattr("mor.cli._progress.time.monotonic", lambda: now[0])
+    monkeypatch.setattr("mor.cli.progress.time.monotonic", lambda: now[0])
     line = Line()
     more = Progress(False, False, line).phase("precision and reliability", 400)  # type: ignore[arg-type]
     for count in (1, 1, 2, 196, 1, 199):

@@ -12,10 +12,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, WeakTurn
-from mor.quality.diagnosis import singularities
-from mor.report.text.gross_errors.suspects import sentences
-from mor.report.words.language import words_of
+from mor.quality import singularity as singularities
+from mor.report.language import words_of
+from mor.report.text_findings import sentences
+from mor.solve.datum import NOTHING_KNOWN, WeakTurn
 from tests.scenarios.small_projects import LEVELLING, mor, write
 
 HEIGHTS = """\

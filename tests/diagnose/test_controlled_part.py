@@ -10,16 +10,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor import pipeline
-from mor.adjustment.solve import adjust
-from mor.diagnose.control import control_hypotheses, control_tables
-from mor.diagnose.hypothesis import Fit, Hypothesis, with_group
+from mor.api import pipeline
+from mor.api.pipeline import make_problem
+from mor.diagnose.control import control_hypotheses, control_tables, sigma_hypotheses
+from mor.diagnose.hypothesis import Fit, Hypothesis, Situation, controlled_part, with_group
 from mor.diagnose.search import Tried, _beginnings, _in_order, promises
-from mor.diagnose.sigmas import sigma_hypotheses
-from mor.diagnose.situation import Situation, controlled_part
-from mor.preparation import make_problem
-from mor.project.network.build import Network
-from mor.quality.solved import Solved
+from mor.project.network import Network
+from mor.quality.solution import Solved
+from mor.solve.iterate import adjust
 from tests.scenarios.planted_mistakes.survey import survey
 from tests.scenarios.small_projects import LEVELLING, write
 

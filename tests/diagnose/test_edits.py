@@ -9,11 +9,21 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor import pipeline
-from mor.diagnose.edits import CellEdit, Edit, as_diff, cells, computed, key, table_key, to, with_amount
-from mor.project.file.nodes import Document
-from mor.project.network.build import Network
-from mor.quality.solved import Amount
+from mor.api import pipeline
+from mor.diagnose.hypothesis import (
+    CellEdit,
+    Edit,
+    as_diff,
+    cells,
+    computed,
+    key_edit,
+    table_key,
+    to,
+    with_amount,
+)
+from mor.project.document import Document
+from mor.project.network import Network
+from mor.quality.solution import Amount
 from tests.scenarios.planted_mistakes.survey import SAMPLES
 from tests.scenarios.small_projects import write
 
@@ -67,7 +77,10 @@ def test_cells_of_a_table_beside_the_project(bridge: Path) -> None:
 
 def test_keys_of_the_project_file_keep_its_comments(bridge: Path) -> None:
     document, network = _read(bridge)
-    edits = (key(("instruments", "edm", "offset"), "{free: 0}"), *table_key(network, 1, "instrument", "edm"))
+    edits = (
+        key_edit(("instruments", "edm", "offset"), "{free: 0}"),
+        *table_key(network, 1, "instrument", "edm"),
+    )
     diff = _applied(bridge, edits)
     removed = [line for line in diff.splitlines() if line.startswith("-") and not line.startswith("---")]
     assert removed == []
@@ -105,5 +118,5 @@ def test_an_alias_is_not_edited(tmp_path: Path) -> None:
         "  - {type: distance, columns: [from, to, distance], values: *s, rows: [[A, C, 94.47]]}\n",
     )
     document, _ = _read(write(tmp_path, text))
-    edit = key(("observations", 0, "values", "sigma"), "0.02")
+    edit = key_edit(("observations", 0, "values", "sigma"), "0.02")
     assert as_diff(document, tmp_path, (edit,)) is None

@@ -8,21 +8,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor import pipeline
-from mor.adjustment.solve import Settings, adjust
-from mor.diagnose.circles import _given_unit, _is_on_circle
+from mor.api import pipeline
+from mor.api.pipeline import make_problem
+from mor.diagnose.angles import _given_unit, _is_on_circle
 from mor.diagnose.heights import _hypothesis, _reductions, height_sights
-from mor.diagnose.situation import Situation
-from mor.preparation import make_problem
-from mor.quality.gross_errors.description_length import (
+from mor.diagnose.hypothesis import Situation
+from mor.quality.group_tests import Rejection, rejection
+from mor.quality.outliers import (
     cost_of_choice,
     cost_of_residuals,
     price_of_gross_error,
+    reintersected,
     sizes_of,
+    slots_of_ends,
 )
-from mor.quality.gross_errors.reintersection import reintersected, slots_of_ends
-from mor.quality.solved import Solved
-from mor.quality.tests.rejection import Rejection, rejection
+from mor.quality.solution import Solved
+from mor.solve.iterate import Settings, adjust
 from tests.scenarios.planted_mistakes.survey import survey
 from tests.scenarios.planted_mistakes.trial import trial
 from tests.scenarios.small_projects import LEVELLING, write

@@ -8,20 +8,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor import pipeline
-from mor.adjustment.solve import adjust
-from mor.diagnose.circles import circle_hypotheses
-from mor.diagnose.hypothesis import with_observed
-from mor.diagnose.levelling import _reductions
+from mor.api import pipeline
+from mor.api.pipeline import make_problem
+from mor.diagnose.angles import circle_hypotheses
+from mor.diagnose.heights import _reductions_of_lines
+from mor.diagnose.hypothesis import Situation, with_observed
 from mor.diagnose.names import _alone, _cost, _exchanged
 from mor.diagnose.search import promises
-from mor.diagnose.situation import Situation
-from mor.observations import PLAIN_TYPES
-from mor.parameters.index import index_unknowns
-from mor.preparation import make_problem
-from mor.project.network.build import Network
-from mor.quality.plausibility.standard_deviations import beyond_any_instrument
-from mor.quality.solved import Solved
+from mor.model.observation_types import PLAIN_TYPES
+from mor.model.parameters import index_unknowns
+from mor.project.network import Network
+from mor.quality.plausibility import beyond_any_instrument
+from mor.quality.solution import Solved
+from mor.solve.iterate import adjust
 from tests.scenarios.planted_mistakes.survey import Survey, survey
 
 
@@ -73,7 +72,7 @@ def test_the_reduction_by_the_other_sign_is_that_of_an_adjustment_with_it(tmp_pa
     network, plain = solved.network, solved.adjustment
     groups = enumerate(network.groups)
     number = next(k for k, g in groups if g.type == PLAIN_TYPES["height_difference"])
-    promised = _reductions(_situation(solved), number, network.groups[number])
+    promised = _reductions_of_lines(_situation(solved), number, network.groups[number])
     row = int(np.argmin(np.abs(network.groups[number].observed[:, 0])))
     changed = with_observed(network, number, np.array([row]), np.negative)
     again = adjust(make_problem(changed, plain.start, plain.values), plain.values)

@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor import pipeline
-from mor.quality.solved import Solved
+from mor.api import pipeline
+from mor.quality.solution import Solved
 from tests.scenarios.planted_mistakes.survey import survey
 
 CASES = Path(__file__).parents[1] / "cases" / "mistakes"

@@ -11,9 +11,9 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
-from mor.project.file.model import Project
-from mor.project.file.nodes import read_yaml
-from mor.project.observations.groups import TYPE_NAMES
+from mor.project.document import read_yaml
+from mor.project.observations import TYPE_NAMES
+from mor.project.schema import Project
 from tests.scenarios.small_projects import mor
 
 ROOT = Path(__file__).parents[2]

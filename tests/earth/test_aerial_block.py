@@ -13,12 +13,11 @@ import pytest
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
-from mor.geometry.earth import Ellipsoid, Horizon, east_north_up
-from mor.geometry.rotations import angles_from_rotation, nearest_rotation, rotation_from_angles
-from mor.observations.earth import projected_position
-from mor.pipeline import read_document, read_network
-from mor.project.world.reference_system import reference_system
-from mor.project.world.world import World
+from mor.api.pipeline import read_document, read_network
+from mor.model.earth import Ellipsoid, Horizon, east_north_up
+from mor.model.observation_types import projected_position
+from mor.model.rotations import angles_from_rotation, nearest_rotation, rotation_from_angles
+from mor.project.reference_system import World, reference_system
 from tests.scenarios.small_projects import mor, table, write
 from tests.selection import slow_after
 

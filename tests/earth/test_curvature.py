@@ -10,16 +10,15 @@ import numpy as np
 import pytest
 
 import mor
-from mor.adjustment.solve import Settings, adjust
+from mor.api.pipeline import determinable_start, levels, make_problem
 from mor.errors import InputError
-from mor.geometry.earth import LocalSphere, gaussian_radius
-from mor.geometry.rotations import rotate, rotation_from_angles
-from mor.observations import IMAGE_TYPES, PLAIN_TYPES, wrap
-from mor.observations.curvature import on_sphere
-from mor.parameters.kinds import KINDS
-from mor.pipeline import levels
-from mor.preparation import determinable_start, make_problem
-from mor.quality.assess import assess, standard_deviations
+from mor.model.curvature import on_sphere
+from mor.model.earth import LocalSphere, gaussian_radius
+from mor.model.observation_types import IMAGE_TYPES, PLAIN_TYPES, wrap
+from mor.model.parameters import KINDS
+from mor.model.rotations import rotate, rotation_from_angles
+from mor.quality.assessment import assess, standard_deviations
+from mor.solve.iterate import Settings, adjust
 from tests.scenarios.small_projects import mor as command
 from tests.scenarios.small_projects import write
 from tests.scenarios.sphere_scenes import RADIUS, Place, network, sight

@@ -11,9 +11,10 @@ import numpy as np
 import pytest
 from pyproj import Transformer
 
-from mor.geometry.rotations import angles_from_rotation
-from mor.pipeline import Solved, solve_network
-from mor.project.file.yaml_text import yaml_text
+from mor.api.pipeline import solve_network
+from mor.model.rotations import angles_from_rotation
+from mor.project.document import yaml_text
+from mor.quality.solution import Solved
 from tests.reference_data import network_of_yaml
 
 LATITUDE, LONGITUDE = 47.3, 11.4

@@ -12,7 +12,7 @@ import pytest
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
-from mor.pipeline import solve_network
+from mor.api.pipeline import solve_network
 from tests.reference_data import network_of_yaml
 from tests.scenarios.small_projects import mor, write
 

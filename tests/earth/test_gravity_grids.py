@@ -10,7 +10,7 @@ import polars as pl
 import pytest
 from pyproj import Transformer
 
-from mor.project.world.gsb import ARCSEC, GridError, values_at
+from mor.project.reference_system import ARCSEC, GridError, values_at
 from tests.reference_data import missing, reference_folder
 from tests.scenarios.small_projects import mor, write
 

@@ -8,7 +8,7 @@ import numpy as np
 from pyproj import Transformer
 
 ROOT = Path(__file__).resolve().parents[2]
-from mor.project.world.grids import geoid_heights  # noqa: E402
+from mor.project.reference_system import geoid_heights  # noqa: E402
 from sample_projects.simulate import earth  # noqa: E402
 
 

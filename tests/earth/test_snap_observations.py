@@ -10,10 +10,9 @@ import csv
 import numpy as np
 import pytest
 
-from mor.geometry.earth import Horizon
-from mor.observations import wrap
-from mor.observations.earth import earth_types
-from mor.project.world.reference_system import reference_system
+from mor.model.earth import Horizon
+from mor.model.observation_types import earth_types, wrap
+from mor.project.reference_system import reference_system
 from tests.reference_data import missing, reference_folder
 
 REAL = reference_folder("earth/snap")

@@ -6,16 +6,14 @@ import numpy as np
 import pytest
 from pyproj import Geod, Transformer
 
-from mor.geometry.earth import Ellipsoid, Horizon, east_north_up
-from mor.geometry.rotations import rotate, rotation_from_angles
-from mor.observations import wrap
-from mor.observations.earth import control, earth_types, projected_attitude
-from mor.observations.earth.projected_bearing import projected_bearing
-from mor.parameters.kinds import KINDS
-from mor.pipeline import read_document, read_network, solve_network
-from mor.project.world.plane import plane_of
-from mor.project.world.reference_system import reference_system
-from mor.project.world.world import World
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.model.earth import Ellipsoid, Horizon, east_north_up
+from mor.model.geodetic import projected_bearing
+from mor.model.observation_types import control, earth_types, projected_attitude, wrap
+from mor.model.parameters import KINDS
+from mor.model.rotations import rotate, rotation_from_angles
+from mor.project.earth import plane_of
+from mor.project.reference_system import World, reference_system
 from tests.scenarios.small_projects import write
 
 GRS80 = Ellipsoid(6378137.0, 1.0 / 298.257222101)

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from mor.arrays import FloatArray
-from mor.geometry.cameras import CAMERA_MODELS
-from mor.geometry.rotations import rotation_from_angles
+from mor.model.cameras import CAMERA_MODELS
+from mor.model.rotations import rotation_from_angles
+from mor.types import FloatArray
 
 MODELS: dict[str, dict[str, float]] = {
     "SIMPLE_PINHOLE": {"c": 1210.5, "xh": 3.5, "yh": -2.25},
@@ -106,7 +106,7 @@ def _seen(key: str, values: dict[str, float], star: FloatArray) -> FloatArray:
 
 def written(folder: Path, data: dict[str, Any]) -> Path:
     """A project file with the data of :func:`block`."""
-    from mor.project.file.writing import project_files
+    from mor.project.document import project_files
 
     path = folder / "block.yaml"
     for name, text in project_files(data, folder, path).items():

@@ -19,11 +19,11 @@ from pathlib import Path
 
 import numpy as np
 
+from mor.api.pipeline import read_document
 from mor.errors import InputError
 from mor.formats import read_foreign, write_foreign
-from mor.pipeline import read_document
-from mor.project.file.validation import validate
-from mor.project.network.build import build_network
+from mor.project.network import build_network
+from mor.project.schema import validate
 
 Files = dict[str, bytes]
 _WORDS = (

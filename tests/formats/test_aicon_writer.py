@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mor.api.pipeline import read_document
 from mor.errors import InputError
 from mor.formats import read_foreign, write_foreign
-from mor.pipeline import read_document
-from mor.project.file.nodes import Document
+from mor.project.document import Document
 from tests.reference_data import missing, network_of, reference_folder
 
 from .test_aicon_reader import FILES

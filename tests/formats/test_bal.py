@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import mor
+from mor.api.pipeline import read_document, solve_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
-from mor.pipeline import read_document, solve_network
 from tests.reference_data import network_of, point_results
 
 from .blocks import MODELS, block, written

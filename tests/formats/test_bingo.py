@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 import mor
+from mor.api.pipeline import read_document, solve_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
-from mor.formats.bingo.files import bingo_angles, rotation_from_bingo
-from mor.geometry.rotations import rotation_from_angles
-from mor.pipeline import read_document, solve_network
+from mor.formats.recognition import bingo_angles, rotation_from_bingo
+from mor.model.rotations import rotation_from_angles
 from tests.reference_data import network_of, point_results
 
 
@@ -184,7 +184,7 @@ def test_orientations_are_start_values(tmp_path: Path) -> None:
 
 def test_distortion_is_taken_away(tmp_path: Path) -> None:
     """Image points of a distorted camera, written: where the same rays meet an ideal one."""
-    from mor.geometry.cameras import CAMERA_MODELS
+    from mor.model.cameras import CAMERA_MODELS
 
     rng = np.random.default_rng(9)
     star = np.column_stack([rng.uniform(-0.4, 0.4, (30, 2)), -np.ones(30)])

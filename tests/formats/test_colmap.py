@@ -10,10 +10,10 @@ import numpy as np
 import pytest
 
 import mor
+from mor.api.pipeline import read_document, solve_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
-from mor.geometry.cameras import CAMERA_MODELS
-from mor.pipeline import read_document, solve_network
+from mor.model.cameras import CAMERA_MODELS
 from tests.reference_data import missing, network_of, point_results, reference_folder
 
 from .blocks import MODELS, block, written
@@ -228,7 +228,7 @@ def test_fisheyes_with_few_parameters(tmp_path: Path, model: str, parameters: st
 
 
 def test_models_without_a_counterpart_say_what_is_lost(tmp_path: Path) -> None:
-    from mor.formats.colmap.cameras import LOST, MODELS
+    from mor.formats.colmap.model import LOST, MODELS
 
     assert set(LOST) == {name for name, model in MODELS.items() if not model.ours}
     for name, text in RIG.items():

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mor.api.pipeline import read_document, solve_network
 from mor.errors import InputError
 from mor.formats import read_together, write_foreign
 from mor.formats.combination import combined
-from mor.pipeline import read_document, solve_network
-from mor.project.file.nodes import Document
+from mor.project.document import Document
 from tests.reference_data import network_of, point_results
 from tests.scenarios.small_projects import mor
 

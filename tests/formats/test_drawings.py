@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 import mor
+from mor.api.pipeline import read_document
 from mor.cli import run
 from mor.errors import InputError
 from mor.formats import write_foreign
-from mor.pipeline import read_document
 
 from .blocks import block, written
 

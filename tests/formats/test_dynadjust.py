@@ -10,16 +10,16 @@ import numpy as np
 import pytest
 from pyproj import Transformer
 
-from mor.adjustment.linearise import misclosures
-from mor.adjustment.solve import adjust
-from mor.arrays import FloatArray
+from mor.api.pipeline import determinable_start, levels, make_problem
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
-from mor.pipeline import Solved, levels
-from mor.preparation import determinable_start, make_problem
-from mor.project.file.nodes import Document
-from mor.project.network.build import Network
-from mor.quality.assess import assess
+from mor.project.document import Document
+from mor.project.network import Network
+from mor.quality.assessment import assess
+from mor.quality.solution import Solved
+from mor.solve.iterate import adjust
+from mor.solve.problem import misclosures
+from mor.types import FloatArray
 from tests.reference_data import missing, network_of, reference_folder
 
 REAL = reference_folder("earth/dynadjust")

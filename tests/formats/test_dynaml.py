@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.adjustment.solve import adjust
+from mor.api.pipeline import determinable_start, make_problem
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
-from mor.preparation import determinable_start, make_problem
-from mor.project.file.nodes import Document
+from mor.project.document import Document
+from mor.solve.iterate import adjust
 from mor.units import parse_dms
 from tests.reference_data import missing, network_of, reference_folder
 

@@ -12,12 +12,12 @@ from xml.etree import ElementTree
 import pytest
 import yaml
 
-from mor.api.built import build
+from mor.api.pipeline import read_document
+from mor.api.project import build
 from mor.errors import InputError
 from mor.formats import FORMATS, read_foreign, write_foreign
-from mor.pipeline import read_document
-from mor.project.file.nodes import Document
-from mor.project.file.validation import without_empty_keys
+from mor.project.document import Document
+from mor.project.schema import without_empty_keys
 
 ROOT = Path(__file__).parents[2]
 PROJECTS = sorted([*ROOT.glob("sample_projects/*/project.yaml"), *ROOT.glob("tests/cases/**/*.yaml")])

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from PIL import Image, TiffImagePlugin
 
-from mor.pipeline import read_document, read_network
+from mor.api.pipeline import read_document, read_network
 from tests.scenarios.small_projects import mor
 
 

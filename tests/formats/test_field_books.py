@@ -11,7 +11,7 @@ import mor
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
 from mor.formats.fieldbook.book import Sight, rounds, sexagesimal
-from mor.project.file.nodes import Document
+from mor.project.document import Document
 from tests.reference_data import missing, network_of, reference_folder
 
 REAL = reference_folder("formats/total-stations")

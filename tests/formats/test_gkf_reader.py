@@ -7,9 +7,9 @@ import itertools
 import numpy as np
 import pytest
 
+from mor.api.pipeline import solve_network
 from mor.formats import read_foreign
-from mor.formats.gkf.grammar import carried
-from mor.pipeline import solve_network
+from mor.formats.gkf.reader import carried
 from tests.reference_data import network_of, observations, point_results
 
 COMPASS = {"e": (1.0, 0.0), "n": (0.0, 1.0), "w": (-1.0, 0.0), "s": (0.0, -1.0)}

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mor.api.pipeline import read_document, solve_network
 from mor.errors import InputError
 from mor.formats import write_foreign
-from mor.pipeline import read_document, solve_network
 from tests.reference_data import NETWORKS, network_name, network_of, point_results
 
 

@@ -9,9 +9,9 @@ import numpy as np
 import polars as pl
 import pytest
 
+from mor.api.pipeline import read_document, solve_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
-from mor.pipeline import read_document, solve_network
 from tests.reference_data import NETWORKS, missing, network_name, network_of, point_results, reference_folder
 
 REAL = reference_folder("jag3d-net2d")

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mor.adjustment.linearise import misclosures
+from mor.api.pipeline import read_document, solve_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, read_together, write_foreign
-from mor.geometry.cameras import CAMERA_MODELS
-from mor.geometry.rotations import rotation_from_angles
-from mor.pipeline import read_document, solve_network
-from mor.project.network.build import Network
+from mor.model.cameras import CAMERA_MODELS
+from mor.model.rotations import rotation_from_angles
+from mor.project.network import Network
+from mor.solve.problem import misclosures
 from tests.reference_data import network_of, point_results
 
 from .blocks import MODELS, block, written

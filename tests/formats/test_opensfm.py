@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mor.api.pipeline import read_document
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
-from mor.geometry.cameras import CAMERA_MODELS
-from mor.pipeline import read_document
+from mor.model.cameras import CAMERA_MODELS
 from tests.reference_data import missing, network_of, reference_folder
 
 from .blocks import block, written

@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mor.api.pipeline import solve_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
-from mor.pipeline import solve_network
 from tests.reference_data import network_of, point_results
 
 from .test_bingo import block as bingo

@@ -7,12 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mor.api.pipeline import solve_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
-from mor.formats.pix4d.reader import read_control
-from mor.geometry.cameras import CAMERA_MODELS
-from mor.geometry.rotations import angles_from_rotation, exponential
-from mor.pipeline import solve_network
+from mor.formats.pix4d import read_control
+from mor.model.cameras import CAMERA_MODELS
+from mor.model.rotations import angles_from_rotation, exponential
 from tests.reference_data import network_of, point_results
 
 HEAD = (

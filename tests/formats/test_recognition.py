@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mor.api.pipeline import read_document, read_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, read_together
-from mor.pipeline import read_document, read_network
 
 ROOTS = {"gama-local": "gkf", "LandXML": "landxml", "JOBFile": "jobxml", "DnaXmlFormat": "dynaml"}
 RECORDS = {

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from mor.api.pipeline import solve_network
 from mor.formats import format_of, read_foreign
-from mor.pipeline import solve_network
-from mor.project.file.nodes import Document
+from mor.project.document import Document
 from tests.reference_data import network_of
 
 CONTROL = {

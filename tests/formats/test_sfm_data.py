@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mor.arrays import FloatArray
+from mor.api.pipeline import solve_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
-from mor.geometry.rotations import exponential
-from mor.pipeline import solve_network
+from mor.model.rotations import exponential
+from mor.types import FloatArray
 from tests.reference_data import network_of
 
 SIZE, FOCAL, CENTRE = (4000, 3000), 2884.25, (1990.5, 1511.25)

@@ -7,11 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mor.api.pipeline import read_document, read_network, solve_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
-from mor.pipeline import read_document, read_network, solve_network
-from mor.project.file.nodes import Document
-from mor.quality.assess import standard_deviations
+from mor.project.document import Document
+from mor.quality.assessment import standard_deviations
 from tests.scenarios.small_projects import mor
 
 

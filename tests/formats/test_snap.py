@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 from pyproj import Transformer
 
+from mor.api.pipeline import read_network, solve_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
-from mor.pipeline import Solved, read_network, solve_network
+from mor.quality.solution import Solved
 from mor.units import ANGLE
 from tests.reference_data import missing, reference_folder
 from tests.scenarios.small_projects import mor

@@ -9,14 +9,13 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from mor.adjustment.linearise import misclosures
-from mor.adjustment.solve import adjust
-from mor.arrays import FloatArray
+from mor.api.pipeline import determinable_start, make_problem, read_document
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign, write_foreign
-from mor.pipeline import read_document
-from mor.preparation import determinable_start, make_problem
-from mor.project.file.nodes import Document
+from mor.project.document import Document
+from mor.solve.iterate import adjust
+from mor.solve.problem import misclosures
+from mor.types import FloatArray
 from tests.reference_data import missing, network_of, reference_folder
 
 from .test_dynadjust import _files as dynadjust

@@ -10,7 +10,7 @@ import pytest
 import mor
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
-from mor.formats.starnet.lines import degrees
+from mor.formats.starnet import degrees
 from tests.reference_data import network_of
 
 PLACES = {

@@ -8,12 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mor.api.pipeline import read_document, solve_network
 from mor.errors import InputError
 from mor.formats import read_foreign, write_foreign
-from mor.formats.starnet.lines import degrees
-from mor.formats.starnet.writer import dms
-from mor.pipeline import read_document, solve_network
-from mor.project.file.nodes import Document
+from mor.formats.starnet import degrees, dms
+from mor.project.document import Document
 from tests.reference_data import NETWORKS, network_name, network_of, point_results
 
 

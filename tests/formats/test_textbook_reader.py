@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from mor.api.pipeline import solve_network
 from mor.errors import InputError
 from mor.formats import read_foreign
-from mor.pipeline import solve_network
 from tests.reference_data import network_of, observations, point_results
 
 

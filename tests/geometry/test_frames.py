@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.geometry.frames import by_point, by_rotation, follow, into_frame
-from mor.geometry.rotations import rotate, rotation_from_angles
+from mor.model.rotations import by_point, by_rotation, follow, into_frame, rotate, rotation_from_angles
 
 RANDOM = np.random.default_rng(8)
 N = 6

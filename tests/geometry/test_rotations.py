@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from mor.geometry.rotations import (
+from mor.model.rotations import (
     angles_by_tangent,
     angles_from_rotation,
     cross_matrix,

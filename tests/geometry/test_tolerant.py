@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.geometry import tolerant
+from mor.model import rotations as tolerant
 
 MOR = Path(tolerant.__file__).parents[1]
 GOOD = np.array([[2.0, 0.5, 0.0], [0.5, 1.0, 0.1], [0.0, 0.1, 3.0]])

@@ -10,8 +10,8 @@ import sys
 from pathlib import Path
 from typing import Any
 
-import mor.adjustment.solve
 import mor.machine
+import mor.solve.iterate
 from mor.cli import run
 
 MB = 1e6
@@ -29,7 +29,7 @@ def measure(arguments: list[str]) -> dict[str, float]:
 
     replaced: Any = told
     mor.machine.check_room = replaced
-    mor.adjustment.solve.check_room = replaced
+    mor.solve.iterate.check_room = replaced
     code = run(["adjust", *arguments, "-q", "--force"])
     # Not ru_maxrss: that begins with the size of the process this one was forked from.
     peak = mor.machine._field(Path("/proc/self/status"), "VmHWM") or 0.0

@@ -15,9 +15,10 @@ import numpy as np
 import pytest
 
 import mor
-from mor import compilation, long_arrays, machine
-from mor.adjustment.rays import plan
+from mor import long_arrays, machine
 from mor.errors import InputError
+from mor.linalg import compilation
+from mor.solve import rays as plan
 from sample_projects.simulate import SCENES
 from tests.reference_data import NETWORKS, network_name
 from tests.scenarios.image_blocks import Kind, command, write_block

@@ -49,7 +49,7 @@ def test_running_out_of_memory_is_told_as_that(tmp_path, monkeypatch):
     def fails(*_):
         raise MemoryError("Unable to allocate 9.00 TiB")
 
-    monkeypatch.setattr("mor.adjustment.solve.make_plan", fails)
+    monkeypatch.setattr("mor.solve.iterate.make_plan", fails)
     run = command("adjust", write(tmp_path, LEVELLING))
     assert run.code == 5
     assert "not enough memory" in run.err

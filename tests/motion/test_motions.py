@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from mor.quality.deformation.epochs import compare_within
-from mor.quality.deformation.movements import movements
-from mor.quality.deformation.vector_tests import noncentrality_of, vector_tests
-from mor.quality.diagnosis.singularities import explain_singularity
+from mor.quality.deformation import compare_within, movements, noncentrality_of, vector_tests
+from mor.quality.singularity import explain_singularity
 from tests.scenarios.motion_scenes import Scene, project, scene, solve, values
 
 ALL = "  - {model: epochs, points: ['D*']}"

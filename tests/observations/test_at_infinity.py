@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import rotate, rotation_from_angles
-from mor.observations import ALL_TYPES, at_infinity, can_be_at_infinity, wrap
-from mor.parameters.kinds import KINDS
+from mor.model.observation_types import ALL_TYPES, at_infinity, can_be_at_infinity, wrap
+from mor.model.parameters import KINDS
+from mor.model.rotations import rotate, rotation_from_angles
 
 TYPES = [type_ for type_ in ALL_TYPES.values() if can_be_at_infinity(type_)]
 

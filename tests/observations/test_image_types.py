@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.geometry.cameras import CAMERA_MODELS
-from mor.geometry.rotations import rotation_from_angles
-from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES
+from mor.model.cameras import CAMERA_MODELS
+from mor.model.observation_types import FOLLOWER_TYPES, IMAGE_TYPES
+from mor.model.rotations import rotation_from_angles
 
 POSITION, POINT = np.array([[1.0, 2.0, 10.0]]), np.array([[3.0, 1.0, 2.0]])
 LEVELLED = np.eye(3)

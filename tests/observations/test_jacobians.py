@@ -11,11 +11,11 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from mor.geometry.cameras import CAMERA_MODELS
-from mor.geometry.rotations import exponential, rotate, rotation_from_angles
-from mor.observations import ALL_TYPES, wrap
-from mor.observations.time.rolling_shutter import phases
-from mor.parameters.kinds import KINDS
+from mor.model.cameras import CAMERA_MODELS
+from mor.model.images import phases
+from mor.model.observation_types import ALL_TYPES, wrap
+from mor.model.parameters import KINDS
+from mor.model.rotations import exponential, rotate, rotation_from_angles
 from tests.selection import slow
 
 EPSILON = np.finfo(float).eps

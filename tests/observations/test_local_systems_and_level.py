@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import rotation_from_angles
-from mor.observations import ALL_TYPES, LEVEL, LOCAL
+from mor.model.coordinates import LEVEL, LOCAL
+from mor.model.observation_types import ALL_TYPES
+from mor.model.rotations import rotation_from_angles
 
 ORIGIN = np.array([[5.0, -3.0, 2.0]])
 OFFSET = np.array([[0.1, 0.2, -0.3]])

@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import rotation_from_angles
-from mor.observations import IMAGE_TYPES, PLAIN_TYPES, PROJECTION_CENTRE_TYPES
-from mor.observations.motion.moving import basis, moving
-from mor.parameters.kinds import KINDS, MOTIONS
+from mor.model.observation_types import IMAGE_TYPES, PLAIN_TYPES, PROJECTION_CENTRE_TYPES
+from mor.model.parameters import KINDS, MOTIONS
+from mor.model.rotations import rotation_from_angles
+from mor.model.trajectory import basis, moving
 
 TYPES = {
     **PLAIN_TYPES,

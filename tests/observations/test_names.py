@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import polars as pl
 
-from mor.observations.names import Names, coded, names_of, one_name, places, places_of
+from mor.model.contract import Names, coded, names_of, one_name, places, places_of
 
 TEXTS = ["b", "a", "b", "", "é", "a"]
 

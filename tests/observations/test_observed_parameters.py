@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import rotation_from_angles
-from mor.observations import ALL_TYPES, OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
-from mor.parameters.kinds import KINDS
+from mor.model.observation_types import ALL_TYPES, OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
+from mor.model.parameters import KINDS
+from mor.model.rotations import rotation_from_angles
 
 PLAIN = [key for key in KINDS if key != "rotation"]
 

@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.adjustment.normals import build_normals
-from mor.adjustment.plan import make_plan
-from mor.adjustment.rays.eliminable import eliminable_rays
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.arrays import FloatArray
-from mor.compilation import available, kernels_used
-from mor.observations import ALL_TYPES
-from mor.observations._contract import ObservationGroup
-from mor.observations.on_the_sphere import on_the_sphere
-from mor.quality.gross_errors.on_the_sphere import problem_on_the_sphere
+from mor.linalg.compilation import available, kernels_used
+from mor.model.contract import ObservationGroup
+from mor.model.images import on_the_sphere
+from mor.model.observation_types import ALL_TYPES
+from mor.quality.robust_estimation import problem_on_the_sphere
+from mor.solve.iterate import Outcome, adjust
+from mor.solve.normals import build_normals, eliminable_rays, make_plan
+from mor.types import FloatArray
 from tests.scenarios.gross_error_scenes import disturbed, spoiled
 
 GON = np.pi / 200.0
@@ -62,7 +59,7 @@ def _half_squares_by(
 
 
 def test_points_at_infinity_stay_as_they_are() -> None:
-    from mor.observations._at_infinity import at_infinity
+    from mor.model.coordinates import at_infinity
 
     assert on_the_sphere(at_infinity(ALL_TYPES["image/mor"])) is None
 

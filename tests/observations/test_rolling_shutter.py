@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from mor.geometry.cameras import CAMERA_MODELS, Projection
-from mor.geometry.motion import inverse_right_jacobian, right_jacobian, turn_by
-from mor.geometry.rotations import exponential
-from mor.observations import IMAGE_TYPES, MOVING_TYPES
-from mor.observations.time.rolling_shutter import meet
+from mor.model.cameras import CAMERA_MODELS, Projection
+from mor.model.images import meet
+from mor.model.motion import inverse_right_jacobian, right_jacobian, turn_by
+from mor.model.observation_types import IMAGE_TYPES, MOVING_TYPES
+from mor.model.rotations import exponential
 
 ROOT = Path(__file__).resolve().parents[2]
 from sample_projects.simulate.camera import Camera  # noqa: E402

@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mor.observations import SetUp
-from mor.observations.sigma import with_sigma_model
+from mor.model.contract import with_sigma_model
+from mor.model.observation_types import SetUp
 from tests.scenarios.scenes import Scene
 
 

@@ -7,15 +7,13 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mor.geometry.cameras import CAMERA_MODELS
-from mor.geometry.rotations import exponential, rotate, rotation_from_angles
-from mor.geometry.trajectory import cubic_weights, linear_weights, pose_at, small_rotations
-from mor.observations import FOLLOWER_TYPES, IMAGE_TYPES, ObservationType
-from mor.observations.time import steadiness
-from mor.observations.time.line_scanner import line_scanner
-from mor.observations.time.navigation import trajectory_attitude, trajectory_position
-from mor.observations.time.shutter_on_trajectory import shutter_on_trajectory
-from mor.observations.time.trajectory import on_trajectory
+from mor.model import trajectory as steadiness
+from mor.model.cameras import CAMERA_MODELS
+from mor.model.images import line_scanner, shutter_on_trajectory
+from mor.model.motion import cubic_weights, linear_weights, pose_at, small_rotations
+from mor.model.observation_types import FOLLOWER_TYPES, IMAGE_TYPES, ObservationType
+from mor.model.rotations import exponential, rotate, rotation_from_angles
+from mor.model.trajectory import on_trajectory, trajectory_attitude, trajectory_position
 
 N = 8
 

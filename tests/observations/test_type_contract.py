@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.observations import ALL_TYPES, wrap
-from mor.parameters.kinds import KINDS
+from mor.model.observation_types import ALL_TYPES, wrap
+from mor.model.parameters import KINDS
 from mor.units import ANGLE
 
 TYPES = pytest.mark.parametrize("kind", ALL_TYPES.values(), ids=ALL_TYPES.keys())

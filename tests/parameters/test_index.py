@@ -5,9 +5,19 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import angles_from_rotation, rotate, rotation_from_angles, tangent_of_angles
-from mor.parameters.index import Blocks, index_unknowns, move, moves_by_angles, tangents
-from mor.parameters.kinds import HEIGHT, INTERIORS, KINDS, POINT, ROTATION
+from mor.model.parameters import (
+    HEIGHT,
+    INTERIORS,
+    KINDS,
+    POINT,
+    ROTATION,
+    Blocks,
+    index_unknowns,
+    move,
+    moves_by_angles,
+    tangents,
+)
+from mor.model.rotations import angles_from_rotation, rotate, rotation_from_angles, tangent_of_angles
 
 ANGLES = np.array([[0.1, 0.2, 0.3], [0.4, -0.5, 0.6], [0.0, 0.0, 1.0], [-0.3, 0.2, 2.0]])
 

@@ -7,8 +7,8 @@ from xml.etree import ElementTree
 
 import pytest
 
+from mor.api.workers import Task, run_tasks
 from mor.cli import run
-from mor.planning.workers import Task, run_tasks
 from tests.scenarios.batch_scenes import act, write_project
 
 

@@ -11,14 +11,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mor.planning.design import judgements
-from mor.planning.plan import solve_plan
-from mor.project.observations.correlations import Correlation
-from mor.quality.design.requirements import requirements
-from mor.report.design.page import design_page
-from mor.report.html.page import asset
+from mor.api.design import judgements
+from mor.api.plan import solve_plan
+from mor.plan.requirements import requirements
+from mor.project.network import Correlation
+from mor.report.design import design_page
 from mor.report.identity import Identity
-from mor.report.words.language import words_of_planning
+from mor.report.language import words_of_planning
+from mor.report.page import asset
 from tests.scenarios.planned_networks import BRIDGE, grid, sample
 from tests.scenarios.small_projects import mor
 
@@ -84,7 +84,7 @@ def _kept(group, rows):
 
 def _units(network):
     """Group and row of the units, in the order of the page."""
-    from mor.quality.design.switching import switching
+    from mor.plan.requirements import switching
 
     quality = solve_plan(network).quality
     found = switching(quality, network.candidates)

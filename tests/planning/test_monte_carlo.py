@@ -10,12 +10,10 @@ from functools import partial
 import numpy as np
 import pytest
 
+from mor.api.simulation import CHUNK, Trial, by_processes, chunk_of, prepared, run_trial
 from mor.cli import run
 from mor.errors import InputError
-from mor.planning.monte_carlo import CHUNK, Trial, by_processes, chunk_of, prepared, run_trial
-from mor.quality.simulation.findings import Finding, findings
-from mor.quality.simulation.measurements import errors
-from mor.quality.simulation.monte_carlo import one_run
+from mor.plan.simulation import Finding, errors, findings, one_run
 from tests.scenarios.batch_scenes import PLAN
 
 
@@ -57,7 +55,7 @@ def test_sigmas_that_are_too_small_are_found(trial):
     )
     total = None
     for number in range(60):
-        from mor.adjustment.solve import adjust
+        from mor.solve.iterate import adjust
 
         one = one_run(
             wrong, 1, number, lambda problem: adjust(_with_sigma_of(problem, truth.problem), truth.place)
@@ -78,7 +76,7 @@ def _with_sigma_of(problem, other):
 def test_errors_have_the_covariances_of_the_project(trial):
     ready = prepared(trial)
     problem = ready.truth.problem
-    from mor.adjustment.problem import Cluster
+    from mor.solve.problem import Cluster
 
     covariance = 4e-6 * (0.5 * np.eye(10) + 0.5)
     problem = replace(problem, clusters=(Cluster(np.arange(10), covariance),))

@@ -14,8 +14,8 @@ from pathlib import Path
 import psutil
 import pytest
 
+from mor.api.workers import Task, done_alone
 from mor.cli import run
-from mor.planning.workers import Task, done_alone
 from tests.scenarios.batch_scenes import PLAN, act, write_project
 
 pytest.importorskip("distributed")
@@ -123,7 +123,7 @@ def test_what_dies_hangs_or_raises_by_itself(tmp_path):
 @pytest.mark.slow
 def test_the_process_of_a_lost_worker_goes_with_it(tmp_path):
     code = "import sys; from pathlib import Path; from tests.scenarios.batch_scenes import linger\n"
-    code += "from mor.planning.workers import Task, done_alone\n"
+    code += "from mor.api.workers import Task, done_alone\n"
     code += "place = Path(sys.argv[1]); done_alone(linger, 0, Task((str(place),), place / 'log'), place)"
     told = tmp_path / "pid"
     with subprocess.Popen([sys.executable, "-c", code, str(tmp_path)]) as worker:

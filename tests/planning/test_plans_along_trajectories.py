@@ -9,18 +9,16 @@ import polars as pl
 import pytest
 import yaml
 
-from mor.adjustment.solve import Settings, adjust
+from mor.api.pipeline import determinable_start, levels, make_problem, read_document, read_network
+from mor.api.plan import at_its_place, read_plan, solve_plan
+from mor.api.simulation import simulated
 from mor.errors import InputError
-from mor.pipeline import levels, read_document, read_network
-from mor.planning.plan import at_its_place, read_plan, solve_plan
-from mor.planning.simulation import simulated
-from mor.preparation import determinable_start, make_problem
-from mor.project.network.build import Network
-from mor.quality.assess import assess
-from mor.quality.precision.image_poses import with_poses
-from mor.quality.simulation.planted import Wishes
-from mor.quality.solved import Solved
-from mor.report.results.reservation import reserve
+from mor.plan.simulation import Wishes
+from mor.project.network import Network
+from mor.quality.assessment import assess
+from mor.quality.solution import Solved, with_poses
+from mor.report.output_folder import reserve
+from mor.solve.iterate import Settings, adjust
 from sample_projects.expected import ROOT
 from tests.scenarios.small_projects import mor, write
 

@@ -8,12 +8,12 @@ import numpy as np
 import polars as pl
 import pytest
 
-from mor.pipeline import read_document, read_network, solve_network
-from mor.planning.plan import at_its_place, read_plan, solve_plan
-from mor.planning.simulation import simulated
-from mor.quality.simulation.planted import Wishes
-from mor.quality.solved import Solved
-from mor.report.results.reservation import reserve
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.api.plan import at_its_place, read_plan, solve_plan
+from mor.api.simulation import simulated
+from mor.plan.simulation import Wishes
+from mor.quality.solution import Solved
+from mor.report.output_folder import reserve
 from sample_projects.expected import ROOT
 from tests.scenarios.small_projects import mor
 

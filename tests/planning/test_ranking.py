@@ -7,14 +7,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from mor.api import design as ranks
+from mor.api.design import ranking
+from mor.api.plan import solve_plan
 from mor.errors import InputError
-from mor.planning import ranks
-from mor.planning.plan import solve_plan
-from mor.planning.ranks import ranking
-from mor.quality.design import wide
-from mor.quality.design.interest import interest_of
-from mor.quality.design.requirements import judged, requirements
-from mor.quality.design.shortfall import REACHED
+from mor.plan import ranking as wide
+from mor.plan.requirements import REACHED, interest_of, judged, requirements
 from tests.scenarios.planned_networks import BRIDGE, grid, sample
 
 
@@ -83,7 +81,7 @@ def test_correlated_observations_are_spared_together():
     group = network.groups[k]
     rows = np.arange(group.count)
     covariance = 1e-6 * (0.4 * np.eye(group.count) + 0.3)
-    from mor.project.observations.correlations import Correlation
+    from mor.project.network import Correlation
 
     tied = Correlation(np.full(group.count, k), rows, np.zeros(group.count, dtype=np.int64), covariance)
     network = replace(network, correlations=(tied,))

@@ -8,13 +8,13 @@ import numpy as np
 import polars as pl
 import pytest
 
-from mor.adjustment.linearise import misclosures
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.api.plan import at_its_place, read_plan, solve_plan
+from mor.api.simulation import simulated
 from mor.errors import InputError
-from mor.pipeline import read_document, read_network, solve_network
-from mor.planning.plan import at_its_place, read_plan, solve_plan
-from mor.planning.simulation import simulated
-from mor.quality.simulation.planted import Systematic, Wishes
-from mor.report.results.reservation import reserve
+from mor.plan.simulation import Systematic, Wishes
+from mor.report.output_folder import reserve
+from mor.solve.problem import misclosures
 from sample_projects.expected import ROOT
 from tests.selection import slow_after
 

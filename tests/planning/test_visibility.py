@@ -11,8 +11,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from mor.geometry.polygons import triangulated
-from mor.geometry.triangles import face_normals, faces_of, hidden, triangles
+from mor.model.polygons import face_normals, faces_of, hidden, triangles, triangulated
 from tests.scenarios.small_projects import mor
 from tests.selection import slow_after
 

@@ -7,8 +7,8 @@ from pathlib import Path
 import polars as pl
 import pytest
 
-from mor.pipeline import read_document
-from mor.planning.visibility.generation import with_visible
+from mor.api.pipeline import read_document
+from mor.plan.visibility import with_visible
 from tests.scenarios.small_projects import mor, write
 
 HEAD = """\

@@ -7,13 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.pipeline import read_document, read_network
-from mor.project.observations.atmosphere import (
-    Air,
-    dispersion_constant,
-    first_velocity_correction,
-    vapour_pressure,
-)
+from mor.api.pipeline import read_document, read_network
+from mor.project.rows import Air, dispersion_constant, first_velocity_correction, vapour_pressure
 from tests.scenarios.small_projects import mor, write
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.arrays import FloatArray
+from mor.types import FloatArray
 from tests.scenarios.small_projects import CENTRES, OBJECT, attitude, mor, table, write
 
 PROJECT = """\

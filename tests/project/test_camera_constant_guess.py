@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mor.api.pipeline import read_network
 from mor.errors import InputError
-from mor.pipeline import read_network
-from mor.project.file.nodes import read_yaml
-from mor.project.network.build import Network
+from mor.project.document import read_yaml
+from mor.project.network import Network
 
 PROJECT = """
 mor: 1

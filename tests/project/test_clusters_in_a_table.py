@@ -10,8 +10,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from mor.pipeline import read_document, read_network, solve_network
-from mor.quality.solved import Solved
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.quality.solution import Solved
 from tests.scenarios.small_projects import mor, write
 
 AXES = ["dx", "dy", "dz"]

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import rotation_from_angles
-from mor.parameters.kinds import HEIGHT
-from mor.project.network.entities import BlockStore
-from mor.project.network.equalities import ContradictionError, Equality, settle_equalities
+from mor.model.parameters import HEIGHT
+from mor.model.rotations import rotation_from_angles
+from mor.project.entities import BlockStore, ContradictionError, Equality, settle_equalities
 from tests.scenarios.small_projects import C, mor, table, write
 
 GON = np.pi / 200.0

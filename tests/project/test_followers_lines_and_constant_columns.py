@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mor.api.pipeline import read_document, read_network, solve_network
 from mor.errors import InputError
-from mor.pipeline import read_document, read_network, solve_network
-from mor.project.network.build import Network
+from mor.project.network import Network
 from tests.scenarios.small_projects import write
 
 STEREO = """\

@@ -9,10 +9,10 @@ import numpy as np
 import polars as pl
 import pytest
 
+from mor.api.pipeline import read_document, read_network
 from mor.errors import InputError, nearest
-from mor.pipeline import read_document, read_network
-from mor.project.network.build import Network
-from mor.project.tables.texts import _without_comments
+from mor.project.network import Network
+from mor.project.tables import _without_comments
 from tests.mistakes import mistakes
 from tests.scenarios.small_projects import BLOCK, block, table, write_block
 

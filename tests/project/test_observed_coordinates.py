@@ -7,8 +7,8 @@ import json
 import numpy as np
 import pytest
 
+from mor.api.pipeline import solve_network
 from mor.errors import InputError
-from mor.pipeline import solve_network
 from tests.reference_data import network_of_yaml, point_results
 
 

@@ -10,9 +10,9 @@ from typing import Any
 import pytest
 import yaml
 
-from mor.project.file.schema import project_schema
-from mor.project.file.yaml_text import yaml_text
-from mor.report.results.models.model import results_schema
+from mor.project.document import yaml_text
+from mor.project.schema import project_schema
+from mor.report.schema import results_schema
 from tests.published_schemas import mistakes
 from tests.scenarios.small_projects import BLOCK, LEVELLING, mor, write
 

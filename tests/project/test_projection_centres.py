@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import rotation_from_angles
+from mor.model.rotations import rotation_from_angles
 from tests.scenarios.small_projects import Run, mor, write
 
 GON = np.pi / 200.0

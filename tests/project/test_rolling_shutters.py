@@ -11,8 +11,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.observations.time.rolling_shutter import phases
-from mor.pipeline import read_document, read_network
+from mor.api.pipeline import read_document, read_network
+from mor.model.images import phases
 from tests.mistakes import mistakes
 from tests.scenarios.small_projects import mor
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import rotation_from_angles
+from mor.model.rotations import rotation_from_angles
 from tests.scenarios.small_projects import C, Run, mor, table, write
 
 GON = np.pi / 200.0

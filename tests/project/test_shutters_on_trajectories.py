@@ -8,16 +8,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.adjustment.solve import Settings, adjust
-from mor.geometry.rotations import exponential, rotation_from_angles
-from mor.geometry.trajectory import linear_weights, pose_at
-from mor.observations import MOVING_TYPES
-from mor.observations.time.shutter_on_trajectory import shutter_on_trajectory
-from mor.pipeline import read_document, read_network
-from mor.planning.simulation import simulated as planned_at
-from mor.preparation import determinable_start, make_problem
-from mor.project.trajectories.model import Trajectory
-from mor.quality.simulation.planted import Wishes
+from mor.api.pipeline import determinable_start, make_problem, read_document, read_network
+from mor.api.simulation import simulated as planned_at
+from mor.model.images import shutter_on_trajectory
+from mor.model.motion import linear_weights, pose_at
+from mor.model.observation_types import MOVING_TYPES
+from mor.model.rotations import exponential, rotation_from_angles
+from mor.plan.simulation import Wishes
+from mor.project.entities import Trajectory
+from mor.solve.iterate import Settings, adjust
 from tests.mistakes import mistakes
 from tests.scenarios.shutter_flights import READOUT, Files, Moment, moments, simulated
 from tests.scenarios.small_projects import Run, mor
@@ -175,7 +174,7 @@ def test_a_steady_flight_in_a_project_is_images_with_motions(tmp_path: Path) -> 
 
 
 def _angles(D: np.ndarray) -> list[float]:
-    from mor.geometry.rotations import angles_from_rotation
+    from mor.model.rotations import angles_from_rotation
 
     return list(np.degrees(angles_from_rotation(D[None])[0]))
 

@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mor.api.pipeline import read_document, read_network, solve_network
 from mor.errors import InputError
-from mor.pipeline import read_document, read_network, solve_network
-from mor.project.trajectories.model import Trajectory
-from mor.quality.solved import Solved
-from mor.report.tables.estimates import image_table, point_table
-from mor.report.text_report import text_report
+from mor.project.entities import Trajectory
+from mor.quality.solution import Solved
+from mor.report.estimates import image_table, point_table
+from mor.report.text import text_report
 
 SAMPLES = Path(__file__).resolve().parents[2] / "sample_projects"
 STRIP = SAMPLES / "three_line_strip"

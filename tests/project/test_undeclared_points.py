@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from mor.project.observations.undeclared_points import alike
+from mor.project.rows import alike
 from tests.scenarios.small_projects import BLOCK, block, mor, table, write, write_block
 
 SETTING = "settings: {undeclared_points: free}\n"

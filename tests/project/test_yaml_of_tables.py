@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import yaml
 
-from mor.project.file import yaml_text as writing
+from mor.project import document as writing
 from tests.selection import slow_after
 
 NAMES = ["A", "b_1", "12", "0", "x", "Infinity", "_", None]

@@ -5,13 +5,12 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.adjustment.solve import adjust
-from mor.quality import in_chunks as pieces
-from mor.quality.assess import Quality, assess
-from mor.quality.gross_errors.exclusion import exclude
-from mor.quality.in_chunks import in_pieces, sum_of_known
-from mor.quality.reliability.effects import effects
-from mor.quality.reliability.observation_quality import omega_of, redundancy_of
+from mor.quality import test_statistics as pieces
+from mor.quality.assessment import Quality, assess
+from mor.quality.external_reliability import effects
+from mor.quality.robust_estimation import exclude
+from mor.quality.test_statistics import in_pieces, omega_of, redundancy_of, sum_of_known
+from mor.solve.iterate import adjust
 from tests.scenarios.reliability_scenes import correlated_everywhere
 from tests.scenarios.scenes import Scene, photo_block, solve
 

@@ -9,8 +9,8 @@ import json
 import numpy as np
 import pytest
 
+from mor.api.pipeline import solve_network
 from mor.formats import read_foreign
-from mor.pipeline import solve_network
 from tests.reference_data import (
     image_results,
     interior_results,

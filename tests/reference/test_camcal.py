@@ -8,9 +8,9 @@ from functools import cache
 import numpy as np
 import pytest
 
-from mor.adjustment.state import Outcome
+from mor.api.pipeline import solve_network
 from mor.formats import read_foreign
-from mor.pipeline import solve_network
+from mor.solve.iterate import Outcome
 from tests.reference_data import (
     image_results,
     interior_results,

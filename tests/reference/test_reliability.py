@@ -9,12 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.pipeline import snooped, solve_network
-from mor.quality.deformation.congruence import pair_movement
-from mor.quality.tests.fixed_coordinates import fixed_point_tests
-from mor.quality.tests.levels import chi2_level
-from mor.report.tables.observations import observation_table
-from mor.report.tables.reliability import gross_errors
+from mor.api.pipeline import snooped, solve_network
+from mor.quality.deformation import pair_movement
+from mor.quality.global_tests import fixed_point_tests
+from mor.quality.test_statistics import chi2_level
+from mor.report.observations import gross_errors, observation_table
 from tests.reference import test_aicon
 from tests.reference_data import (
     NETWORKS,

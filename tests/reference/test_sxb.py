@@ -7,7 +7,7 @@ import json
 import numpy as np
 import pytest
 
-from mor.pipeline import solve_network
+from mor.api.pipeline import solve_network
 from tests.reference_data import image_results, network_of_yaml, point_results
 
 PROJECT = """

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.report.bins import OUTERMOST, normal_bins
+from mor.report.layout import OUTERMOST, normal_bins
 
 
 @pytest.mark.parametrize("largest", [0.0, 0.3, 2.0, 9.9, 1e3, 1e15, np.inf])

@@ -9,10 +9,10 @@ from xml.etree import ElementTree
 import numpy as np
 import pytest
 
-from mor.arrays import FloatArray
-from mor.report.certificate.content import certificate
-from mor.report.columns import WIDTH
+from mor.report.certificate import certificate
+from mor.report.layout import WIDTH
 from mor.report.view import view_of_folder
+from mor.types import FloatArray
 from tests.scenarios.small_projects import mor
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"

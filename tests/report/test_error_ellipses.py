@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, f
 
-from mor.quality.precision.ellipses import confidence_factor, error_ellipses, error_ellipsoids
+from mor.quality.precision import confidence_factor, error_ellipses, error_ellipsoids
 from tests.scenarios.small_projects import mor
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from mor.pipeline import read_document, read_network, solve_network
-from mor.report.tables.observations import observation_table
-from mor.report.verdict.external_reliability import PARTS, external_reliability
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.report.observations import observation_table
+from mor.report.verdict import PARTS, external_reliability
 from mor.report.view import view_of_folder
 from tests.scenarios.small_projects import mor
 

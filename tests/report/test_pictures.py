@@ -7,14 +7,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.pipeline import read_document, read_network, solve_network
-from mor.report.html.page_data import page_data
-from mor.report.plots.labels import placed
-from mor.report.plots.network import network
-from mor.report.plots.sheet import style
-from mor.report.tables.observations import observation_table
-from mor.report.tables.rays import scanned_images
-from mor.report.view import View, view_of, view_of_folder
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.report.layout import placed
+from mor.report.observations import observation_table
+from mor.report.page_data import page_data
+from mor.report.plots import network, style
+from mor.report.view import View, scanned_images, view_of, view_of_folder
 from tests.scenarios.small_projects import mor
 
 STRIPS = Path(__file__).parents[2] / "sample_projects" / "three_line_strip"

@@ -7,8 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mor.report.tables.distortion import distortion, radial_curve
-from mor.report.tables.rays import Rays, covered, intersection_angles, window
+from mor.report.view import Rays, covered, distortion, intersection_angles, radial_curve, window
 
 
 def test_angle_is_that_of_the_two_rays_nearest_to_a_right_angle() -> None:

@@ -10,7 +10,7 @@ import pytest
 from pydantic import BaseModel, ValidationError
 
 from mor.cli import run
-from mor.report.results.models.model import Results
+from mor.report.schema import Results
 from tests.selection import slow_but
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"

@@ -11,19 +11,17 @@ import numpy as np
 import polars as pl
 import pytest
 
-from mor.pipeline import read_document, read_network, solve_network
-from mor.project.file.nodes import Document
-from mor.quality.solved import Solved
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.project.document import Document
+from mor.quality.solution import Solved
+from mor.report import observations as assessed_rows
+from mor.report import results as results_json
+from mor.report import results as write_module
+from mor.report.estimates import point_table
 from mor.report.identity import Identity
-from mor.report.results import json as results_json
-from mor.report.results import writing as write_module
-from mor.report.results.reservation import reserve
-from mor.report.results.writing import Choice, write_results
-from mor.report.tables import assessed_observations as assessed_rows
-from mor.report.tables.estimates import point_table
-from mor.report.tables.files import residual_writer
-from mor.report.tables.observations import SCHEMA, observation_table
-from mor.report.tables.worst import uncontrolled_residuals, worst_residuals
+from mor.report.observations import SCHEMA, observation_table, uncontrolled_residuals, worst_residuals
+from mor.report.output_folder import reserve
+from mor.report.results import Choice, residual_writer, write_results
 from tests.scenarios.small_projects import block, mor, write_block
 
 
@@ -203,7 +201,7 @@ def test_interrupted_once_more_while_clearing_away(
         shutil.rmtree(path, ignore_errors=ignore_errors)
 
     def interrupt_clearing(rows: int) -> None:
-        monkeypatch.setattr("mor.report.results.reservation.shutil.rmtree", clearing)
+        monkeypatch.setattr("mor.report.output_folder.shutil.rmtree", clearing)
         interrupt(rows)
 
     choice = Choice(html=False, done=interrupt_clearing)
@@ -235,7 +233,7 @@ def test_order_of_writing_changes_no_byte(
     """Of very many observations the reports come before the long table, else they are made beside it."""
     document, choice, written = read_document(project), Choice(tables="all", html=False), []
     for most in (2_000_000, 0):
-        monkeypatch.setattr("mor.report.results.writing.MOST_LISTED", most)
+        monkeypatch.setattr("mor.report.results.MOST_LISTED", most)
         folder = tmp_path / "results"
         _write(solved, document, project.parent, folder, choice)
         written.append({path.name: path.read_bytes() for path in folder.iterdir()})

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.optimize
 
 import mor
-from mor.arrays import FloatArray, IntArray
+from mor.types import FloatArray, IntArray
 
 SAME = 1e-6
 """Relative difference of two costs at the same minimum."""

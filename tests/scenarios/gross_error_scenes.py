@@ -9,9 +9,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.adjustment.problem import Problem
-from mor.arrays import BoolArray, FloatArray
-from mor.geometry.rotations import rotate
+from mor.model.rotations import rotate
+from mor.solve.problem import Problem
+from mor.types import BoolArray, FloatArray
 from tests.scenarios.scenes import Scene, looking_at
 
 GON = np.pi / 200.0

@@ -14,12 +14,11 @@ from typing import NamedTuple
 import numpy as np
 import scipy.optimize
 
-from mor.adjustment.problem import Problem
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Adjustment, Outcome
-from mor.arrays import FloatArray
-from mor.geometry.rotations import rotate
-from mor.parameters.index import Values, move
+from mor.model.parameters import Values, move
+from mor.model.rotations import rotate
+from mor.solve.iterate import Adjustment, Outcome, adjust
+from mor.solve.problem import Problem
+from mor.types import FloatArray
 from tests.scenarios.scenes import Scene, looking_at
 from tools.far_start_trials import _dense, _turned
 

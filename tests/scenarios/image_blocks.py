@@ -10,9 +10,9 @@ from typing import NamedTuple
 import numpy as np
 import polars as pl
 
-from mor.arrays import FloatArray
 from mor.cli import run
-from mor.geometry.rotations import rotation_from_angles
+from mor.model.rotations import rotation_from_angles
+from mor.types import FloatArray
 
 
 class Ended(NamedTuple):

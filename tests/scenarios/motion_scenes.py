@@ -7,9 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from mor.pipeline import read_network, solve_network
-from mor.project.file.nodes import read_yaml
-from mor.quality.solved import Solved
+from mor.api.pipeline import read_network, solve_network
+from mor.project.document import read_yaml
+from mor.quality.solution import Solved
 
 SIGMA_S, SIGMA_H, SIGMA_A = 0.0005, 0.0003, 0.3e-3 * np.pi / 200.0
 GON = np.pi / 200.0

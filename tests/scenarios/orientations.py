@@ -15,13 +15,22 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.approximate.bundle import image_bundle
-from mor.approximate.planar.plane_adjustment import covariance_in, inner_constraints
-from mor.approximate.planar.plane_object import on_level_plane, scale_from_length, sides_and_angles
-from mor.approximate.planar.plane_precision import Length, corners, derived, placed_covariance
-from mor.approximate.planar.plane_shape import PlaneShape, shape_of_plane
-from mor.approximate.relative_orientation.two_bundles import relative_orientation
-from mor.geometry.rotations import angles_from_rotation, exponential
+from mor.model.rotations import angles_from_rotation, exponential
+from mor.start.bundle import image_bundle
+from mor.start.image_pair import relative_orientation
+from mor.start.plane_object import (
+    Length,
+    PlaneShape,
+    corners,
+    covariance_in,
+    derived,
+    inner_constraints,
+    on_level_plane,
+    placed_covariance,
+    scale_from_length,
+    shape_of_plane,
+    sides_and_angles,
+)
 
 BEYOND = 5.0
 """An error of more σ than that, of something called determined or unique, is wrong."""

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import click
 
 from mor.cli import COMMANDS, group
-from mor.cli._output import OutputPath
+from mor.cli.options import OutputPath
 from tests.scenarios.small_projects import mor, write, write_block
 
 

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.geometry.trajectory import cubic_weights, linear_weights
-from mor.observations import IMAGE_TYPES
-from mor.observations.time.line_scanner import line_scanner
-from mor.observations.time.shutter_on_trajectory import shutter_on_trajectory
-from mor.observations.time.trajectory import on_trajectory
-from mor.parameters.kinds import INTERIORS
+from mor.model.images import line_scanner, shutter_on_trajectory
+from mor.model.motion import cubic_weights, linear_weights
+from mor.model.observation_types import IMAGE_TYPES
+from mor.model.parameters import INTERIORS
+from mor.model.trajectory import on_trajectory
 from tests.scenarios.scenes import Scene, add_object_points
 
 INTERIOR = [30.0, 0.1, -0.2, 1e-5, -2e-8, 1e-11, 2e-5, -1e-5, 3e-4, -2e-4]

@@ -6,9 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from mor.api.built import build
-from mor.pipeline import read_document
-from mor.planning.plan import at_its_place, read_plan
+from mor.api.pipeline import read_document
+from mor.api.plan import at_its_place, read_plan
+from mor.api.project import build
 from sample_projects.expected import ROOT
 
 

@@ -11,22 +11,15 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mor.adjustment.problem import Cluster, Datum, Problem
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Adjustment, Outcome
-from mor.arrays import FloatArray
-from mor.geometry.rotations import (
-    angles_from_rotation,
-    rotate,
-    rotation_from_angles,
-)
-from mor.observations import ALL_TYPES, IMAGE_TYPES, ObservationGroup
-from mor.observations.names import one_name
-from mor.observations.time.line_scanner import line_scanner
-from mor.observations.time.shutter_on_trajectory import shutter_on_trajectory
-from mor.observations.time.trajectory import CUBIC, LINEAR, on_trajectory
-from mor.parameters.index import Blocks, index_unknowns, moves_by_angles
-from mor.parameters.kinds import KINDS
+from mor.model.contract import one_name
+from mor.model.images import line_scanner, shutter_on_trajectory
+from mor.model.observation_types import ALL_TYPES, IMAGE_TYPES, ObservationGroup
+from mor.model.parameters import KINDS, Blocks, index_unknowns, moves_by_angles
+from mor.model.rotations import angles_from_rotation, rotate, rotation_from_angles
+from mor.model.trajectory import CUBIC, LINEAR, on_trajectory
+from mor.solve.iterate import Adjustment, Outcome, adjust
+from mor.solve.problem import Cluster, Datum, Problem
+from mor.types import FloatArray
 
 GON = np.pi / 200.0
 TYPES = ALL_TYPES | {

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from mor.arrays import FloatArray
+from mor.types import FloatArray
 
 KINDS = (
     "levelling",

@@ -6,10 +6,11 @@ import numpy as np
 import pytest
 from threadpoolctl import ThreadpoolController
 
-from mor.sparse import blas_threads, cholesky, selected_inverse
-from mor.sparse.blas_threads import WORTH_THREADS, alike
-from mor.sparse.block_matrix import BlockMatrix, structure_from_cliques
-from mor.sparse.symbolic_factorisation import analyse
+from mor.linalg import cholesky, selected_inverse
+from mor.linalg import cholesky as blas_threads
+from mor.linalg.block_matrix import BlockMatrix, structure_from_cliques
+from mor.linalg.cholesky import WORTH_THREADS, alike
+from mor.linalg.symbolic import analyse
 
 LIBRARIES = ThreadpoolController().select(user_api="blas")
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.sparse.block_matrix import (
+from mor.linalg.block_matrix import (
     BlockMatrix,
     find_blocks,
     find_blocks_by_keys,
@@ -55,7 +55,7 @@ def test_union_by_sorting_agrees_with_the_union_by_marking(monkeypatch):
     pointers = np.concatenate(([0], np.cumsum(lengths)))
     members = rng.integers(0, 80, pointers[-1])
     structure = structure_from_cliques(np.ones(80, dtype=int), pointers, members)
-    monkeypatch.setattr("mor.sparse.block_matrix._PAIRS_AT_A_TIME", 50)
+    monkeypatch.setattr("mor.linalg.block_matrix._PAIRS_AT_A_TIME", 50)
     indptr, indices = union_of_cliques_by_sorting(80, pointers, members)
     assert np.array_equal(indptr, structure.indptr)
     assert np.array_equal(indices, structure.indices)

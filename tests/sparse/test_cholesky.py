@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor import compilation
-from mor.sparse.block_matrix import BlockMatrix, structure_from_cliques
-from mor.sparse.cholesky import factorise
-from mor.sparse.symbolic_factorisation import analyse
+from mor.linalg import compilation
+from mor.linalg.block_matrix import BlockMatrix, structure_from_cliques
+from mor.linalg.cholesky import factorise
+from mor.linalg.symbolic import analyse
 
 
 def _grid(side, ties, seed=0):

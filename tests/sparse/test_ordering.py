@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.sparse.block_matrix import structure_from_cliques
-from mor.sparse.ordering import block_graph, fill_reducing_order
+from mor.linalg.block_matrix import structure_from_cliques
+from mor.linalg.ordering import block_graph, fill_reducing_order
 
 
 def _graph(blocks, pairs):

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor import compilation
-from mor.sparse import rows
-from mor.sparse.block_matrix import BlockMatrix, structure_from_cliques
+from mor.linalg import block_matrix as rows
+from mor.linalg import compilation
+from mor.linalg.block_matrix import BlockMatrix, structure_from_cliques
 
 N, M = 40, 2
 SIZES = np.array([3, 1, 6, 3, 2, 3])

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.sparse.block_matrix import structure_from_cliques
-from mor.sparse.compiled import symbolic
-from mor.sparse.symbolic_factorisation import _PRICES, analyse
+from mor.linalg import symbolic
+from mor.linalg.block_matrix import structure_from_cliques
+from mor.linalg.symbolic import _PRICES, analyse
 
 
 def _structure(blocks, cliques, seed=0):

@@ -9,16 +9,13 @@ from pathlib import Path
 import numpy as np
 import polars as pl
 
-from mor.arrays import FloatArray
-from mor.counting import counted
-from mor.errors import InputError, Problem
-from mor.formats.colmap.cameras import MODELS, camera_from
-from mor.formats.colmap.model import ColmapCamera
-from mor.formats.colmap.poses import theirs
+from mor.errors import InputError, Message, counted
+from mor.formats.colmap.model import MODELS, ColmapCamera, camera_from, theirs
 from mor.formats.content import Content, Things, block, content_of, frames, not_carried, placed_points
-from mor.formats.written import Written
-from mor.geometry.rotations import rotation_from_angles
-from mor.project.file.nodes import Document
+from mor.formats.draft import Written
+from mor.model.rotations import rotation_from_angles
+from mor.project.document import Document
+from mor.types import FloatArray
 
 _TRACK = "<II"
 
@@ -28,7 +25,7 @@ class Model:
 
     def __init__(self, content: Content):
         self.images = frames(content, "a COLMAP model")
-        self.problems: list[Problem] = []
+        self.problems: list[Message] = []
         self.cameras = _cameras(content, self.problems)
         numbers = {name: camera.id for name, camera in self.cameras.items()}
         self.camera_of = [numbers.get(name, 0) for name in self.images.texts["camera"]]
@@ -74,28 +71,28 @@ def write_colmap_binary(document: Document, folder: Path, target: Path) -> Writt
 def _written(files: dict[Path, bytes], content: Content, model: Model, target: Path) -> Written:
     notes = [*model.left_out, *not_carried(content, ("image",), ("pairs",), "a COLMAP model")]
     if content.project.pairs:
-        notes.append(Problem("stereo pairs are written as single images with their poses", str(target)))
+        notes.append(Message("stereo pairs are written as single images with their poses", str(target)))
     statuses = model.points.statuses
     if np.isfinite(statuses.sigma).any() or not statuses.free.all():
         notes.append(
-            Problem("that points are fixed or observed, and their σ, has no place in COLMAP", str(target))
+            Message("that points are fixed or observed, and their σ, has no place in COLMAP", str(target))
         )
     alone = int(np.count_nonzero(model.point_of_ray < 0))
     if alone:
         words = f"{counted(alone, 'image point')} of points without coordinates: written without a point"
-        notes.append(Problem(words, content.document.file))
+        notes.append(Message(words, content.document.file))
     if not np.all(model.rays.sigma == 1.0):
-        notes.append(Problem("σ of image points have no place in COLMAP", str(target)))
+        notes.append(Message("σ of image points have no place in COLMAP", str(target)))
     if list(model.point_numbers) != [str(number) for number in model.point_numbers.values()]:
         names = pl.DataFrame(
             {"point3D": list(model.point_numbers.values()), "name": list(model.point_numbers)}
         )
         files[target / "point_names.csv"] = names.write_csv().encode()
-        notes.append(Problem("points are numbered; point_names.csv has their names", str(target)))
+        notes.append(Message("points are numbered; point_names.csv has their names", str(target)))
     return Written(files, notes)
 
 
-def _cameras(content: Content, problems: list[Problem]) -> dict[str, ColmapCamera]:
+def _cameras(content: Content, problems: list[Message]) -> dict[str, ColmapCamera]:
     numbers = numbered(list(content.project.cameras))
     result = {}
     for name, camera in content.project.cameras.items():
@@ -118,7 +115,7 @@ def numbered(names: Sequence[str]) -> dict[str, int]:
     return {name: k for k, name in enumerate(names, start=1)}
 
 
-def _poses(content: Content, found: Things, problems: list[Problem]) -> FloatArray:
+def _poses(content: Content, found: Things, problems: list[Message]) -> FloatArray:
     """(n, 7) quaternion and translation of every image; followers get theirs from their leader."""
     values = found.values
     D = rotation_from_angles(values[:, 3:])
@@ -126,7 +123,7 @@ def _poses(content: Content, found: Things, problems: list[Problem]) -> FloatArr
     for row in np.flatnonzero(np.isnan(values).any(axis=1)).tolist():
         name = found.ids[row]
         words = f"image {name!r} has no pose of its own; convert an adjusted project (adjusted.yaml)"
-        problems.append(Problem(words, content.document.file))
+        problems.append(Message(words, content.document.file))
     return np.zeros((len(found), 7)) if problems else theirs(D, centre)
 
 

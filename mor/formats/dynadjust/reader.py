@@ -1,26 +1,804 @@
-"""DynAdjust's station and measurement files, DNA 3 and DynaML, as a project on the earth."""
+"""Read DynAdjust files: DNA text and DynaML."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field
+from functools import cache
+from math import isfinite
 from pathlib import Path
+from typing import NamedTuple
 
-from mor.counting import counted
-from mor.formats.draft import Draft
-from mor.formats.dynadjust.clusters import put_vectors, read_cluster
-from mor.formats.dynadjust.directions import CODE, put_directions, read_directions
-from mor.formats.dynadjust.dynaml import pair_of, read_measurement, root_of, stations_of_xml
-from mor.formats.dynadjust.lines import Collected, Measurements, beside, marked_lines, read_geoid
-from mor.formats.dynadjust.stations import (
-    SYSTEMS,
-    Station,
-    frame_of,
-    known_frame,
-    put_stations,
-    stations_of_lines,
-)
-from mor.formats.dynadjust.terrestrial import KINDS, LEFT_OUT, put_lines, read_line
-from mor.project.file.nodes import Document
+import numpy as np
+
+from mor.errors import InputError, Message, counted
+from mor.formats.draft import LARGEST, Draft, Element, Row, parse_number, parse_xml, read_lines
+from mor.formats.fieldbook.book import sexagesimal
+from mor.input_files import PROJECT, read_bytes
+from mor.project.document import Document
+from mor.project.reference_system import ReferenceSystem, ReferenceSystemError, reference_system
+from mor.types import FloatArray
+
+# ------------------------------------------------------------
+# Lines of DynAdjust's files, and what is collected of them.
+#
+# Source: *DynAdjust User's Guide*, appendix on DNA file formats: columns of 20 characters for names, values
+# behind column 62, angles in degrees, minutes and seconds, their σ in seconds.
+# ------------------------------------------------------------
+
+_MARK = "!#=DNA"
+NAMES = (slice(2, 22), slice(22, 42), slice(42, 62))
+VALUES = 62
+NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
+_NO_VALUE = re.compile(r"(?<=\s)(?:\d\d?\.\d\d?\.\d{4}|[A-Za-z]\w*)(?=\s|$)")
+"""Frames and epochs behind the values of a measurement."""
+OFF = "measurements that are switched off (*)"
+
+
+def measured_words(text: str, least: int) -> list[str]:
+    """Numbers of a measurement of one line, ``least`` or more; frame, epoch and the identifiers of a database go.
+
+    Identifiers of measurement and cluster are whole numbers behind the values, which have a decimal point.
+    """
+    words = NUMBER.findall(_NO_VALUE.sub(" ", text))
+    while len(words) > least and words[-1].isdecimal():
+        words.pop()
+    return words
+
+
+@dataclass
+class Collected:
+    """Measurements read from DNA or DynaML."""
+
+    draft: Draft
+    geoid: dict[str, tuple[float, float, float]]
+    """N (m), ξ, η (arc seconds) by station."""
+    names: dict[str, int] = field(default_factory=dict)
+    """Stations with the line that names them first."""
+    left_out: dict[str, list[int]] = field(default_factory=dict)
+    """Lines of the measurements that are not read, by what they are."""
+    frames: dict[str, int] = field(default_factory=dict)
+    sets: int = 0
+    """Sets of directions so far."""
+    tables: dict[str, list[Row]] = field(default_factory=dict)
+    """Rows of the measurements that are in no cluster, by their letters."""
+    clusters: dict[tuple[str, tuple[str, ...]], list[tuple[list[Row], FloatArray]]] = field(
+        default_factory=dict
+    )
+    """Rows and covariance matrix of each cluster, by type and columns."""
+
+    def skip(self, what: str, line: int) -> None:
+        """The measurement at a line is not read."""
+        self.left_out.setdefault(what, []).append(line)
+
+    def known(self, names: list[str], line: int) -> list[str]:
+        """Names of a measurement, noted. Raises ``ValueError`` where one is empty or there twice."""
+        if not all(names) or len(set(names)) < len(names):
+            raise ValueError(
+                f"found the stations {', '.join(map(repr, names))}, expected {len(names)} different names"
+            )
+        for name in names:
+            self.names.setdefault(name, line)
+        return names
+
+
+@dataclass
+class Measurements(Collected):
+    """Lines of a measurement file, and what is read of them."""
+
+    lines: list[str] = field(default_factory=list)
+    at: int = 1
+
+    def numbers(self) -> list[float]:
+        """Numbers of the next line. Raises ``ValueError`` where it has none."""
+        text = self.lines[self.at] if self.at < len(self.lines) else ""
+        if text[:1].strip():
+            raise ValueError("the measurement is not complete: expected its values and covariances")
+        self.at += 1
+        words = NUMBER.findall(text[VALUES:])
+        values = list(map(float, words))
+        return (
+            values
+            if all(-LARGEST <= value <= LARGEST for value in values)
+            else list(map(parse_number, words))
+        )
+
+    def stations_of(self, text: str, count: int) -> list[str]:
+        """Names of a line. Raises ``ValueError`` where there are not so many different ones."""
+        return self.known([text[place].strip() for place in NAMES[:count]], self.at + 1)
+
+
+def beside(path: Path, end: str) -> Path:
+    """The file of a pair, in the case of letters that is there."""
+    places = [path.with_suffix(end), path.with_suffix(end.upper())]
+    return next((place for place in places if place.is_file()), places[0])
+
+
+def marked_lines(path: Path, draft: Draft) -> list[str]:
+    """Lines of a station or measurement file. Raises :class:`InputError` if it is none."""
+    if not path.is_file():
+        raise InputError(
+            [Message("this file does not exist; DynAdjust has a pair of .stn and .msr", str(path))]
+        )
+    lines = read_lines(path, draft)
+    words = (lines[0] if lines else "").split()
+    if not lines or not lines[0].startswith(_MARK) or len(words) < 2 or words[1].split(".")[0] != "3":
+        said = lines[0][:30] if lines else ""
+        raise InputError([Message(f"found {said!r}, expected {_MARK} 3 in the first line", str(path), 1)])
+    return lines
+
+
+def read_geoid(path: Path, draft: Draft) -> dict[str, tuple[float, float, float]]:
+    """N, ξ, η of the stations in the file ``.geo`` beside the pair; nothing if there is none."""
+    found: dict[str, tuple[float, float, float]] = {}
+    if not path.is_file():
+        return found
+    for line, text in enumerate(read_lines(path, draft), start=1):
+        name, words = text[:20].strip(), text[20:].split()
+        if not text.strip() or text.startswith("#"):
+            continue
+        try:
+            N, xi, eta = (parse_number(word) for word in words)
+        except ValueError:
+            draft.problem(f"found {text.strip()!r}, expected a station, N, ξ and η", line, str(path))
+            continue
+        found[name] = (N, xi, eta)
+    return found
+
+
+# ------------------------------------------------------------
+# Measurements of one line: angles, azimuths, distances, heights, height differences.
+# ------------------------------------------------------------
+
+
+class Kind(NamedTuple):
+    """A kind of measurement: its type in a project, the columns of its names, that of its value."""
+
+    type: str
+    names: tuple[str, ...]
+    value: str
+    angle: bool = False
+    heights: bool = False
+    """True if heights of instrument and target may follow."""
+    on_geoid: bool = False
+    """True if it cannot be told without the geoid."""
+
+
+_LINE = ("from", "to")
+KINDS = {
+    "A": Kind("angle", ("at", "from", "to"), "angle", angle=True),
+    "B": Kind("azimuth", _LINE, "azimuth", angle=True),
+    "C": Kind("ellipsoid_chord", _LINE, "distance"),
+    "E": Kind("ellipsoid_arc", _LINE, "distance"),
+    "H": Kind("orthometric_height", ("point",), "height", on_geoid=True),
+    "K": Kind("astronomic_azimuth", _LINE, "azimuth", angle=True),
+    "L": Kind("height_difference", _LINE, "dz", on_geoid=True),
+    "M": Kind("mean_sea_level_distance", _LINE, "distance", on_geoid=True),
+    "R": Kind("ellipsoidal_height", ("point",), "height"),
+    "S": Kind("distance", _LINE, "distance", heights=True),
+    "V": Kind("zenith_angle", _LINE, "zenith_angle", angle=True, heights=True),
+    "Z": Kind("vertical_direction", _LINE, "vertical_direction", angle=True, heights=True),
+}
+LEFT_OUT = {
+    "I": "astronomic latitudes",
+    "J": "astronomic longitudes",
+    "P": "geodetic latitudes",
+    "Q": "geodetic longitudes",
+}
+"""What is not followed, in DynAdjust's letters."""
+
+
+def read_line(found: Measurements, code: str) -> None:
+    """One measurement. Raises ``ValueError`` with words."""
+    kind, text = KINDS[code], found.lines[found.at]
+    names = found.stations_of(text, len(kind.names))
+    count = 4 if kind.angle else 2
+    words = measured_words(text[VALUES:], count)
+    if len(words) != count and not (kind.heights and len(words) == count + 2):
+        raise ValueError(
+            f"found {len(words)} numbers, expected {'an angle' if kind.angle else 'a value'} and its σ"
+        )
+    if text[1:2] == "*":
+        found.skip(OFF, found.at + 1)
+        return
+    value = sexagesimal_words(text[VALUES:], words) if kind.angle else words[0]
+    heights = words[count:] if len(words) > count else [None, None]
+    cells = [*names, value, words[count - 1], *(heights if kind.heights else [])]
+    found.tables.setdefault(code, []).append(Row(cells, found.at + 1))
+
+
+def sexagesimal_words(text: str, words: list[str]) -> str:
+    """d-m-s of the first three words of a text. Raises ``ValueError``."""
+    degrees, minutes, seconds = (parse_number(word) for word in words[:3])
+    if not (0.0 <= minutes < 60.0 and 0.0 <= seconds < 60.0 and degrees == int(degrees)):
+        raise ValueError(f"found the angle {' '.join(words[:3])}, expected degrees, minutes, seconds")
+    sign = "-" if text.strip().startswith("-") else ""
+    return f"{sign}{abs(int(degrees))}-{int(minutes)}-{seconds!r}"
+
+
+def put_lines(found: Collected) -> None:
+    """Put the rows that were read into tables, one for each kind."""
+    for code, rows in found.tables.items():
+        kind = KINDS[code]
+        columns = [*kind.names, kind.value, "sigma"]
+        columns += ["from_height", "to_height"] if kind.heights else []
+        units = {"sigma": "arcsec"} if kind.angle else None
+        found.draft.table("observations", columns, rows, type=kind.type, units=units)
+        if kind.on_geoid and not found.geoid:
+            words = "refers to the geoid, and there is no file .geo beside this one that says where it is"
+            found.draft.problem(f"measurement {code} {words}", rows[0].line)
+
+
+# ------------------------------------------------------------
+# Sets of directions (D): the station with its first target, then every other target of the set.
+#
+# Source: *DynAdjust User's Guide*, appendices on DNA and DynaML, and what DynAdjust itself writes: a line or
+# an element for each target; the number of the set counts those behind the first.
+# ------------------------------------------------------------
+
+CODE = "D"
+_FROM, _TARGET = slice(2, 42), NAMES[2]
+_COLUMNS = ("station", "to", "horizontal", "sigma", "set")
+
+
+class Sight(NamedTuple):
+    """A target of a set: its direction as d-m-s, its σ in seconds."""
+
+    target: str
+    value: str
+    sigma: str
+    line: int
+    off: bool = False
+
+
+def read_directions(found: Measurements) -> None:
+    """A set of a DNA file. Raises ``ValueError`` with words."""
+    text = found.lines[found.at]
+    station, target = (text[place].strip() for place in NAMES[:2])
+    said, off = text[_TARGET].strip(), text[1:2] == "*"
+    sights = [_sight(found, target)]
+    while _goes_on(found):
+        found.at += 1
+        text = found.lines[found.at]
+        sights.append(_sight(found, text[_TARGET].strip()))
+    put_set(found, station, sights, said, off)
+
+
+def _goes_on(found: Measurements) -> bool:
+    """Return True if the next line is one of the same set: its station is left out."""
+    text = found.lines[found.at + 1] if found.at + 1 < len(found.lines) else ""
+    return text[:1] in (CODE, " ") and not text[_FROM].strip() and bool(text[_TARGET].strip())
+
+
+def _sight(found: Measurements, target: str) -> Sight:
+    text = found.lines[found.at][VALUES:]
+    words = measured_words(text, 4)
+    if len(words) != 4:
+        raise ValueError(f"found {len(words)} numbers, expected an angle and its σ")
+    off = found.lines[found.at][1:2] == "*"
+    parse_number(words[3])
+    return Sight(target, sexagesimal_words(text, words), words[3], found.at + 1, off)
+
+
+def put_set(found: Collected, station: str, sights: list[Sight], said: str, off: bool) -> None:
+    """Put a set into the draft. ``said``: number of targets behind the first; ``off``: all of it is switched off.
+
+    Raises ``ValueError`` where there are not so many, or one is there twice.
+    """
+    used = [sight for sight in sights if not sight.off]
+    if said not in (str(len(sights) - 1), str(len(used) - 1)):
+        raise ValueError(
+            f"found {len(sights) - 1} directions behind the first, expected {said or 'how many'}"
+        )
+    if off:
+        found.skip(OFF, sights[0].line)
+        return
+    for sight in sights:
+        if sight.off:
+            found.skip(OFF, sight.line)
+        else:
+            found.known([station, sight.target], sight.line)
+    names = [sight.target for sight in used]
+    if len(set(names)) < len(names):
+        raise ValueError(f"station {station!r} has a target twice in one set")
+    found.sets += 1
+    rows = [Row([station, s.target, s.value, s.sigma, str(found.sets)], s.line) for s in used]
+    found.tables.setdefault(CODE, []).extend(rows)
+
+
+def put_directions(found: Collected) -> None:
+    """Put the sets that were read into a table."""
+    rows = found.tables.pop(CODE, [])
+    if rows:
+        found.draft.table("observations", _COLUMNS, rows, type="directions", units={"sigma": "arcsec"})
+
+
+# ------------------------------------------------------------
+# GNSS baselines and positions with their covariances: alone, or in clusters with one matrix.
+# ------------------------------------------------------------
+
+COUNTED = 10_000
+"""Most baselines or positions of one cluster: its covariance matrix is full."""
+VECTOR = ("dx", "dy", "dz")
+PAIRS = (("dx", "dx"), ("dx", "dy"), ("dx", "dz"), ("dy", "dy"), ("dy", "dz"), ("dz", "dz"))
+GEODETIC = ("latitude", "longitude", "height")
+VECTORS = "vectors"
+"""Where the baselines that are in no cluster are collected."""
+
+
+def read_cluster(found: Measurements, code: str) -> None:
+    """A baseline, or a cluster of baselines or positions with one covariance matrix."""
+    first, text = found.at + 1, found.lines[found.at]
+    off = text[1:2] == "*"
+    count = 1
+    if code in "XY":
+        word = text[NAMES[2]].strip()
+        if not word.isdecimal() or not 0 < int(word) <= COUNTED:
+            raise ValueError(f"found {word!r}, expected the number of members of the cluster")
+        count = int(word)
+    factor = _factor(text)
+    form = text[NAMES[1]].strip().upper()
+    if code == "Y" and form not in ("XYZ", "LLH"):
+        raise ValueError(f"found positions in {form!r}, expected XYZ or LLH")
+    rows: list[Row] = []
+    Q = np.zeros((3 * count, 3 * count))
+    for k in range(count):
+        text = found.lines[found.at] if found.at < len(found.lines) else ""
+        if text[:1] != code:
+            raise ValueError(
+                f"expected {count} members of the cluster that begins in line {first}, found {k}"
+            )
+        names, line = found.stations_of(text, 2 if code in "GX" else 1), found.at + 1
+        found.at += 1
+        rows.append(Row([*names, *_values(found, Q, k, count - k - 1)], line))
+    if off:
+        found.skip(OFF, found.at)
+        return
+    words = found.lines[first - 1][VALUES:].split()
+    found.frames.setdefault(" ".join(words[4:6]), first)
+    put_cluster(found, code, form, rows, Q * factor)
+
+
+def put_cluster(found: Collected, code: str, form: str, rows: list[Row], Q: FloatArray) -> None:
+    """Put a baseline (G), or a cluster of baselines (X) or positions (Y, in XYZ or LLH), into the draft.
+
+    ``Q``: (3n, 3n), m², its lower triangle; of LLH in radians and metres.
+    """
+    whole = np.tril(Q) + np.tril(Q, -1).T
+    if not np.isfinite(whole).all() or np.linalg.eigvalsh(whole)[0] <= 0.0:
+        found.draft.problem("the covariance matrix is not positive definite", rows[0].line)
+    elif code == "Y" and form == "LLH":
+        _put_geodetic(found, rows, whole)
+    else:
+        _put_geocentric(found, code, rows, whole)
+
+
+def _values(found: Measurements, Q: FloatArray, k: int, behind: int) -> list[str]:
+    """Three values; their covariances, and those with the members behind, go into the lower triangle of a matrix."""
+    values = []
+    a = 3 * k
+    for row in range(3):
+        numbers = found.numbers()
+        if len(numbers) != row + 2:
+            found.at -= 1
+            raise ValueError(f"found {len(numbers)} numbers, expected a value and {row + 1} covariances")
+        values.append(repr(numbers[0]))
+        Q[a + row, a : a + row + 1] = numbers[1:]
+    for other in range(behind):
+        b = 3 * (k + 1 + other)
+        for row in range(3):
+            numbers = found.numbers()
+            if len(numbers) != 3:
+                found.at -= 1
+                raise ValueError(f"found {len(numbers)} numbers, expected 3 covariances")
+            Q[b : b + 3, a + row] = numbers
+    return values
+
+
+def _factor(text: str) -> float:
+    """Scale of a covariance matrix. Raises ``ValueError`` for scales in latitude, longitude, height."""
+    return scale_of([parse_number(word) for word in NUMBER.findall(text[VALUES : VALUES + 40])])
+
+
+def scale_of(scales: list[float]) -> float:
+    """Scale of a matrix, of its own and those in latitude, longitude, height, which are refused (``ValueError``)."""
+    if len(scales) != 4 or min(scales) <= 0.0:
+        said = " ".join(f"{scale:g}" for scale in scales)
+        raise ValueError(f"found {said!r}, expected four scales above 0")
+    if any(scale != 1.0 for scale in scales[1:]):
+        raise ValueError("scales of the covariances in latitude, longitude and height are not followed")
+    return scales[0]
+
+
+def _put_geocentric(found: Collected, code: str, rows: list[Row], Q: FloatArray) -> None:
+    if code == "G":
+        covariances = [repr(float(Q[VECTOR.index(a), VECTOR.index(b)])) for a, b in PAIRS]
+        found.tables.setdefault(VECTORS, []).append(Row([*rows[0].cells, *covariances], rows[0].line))
+        return
+    names = ("from", "to", *VECTOR) if code == "X" else ("point", "x", "y", "z")
+    type_ = "gnss_vector" if code == "X" else "gnss_position"
+    found.clusters.setdefault((type_, names), []).append((rows, Q))
+
+
+def _put_geodetic(found: Collected, rows: list[Row], Q: FloatArray) -> None:
+    """Positions in latitude, longitude, height above the geoid; covariances in radians and metres."""
+    units = np.tile([np.degrees(1.0), np.degrees(1.0), 1.0], len(rows))
+    turned = []
+    for name, latitude, longitude, height in (row.cells for row in rows):
+        N = found.geoid[str(name)][0] if str(name) in found.geoid else 0.0
+        degrees = (repr(sexagesimal(str(word))) for word in (latitude, longitude))
+        turned.append([name, *degrees, repr(float(str(height)) + N)])
+    cells = [Row(list(row), given.line) for row, given in zip(turned, rows, strict=True)]
+    found.clusters.setdefault(("geodetic_position", ("point", *GEODETIC)), []).append(
+        (cells, Q * np.outer(units, units))
+    )
+
+
+def put_vectors(found: Collected) -> None:
+    """Put clusters of one kind into a table, and the baselines that are in no cluster."""
+    for (type_, columns), clusters in found.clusters.items():
+        found.draft.correlated(columns, clusters, type_)
+    rows = found.tables.pop(VECTORS, [])
+    if rows:
+        columns = ("from", "to", *VECTOR, *(f"cov_{a}_{b}" for a, b in PAIRS))
+        found.draft.table("observations", columns, rows, type="gnss_vector")
+
+
+# ------------------------------------------------------------
+# Stations as latitude, longitude and height, with what is known of the geoid at them, held or free.
+# ------------------------------------------------------------
+
+SYSTEMS = {
+    "GDA94": 4283,
+    "GDA2020": 7844,
+    "ITRF1996": 8995,
+    "ITRF1997": 8996,
+    "ITRF2000": 8997,
+    "ITRF2005": 8998,
+    "ITRF2008": 8999,
+    "ITRF2014": 9000,
+    "ITRF2020": 9990,
+}
+"""Geographic systems of the frames that DynAdjust's files are in, by EPSG code."""
+_ZONES = {"GDA94": 28300, "GDA2020": 7800}
+"""EPSG codes of the map grids of these frames, without their zones."""
+_HELD = "1e-6"
+"""σ (m) of what is held in part: DynAdjust's own."""
+_SIGMAS = ("sigma_east", "sigma_north", "sigma_up")
+
+
+class Station(NamedTuple):
+    """A station as a file has it: what is held, the kind of its coordinates, their texts, the zone of a map grid."""
+
+    name: str
+    held: str
+    kind: str
+    values: list[str]
+    zone: str
+    line: int
+    off: bool = False
+
+
+def stations_of_lines(path: Path, draft: Draft) -> Iterator[Station]:
+    """Stations of a DNA file. Raises :class:`InputError` if it is none."""
+    for line, text in enumerate(marked_lines(path, draft)[1:], start=2):
+        if text.strip():
+            values = [text[place].strip() for place in (slice(28, 48), slice(48, 68), slice(68, 88))]
+            name, held, kind = text[:20].strip(), text[20:23].upper(), text[24:27].upper()
+            yield Station(name, held, kind, values, text[88:90].strip(), line, text[:1] == "*")
+
+
+def put_stations(path: Path, stations: Iterable[Station], found: Collected, frame: str) -> None:
+    """Stations that take part: free, held, or held in some components."""
+    draft = found.draft
+    tables: dict[str, list[Row]] = {"free": [], "held": [], "in part": []}
+    known: set[str] = set()
+    for station in stations:
+        name = station.name
+        if station.off or name not in found.names:
+            known.add(name)
+            continue
+        if name in known:
+            draft.problem(f"station {name!r} is there twice", station.line, str(path))
+            continue
+        known.add(name)
+        try:
+            place = _place(station, frame, found.geoid.get(name, (0.0,))[0])
+            sigmas = _sigmas(station.held, station.kind)
+        except (ValueError, ReferenceSystemError) as error:
+            draft.problem(f"station {name!r}: {error}", station.line, str(path))
+            continue
+        which = {"CCC": "held", "FFF": "free"}.get(station.held, "in part")
+        tables[which].append(Row([name, *place, *_geoid(found, name), *sigmas], station.line))
+    for name, line in found.names.items():
+        if name not in known:
+            draft.problem(f"station {name!r} is not in {path.name}", line)
+    _put_tables(draft, path, tables)
+    if tables["free"] and not tables["held"] and not tables["in part"] and not _positions(draft):
+        draft.put("datum", "free")
+        draft.note("no station is held, and no position is observed: the network is free", 1, str(path))
+
+
+def _positions(draft: Draft) -> bool:
+    """True if positions of stations are observed."""
+    types = {table["type"] for table in draft.data.get("observations", [])}
+    return bool(types & {"gnss_position", "geodetic_position"})
+
+
+def _put_tables(draft: Draft, path: Path, tables: dict[str, list[Row]]) -> None:
+    columns = (
+        "id",
+        "latitude",
+        "longitude",
+        "height",
+        "geoid",
+        "deflection_north",
+        "deflection_east",
+        *_SIGMAS,
+    )
+    units = {"latitude": "deg", "longitude": "deg"}
+    for which, rows in tables.items():
+        if not rows:
+            continue
+        own = dict(units)
+        if any(row.cells[5] is not None for row in rows):
+            own |= dict.fromkeys(columns[5:7], "arcsec")
+        fixed = ["x", "y", "z"] if which == "held" else []
+        draft.table("points", columns, rows, str(path), units=own, fixed=fixed)
+    if tables["in part"]:
+        words = f"stations that are held in part are observed with σ {_HELD} m, as DynAdjust does it"
+        draft.note(words, tables["in part"][0].line, str(path))
+
+
+def _geoid(found: Collected, name: str) -> list[str | None]:
+    if not found.geoid:
+        return [None] * 3
+    if name not in found.geoid:
+        found.draft.problem(f"station {name!r} is not in the file of geoid heights", found.names[name])
+        return [None] * 3
+    return [repr(value) for value in found.geoid[name]]
+
+
+def _sigmas(held: str, kind: str) -> list[str | None]:
+    """σ east, north, up of what is held in part. Raises ``ValueError``."""
+    if len(held) != 3 or set(held) - set("CF"):
+        raise ValueError(f"found the constraints {held!r}, expected three letters C or F")
+    if held in ("CCC", "FFF"):
+        return [None] * 3
+    if kind == "XYZ":
+        raise ValueError(f"{held} in XYZ holds a geocentric axis; only CCC and FFF can be followed")
+    order = (0, 1, 2) if kind == "UTM" else (1, 0, 2)
+    return [_HELD if held[k] == "C" else None for k in order]
+
+
+def _place(station: Station, frame: str, N: float) -> list[str]:
+    """Latitude, longitude (degrees) and height as given, of X, Y, Z the one above the geoid."""
+    words, kind = station.values, station.kind
+    if kind == "LLH":
+        latitude, longitude = (sexagesimal(word) for word in words[:2])
+        if abs(latitude) > 90.0:
+            raise ValueError(f"found the latitude {latitude:g}, expected it between -90 and 90")
+        return [repr(latitude), repr(longitude), repr(parse_number(words[2]))]
+    values = np.array([[parse_number(word) for word in words]])
+    if kind == "XYZ":
+        latitude, longitude, height = system_of(frame).ellipsoid.geodetic(values)[0].tolist()
+        height -= N
+    elif kind == "UTM":
+        zone = station.zone
+        if not zone.isdecimal() or not 1 <= int(zone) <= 60:
+            raise ValueError(f"found the zone {zone!r}, expected a number from 1 to 60")
+        if frame not in _ZONES:
+            raise ValueError(f"found UTM in {frame}, which has no map grid; expected LLH or XYZ")
+        grid = _system(_ZONES[frame] + int(zone))
+        latitude, longitude, height = grid.to_geodetic(values)[0].tolist()
+    else:
+        raise ValueError(f"found coordinates in {kind!r}, expected LLH, UTM or XYZ")
+    return [repr(float(np.degrees(latitude))), repr(float(np.degrees(longitude))), repr(height)]
+
+
+def system_of(frame: str) -> ReferenceSystem:
+    """The system of a frame. Raises :class:`ReferenceSystemError`."""
+    return _system(SYSTEMS[frame])
+
+
+@cache
+def _system(code: int) -> ReferenceSystem:
+    return reference_system(f"EPSG:{code}")
+
+
+def frame_of(lines: list[str], draft: Draft) -> str:
+    """The frame that the first line names. Raises :class:`InputError` if it is none that is known."""
+    words = lines[0].split()
+    frame = next((word.upper() for word in words[3:] if word.upper() in SYSTEMS), "")
+    return known_frame(frame or (words[4] if len(words) > 4 else lines[0]), 1, draft)
+
+
+def known_frame(name: str, line: int, draft: Draft) -> str:
+    """A frame by its name. Raises :class:`InputError` if it is none that is known."""
+    if name.upper() not in SYSTEMS:
+        words = f"found the reference frame {name!r}, expected one of {', '.join(SYSTEMS)}"
+        draft.problem(words, line)
+        raise InputError(draft.problems)
+    return name.upper()
+
+
+# ------------------------------------------------------------
+# DynaML, DynAdjust's XML: the same stations and measurements as in its DNA files, an element each.
+#
+# Source: *DynAdjust User's Guide*, appendix on DynaML. Angles and latitudes are ddd.mmssss…, σ of angles seconds.
+# ------------------------------------------------------------
+
+ROOT = "DnaXmlFormat"
+STATIONS, MEASURED = "stn.xml", "msr.xml"
+_UPPER = ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
+_SCALES = ("Vscale", "Pscale", "Lscale", "Hscale")
+
+
+def pair_of(path: Path) -> tuple[Path, Path, str]:
+    """Files of stations and measurements, by one of them, and what both names begin with."""
+    for end in (STATIONS, MEASURED):
+        if path.name.lower().endswith(end):
+            name = path.name[: -len(end)]
+            return _beside(path, name, STATIONS), _beside(path, name, MEASURED), name.rstrip("._- ")
+    words = f"found the name {path.name!r}, expected one that ends in {STATIONS} or {MEASURED}, as DynaML's pairs do"
+    raise InputError([Message(words, str(path))])
+
+
+def _beside(path: Path, name: str, end: str) -> Path:
+    places = [path.with_name(f"{name}{form}") for form in (end, end.upper(), end.capitalize())]
+    return next((place for place in places if place.is_file()), places[0])
+
+
+def root_of(path: Path) -> Element:
+    """Root element of a file. Raises :class:`InputError` if it is none of DynaML."""
+    if not path.is_file():
+        words = f"this file does not exist; DynaML has a pair of …{STATIONS} and …{MEASURED}"
+        raise InputError([Message(words, str(path))])
+    root = parse_xml(read_bytes(path, PROJECT), str(path))
+    if root.name != ROOT:
+        raise InputError([Message(f"found <{root.name}>, expected <{ROOT}>", str(path), root.line)])
+    return root
+
+
+def stations_of_xml(path: Path) -> Iterator[Station]:
+    """Stations of a file. Raises :class:`InputError` if it is none of DynaML."""
+    for element in root_of(path).all("DnaStation"):
+        place = next(iter(element.all("StationCoord")), element)
+        values = [_text(place, name) for name in ("XAxis", "YAxis", "Height")]
+        held, kind = _text(element, "Constraints").upper(), _text(element, "Type").upper()
+        zone = _text(place, "HemisphereZone").lstrip("SsNn")
+        yield Station(_text(element, "Name"), held, kind, values, zone, element.line)
+
+
+def read_measurement(found: Collected, element: Element) -> None:
+    """One measurement. Raises ``ValueError`` with words."""
+    code = _text(element, "Type").upper()
+    if _is_off(element):
+        found.skip(OFF, element.line)
+    elif code in ("G", "X", "Y"):
+        _read_cluster(found, element, code)
+    elif code == CODE:
+        _read_directions(found, element)
+    elif code in KINDS:
+        _read_line(found, element, code)
+    elif code in LEFT_OUT:
+        found.skip(LEFT_OUT[code], element.line)
+    else:
+        known = ", ".join(sorted(["G", "X", "Y", CODE, *KINDS, *LEFT_OUT]))
+        raise ValueError(f"found the measurement {code!r}, expected one of {known}")
+
+
+def _read_line(found: Collected, element: Element, code: str) -> None:
+    kind = KINDS[code]
+    names = [_text(element, name) for name in ("First", "Second", "Third")[: len(kind.names)]]
+    found.known(names, element.line)
+    value, sigma = _needed(element, "Value"), _needed(element, "StdDev")
+    if kind.angle:
+        value = _sexagesimal(value)
+    parse_number(sigma)
+    heights = [_text(element, name) or None for name in ("InstHeight", "TargHeight")]
+    if kind.heights and None in heights and any(heights):
+        raise ValueError("found one of InstHeight and TargHeight, expected both or none")
+    cells = [*names, value, sigma, *(heights if kind.heights else [])]
+    found.tables.setdefault(code, []).append(Row(cells, element.line))
+
+
+def _read_directions(found: Collected, element: Element) -> None:
+    """A set of directions: the first target, then an element for each other."""
+    sights = [_dynaml_sight(element, _text(element, "Second"))]
+    sights += [_dynaml_sight(child, _text(child, "Target")) for child in element.all("Directions")]
+    said = _text(element, "Total") or str(len(sights) - 1)
+    put_set(found, _text(element, "First"), sights, said, off=False)
+
+
+def _dynaml_sight(element: Element, target: str) -> Sight:
+    value, sigma = _sexagesimal(_needed(element, "Value")), _needed(element, "StdDev")
+    parse_number(sigma)
+    return Sight(target, value, sigma, element.line, _is_off(element))
+
+
+def _is_off(element: Element) -> bool:
+    return any(child.text.strip() not in ("", "0") for child in element.all("Ignore"))
+
+
+def _sexagesimal(text: str) -> str:
+    """ddd.mmssss… as d-m-s, all its digits kept. Raises ``ValueError``."""
+    sexagesimal(text)
+    whole, _, fraction = text.lstrip("+-").partition(".")
+    fraction = fraction.ljust(4, "0")
+    seconds = f"{fraction[2:4]}.{fraction[4:]}".rstrip(".")
+    return f"{'-' if text.startswith('-') else ''}{whole or '0'}-{fraction[:2]}-{seconds}"
+
+
+def _read_cluster(found: Collected, element: Element, code: str) -> None:
+    """A baseline, or members of a cluster, each after its names, with the covariances with the members behind it."""
+    form = _text(element, "Coords").upper() or "XYZ"
+    if code == "Y" and form not in ("XYZ", "LLH"):
+        raise ValueError(f"found positions in {form!r}, expected XYZ or LLH")
+    rows, members = _members(found, element, code)
+    count = len(rows)
+    said = _text(element, "Total") if code in "XY" else "1"
+    if not 0 < count <= COUNTED or (said and said != str(count)):
+        raise ValueError(f"found {count} members of the cluster, expected {said or 'at least one'}")
+    Q = np.zeros((3 * count, 3 * count))
+    for k, member in enumerate(members):
+        _covariances(member, Q, k)
+    factor = scale_of([parse_number(_text(element, name) or "1") for name in _SCALES])
+    if not isfinite(factor * float(np.abs(Q).max())):
+        raise ValueError("found a covariance that is no finite number after scaling")
+    words = f"{_text(element, 'ReferenceFrame')} {_text(element, 'Epoch')}".strip()
+    found.frames.setdefault(words, element.line)
+    put_cluster(found, code, form, rows, Q * factor)
+
+
+def _members(found: Collected, element: Element, code: str) -> tuple[list[Row], list[Element]]:
+    """Names and values of each member, and its element; names stand before the member they belong to."""
+    rows, members = [], []
+    names = {"First": "", "Second": ""}
+    for child in element.children:
+        if child.name in names:
+            names[child.name] = child.text.strip()
+        elif child.name in ("GPSBaseline", "Clusterpoint"):
+            own = list(names.values())[: 1 if code == "Y" else 2]
+            values = [_needed(child, name) for name in "XYZ"]
+            for value in values:
+                parse_number(value)
+            rows.append(Row([*found.known(own, child.line), *values], child.line))
+            members.append(child)
+    return rows, members
+
+
+def _covariances(member: Element, Q: FloatArray, k: int) -> None:
+    """Covariances of a member, and with those behind it, into the lower triangle."""
+    a, count = 3 * k, len(Q) // 3
+    for name in _UPPER:
+        i, j = sorted("XYZ".index(letter) for letter in name)
+        Q[a + j, a + i] = parse_number(_needed(member, f"Sigma{name}"))
+    blocks = [child for child in member.children if child.name in ("GPSCovariance", "PointCovariance")]
+    if len(blocks) != count - k - 1:
+        words = f"found {len(blocks)} blocks of covariances, expected {count - k - 1}"
+        raise ValueError(f"member {k + 1} of the cluster (line {member.line}): {words}")
+    for other, block in enumerate(blocks, start=k + 1):
+        for row in range(3):
+            cells = [parse_number(_needed(block, f"m{row + 1}{column}")) for column in (1, 2, 3)]
+            Q[3 * other : 3 * other + 3, a + row] = cells
+
+
+def _text(element: Element, name: str) -> str:
+    return next((child.text.strip() for child in element.all(name)), "")
+
+
+def _needed(element: Element, name: str) -> str:
+    text = _text(element, name)
+    if not text:
+        raise ValueError(f"found no {name} (line {element.line})")
+    return text
+
+
+# ------------------------------------------------------------
+# DynAdjust's station and measurement files, DNA 3 and DynaML, as a project on the earth.
+# ------------------------------------------------------------
 
 
 def read_dynadjust(path: Path) -> Document:

@@ -1,1 +1,1 @@
-"""Field books of total stations."""
+"""Field books of total stations and levels."""

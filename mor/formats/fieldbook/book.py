@@ -18,9 +18,8 @@ from math import atan2, cos, hypot, pi, radians, sin, tau
 from pathlib import Path
 from typing import NamedTuple
 
-from mor.counting import counted
-from mor.formats.draft import Draft, Row
-from mor.formats.text import read_lines
+from mor.errors import counted
+from mor.formats.draft import Draft, Row, read_lines
 
 SIGMA_ANGLE = "3 arcsec"
 SIGMA_DISTANCE, PPM = "2 mm", "2"

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 from mor.formats.draft import Draft
 from mor.formats.fieldbook.book import FieldBook, Place, Sight, records, sexagesimal
-from mor.project.file.nodes import Document
+from mor.project.document import Document
 
 _WORD = re.compile(r"^(\d\d)([\d.]{4})([+-])(.+)$")
 _LENGTHS = {"0": 1e-3, "1": 1e-3 * 0.3048, "6": 1e-4, "7": 1e-4 * 0.3048, "8": 1e-5}

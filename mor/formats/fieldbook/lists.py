@@ -5,13 +5,13 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from mor.formats.draft import Draft, number
+from mor.formats.draft import Draft, parse_number
 from mor.formats.fieldbook.book import FieldBook, SetUp, Sight, records, sexagesimal
-from mor.project.file.nodes import Document
+from mor.project.document import Document
 
 
 def _optional(text: str) -> float | None:
-    return number(text) if text.strip() else None
+    return parse_number(text) if text.strip() else None
 
 
 def _cells(text: str, count: int) -> list[str]:
@@ -90,7 +90,7 @@ class _Nikon:
     def _angle(self, text: str) -> float | None:
         if not text:
             return None
-        return number(text) if self._decimal() else sexagesimal(text)
+        return parse_number(text) if self._decimal() else sexagesimal(text)
 
     def _decimal(self) -> bool:
         return self.book.angle == "gon" or "dec" in self.state["angle units"].lower()
@@ -104,7 +104,7 @@ class _Nikon:
             self.book.angle = "gon" if "gon" in self.state["angle units"].lower() else "deg"
             return
         if height and not self.book.set_ups:
-            self.book.unnamed_height = number(height[1])
+            self.book.unnamed_height = parse_number(height[1])
         if "resection" in text.lower():
             self.book.forget_waiting("sights of a resection that was begun anew")
             self.resection = line
@@ -162,14 +162,14 @@ def read_topcon(path: Path) -> Document:
             if kind == "UNITS":
                 metres = 1.0 if cells[0].upper().startswith("M") else 0.3048
                 book.angle = "gon" if cells[1].upper().startswith("G") else "deg"
-                read = number if book.angle == "gon" else sexagesimal
+                read = parse_number if book.angle == "gon" else sexagesimal
             elif kind == "STN":
                 book.set_up(cells[0], line, (_optional(cells[1]) or 0.0) * metres)
                 target = []
             elif kind in ("BS", "SS", "FS", "OBS"):
                 target = cells
             elif kind in ("HV", "SD") and target:
-                slope = number(cells[2]) * metres if kind == "SD" else None
+                slope = parse_number(cells[2]) * metres if kind == "SD" else None
                 height = (_optional(target[1]) or 0.0) * metres
                 book.sight(
                     Sight(target[0], line, read(cells[0]), read(cells[1]), slope or None, height=height)
@@ -199,7 +199,7 @@ def read_sokkia_scr(path: Path) -> Document:
                 book.set_up(f"station {len(book.set_ups) + 1}", line, _optional(cells[4]) or 0.0)
                 draft.note(f"the file names no station: it is called station {len(book.set_ups)}", line)
             elif cells[1] == "Ea":
-                slope, zenith, circle = number(cells[6]), sexagesimal(cells[7]), sexagesimal(cells[8])
+                slope, zenith, circle = parse_number(cells[6]), sexagesimal(cells[7]), sexagesimal(cells[8])
                 height = _optional(cells[4]) or 0.0
                 book.sight(Sight(cells[0], line, circle, zenith, slope or None, height=height))
             elif cells[1] == "Ee":

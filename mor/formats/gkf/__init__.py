@@ -1,1 +1,1 @@
-"""GNU Gama's .gkf."""
+"""GNU Gama files."""

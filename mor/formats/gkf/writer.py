@@ -8,15 +8,15 @@ from xml.sax.saxutils import escape, quoteattr
 
 import numpy as np
 
-from mor.arrays import FloatArray
-from mor.errors import InputError, Problem
+from mor.errors import InputError, Message
 from mor.formats.content import Content, Things, content_of, not_carried, points
-from mor.formats.gkf.observed import CC, GON, NAMES, PARTS
-from mor.formats.networks.terrestrial import Group, groups, heights_of, stations, tilted_stations
-from mor.formats.written import Written
-from mor.observations import PLAIN_TYPES
-from mor.project.file.model import Datum
-from mor.project.file.nodes import Document
+from mor.formats.draft import Written
+from mor.formats.gkf.reader import CC, GON, NAMES, PARTS
+from mor.formats.networks import Group, groups, heights_of, stations, tilted_stations
+from mor.model.observation_types import PLAIN_TYPES
+from mor.project.document import Document
+from mor.project.schema import Datum
+from mor.types import FloatArray
 
 _ANGULAR = ("direction", "angle", "z-angle", "azimuth")
 _SECTIONS = {"dh": "height-differences", "vec": "vectors", "point": "coordinates"}
@@ -49,18 +49,18 @@ def write_gkf(document: Document, folder: Path, target: Path) -> Written:
     return Written({target: text.encode()}, _notes(content, target))
 
 
-def _notes(content: Content, target: Path) -> list[Problem]:
+def _notes(content: Content, target: Path) -> list[Message]:
     notes = not_carried(content, tuple(PARTS), ("stations",), "GNU Gama")
     if content.project.images or content.project.cameras:
-        notes.append(Problem("GNU Gama has no images", str(target)))
+        notes.append(Message("GNU Gama has no images", str(target)))
     entries = content.project.observations
     if any(e.instrument or e.centring for e in entries):
         notes.append(
-            Problem("scales, offsets, refraction and σ of centring have no place in GNU Gama", str(target))
+            Message("scales, offsets, refraction and σ of centring have no place in GNU Gama", str(target))
         )
     if any(e.ppm for e in entries):
         notes.append(
-            Problem("σ that grow with the distance are written as they are at the observed one", str(target))
+            Message("σ that grow with the distance are written as they are at the observed one", str(target))
         )
     return notes
 
@@ -88,7 +88,7 @@ def _points(found: Things, content: Content) -> Iterator[str]:
             statuses = {bool(free["xyz".index(c)]) for c in part}
             if len(statuses) > 1:
                 words = f"point {name!r}: GNU Gama fixes x and y together or not at all"
-                problems.append(Problem(words, content.document.file))
+                problems.append(Message(words, content.document.file))
             elif statuses == {False}:
                 fixed += part
             else:
@@ -181,7 +181,7 @@ def _observations(cluster: list[Group], known: dict[str, tuple[str, float]], met
         sections = _merged(sections)
     if given is not None and len(sections) > 1:
         words = f"observations {given.entry.name or given.entry.type}: one covariance over several sets"
-        raise InputError([Problem(f"{words} has no place in GNU Gama", given.rows.file)])
+        raise InputError([Message(f"{words} has no place in GNU Gama", given.rows.file)])
     matrix = [] if given is None else [_matrix(given, np.array(units), np.array(factors))]
     lines = []
     for name, elements in sections.items():

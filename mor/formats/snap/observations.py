@@ -1,4 +1,4 @@
-"""Data files: what the commands say of the observations that follow, and the observations themselves."""
+"""Lines of SNAP files: stations, vectors, observations."""
 
 from __future__ import annotations
 
@@ -8,13 +8,545 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.errors import nearest
-from mor.formats.draft import Draft, Row
-from mor.formats.snap.errors import Error, VectorError, error_of, vector_error_of
-from mor.formats.snap.lines import Words, angle, lines_of
-from mor.formats.snap.projections import projection_of
-from mor.formats.snap.stations import Stations
-from mor.formats.snap.vectors import NUMBERS, Member, Set, put_sets, put_singles, set_of
+from mor.errors import InputError, Message, nearest
+from mor.formats.draft import Draft, Row, parse_number, read_lines
+from mor.project.reference_system import ReferenceSystem, reference_system
+from mor.types import FloatArray
+
+# ------------------------------------------------------------
+# Lines of SNAP's files, and the words on them.
+#
+# Source: the help of SNAP, *Station coordinate file format*, *Observation file format*, *The #data command*.
+# ------------------------------------------------------------
+
+
+class Line(NamedTuple):
+    """Words of a line, continued ones put together, and its number; no words where it is empty."""
+
+    words: list[str]
+    number: int
+
+
+def lines_of(path: Path, draft: Draft) -> list[Line]:
+    """Lines without comments (!), with those that ``&`` continues in one. Raises :class:`InputError`."""
+    if not path.is_file():
+        raise InputError([Message("this file does not exist", str(path))])
+    result: list[Line] = []
+    words: list[str] = []
+    first = 0
+    for line, text in enumerate(read_lines(path, draft), start=1):
+        given, comment = _without_comment(text).split(), "!" in text
+        if comment and not given and not words:
+            continue
+        first = first or line
+        words += given
+        if words and words[-1] == "&":
+            words.pop()
+            continue
+        result.append(Line(words, first))
+        words, first = [], 0
+    return [*result, Line(words, first)] if words else result
+
+
+def _without_comment(text: str) -> str:
+    """A comment begins with an exclamation mark at the beginning of a word."""
+    for k, letter in enumerate(text):
+        if letter == "!" and (k == 0 or text[k - 1].isspace()):
+            return text[:k]
+    return text
+
+
+class Words:
+    """Words of a line, taken one after the other."""
+
+    def __init__(self, words: list[str]) -> None:
+        self._words, self._at = words, 0
+
+    def __bool__(self) -> bool:
+        return self._at < len(self._words)
+
+    def peek(self) -> str:
+        """The next word; nothing at the end."""
+        return self._words[self._at] if self else ""
+
+    def take(self, what: str) -> str:
+        """The next word. Raises ``ValueError`` at the end of the line."""
+        if not self:
+            raise ValueError(f"the line ends where {what} is expected")
+        self._at += 1
+        return self._words[self._at - 1]
+
+    def number(self, what: str) -> float:
+        """The next word as a number. Raises ``ValueError``."""
+        return parse_number(self.take(what))
+
+    def skip(self, word: str) -> bool:
+        """Pass over a word where it is the next one; True if it was."""
+        if self.peek().lower() != word:
+            return False
+        self._at += 1
+        return True
+
+
+def angle(words: Words, form: str, hemispheres: str = "") -> float:
+    """Degrees of an angle in the form ``dms``, ``hp`` (d.mmss) or ``deg``; of a place with its hemisphere.
+
+    ``hemispheres`` are the letters of the positive and the negative one; plain degrees may go without. Raises
+    ``ValueError``.
+    """
+    text = words.take("an angle")
+    negative, value = text.startswith("-"), abs(parse_number(text))
+    if form == "dms":
+        value = _sexagesimal(value, words.number("minutes of an angle"), words.number("seconds of an angle"))
+    elif form == "hp":
+        whole, _, rest = text.lstrip("+-").partition(".")
+        rest = rest.ljust(4, "0")
+        seconds = float(f"{rest[2:4]}.{rest[4:] or '0'}")
+        value = _sexagesimal(float(whole or 0), float(rest[:2]), seconds)
+    if hemispheres and words.peek().upper() in tuple(hemispheres):
+        if negative:
+            raise ValueError(f"found {text!r} with a hemisphere, expected no sign before it")
+        negative = words.take("a hemisphere").upper() == hemispheres[1]
+    elif hemispheres and form != "deg":
+        raise ValueError(f"found {words.peek()!r}, expected {hemispheres[0]} or {hemispheres[1]}")
+    return -value if negative else value
+
+
+def _sexagesimal(degrees: float, minutes: float, seconds: float) -> float:
+    if not (0.0 <= minutes < 60.0 and 0.0 <= seconds < 60.0) or degrees != int(degrees):
+        raise ValueError(
+            f"found the angle {degrees:g} {minutes:g} {seconds:g}, expected degrees, minutes, seconds"
+        )
+    return degrees + minutes / 60.0 + seconds / 3600.0
+
+
+# ------------------------------------------------------------
+# σ of observations that come from commands (#ds_error 20 mm 10 ppm), not from their lines.
+# ------------------------------------------------------------
+
+_METRES = {"mm": 1e-3, "m": 1.0}
+_SECONDS = {"sec": 1.0, "secs": 1.0, "seconds": 1.0, "min": 60.0, "deg": 3600.0, "degrees": 3600.0}
+
+
+class Error(NamedTuple):
+    """Parts of a σ that are added as squares."""
+
+    seconds: float = 0.0
+    metres: float = 0.0
+    """Of a length; of an angle the error of centring across the sight."""
+    ppm: float = 0.0
+    level: float = 0.0
+    """Of zenith distances: the error of centring along the level, m."""
+    vertical: float = 0.0
+
+    def of_length(self, length: float) -> float:
+        """σ of a length."""
+        return float(np.hypot(self.metres, 1e-6 * self.ppm * length))
+
+    def of_angle(self, length: float, level: float) -> float:
+        """σ of an angle, arc seconds, over a slope distance and its level part."""
+        if not length:
+            return self.seconds
+        across = np.hypot(self.metres / max(level, 1e-3), self.vertical * level / length**2)
+        raised = self.level * np.sqrt(max(length**2 - level**2, 0.0)) / length**2
+        return float(np.hypot(self.seconds, np.degrees(np.hypot(across, raised)) * 3600.0))
+
+
+def error_of(words: Words) -> Error:
+    """The σ that a command says: numbers with their units. Raises ``ValueError``."""
+    found = dict.fromkeys(Error._fields, 0.0)
+    while words:
+        value, unit = words.number("a number"), words.take("a unit").lower()
+        if value < 0.0:
+            raise ValueError(f"found {value:g}, expected an error of 0 or more")
+        if unit in _SECONDS:
+            found["seconds"] = value * _SECONDS[unit]
+        elif unit in _METRES:
+            found["metres"] = value * _METRES[unit]
+        elif unit in ("mmh", "mmv"):
+            found["level" if unit == "mmh" else "vertical"] = value * 1e-3
+        elif unit == "ppm":
+            found["ppm"] = value
+        else:
+            raise ValueError(f"found the unit {unit!r}, expected sec, mm, m, ppm, mmh or mmv")
+    return Error(**found)
+
+
+class VectorError(NamedTuple):
+    """Errors east, north, up of vectors and positions."""
+
+    metres: tuple[float, ...] = (0.0, 0.0, 0.0)
+    ppm: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """Of the length of a vector."""
+    relative: bool = False
+    """True if members of a set have errors relative to each other (mmr, ppmr)."""
+
+    def variances(self, length: float) -> FloatArray:
+        """(3,) east, north, up."""
+        result: FloatArray = np.array(self.metres) ** 2 + (1e-6 * length * np.array(self.ppm)) ** 2
+        return result
+
+
+def vector_error_of(words: Words) -> VectorError:
+    """Errors of ``20 30 50 mm 10 25 100 ppm``. Raises ``ValueError``."""
+    found = VectorError()
+    while words:
+        values = tuple(words.number("errors east, north and up") for _ in range(3))
+        unit = words.take("a unit").lower()
+        if min(values) < 0.0:
+            raise ValueError("found a negative error, expected 0 or more")
+        if unit in _METRES:
+            found = found._replace(metres=tuple(value * _METRES[unit] for value in values))
+        elif unit == "ppm":
+            found = found._replace(ppm=values)
+        elif unit in ("mmr", "ppmr"):
+            found = found._replace(relative=True)
+        else:
+            raise ValueError(f"found the unit {unit!r}, expected mm, ppm, mmr or ppmr")
+    return found
+
+
+# ------------------------------------------------------------
+# Station coordinate files: places in the coordinate system of the adjustment, with geoid heights and deflections.
+# ------------------------------------------------------------
+
+SYSTEMS = {
+    "NZGD1949": "EPSG:4272",
+    "NZGD2000": "EPSG:4167",
+    "NZMG": "EPSG:27200",
+    "NZTM": "EPSG:2193",
+    "WGS84": "EPSG:4326",
+}
+"""EPSG codes of SNAP's coordinate systems."""
+_OPTIONS = ("deflections", "geoid_heights", "geoid", "station_orders")
+
+
+class Station(NamedTuple):
+    """A station as it was given; angles in degrees, deflections in arc seconds."""
+
+    place: tuple[float, float, float]
+    N: float
+    deflection: tuple[float, float]
+    line: int
+
+
+class Stations(NamedTuple):
+    """All stations of a file."""
+
+    path: Path
+    title: str
+    code: str
+    crs: str
+    system: ReferenceSystem
+    orthometric: bool
+    geoid: bool
+    deflections: bool
+    by_name: dict[str, Station]
+
+    def geocentric(self, names: list[str]) -> FloatArray:
+        """(n, 3) of stations by their coordinates."""
+        given = np.array([self.by_name[name].place for name in names])
+        if self.system.kind == "geographic":
+            given[:, :2] = np.radians(given[:, :2])
+        geodetic = self.system.to_geodetic(given)
+        if self.orthometric:
+            geodetic[:, 2] += [self.by_name[name].N for name in names]
+        return self.system.ellipsoid.geocentric(geodetic)
+
+    def axes(self, names: list[str]) -> FloatArray:
+        """(3, 3) east, north, up at the middle of stations."""
+        from mor.model.earth import east_north_up
+
+        middle = self.geocentric(names).mean(axis=0)
+        latitude, longitude, _ = self.system.ellipsoid.geodetic(middle[None])[0]
+        return east_north_up(latitude, longitude)
+
+
+def read_stations(path: Path, draft: Draft) -> Stations:
+    """Stations of a coordinate file. Raises :class:`InputError`."""
+    lines = [line for line in lines_of(path, draft) if line.words]
+    if len(lines) < 2:
+        words = "expected a title, a coordinate system and stations"
+        raise InputError([Message(words, str(path), len(lines) or 1)])
+    code = lines[1].words[0]
+    crs = _system(code, path, lines[1].number)
+    has_options = len(lines) > 2 and lines[2].words[0].lower() == "options"
+    options = [word.lower() for word in lines[2].words[1:]] if has_options else ["geoid"]
+    classes = sum(word.startswith("c=") for word in options) + ("station_orders" in options)
+    vertical = "/" in code
+    orthometric = "orthometric_heights" in options or (vertical and "ellipsoidal_heights" not in options)
+    orthometric = orthometric or not has_options
+    geoid, deflections = (bool({"geoid", word} & set(options)) for word in ("geoid_heights", "deflections"))
+    if vertical and not geoid:
+        words = f"{code}: the geoid of {code.partition('/')[2]} is not in this file; add geoid_heights to it"
+        raise InputError([Message(words, str(path), lines[1].number)])
+    found = Stations(
+        path, " ".join(lines[0].words), code, crs, reference_system(crs), orthometric, geoid, deflections, {}
+    )
+    form = "deg" if "degrees" in options else "dms"
+    for line in lines[2 + has_options :]:
+        try:
+            _read(found, line, form, classes)
+        except ValueError as error:
+            draft.problem(str(error), line.number, str(path))
+    if not geoid:
+        draft.note("there are no geoid heights: the geoid is taken as the ellipsoid", 1, str(path))
+    return found
+
+
+def _system(code: str, path: Path, line: int) -> str:
+    plain = code.partition("/")[0].upper()
+    known = next((name for name in SYSTEMS if plain == name or plain.startswith(f"{name}_2")), "")
+    if not known:
+        words = f"coordinate system {code!r} is not followed{nearest(plain, SYSTEMS)} (known: {', '.join(SYSTEMS)})"
+        raise InputError([Message(words, str(path), line)])
+    return SYSTEMS[known]
+
+
+def _read(found: Stations, line: Line, form: str, classes: int) -> None:
+    words = Words(line.words)
+    name = words.take("a station")
+    if name.upper() in (known.upper() for known in found.by_name):
+        raise ValueError(f"station {name!r} is there twice")
+    if found.system.kind == "geographic":
+        place = [angle(words, form, "NS"), angle(words, form, "EW")]
+        if abs(place[0]) > 90.0:
+            raise ValueError(f"station {name!r}: found the latitude {place[0]:g}, expected -90 to 90")
+    else:
+        place = [words.number("east"), words.number("north")]
+    height = words.number("a height")
+    deflection = (0.0, 0.0)
+    if found.deflections:
+        deflection = (words.number("a deflection north"), words.number("a deflection east"))
+    N = words.number("a geoid height") if found.geoid else 0.0
+    found.by_name[name] = Station((place[0], place[1], height), N, deflection, line.number)
+    for _ in range(classes):
+        words.take(f"a class of station {name!r}")
+
+
+# ------------------------------------------------------------
+# EPSG codes of the projections that SNAP knows by the names of New Zealand's meridional circuits.
+# ------------------------------------------------------------
+
+_CIRCUITS = (
+    ("EDEN", 5),
+    ("PLEN", 6),
+    ("POVE", 7),
+    ("HAWK", 8),
+    ("TARA", 9),
+    ("TUHI", 10),
+    ("WANG", 11),
+    ("WAIR", 12),
+    ("WELL", 13),
+    ("COLL", 14),
+    ("NELS", 15),
+    ("KARA", 16),
+    ("BULL", 17),
+    ("GREY", 18),
+    ("AMUR", 19),
+    ("MARL", 20),
+    ("HOKI", 21),
+    ("OKAR", 22),
+    ("JACK", 23),
+    ("PLEA", 24),
+    ("GAWL", 25),
+    ("TIMA", 26),
+    ("LIND", 27),
+    ("NICH", 28),
+    ("YORK", 29),
+    ("OBSE", 30),
+    ("BLUF", 32),
+)
+"""Their letters, and the last digits of the codes: 272.. of 1949, 21.. of 2000."""
+PROJECTIONS = {
+    "NZMG": "EPSG:27200",
+    "NZTM": "EPSG:2193",
+    **{f"{name}TM1949": f"EPSG:{27200 + number}" for name, number in _CIRCUITS},
+    **{f"{name}TM2000": f"EPSG:{2100 + number}" for name, number in _CIRCUITS},
+}
+
+
+def projection_of(name: str) -> str:
+    """EPSG code of a projection. Raises ``ValueError``."""
+    if name.upper() not in PROJECTIONS:
+        raise ValueError(f"projection {name!r} is not known{nearest(name.upper(), PROJECTIONS)}")
+    return PROJECTIONS[name.upper()]
+
+
+# ------------------------------------------------------------
+# GNSS vectors and positions with their covariances: alone, or in sets with one matrix.
+# ------------------------------------------------------------
+
+NUMBERS = {"full": (6, 0, 1), "correlation": (6, 3, 1), "diagonal": (3, 3, 0), "enu": (3, 3, 0)}
+"""Types of errors: how many numbers follow a vector alone, one in a set; whether a matrix follows the set."""
+_LOWER = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)]
+
+
+class Member(NamedTuple):
+    """A vector or a position."""
+
+    names: list[str]
+    heights: list[float]
+    value: list[float]
+    sigma: list[float] | None
+    """As its line has them; with a fourth one, −1, where they are east, north, up in place of what a command says."""
+    rejected: bool
+    line: int
+
+
+class Set(NamedTuple):
+    """Rows of vectors or positions, and their covariance matrix."""
+
+    rows: list[Row]
+    Q: FloatArray
+
+
+def set_of(
+    stations: Stations,
+    members: list[Member],
+    form: str,
+    error: VectorError | None,
+    numbers: list[float] | None,
+) -> Set | None:
+    """The members that are not rejected with their covariance matrix. Raises ``ValueError``."""
+    Q = _covariance(stations, members, form, error, numbers)
+    kept = np.flatnonzero([not member.rejected for member in members])
+    if not len(kept):
+        return None
+    places = (3 * kept[:, None] + np.arange(3)).ravel()
+    Q = Q[np.ix_(places, places)]
+    if not np.isfinite(Q).all() or np.linalg.eigvalsh(Q)[0] <= 0.0:
+        raise ValueError("the covariance matrix is not positive definite")
+    vector = len(members[0].names) == 2
+    if not vector and any(member.heights[0] for member in members):
+        raise ValueError("heights of antennas above observed positions (GX) are not followed")
+    rows = [
+        Row([*m.names, *map(repr, m.value), *(map(repr, m.heights) if vector else [])], m.line)
+        for m in (members[k] for k in kept)
+    ]
+    return Set(rows, Q)
+
+
+def put_singles(draft: Draft, singles: list[Set], file: str) -> None:
+    """Vectors or positions that are in no set, with their covariances in columns."""
+    names = _columns(len(singles[0].rows[0].cells))
+    values = [name for name in names if name in ("x", "y", "z", "dx", "dy", "dz")]
+    pairs = [f"cov_{values[i]}_{values[j]}" for i in range(3) for j in range(i, 3)]
+    rows = [
+        Row(
+            [*one.rows[0].cells, *(repr(float(one.Q[i, j])) for i in range(3) for j in range(i, 3))],
+            one.rows[0].line,
+        )
+        for one in singles
+    ]
+    draft.table("observations", [*names, *pairs], rows, file, type=_type(names))
+
+
+def put_sets(draft: Draft, sets: list[Set], file: str) -> None:
+    """Sets of vectors or positions with their matrices."""
+    names = _columns(len(sets[0].rows[0].cells))
+    draft.correlated(names, sets, _type(names), file)
+
+
+def _columns(count: int) -> list[str]:
+    vector = ["from", "to", "dx", "dy", "dz", "from_height", "to_height"]
+    return vector if count == len(vector) else ["point", "x", "y", "z"]
+
+
+def _type(columns: list[str]) -> str:
+    return "gnss_vector" if columns[0] == "from" else "gnss_position"
+
+
+def _covariance(
+    stations: Stations,
+    members: list[Member],
+    form: str,
+    error: VectorError | None,
+    numbers: list[float] | None,
+) -> FloatArray:
+    if not form:
+        return _of_command(stations, members, error)
+    if numbers is not None and NUMBERS[form][2]:
+        return _of_set(members, form, numbers)
+    Q = np.zeros((3 * len(members), 3 * len(members)))
+    for k, member in enumerate(members):
+        given = member.sigma or []
+        if form == "full":
+            block = _symmetric(given)
+        else:
+            C = np.eye(3)
+            if form == "correlation":
+                C[[1, 2, 2], [0, 0, 1]] = C[[0, 0, 1], [1, 2, 2]] = given[3:]
+            block = C * np.outer(given[:3], given[:3])
+        if form == "enu" or given[3:] == [-1.0]:
+            axes = stations.axes(member.names)
+            block = axes.T @ np.diag(np.square(given[:3])) @ axes
+        Q[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = block
+    return Q
+
+
+def _symmetric(lower: list[float]) -> FloatArray:
+    block = np.zeros((3, 3))
+    for (i, j), value in zip(_LOWER, lower, strict=False):
+        block[i, j] = block[j, i] = value
+    return block
+
+
+def _of_set(members: list[Member], form: str, numbers: list[float]) -> FloatArray:
+    """The matrix behind a set: its lower triangle, of correlations without the diagonal."""
+    size = 3 * len(members)
+    below = 0 if form == "full" else -1
+    rows, columns = np.tril_indices(size, below)
+    if len(numbers) != len(rows):
+        raise ValueError(f"found {len(numbers)} numbers behind #end_set, expected {len(rows)}")
+    Q = np.zeros((size, size))
+    Q[rows, columns] = Q[columns, rows] = numbers
+    if form == "full":
+        return Q
+    np.fill_diagonal(Q, 1.0)
+    sigma = np.concatenate([member.sigma or [0.0] * 3 for member in members])
+    scaled: FloatArray = Q * np.outer(sigma, sigma)
+    return scaled
+
+
+def _of_command(stations: Stations, members: list[Member], error: VectorError | None) -> FloatArray:
+    """Covariances of ``#gps_enu_error``: of members of a set such that vectors between them have its errors, too."""
+    vectors = len(members[0].names) == 2
+    if error is None:
+        if all(member.sigma for member in members):
+            error = VectorError()
+        else:
+            command = "#gps_enu_error" if vectors else "#gx_enu_error"
+            raise ValueError(f"nothing says the errors: {command}, or error in #data")
+    if error.relative and sum(not member.rejected for member in members) > 1:
+        raise ValueError("errors of members relative to each other (mmr, ppmr) are not followed")
+    names = sorted({name for member in members for name in member.names})
+    axes = stations.axes(names)
+    values = np.array([member.value for member in members])
+    size = len(members)
+    Q = np.zeros((3 * size, 3 * size))
+    own = [
+        np.square(member.sigma[:3])
+        if member.sigma
+        else error.variances(float(np.linalg.norm(value)) * vectors)
+        for member, value in zip(members, values, strict=True)
+    ]
+    for i in range(size):
+        for j in range(size):
+            if i == j:
+                variances = own[i]
+            elif vectors:
+                between = error.variances(float(np.linalg.norm(values[i] - values[j])))
+                variances = 0.5 * (own[i] + own[j] - between)
+            else:
+                continue
+            Q[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = axes.T @ np.diag(variances) @ axes
+    return Q
+
+
+# ------------------------------------------------------------
+# Data files: what the commands say of the observations that follow, and the observations themselves.
+# ------------------------------------------------------------
 
 
 class Kind(NamedTuple):

@@ -5,12 +5,19 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from pathlib import Path
 
-from mor.errors import InputError, Problem, nearest
+from mor.errors import InputError, Message, nearest
 from mor.formats.draft import Draft, Row
-from mor.formats.snap.lines import Words, lines_of
-from mor.formats.snap.observations import DEFAULT, Data, put_observations, read_data
-from mor.formats.snap.stations import Stations, read_stations
-from mor.project.file.nodes import Document
+from mor.formats.snap.observations import (
+    DEFAULT,
+    Data,
+    Stations,
+    Words,
+    lines_of,
+    put_observations,
+    read_data,
+    read_stations,
+)
+from mor.project.document import Document
 
 BOMFORD = 2.0
 """mor's coefficient of refraction per one of Bomford's, which SNAP has."""
@@ -109,7 +116,7 @@ def _commands(path: Path, draft: Draft) -> _Commands:
         draft.problem(f"command {name!r} is not followed", first)
     if found.stations == Path() or not found.data:
         words_ = "expected the commands coordinate_file and data_file"
-        raise InputError([*draft.problems, Problem(words_, str(path), 1)])
+        raise InputError([*draft.problems, Message(words_, str(path), 1)])
     return found
 
 

@@ -1,32 +1,265 @@
-"""A network on the earth as SNAP's command file, coordinate file and data file."""
+"""Write SNAP files."""
 
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
-from mor.errors import InputError, Problem
+from mor.errors import InputError, Message
 from mor.formats.content import Content, content_of, not_carried
-from mor.formats.networks.on_earth import EarthPoints, clockwise_from_north, earth_points, raised, world_of
-from mor.formats.networks.terrestrial import Group, groups, tilted_stations
-from mor.formats.snap.data_lines import TYPES, VECTORS, data_lines, refraction_code
+from mor.formats.draft import Written
+from mor.formats.networks import (
+    EarthPoints,
+    Group,
+    SetUps,
+    circle_in_face_one,
+    clockwise_from_north,
+    clusters,
+    earth_points,
+    groups,
+    heights_of,
+    raised,
+    tilted_stations,
+    world_of,
+)
+from mor.formats.snap.observations import KINDS, PROJECTIONS, SYSTEMS, Kind
 from mor.formats.snap.reader import BOMFORD
-from mor.formats.snap.stations import SYSTEMS
-from mor.formats.written import Written
-from mor.observations import PLAIN_TYPES
-from mor.observations.earth import earth_types
-from mor.project.file.model_instruments import Instrument, Value
-from mor.project.file.nodes import Document
-from mor.project.network.build import build_network
-from mor.project.world.reference_system import ReferenceSystem, reference_system
-from mor.project.world.world import World
+from mor.model.observation_types import PLAIN_TYPES, earth_types
+from mor.project.document import Document
+from mor.project.network import build_network
+from mor.project.reference_system import ReferenceSystem, World, reference_system
+from mor.project.schema import Instrument, Value
+from mor.types import FloatArray
 from mor.units import ANGLE_UNITS, Quantity
+
+# ------------------------------------------------------------
+# Observations of a project as lines of a SNAP data file: angles and their σ in decimal degrees, lengths in metres.
+# ------------------------------------------------------------
+
+VECTORS = ("gnss_vector", "gnss_position")
+_POSITION = "geodetic_position"
+_CODES = {kind.type: code for code, kind in KINDS.items() if code != "DR"}
+TYPES = tuple(dict.fromkeys(kind.type for kind in KINDS.values()))
+_RAISED = ("distance", "zenith_angle", "height_difference")
+_A_LINE = 6
+"""Covariances on a line."""
+NO_REFRACTION = "NONE"
+
+
+class Writing(NamedTuple):
+    """Settings that the lines of all tables share."""
+
+    content: Content
+    set_ups: SetUps
+    projection: str
+    """Name of the projection of the project, or nothing."""
+
+
+def data_lines(content: Content, found: list[Group], points: list[str], projection: str) -> list[str]:
+    """All observations. Raises :class:`InputError` for what SNAP cannot say."""
+    writing = Writing(content, SetUps(content, points), projection)
+    lines = ["#deg_angles", "#gps_error_type full"]
+    for group in found:
+        lines += _of_group(writing, group)
+    return lines
+
+
+def _of_group(writing: Writing, group: Group) -> Iterator[str]:
+    type_ = group.entry.type
+    if type_ in VECTORS:
+        yield from _gnss(writing, group)
+    elif type_ == _POSITION:
+        yield from _positions(writing, group)
+    elif type_ == "directions":
+        yield from _sets(writing, group)
+    elif type_ == "distance" and group.entry.instrument:
+        yield from _ratios(writing, group)
+    else:
+        yield from _scalars(writing, group)
+
+
+def _degrees(angle: float) -> str:
+    return repr(float(np.degrees(angle)))
+
+
+def _texts(group: Group, kind: Kind, row: int, metres: float) -> str:
+    """Value and σ."""
+    value, sigma = float(group.values[row, 0]), float(group.sigma[row, 0])
+    if kind.angular:
+        return f"{_degrees(value)} {_degrees(sigma)}"
+    return f"{value * metres!r} {sigma * metres!r}"
+
+
+def _heights(writing: Writing, group: Group, references: dict[str, str], row: int) -> tuple[float, float]:
+    if group.entry.type not in _RAISED:
+        return 0.0, 0.0
+    return heights_of(group, references, row, {}, writing.content.edge.metres)
+
+
+def _scalars(writing: Writing, group: Group) -> Iterator[str]:
+    """Observations of one line each."""
+    code = _CODES[group.entry.type]
+    kind = KINDS[code]
+    ends = ("point",) if kind.point else ("from", "to")
+    names = [group.rows.text(name) for name in ends]
+    rows = np.flatnonzero(np.isfinite(group.values[:, 0])).tolist()
+    heights = {
+        row: _heights(
+            writing, group, {end: column[row] for end, column in zip(ends, names, strict=True)}, row
+        )
+        for row in rows
+    }
+    plain = not any(any(two) for two in heights.values())
+    if code == "ZD":
+        yield f"#refraction_coefficient {refraction_code(group.entry.instrument)}"
+    if code == "PB":
+        yield f"#projection {_projection(writing, group)}"
+    yield f"#data {code} error{' no_heights' if plain else ''}"
+    for row in rows:
+        own = [column[row] for column in names]
+        words = own if plain else [f"{name} {h!r}" for name, h in zip(own, heights[row], strict=True)]
+        yield f"{' '.join(words)} {_texts(group, kind, row, writing.content.edge.metres)}"
+
+
+def refraction_code(instrument: str | None) -> str:
+    """SNAP's code of the refraction of an instrument."""
+    return instrument.removeprefix("refraction ").replace(" ", "_").upper() if instrument else NO_REFRACTION
+
+
+def _projection(writing: Writing, group: Group) -> str:
+    given = (group.entry.projection or "").upper()
+    name = next((name for name, code in PROJECTIONS.items() if code == given), "")
+    if not name and not given:
+        name = writing.projection
+    if not name:
+        words = f"SNAP's projections are those of New Zealand, found {group.entry.projection or 'that of the world'}"
+        raise InputError([writing.content.place("observations").problem(words)])
+    return name
+
+
+def _sets(writing: Writing, group: Group) -> Iterator[str]:
+    """Sets of directions, each with its orientation; face two as it would read in face one."""
+    rows = group.rows
+    value = circle_in_face_one(group.values[:, 0], rows.number("face"))
+    sets: dict[tuple[str, str], list[str]] = {}
+    names = zip(rows.text("station"), rows.text("set"), rows.text("to"), strict=True)
+    for row, (station, set_, to) in enumerate(names):
+        if np.isfinite(value[row]):
+            line = f"{to} {_degrees(value[row])} {_degrees(group.sigma[row, 0])}"
+            sets.setdefault((station, set_), []).append(line)
+    yield "#data HA error no_heights"
+    for (station, _), lines in sets.items():
+        yield from ("", writing.set_ups.point(station), *lines)
+
+
+def _ratios(writing: Writing, group: Group) -> Iterator[str]:
+    """Distances with a free scale of their own, as a set of ratios from one station."""
+    metres, from_ = writing.content.edge.metres, group.rows.text("from")
+    rows = np.flatnonzero(np.isfinite(group.values[:, 0])).tolist()
+    heights = [_heights(writing, group, {}, row) for row in rows]
+    if len({from_[row] for row in rows}) > 1 or len({first for first, _ in heights}) > 1:
+        words = "SNAP has distances of a free scale as ratios from one station at one height: give each its instrument"
+        raise InputError([writing.content.place("observations").problem(words)])
+    if not rows:
+        return
+    plain = not any(any(two) for two in heights)
+    yield f"#data DR error{' no_heights' if plain else ''}"
+    yield from_[rows[0]] + ("" if plain else f" {heights[0][0]!r}")
+    for row, (_, height) in zip(rows, heights, strict=True):
+        to = group.rows.text("to")[row] + ("" if plain else f" {height!r}")
+        yield f"{to} {_texts(group, KINDS['DR'], row, metres)}"
+
+
+def _positions(writing: Writing, group: Group) -> Iterator[str]:
+    """Latitudes, longitudes and heights by themselves; correlated ones are a mistake."""
+    Q = group.covariance
+    if group.entry.covariance is not None or (Q is not None and np.any(Q - np.diag(np.diagonal(Q)))):
+        words = "SNAP has latitudes, longitudes and heights without correlations: observe gnss_position"
+        raise InputError([writing.content.place("observations").problem(words)])
+    names, metres = group.rows.text("point"), writing.content.edge.metres
+    for k, (code, letters) in enumerate((("LT", "NS"), ("LN", "EW"), ("EH", ""))):
+        rows = np.flatnonzero(np.isfinite(group.values[:, k])).tolist()
+        if rows:
+            yield f"#data {code} error no_heights"
+        for row in rows:
+            value, sigma = float(group.values[row, k]), float(group.sigma[row, k])
+            if letters:
+                text = f"{_degrees(abs(value))} {letters[int(value < 0.0)]} {_degrees(sigma)}"
+            else:
+                text = f"{value * metres!r} {sigma * metres!r}"
+            yield f"{names[row]} {text}"
+
+
+def _gnss(writing: Writing, group: Group) -> Iterator[str]:
+    """Vectors and positions: alone with their covariances, clusters as sets with their matrix."""
+    code = "GB" if group.entry.type == "gnss_vector" else "GX"
+    alone = group.entry.covariance is None
+    for number, (rows, Q) in enumerate(clusters(writing.content, group, "SNAP")):
+        heights = [_antennas(writing, group, row, code) for row in rows]
+        plain = not any(any(two) for two in heights)
+        if not alone:
+            yield f"#data {code} error grouped{' no_heights' if plain else ''}"
+            yield from _set(writing, group, rows, [] if plain else heights)
+            yield from ("#end_set", *_lower(Q))
+            continue
+        if number == 0 or not plain:
+            yield f"#data {code} error{' no_heights' if plain else ''}"
+        lower = " ".join(repr(float(Q[i, j])) for i in range(3) for j in range(i + 1))
+        ends = _ends(writing, group, rows[0])
+        words = ends if plain else [f"{name} {h!r}" for name, h in zip(ends, heights[0], strict=True)]
+        yield f"{' '.join(words)} {_three(writing, group, rows[0])} {lower}"
+        if not plain:
+            yield f"#data {code} error no_heights"
+
+
+def _antennas(writing: Writing, group: Group, row: int, code: str) -> tuple[float, float]:
+    return heights_of(group, {}, row, {}, writing.content.edge.metres) if code == "GB" else (0.0, 0.0)
+
+
+def _ends(writing: Writing, group: Group, row: int) -> list[str]:
+    names = ("from", "to") if group.entry.type == "gnss_vector" else ("point",)
+    return [group.rows.text(name)[row] for name in names]
+
+
+def _three(writing: Writing, group: Group, row: int) -> str:
+    return " ".join(repr(float(value) * writing.content.edge.metres) for value in group.values[row])
+
+
+def _set(
+    writing: Writing, group: Group, rows: list[int], heights: list[tuple[float, float]]
+) -> Iterator[str]:
+    """Members of a set; vectors all begin in the station of its first line."""
+    ends = [_ends(writing, group, row) for row in rows]
+    starts = {(own[0], heights[k][0] if heights else 0.0) for k, own in enumerate(ends)}
+    if len(starts) > 1 and len(ends[0]) > 1:
+        words = "SNAP has clusters of vectors that begin in one station at one height of its antenna"
+        raise InputError([writing.content.place("observations").problem(words)])
+    if len(ends[0]) > 1:
+        yield ends[0][0] + (f" {heights[0][0]!r}" if heights else "")
+    for k, (own, row) in enumerate(zip(ends, rows, strict=True)):
+        height = f" {heights[k][1]!r}" if heights else ""
+        yield f"{own[-1]}{height} {_three(writing, group, row)}"
+
+
+def _lower(Q: FloatArray) -> Iterator[str]:
+    """The lower triangle of a matrix, row by row."""
+    for i in range(len(Q)):
+        row = [repr(float(value)) for value in Q[i, : i + 1]]
+        for first in range(0, len(row), _A_LINE):
+            yield " ".join(row[first : first + _A_LINE])
+
+
+# ------------------------------------------------------------
+# A network on the earth as SNAP's command file, coordinate file and data file.
+# ------------------------------------------------------------
 
 _LONGEST = 15
 """Letters of a station's code (help of SNAP, *Station codes*)."""
-_A_LINE = 10
+_SNAP_WRITER_A_LINE = 10
 _DEGREES, _METRES = (12, 3e-14), (9, 1e-9)
 """Decimals of coordinates, and what the way through the network takes of them."""
 
@@ -58,7 +291,7 @@ def write_snap(document: Document, folder: Path, target: Path) -> Written:
     return Written(texts, _notes(content, found, target))
 
 
-def _notes(content: Content, found: list[Group], target: Path) -> list[Problem]:
+def _notes(content: Content, found: list[Group], target: Path) -> list[Message]:
     notes = not_carried(content, TYPES, ("stations", "instruments"), "SNAP")
     words = []
     if raised(content, found):
@@ -67,7 +300,7 @@ def _notes(content: Content, found: list[Group], target: Path) -> list[Problem]:
         words.append("σ that grow with the distance are written as they are at the observed one")
     if content.project.datum != "fixed":
         words.append("the datum of the free network has no place in SNAP's files")
-    return [*notes, *(Problem(text, str(target)) for text in words)]
+    return [*notes, *(Message(text, str(target)) for text in words)]
 
 
 def _refuse(content: Content) -> None:
@@ -127,15 +360,15 @@ def _check_points(points: EarthPoints, file: str) -> None:
     for name, held in zip(points.ids, points.held.tolist(), strict=True):
         if not name or len(name) > _LONGEST or set(name) & set(" \t!-") or name[0] in "#*&":
             words = f"SNAP's codes have up to {_LONGEST} letters, no blanks, ! and -, and do not begin with #, * or &"
-            problems.append(Problem(f"{name!r}: {words}", file))
+            problems.append(Message(f"{name!r}: {words}", file))
         if any(held) and not all(held):
             words = (
                 f"point {name!r} is held in some components only: SNAP's files are written with all or none"
             )
-            problems.append(Problem(words, file))
+            problems.append(Message(words, file))
     twice = [name for name, count in Counter(name.upper() for name in points.ids).items() if count > 1]
     problems += [
-        Problem(f"{name!r}: SNAP's codes are the same in large and small letters", file) for name in twice
+        Message(f"{name!r}: SNAP's codes are the same in large and small letters", file) for name in twice
     ]
     if problems:
         raise InputError(problems)
@@ -176,7 +409,9 @@ def _commands(content: Content, points: EarthPoints, stem: str) -> list[str]:
     held = [name for name, three in zip(points.ids, points.held.tolist(), strict=True) if all(three)]
     lines = [f"coordinate_file {stem}.crd", f"data_file {stem}.dat"]
     lines.append(f"mode 3d {'adjustment' if held else 'free_net'}")
-    lines += [f"fix {' '.join(held[k : k + _A_LINE])}" for k in range(0, len(held), _A_LINE)]
+    lines += [
+        f"fix {' '.join(held[k : k + _SNAP_WRITER_A_LINE])}" for k in range(0, len(held), _SNAP_WRITER_A_LINE)
+    ]
     used = {entry.instrument for entry in content.project.observations if entry.type == "zenith_angle"}
     for name in sorted(used, key=str):
         instrument = content.project.instruments.get(name) if name else None

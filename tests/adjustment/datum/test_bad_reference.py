@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import mor
-from mor.adjustment.normals import objective
-from mor.adjustment.step_control import _as_a_whole
+from mor.solve.iterate import _as_a_whole
+from mor.solve.normals import objective
 from tests.scenarios.mixtures.ingredients import mixture
 from tests.scenarios.mixtures.trial import tried
 from tests.scenarios.seeded_networks import drawn

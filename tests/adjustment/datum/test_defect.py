@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.adjustment.datum import undetermined
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.geometry.rotations import rotation_from_angles
-from mor.quality.assess import assess
+from mor.model.rotations import rotation_from_angles
+from mor.quality.assessment import assess
+from mor.solve import datum as undetermined
+from mor.solve.iterate import Outcome, adjust
 from tests.dense_reference import dense_system
 from tests.scenarios.datum_scenes import local_system, theodolites
 from tests.scenarios.scenes import (

@@ -7,9 +7,8 @@ import itertools
 import numpy as np
 import pytest
 
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.quality.assess import assess
+from mor.quality.assessment import assess
+from mor.solve.iterate import Outcome, adjust
 from tests.dense_reference import dense_system
 from tests.scenarios.datum_scenes import local_system
 from tests.scenarios.scenes import Scene, add_image, add_object_points, mixed_network, photo_block

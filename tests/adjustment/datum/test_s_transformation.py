@@ -7,11 +7,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mor.adjustment.datum import s_transformation
-from mor.adjustment.datum.s_transformation import binds, constraint, datum_mask, into_datum
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.quality.assess import assess
+from mor.quality.assessment import assess
+from mor.solve import datum as s_transformation
+from mor.solve.datum import binds, constraint, datum_mask, into_datum
+from mor.solve.iterate import Outcome, adjust
 from tests.dense_reference import dense_system
 from tests.scenarios.scenes import (
     coordinates,

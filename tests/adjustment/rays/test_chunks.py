@@ -7,21 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mor import compilation
-from mor.adjustment.normals import build_normals
-from mor.adjustment.plan import make_plan
-from mor.adjustment.rays import lanes
-from mor.adjustment.rays import plan as ray_plan
-from mor.adjustment.rays.chunks import point_steps, ray_chunks, ray_objective, ray_residuals
-from mor.adjustment.rays.compiled import image_passes
-from mor.adjustment.rays.eliminable import eliminable_rays
-from mor.adjustment.rays.plan import plan_rays
-from mor.adjustment.rays.point_elimination import back_substitute
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.observations.time.rolling_shutter import read_out_at_once
-from mor.parameters.kinds import INTERIORS
-from mor.quality.assess import assess
+from mor.linalg import compilation
+from mor.model.images import read_out_at_once
+from mor.model.parameters import INTERIORS
+from mor.quality.assessment import assess
+from mor.solve import normals as lanes
+from mor.solve import product_kernels as image_passes
+from mor.solve import rays as ray_plan
+from mor.solve.elimination import back_substitute, point_steps, ray_chunks, ray_objective, ray_residuals
+from mor.solve.iterate import Outcome, adjust
+from mor.solve.normals import build_normals, eliminable_rays, make_plan
+from mor.solve.rays import plan_rays
 from tests.dense_reference import dense_system
 from tests.scenarios.path_scenes import PATHS, path_scene
 from tests.scenarios.scenes import OBJECT_POINTS, Scene, add_object_points, looking_at

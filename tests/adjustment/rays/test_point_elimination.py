@@ -7,18 +7,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mor import compilation
-from mor.adjustment.rays import point_reference
-from mor.adjustment.rays.compiled import point_store
-from mor.adjustment.rays.compiled.cliques import Pattern
-from mor.adjustment.rays.compiled.point_products import begin_gathering
-from mor.adjustment.rays.linearised import Rays
-from mor.adjustment.rays.point_elimination import accumulate, back_substitute, cofactors, split
-from mor.adjustment.rays.reduced_system import empty_reduced_system
-from mor.sparse.block_matrix import structure_from_cliques
-from mor.sparse.cholesky import factorise
-from mor.sparse.selected_inverse import selected_inverse
-from mor.sparse.symbolic_factorisation import analyse
+from mor.linalg import compilation
+from mor.linalg.block_matrix import structure_from_cliques
+from mor.linalg.cholesky import factorise
+from mor.linalg.selected_inverse import selected_inverse
+from mor.linalg.symbolic import analyse
+from mor.solve import elimination as point_reference
+from mor.solve import product_kernels as point_store
+from mor.solve.clique_kernels import Pattern
+from mor.solve.elimination import Rays, accumulate, back_substitute, cofactors, empty_reduced_system, split
+from mor.solve.product_kernels import begin_gathering
 
 CAMERA = 4  # unknowns shared by all images; then one position (3) and one attitude (3) for each image
 WIDTH = CAMERA + 6

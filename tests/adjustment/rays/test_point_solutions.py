@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.adjustment.rays.point_reference import inverse_roots
+from mor.solve.elimination import inverse_roots
 
 
 def test_a_point_of_parallel_rays_is_held_along_them():

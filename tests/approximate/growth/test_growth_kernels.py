@@ -3,15 +3,13 @@
 import numpy as np
 import pytest
 
-from mor.approximate.bundle import direction_bundle, image_bundle
-from mor.approximate.growth.forward_intersection import meet, meet_plainly, posed_frames
-from mor.approximate.growth.local_bundle import settle
-from mor.approximate.growth.seed_bundles import WINDOW, common_pairs
-from mor.approximate.parts.frames import Frame
-from mor.approximate.parts.part import empty_part
-from mor.approximate.parts.sightings import sightings
-from mor.approximate.resection.refinement import Observed, Pose, adjust_pose, adjust_pose_plainly
-from mor.geometry.rotations import rotate
+from mor.model.rotations import rotate
+from mor.start.bundle import direction_bundle, image_bundle
+from mor.start.intersection import meet, meet_plainly, posed_frames
+from mor.start.local_adjustment import settle
+from mor.start.part import Frame, empty_part, sightings
+from mor.start.resection import Observed, Pose, adjust_pose, adjust_pose_plainly
+from mor.start.seeds import WINDOW, common_pairs
 
 
 @pytest.mark.parametrize("observed", [False, True])

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mor.approximate.growth.grow_levelled import _carry_heights
-from mor.approximate.parts.part import empty_part
+from mor.start.levelled import _carry_heights
+from mor.start.part import empty_part
 
 
 @pytest.mark.parametrize("wrong", [-2.5, 2.5])

@@ -8,14 +8,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mor.approximate.assembly.joined import assembled
-from mor.approximate.choices import Choices
-from mor.approximate.growth.strategy import approximate
-from mor.approximate.parts.scene import scene_of
-from mor.approximate.parts.transfer import with_observed
-from mor.approximate.similarity import similarity
-from mor.geometry.rotations import rotate
-from mor.pipeline import read_document, read_network
+from mor.api.pipeline import read_document, read_network
+from mor.model.rotations import rotate
+from mor.start.assembly import approximate, assembled
+from mor.start.bundle import similarity
+from mor.start.join import with_observed
+from mor.start.scene import scene_of
+from mor.start.sights import Choices
 from tests.scenarios.mixtures.ingredients import mixture, wrong_identities
 from tests.scenarios.mixtures.project_file import write_project
 from tests.scenarios.mixtures.situations import SITUATIONS, situation

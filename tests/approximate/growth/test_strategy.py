@@ -8,11 +8,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.adjustment.state import Outcome
-from mor.approximate.growth.strategy import approximate
-from mor.pipeline import read_document, read_network, solve_network
-from mor.project.network.build import Network
-from mor.quality.solved import Solved
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.project.network import Network
+from mor.quality.solution import Solved
+from mor.solve.iterate import Outcome
+from mor.start.assembly import approximate
 from tests.reference_data import NETWORKS, network_name
 from tests.selection import slow_but
 

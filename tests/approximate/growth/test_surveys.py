@@ -4,11 +4,10 @@ import numpy as np
 import pytest
 import yaml
 
-from mor.approximate.growth.single_points import Surfaces, meeting_places
-from mor.approximate.growth.strategy import approximate
+from mor.api.pipeline import determinable_start, read_document, read_network
 from mor.errors import NoStartValuesError
-from mor.pipeline import read_document, read_network
-from mor.preparation import determinable_start
+from mor.start.assembly import approximate
+from mor.start.levelled import Surfaces, meeting_places
 from tests.scenarios.mixtures.ingredients import mixture, wrong_identities
 from tests.scenarios.mixtures.project_file import write_project
 from tests.scenarios.mixtures.surveys.composed import composed

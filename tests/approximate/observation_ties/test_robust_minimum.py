@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.approximate.observation_ties.robust_minimum import minima
+from mor.start.join_by_observations import minima
 
 
 class Places(NamedTuple):

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 import mor
-from mor.approximate.observation_ties.tie_by_observations import SEARCHED, tie_by_observations
-from mor.approximate.parts.part import empty_part
-from mor.approximate.parts.scene import scene_of
-from mor.approximate.similarity import Similarity, SimilarityOutcome
-from mor.geometry.rotations import exponential
-from mor.pipeline import read_document, read_network
+from mor.api.pipeline import read_document, read_network
+from mor.model.rotations import exponential
+from mor.start.bundle import Similarity, SimilarityOutcome
+from mor.start.join_by_observations import SEARCHED, tie_by_observations
+from mor.start.part import empty_part
+from mor.start.scene import scene_of
 
 LEFT = [f"L{k}" for k in range(6)]
 RIGHT = [f"R{k}" for k in range(6)]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mor.approximate.parts.contradictions import Contradiction
+from mor.start.join import Contradiction
 
 
 @pytest.mark.parametrize(

@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from mor.approximate.parts.joining import lay_upon
-from mor.approximate.parts.movement import Turn
-from mor.approximate.parts.part import empty_part
-from mor.geometry.rotations import exponential
+from mor.model.rotations import exponential
+from mor.start.join import lay_upon
+from mor.start.movement import Turn
+from mor.start.part import empty_part
 
 
 def test_shape_and_size_stay_and_the_place_is_that_of_the_rough_ones():

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mor.approximate.parts.joining import _likelier
-from mor.approximate.parts.movement import Movement
-from mor.approximate.similarity import Similarity, SimilarityOutcome
+from mor.start.bundle import Similarity, SimilarityOutcome
+from mor.start.join import _likelier
+from mor.start.movement import Movement
 
 UPSIDE_DOWN = np.diag([1.0, -1.0, -1.0])
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mor.approximate.parts.movement import Ties, Turn, movement
-from mor.geometry.rotations import rotation_from_angles
+from mor.model.rotations import rotation_from_angles
+from mor.start.movement import Ties, Turn, movement
 
 NONE = np.zeros((0, 3))
 HIDDEN = {

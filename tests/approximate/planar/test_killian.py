@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import pytest
 
-from mor.approximate.planar.killian import (
+from mor.start.killian import (
     angles_in_image,
     corners_in_frame,
     cubic,
@@ -14,7 +14,7 @@ from mor.approximate.planar.killian import (
     linking_constants,
     solve_quadrilateral,
 )
-from mor.approximate.relative_orientation.rinner import nearest_rotation
+from mor.start.relative_orientation import nearest_rotation
 
 
 class Made(NamedTuple):

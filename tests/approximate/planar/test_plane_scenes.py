@@ -3,17 +3,15 @@
 import numpy as np
 import pytest
 
-from mor.approximate.bundle import direction_bundle, image_bundle
-from mor.approximate.planar.homography import fit_homography
-from mor.approximate.planar.plane_object import (
+from mor.start.bundle import direction_bundle, image_bundle, similarity
+from mor.start.killian import PlaneOutcome, convex_hull, corners_within, fit_homography, planar_orientations
+from mor.start.plane_object import (
     on_level_plane,
     on_wall,
     scale_from_length,
+    shape_of_plane,
     sides_and_angles,
 )
-from mor.approximate.planar.plane_shape import shape_of_plane
-from mor.approximate.planar.two_images import PlaneOutcome, convex_hull, corners_within, planar_orientations
-from mor.approximate.similarity import similarity
 
 
 def bundles(made):

@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.approximate.bundle import image_bundle
-from mor.approximate.planar.homography import (
+from mor.start.bundle import image_bundle
+from mor.start.killian import (
     fit_homography,
     homographies_of_four,
     linear_homography,
     misfits,
     significance_of_points,
 )
-from mor.approximate.planar.points_of_plane import carried_over
+from mor.start.plane_object import carried_over
 
 NOISE = 0.002
 

@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares
 
-from mor.approximate.bundle import direction_bundle, image_bundle
-from mor.approximate.relative_orientation.assessment import orientation_covariance
-from mor.approximate.relative_orientation.coplanarity import (
+from mor.model.rotations import exponential, rotate
+from mor.start.bundle import direction_bundle, image_bundle
+from mor.start.image_pair import orientation_covariance
+from mor.start.relative_orientation import (
     adjust_coplanarity,
+    auxiliary_unknowns,
     first_order_residuals,
     in_front,
     misfit,
 )
-from mor.approximate.relative_orientation.rinner import auxiliary_unknowns
-from mor.geometry.rotations import exponential, rotate
 
 
 def bundles(made):

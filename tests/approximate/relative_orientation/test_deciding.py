@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.approximate.bundle import image_bundle
-from mor.approximate.relative_orientation.deciding import joined
-from mor.approximate.relative_orientation.outcome import RelativeOutcome
-from mor.approximate.relative_orientation.robust import robust_relative_orientation
+from mor.start.bundle import image_bundle
+from mor.start.image_pair import robust_relative_orientation
+from mor.start.relative_orientation import RelativeOutcome
+from mor.start.stereo_model import joined
 
 NOISE = 0.002
 

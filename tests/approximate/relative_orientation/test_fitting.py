@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from mor.approximate.bundle import direction_bundle
-from mor.approximate.relative_orientation.fitting import fitting_orientations
-from mor.geometry.rotations import exponential
+from mor.model.rotations import exponential
+from mor.start.bundle import direction_bundle
+from mor.start.image_pair import fitting_orientations
 
 
 def _pair(seed, count, flat=False):

@@ -3,9 +3,7 @@
 import numpy as np
 import pytest
 
-from mor.approximate.relative_orientation.compatibility import conditions
-from mor.approximate.relative_orientation.five_points import five_point_unknowns
-from mor.approximate.relative_orientation.rinner import auxiliary_unknowns
+from mor.start.relative_orientation import auxiliary_unknowns, conditions, five_point_unknowns
 
 
 def samples(scenes, seeds, plane=False):

@@ -4,11 +4,10 @@ name."""
 import numpy as np
 import pytest
 
-from mor.approximate.bundle import direction_bundle, image_bundle
-from mor.approximate.relative_orientation.coplanarity import adjust_coplanarity
-from mor.approximate.relative_orientation.outcome import RelativeOutcome, SceneGeometry
-from mor.approximate.relative_orientation.two_bundles import relative_orientation
-from mor.geometry.rotations import cross_matrix, exponential, rotation_from_angles
+from mor.model.rotations import cross_matrix, exponential, rotation_from_angles
+from mor.start.bundle import direction_bundle, image_bundle
+from mor.start.image_pair import relative_orientation
+from mor.start.relative_orientation import RelativeOutcome, SceneGeometry, adjust_coplanarity
 
 
 def oriented(made, sigma=None):

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from mor.approximate.bundle import image_bundle
-from mor.approximate.relative_orientation.outcome import RelativeOutcome
-from mor.approximate.relative_orientation.robust import robust_relative_orientation
+from mor.start.bundle import image_bundle
+from mor.start.image_pair import robust_relative_orientation
+from mor.start.relative_orientation import RelativeOutcome
 from tests.selection import slow_after
 
 

@@ -3,20 +3,18 @@
 import numpy as np
 import pytest
 
-from mor.approximate.relative_orientation.compatibility import (
-    compatible_unknowns,
-    conditions,
-    conditions_by_unknowns,
-    printed_conditions,
-)
-from mor.approximate.relative_orientation.rinner import (
+from mor.start.relative_orientation import (
     adjoint,
     auxiliary_unknowns,
     base_in_three_ways,
+    compatible_unknowns,
+    conditions,
+    conditions_by_unknowns,
     coplanarity_rows,
     four_candidates,
     homogeneous_unknowns,
     nearest_rotation,
+    printed_conditions,
     triad,
 )
 

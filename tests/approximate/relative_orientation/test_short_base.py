@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.approximate.bundle import image_bundle
-from mor.approximate.relative_orientation.base_directions import minima_over_directions
-from mor.approximate.relative_orientation.coplanarity import adjust_coplanarity
-from mor.approximate.relative_orientation.nonlinearity import sigma_hold
-from mor.approximate.relative_orientation.outcome import RelativeOutcome
-from mor.approximate.relative_orientation.two_bundles import relative_orientation, turn_without_base
-from mor.geometry.rotations import exponential
+from mor.model.rotations import exponential
+from mor.start.bundle import image_bundle
+from mor.start.image_pair import relative_orientation, turn_without_base
+from mor.start.relative_orientation import (
+    RelativeOutcome,
+    adjust_coplanarity,
+    minima_over_directions,
+    sigma_hold,
+)
 
 NOISE = 0.002
 

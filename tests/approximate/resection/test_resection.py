@@ -4,14 +4,20 @@ name."""
 import numpy as np
 import pytest
 
-from mor.approximate.bundle import direction_bundle, image_bundle
-from mor.approximate.resection import space_resection
-from mor.approximate.resection.outcome import ResectionOutcome
-from mor.approximate.resection.plane_object import resect_plane
-from mor.approximate.resection.refinement import Pose, adjust_pose, pose_design
-from mor.approximate.resection.space_resection import resect
-from mor.approximate.resection.three_points import nearly_resect_three_points, quartic, resect_three_points
-from mor.geometry.rotations import rotate
+from mor.model.rotations import rotate
+from mor.start import resection as space_resection
+from mor.start.bundle import direction_bundle, image_bundle
+from mor.start.resection import (
+    Pose,
+    ResectionOutcome,
+    adjust_pose,
+    nearly_resect_three_points,
+    pose_design,
+    quartic,
+    resect,
+    resect_plane,
+    resect_three_points,
+)
 
 
 def error(found, position, rotation):

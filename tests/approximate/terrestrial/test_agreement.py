@@ -3,13 +3,8 @@
 import numpy as np
 import pytest
 
-from mor.approximate.growth.grow_levelled import (
-    _arcs_that_agree,
-    _bearings_that_agree,
-    _station_that_agrees,
-)
-from mor.approximate.terrestrial.agreement import Fit, agreeing
-from mor.approximate.terrestrial.free_station import StationOutcome
+from mor.start.free_station import Fit, StationOutcome, agreeing
+from mor.start.levelled import _arcs_that_agree, _bearings_that_agree, _station_that_agrees
 
 
 def drawn(seed, count):

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from mor.approximate.terrestrial.plan_bundles import three_bundles
+from mor.start.free_station import three_bundles
 
 
 def scene(seed, count):

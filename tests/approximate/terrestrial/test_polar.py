@@ -4,19 +4,16 @@ truth."""
 import numpy as np
 import pytest
 
-from mor.approximate.terrestrial.bearings_and_arcs import SectionOutcome, arc_section, bearing_section
-from mor.approximate.terrestrial.free_station import (
+from mor.model.rotations import rotation_from_angles
+from mor.start.free_station import (
+    SectionOutcome,
     StationOutcome,
+    arc_section,
+    bearing_section,
     free_station_level,
     resect_directions,
 )
-from mor.approximate.terrestrial.polar import (
-    bearing,
-    orient,
-    polar_points,
-    polar_rays,
-)
-from mor.geometry.rotations import rotation_from_angles
+from mor.start.sights import bearing, orient, polar_points, polar_rays
 
 
 def observe(points, station, kappa):

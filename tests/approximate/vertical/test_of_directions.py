@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mor.approximate.vertical.of_directions import Angles, HorizontalSet, vertical_of_directions
-from mor.geometry.rotations import exponential
+from mor.model.rotations import exponential
+from mor.start.sights import Angles, HorizontalSet, vertical_of_directions
 
 NO_ANGLES = Angles(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mor.arrays import FloatArray
-from mor.geometry.cameras import CameraModel
+from mor.model.cameras import CameraModel
+from mor.types import FloatArray
 
 AssertDerivatives = Callable[[CameraModel, FloatArray, FloatArray, FloatArray, FloatArray], None]
 

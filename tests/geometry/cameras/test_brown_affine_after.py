@@ -7,8 +7,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from mor.arrays import FloatArray
-from mor.geometry.cameras import CAMERA_MODELS
+from mor.model.cameras import CAMERA_MODELS
+from mor.types import FloatArray
 
 VALUES = np.array([7.457, -0.011, 0.1056, 4.6e-3, -4.5e-5, -2.1e-6, -6.1e-5, -4.4e-5, 3.9e-2, -2.7e-2])
 MEASURED = np.array([[0.0, 0.0], [-0.011, 0.1056], [0.02, 0.1], [1.3, -2.0], [3.6, 2.7], [-3.6, -2.7]])

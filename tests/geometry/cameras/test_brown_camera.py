@@ -4,9 +4,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mor.arrays import FloatArray
-from mor.geometry.cameras import CAMERA_MODELS
-from mor.geometry.cameras.brown import residuals_in_measured_image
+from mor.model.brown import residuals_in_measured_image
+from mor.model.cameras import CAMERA_MODELS
+from mor.types import FloatArray
 
 MODEL = CAMERA_MODELS["brown"]
 VALUES = np.array([7.457, -0.011, 0.1056, 4.6e-3, -4.5e-5, -2.1e-6, -6.1e-5, -4.4e-5, 3.9e-4, -2.7e-4])

@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mor.geometry.cameras import CAMERA_MODELS
+from mor.model.cameras import CAMERA_MODELS
 
 MODEL = CAMERA_MODELS["brown-forward"]
 VALUES = np.array([7.457, -0.010, 0.111, 4.5e-3, -9.8e-5, 1.8e-7, -5.7e-5, -2.8e-5])

@@ -3,7 +3,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.geometry.cameras import CAMERA_MODELS, CameraModel
+from mor.model.cameras import CAMERA_MODELS, CameraModel
 from mor.units import IMAGE
 
 MODELS = pytest.mark.parametrize("model", CAMERA_MODELS.values(), ids=CAMERA_MODELS.keys())

@@ -12,8 +12,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mor.arrays import FloatArray
-from mor.geometry.cameras import CAMERA_MODELS
+from mor.model.cameras import CAMERA_MODELS
+from mor.types import FloatArray
 
 
 def rows(path: Path) -> list[dict[str, str]]:

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mor.arrays import FloatArray
-from mor.geometry.cameras import CAMERA_MODELS
+from mor.model.cameras import CAMERA_MODELS
+from mor.types import FloatArray
 
 MODEL = CAMERA_MODELS["fisheye"]
 VALUES = np.array([620.0, 615.0, 950.0, 700.0, 0.03, -0.012, 0.004, -7e-4, 0.02])

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.geometry.cameras import CAMERA_MODELS
+from mor.model.cameras import CAMERA_MODELS
 
 MODEL = CAMERA_MODELS["metashape"]
 INTERIOR = np.array(

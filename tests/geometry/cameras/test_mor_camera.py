@@ -4,7 +4,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mor.geometry.cameras import CAMERA_MODELS
+from mor.model.cameras import CAMERA_MODELS
 
 MODEL = CAMERA_MODELS["mor"]
 # a 36 mm × 24 mm camera: centre, beside it, on an axis, ordinary, two corners, far and near

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mor.geometry.cameras import CAMERA_MODELS
+from mor.model.cameras import CAMERA_MODELS
 
 MODEL = CAMERA_MODELS["opencv"]
 VALUES = np.array([3200.0, 3190.0, 2010.0, 1490.0, -0.12, 0.08, 7e-4, -4e-4, -0.02, 0.03, -0.01, 0.005])

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.optimize import brentq
 
-from mor.geometry.cameras.panorama import PANORAMA
+from mor.model.fisheye import PANORAMA
 
 NAMES = [component.name for component in PANORAMA.components]
 VALUES = {

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import numpy as np
 
-from mor.geometry.cameras.panorama import PANORAMA
-from mor.geometry.rotations import rotation_from_angles
-from mor.pipeline import read_network, solve_network
-from mor.project.file.nodes import read_yaml
-from mor.quality.assess import standard_deviations
+from mor.api.pipeline import read_network, solve_network
+from mor.model.fisheye import PANORAMA
+from mor.model.rotations import rotation_from_angles
+from mor.project.document import read_yaml
+from mor.quality.assessment import standard_deviations
 
 GON = np.pi / 200.0
 POINTS = np.random.default_rng(4).uniform([-9, -7, 0], [9, 7, 8], (14, 3))

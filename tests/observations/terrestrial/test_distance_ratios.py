@@ -7,10 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.geometry.earth import Ellipsoid, Horizon
-from mor.observations import PLAIN_TYPES
-from mor.observations.earth import earth_types
-from mor.pipeline import read_document, read_network, solve_network
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.model.earth import Ellipsoid, Horizon
+from mor.model.observation_types import PLAIN_TYPES, earth_types
 from tests.scenarios.small_projects import mor, write
 
 HORIZON = Horizon(Ellipsoid(6378137.0, 1.0 / 298.257222101), 0.87, 0.18)

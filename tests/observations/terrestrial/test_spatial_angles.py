@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.observations import ALL_TYPES
+from mor.model.observation_types import ALL_TYPES
 from tests.scenarios.small_projects import mor, write
 
 GON = np.pi / 200.0

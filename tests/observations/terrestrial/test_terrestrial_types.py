@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from mor.observations import ALL_TYPES
+from mor.model.observation_types import ALL_TYPES
 
 START, END = (3.0, -2.0, 1.0), (-1.5, 4.0, 2.5)
 INSTRUMENT, TARGET = 1.6, 1.3

@@ -8,11 +8,10 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from mor.adjustment.datum.s_transformation import constraint
-from mor.adjustment.solve import adjust
-from mor.quality.assess import assess
-from mor.quality.deformation.congruence import congruence, movement_test, pair_movement
-from mor.quality.precision.covariance import joint_cofactors, relative_ellipsoid
+from mor.quality.assessment import assess, joint_cofactors, relative_ellipsoid
+from mor.quality.deformation import congruence, movement_test, pair_movement
+from mor.solve.datum import constraint
+from mor.solve.iterate import adjust
 from tests.dense_reference import dense_system
 from tests.scenarios.reliability_scenes import correlated_everywhere
 from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block, plane_network, solve

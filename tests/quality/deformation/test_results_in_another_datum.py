@@ -13,12 +13,9 @@ import numpy as np
 import pytest
 import scipy.linalg
 
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.pipeline import read_document, read_network
-from mor.preparation import determinable_start, make_problem
-from mor.quality.assess import assess
-from mor.quality.precision.covariance import joint_cofactors
+from mor.api.pipeline import determinable_start, make_problem, read_document, read_network
+from mor.quality.assessment import assess, joint_cofactors
+from mor.solve.iterate import Outcome, adjust
 from tests.dense_reference import dense_system
 from tests.scenarios.datum_scenes import free_mixed_network, local_system, theodolites
 from tests.scenarios.reliability_scenes import correlated_everywhere

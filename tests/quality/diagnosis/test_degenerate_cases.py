@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.quality.assess import assess
-from mor.quality.diagnosis.axis_of_rotation import tilt
-from mor.quality.diagnosis.weak_directions import weak_directions
+from mor.quality.assessment import assess
+from mor.quality.singularity import tilt
+from mor.quality.solution import weak_directions
+from mor.solve.iterate import Outcome, adjust
 from tests.scenarios.scenes import (
     OBJECT_POINTS,
     Scene,

@@ -7,7 +7,7 @@ import csv
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import angles_from_rotation
+from mor.model.rotations import angles_from_rotation
 from tests.scenarios.scenes import (
     CAMERA_STATIONS,
     OBJECT_POINTS,

@@ -10,10 +10,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import A_WEAK_TURN, Outcome
-from mor.geometry.rotations import angles_from_rotation, rotation_from_angles
+from mor.model.rotations import angles_from_rotation, rotation_from_angles
+from mor.solve.datum import NOTHING_KNOWN, weak_turns
+from mor.solve.iterate import A_WEAK_TURN, Outcome, adjust
 from tests.dense_reference import dense_system
 from tests.scenarios.datum_scenes import theodolites
 from tests.scenarios.scenes import coordinates

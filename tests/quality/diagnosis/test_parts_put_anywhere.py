@@ -2,15 +2,10 @@
 
 import numpy as np
 
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.approximate.approximation import untied
-from mor.approximate.parts.history import Join, Tie
-from mor.approximate.parts.rule import rule
-from mor.pipeline import read_document, read_network
-from mor.preparation import make_problem
-from mor.quality.diagnosis.loose_things import OPEN
-from mor.quality.diagnosis.unsettled import PUT_ANYWHERE, with_fitting_reason
+from mor.api.pipeline import make_problem, read_document, read_network
+from mor.quality.determinability import OPEN, PUT_ANYWHERE, with_fitting_reason
+from mor.solve.iterate import Outcome, adjust
+from mor.start.part import Join, Tie, rule, untied
 
 TWO_PARTS = """mor: 1
 points: [{columns: [id, x, y, z], rows: [[A, 0, 0, 0], [B, 100, 0, 0], [C, 0, 9, 0], [D, 9, 9, 0]]}]

@@ -7,9 +7,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mor.adjustment.state import Outcome
-from mor.quality.assess import assess
-from mor.quality.diagnosis.self_check import BEYOND_USE, REDUNDANCY_LOST, checked
+from mor.quality.assessment import BEYOND_USE, REDUNDANCY_LOST, assess, checked
+from mor.solve.iterate import Outcome
 from tests.scenarios.scenes import Scene, mixed_network, photo_block, solve
 
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 import mor
-from mor.adjustment.datum.weak_directions import NOTHING_KNOWN, weak_turns
+from mor.solve.datum import NOTHING_KNOWN, weak_turns
 
 CASE = Path(__file__).parents[2] / "cases" / "line_free_system" / "project.yaml"
 

@@ -9,13 +9,10 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.quality.assess import Levels, assess
-from mor.quality.gross_errors.data_snooping import snoop
-from mor.quality.gross_errors.exclusion import exclude
-from mor.quality.gross_errors.rejected_as_a_whole import TakenOut, mostly_out
-from mor.quality.gross_errors.robust_estimation import robust_estimate
+from mor.quality.assessment import Levels, assess
+from mor.quality.robust_estimation import exclude, robust_estimate
+from mor.quality.snooping import TakenOut, mostly_out, snoop
+from mor.solve.iterate import Outcome, adjust
 from tests.scenarios.reliability_scenes import correlated_everywhere, plant, well_built_block
 from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block
 from tests.selection import slow_after
@@ -342,7 +339,7 @@ def test_taken_out_together_or_one_by_one_it_ends_the_same(block, seed, monkeypa
     rows, spoil = _spoiled(np.random.default_rng(seed), 20)
     problem, quality = _assessed(scene, start, seed, spoil)
     together = snoop(problem, quality, Levels(), True)
-    monkeypatch.setattr("mor.quality.gross_errors.worst_first._BESIDE_THE_WORST", 1.0)
+    monkeypatch.setattr("mor.quality.snooping._BESIDE_THE_WORST", 1.0)
     alone = snoop(problem, quality, Levels(), True)
     assert set(rows) <= set(_out(together.quality))
     assert list(_out(together.quality)) == list(_out(alone.quality))
@@ -355,7 +352,7 @@ def test_snooping_ends_after_a_number_of_rounds(block, monkeypatch):
     scene, start = block
     _, spoil = _spoiled(np.random.default_rng(1), 20)
     problem, quality = _assessed(scene, start, 1, spoil)
-    monkeypatch.setattr("mor.quality.gross_errors.data_snooping._MOST_ROUNDS", 1)
+    monkeypatch.setattr("mor.quality.snooping._MOST_ROUNDS", 1)
     found = snoop(problem, quality, Levels(), True)
     assert {step.round for step in found.steps} == {1}
     assert not found.clean

@@ -2,8 +2,7 @@
 
 import numpy as np
 
-from mor.quality.gross_errors.exclusion import exclude
-from mor.quality.gross_errors.parts import parts_of, whole
+from mor.quality.robust_estimation import exclude, parts_of, whole
 from tests.scenarios.gross_error_scenes import spoiled
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from mor.quality.gross_errors.exclusion import exclude
-from mor.quality.gross_errors.reintersection import Starts, by_sights_alone, reintersected
+from mor.quality.outliers import Starts, by_sights_alone, reintersected
+from mor.quality.robust_estimation import exclude
 from tests.scenarios.scenes import Scene
 
 TARGET = (3.0, 4.0, 1.0)

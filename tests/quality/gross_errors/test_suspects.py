@@ -7,16 +7,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mor.adjustment.normals import objective
-from mor.adjustment.plan import make_plan
-from mor.adjustment.rays.eliminable import eliminable_rays
-from mor.adjustment.reweighting import normalised_misclosures, reweighted_plan
-from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Outcome
-from mor.quality.assess import Levels, assess
-from mor.quality.gross_errors.graduated_weights import graduated_weights
-from mor.quality.gross_errors.putting_back import put_back
-from mor.quality.gross_errors.suspects import BY_WEIGHTS, left_out, may_be_absurd, without_suspects
+from mor.quality.assessment import Levels, assess
+from mor.quality.outliers import BY_WEIGHTS, left_out, may_be_absurd, without_suspects
+from mor.quality.robust_estimation import graduated_weights
+from mor.quality.snooping import put_back
+from mor.solve.inverse import normalised_misclosures, reweighted_plan
+from mor.solve.iterate import Outcome, Settings, adjust
+from mor.solve.normals import eliminable_rays, make_plan, objective
 from tests.scenarios.gross_error_scenes import KINDS, disturbed, names_exchanged, spoiled
 from tests.scenarios.reliability_scenes import correlated_everywhere
 from tests.selection import slow_after

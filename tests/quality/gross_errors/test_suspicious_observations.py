@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.quality.reliability.effects import _largest
-from mor.quality.tests.test_statistics import comparable, least_alike
+from mor.quality.external_reliability import _largest
+from mor.quality.test_statistics import comparable, least_alike
 
 
 @pytest.mark.parametrize("wanted", [1, 7, 200, 5000])

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.pipeline import read_document, read_network
+from mor.api.pipeline import read_document, read_network
 from sample_projects.simulate import SCENES
 from tests.reference_data import NETWORKS, network_name
 from tests.scenarios.small_projects import mor, write

@@ -6,10 +6,9 @@ from types import SimpleNamespace
 
 import numpy as np
 
-from mor.geometry.rotations import rotate, rotation_from_angles
-from mor.parameters.index import Blocks
-from mor.parameters.kinds import ROTATION
-from mor.quality.precision.follower_poses import _derivatives, follower_poses
+from mor.model.parameters import ROTATION, Blocks
+from mor.model.rotations import rotate, rotation_from_angles
+from mor.quality.precision import _derivatives, follower_poses
 
 STEP = 1e-6
 BLOCKS = np.array([[0, 0, 0, 0, 1, 0]])

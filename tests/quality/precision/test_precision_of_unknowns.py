@@ -5,10 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.geometry.rotations import angles_from_rotation, rotate
-from mor.parameters.index import moves_by_angles
-from mor.quality.assess import assess, standard_deviations
-from mor.quality.precision.cofactors import angle_cofactors
+from mor.model.parameters import moves_by_angles
+from mor.model.rotations import angles_from_rotation, rotate
+from mor.quality.assessment import assess, standard_deviations
+from mor.quality.precision import angle_cofactors
 from tests.dense_reference import dense_system
 from tests.scenarios.scenes import mixed_network, photo_block, solve
 

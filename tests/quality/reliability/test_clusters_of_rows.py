@@ -5,11 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.adjustment.correlated_rows import alike_clusters
-from mor.adjustment.normals import build_normals, objective
-from mor.adjustment.plan import Plan
-from mor.pipeline import read_document, read_network, solve_network
-from mor.quality.solved import Solved
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.quality.solution import Solved
+from mor.solve.normals import Plan, build_normals, objective
+from mor.solve.problem import alike_clusters
 
 
 def network(seed=3, points=12):

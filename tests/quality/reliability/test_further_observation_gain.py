@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.quality.reliability.further_observation import _gain
+from mor.quality.reliability_map import _gain
 
 
 def test_gain_of_ordinary_cofactors() -> None:

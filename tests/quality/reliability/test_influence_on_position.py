@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor import compilation
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.arrays import FloatArray
-from mor.geometry.rotations import rotation_from_angles
-from mor.quality.assess import assess
+from mor.linalg import compilation
+from mor.model.rotations import rotation_from_angles
+from mor.quality.assessment import assess
+from mor.solve.iterate import Outcome, adjust
+from mor.types import FloatArray
 from tests.dense_reference import dense_system
 from tests.scenarios.datum_scenes import theodolites
 from tests.scenarios.reliability_scenes import correlated_everywhere

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor import compilation
-from mor.quality.reliability.ray_kernels import fill
-from mor.quality.tests.joint_test import joint_statistic
-from mor.quality.tests.test_statistics import CONTROLLED
+from mor.linalg import compilation
+from mor.quality.redundancy import fill
+from mor.quality.test_statistics import CONTROLLED, joint_statistic
 
 
 @pytest.mark.skipif(not compilation.available, reason="compares the compiled form with the plain one")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor import compilation
-from mor.adjustment.linearise import misclosures
-from mor.quality.assess import assess
+from mor.linalg import compilation
+from mor.quality.assessment import assess
+from mor.solve.problem import misclosures
 from tests.dense_reference import dense_system
 from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block, plane_network, solve
 

@@ -8,18 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from mor.adjustment.linearise import misclosures
-from mor.adjustment.problem import Problem
-from mor.adjustment.solve import adjust
-from mor.observations import ObservationGroup
-from mor.quality.assess import Quality, assess
-from mor.quality.reliability.candidate_places import aimed_at
-from mor.quality.reliability.carried_points import carried_points
-from mor.quality.reliability.further_observation import Further, best_further
-from mor.quality.reliability.influence_on_unknowns import Entry
-from mor.quality.reliability.local_influence import point_movements
-from mor.quality.reliability.reliability_map import detectable, uncontrolled
-from mor.quality.solved import Solved
+from mor.model.observation_types import ObservationGroup
+from mor.quality.assessment import Quality, assess
+from mor.quality.external_reliability import Entry, carried_points, point_movements
+from mor.quality.reliability_map import Further, aimed_at, best_further, detectable, uncontrolled
+from mor.quality.solution import Solved
+from mor.solve.iterate import adjust
+from mor.solve.problem import Problem, misclosures
 from sample_projects.expected import solve_sample
 from tests.dense_reference import dense_system
 

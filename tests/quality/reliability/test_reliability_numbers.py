@@ -6,16 +6,12 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.quality.assess import assess
-from mor.quality.reliability import local_influence
-from mor.quality.reliability.detectable_errors import student_square
-from mor.quality.reliability.effects import effects
-from mor.quality.reliability.influence_on_unknowns import Entry, movements
-from mor.quality.reliability.local_influence import point_movements
-from mor.quality.tests.levels import chi2_level, noncentrality, sidak
-from mor.quality.tests.p_values import log_p_chi2, log_p_f, log_p_normal
+from mor.quality import external_reliability as local_influence
+from mor.quality.assessment import assess
+from mor.quality.external_reliability import Entry, effects, movements, point_movements
+from mor.quality.redundancy import student_square
+from mor.quality.test_statistics import chi2_level, log_p_chi2, log_p_f, log_p_normal, noncentrality, sidak
+from mor.solve.iterate import Outcome, adjust
 from tests.dense_reference import dense_system
 from tests.scenarios.reliability_scenes import correlated_everywhere
 from tests.scenarios.scenes import Scene, levelling_network, mixed_network, photo_block, plane_network, solve

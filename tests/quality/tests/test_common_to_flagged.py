@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mor import pipeline
-from mor.quality.reliability.detectable_errors import Reliability
-from mor.quality.solved import Solved
-from mor.quality.tests.common_to_flagged import _tail, common_to_flagged
-from mor.quality.tests.one_factor import _is_normal, fits_one_factor
+from mor.api import pipeline
+from mor.quality.global_tests import _is_normal, fits_one_factor
+from mor.quality.group_tests import _tail, common_to_flagged
+from mor.quality.redundancy import Reliability
+from mor.quality.solution import Solved
 from tests.scenarios.planted_mistakes.survey import SAMPLES, survey
 
 BRIDGE = "bridge"

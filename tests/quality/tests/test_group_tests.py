@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from mor.adjustment.solve import adjust
-from mor.arrays import BoolArray, FloatArray
-from mor.quality.assess import Quality, assess
-from mor.quality.reliability.whitened_rows import whitened_rows
-from mor.quality.solved import Solved
-from mor.quality.tests import quadratic_form
-from mor.quality.tests.common_effects import common_effects
-from mor.quality.tests.group_tests import group_tests
-from mor.quality.tests.quadratic_form import Moments, bounds, log_tail, moments
+from mor.quality import group_tests as quadratic_form
+from mor.quality.assessment import Quality, assess
+from mor.quality.external_reliability import whitened_rows
+from mor.quality.global_tests import common_effects
+from mor.quality.group_tests import Moments, bounds, group_tests, log_tail, moments
+from mor.quality.solution import Solved
+from mor.solve.iterate import adjust
+from mor.types import BoolArray, FloatArray
 from sample_projects.expected import solve_sample
 from tests.dense_reference import dense_system
 from tests.scenarios.reliability_scenes import correlated_everywhere

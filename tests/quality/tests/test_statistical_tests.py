@@ -6,11 +6,15 @@ import numpy as np
 import pytest
 import scipy.stats
 
-from mor.adjustment.solve import adjust
-from mor.adjustment.state import Outcome
-from mor.quality.assess import assess
-from mor.quality.reliability.observation_quality import ObservationQuality
-from mor.quality.tests.test_statistics import comparable, critical_value, global_test, normalised_residuals
+from mor.quality.assessment import assess
+from mor.quality.test_statistics import (
+    ObservationQuality,
+    comparable,
+    critical_value,
+    global_test,
+    normalised_residuals,
+)
+from mor.solve.iterate import Outcome, adjust
 from tests.scenarios.scenes import Scene, mixed_network
 
 

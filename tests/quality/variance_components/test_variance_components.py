@@ -8,16 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from mor.adjustment.solve import adjust
-from mor.quality.assess import Levels, assess
-from mor.quality.gross_errors.exclusion import exclude, reweighted
-from mor.quality.variance_components import helmert, simplified
-from mor.quality.variance_components.helmert import helmert_system
-from mor.quality.variance_components.simplified import (
-    components,
-    group_sums,
-    iterated_components,
-)
+from mor.quality import helmert
+from mor.quality import variance_components as simplified
+from mor.quality.assessment import Levels, assess
+from mor.quality.helmert import helmert_system
+from mor.quality.robust_estimation import exclude, reweighted
+from mor.quality.variance_components import components, group_sums, iterated_components
+from mor.solve.iterate import adjust
 from tests.dense_reference import dense_system
 from tests.scenarios.reliability_scenes import correlated_everywhere
 from tests.scenarios.scenes import Scene, mixed_network, photo_block, plane_network

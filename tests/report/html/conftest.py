@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from mor.pipeline import read_document, read_network, solve_network
-from mor.report.html.page import page
-from mor.report.tables.observations import observation_table
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.report.observations import observation_table
+from mor.report.page import page
 from mor.report.view import View, view_of
 from tests.page_in_browser import wait_until
 

@@ -9,11 +9,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from mor.errors import Problem
-from mor.report.html.derived import deviations
-from mor.report.html.payload import _to_sigma
-from mor.report.html.sights import detectable_effects, scale_of_effects, sights
-from mor.report.notes import note_rows
+from mor.errors import Message
+from mor.report.identity import note_rows
+from mor.report.page_data import _to_sigma, detectable_effects, deviations, scale_of_effects, sights
 from mor.report.view import View
 from tests.scenarios.small_projects import LEVELLING, mor, write
 
@@ -32,7 +30,7 @@ def test_deviations_in_space() -> None:
 
 
 def test_notes_have_places_that_tell_nothing_of_the_machine(tmp_path: Path) -> None:
-    notes = [Problem("strange", str(tmp_path / "data" / "a.csv"), 7), Problem("no place")]
+    notes = [Message("strange", str(tmp_path / "data" / "a.csv"), 7), Message("no place")]
     assert note_rows(notes, tmp_path) == [
         {"message": "strange", "file": "data/a.csv", "line": 7},
         {"message": "no place", "file": "", "line": 0},

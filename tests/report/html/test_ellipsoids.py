@@ -8,7 +8,7 @@ import numpy as np
 import polars as pl
 import pytest
 
-from mor.report.html.ellipsoids import covariances, directions_of_semi_axes
+from mor.report.page_data import covariances, directions_of_semi_axes
 from mor.report.view import View
 
 

@@ -6,10 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from mor.report.html.page import page
-from mor.report.html.paper import browser
+from mor.report.language import words_of_page
+from mor.report.page import browser, page
 from mor.report.view import View
-from mor.report.words.language import words_of_page
 from tests.page_geometry import problems
 from tests.scenarios.small_projects import LEVELLING, mor, write
 

@@ -10,18 +10,15 @@ from typing import Any
 
 import pytest
 
-import mor.report.html
-import mor.report.plots
-from mor.geometry.cameras import CAMERA_MODELS
-from mor.report.html.page import MEANINGS, OF_PANORAMA, meaning, page
-from mor.report.html.page_data import page_data
-from mor.report.html.verdict import headline, statements
+import mor.report
+from mor.model.cameras import CAMERA_MODELS
+from mor.report.language import words_of_page
+from mor.report.page import MEANINGS, OF_PANORAMA, headline, meaning, page, statements
+from mor.report.page_data import page_data
 from mor.report.view import View
-from mor.report.words.language import words_of_page
 from tests.page_in_browser import wait_until
 
-HTML = Path(mor.report.html.__file__).parent
-PLOTS = Path(mor.report.plots.__file__).parent
+HTML = Path(mor.report.__file__).parent
 SAID = re.compile(r"""\bsay\(\s*"((?:[^"\\]|\\.)*)\"""")
 """What templates and scripts say."""
 SILENT = re.compile(r"<(script|style)[ >].*?</\1>|<[^>]*>", re.DOTALL)
@@ -45,9 +42,11 @@ def said_in_python(path: Path) -> set[str]:
 def everything_said() -> set[str]:
     texts = [*HTML.glob("templates/*.j2"), *HTML.glob("assets/*.js")]
     return set().union(
-        *(said_in_python(path) for path in HTML.rglob("*.py")),
-        # The picture of start values has the words of mor approximate.
-        *(said_in_python(path) for path in PLOTS.glob("*.py") if path.stem != "start_values"),
+        *(
+            said_in_python(path)
+            for path in (HTML / f"{name}.py" for name in ("page_data", "figures", "page"))
+        ),
+        said_in_python(HTML / "plots.py"),
         *(SAID.findall(path.read_text(encoding="utf-8")) for path in texts),
         MEANINGS.values(),
         OF_PANORAMA.values(),

@@ -8,8 +8,8 @@ import numpy as np
 import polars as pl
 import pytest
 
-from mor.report.html.derived import image_points
-from mor.report.html.page import page
+from mor.report.page import page
+from mor.report.page_data import image_points
 from mor.report.view import View
 from tests.page_in_browser import wait_until
 

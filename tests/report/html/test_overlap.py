@@ -9,11 +9,9 @@ import polars as pl
 import pytest
 
 from mor.errors import InputError
-from mor.report.html.figures.overlap import RAY_CLASSES, overlap
-from mor.report.plots.overlap import overlap_and_rays
-from mor.report.plots.sheet import style
-from mor.report.tables.rays import places, rays_of
-from mor.report.view import View
+from mor.report.figures import RAY_CLASSES, overlap
+from mor.report.plots import overlap_and_rays, style
+from mor.report.view import View, places, rays_of
 
 
 def test_every_image_counts_once_in_the_cells_of_its_points(building_view: View) -> None:

@@ -13,12 +13,9 @@ import numpy as np
 import polars as pl
 import pytest
 
-from mor.report.html.figures.camera import camera_figures
-from mor.report.html.packing import Packer
-from mor.report.html.page import page
-from mor.report.html.page_data import page_data
-from mor.report.html.payload import MOST_ROWS, drawn_axes, worst_first
-from mor.report.html.verdict import headline, statements
+from mor.report.figures import camera_figures
+from mor.report.page import headline, page, statements
+from mor.report.page_data import MOST_ROWS, Packer, drawn_axes, page_data, worst_first
 from mor.report.view import View
 
 LIMIT = 5_000_000

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from mor.report.html.page import page
+from mor.report.page import page
 from mor.report.view import View
 
 ANSWERS = {

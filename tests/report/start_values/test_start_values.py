@@ -11,11 +11,10 @@ import pytest
 
 from mor import approximate as approximations
 from mor import report
-from mor.approximate.growth.strategy import approximate
-from mor.pipeline import read_document, read_network, solve_network
-from mor.preparation import make_problem
-from mor.report.start_values.data import StartValue, start_values
-from mor.report.words.language import words_of_start_values
+from mor.api.pipeline import make_problem, read_document, read_network, solve_network
+from mor.report.language import words_of_start_values
+from mor.report.start_values import StartValue, start_values
+from mor.start.assembly import approximate
 from tests.scenarios.mixtures.ingredients import mixture
 from tests.scenarios.mixtures.project_file import write_project
 from tests.scenarios.small_projects import mor, write

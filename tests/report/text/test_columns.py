@@ -6,8 +6,8 @@ import random
 
 import pytest
 
-from mor.report.columns import WIDTH, drawn, paragraphs
-from mor.report.plots.text_pages import paged
+from mor.report.layout import WIDTH, drawn, paragraphs
+from mor.report.plots import paged
 
 
 def rows_of(seed: int) -> tuple[list[str], list[list[str]], set[int]]:

@@ -13,10 +13,10 @@ from pathlib import Path
 
 import pytest
 
-from mor.pipeline import read_document, read_network, solve_network
-from mor.quality.solved import Solved
-from mor.report.text_report import text_report
-from mor.report.words.language import LANGUAGES, words_of
+from mor.api.pipeline import read_document, read_network, solve_network
+from mor.quality.solution import Solved
+from mor.report.language import LANGUAGES, words_of
+from mor.report.text import text_report
 
 GOLDEN = Path(__file__).parent / "golden"
 SAMPLES = Path(__file__).parents[3] / "sample_projects"

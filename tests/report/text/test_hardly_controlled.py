@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mor.report.text import residuals
+from mor.report import text_tables as residuals
 from tests.scenarios.small_projects import mor, write
 
 TWICE = """\
@@ -23,7 +23,7 @@ observations:
 
 
 def test_what_a_list_leaves_out_is_counted(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(residuals, "SHOWN", 1)
+    monkeypatch.setattr(residuals, "SHOWN_RESIDUALS", 1)
     sights = [f"[A, {name}, 1.0, 0.001], [A, {name}, 1.0, 0.000005]" for name in ("B", "C", "D")]
     text = TWICE.replace("[[A, B, 1.0, 0.001], [A, B, 6.0, 0.000005]]", f"[{', '.join(sights)}]")
     text = text.replace("[[B, 0, 0, 11]]", "[[B, 0, 0, 11], [C, 0, 0, 11], [D, 0, 0, 11]]")

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from mor.report.words.language import ENGLISH, words_of
-from mor.report.words.recognition import Sentences
+from mor.report.language import ENGLISH, Sentences, words_of
 from tests.scenarios.small_projects import LEVELLING, mor, write
 
 GERMAN = words_of("de")

@@ -13,8 +13,7 @@ import yaml
 
 import mor
 from mor.cli import group
-from mor.report.words.language import sentences_of
-from mor.report.words.recognition import Sentence, parts
+from mor.report.language import Sentence, parts, sentences_of
 from tests.sentences import sentences
 
 ROOT = Path(mor.__file__).parent
@@ -27,9 +26,18 @@ NOT_SAID = {
     ).values()
     for text in texts
 }
-SCHEMAS = ("model", "earth.py", "plans.py", "motions.py", "scalars.py", "beginning.py", "schema.py")
+SCHEMAS = ("schema.py",)
 """Modules that describe keys to editors, or write a project file: English, as the keys are."""
-INTERNAL = ("adjustment/rays/", "report/html/", "report/batch/files", "report/epochs/drawing")
+INTERNAL = (
+    "solve/rays",
+    "solve/elimination",
+    "solve/normals",
+    "project/recognition",
+    "report/page",
+    "report/figures",
+    "report/batch",
+    "report/epochs",
+)
 """What is told there is a mistake of the program, or written in a language of its own."""
 MODULES = [
     path

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from mor.arrays import FloatArray
+from mor.types import FloatArray
 from tests.scenarios.mixtures.world import C, World, rotation
 
 GON = 200.0 / np.pi

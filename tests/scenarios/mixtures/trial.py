@@ -5,13 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
-from mor.adjustment.solve import Settings, adjust
-from mor.adjustment.state import Adjustment, Outcome
+from mor.api.pipeline import determinable_start, make_problem, read_document, read_network, solve_network
 from mor.errors import InputError
-from mor.pipeline import read_document, read_network, solve_network
-from mor.preparation import determinable_start, make_problem
-from mor.quality.solved import Solved
-from mor.sparse.cholesky import NotFiniteError
+from mor.linalg.cholesky import NotFiniteError
+from mor.quality.solution import Solved
+from mor.solve.iterate import Adjustment, Outcome, Settings, adjust
 from tests.scenarios.mixtures.project_file import write_project
 from tests.scenarios.mixtures.world import World
 

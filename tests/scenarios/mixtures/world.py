@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.random import Generator
 
-from mor.arrays import FloatArray
+from mor.types import FloatArray
 
 C = 30.0
 """Camera constant of the simulated cameras, mm; the format is 36 × 24 mm."""

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mor import pipeline
-from mor.project.network.build import Network
-from mor.quality.solved import Solved
-from mor.quality.tests.rejection import Rejection, rejection
+from mor.api import pipeline
+from mor.project.network import Network
+from mor.quality.group_tests import Rejection, rejection
+from mor.quality.solution import Solved
 from tests.scenarios.planted_mistakes.survey import survey
 
 

@@ -8,11 +8,10 @@ from pathlib import Path
 
 import numpy as np
 
-from mor.adjustment.solve import Settings, adjust
-from mor.geometry.rotations import angles_from_rotation
-from mor.pipeline import read_document, read_network, solve_network
-from mor.preparation import make_problem
-from mor.project.network.build import Network
+from mor.api.pipeline import make_problem, read_document, read_network, solve_network
+from mor.model.rotations import angles_from_rotation
+from mor.project.network import Network
+from mor.solve.iterate import Settings, adjust
 
 C, SIGMA = 30.0, 0.002
 

@@ -9,8 +9,8 @@ import numpy as np
 from pyproj import Transformer
 from scipy.spatial.transform import Rotation
 
-from mor.arrays import FloatArray
-from mor.geometry.rotations import angles_from_rotation
+from mor.model.rotations import angles_from_rotation
+from mor.types import FloatArray
 from tests.scenarios.mixtures.surveys.gravity import Gravity, deflection, gravity_field, height
 from tests.scenarios.mixtures.surveys.photographs import write_cameras
 from tests.scenarios.mixtures.surveys.survey import Camera, Mark, Photo, Start, Survey

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 from pyproj import Transformer
 
-from mor.arrays import FloatArray
+from mor.types import FloatArray
 from tests.scenarios.mixtures.surveys.survey import Survey
 
 _TO_GEOGRAPHIC = Transformer.from_crs("EPSG:25832", "EPSG:4258", always_xy=True)

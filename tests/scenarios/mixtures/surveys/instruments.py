@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from mor.arrays import FloatArray
+from mor.types import FloatArray
 from tests.scenarios.mixtures.surveys.photographs import angles
 from tests.scenarios.mixtures.surveys.survey import Mark, Start, Survey
 from tests.scenarios.mixtures.world import about_z, rotation

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mor.arrays import FloatArray
+from mor.types import FloatArray
 from tests.scenarios.mixtures.surveys.composed import finish, prune
 from tests.scenarios.mixtures.surveys.earth import on_the_earth
 from tests.scenarios.mixtures.surveys.instruments import stations

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mor.arrays import FloatArray
+from mor.types import FloatArray
 from tests.scenarios.mixtures.surveys.survey import Camera, Photo, Start, Survey
 from tests.scenarios.mixtures.world import looking, rotation
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.arrays import FloatArray
+from mor.types import FloatArray
 from tests.scenarios.mixtures.surveys.survey import LENGTHS, Mark, Survey
 
 KINDS = {

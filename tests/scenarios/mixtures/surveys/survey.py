@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.random import Generator
 
-from mor.arrays import FloatArray
+from mor.types import FloatArray
 
 LENGTHS = {"um": 1e6, "mm": 1e3, "cm": 1e2, "m": 1.0, "km": 1e-3, "ft": 1.0 / 0.3048}
 ANGLES = {"gon": 200.0 / np.pi, "deg": 180.0 / np.pi, "rad": 1.0, "mrad": 1e3}

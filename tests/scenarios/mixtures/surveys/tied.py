@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from mor.arrays import FloatArray
+from mor.types import FloatArray
 from tests.scenarios.mixtures.surveys.control import control
 from tests.scenarios.mixtures.surveys.photographs import measure_photographs, write_cameras, write_images
 from tests.scenarios.mixtures.surveys.scenes import KINDS, ORIGINS, write_points

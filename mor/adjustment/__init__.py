@@ -1,1 +1,0 @@
-"""Linearisation, normal equations, factorisation, selected inverse, datum, solver."""

@@ -1,1 +1,0 @@
-"""Datum: the defect that is there, what binds it, S-transformation, weak directions."""

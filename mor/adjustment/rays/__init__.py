@@ -1,1 +1,0 @@
-"""Image rays: their points are eliminated on the fly, pass by pass."""

@@ -1,0 +1,507 @@
+"""The way from a project file to results."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.diagnose.hypothesis import NOTHING_FOUND, Diagnosis, GoOn
+from mor.errors import InputError, Message, NoStartValuesError, Undeterminable, mistakes_in
+from mor.input_files import is_folder, note_input, read_text
+from mor.linalg.cholesky import NotFiniteError, one_thread
+from mor.linalg.compilation import chosen_by_size
+from mor.model.contract import with_sigma_model
+from mor.model.observation_types import without
+from mor.model.parameters import ROTATION, all_known, index_unknowns, with_shared_components
+from mor.project.document import Document, read_yaml
+from mor.project.entities import TableWatcher, ignore_table, thing_of
+from mor.project.network import Network, build_network, with_blocks_held
+from mor.project.planned_network import read_out_at
+from mor.project.schema import Settings as ProjectSettings
+from mor.project.schema import validate, without_empty_keys
+from mor.project.tables import MOST_TOLD
+from mor.quality.assessment import Levels, Quality, assess, checked
+from mor.quality.determinability import (
+    Means,
+    adjust_determinable,
+    completed,
+    with_fitting_reason,
+    without_unknown,
+)
+from mor.quality.group_tests import GroupTests, Rejection, group_tests, rejection
+from mor.quality.outliers import LARGEST_WEIGHT, Attempt, Suspects, left_out, lost_blocks, without_suspects
+from mor.quality.plausibility import implausible, neglected_curvature
+from mor.quality.redundancy import Done, effort
+from mor.quality.snooping import put_back
+from mor.quality.solution import PossibleCause, Solved, Wanted, treat, with_poses
+from mor.quality.test_statistics import critical_value
+from mor.solve.datum import beside
+from mor.solve.iterate import Adjustment, Outcome, Settings, Watcher, adjust, counting_on
+from mor.solve.problem import Cluster, Datum, Problem, undefined_rows
+from mor.start.part import Approximation
+from mor.types import FloatArray
+
+# ------------------------------------------------------------
+# From a network to its adjustment problem: start values, unknowns numbered, observations with their σ.
+#
+# Start values are worked out where none are given; of several that are possible the adjustment decides.
+# ------------------------------------------------------------
+
+SETTLING = 40
+"""Iterations in which start values that are in doubt have to lead to a solution."""
+
+
+def make_problem(
+    network: Network, start: Mapping[str, FloatArray], place: Mapping[str, FloatArray]
+) -> Problem:
+    """The adjustment problem of a network: unknowns numbered, correlations and datum set, σ models evaluated.
+
+    The datum refers to the given coordinates, and to those of ``start`` for points without. Distances in σ models, and
+    times by which rows are read out on trajectories, are those of ``place``.
+    """
+    groups, checks = (
+        tuple(with_sigma_model(read_out_at(network, group, place), place) for group in some)
+        for some in (network.groups, network.checks)
+    )
+    groups += tuple(without(group, group.mask) for group in checks)
+    offsets = np.concatenate([[0], np.cumsum([group.observed.size for group in groups])])
+    widths = np.array([group.observed.shape[1] for group in groups])
+    clusters = tuple(
+        Cluster(offsets[c.groups] + c.rows * widths[c.groups] + c.components, c.covariance)
+        for c in network.correlations
+    )
+    reference = {"point": network.datum.reference_from(start["point"])}
+    movements = reference if network.datum.at_reference else None
+    datum = Datum(network.datum.name, network.datum.free, {"point": network.datum.mask}, reference, movements)
+    return Problem(index_unknowns(network.blocks), groups, clusters, datum)
+
+
+def determinable_start(
+    network: Network, work_out: Callable[[Network], Approximation] | None = None
+) -> tuple[Network, Mapping[str, FloatArray]]:
+    """The network and start values of all blocks, worked out where none are given (:func:`worked_out`).
+
+    Points at infinity stay without coordinates. What nobody could start is left out where the project wants that;
+    otherwise it raises :class:`NoStartValuesError`.
+    """
+    if network.trajectories:
+        from mor.start.along_trajectories import along_trajectories
+
+        network = along_trajectories(network)
+    if all_known(network.start):
+        return _over_its_places(network, network.start)
+    # Imported here: its libraries take as long to load as a small project to adjust.
+    from mor.start.part import with_lines_turned
+
+    found = (work_out or worked_out)(network)
+    replaced = tuple(
+        Message(f"start value of {words}; another one takes its place") for words in found.replaced
+    )
+    ambiguous = tuple(
+        Message(
+            f"start values: the part that began with {join.began} fits in {join.tie.alternatives + 1} ways; "
+            "the likeliest one is taken"
+        )
+        for join in found.parts
+        if join.tie is not None and join.tie.alternatives and not join.tie.open
+    )
+    untied = tuple(
+        Message(
+            f"start values: the part that began with {join.began} ({len(join.points)} points) was put anywhere: "
+            "nothing was found that ties it to the rest"
+        )
+        for join in found.untied
+    )
+    network = replace(network, notes=(*network.notes, *replaced, *ambiguous), untied=untied)
+    settings = network.project.settings
+    start: Mapping[str, FloatArray]
+    network, start = with_lines_turned(network, found.start)
+    start, missing = completed(network, start, found.missing, critical_value(settings.snooping_level))
+    if missing and settings.undetermined == "refuse":
+        raise NoStartValuesError(missing, map(str, found.remarks))
+    if missing:
+        network = without_unknown(network, start, missing)
+        start = network.start
+    return _over_its_places(network, with_shared_components(network.blocks, start))
+
+
+def _over_its_places(
+    network: Network, start: Mapping[str, FloatArray]
+) -> tuple[Network, Mapping[str, FloatArray]]:
+    """The network and its start values, on the earth with projections as far as these reach."""
+    if network.world is None:
+        return network, start
+    from mor.project.planned_network import with_planes_over  # most projects need nothing of it
+
+    return with_planes_over(network, start), start
+
+
+def worked_out(network: Network) -> Approximation:
+    """Start values worked out; of several that are possible those that the adjustment agrees with best."""
+    from mor.start.assembly import approximate
+
+    return approximate(network, partial(_settled, network))
+
+
+def _settled(
+    network: Network, start: Mapping[str, FloatArray]
+) -> tuple[Mapping[str, FloatArray], float] | None:
+    """Values to which start values lead and their v'Pv, infinite if singular; ``None`` if they lead nowhere."""
+    from mor.start.part import with_lines_turned
+
+    network, start = with_lines_turned(network, start)
+    start, _ = completed(network, start, (), critical_value(network.project.settings.snooping_level))
+    start = with_shared_components(network.blocks, start)
+    if not all_known(start):
+        return None
+    try:
+        found = adjust(make_problem(network, start, start), start, Settings(SETTLING))
+    except NotFiniteError:
+        return None
+    if found.outcome is Outcome.SINGULAR:
+        return found.values, np.inf
+    return (found.values, found.normals.objective) if found.outcome.is_solution else None
+
+
+def _worked_out_once(network: Network) -> Approximation:
+    """Start values of a change that is only tried: of a wrong one no answer agrees, and all would be asked for."""
+    from mor.start.assembly import approximate
+
+    return approximate(network, others=0)
+
+
+def start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:
+    """Start values of a changed network; nothing if there are none, or where it is no more as large."""
+    try:
+        reduced, start = determinable_start(network, _worked_out_once)
+    except (InputError, NoStartValuesError):
+        return None
+    sizes = [group.count for group in reduced.groups]
+    return start if sizes == [group.count for group in network.groups] else None
+
+
+# ------------------------------------------------------------
+# The story of an adjustment: one call for every arrow.
+#
+# project file → Project → Network → Problem + start values → Adjustment → Quality → Report
+# ------------------------------------------------------------
+
+SIGMA_ROUNDS = 4
+_SAME_SIGMA = 1e-9
+"""σ that change by less between two adjustments have settled."""
+
+
+_OWN_SUFFIXES = (".yaml", ".yml", ".csv", ".parquet")
+
+
+def _names_mor(path: Path) -> bool:
+    """Return whether a file of any suffix is a project file: its key ``mor`` begins a line."""
+    return any(line.startswith("mor:") for line in read_text(path).splitlines())
+
+
+def read_document(path: Path, form: str = "") -> Document:
+    """Plain data of a project file, or of a file in a foreign format, with lines.
+
+    ``form`` names the foreign format; else the content of the file tells it. The tables that it names are noted as
+    inputs. Raises :class:`InputError`.
+    """
+    note_input(path)
+    document = _document(path, form)
+    for name in document.table_files():
+        note_input(path.parent / name)
+    return document
+
+
+def _document(path: Path, form: str) -> Document:
+    if form or is_folder(path) or path.suffix.lower() not in (".yaml", ".yml"):
+        from mor.formats import is_foreign, read_foreign  # no project file waits for the formats of others
+
+        if form or is_folder(path) or is_foreign(path):
+            return read_foreign(path, form)
+    if path.suffix.lower() not in _OWN_SUFFIXES and path.is_file() and not _names_mor(path):
+        return read_foreign(path)
+    if path.suffix.lower() in (".csv", ".parquet") and path.is_file():
+        words = "this is a table, expected a project file; mor new begins one from tables"
+        raise InputError([Message(words, str(path))])
+    return without_empty_keys(read_yaml(read_text(path), str(path)))
+
+
+def read_network(document: Document, folder: Path, read: TableWatcher = ignore_table) -> Network:
+    """The network a project describes; its tables are found from ``folder``. Raises :class:`InputError`.
+
+    Its notes say what was assumed, and which observations cannot be right or contradict what is known.
+    ``read`` is told each table of points, images and observations that has been read.
+    """
+    network = build_network(validate(document), document, folder, read)
+    return replace(network, notes=(*network.notes, *implausible(network)))
+
+
+def solve_network(
+    network: Network, watch: Watcher | None = None, assessing: Callable[[int], Done] | None = None
+) -> Solved:
+    """Adjust a network and assess the outcome.
+
+    ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
+    """
+    with chosen_by_size(network.observations), mistakes_in(network.file):
+        return with_poses(_assessed(_adjusted(network, watch), assessing))
+
+
+def diagnose_network(
+    network: Network,
+    go_on: GoOn,
+    watch: Watcher | None = None,
+    assessing: Callable[[int], Done] | None = None,
+) -> tuple[Solved | None, Diagnosis]:
+    """Adjust a network, and search for mistakes if it has no solution or its solution is rejected.
+
+    ``go_on`` is called before each trial and ends the search if it returns False. There is no adjustment if start
+    values cannot be found.
+    """
+    with chosen_by_size(network.observations), mistakes_in(network.file), np.errstate(all="ignore"):
+        try:
+            adjusted = _adjusted(network, watch)
+        except NoStartValuesError as error:
+            from mor.diagnose.search import causes_without_start
+
+            names = {thing.name for thing in error.things}
+            found = causes_without_start(network, names, make_problem, start_or_nothing, go_on)
+            return None, found
+        solved = _assessed(adjusted, assessing)
+        return with_poses(solved), _diagnosis(adjusted, solved, go_on)
+
+
+class _Adjusted(NamedTuple):
+    """A network with its start values and its adjustment."""
+
+    whole: Network
+    start: Mapping[str, FloatArray]
+    network: Network
+    """The network without what cannot be determined or was left out."""
+    attempt: Attempt
+
+
+def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
+    """Adjust a network as far as its observations determine it."""
+    with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
+        with one_thread():
+            whole, start = determinable_start(network)
+        means = Means(
+            lambda some, values: make_problem(some, values, values),
+            lambda some, values: _attempt(some, values, watch),
+            lambda some, values: Attempt(_plainly(some, values, watch)),
+            critical_value(network.project.settings.snooping_level),
+        )
+        network, attempt = adjust_determinable(whole, start, means)
+    adjustment, notes = attempt.adjustment, []
+    if attempt.note:
+        notes.append(Message(attempt.note))
+    bent = neglected_curvature(network, adjustment.values if adjustment.outcome.is_solution else start)
+    if bent is not None:
+        notes.append(bent)
+    if not adjustment.outcome.is_solution:
+        notes += network.untied
+    network = replace(network, notes=(*network.notes, *notes))
+    if attempt.suspects is not None:
+        network = _with_lost_held(network, attempt.suspects.lost)
+    return _Adjusted(whole, start, network, attempt)
+
+
+def _attempt(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Attempt:
+    """Adjust from the start values; if they do not lead to a solution, repair them, or leave suspects out."""
+    plain = _plainly(network, start, watch)
+    settings = Settings(network.project.settings.max_iterations)
+    found = without_suspects(plain, settings, counting_on(watch, len(plain.iterations)))
+    if found.adjustment is plain:
+        return found
+    return found._replace(adjustment=_with_settled_sigma(network, found.adjustment, watch, found.suspects))
+
+
+def _plainly(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Adjustment:
+    """Adjust all observations from the start values."""
+    problem, settings = make_problem(network, start, start), Settings(network.project.settings.max_iterations)
+    try:
+        adjustment = adjust(problem, start, settings, watch)
+    except NotFiniteError:
+        try:
+            adjustment = adjust(problem, _moved_apart(problem, start), settings, watch)
+        except NotFiniteError:
+            raise InputError(_undefined(problem, start)) from None
+    return _with_settled_sigma(network, adjustment, watch)
+
+
+def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> Solved:
+    """Assess an adjustment, and treat gross errors and weights as the project asks."""
+    network, adjustment, suspects = adjusted.network, adjusted.attempt.adjustment, adjusted.attempt.suspects
+    settings = network.project.settings
+    if not adjustment.outcome.is_solution:
+        known = any(not thing.treatment for thing in network.undeterminable)  # then the reason is certain
+        ended = adjustment if known else with_fitting_reason(adjustment, bool(network.untied))
+        return Solved(network, ended, None)
+    check_minimal(network, adjustment)
+    done = assessing(effort(adjustment)) if assessing is not None else None
+    aposteriori = settings.sigma == "aposteriori"
+    quality = assess(adjustment, levels(settings), aposteriori, done)
+    sound = checked(quality)
+    if not sound.outcome.is_solution:
+        return Solved(network, sound, None, None, suspects)
+    if suspects is not None:
+        again = Settings(settings.max_iterations)
+        quality, suspects = put_back(
+            quality, suspects, lambda one: assess(one, levels(settings), aposteriori), again
+        )
+    tests = group_tests(quality, network)
+    tested = (quality.groups, tests)
+    possible = _possible_causes(quality, network, tests, suspects)
+    quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
+    last = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
+    quality = replace(quality, adjustment=last)
+    return Solved(network, last, quality, treatment, suspects, possible, tested)
+
+
+def _possible_causes(
+    quality: Quality, network: Network, tests: GroupTests, suspects: Suspects | None
+) -> tuple[PossibleCause, ...]:
+    """Score tests of the usual mistakes, if suspects are left out or residuals are too large."""
+    rejected = rejection(quality, network, tests) is Rejection.LARGER
+    if suspects is None and not rejected:
+        return ()
+    from mor.diagnose.score_tests import score_tests, score_tests_with_suspects  # loading it takes its time
+
+    with np.errstate(all="ignore"):
+        found = score_tests_with_suspects(quality, network, suspects) if suspects is not None else ()
+        return found or (score_tests(quality, network) if rejected else ())
+
+
+def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
+    """Hypotheses about an adjustment, tried by adjusting anew."""
+    from mor.diagnose.search import Ended, causes
+
+    attempt, quality = adjusted.attempt, solved.quality
+    solution = solved.adjustment if solved.adjustment.outcome.is_solution else None
+    plain = attempt.adjustment  # of all observations
+    if attempt.suspects is not None:
+        plain = solved.adjustment if solved.suspects is None else attempt.suspects.plain
+    told = Rejection.LARGER  # if there is no solution, or none of all observations
+    if solution is not None and quality is not None and solved.suspects is None:
+        told = rejection(quality, solved.network, solved.tested[1] if solved.tested else None)
+    if told is Rejection.NOTHING:
+        return NOTHING_FOUND
+    ended = Ended(plain, solution, quality, told, attempt.robust, solved.possible_causes)
+    return causes(adjusted.whole, adjusted.start, ended, make_problem, start_or_nothing, go_on)
+
+
+def _with_lost_held(network: Network, lost: Sequence[tuple[str, str]]) -> Network:
+    """The network with blocks (kind, name) held of which only suspects tell, and the word that they are left out."""
+    things = [
+        Undeterminable(*thing, LARGEST_WEIGHT, "left out")
+        for thing in dict.fromkeys(thing_of(*block) for block in lost)
+    ]
+    marked = {kind: lost_blocks(blocks, kind, lost) for kind, blocks in network.blocks.items()}
+    return with_blocks_held(network, marked, things)
+
+
+def _moved_apart(problem: Problem, start: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
+    """Start values in which unknown points of observations without a value there lie a little beside their places."""
+    there, points = beside(problem, start)["point"], start["point"].copy()
+    for group in problem.groups:
+        rows = undefined_rows(group, problem.index, start)
+        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == "point":
+                points[numbers[rows]] = there[numbers[rows]]
+    return {**start, "point": points}
+
+
+def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Message]:
+    """The observations that cannot be computed at the start values; the first ones of each group."""
+    mistakes = []
+    for group in problem.groups:
+        for row in undefined_rows(group, problem.index, start)[:MOST_TOLD].tolist():
+            names = ", ".join(
+                f"{reference.name} {names[row]!r}"
+                for reference, names in zip(group.type.references, group.references, strict=True)
+            )
+            words = f"{group.type.name}, {names}: no value or no derivative where the adjustment starts"
+            line = int(group.lines[row]) if len(group.lines) > row else 0
+            angles = all(slot.kind == ROTATION.key for slot in group.type.slots)
+            asked = (
+                f"{words}; is phi ±100 gon there?"
+                if angles
+                else f"{words}; do two of its places coincide there?"
+            )
+            mistakes.append(Message(asked, group.file, line))
+    return mistakes or [Message("observations have no value or no derivative where the iteration has got to")]
+
+
+def snooped(network: Network) -> Network:
+    """The network with data snooping asked for."""
+    settings = network.project.settings.model_copy(update={"snooping": True})
+    return replace(network, project=network.project.model_copy(update={"settings": settings}))
+
+
+def levels(settings: ProjectSettings) -> Levels:
+    """Levels of the tests of a project."""
+    return Levels(
+        settings.snooping_level,
+        settings.power,
+        settings.global_level,
+        settings.familywise_level,
+        settings.least_redundancy,
+    )
+
+
+def _wanted(settings: ProjectSettings) -> Wanted:
+    iterate = settings.variance_components == "iterate"
+    return Wanted(settings.snooping, settings.robust, iterate, settings.variance_method)
+
+
+def check_minimal(network: Network, adjustment: Adjustment) -> None:
+    """Raise :class:`InputError` where a minimal datum names more coordinates than the network has free movements."""
+    if network.datum.minimal:
+        check_named(int(np.count_nonzero(adjustment.constraint.mask)), adjustment.defect.movements)
+
+
+def check_named(named: int, free: Sequence[str]) -> None:
+    """Raise :class:`InputError` where a minimal datum names another number of coordinates than there are movements."""
+    defect = len(free)
+    if named != defect:
+        movements = ", ".join(free) or "none"
+        words = f"datum: minimal names {named} free coordinates, but the network has {defect} free movements"
+        raise InputError([Message(f"{words} ({movements})")])
+
+
+def _with_settled_sigma(
+    network: Network, adjustment: Adjustment, watch: Watcher | None, suspects: Suspects | None = None
+) -> Adjustment:
+    """The adjustment with σ that depend on distances taken at its own result, whatever the start values were.
+
+    So are the knots about rows that a rolling shutter reads out on a trajectory.
+    """
+    for _ in range(SIGMA_ROUNDS):
+        problem = make_problem(network, adjustment.start, adjustment.values)
+        problem = left_out(problem, suspects) if suspects is not None else problem
+        if same_sigma(problem, adjustment.problem) or not adjustment.outcome.is_solution:
+            break
+        settings = Settings(network.project.settings.max_iterations)
+        count = len(adjustment.iterations)
+        again = adjust(problem, adjustment.values, settings, counting_on(watch, count))
+        further = tuple(step._replace(number=step.number + count) for step in again.iterations)
+        adjustment = again._replace(start=adjustment.start, iterations=adjustment.iterations + further)
+    return adjustment
+
+
+def same_sigma(one: Problem, other: Problem) -> bool:
+    """Return True if two problems have the same σ and, of trajectories, rows between the same knots."""
+    return all(
+        (a.sigma is b.sigma or np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True))
+        and all(
+            mine is theirs or np.array_equal(mine, theirs)
+            for mine, theirs in zip(a.blocks, b.blocks, strict=True)
+        )
+        for a, b in zip(one.groups, other.groups, strict=True)
+    )

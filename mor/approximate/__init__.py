@@ -1,1 +1,0 @@
-"""Start values that nobody has to give: relative orientation, resection, intersection, transfer."""

@@ -1,1 +1,0 @@
-"""Parts on their way to one system: they begin, grow, and are put together."""

@@ -1,1 +1,0 @@
-"""Parts of a network: begun, grown, joined, until everything that can be known is known."""

@@ -1,1 +1,0 @@
-"""Parts that join by any observations between them, or find their vertical and scale by any inside them."""

@@ -1,1 +1,0 @@
-"""Relative orientation of two bundles (K. Rinner)."""

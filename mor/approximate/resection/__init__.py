@@ -1,1 +1,0 @@
-"""Space resection of a bundle on known points."""

@@ -1,1 +1,0 @@
-"""Start values from directions, angles, distances and heights."""

@@ -1,1 +1,0 @@
-"""The vertical of a part, from everything that depends on it."""

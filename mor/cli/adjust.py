@@ -1,0 +1,375 @@
+"""``mor adjust``."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+from tempfile import gettempdir
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+
+import click
+
+from mor.cli.console import language_option, tell
+from mor.cli.options import (
+    Amount,
+    InputPath,
+    OutputPath,
+    format_option,
+    kernels_option,
+    only_project,
+    quiet_option,
+)
+from mor.errors import ExitCode, NoStartValuesError
+
+if TYPE_CHECKING:
+    from mor.cli.progress import Progress
+    from mor.errors import Message
+    from mor.project.document import Document
+    from mor.quality.solution import Solved
+    from mor.report.identity import Identity
+    from mor.report.language import Words
+    from mor.report.output_folder import Reservation
+    from mor.report.results import Choice
+
+
+class Asked(NamedTuple):
+    """What was asked for on the command line: an option each."""
+
+    project: Path
+    output: Path | None
+    force: bool
+    source_format: str | None
+    as_json: bool
+    strict: bool
+    snoop: bool
+    lang: str
+    full: bool
+    html: bool | None
+    tables: Literal["none", "worst", "all"] | None
+    table_format: Literal["csv", "parquet"]
+    memory: float | None
+    scratch: Path | None
+    events: Path | None
+    quiet: bool
+    verbose: bool
+
+    @property
+    def writes(self) -> bool:
+        """False if results are only printed."""
+        return self.output is not None or not self.as_json
+
+    @property
+    def folder(self) -> Path:
+        """Where results are written."""
+        from mor.report.output_folder import folder_beside
+
+        return self.output or folder_beside(self.project, ".results")
+
+    @property
+    def told(self) -> tuple[str, ...]:
+        """The options on which the numbers depend, as the report repeats them."""
+        of_format = ("--from", self.source_format) if self.source_format else ()
+        return (*(("--snoop",) if self.snoop else ()), *of_format)
+
+
+def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) -> None:
+    """Raise a usage error if one adjustment is to be shared among processes."""
+    if value is not None:
+        words = "mor adjust works in one process, on all its processors"
+        raise click.UsageError(f"--{param.name}: {words}; mor batch and mor simulate share work", ctx)
+
+
+@click.command(name="adjust")
+@click.argument("project", type=InputPath(), default=".")
+@click.option(
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=OutputPath(),
+    show_default="PROJECT.results",
+    help="Folder of the results.",
+)
+@click.option(
+    "-f",
+    "--force",
+    is_flag=True,
+    help="Replace results of other input or options that are there already.",
+)
+@format_option
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print results.json on standard output; write files only with -o."
+)
+@click.option(
+    "--strict", is_flag=True, help="Exit with 1 where the global test rejects or an observation is flagged."
+)
+@click.option(
+    "--snoop",
+    is_flag=True,
+    help="Data snooping: take flagged observations out one by one until the rest is clean.",
+)
+@language_option("report.txt, report.html and of what the terminal says")
+@click.option("--full", is_flag=True, help="Leave nothing out of report.txt: all points, all observations.")
+@click.option(
+    "--html/--no-html",
+    default=None,
+    show_default="html, up to 2 million observations",
+    help="Write report.html, the page to look at.",
+)
+@click.option(
+    "--tables",
+    type=click.Choice(["none", "worst", "all"]),
+    show_default="all, beyond 2 million observations worst",
+    help="Tables of results: none, points, images and the worst residuals, or all.",
+)
+@click.option(
+    "--table-format",
+    type=click.Choice(["csv", "parquet"]),
+    default="csv",
+    show_default=True,
+    help="Format of the tables.",
+)
+@click.option(
+    "--memory",
+    metavar="SIZE",
+    type=Amount(),
+    show_default="what there is",
+    help="Memory that mor may take, e.g. 4GB; if it does not suffice, long arrays are kept in files.",
+)
+@click.option(
+    "--scratch",
+    metavar="FOLDER",
+    type=InputPath(),
+    show_default="beside the results",
+    help="Folder for the files of long arrays.",
+)
+@click.option("--workers", metavar="N", hidden=True, callback=refuse_workers, expose_value=False)
+@click.option("--cluster", metavar="ADDRESS", hidden=True, callback=refuse_workers, expose_value=False)
+@click.option(
+    "--events",
+    metavar="FILE",
+    type=OutputPath(),
+    help="Write phases and iterations as JSON Lines while they happen; - is standard output.",
+)
+@kernels_option
+@quiet_option
+@click.option("-v", "--verbose", is_flag=True, help="Tell the phases, keep every iteration in view.")
+def command(**given: Any) -> int:
+    """Adjust PROJECT, write reports, results and tables.
+
+    \b
+    Examples:
+      mor adjust project.yaml
+      mor adjust project.yaml -o results --force --snoop
+      mor adjust project.yaml --lang de --tables all --table-format parquet
+      mor adjust project.yaml --strict --quiet || echo "look at the report"
+      mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
+      mor adjust network.dat --from starnet --memory 4GB
+
+    PROJECT is a project file (.yaml), a foreign file that mor convert knows, or a folder with one project file in it;
+    without it, the folder is the current one. Missing start values are worked out.
+
+    \b
+    Exit codes: 0 done; 1 rejected (--strict), or suspects left out; 2 input; 3 not converged;
+    4 singular; 5 memory.
+    """
+    return run(Asked(**given))
+
+
+def run(asked: Asked) -> int:
+    """Adjust a project and write what was asked for; the exit code."""
+    asked = asked._replace(project=only_project(asked.project, asked.source_format))
+    from mor.api.pipeline import read_document
+    from mor.cli.progress import progress
+    from mor.input_files import files_read
+    from mor.linalg.compilation import notes_told_by
+    from mor.long_arrays import limited_memory
+    from mor.output_files import lines_into
+    from mor.report.identity import Identity
+    from mor.report.language import words_of
+    from mor.report.output_folder import is_repeated, reserve
+    from mor.report.results import usual_files, write_results
+
+    project, folder, words = asked.project, asked.folder, words_of(asked.lang)
+    with ExitStack() as held:
+        files = held.enter_context(files_read())
+        events = held.enter_context(lines_into(asked.events, asked.force))
+        say = held.enter_context(progress(asked.quiet, asked.verbose, events, words))
+        held.enter_context(notes_told_by(say.note))
+        say.phase("reading")
+        document = read_document(project, asked.source_format or "")
+        replaces = asked.force or is_repeated(folder, project, asked.told)
+        names = usual_files(asked.tables, asked.table_format)
+        place = held.enter_context(reserve(folder, replaces, names)) if asked.writes else None
+        scratch = asked.scratch or (place.work if place is not None else Path(gettempdir()))
+        held.enter_context(limited_memory(asked.memory, scratch))
+        with named_in_full(place):
+            solved = adjusted(document, project.parent, asked.snoop, say)
+        of = Identity(tuple(files.values()), project.parent, asked.told)
+        say.phase("writing")
+        said = on_screen(asked, solved, words)
+        if place is not None:
+            write_results(solved, document, of, place, chosen(asked, solved, say))
+        code = exit_code(solved, asked.strict)
+        written = str(folder) if asked.writes else None
+        say.event("done", outcome=solved.adjustment.outcome.value, exit_code=int(code), folder=written)
+    show(asked, solved, of, said)
+    return code
+
+
+def on_screen(asked: Asked, solved: Solved, words: Words) -> str:
+    """The result on one screen; nothing of a solution where quiet was asked for."""
+    from mor.report.text import screen
+
+    if asked.quiet and solved.quality is not None:
+        return ""
+    told = [
+        screen(solved, words),
+        *([words("results in {place}", place=asked.folder)] if asked.writes else []),
+    ]
+    return "\n".join(told)
+
+
+def show(asked: Asked, solved: Solved, of: Identity, said: str) -> None:
+    """What goes to standard output and to the terminal at the end."""
+    from mor.report.results import results_text
+
+    if asked.as_json:
+        click.echo(results_text(solved, of), nl=False)
+    if said:
+        click.echo(said, err=True)
+
+
+@contextmanager
+def named_in_full(place: Reservation | None) -> Iterator[None]:
+    """Things without start values that do not fit on a screen are named in a table in the folder of the results."""
+    from mor.errors import MOST_TOLD
+
+    try:
+        yield
+    except NoStartValuesError as error:
+        if place is not None and len(error.things) >= MOST_TOLD:
+            from mor.report.results import write_undeterminable
+
+            write_undeterminable(error.things, place)
+            tell(f"all of them are named in {place.folder / 'undetermined.csv'}:")
+        raise
+
+
+def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> Solved:
+    """What becomes of a project; its tables are found from the folder."""
+    from mor.api.pipeline import read_network
+    from mor.api.project import Project
+    from mor.api.result import adjust
+
+    look_ahead(document, folder)
+    network = read_network(document, folder, say.table_counter(document, folder))
+    say.notes(network.notes)
+    say.inputs_are_known()
+    say.phase("adjusting")
+    project = Project(document, network, folder)
+    solved = adjust(
+        project,
+        snoop,
+        say.iteration,
+        lambda effort: say.phase("precision and reliability", effort),
+    ).solved
+    say.notes(solved.network.notes[len(network.notes) :])
+    return solved
+
+
+OF_CSV = 5
+"""Bytes of memory for a byte of a CSV table: its rows as arrays, and its texts while it is read."""
+OF_OBSERVATION = 60
+"""Bytes of CSV tables for an observation where these are the longest, points among them: at most."""
+
+
+OF_PARQUET = 190
+"""Bytes of memory for a row of a Parquet table."""
+
+
+def rows_of_parquet(path: Path) -> int:
+    """Number of rows of a Parquet file; 0 of any other one, or if it cannot be read, which is told when it is read."""
+    import polars as pl
+
+    if path.suffix.lower() != ".parquet":
+        return 0
+    try:
+        return int(pl.scan_parquet(path).select(pl.len()).collect().item())
+    except (pl.exceptions.PolarsError, OSError):
+        return 0
+
+
+def look_ahead(document: Document, folder: Path) -> None:
+    """By the sizes of the tables: refuse what memory cannot hold, begin to load what many observations will need."""
+    from mor.linalg.compilation import WORTH_COMPILING, load_ahead
+    from mor.machine import check_room
+
+    files = [path for name in document.table_files() if (path := folder / name).is_file()]
+    size = sum(path.stat().st_size for path in files if path.suffix.lower() == ".csv")
+    room = OF_CSV * size + OF_PARQUET * sum(map(rows_of_parquet, files))
+    check_room(float(room), "reading the tables", "fewer observations at a time")
+    if size >= OF_OBSERVATION * WORTH_COMPILING:
+        load_ahead()
+
+
+def chosen(asked: Asked, solved: Solved, say: Progress) -> Choice:
+    """What is written of a result, as asked for, or as its size lets it be; notes what is left out."""
+    from mor.machine import check_room
+    from mor.report.results import FEWER, Choice, entries, is_large, memory_of_reports, tables_by_size
+
+    say.notes(left_out(solved, asked.tables, asked.html))
+    page = asked.html if asked.html is not None else not is_large(solved)
+    tables = asked.tables or tables_by_size(solved)
+    check_room(memory_of_reports(solved.network, page, tables), "writing the reports", FEWER)
+    return Choice(
+        tables=tables,
+        kind=asked.table_format,
+        html=page and has_library(say),
+        language=asked.lang,
+        full=asked.full,
+        done=say.counter(entries(solved)),
+    )
+
+
+def has_library(say: Progress) -> bool:
+    """Return whether the chart library of the page is installed, and note if it is not."""
+    from mor.errors import Message as Problem
+    from mor.report.page_data import library_path
+
+    if library_path() is None:
+        say.notes([Problem("no report.html: the Python package plotly is missing (pip install plotly)")])
+        return False
+    return True
+
+
+def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Message]:
+    """What is not written of a large project because nobody asked for it."""
+    from mor.errors import Message as Problem
+    from mor.report.results import WORST, is_large
+
+    if not is_large(solved) or solved.quality is None:
+        return []
+    notes = []
+    if tables is None:
+        notes.append(
+            Problem(f"of very many residuals the {WORST} worst are written; --tables all writes all")
+        )
+    if html is None:
+        notes.append(Problem("no report.html of very many observations; --html writes it all the same"))
+    return notes
+
+
+def exit_code(solved: Solved, strict: bool) -> ExitCode:
+    """The documented exit code of an outcome."""
+    from mor.solve.iterate import Outcome
+
+    quality = solved.quality
+    if solved.adjustment.outcome is Outcome.SINGULAR:
+        return ExitCode.SINGULAR
+    if quality is None:
+        return ExitCode.NOT_CONVERGED
+    if solved.suspects is not None:
+        return ExitCode.REJECTED
+    rejected = not solved.accepted or any(flags.any() for flags in quality.flagged)
+    return ExitCode.REJECTED if strict and rejected else ExitCode.DONE

@@ -1,0 +1,115 @@
+"""``mor certificate``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mor.cli.console import language_option, tell
+from mor.cli.options import InputPath, OutputPath
+
+if TYPE_CHECKING:
+    from mor.output_files import Content
+
+FORMS = ("opencv", "metashape", "colmap", "aicon", "photomodeler")
+"""As :data:`mor.formats.calibration.FORMS`, which ``--help`` need not import."""
+
+
+@click.command(name="certificate")
+@click.argument("results", type=InputPath())
+@click.argument("camera")
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    type=OutputPath(),
+    show_default="certificate_CAMERA.html in RESULTS",
+    help="The file that is written: .html, .txt or .pdf, or the calibration of --to.",
+)
+@click.option(
+    "--to", "form", type=click.Choice(FORMS), help="Write the calibration for another program instead."
+)
+@click.option(
+    "--paper", type=click.Choice(["A4", "Letter"]), default="A4", show_default=True, help="Paper of a PDF."
+)
+@click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
+@language_option("the certificate")
+def command(
+    results: Path, camera: str, output: Path | None, form: str | None, paper: str, force: bool, lang: str
+) -> None:
+    """Write the certificate of one CAMERA in RESULTS on one page, or its calibration for another program.
+
+    \b
+    Examples:
+      mor certificate project.results D7
+      mor certificate project.results D7 -o d7.pdf --lang de
+      mor certificate project.results D7 --to metashape -o d7.xml
+
+    RESULTS is a folder of results. The certificate has parameters with sigma, correlations, distortion, how far out it
+    was measured, datum and test. A calibration is refused where the other program cannot say the same.
+
+    \b
+    Exit codes: 0 done; 2 input.
+    """
+    from mor.output_files import check_file, write_file
+
+    target = output or results / _name(camera, form)
+    check_file(target, force)
+    if form is not None:
+        content: Content = _exported(results, camera, form, target)
+    else:
+        content = _certified(results, camera, target, paper, lang)
+    write_file(target, content, force)
+    click.echo(str(target), err=True)
+
+
+def _name(camera: str, form: str | None) -> str:
+    """Name of the file; signs that no file name may have become underscores."""
+    import re
+
+    from mor.formats.calibration import SUFFIXES
+
+    plain = re.sub(r'[\x00-\x1f/\\:*?"<>|]', "_", camera)
+    return f"certificate_{plain}.html" if form is None else f"{plain}_{form}{SUFFIXES[form]}"
+
+
+def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
+    from mor.api.pipeline import read_document
+    from mor.errors import InputError
+    from mor.errors import Message as Problem
+    from mor.formats.calibration import write_calibration
+
+    adjusted = results / "adjusted.yaml"
+    if not adjusted.is_file():
+        words = "no adjusted.yaml in this folder; expected the results of mor adjust"
+        raise InputError([Problem(words, str(results))])
+    return write_calibration(read_document(adjusted), results, camera, form, target)
+
+
+def _certified(results: Path, camera: str, target: Path, paper: str, lang: str) -> Content:
+    """The certificate, or what writes it as PDF."""
+    from mor.errors import InputError
+    from mor.errors import Message as Problem
+    from mor.report.certificate import certificate, certificate_page, certificate_text
+    from mor.report.language import words_of, words_of_page
+    from mor.report.page import browser, print_page
+    from mor.report.view import view_of_folder
+
+    suffix = target.suffix.lower()
+    if suffix not in (".html", ".txt", ".pdf"):
+        raise InputError([Problem("expected a name that ends in .html, .txt or .pdf", str(target))])
+    one = certificate(view_of_folder(results), camera)
+    if suffix == ".html":
+        return certificate_page(one, words_of_page(lang))
+    text, program = certificate_text(one, words_of(lang)), browser()
+    if suffix == ".txt":
+        return text
+    if program is None:
+        from mor.report.plots import write_text_pages
+
+        tell("note: no browser was found: the PDF has the text, without the curve")
+        return lambda path: write_text_pages(text, text.split("\n", 1)[0], path, paper, words_of_page(lang))
+    page = certificate_page(one, words_of_page(lang))
+    return lambda path: print_page(program, page, path, paper)

@@ -1,0 +1,129 @@
+"""``mor convert``."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mor.cli.console import tell, tell_note
+from mor.cli.options import OutputPath, force_option, quiet_option
+
+if TYPE_CHECKING:
+    from mor.errors import Message
+    from mor.project.document import Document
+
+_OWN = (".yaml", ".yml")
+
+
+@click.command(name="convert")
+@click.argument("paths", metavar="SOURCE... TARGET", nargs=-1, type=OutputPath())
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    type=OutputPath(),
+    help="The same as TARGET.",
+)
+@click.option(
+    "--from",
+    "source_formats",
+    metavar="FORMAT",
+    multiple=True,
+    help="Format of SOURCE, where its content shall not tell; once for each of several, in their order.",
+)
+@click.option(
+    "--to", "target_format", metavar="FORMAT", help="Format of TARGET, where its suffix does not tell."
+)
+@force_option
+@quiet_option
+def command(
+    paths: tuple[Path, ...],
+    output: Path | None,
+    source_formats: tuple[str, ...],
+    target_format: str | None,
+    force: bool,
+    quiet: bool,
+) -> None:
+    """Write the project in SOURCE in another format: from a foreign one as a project file, or the other way round.
+
+    \b
+    Examples:
+      mor convert network.gkf network.yaml
+      mor convert aicon/project -o project.yaml
+      mor convert sparse/0 block.yaml && mor adjust block.yaml
+      mor convert block.results/adjusted.yaml model --to colmap
+      mor convert sparse/0 markers.csv block.yaml
+
+    The content of a file or folder tells its format. TARGET is a project file (.yaml) whose long tables are written
+    beside it, or what its suffix or --to says. What a reader leaves out, and what a format has no place for, is noted.
+    Several foreign files become one project: points and images of the same name are the same, and what is held or
+    observed goes before. mor adjust and mor check read foreign files directly, too. The manual has a page for each
+    format.
+
+    \b
+    Exit codes: 0 done; 2 input.
+    """
+    from mor.errors import InputError
+    from mor.errors import Message as Problem
+    from mor.formats import format_to_write
+    from mor.input_files import note_input
+    from mor.output_files import write_files
+
+    sources, place = (paths, output) if output is not None else (paths[:-1], paths[-1] if paths else None)
+    if place is None or not sources:
+        raise InputError([Problem("give a SOURCE, and one TARGET, the file or folder to write")])
+    for source in sources:
+        note_input(source)
+    source = sources[0]
+    key = target_format or ("" if place.suffix.lower() in _OWN else format_to_write(place))
+    document = _read(sources, source_formats, bool(key))
+    if not key and place.suffix.lower() not in _OWN:
+        words = (
+            "nothing in this name tells a format; give it the suffix .yaml for a project file, or --to FORMAT"
+        )
+        raise InputError([Problem(words, str(place))])
+    files, notes = (
+        _own_files(document, source, place) if not key else _foreign_files(document, source, place, key)
+    )
+    write_files(files, force, makes_folders=True)
+    if not quiet:
+        for note in [*document.notes, *notes]:
+            tell_note(note)
+        tell(_said(place, files, key))
+
+
+def _read(sources: Sequence[Path], formats: Sequence[str], written_as_foreign: bool) -> Document:
+    from mor.api.pipeline import read_document
+    from mor.formats import read_foreign, read_together
+
+    if len(sources) > 1:
+        return read_together(sources, formats)
+    source, form = sources[0], formats[0] if formats else ""
+    plain = source.suffix.lower() in _OWN and not form and written_as_foreign
+    return read_document(source) if plain else read_foreign(source, form)
+
+
+def _own_files(document: Document, source: Path, target: Path) -> tuple[dict[Path, bytes], list[Message]]:
+    from mor.project.document import project_files
+
+    texts = project_files(document.data, source.parent, target, document.frames)
+    return {path: text.encode() for path, text in texts.items()}, []
+
+
+def _foreign_files(
+    document: Document, source: Path, target: Path, key: str
+) -> tuple[dict[Path, bytes], list[Message]]:
+    from mor.formats import write_foreign
+
+    return write_foreign(document, source.parent, target, key)
+
+
+def _said(target: Path, files: Mapping[Path, bytes], key: str) -> str:
+    from mor.errors import counted
+
+    if key:
+        return f"{target}: {counted(len(files), 'file')}, {key}"
+    return f"{target}, and {counted(len(files) - 1, 'table')} beside it" if len(files) > 1 else str(target)

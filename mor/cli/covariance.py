@@ -1,0 +1,159 @@
+"""``mor covariance``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mor.cli.options import InputPath, OutputPath
+
+if TYPE_CHECKING:
+    from mor.quality.solution import Solved
+
+
+@click.command(name="covariance")
+@click.argument("results", type=InputPath())
+@click.option("--points", metavar="A,B,…", help="All coordinates of these points together.")
+@click.option("--images", metavar="A,B,…", help="Positions and attitudes of these images together.")
+@click.option(
+    "--cameras",
+    metavar="[A,B,…]",
+    is_flag=False,
+    flag_value="",
+    help="Interior orientations of these cameras, or of all, together.",
+)
+@click.option("--full", is_flag=True, help="All unknowns together, where they fit into memory.")
+@click.option("--blocks", is_flag=True, help="The 3 × 3 block of every point, as .csv.")
+@click.option(
+    "--relative",
+    multiple=True,
+    metavar="A,B",
+    help="Relative error ellipsoid of a pair of points, as .csv; may be repeated.",
+)
+@click.option(
+    "--relative-pose",
+    multiple=True,
+    metavar="A,B",
+    help="Pose of image B in the axes of image A with its covariance, as .csv; may be repeated.",
+)
+@click.option(
+    "--to",
+    "target",
+    metavar="DATUM",
+    show_default="that of the results",
+    help='Datum, as the project file writes it: free, or "free: [1, 2]".',
+)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FILE",
+    type=OutputPath(),
+    required=True,
+    help="File to write: .npz, .csv or .mtx (Matrix Market).",
+)
+@click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
+def command(
+    results: Path,
+    points: str | None,
+    images: str | None,
+    cameras: str | None,
+    full: bool,
+    blocks: bool,
+    relative: tuple[str, ...],
+    relative_pose: tuple[str, ...],
+    target: str | None,
+    output: Path,
+    force: bool,
+) -> None:
+    """Write covariances of RESULTS with labels, in the datum of the results or in another one.
+
+    \b
+    Examples:
+      mor covariance project.results --points 1,2,7 -o chosen.npz
+      mor covariance project.results --points 1,2 --images IMG1,IMG2 --cameras -o joint.npz
+      mor covariance project.results --relative-pose IMG1,IMG2 -o pose.csv
+      mor covariance project.results --full -o all.mtx
+      mor covariance project.results --blocks --to free -o blocks.csv
+      mor covariance project.results --relative 1,2 --relative 1,7 -o pairs.csv
+
+    RESULTS is a folder of results, or a project. Give one of --full, --blocks, --relative, --relative-pose, or any
+    of --points, --images and --cameras. Units are those of the project, squared.
+
+    \b
+    Exit codes: 0 done; 2 input, or no solution.
+    """
+    from mor.api.result import in_datum, reopen, solve
+    from mor.errors import InputError
+    from mor.errors import Message as Problem
+    from mor.linalg.compilation import chosen_by_size
+    from mor.output_files import check_file, write_file
+    from mor.report.covariance import check_covariance
+
+    named = (points, images, cameras)
+    if sum((named != (None, None, None), full, blocks, bool(relative), bool(relative_pose))) != 1:
+        words = "choose --points, --images, --cameras together, or one of --full, --blocks, --relative, --relative-pose"
+        raise InputError([Problem(words)])
+    check_covariance(output)
+    check_file(output, force)
+    if (blocks or relative or relative_pose) and output.suffix != ".csv":
+        raise InputError(
+            [Problem("--blocks, --relative and --relative-pose are written as .csv", str(output))]
+        )
+    project = reopen(results)
+    solved = in_datum(project, target, "--to")[1] if target is not None else solve(project)
+    with chosen_by_size(solved.network.observations):
+        write_file(output, lambda path: _write(path, solved, named, blocks, relative, relative_pose), force)
+
+
+def _write(
+    output: Path,
+    solved: Solved,
+    named: tuple[str | None, str | None, str | None],
+    blocks: bool,
+    relative: tuple[str, ...],
+    relative_pose: tuple[str, ...],
+) -> None:
+    from mor.report import covariance as report
+
+    if blocks:
+        report.write_rows(output, report.POINT_BLOCK_HEADER, report.point_blocks(solved))
+    elif relative:
+        rows = report.relative_rows(solved, [_pair(text, "--relative", "points") for text in relative])
+        report.write_rows(output, report.RELATIVE_HEADER, rows)
+    elif relative_pose:
+        pairs = [_pair(text, "--relative-pose", "images") for text in relative_pose]
+        report.write_rows(output, report.RELATIVE_POSE_HEADER, report.relative_pose_rows(solved, pairs))
+    elif named != (None, None, None):
+        points, images, cameras = named
+        found = report.covariance_of_names(
+            solved,
+            _names(points, "--points", "points"),
+            _names(images, "--images", "images"),
+            None if cameras is None else _names(cameras or None, "--cameras", "cameras"),
+        )
+        report.write_covariance(output, found)
+    else:
+        report.write_covariance(output, report.covariance_of_everything(solved))
+
+
+def _names(text: str | None, option: str, kind: str) -> list[str]:
+    """Names in an option, none if it was not given."""
+    from mor.errors import InputError
+    from mor.errors import Message as Problem
+
+    names = [name.strip() for name in (text or "").split(",") if name.strip()]
+    if text is not None and not names:
+        raise InputError([Problem(f"{option}: found {text!r}, expected names of {kind} A,B,…")])
+    return names
+
+
+def _pair(text: str, option: str, kind: str) -> tuple[str, str]:
+    from mor.errors import InputError
+    from mor.errors import Message as Problem
+
+    names = [name.strip() for name in text.split(",")]
+    if len(names) != 2 or names[0] == names[1]:
+        raise InputError([Problem(f"{option}: found {text!r}, expected two {kind} A,B")])
+    return names[0], names[1]

@@ -1,0 +1,108 @@
+"""``mor examples``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from mor.cli.console import tell
+from mor.cli.options import OutputPath
+
+
+@click.command(name="examples")
+@click.argument("name", required=False)
+@click.option(
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=OutputPath(),
+    show_default="NAME",
+    help="Folder to copy it to; new, or empty.",
+)
+def command(name: str | None, output: Path | None) -> None:
+    """List the sample projects, or copy the one called NAME.
+
+    \b
+    Examples:
+      mor examples
+      mor examples facade && mor adjust facade/project.yaml
+      mor examples building -o my_first_project
+
+    \b
+    Exit codes: 0 done; 2 input.
+    """
+    if name is None:
+        width = max(len(folder.name) for folder in sample_projects())
+        for folder in sample_projects():
+            click.echo(f"{folder.name.ljust(width)}  {title(folder)}")
+        tell("mor examples NAME copies one of them")
+        return
+    target = output or Path(name)
+    copy_sample(name, target)
+    tell(f"{target / 'project.yaml'}: {title(target)}")
+
+
+def sample_projects() -> list[Path]:
+    """Folders of the sample projects: of the installed package, or of the source tree."""
+    import mor
+    from mor.errors import InputError
+    from mor.errors import Message as Problem
+
+    package = Path(mor.__file__).parent
+    for place in (package / "examples", package.parent / "sample_projects"):
+        if found := sorted(path.parent for path in place.glob("*/project.yaml")):
+            return found
+    raise InputError([Problem("this installation came without its sample projects")])
+
+
+def title(folder: Path) -> str:
+    """First heading of a sample's README."""
+    first = (folder / "README.md").read_text(encoding="utf-8").split("\n", 1)[0]
+    return first.removeprefix("# ").strip()
+
+
+def copy_sample(name: str, target: Path) -> None:
+    """Copy a sample into a folder that does not exist, is empty, or has that copy already.
+
+    Raises :class:`mor.errors.InputError`.
+    """
+    from mor.errors import InputError, nearest
+    from mor.errors import Message as Problem
+    from mor.output_files import named, write_files
+
+    known = {folder.name: folder for folder in sample_projects()}
+    if name not in known:
+        words = f"unknown sample project {name!r}{nearest(name, known)} (known: {', '.join(known)})"
+        raise InputError([Problem(words)])
+    ignored = ("__pycache__", "expected.json", "*.results")
+    sample = known[name]
+    with named(target):
+        if _is_copy(target, sample, ignored):
+            return
+        if target.exists() and (not target.is_dir() or any(target.iterdir())):
+            words = "this exists and is not an empty folder; -o names another"
+            raise InputError([Problem(words, str(target))])
+        write_files(
+            {target / name: (sample / name).read_bytes() for name in _names(sample, ignored)},
+            False,
+            makes_folders=True,
+        )
+
+
+def _is_copy(target: Path, sample: Path, ignored: Sequence[str]) -> bool:
+    """Return True if all files of a sample stand in a folder as they are; results beside them do not matter."""
+    import filecmp
+
+    wanted = _names(sample, ignored)
+    return filecmp.cmpfiles(sample, target, wanted, shallow=False)[0] == wanted
+
+
+def _names(sample: Path, ignored: Sequence[str]) -> list[str]:
+    """The files of a sample, from its folder on."""
+    import shutil
+
+    files = [path.relative_to(sample) for path in sample.rglob("*") if path.is_file()]
+    left_out = shutil.ignore_patterns(*ignored)
+    return [str(path) for path in files if not left_out("", list(path.parts))]

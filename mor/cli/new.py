@@ -1,0 +1,122 @@
+"""``mor new``."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from mor.cli.console import tell
+from mor.cli.options import InputPath, OutputPath, force_option
+
+
+@click.command(name="new")
+@click.argument("project", type=OutputPath())
+@click.argument("tables", nargs=-1, type=InputPath())
+@click.option(
+    "-t", "--title", default="", metavar="TEXT", show_default="name of the file", help="Title of the project."
+)
+@click.option(
+    "--length", metavar="UNIT", default="m", show_default=True, help="Unit of lengths: m, mm, ft and more."
+)
+@click.option(
+    "--angle",
+    metavar="UNIT",
+    default="gon",
+    show_default=True,
+    help="Unit of angles: gon, deg, rad and more.",
+)
+@click.option("--camera", metavar="NAME", default="camera", show_default=True, help="Name of the camera.")
+@click.option("-c", "--constant", metavar="NUMBER", type=float, help="Camera constant, mm.")
+@click.option("--size", metavar="WIDTH HEIGHT", type=(int, int), help="Image format, px.")
+@click.option(
+    "--pixel", metavar="SIZE", default="0.004 mm", show_default=True, help="Pixel size with its unit."
+)
+@click.option(
+    "--datum",
+    type=click.Choice(["fixed", "free"]),
+    default="fixed",
+    show_default=True,
+    help="fixed: by control points; free: inner constraints over all points.",
+)
+@force_option
+def command(
+    project: Path,
+    tables: tuple[Path, ...],
+    title: str,
+    length: str,
+    angle: str,
+    camera: str,
+    constant: float | None,
+    size: tuple[int, int] | None,
+    pixel: str,
+    datum: str,
+    force: bool,
+) -> None:
+    """Begin PROJECT, a commented project file, from TABLES (CSV, spreadsheets), or from photographs.
+
+    \b
+    Examples:
+      mor new project.yaml
+      mor new project.yaml image_points.csv control.csv -c 28 --size 6000 4000 --pixel "0.006 mm"
+      mor new net.yaml directions.csv distances.csv points.csv --angle gon
+      mor new field.yaml image_points.csv scale_bars.csv --length mm -c 35 --datum free
+      mor new wall.yaml photos/*.jpg
+
+    The names of its columns, also German and usual other ones, tell what a table is: image points (image, point, x,
+    y), distances (from, to, distance), directions (station, to, horizontal, zenith), points (id, x, y, z), images
+    (id, x, y, z, omega, phi, kappa) and more. A list id, x, y, z whose names are images has their projection
+    centres. Points and images that only observations name are listed; no start values are needed. mor.schema.json
+    beside it is that of this version. Photographs alone say their camera, size, focal length and GNSS position
+    themselves (EXIF; extra formats).
+
+    \b
+    Exit codes: 0 done; 2 input.
+    """
+    from mor.errors import InputError, counted, nearest
+    from mor.errors import Message as Problem
+    from mor.formats.exif import is_photograph
+    from mor.output_files import write_files
+    from mor.project.recognition import CameraSettings, begin, recognise, told_apart
+    from mor.project.schema import project_schema
+    from mor.units import ANGLE_UNITS, LENGTH_UNITS
+
+    for unit, known in ((length, LENGTH_UNITS), (angle, ANGLE_UNITS)):
+        if unit not in known:
+            raise InputError(
+                [Problem(f"unknown unit {unit!r}{nearest(unit, known)} (known: {', '.join(known)})")]
+            )
+    if tables and all(map(is_photograph, tables)):
+        _begin_from_photographs(project, tables, force)
+        return
+    found = told_apart([part for table in tables for part in recognise(table)])
+    settings = CameraSettings(camera, constant, size, pixel)
+    texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
+    schema = project.with_name("mor.schema.json")
+    if not _has_content(schema, project_schema()):
+        texts[schema] = project_schema()
+    write_files(texts, force, makes_folders=True)
+    for table in found:
+        tell(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}")
+    for path, unused in {table.path: table.unused for table in found if table.unused}.items():
+        tell(f"note: {path}: columns not used: {', '.join(unused)}")
+    tell(f"{project} is there: look at the lines marked CHECK, then mor check {project}")
+
+
+def _has_content(path: Path, text: str) -> bool:
+    try:
+        return path.is_file() and path.read_text(encoding="utf-8") == text
+    except (OSError, UnicodeDecodeError):
+        return False
+
+
+def _begin_from_photographs(project: Path, photographs: tuple[Path, ...], force: bool) -> None:
+    from mor.formats.exif import read_photographs
+    from mor.output_files import write_files
+    from mor.project.document import project_files
+
+    document = read_photographs(photographs, project)
+    write_files(project_files(document.data, project.parent, project), force, makes_folders=True)
+    for note in document.notes:
+        tell(f"note: {note.message}")
+    tell(f"{project} is there: add observations, then mor check {project}")

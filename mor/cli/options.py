@@ -1,0 +1,175 @@
+"""Options that several commands share."""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any, TypeVar
+
+import click
+
+from mor.errors import InputError, Message
+from mor.input_files import is_folder, note_input
+from mor.linalg.compilation import ASKED, WAYS
+from mor.machine import processors
+
+# ------------------------------------------------------------
+# Options that all commands that write share, and the types that tell inputs from outputs.
+# ------------------------------------------------------------
+
+
+class _NamedPath(click.Path):
+    """A path, as :class:`pathlib.Path`."""
+
+    def __init__(self) -> None:
+        super().__init__(path_type=Path)
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path. A name with a null byte is refused: no system has a file that is called so."""
+        if "\0" in str(value):
+            self.fail(f"{str(value)!r} is no name of a file", param, ctx)
+        return super().convert(value, param, ctx)
+
+
+class InputPath(_NamedPath):
+    """A file or folder that a command reads: nothing is written over it."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """The path, noted as an input."""
+        from mor.input_files import note_input
+
+        path = super().convert(value, param, ctx)
+        note_input(path)
+        return path
+
+
+class OutputPath(_NamedPath):
+    """A file or folder that a command writes.
+
+    Every option that names an output has this type: the tests find the outputs of all commands by it.
+    """
+
+
+_UNITS = {"": 1.0, "b": 1.0, "kb": 1e3, "mb": 1e6, "gb": 1e9, "tb": 1e12, "mib": 2.0**20, "gib": 2.0**30}
+
+
+class Amount(click.ParamType):  # type: ignore[type-arg]
+    """An amount of memory in bytes: 4GB, 800 MB."""
+
+    name = "size"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> float:
+        """The amount in bytes."""
+        found = re.fullmatch(r"(\d+\.?\d*|\.\d+)\s*([a-z]*)", str(value).strip().lower(), re.ASCII)
+        size = float(found[1]) * _UNITS.get(found[2], 0.0) if found else 0.0
+        if not 0.0 < size < 1e18:
+            self.fail(f"found {str(value)!r}, expected an amount of memory such as 4GB or 800MB", param, ctx)
+        return size
+
+
+def _ask_for_kernels(ctx: click.Context, param: click.Parameter, value: str) -> None:
+    """Tell this process and those that it begins, until the command ends."""
+    before = os.environ.get(ASKED)
+
+    def take_back() -> None:
+        os.environ.pop(ASKED, None)
+        if before is not None:
+            os.environ[ASKED] = before
+
+    ctx.call_on_close(take_back)
+    os.environ[ASKED] = value
+
+
+force_option = click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+kernels_option = click.option(
+    "--kernels",
+    type=click.Choice(WAYS),
+    default="auto",
+    envvar=ASKED,
+    show_default=f"{ASKED}, or auto",
+    expose_value=False,
+    callback=_ask_for_kernels,
+    help="Work in NumPy or by compiled kernels; auto takes what is sooner done, below 20 000 observations NumPy.",
+)
+quiet_option = click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+
+
+# ------------------------------------------------------------
+# The option ``--from``: the format of a foreign file whose content shall not tell.
+# ------------------------------------------------------------
+
+format_option = click.option(
+    "--from",
+    "source_format",
+    metavar="FORMAT",
+    help="Format of a foreign PROJECT, where its content shall not tell.",
+)
+"""``--from`` of the commands that read one project."""
+
+
+def only_project(path: Path, source_format: str | None = None) -> Path:
+    """Return the only project file of a folder; any other path, and a folder in a foreign format, as it is.
+
+    Raises :class:`InputError` for a folder with several project files, and lists them.
+    """
+    if source_format or not is_folder(path):
+        return path
+    from mor.formats import is_foreign
+
+    if is_foreign(path):
+        return path
+    found = sorted(file for file in path.iterdir() if _is_project(file))
+    if len(found) > 1:
+        names = ", ".join(file.name for file in found)
+        raise InputError([Message(f"this folder has several projects: {names}; name one of them", str(path))])
+    if not found:
+        return path
+    note_input(found[0])
+    return found[0]
+
+
+def _is_project(file: Path) -> bool:
+    """True for a YAML file with the key that every project file has."""
+    if file.suffix.lower() not in (".yaml", ".yml") or not file.is_file():
+        return False
+    with file.open("rb") as content:
+        return any(line.startswith(b"mor:") for line in content.read(_HEAD).splitlines())
+
+
+_HEAD = 1 << 16
+"""Bytes of a file in which its key ``mor`` is looked for."""
+
+
+# ------------------------------------------------------------
+# ``--jobs`` and ``--cluster``: who shares what is to be done many times.
+# ------------------------------------------------------------
+
+F = TypeVar("F", bound=Callable[..., object])
+
+
+def jobs_option(words: str) -> Callable[[F], F]:
+    """The option, with what the processes do; by default as many as there are processors."""
+    return click.option(
+        "--jobs",
+        metavar="N",
+        default=None,
+        show_default="all processors",
+        type=click.IntRange(min=1),
+        help=words,
+    )
+
+
+cluster_option = click.option(
+    "--cluster",
+    metavar="ADDRESS",
+    help="Have it done by the workers of a Dask scheduler, e.g. tcp://host:8786 (needs mor-adjustment[dask]).",
+)
+
+
+def jobs_here(jobs: int | None, cluster: str | None) -> int:
+    """Return the number of local processes. Raises :class:`InputError` if a cluster is given as well."""
+    if jobs is not None and cluster is not None:
+        raise InputError([Message("--jobs and --cluster together; give either of them")])
+    return jobs or processors()

@@ -1,1 +1,0 @@
-"""Commands before the measurement, and of many projects at once."""

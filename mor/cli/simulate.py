@@ -1,0 +1,316 @@
+"""``mor simulate``."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from mor.cli.console import language_option, tell, tell_note
+from mor.cli.options import (
+    InputPath,
+    OutputPath,
+    cluster_option,
+    force_option,
+    format_option,
+    jobs_here,
+    jobs_option,
+    kernels_option,
+    only_project,
+    quiet_option,
+)
+from mor.errors import ExitCode
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from mor.api.simulation import Chunk, Prepared, Trial, Worked
+    from mor.input_files import ReadFile
+    from mor.plan.simulation import Systematic, Wishes
+
+
+@click.command(name="simulate")
+@click.argument("project", type=InputPath())
+@click.option(
+    "-o",
+    "--output",
+    metavar="FOLDER",
+    type=OutputPath(),
+    show_default="PROJECT.simulated, with --runs PROJECT.montecarlo",
+    help="Folder of the simulated project, or of the report of many runs.",
+)
+@force_option
+@format_option
+@click.option(
+    "--seed",
+    metavar="N",
+    default=1,
+    show_default=True,
+    type=click.IntRange(min=0),
+    help="Seed of all that is drawn.",
+)
+@click.option("--noise-free", is_flag=True, help="No random errors: only those that are planted.")
+@click.option(
+    "--gross",
+    default=0,
+    show_default=True,
+    metavar="N",
+    type=click.IntRange(min=0),
+    help="Plant N gross errors.",
+)
+@click.option(
+    "--size",
+    metavar="K",
+    default=20.0,
+    show_default=True,
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="Size of a gross error, in units of the sigma of its observation.",
+)
+@click.option(
+    "--drop",
+    default=0.0,
+    show_default=True,
+    metavar="SHARE",
+    type=click.FloatRange(min=0.0, max=1.0, max_open=True),
+    help="Lose this share of the rows of tables, e.g. 0.1.",
+)
+@click.option(
+    "--offset",
+    "offsets",
+    multiple=True,
+    metavar="GROUP[:COMPONENT]=AMOUNT",
+    help="Add an amount to all observations of a group, in its unit.",
+)
+@click.option(
+    "--ppm",
+    "scales",
+    multiple=True,
+    metavar="GROUP[:COMPONENT]=PPM",
+    help="Add parts per million of the values of a group.",
+)
+@click.option(
+    "--runs",
+    metavar="N",
+    type=click.IntRange(min=2),
+    help="Monte Carlo: N simulated measurements, adjusted one by one, against what the adjustment says of itself.",
+)
+@jobs_option("Processes that runs are shared among.")
+@cluster_option
+@click.option(
+    "--starts",
+    is_flag=True,
+    help="Work out start values anew in every run of --runs.",
+)
+@click.option("--json", "as_json", is_flag=True, help="Print montecarlo.json on standard output as well.")
+@language_option("the report of many runs")
+@kernels_option
+@quiet_option
+def command(
+    project: Path,
+    output: Path | None,
+    force: bool,
+    source_format: str | None,
+    seed: int,
+    noise_free: bool,
+    gross: int,
+    size: float,
+    drop: float,
+    offsets: tuple[str, ...],
+    scales: tuple[str, ...],
+    runs: int | None,
+    jobs: int | None,
+    cluster: str | None,
+    starts: bool,
+    as_json: bool,
+    lang: str,
+    quiet: bool,
+) -> int:
+    """Measure PROJECT by numbers: the same project with simulated observations, ready to be adjusted.
+
+    \b
+    Examples:
+      mor simulate project.yaml && mor adjust project.simulated/project.yaml
+      mor simulate project.yaml -o trial --seed 7 --gross 3 --drop 0.1
+      mor simulate project.yaml -o trial --offset distances.csv=0.003 --force
+      mor simulate project.yaml --runs 2000 --jobs 4
+      mor simulate project.yaml --runs 20000 --cluster tcp://host:8786
+
+    The place of everything is that of the start values; measured values are ignored. Errors are drawn from the sigmas
+    and covariances of the project; prior knowledge, as control points with a sigma, gets its error as well. truth.csv
+    has what is true, planted.csv what was planted on purpose. With --runs nothing is written but a report: bias,
+    coverage of confidence regions, levels and power of the tests, against the analytic values; the same bytes for a
+    seed whatever the number of jobs, and a run that was interrupted goes on where it stood.
+
+    \b
+    Exit codes: 0 done; 1 simulation and theory disagree (--runs); 2 input; 4 singular (--runs).
+    """
+    from mor.api.simulation import Trial
+    from mor.plan.simulation import Wishes
+
+    project = only_project(project, source_format)
+    systematic = (*_systematic(offsets, False), *_systematic(scales, True))
+    wishes = Wishes(gross, size, drop, systematic)
+    if runs is not None:
+        _refuse_with_runs(gross, drop, systematic, noise_free)
+        trial = Trial(project, source_format or "", seed, starts)
+        here = jobs_here(jobs, cluster)
+        return _many(trial, output, force, runs, here, cluster, as_json, lang, quiet)
+    _refuse_without_runs(cluster)
+    return _one(project, output, force, source_format or "", seed, noise_free, wishes, quiet)
+
+
+def _one(
+    project: Path,
+    output: Path | None,
+    force: bool,
+    form: str,
+    seed: int,
+    noise_free: bool,
+    wishes: Wishes,
+    quiet: bool,
+) -> int:
+    from mor.api.simulation import USUAL_FILES, simulated
+    from mor.errors import screenful
+    from mor.output_files import check_folder
+    from mor.report.output_folder import folder_beside, reserve
+
+    folder = output or folder_beside(project, ".simulated")
+    check_folder(folder, force, USUAL_FILES)
+    simulation = simulated(project, form, seed, wishes, not noise_free)
+    with reserve(folder, force, USUAL_FILES) as place:
+        simulation.write(place)
+    if not quiet:
+        for note in screenful(simulation.network.notes, "mor check --all"):
+            tell_note(note)
+        tell(f"simulated project in {folder}")
+    return ExitCode.DONE
+
+
+def _refuse_with_runs(gross: int, drop: float, systematic: Sequence[Systematic], noise_free: bool) -> None:
+    """Refuse options that plant errors in one simulated project together with ``--runs``."""
+    from mor.errors import InputError
+    from mor.errors import Message as Problem
+
+    given = {"--gross": gross, "--drop": drop, "--offset or --ppm": systematic, "--noise-free": noise_free}
+    problems = [
+        Problem("this goes with one simulated project, not with --runs", key) for key, v in given.items() if v
+    ]
+    if problems:
+        raise InputError(problems)
+
+
+def _refuse_without_runs(cluster: str | None) -> None:
+    """One simulated project is made here."""
+    from mor.errors import InputError
+    from mor.errors import Message as Problem
+
+    if cluster is not None:
+        raise InputError([Problem("this goes with --runs, not with one simulated project", "--cluster")])
+
+
+def _many(
+    trial: Trial,
+    output: Path | None,
+    force: bool,
+    runs: int,
+    jobs: int,
+    cluster: str | None,
+    as_json: bool,
+    lang: str,
+    quiet: bool,
+) -> int:
+    from mor.api.simulation import prepared, run_trial
+    from mor.cli.progress import progress
+    from mor.input_files import files_read
+    from mor.linalg.compilation import notes_told_by
+    from mor.output_files import write_among
+    from mor.plan.simulation import findings
+    from mor.report.identity import Identity
+    from mor.report.language import words_of_planning
+    from mor.report.output_folder import folder_beside, to_json
+    from mor.report.simulation import finding_table, monte_carlo_data, monte_carlo_text, verdict
+
+    folder, words = output or folder_beside(trial.path, ".montecarlo"), words_of_planning(lang)
+    _check_folder(folder, force)
+    with files_read() as files:
+        ready = prepared(trial)
+    if ready.truth is None:
+        click.echo(words("the plan has no solution; mor design says why"), err=True)
+        return ExitCode.SINGULAR
+    with (
+        progress(quiet, False, words=words) as say,
+        notes_told_by(say.note),
+        _workers(folder / "runs", jobs, cluster, files) as work,
+    ):
+        tally = run_trial(ready, runs, work, folder / "runs", files, say.phase("simulating", runs))
+    of = Identity(tuple(files.values()), trial.path.parent, (f"--runs {runs}", f"--seed {trial.seed}"))
+    about = ready.network, ready.truth, tally, trial.seed, trial.starts
+    data = to_json(monte_carlo_data(*about, of))
+    write_among(folder, dict(zip(_REPORTS, (monte_carlo_text(*about, words, of), data), strict=True)))
+    if as_json:
+        click.echo(data, nl=False)
+    found = findings(ready.truth, tally)
+    if not quiet:
+        tell(f"{verdict(found, words)}\n{finding_table(found, words)}")
+        click.echo(words("report in {place}", place=folder), err=True)
+    return ExitCode.DONE if all(one.agrees for one in found) else ExitCode.REJECTED
+
+
+@contextmanager
+def _workers(
+    folder: Path, jobs: int, cluster: str | None, files: Mapping[Path, ReadFile]
+) -> Iterator[Callable[[Prepared, list[Chunk]], Worked]]:
+    """Who works out the runs: processes of this machine, or the workers of a cluster, who see the folder of runs."""
+    from mor.api.simulation import by_processes
+
+    if cluster is None:
+        yield partial(by_processes, jobs=jobs)
+        return
+    from mor.api.simulation import chunks_on_cluster
+    from mor.solve.cluster import connected
+
+    with connected(folder.resolve(), cluster) as workers:
+        yield partial(chunks_on_cluster, cluster=workers, files=files)
+
+
+_REPORTS = ("montecarlo.txt", "montecarlo.json")
+
+
+def _check_folder(folder: Path, force: bool) -> None:
+    """A folder of earlier runs goes on; any other one that is not empty needs ``--force``."""
+    from mor.errors import InputError
+    from mor.errors import Message as Problem
+    from mor.output_files import check_folder, check_names
+
+    runs = folder / "runs"
+    if (runs / "key.json").is_file():
+        check_names(folder, _REPORTS)
+        return
+    check_folder(folder, force, _REPORTS)
+    if runs.is_dir() and any(runs.iterdir()):
+        words = "this folder holds no runs of mor, and is not empty; choose another folder with -o"
+        raise InputError([Problem(words, str(runs))])
+
+
+def _systematic(given: tuple[str, ...], is_ppm: bool) -> list[Systematic]:
+    from mor.errors import InputError
+    from mor.errors import Message as Problem
+    from mor.plan.simulation import Systematic
+
+    found, problems = [], []
+    for text in given:
+        pattern, sign, amount = text.rpartition("=")
+        try:
+            found.append(Systematic(pattern, float(amount), is_ppm))
+            if not sign:
+                raise ValueError
+        except ValueError:
+            words = f"found {text!r}, expected GROUP=AMOUNT, e.g. distances.csv=0.003"
+            problems.append(Problem(words, "--ppm" if is_ppm else "--offset"))
+    if problems:
+        raise InputError(problems)
+    return found

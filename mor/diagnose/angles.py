@@ -1,0 +1,536 @@
+"""Hypotheses about circles, angles and reference frames."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import combinations
+
+import numpy as np
+
+from mor.diagnose.hypothesis import (
+    SMALL,
+    CellEdit,
+    Edit,
+    Hypothesis,
+    Situation,
+    cells,
+    computed,
+    key_edit,
+    table_key,
+    to,
+    with_blocks,
+    with_group,
+    with_observed,
+    with_unknown,
+)
+from mor.model.observation_types import ObservationGroup, is_image_point, wrap
+from mor.model.parameters import Values
+from mor.project.network import Network
+from mor.project.rows import group_name
+from mor.quality.outliers import costs_of_sizes
+from mor.solve.problem import misclosures
+from mor.types import BoolArray, FloatArray, IntArray
+from mor.units import ANGLE_UNITS
+
+# ------------------------------------------------------------
+# Circles of instruments: another unit, the other sense, elevations for zenith angles, the other face.
+# ------------------------------------------------------------
+
+_BAD = 0.5
+"""Part of the rows of a station that do not fit, from which on its circle is looked at."""
+_STATIONS = 3
+"""Stations of a group that are looked at, the worst first."""
+_UNITS = ("gon", "deg", "rad")
+_ZENITH = ("zenith", "zenith_angle")
+
+
+def circle_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Hypotheses about the circles of every group, and of the stations whose rows do not fit."""
+    found = []
+    for number, group in enumerate(situation.network.groups):
+        if not group.type.wraps.any() or group.type.distances is None:
+            continue
+        for things, rows in _sets(situation, number, group):
+            found += list(_of_rows(situation, number, group, things, rows))
+    return found
+
+
+def face_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Rows whose horizontal circle is that of the other face."""
+    groups = enumerate(situation.network.groups)
+    return [h for number, group in groups if group.count for h in _faces(situation, number, group)]
+
+
+def turned_circle_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the sets that score tests say were turned between two of their rows."""
+    found = []
+    for one in situation.scored:
+        rows: dict[int, list[int]] = {}
+        for number, row in one.rows if one.cause == "orientation changed" else ():
+            rows.setdefault(number, []).append(row)
+        for number, own in rows.items():
+            group = situation.network.groups[number]
+            slot = next((k for k, s in enumerate(group.type.slots) if s.kind == "rotation"), -1)
+            if slot >= 0:
+                found.append(
+                    Hypothesis(
+                        one.cause,
+                        one.things,
+                        partial(_turned_on, number=number, rows=own, slot=slot, values=situation.values),
+                        one.line,
+                        group.count,
+                        parameters=1,
+                    )
+                )
+    return found
+
+
+def _turned_on(network: Network, number: int, rows: list[int], slot: int, values: Values) -> Network:
+    """The network with an orientation of their own for some rows of a set of directions."""
+    block = int(network.groups[number].blocks[slot][rows[0]])
+    free = network.blocks["rotation"].free[block]
+    network, own = with_unknown(network, "rotation", values["rotation"][block], free, block)
+    return with_blocks(network, number, rows, {slot: [own] * len(rows)})
+
+
+def _sets(
+    situation: Situation, number: int, group: ObservationGroup
+) -> Iterator[tuple[tuple[str, ...], IntArray]]:
+    """The whole group, which may fit a mirrored place of its stations, and the rows of each station that fit badly."""
+    bad: BoolArray = np.asarray(situation.misfitting[number].any(axis=1))
+    yield (group.name,), np.arange(group.count)
+    stations = np.array(list(group.references[0]))
+    names = list(dict.fromkeys(stations.tolist()))
+    shares = {name: float(bad[stations == name].mean()) for name in names if np.sum(stations == name) > 1}
+    worst = sorted((name for name in shares if shares[name] >= _BAD), key=lambda name: -shares[name])
+    causes = ("circle sense", "circle unit", "elevation for zenith")
+    scored = [
+        name for one in situation.scored if one.cause in causes for name in one.things if name in shares
+    ]
+    for name in dict.fromkeys([*scored, *worst[:_STATIONS]]) if len(names) > 1 else []:
+        yield (name, group.name), np.flatnonzero(stations == name)
+
+
+def _of_rows(
+    situation: Situation, number: int, group: ObservationGroup, things: tuple[str, ...], rows: IntArray
+) -> Iterator[Hypothesis]:
+    edge, seen = situation.network.edge, int(np.count_nonzero(group.mask[rows]))
+    given = _given_unit(situation.network, group)
+    bad = situation.misfitting[number][rows].any(axis=1)
+    spoiled = bad.any() and bad.mean() >= _BAD
+    anew = _stations(group, rows) if spoiled else {}  # else they stand where they should
+    network, full = situation.network, 2.0 * np.pi / ANGLE_UNITS[given]
+    angles = [c.name for c, wraps in zip(group.type.components, group.type.wraps, strict=True) if wraps]
+    for other in _UNITS:
+        factor = ANGLE_UNITS[other] / ANGLE_UNITS[given]
+        if factor != 1.0 and _is_on_circle(group, rows, factor):
+            yield _hypothesis(
+                "circle unit",
+                (*things, other),
+                anew,
+                number,
+                rows,
+                partial(_read_in, factor),
+                f"observations, {things[0]}: units: {other}",
+                seen * float(np.log(factor)),
+                table_key(network, number, "units", f"{{{', '.join(f'{a}: {other}' for a in angles)}}}")
+                if len(rows) == group.count
+                else _in_cells(network, number, rows, angles, partial(float.__mul__, factor)),
+            )
+    if group.type.turns:
+        columns = list(group.type.turns)
+        yield _hypothesis(
+            "circle sense",
+            things,
+            anew,
+            number,
+            rows,
+            partial(_negative, columns),
+            f"axes: {{angles: {'counterclockwise' if edge.sense > 0 else 'clockwise'}}} ({things[0]})",
+            0.0,
+            (key_edit(("axes", "angles"), "counterclockwise" if edge.sense > 0 else "clockwise"),)
+            if len(rows) == group.count and sum(bool(g.type.turns) for g in network.groups) == 1
+            else _in_cells(
+                network,
+                number,
+                rows,
+                [group.type.components[group.type.turns[0]].name],
+                lambda angle: (full - angle) % full,
+            ),
+        )
+    names = [component.name for component in group.type.components]
+    columns = [k for k, name in enumerate(names) if name in _ZENITH]
+    if columns:
+        yield _hypothesis(
+            "elevation for zenith",
+            things,
+            anew,
+            number,
+            rows,
+            partial(_complement, columns),
+            f"observations, {things[0]}: type: directions",
+            0.0,
+            _in_cells(
+                network,
+                number,
+                rows,
+                [names[k] for k in columns],
+                lambda angle: (0.25 * full - angle) % full,
+            ),
+        )
+
+
+def _in_cells(
+    network: Network, number: int, rows: IntArray, names: list[str], change: Callable[[float], float]
+) -> tuple[Edit, ...]:
+    """Edits of some columns in some rows."""
+    found = [cells(network, number, rows.tolist(), name, computed(change)) for name in names]
+    return tuple(edit for edits in found for edit in edits)
+
+
+def _is_on_circle(group: ObservationGroup, rows: IntArray, factor: float) -> bool:
+    """True where the angles (n, m) of some rows, times a factor, do not go beyond a full circle."""
+    angles = np.abs(group.observed[rows][:, group.type.wraps])
+    return bool(factor * np.nanmax(angles, initial=0.0) <= 2.0 * np.pi)
+
+
+def _given_unit(network: Network, group: ObservationGroup) -> str:
+    """Unit in which the angles of a group were given: that of its table, or of the project."""
+    unit: str = network.edge.units.angle
+    angles = [c.name for c, wraps in zip(group.type.components, group.type.wraps, strict=True) if wraps]
+    for number, entry in enumerate(network.project.observations):
+        if group_name(entry, number) == group.name:
+            own = entry.units if isinstance(entry.units, dict) else dict.fromkeys(angles, entry.units)
+            unit = next((own[name] for name in angles if own.get(name)), unit)
+    return unit if unit in _UNITS else "deg"
+
+
+def _hypothesis(
+    cause: str,
+    things: tuple[str, ...],
+    anew: dict[str, IntArray],
+    number: int,
+    rows: IntArray,
+    change: Callable[[FloatArray], FloatArray],
+    line: str,
+    stretch: float,
+    edits: tuple[Edit, ...],
+) -> Hypothesis:
+    return Hypothesis(
+        cause,
+        things,
+        lambda network: with_observed(network, number, rows, change),
+        line,
+        len(_UNITS),
+        stretch=stretch,
+        anew=anew,
+        afresh=True,
+        edits=edits,
+    )
+
+
+def _stations(group: ObservationGroup, rows: IntArray) -> dict[str, IntArray]:
+    """Positions and rotations of what observes some rows."""
+    found: dict[str, list[IntArray]] = {}
+    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        if slot.of == group.type.references[0].name and slot.part in ("position", "rotation"):
+            found.setdefault(slot.kind, []).append(np.asarray(blocks[rows]))
+    return {kind: np.unique(np.concatenate(blocks)) for kind, blocks in found.items()}
+
+
+def _read_in(factor: float, angles: FloatArray) -> FloatArray:
+    return _folded(factor * angles)
+
+
+def _folded(angles: FloatArray) -> FloatArray:
+    return np.asarray(np.remainder(angles, 2.0 * np.pi))
+
+
+def _negative(columns: list[int], angles: FloatArray) -> FloatArray:
+    changed = angles.copy()
+    changed[:, columns] = _folded(-angles[:, columns])
+    return changed
+
+
+def _complement(columns: list[int], angles: FloatArray) -> FloatArray:
+    changed = angles.copy()
+    changed[:, columns] = _folded(0.5 * np.pi - angles[:, columns])
+    return changed
+
+
+def _faces(situation: Situation, number: int, group: ObservationGroup) -> Iterator[Hypothesis]:
+    """Rows of a station whose horizontal directions are off by half a circle."""
+    if not group.type.turns or group.type.tell_face is None:
+        return
+    column = group.type.turns[0]
+    full = 2.0 * np.pi / ANGLE_UNITS[_given_unit(situation.network, group)]
+    misclosure = np.nan_to_num(misclosures(group, situation.values)[:, column])
+    stations = np.array(list(group.references[0]))
+    for name in dict.fromkeys(stations.tolist()):
+        here = np.flatnonzero(stations == name)
+        middle = _middle(misclosure[here])
+        off = here[np.abs(wrap(misclosure[here] - middle)) > 0.75 * np.pi]
+        if 0 < len(off) < len(here):
+            yield Hypothesis(
+                "face",
+                (name, *dict.fromkeys(group.references[1][int(row)] for row in off)),
+                partial(with_observed, number=number, rows=off, change=partial(_opposite, column)),
+                f"{group.name}, {name}: horizontal + 200 gon",
+                len(here),
+                rows=tuple((number, int(row)) for row in off) if len(off) < 4 else (),
+                edits=_in_cells(
+                    situation.network,
+                    number,
+                    off,
+                    [group.type.components[column].name],
+                    lambda angle: (angle + 0.5 * full) % full,
+                ),
+            )
+
+
+def _middle(angles: FloatArray) -> float:
+    """The angle that most of them are near to."""
+    near = np.abs(wrap(angles[:, None] - angles[None, :])).sum(axis=1)
+    return float(angles[int(np.argmin(near))])
+
+
+def _opposite(column: int, angles: FloatArray) -> FloatArray:
+    changed = angles.copy()
+    changed[:, column] = _folded(angles[:, column] + np.pi)
+    return changed
+
+
+# ------------------------------------------------------------
+# Whole set-ups and images mixed up: two instruments whose places were exchanged, two images whose names were.
+#
+# All rows of one frame get the blocks of the other one. With the unknowns as they are, and the orientation of
+# each set of directions taken from its own rows, the pairs whose rows then cost least are tried. A pair of
+# stations is also judged with the two points exchanged in all other rows: if few sights go to them, the
+# points follow their instruments.
+# ------------------------------------------------------------
+
+_TRIED = 4
+_FRAMES = 12
+"""Stations or images that are looked at, those first of which most rows do not fit."""
+ALL = -1
+"""Stands for all tables."""
+_GAIN = 20.0
+"""Decrease of the cost that is worth an adjustment."""
+
+
+def frame_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the exchanges of two stations, and of two images, that promise most."""
+    if not situation.begun or situation.count > SMALL:
+        return []
+    return [*_stations_of_frame(situation), *_images(situation)]
+
+
+def exchanged_frames(network: Network, pair: tuple[str, str], of: str, only: int = ALL) -> Network:
+    """Return the network with the blocks of two frames exchanged in all their rows, or in those of one table.
+
+    ``of`` is ``station``, whose positions are exchanged, or ``image``, whose positions, rotations and interiors are.
+    """
+    for number, group in enumerate(network.groups):
+        if only not in (ALL, number):
+            continue
+        blocks, changed = list(group.blocks), False
+        for slot in _slots(group, of):
+            column = group.references[
+                [r.name for r in group.type.references].index(group.type.slots[slot].of)
+            ]
+            names = np.array(list(column))
+            rows = [np.flatnonzero(names == name) for name in pair]
+            known = _blocks_of(network, pair, of, group.type.slots[slot].part)
+            if known is None:
+                continue
+            own = np.array(blocks[slot])
+            own[rows[0]], own[rows[1]] = known[1], known[0]
+            changed |= bool(len(rows[0]) + len(rows[1]))
+            blocks[slot] = own
+        if changed:
+            network = with_group(network, number, replace(group, blocks=tuple(blocks)))
+    return network
+
+
+def _slots(group: ObservationGroup, of: str) -> list[int]:
+    """Slots of a group that change if its frames are exchanged."""
+    if of == "image":
+        parts = ("position", "rotation", "interior")
+        return [k for k, s in enumerate(group.type.slots) if s.of == "image" and s.part in parts]
+    if not group.type.distances or group.type.between_marks:
+        return []
+    begin = group.type.distances[0]
+    return [k for k, s in enumerate(group.type.slots) if s.of == begin and s.part == "position"]
+
+
+def _blocks_of(network: Network, pair: tuple[str, str], of: str, part: str) -> tuple[int, int] | None:
+    things = network.things[of]
+    if part not in things.parts:
+        return None
+    one, other = (int(things.parts[part][things.numbers[name]]) for name in pair)
+    return one, other
+
+
+def _stations_of_frame(situation: Situation) -> list[Hypothesis]:
+    network = situation.network
+    if "station" not in network.things:
+        return []
+    things = network.things["station"]
+    declared = [name for name in things.ids if name not in network.sets]
+    worst = _worst(situation, "station", declared)
+    pairs = [
+        pair
+        for pair in combinations(declared, 2)
+        if set(pair) & set(worst) and len(set(_blocks_of(network, pair, "station", "position") or ())) == 2
+    ]
+    tables = [k for k, group in enumerate(network.groups) if group.count and _slots(group, "station")]
+    variants = [ALL, *tables] if len(tables) > 1 else [ALL]
+    best = _best(situation, [(pair, only) for pair in pairs for only in variants], "station")
+    ids = network.blocks["point"].ids
+    found = []
+    for pair, only in best:
+        if only != ALL:
+            group = network.groups[only]
+            column = np.array(list(group.references[0]))
+            booked: tuple[Edit, ...] = ()
+            for name, other in (pair, pair[::-1]):
+                rows = np.flatnonzero(column == name).tolist()
+                booked += cells(network, only, rows, group.type.references[0].name, to(other))
+            found.append(
+                _hypothesis_of_frame(
+                    "set-ups exchanged", pair, "station", len(pairs), booked, situation, only
+                )
+            )
+            continue
+        blocks = _blocks_of(network, pair, "station", "position")
+        points = [ids[k] for k in blocks or ()]
+        edits: tuple[Edit, ...] = tuple(
+            CellEdit(("stations",), "point", to(point), cells={"id": name})
+            for name, point in zip(pair, reversed(points), strict=True)
+        )
+        found.append(_hypothesis_of_frame("set-ups exchanged", pair, "station", len(pairs), edits, situation))
+    return found
+
+
+def _images(situation: Situation) -> list[Hypothesis]:
+    network = situation.network
+    names = list(network.things["image"].ids) if "image" in network.things else []
+    worst = _worst(situation, "image", names)
+    pairs = [pair for pair in combinations(worst, 2) if _alike(network, pair)]
+    found = []
+    for pair, _ in _best(situation, [(pair, ALL) for pair in pairs], "image"):
+        edits: tuple[Edit, ...] = ()
+        for number, group in enumerate(network.groups):
+            if is_image_point(group.type):
+                column = np.array(list(group.references[0]))
+                for name, other in (pair, pair[::-1]):
+                    rows = np.flatnonzero(column == name).tolist()
+                    edits += cells(network, number, rows, "image", to(other))
+        found.append(_hypothesis_of_frame("images exchanged", pair, "image", len(pairs), edits, situation))
+    return found
+
+
+def _alike(network: Network, pair: tuple[str, str]) -> bool:
+    """True if two images have interiors of one model."""
+    cameras = network.things["image"].parts["camera"]
+    numbers = network.things["image"].numbers
+    models = {
+        network.project.cameras[network.things["camera"].ids[cameras[numbers[name]]]].model for name in pair
+    }
+    return len(models) == 1
+
+
+def _worst(situation: Situation, of: str, names: list[str]) -> list[str]:
+    """Frames with rows that do not fit, those with most of them first."""
+    count = dict.fromkeys(names, 0)
+    for group, bad in zip(situation.network.groups, situation.misfitting, strict=False):
+        for slot in _slots(group, of)[:1]:
+            own = group.type.slots[slot].of
+            column = group.references[[r.name for r in group.type.references].index(own)]
+            for row in np.flatnonzero(bad.any(axis=1)).tolist():
+                if column[row] in count:
+                    count[column[row]] += 1
+    return sorted((name for name in names if count[name]), key=lambda name: -count[name])[:_FRAMES]
+
+
+_Pair = tuple[tuple[str, str], int]
+"""Two frames, and the table in which they are exchanged."""
+
+
+def _best(situation: Situation, pairs: list[_Pair], of: str) -> list[_Pair]:
+    network = situation.network
+    now = _cost(situation, network, situation.values)
+    gains = {}
+    for pair, only in pairs:
+        places = [situation.values]
+        blocks = _blocks_of(network, pair, of, "position")
+        if (
+            blocks is not None
+        ):  # the points, or images, are where the others have them, or have been exchanged
+            places.append(_exchanged_values(situation.values, _kind(network, of), blocks))
+        changed = exchanged_frames(network, pair, of, only)
+        gains[pair, only] = now - min(_cost(situation, changed, values) for values in places)
+    order = sorted((p for p in pairs if gains[p] > _GAIN), key=lambda p: -gains[p])
+    return order[:_TRIED]
+
+
+def _kind(network: Network, of: str) -> str:
+    return next(
+        group.type.slots[slot].kind
+        for group in network.groups
+        for slot in _slots(group, of)
+        if group.type.slots[slot].part == "position"
+    )
+
+
+def _exchanged_values(values: Values, kind: str, blocks: tuple[int, int]) -> Values:
+    moved: FloatArray = values[kind].copy()
+    moved[list(blocks)] = moved[list(reversed(blocks))]
+    return {**values, kind: moved}
+
+
+def _cost(situation: Situation, network: Network, values: Values) -> float:
+    """What all rows cost, sets of directions turned to where most of their own rows have them."""
+    cost = 0.0
+    for group in network.groups:
+        if not group.count or any(slot.kind not in values for slot in group.type.slots):
+            continue
+        with np.errstate(all="ignore"):
+            misclosure = misclosures(group, values)
+        if group.type.turns and group.type.references[0].name == "station":
+            column, stations = group.type.turns[0], np.array(list(group.references[0]))
+            for name in dict.fromkeys(stations.tolist()):
+                own: IntArray = np.flatnonzero(stations == name)
+                angles = np.nan_to_num(misclosure[own, column])
+                misclosure[own, column] = wrap(angles - _middle(angles))
+        sizes = np.abs(misclosure / group.given_sigma)[group.mask]
+        cost += float(np.sum(costs_of_sizes(np.nan_to_num(sizes, nan=1e30, posinf=1e30), situation.count)))
+    return cost
+
+
+def _hypothesis_of_frame(
+    cause: str,
+    pair: tuple[str, str],
+    of: str,
+    candidates: int,
+    edits: tuple[Edit, ...],
+    situation: Situation,
+    only: int = ALL,
+) -> Hypothesis:
+    blocks = _blocks_of(situation.network, pair, of, "position")
+    kind = _kind(situation.network, of)
+    anew = {kind: np.array(blocks)} if blocks is not None and kind == "point" else {}
+    return Hypothesis(
+        cause,
+        pair if only == ALL else (*pair, situation.network.groups[only].name),
+        lambda network: exchanged_frames(network, pair, of, only),
+        f"{of}s: {pair[0]} ↔ {pair[1]}"
+        if only == ALL
+        else f"{situation.network.groups[only].name}: {pair[0]} ↔ {pair[1]}",
+        candidates,
+        edits=edits,
+        anew=anew,
+        afresh=True,
+    )

@@ -1,1 +1,0 @@
-"""AICON flat files."""

@@ -1,1 +1,0 @@
-"""BINGO's files: image coordinates, control and cameras, orientations."""

@@ -1,1 +1,0 @@
-"""Projects of DBAT, the Damped Bundle Adjustment Toolbox."""

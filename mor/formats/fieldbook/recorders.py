@@ -1,0 +1,689 @@
+"""Field books of data recorders: Geodimeter, IDX, M5, RW5, SDR."""
+
+from __future__ import annotations
+
+import csv
+import re
+from itertools import pairwise
+from pathlib import Path
+
+from mor.formats.draft import Draft, parse_number
+from mor.formats.fieldbook.book import FieldBook, Sight, records, sexagesimal
+from mor.project.document import Document
+
+# ------------------------------------------------------------
+# Geodimeter ARE and JOB: a number and a value a line.
+#
+# 2 station, 62 reference object, 5 point, 3 instrument height, 6 target height, 4 code, 23 units; 7
+# horizontal and 8 zenith reading, 17 and 18 in face two, 24 and 25 in face one, 9 slope, 11 horizontal
+# distance, 37 north, 38 east, 39 height (Geodimeter, "Labels"). 7 and 8 are the means of both faces if 24 and
+# 25 are there. Coordinates of a point with readings are computed; those of a station, a reference object and
+# of a point without readings are given.
+#
+# The first digit of 23 tells the unit of angles (1 gon, 2 degrees, minutes and seconds, 3 decimal degrees).
+# Without it angles are ddd.mmss if every one of them may be, gon otherwise.
+# ------------------------------------------------------------
+
+_ANGLES = ("7", "8", "17", "18", "24", "25")
+_BEGIN = ("2", "5", "62")
+"""Labels of what follows: a station, a point, a reference object."""
+Entry = tuple[str, str, int]
+"""Label, value, line."""
+
+
+def read_geodimeter(path: Path) -> Document:
+    """The project of an ARE or JOB file. Raises :class:`InputError` with every mistake found."""
+    draft = Draft(str(path))
+    book = FieldBook(draft)
+    entries: list[Entry] = []
+    for line, text in records(path, draft):
+        label, sign, value = text.partition("=")
+        if text.strip().upper() == "END":
+            continue
+        if text.strip() and not (sign and label.strip().isdecimal()):
+            draft.problem(f"found {text.strip()!r}, expected a label and a value as in 5=P1", line)
+        elif text.strip():
+            entries.append((label.strip(), value.strip(), line))
+    read = _angle_unit(entries, book)
+    begin = [k for k, (label, _, _) in enumerate(entries) if label in _BEGIN]
+    for label, _, line in entries[: begin[0] if begin else len(entries)]:
+        book.leave_out(f"label {label} before the first point", line)
+    height = 0.0
+    for first, end in pairwise([*begin, len(entries)]):
+        try:
+            height = _thing(entries[first:end], book, read, height)
+        except ValueError as error:
+            draft.problem(str(error), entries[first][2])
+    book.finish(path.stem)
+    return draft.finish()
+
+
+def _angle_unit(entries: list[Entry], book: FieldBook) -> bool:
+    """Set the unit of angles and return True for degrees, minutes and seconds."""
+    units = next((value for label, value, _ in entries if label == "23"), "")
+    angles = [value for label, value, _ in entries if label in _ANGLES]
+    try:
+        largest = max((sexagesimal(value) for value in angles), default=0.0)
+    except ValueError:
+        largest = 400.0
+    if units[:1] in ("1", "3"):
+        book.angle = "gon" if units[0] == "1" else "deg"
+        return False
+    if largest <= 360.0:
+        if angles and units[:1] != "2":
+            book.draft.note(
+                "angles are taken as degrees, minutes and seconds, as all of them may be", entries[0][2]
+            )
+        return True
+    book.angle = "gon"
+    book.draft.note("angles are taken as gon", entries[0][2])
+    return False
+
+
+_LENGTHS = ("3", "6", "9", "11", "37", "38", "39")
+_NOTES = {"0": "notes", "4": "codes", "23": "units"}
+
+
+def _thing(entries: list[Entry], book: FieldBook, dms: bool, height: float) -> float:
+    """A station, reference object or point with all that follows it; returns the target height from here on."""
+    values = {label: (value, line) for label, value, line in entries}
+    kind, name, line = entries[0]
+    numbers = {label: parse_number(values[label][0]) for label in _LENGTHS if label in values}
+    angles = {
+        label: sexagesimal(values[label][0]) if dms else parse_number(values[label][0])
+        for label in _ANGLES
+        if label in values
+    }
+    if kind == "2":
+        book.set_up(name, line, numbers.get("3", 0.0))
+    elif "3" in numbers:
+        book.instrument_height(numbers["3"], line)
+    height = numbers.get("6", height)
+    first = ("24", "25") if {"24", "25"} & angles.keys() else ("7", "8")
+    faces = (first, ("17", "18"))
+    sights = []
+    for face, (circle, zenith) in enumerate(faces, start=1):
+        lengths = (numbers.get("9") or None, numbers.get("11") or None) if face == 1 else (None, None)
+        found = (angles.get(circle), angles.get(zenith), *lengths)
+        if kind == "5" and any(value is not None for value in found):
+            at = values.get(circle, ("", line))[1]
+            slope = found[2]
+            plan = None if slope is not None else found[3]
+            sights.append(Sight(name, at, found[0], found[1], slope, plan, height, face))
+    if {"37", "38", "39"} & numbers.keys():
+        add = book.computed_point if sights else book.station_point if kind == "2" else book.point
+        add(name, numbers.get("38"), numbers.get("37"), numbers.get("39"), line)
+    for sight in sights:
+        book.sight(sight)
+    used = {*_BEGIN, *_LENGTHS, *(label for pair in faces for label in pair)}
+    for label, (_, at) in values.items():
+        if label not in used:
+            book.leave_out(_NOTES.get(label, f"label {label}"), at)
+    return height
+
+
+# ------------------------------------------------------------
+# Leica IDX: sections of POINTS, SETUP and SLOPE; the header says the units.
+# ------------------------------------------------------------
+
+_SLOPE = ("TGTNO", "TGTID", "CFGNO", "HZ", "VZ", "SDIST", "REFHT")
+_IGNORED = (
+    "VERSION",
+    "SYSTEM",
+    "UNITS",
+    "TEMP",
+    "PRESS",
+    "TIME",
+    "PROJECT",
+    "NAME",
+    "OPERATOR",
+    "CREATION_DATE",
+)
+
+
+_GIVEN = ("", "FIX", "FIXED", "CTRL", "CONTROL", "REF", "NONE")
+"""Classes of points whose coordinates were not computed from readings; MEAS, AVGE, EST and others were."""
+
+
+def read_idx(path: Path) -> Document:
+    """The project of an IDX file. Raises :class:`InputError` with every mistake found."""
+    draft = Draft(str(path))
+    reader = _Reader(FieldBook(draft))
+    for line, text in records(path, draft):
+        try:
+            reader.line(text.strip(), line)
+        except ValueError as error:
+            draft.problem(str(error), line)
+    reader.book.finish(reader.title or path.stem)
+    return draft.finish()
+
+
+class _Reader:
+    """The section the reading is in, and the columns its head declares."""
+
+    def __init__(self, book: FieldBook) -> None:
+        self.book, self.title = book, ""
+        self.section, self.columns = "", [""]
+        self.sexagesimal, self.metres = True, 1.0
+
+    def line(self, text: str, line: int) -> None:
+        """One line of the file."""
+        word, _, rest = text.partition("\t") if "\t" in text else text.partition(" ")
+        head = word.split("(")[0].upper()
+        if not text:
+            return
+        if "(" in text and text.endswith(")") and "," in text:
+            self.section = head
+            self.columns = [name.strip().upper() for name in text[text.index("(") + 1 : -1].split(",")]
+        elif head == "END":
+            self.section = ""
+        elif text.endswith(";") and self.section in ("POINTS", "SLOPE", "THEMINFO", "ANNOTATIONS", "CONFIGS"):
+            self._row(next(csv.reader([text[:-1].replace("\t", " ")], skipinitialspace=True)), line)
+        else:
+            self._key(head, rest.strip().rstrip(";").strip().strip('"'), line)
+
+    def _key(self, head: str, value: str, line: int) -> None:
+        if head == "ANGULAR":
+            self._angles(value.upper(), line)
+        elif head == "LINEAR":
+            if value.upper() not in ("METRE", "METER", "FEET", "FOOT"):
+                raise ValueError(f"found the unit {value!r} of lengths, expected METRE or FEET")
+            self.metres = 0.3048 if value.upper().startswith("F") else 1.0
+        elif head == "NAME" and not self.title:
+            self.title = value
+        elif head == "STN_ID":
+            self.book.set_up(value, line)
+        elif head == "INST_HT":
+            if self.book.set_ups:
+                self.book.set_ups[-1].height = parse_number(value) * self.metres
+        elif head in ("STN_NO", "HEADER", "DATABASE", "THEODOLITE", "SETUP", *_IGNORED):
+            return
+        else:
+            row = "rows before the head of their section" if head[:1].isdigit() else f"{head} records"
+            self.book.leave_out(f"{self.section} records" if self.section else row, line)
+
+    def _angles(self, value: str, line: int) -> None:
+        if value not in ("DMS", "GON", "DEG", "DD"):
+            raise ValueError(f"found the unit {value!r} of angles, expected DMS, GON or DEG")
+        self.sexagesimal = value == "DMS"
+        self.book.angle = "gon" if value == "GON" else "deg"
+
+    def _row(self, cells: list[str], line: int) -> None:
+        values = dict(zip(self.columns, (cell.strip() for cell in cells), strict=False))
+        if self.section == "POINTS":
+            place = [values.get(name, "") for name in ("EAST", "NORTH", "ELEVATION")]
+            if any(place):
+                east, north, up = (parse_number(text) * self.metres if text else None for text in place)
+                given = values.get("CLASS", "") in _GIVEN
+                add = self.book.point if given else self.book.computed_point
+                add(values.get("POINTID", ""), east, north, up, line)
+        elif self.section == "SLOPE":
+            self._slope(values, line)
+        else:
+            self.book.leave_out(f"{self.section} records", line)
+
+    def _slope(self, values: dict[str, str], line: int) -> None:
+        missing = [name for name in _SLOPE if name not in values]
+        if missing:
+            raise ValueError(f"found no {', '.join(missing)}, expected {', '.join(_SLOPE)}")
+        angle = sexagesimal if self.sexagesimal else parse_number
+        slope = parse_number(values["SDIST"]) * self.metres
+        sight = Sight(
+            values["TGTID"],
+            line,
+            angle(values["HZ"]),
+            angle(values["VZ"]),
+            slope or None,
+            height=parse_number(values["REFHT"] or "0") * self.metres,
+        )
+        self.book.sight(sight)
+
+
+# ------------------------------------------------------------
+# Zeiss and Trimble M5: an address, a point or text, and three values with their units, in columns between bars.
+#
+# SD slope distance, HD horizontal distance, Hz circle, V1 zenith angle, Y east, X north, Z height, th and ih
+# heights of target and instrument (Trimble, "M5 data format").
+#
+# A stationing (TI … STAT) is recorded as its sights, then the station (PI1 S name), then the turn of the
+# circle (Om) and the instrument height; the sights that follow read the turned circle. Coordinates of a point
+# that was sighted are computed.
+# ------------------------------------------------------------
+
+_VALUE = re.compile(r"^(\S+?)_?\s+(-?[\d.]+)\s*(\S*)$")
+_KNOWN = ("SD", "HD", "Hz", "V1", "Y", "X", "Z", "th", "ih")
+
+
+def read_m5(path: Path) -> Document:
+    """The project of an M5 file. Raises :class:`InputError` with every mistake found."""
+    draft = Draft(str(path))
+    reader = _M5Reader(FieldBook(draft, stations_follow=True))
+    for line, text in records(path, draft):
+        cells = text.split("|")
+        if not text.strip():
+            continue
+        if text.split()[0].upper() == "END" and len(cells) == 1:
+            continue
+        if len(cells) < 4 or not cells[0].startswith("For"):
+            draft.problem(f"found {text[:20]!r}, expected For M5|Adr …|…", line)
+            continue
+        try:
+            reader.record(cells[2], cells[3:6], line)
+        except ValueError as error:
+            draft.problem(str(error), line)
+    reader.book.finish(path.stem)
+    return draft.finish()
+
+
+class _M5Reader:
+    """The heights of target and instrument, and whether a stationing is under way."""
+
+    def __init__(self, book: FieldBook) -> None:
+        self.book = book
+        self.target, self.instrument = 0.0, 0.0
+        self.stationing = False
+        self.sighted: set[str] = set()
+
+    def record(self, what: str, cells: list[str], line: int) -> None:
+        """One line."""
+        values = self._values(cells, line)
+        kind, *words = what.split()
+        if kind.startswith("TI"):
+            self._text(words, values, line)
+        elif kind.startswith("PI"):
+            self._point(words, values, line)
+        else:
+            self.book.leave_out(f"records {kind}", line)
+
+    def _values(self, cells: list[str], line: int) -> dict[str, tuple[float, str]]:
+        values = {}
+        for cell in cells:
+            match = _VALUE.match(cell.strip())
+            if match is None:
+                if cell.strip():
+                    self.book.leave_out(f"value {cell.split()[0]}", line)
+                continue
+            name, text, unit = match[1], match[2], match[3]
+            if unit == "DMS":
+                values[name] = sexagesimal(text), "deg"
+            elif unit.lower() in ("gon", "deg", "m"):
+                values[name] = parse_number(text), unit.lower()
+            elif name in _KNOWN:
+                raise ValueError(f"found {name} in {unit!r}, expected m, gon, deg or DMS")
+            else:
+                self.book.leave_out(f"value {name}", line)
+        return values
+
+    def _text(self, words: list[str], values: dict[str, tuple[float, str]], line: int) -> None:
+        if "STAT" in words:
+            self.book.forget_waiting("sights of a stationing that was begun anew")
+            self.stationing = True
+        self.target = values.get("th", (self.target, ""))[0]
+        if "ih" in values:
+            self.instrument = values["ih"][0]
+            if not self.stationing:
+                self.book.instrument_height(self.instrument, line)
+        if not {"th", "ih"} & set(values):
+            self.book.leave_out("texts of the program", line)
+
+    def _point(self, words: list[str], values: dict[str, tuple[float, str]], line: int) -> None:
+        if not words:
+            raise ValueError("found no name of a point")
+        name = words[-1]
+        if {"Y", "X"} & set(values):
+            if "S" in words[:-1]:
+                self._station(name, values, line)
+            elif name in self.sighted:
+                self.book.computed_point(name, *_place(values), line)
+            else:
+                self.book.point(name, *_place(values), line)
+        elif {"Hz", "V1", "SD", "HD"} & set(values):
+            self._sight(name, values, line)
+        else:
+            self.book.leave_out("points without readings or coordinates", line)
+
+    def _station(self, name: str, values: dict[str, tuple[float, str]], line: int) -> None:
+        self.book.set_up(name, line, self.instrument, _place(values))
+        self.stationing = False
+
+    def _sight(self, name: str, values: dict[str, tuple[float, str]], line: int) -> None:
+        for key in ("Hz", "V1"):
+            if key in values:
+                self.book.angle = "gon" if values[key][1] == "gon" else "deg"
+        slope = values.get("SD", (None,))[0]
+        sight = Sight(
+            name,
+            line,
+            values.get("Hz", (None,))[0],
+            values.get("V1", (None,))[0],
+            slope or None,
+            values.get("HD", (None,))[0] if "SD" not in values else None,
+            height=self.target,
+        )
+        self.sighted.add(name)
+        if self.stationing:
+            self.book.wait(sight)
+        else:
+            self.book.sight(sight)
+
+
+def _place(values: dict[str, tuple[float, str]]) -> tuple[float | None, float | None, float | None]:
+    """East, north, height."""
+    east, north, up = (values[axis][0] if axis in values else None for axis in "YXZ")
+    return east, north, up
+
+
+# ------------------------------------------------------------
+# Carlson RW5 and TDS raw data: set-ups, sights, sets in both faces, coordinates.
+#
+# ``AR`` is the reading of the circle, whose reading at the backsight is ``BC``: a backsight that no record
+# measures is a sight with that reading. SP and OC coordinates are given unless an earlier set-up sighted the
+# point; those of GNSS points stand in the comment --GS that follows a GPS record. Lines that begin with --
+# are comments, also those that repeat other records: means, checks and computed coordinates. Source: Carlson,
+# *SurvCE RW5 Format*.
+# ------------------------------------------------------------
+
+_SIGHTS = {"SS": 0, "TR": 0, "FS": 0, "BD": 1, "FD": 1, "BR": 2, "FR": 2}
+"""Faces of the sights; 0 where the zenith angle tells."""
+_KEYS = ("OP", "FP", "BP", "PN", "NM", "AR", "AL", "AZ", "DR", "DL", "ZE", "VA", "CE", "SD", "HD", "HI", "HR")
+_MORE = ("BS", "BC", "BR", "AD", "UN", "SF", "EC", "EO", "AU", "EL", "DT", "TM", "N", "E")
+_CELL = re.compile(rf"({'|'.join((*_KEYS, *_MORE))})\s*(.*)")
+_GNSS = (
+    "GNSS positions (latitude, longitude); their coordinates in the system of the job are read if it has them"
+)
+_UNITS = {0: 0.3048, 1: 1.0, 2: 1200.0 / 3937.0}
+"""Metres of feet, metres, US survey feet."""
+
+
+def read_rw5(path: Path) -> Document:
+    """The project of an RW5 file. Raises :class:`InputError` with every mistake found."""
+    draft = Draft(str(path))
+    reader = _RW5Reader(FieldBook(draft))
+    for line, text in records(path, draft):
+        kind, _, rest = text.partition(",")
+        try:
+            reader.record(kind.strip(), rest, line)
+        except ValueError as error:
+            draft.problem(str(error), line)
+    reader.close()
+    reader.book.finish(reader.title or path.stem)
+    return draft.finish()
+
+
+def _cells(text: str) -> dict[str, str]:
+    """Values by their keys; what follows ``--`` is a note."""
+    found = {}
+    for cell in text.partition(",--")[0].split(","):
+        match = _CELL.match(cell.strip())
+        if match:
+            found[match[1]] = match[2].strip()
+    return found
+
+
+class _RW5Reader:
+    """State of an RW5 file; each value holds until another record changes it."""
+
+    def __init__(self, book: FieldBook) -> None:
+        self.book = book
+        self.title = ""
+        self.metres = 1.0
+        self.station, self.height, self.target = "", 0.0, 0.0
+        self.backsight: tuple[str, float, int] = ("", 0.0, 0)
+        """Point, reading of the circle and line of the last BK."""
+        self.begun = False
+        self.gnss = False
+        """True in the comments of a GPS record."""
+
+    def record(self, kind: str, text: str, line: int) -> None:
+        """One record."""
+        cells = _cells(text)
+        if kind == "--GS" and self.gnss:
+            self._gnss_point(cells, line)
+        elif kind == "JB":
+            self.title = cells.get("NM", "")
+        elif kind == "MO":
+            self._mode(cells, line)
+        elif kind in ("OC", "SP"):
+            self._point(kind, cells, line)
+        elif kind == "BK":
+            self.close()
+            self.station = cells.get("OP") or self.station
+            self.backsight = (cells.get("BP", ""), self._angle(cells.get("BC") or "0"), line)
+        elif kind == "LS":
+            height = self._length(cells, "HI")
+            if height is not None and height != self.height:
+                self.close()
+                self.height = height
+            self.target = self._length(cells, "HR", self.target) or 0.0
+        elif kind in _SIGHTS:
+            self._sight(kind, cells, line)
+        elif kind.strip():
+            gnss = kind in ("GPS", "BP")
+            self.gnss = kind == "GPS" or (self.gnss and kind.startswith("--"))
+            what = "comments" if kind.startswith("--") else _GNSS if gnss else f"records {kind[:4]}"
+            self.book.leave_out(what, line)
+
+    def close(self) -> None:
+        """End a set-up: where its backsight was not measured, it was read when the circle was set."""
+        point, circle, line = self.backsight
+        if self.begun and point and point != self.station:
+            self.book.backsight(self.book.set_ups[-1], Sight(point, line, circle, face=1))
+        self.begun = False
+
+    def _gnss_point(self, cells: dict[str, str], line: int) -> None:
+        """Coordinates of a GNSS point in the system of the job."""
+        self.gnss = False
+        try:
+            east, north, height = (self._length(cells, key) for key in ("E", "N", "EL"))
+        except ValueError:
+            self.book.leave_out("comments", line)
+            return
+        if cells.get("PN"):
+            self.book.point(cells["PN"], east, north, height, line)
+
+    def _mode(self, cells: dict[str, str], line: int) -> None:
+        unit = parse_number(cells.get("UN") or "1")
+        if unit not in _UNITS:
+            raise ValueError(f"found UN{cells['UN']}, expected 0 (feet), 1 (metres) or 2 (US survey feet)")
+        self.metres = _UNITS[int(unit)]
+        self.book.angle = "gon" if parse_number(cells.get("AU") or "0") == 1 else "deg"
+        scale, offset = parse_number(cells.get("SF") or "1"), parse_number(cells.get("EO") or "0")
+        if scale != 1.0:
+            self.book.draft.note(f"the scale factor {scale:g} of the job is not applied to distances", line)
+        if offset:
+            self.book.draft.note(f"the EDM offset {offset:g} of the job is not applied to distances", line)
+
+    def _point(self, kind: str, cells: dict[str, str], line: int) -> None:
+        name = cells.get("OP") or cells.get("PN") or ""
+        if not name:
+            raise ValueError(f"found no point in {kind}")
+        if kind == "OC":
+            self.close()
+            self.station, self.backsight = name, ("", 0.0, 0)
+        east, north, height = (self._length(cells, key) for key in ("E", "N", "EL"))
+        self.book.station_point(name, east, north, height, line)
+
+    def _length(self, cells: dict[str, str], key: str, default: float | None = None) -> float | None:
+        text = cells.get(key, "")
+        return parse_number(text) * self.metres if text else default
+
+    def _angle(self, text: str) -> float:
+        return parse_number(text) if self.book.angle == "gon" else sexagesimal(text)
+
+    def _sight(self, kind: str, cells: dict[str, str], line: int) -> None:
+        target, station = cells.get("FP", ""), cells.get("OP") or self.station
+        if not target or not station:
+            raise ValueError(f"found no {'FP' if not target else 'OP'} in {kind}")
+        if self.begun and station != self.station:
+            self.close()
+        self.station = station
+        if not self.begun:
+            self.book.set_up(station, line, self.height)
+            self.begun = True
+        slope, horizontal = (self._length(cells, key) or None for key in ("SD", "HD"))
+        circle, zenith = self._circle(cells), self._zenith(cells)
+        if "CE" in cells:
+            self.book.leave_out("differences of height (CE)", line)
+        if circle is None and zenith is None and slope is None and horizontal is None:
+            self.book.leave_out("sights without readings", line)
+            return
+        face = _SIGHTS[kind]
+        self.book.sight(Sight(target, line, circle, zenith, slope, horizontal, self.target, face))
+
+    def _circle(self, cells: dict[str, str]) -> float | None:
+        """Reading of the circle; angles to the left and deflections are turned into it, azimuths are none."""
+        full = 400.0 if self.book.angle == "gon" else 360.0
+        start = self.backsight[1]
+        turns = {
+            "AR": (0.0, 1.0),
+            "AL": (start, -1.0),
+            "DR": (start + full / 2, 1.0),
+            "DL": (start + full / 2, -1.0),
+        }
+        for key, (zero, sign) in turns.items():
+            if cells.get(key):
+                return (zero + sign * self._angle(cells[key])) % full
+        return None
+
+    def _zenith(self, cells: dict[str, str]) -> float | None:
+        if cells.get("ZE"):
+            return self._angle(cells["ZE"])
+        if cells.get("VA"):
+            return (100.0 if self.book.angle == "gon" else 90.0) - self._angle(cells["VA"])
+        return None
+
+
+# ------------------------------------------------------------
+# Sokkia SDR33: records of a type, an origin and fields of 16 letters (SDR20: of 4 and 10).
+#
+# Types: 00 head with the units, 01 instrument, 02 station, 03 target height, 06 scale, 07 back bearing, 08
+# coordinates, 09 observation (F1, F2: face), 10 job, 11 reduced observation, 13 note (Sokkia, "SDR file
+# format").
+#
+# The origin tells raw from derived: KI coordinates were keyed in, CO copied from another job; all others (TP
+# topography, RS resection, TR traverse, SO setting out, …) were computed. 09F1 and 09F2 are readings, 09MC
+# and 11 are reduced. Spectra instruments write the readings of a resection as notes 13F1 and 13F2 before the
+# station that follows from them.
+# ------------------------------------------------------------
+
+_LEFT_OUT = {
+    "01": "instrument records",
+    "06": "scale records",
+    "07": "back bearings: the reading stands among the observations, too",
+    "10": "job records",
+    "11": "reduced observations",
+    "13": "notes",
+}
+_REDUCED = "observations reduced by the instrument (MC)"
+_SDR_GIVEN = ("KI", "CO")
+"""Origins of coordinates that were not computed from readings."""
+_END = "0000"
+_SDR_UNITS = slice(40, 46)
+"""Columns of the digits of the units in the head."""
+_METRES = {"1": 1.0, "2": 0.3048, "3": 1200.0 / 3937.0}
+
+
+def read_sdr(path: Path) -> Document:
+    """The project of an SDR33 file. Raises :class:`InputError` with every mistake found."""
+    draft = Draft(str(path))
+    reader = _SDRReader(FieldBook(draft))
+    for line, text in records(path, draft):
+        if text.strip():
+            try:
+                reader.record(text, line)
+            except ValueError as error:
+                draft.problem(str(error), line)
+    reader.book.finish(path.stem)
+    return draft.finish()
+
+
+class _SDRReader:
+    """Units, the order of coordinates, width of the names, and the height of the target."""
+
+    def __init__(self, book: FieldBook) -> None:
+        self.book = book
+        self.width, self.number_width = 16, 16
+        self.metres, self.east_first = 1.0, False
+        self.height = 0.0
+        self.resection = 0
+        """Line where a resection began that no station record ended yet."""
+
+    def record(self, text: str, line: int) -> None:
+        """One record."""
+        kind, origin = text[:2], text[2:4]
+        if text.strip() == _END:
+            return
+        if kind == "00":
+            self._head(text, line)
+        elif kind == "02":
+            self._station(text, line)
+        elif kind == "03":
+            self.height = self._length(text[4 : 4 + self.number_width]) or 0.0
+        elif kind == "08":
+            name, *place = self._fields(text, 1, 3)
+            add = self.book.point if origin in _SDR_GIVEN else self.book.computed_point
+            add(name, *self._place(place), line)
+        elif kind in ("09", "13") and origin in ("F1", "F2"):
+            self._sight(text, line)
+        elif kind == "09":
+            self.book.leave_out(_REDUCED, line)
+        else:
+            if kind == "13" and "resection" in text.lower():
+                self.book.forget_waiting("sights of a resection that was begun anew")
+                self.resection = line
+            self.book.leave_out(_LEFT_OUT.get(kind, f"records {kind}"), line)
+
+    def _station(self, text: str, line: int) -> None:
+        name, *place, height = self._fields(text, 1, 4)
+        self.book.set_up(
+            name, line, self._length(height) or 0.0, self._place(place), resection=self.resection
+        )
+        self.resection = 0
+
+    def _head(self, text: str, line: int) -> None:
+        """Name and version, date, and a digit each: angles, lengths, pressure, temperature, order of coordinates."""
+        digits = text[_SDR_UNITS].strip()
+        if not digits.isdecimal() or len(digits) < 5:
+            digits = text.rstrip()[-6:]
+        if not digits.isdecimal() or len(digits) < 5:
+            raise ValueError(f"found {digits!r} in columns 41 to 46, expected the digits of the units")
+        if "SDR33" not in text:
+            self.width, self.number_width = 4, 10
+        if digits[0] not in "12":
+            raise ValueError(f"found angles of kind {digits[0]}, expected 1 (degrees) or 2 (gon)")
+        if digits[1] not in _METRES:
+            raise ValueError(f"found lengths of kind {digits[1]}, expected 1 (metres), 2 or 3 (feet)")
+        self.book.angle = "deg" if digits[0] == "1" else "gon"
+        self.metres = _METRES[digits[1]]
+        self.east_first = digits[4] == "2"
+
+    def _fields(self, text: str, names: int, numbers: int) -> list[str]:
+        ends = [4 + self.width * k for k in range(names + 1)]
+        ends += [ends[-1] + self.number_width * (k + 1) for k in range(numbers)]
+        return [text[a:b].strip() for a, b in pairwise(ends)]
+
+    def _length(self, text: str) -> float | None:
+        return parse_number(text.strip()) * self.metres if text.strip() else None
+
+    def _place(self, fields: list[str]) -> tuple[float | None, float | None, float | None]:
+        first, second, up = (self._length(text) for text in fields[:3])
+        return (first, second, up) if self.east_first else (second, first, up)
+
+    def _sight(self, text: str, line: int) -> None:
+        station, target, slope, zenith, horizontal = self._fields(text, 2, 3)
+        sight = Sight(
+            target,
+            line,
+            parse_number(horizontal) if horizontal else None,
+            parse_number(zenith) if zenith else None,
+            self._length(slope) or None,
+            height=self.height,
+            face=2 if text[2:4] == "F2" else 1,
+        )
+        if text[:2] == "13":
+            self.book.wait(sight)
+            return
+        current = self.book.set_ups[-1].station if self.book.set_ups else ""
+        if station != current:
+            self.book.set_up(station, line)
+        self.book.sight(sight)

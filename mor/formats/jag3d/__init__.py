@@ -1,1 +1,0 @@
-"""JAG3D's column text."""

@@ -1,1 +1,0 @@
-"""Metashape: cameras and markers as XML."""

@@ -1,1 +1,0 @@
-"""Networks of a project for writers: terrestrial observations, and what lies on the earth."""

@@ -1,1 +1,0 @@
-"""OpenSfM and OpenDroneMap: reconstruction, tracks, ground control."""

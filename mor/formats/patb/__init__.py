@@ -1,1 +1,0 @@
-"""PAT-B's image coordinates and control points."""

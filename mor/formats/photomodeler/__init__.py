@@ -1,1 +1,0 @@
-"""PhotoModeler text exports."""

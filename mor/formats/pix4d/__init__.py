@@ -1,1 +1,0 @@
-"""The parameter files of Pix4Dmapper."""

@@ -1,1 +1,0 @@
-"""Blocks of openMVG (``sfm_data.json``) and AliceVision, Meshroom (``.sfm``)."""

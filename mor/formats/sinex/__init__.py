@@ -1,1 +1,0 @@
-"""SINEX: positions of stations with their covariance matrix, as a GNSS solution gives them."""

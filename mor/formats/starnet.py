@@ -1,0 +1,784 @@
+"""STAR*NET files: read and written."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.errors import InputError, Message, counted
+from mor.formats.content import Content, Things, content_of, not_carried, points
+from mor.formats.draft import Draft, Row, Written, parse_number
+from mor.formats.draft import read_lines as text_lines
+from mor.formats.networks import (
+    Group,
+    circle_in_face_one,
+    groups,
+    heights_of,
+    places,
+    stations,
+    tilted_stations,
+    zenith_in_face_one,
+)
+from mor.model.observation_types import PLAIN_TYPES
+from mor.project.document import Document
+from mor.units import ANGLE_UNITS
+
+# ------------------------------------------------------------
+# Lines of a STAR*NET input file: continued, without comments, with their code, and the values in them.
+# ------------------------------------------------------------
+
+_HEIGHTS = re.compile(r"^(-?[\d.]+)/(-?[\d.]+)$")
+_DMS = re.compile(r"^([-+]?)(\d+)[-@:](\d+)(?:[-@:](\d+(?:\.\d*)?))?$")
+_QUADRANT = re.compile(r"^([NS])(.+?)([EW])$", re.IGNORECASE)
+SEPARATORS = "-,:;|_~^+="
+"""Signs that may stand between the names of a line: the first one, or what .SEPARATOR says."""
+STATUSES = ("!", "*", "&")
+"""Fixed, free, the default: in place of a σ."""
+
+
+class Line(NamedTuple):
+    """Code and words of a line, with instrument and target height where the line has them."""
+
+    code: str
+    words: list[str]
+    heights: tuple[float, float] | None
+    number: int
+
+
+def read_lines(lines: list[str]) -> Iterator[Line]:
+    """Every line that says something; # begins a comment, ' a description.
+
+    A last & continues where the next line begins with no code; else it is the default σ.
+    """
+    begun, first = "", 0
+    bare = [re.split(r"#|(?:^|(?<=\s))'", text, maxsplit=1)[0].strip() for text in lines]
+    for k, text in enumerate(bare, start=1):
+        first = first if begun else k
+        if text.endswith(" &") and k < len(bare) and bare[k] and not _CODE.match(bare[k]):
+            begun += text[:-1]
+            continue
+        words, begun = (begun + text).split(), ""
+        if words:
+            yield _line(words, first)
+
+
+_CODE = re.compile(r"(?:\.[A-Za-z0-9]+|[A-Za-z]{1,2}|[A-Za-z]\d)(?:\s|$)")
+
+
+def _line(words: list[str], line: int) -> Line:
+    heights = None
+    kept = []
+    for word in words[1:]:
+        match = _HEIGHTS.match(word)
+        if match and words[0][:1] != ".":
+            heights = parse_number(match[1]), parse_number(match[2])
+        else:
+            kept.append(word)
+    return Line(words[0].upper(), kept, heights, line)
+
+
+def degrees(text: str) -> float:
+    """Degrees of d-m-s, of packed d.mmss, or of a quadrant bearing. Raises ``ValueError``."""
+    quadrant = _QUADRANT.match(text)
+    if quadrant:
+        angle = degrees(quadrant[2])
+        north, east = quadrant[1].upper() == "N", quadrant[3].upper() == "E"
+        return (angle if east else 360.0 - angle) if north else (180.0 - angle if east else 180.0 + angle)
+    match = _DMS.match(text)
+    if match is None:
+        from mor.formats.fieldbook.book import sexagesimal
+
+        return sexagesimal(text)
+    minutes, seconds = float(match[3]), float(match[4] or 0.0)
+    if minutes >= 60.0 or seconds > 60.0:
+        raise ValueError(f"found {text!r}, expected less than 60 minutes and seconds")
+    value = float(match[2]) + minutes / 60.0 + seconds / 3600.0
+    return -value if match[1] == "-" else value
+
+
+# ------------------------------------------------------------
+# A STAR*NET network in the making: its options, points and observations, and the σ that lines do not give.
+# ------------------------------------------------------------
+
+SIGMA = {"angle": 4.0, "direction": 4.0, "bearing": 4.0, "zenith": 10.0}
+"""σ of observations that have none, seconds of arc."""
+SIGMA_DISTANCE, SIGMA_HEIGHT, SIGMA_LEVEL = 0.002, 0.015, 0.002
+"""m, m of an elevation difference, m on the square root of a kilometre."""
+FIXED = {"angle": 0.01, "direction": 0.01, "bearing": 0.01, "zenith": 0.01, "distance": 1e-5, "height": 1e-5}
+"""σ in place of !: seconds of arc, m."""
+COLUMNS = {
+    "distance": ("from", "to", "distance", "sigma", "from_height", "to_height"),
+    "horizontal_distance": ("from", "to", "distance", "sigma"),
+    "zenith_angle": ("from", "to", "zenith_angle", "sigma", "from_height", "to_height"),
+    "height_difference": ("from", "to", "dz", "sigma"),
+    "bearing": ("from", "to", "bearing", "sigma"),
+    "angle": ("at", "from", "to", "angle", "sigma"),
+    "directions": ("station", "set", "to", "horizontal", "sigma"),
+}
+NAMES = ("from", "to", "at", "station")
+Values = tuple[str | float | None, ...]
+
+
+@dataclass
+class Network:
+    """Content read so far, and the options in force."""
+
+    draft: Draft
+    plane: bool = False
+    delta: bool = False
+    """Horizontal distances and elevation differences in place of slope distances and zenith angles."""
+    east_first: bool = False
+    from_first: bool = False
+    metres: float = 1.0
+    gon: bool = False
+    separator: str = "-"
+    """What stands between names."""
+    defaults: int = 0
+    tables: dict[str, list[Row]] = field(default_factory=dict)
+    points: dict[str, tuple[list[str | None], list[str | None], int]] = field(default_factory=dict)
+    """Coordinates and σ (0: fixed, empty: free) of each point, with the line."""
+    station: str = ""
+    sets: dict[str, int] = field(default_factory=dict)
+    traverse: list[Line] = field(default_factory=list)
+    skipped: dict[str, list[int]] = field(default_factory=dict)
+
+    def add(self, type_: str, values: Values, line: int) -> None:
+        """A row of observations, none where its σ is that of a free one."""
+        if "*" in values:
+            self.skip("free observations (*)", line)
+            return
+        cells = [None if v is None else v if isinstance(v, str) else repr(float(v)) for v in values]
+        self.tables.setdefault(type_, []).append(Row(cells, line))
+        for name in (str(v) for v, column in zip(values, COLUMNS[type_], strict=True) if column in NAMES):
+            self.points.setdefault(name, ([None] * 3, [None] * 3, line))
+
+    def skip(self, what: str, line: int) -> None:
+        """A line that is not read."""
+        self.skipped.setdefault(what, []).append(line)
+
+    def angle(self, text: str) -> float:
+        """An angle in degrees."""
+        return parse_number(text) * 0.9 if self.gon else degrees(text)
+
+    def length(self, text: str) -> float:
+        """A length in metres."""
+        return parse_number(text) * self.metres
+
+    def sigma(self, words: Sequence[str], place: int, kind: str) -> str | float:
+        """σ of an angle (degrees) or a length (m) at a place among the words behind the values."""
+        word = words[place] if place < len(words) else "&"
+        angular = kind in SIGMA
+        if word == "*":
+            return "*"
+        if word == "!":
+            return FIXED[kind] / (3600.0 if angular else 1.0)
+        if word != "&":
+            value = parse_number(word)
+            if value <= 0.0:
+                raise ValueError(f"found the σ {word}, expected a number above 0, !, * or &")
+            return value * (9e-5 if self.gon else 1.0 / 3600.0) if angular else value * self.metres
+        self.defaults += 1
+        if angular:
+            return SIGMA[kind] / 3600.0
+        return SIGMA_DISTANCE if kind == "distance" else SIGMA_HEIGHT
+
+
+# ------------------------------------------------------------
+# Lines of STAR*NET with measured values: what each code adds to the network.
+# ------------------------------------------------------------
+
+
+def names_of(word: str, count: int, network: Network) -> list[str]:
+    """Names that stand in one word. Raises ``ValueError``."""
+    names = word.split(network.separator)
+    if len(names) != count or not all(names):
+        raise ValueError(f"found {word!r}, expected {count} names with {network.separator} between them")
+    if len(set(names)) < len(names):
+        raise ValueError(f"found {word!r}, expected different points")
+    return names
+
+
+def at_from_to(word: str, network: Network) -> list[str]:
+    """Names of an angle, the station first, whatever the order in force."""
+    names = names_of(word, 3, network)
+    return [names[1], names[0], names[2]] if network.from_first else names
+
+
+def need(line: Line, count: int, form: str) -> None:
+    """Raise ``ValueError`` where a line has too few words."""
+    if len(line.words) < count:
+        raise ValueError(f"found {len(line.words)} words, expected {form}")
+
+
+def heights(line: Line, network: Network) -> tuple[float, float]:
+    """Heights of instrument and target, m."""
+    a, b = line.heights or (0.0, 0.0)
+    return a * network.metres, b * network.metres
+
+
+def bearing(line: Line, network: Network) -> None:
+    """A bearing."""
+    need(line, 2, "from-to, bearing, σ")
+    ends = names_of(line.words[0], 2, network)
+    network.add(
+        "bearing", (*ends, network.angle(line.words[1]), network.sigma(line.words, 2, "bearing")), line.number
+    )
+
+
+def angle(line: Line, network: Network) -> None:
+    """A horizontal angle."""
+    need(line, 2, "at-from-to, angle, σ")
+    names = at_from_to(line.words[0], network)
+    network.add(
+        "angle", (*names, network.angle(line.words[1]), network.sigma(line.words, 2, "angle")), line.number
+    )
+
+
+def distance(line: Line, network: Network) -> None:
+    """A distance: horizontal in the plane and with .DELTA ON, else along the slope."""
+    need(line, 2, "from-to, distance, σ")
+    put_distance(
+        names_of(line.words[0], 2, network),
+        line.words[1],
+        network.sigma(line.words, 2, "distance"),
+        line,
+        network,
+    )
+
+
+def put_distance(ends: list[str], word: str, sigma: str | float, line: Line, network: Network) -> None:
+    """A distance with its σ."""
+    if network.plane or network.delta:
+        network.add("horizontal_distance", (*ends, network.length(word), sigma), line.number)
+    else:
+        values = (*ends, network.length(word), sigma, *heights(line, network))
+        network.add("distance", values, line.number)
+
+
+def put_vertical(
+    ends: list[str], word: str, words: list[str], place: int, line: Line, network: Network
+) -> None:
+    """A zenith angle, or with .DELTA ON an elevation difference between the marks."""
+    if network.delta:
+        own, target = heights(line, network)
+        dz = network.length(word) + own - target
+        network.add("height_difference", (*ends, dz, network.sigma(words, place, "height")), line.number)
+    else:
+        sigma = network.sigma(words, place, "zenith")
+        network.add("zenith_angle", (*ends, network.angle(word), sigma, *heights(line, network)), line.number)
+
+
+def vertical(line: Line, network: Network) -> None:
+    """A zenith angle or an elevation difference."""
+    need(line, 2, "from-to, zenith angle, σ")
+    put_vertical(names_of(line.words[0], 2, network), line.words[1], line.words, 2, line, network)
+
+
+def distance_and_vertical(line: Line, network: Network) -> None:
+    """A distance and what goes with it in height."""
+    need(line, 3, "from-to, distance, zenith angle, σ")
+    ends = names_of(line.words[0], 2, network)
+    put_distance(ends, line.words[1], network.sigma(line.words, 3, "distance"), line, network)
+    put_vertical(ends, line.words[2], line.words, 4, line, network)
+
+
+def measured(line: Line, network: Network) -> None:
+    """All to a point: angle, distance and, in space, zenith angle, with their σ in this order."""
+    values = 3 if network.plane else 4
+    need(line, values, "at-from-to, angle, distance, zenith angle, σ")
+    names, words = at_from_to(line.words[0], network), line.words
+    network.add(
+        "angle", (*names, network.angle(words[1]), network.sigma(words, values, "angle")), line.number
+    )
+    ends = [names[0], names[2]]
+    put_distance(ends, words[2], network.sigma(words, values + 1, "distance"), line, network)
+    if not network.plane:
+        put_vertical(ends, words[3], words, values + 2, line, network)
+
+
+def bearing_measured(line: Line, network: Network) -> None:
+    """All to a point, by its bearing."""
+    values = 3 if network.plane else 4
+    need(line, values, "from-to, bearing, distance, zenith angle, σ")
+    ends, words = names_of(line.words[0], 2, network), line.words
+    network.add(
+        "bearing", (*ends, network.angle(words[1]), network.sigma(words, values, "bearing")), line.number
+    )
+    put_distance(ends, words[2], network.sigma(words, values + 1, "distance"), line, network)
+    if not network.plane:
+        put_vertical(ends, words[3], words, values + 2, line, network)
+
+
+def levelled(line: Line, network: Network) -> None:
+    """Elevation difference and the length of the line: σ = 2 mm √km, unless the third value is a σ behind &."""
+    need(line, 2, "from-to, elevation difference, length of the line, σ")
+    words = line.words
+    ends, dz = names_of(words[0], 2, network), network.length(words[1])
+    if len(words) > 3:
+        sigma: str | float = network.sigma(words, 3, "height")
+    elif len(words) > 2 and words[2] not in STATUSES:
+        length = network.length(words[2])
+        if length <= 0.0:
+            raise ValueError(f"found the length {words[2]}, expected a number above 0")
+        network.defaults += 1
+        sigma = SIGMA_LEVEL * (length / 1000.0) ** 0.5
+    else:
+        sigma = network.sigma(words, 2, "height")
+    network.add("height_difference", (*ends, dz, sigma), line.number)
+
+
+# ------------------------------------------------------------
+# Sets of directions and traverses of STAR*NET.
+# ------------------------------------------------------------
+
+
+def begin_set(line: Line, network: Network) -> None:
+    """DB: directions from here on belong to a new set at this station."""
+    need(line, 1, "the station of the set")
+    network.station = line.words[0]
+    network.sets[network.station] = network.sets.get(network.station, 0) + 1
+
+
+def direction(line: Line, network: Network) -> None:
+    """A direction, and with DM the distance and zenith angle as well."""
+    if not network.station:
+        raise ValueError("expected DB with the station of the set before it")
+    full = line.code == "DM"
+    values = (3 if network.plane else 4) if full else 2
+    need(line, values, "point, direction, distance, zenith angle, σ" if full else "point, direction, σ")
+    number_ = network.sets[network.station]
+    at = (network.station, None if number_ == 1 else str(number_), line.words[0])
+    if line.words[0] == network.station:
+        raise ValueError(f"found the station {network.station!r} itself as target")
+    words = line.words
+    network.add(
+        "directions", (*at, network.angle(words[1]), network.sigma(words, values, "direction")), line.number
+    )
+    if full:
+        ends = [network.station, words[0]]
+        put_distance(ends, words[2], network.sigma(words, values + 1, "distance"), line, network)
+        if not network.plane:
+            put_vertical(ends, words[3], words, values + 2, line, network)
+
+
+def end_set(line: Line, network: Network) -> None:
+    """DE: the set is complete."""
+    network.station = ""
+
+
+def traverse(line: Line, network: Network) -> None:
+    """TB with a backsight or its bearing, T for each station with what is measured to the next one, TE with the end."""
+    if line.code == "TB":
+        need(line, 1, "the backsight, or its bearing")
+        network.traverse = [line]
+        return
+    if not network.traverse:
+        raise ValueError("expected TB before it")
+    need(line, 1, "the station")
+    if len(network.traverse) > 1:
+        _leg(network.traverse, line.words[0], network)
+    network.traverse = (
+        [*network.traverse[-1:], line] if len(network.traverse) > 1 else [*network.traverse, line]
+    )
+    if line.code == "TE":
+        if len(line.words) > 2:
+            names = (line.words[0], network.traverse[-2].words[0], line.words[2])
+            network.add(
+                "angle", (*names, network.angle(line.words[1]), network.sigma([], 0, "angle")), line.number
+            )
+        network.traverse = []
+
+
+def _leg(lines: list[Line], target: str, network: Network) -> None:
+    """Observation of a T line: the backsight is the station before it, or that of TB."""
+    before, line = lines[-2], lines[-1]
+    values = 3 if network.plane else 4
+    need(line, values, "station, angle, distance, zenith angle, σ")
+    words = line.words
+    at, turned = words[0], network.angle(words[1])
+    back = before.words[0]
+    sigma = network.sigma(words, values, "angle")
+    if before.code == "TB" and _is_bearing(back):
+        network.add("bearing", (at, target, (network.angle(back) + turned) % 360.0, sigma), line.number)
+    else:
+        network.add("angle", (at, back, target, turned, sigma), line.number)
+    put_distance([at, target], words[2], network.sigma(words, values + 1, "distance"), line, network)
+    if not network.plane:
+        put_vertical([at, target], words[3], words, values + 2, line, network)
+
+
+def _is_bearing(word: str) -> bool:
+    return "-" in word or (
+        word[:1].upper() in "NS" and word[-1:].upper() in "EW" and any(c.isdigit() for c in word)
+    )
+
+
+# ------------------------------------------------------------
+# A STAR*NET input file (``.dat``) as a project: plane or local spatial networks.
+#
+# Codes C E B A D V DV M BM L SS, sets DB DN DM DE, traverses TB T TE; GNSS vectors and positions on the
+# ellipsoid are left out and told. σ that a line does not give are those of STAR*NET's own project options,
+# which stand in another file. Source: MicroSurvey, *STAR*NET Reference Manual*, chapter 5.
+# ------------------------------------------------------------
+
+
+def read_starnet(path: Path) -> Document:
+    """The project of a STAR*NET input file. Raises :class:`InputError` with every mistake found."""
+    draft = Draft(str(path))
+    lines = list(read_lines(text_lines(path, draft)))
+    network = Network(draft, plane=_is_plane(lines))
+    for line in lines:
+        try:
+            _read(line, network)
+        except ValueError as error:
+            draft.problem(f"{line.code}: {error}", line.number)
+    _finish(network, path.stem)
+    return draft.finish()
+
+
+def _is_plane(lines: Sequence[Line]) -> bool:
+    """True for a plane network: as .2D or .3D say, or where no line has a zenith angle or a height.
+
+    A name with two coordinates has at most two σ behind them; more words, or a third number alone, are a height.
+    """
+    for line in lines:
+        if line.code in (".2D", ".3D"):
+            return line.code == ".2D"
+    return not any(
+        line.code in ("V", "DV", "E", "L")
+        or (line.code == "M" and _count(line) > 3)
+        or (line.code == "C" and (len(line.words) > 5 or len(line.words) == _count(line) == 4))
+        for line in lines
+    )
+
+
+def _count(line: Line) -> int:
+    return len([word for word in line.words if word not in STATUSES])
+
+
+def _read(line: Line, network: Network) -> None:
+    code = line.code
+    if code.startswith("."):
+        _option(code[1:], [word.upper() for word in line.words], line.number, network)
+    elif code in _CODES:
+        _CODES[code](line, network)
+    elif code in ("G0", "G1", "G2", "G3", "G4", "P", "PH", "EH", "CH"):
+        network.skip("GNSS vectors and positions on the ellipsoid", line.number)
+    else:
+        raise ValueError(f"unknown code, expected one of {', '.join(_CODES)}")
+
+
+def _option(name: str, words: list[str], line: int, network: Network) -> None:
+    if name == "UNITS":
+        for word in words:
+            if word in ("METERS", "METRES", "FEET", "USFEET", "FEETUS"):
+                network.metres = {"F": 0.3048, "U": 1200.0 / 3937.0, "M": 1.0}[word[0]]
+                network.metres = 1200.0 / 3937.0 if word == "FEETUS" else network.metres
+            elif word in ("GONS", "DMS"):
+                network.gon = word == "GONS"
+            else:
+                raise ValueError(f"found the unit {word}, expected METERS, FEET, USFEET, DMS or GONS")
+    elif name == "ORDER":
+        for word in words:
+            if word in ("EN", "NE"):
+                network.east_first = word == "EN"
+            elif word in ("ATFROMTO", "FROMATTO"):
+                network.from_first = word == "FROMATTO"
+            else:
+                raise ValueError(f"found {word}, expected NE, EN, ATFROMTO or FROMATTO")
+    elif name == "DELTA":
+        network.delta = words[:1] == ["ON"]
+    elif name == "DATA":
+        network.skip("lines after .DATA OFF are read all the same", line)
+    elif name in ("SEP", "SEPARATOR") and words:
+        network.separator = words[0][:1]
+    elif name not in ("1D", "2D", "3D"):
+        network.skip(f".{name}", line)
+
+
+def _coordinates(line: Line, network: Network) -> None:
+    need(line, 3, "name, north, east, elevation, and their σ")
+    name, *rest = line.words
+    values: list[float] = []
+    while rest and rest[0] not in STATUSES and len(values) < (2 if network.plane else 3):
+        values.append(network.length(rest.pop(0)))
+    if len(values) < 2:
+        raise ValueError("found no north and east")
+    marks = [_status(word, network) for word in rest[: len(values)]]
+    marks += [None] * (3 - len(marks))
+    first, second = (0, 1) if network.east_first else (1, 0)
+    texts = [repr(values[first]), repr(values[second]), repr(values[2]) if len(values) > 2 else None]
+    network.points[name] = (texts, [marks[first], marks[second], marks[2]], line.number)
+
+
+def _status(word: str, network: Network) -> str | None:
+    if word == "!":
+        return "0"
+    if word in ("*", "&"):
+        return None
+    value = network.length(word)
+    if value < 0.0:
+        raise ValueError(f"found the σ {word}, expected 0 or more, ! or *")
+    return repr(value)
+
+
+def _elevation(line: Line, network: Network) -> None:
+    need(line, 2, "name, elevation and its σ")
+    texts, sigma, _ = network.points.get(line.words[0], ([None] * 3, [None] * 3, 0))
+    mark = _status(line.words[2], network) if len(line.words) > 2 else None
+    place = [*texts[:2], repr(network.length(line.words[1]))]
+    network.points[line.words[0]] = (place, [*sigma[:2], mark], line.number)
+
+
+_CODES: dict[str, Callable[[Line, Network], None]] = {
+    "C": _coordinates,
+    "E": _elevation,
+    "B": bearing,
+    "A": angle,
+    "D": distance,
+    "V": vertical,
+    "DV": distance_and_vertical,
+    "M": measured,
+    "SS": measured,
+    "BM": bearing_measured,
+    "L": levelled,
+    "DB": begin_set,
+    "DN": direction,
+    "DM": direction,
+    "DE": end_set,
+    **dict.fromkeys(("TB", "T", "TE"), traverse),
+}
+"""What reads the lines of each code."""
+
+
+def _finish(network: Network, title: str) -> None:
+    draft = network.draft
+    heights = {"height_difference", "zenith_angle", "distance"} & set(network.tables)
+    flat = {"angle", "bearing", "directions", "horizontal_distance"} & set(network.tables)
+    dimensions = "xyz" if heights and (flat or "distance" in network.tables) else "z" if heights else "xy"
+    dimensions = dimensions if network.tables or network.plane else "xyz"
+    draft.put("title", title)
+    draft.put("units", {"length": "m", "angle": "deg"})
+    draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
+    rows = [
+        Row([name, *texts, *(s if t is not None else None for s, t in zip(sigma, texts, strict=True))], line)
+        for name, (texts, sigma, line) in network.points.items()
+    ]
+    if rows:
+        columns = ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
+        draft.table("points", columns, rows)
+    for type_, found in network.tables.items():
+        draft.table("observations", COLUMNS[type_], found, type=type_)
+    if not network.tables and not rows:
+        draft.problem("there are no points and no observations")
+    draft.put("settings", {"dimensions": dimensions})
+    for what, lines in network.skipped.items():
+        draft.note(f"not read: {what} ({counted(len(lines), 'line')})", lines[0])
+    if network.defaults:
+        words = f"{counted(network.defaults, 'observation')} without σ: 4″ for angles, 10″ for zenith angles, 2 mm"
+        draft.note(f"{words} for distances; the project options of STAR*NET stand in another file")
+
+
+# ------------------------------------------------------------
+# A network as a STAR*NET input file: metres, d-m-s, x east, with all the digits a round trip needs.
+#
+# Source: MicroSurvey, *STAR*NET Reference Manual*, chapter 5.
+# ------------------------------------------------------------
+
+_TYPES = (
+    "distance",
+    "horizontal_distance",
+    "directions",
+    "zenith_directions",
+    "angle",
+    "bearing",
+    "zenith_angle",
+    "vertical_direction",
+    "height_difference",
+)
+"""Types that STAR*NET has."""
+_SECOND = ANGLE_UNITS["arcsec"]
+_DIMENSIONS = {"xyz": ".3D", "xy": ".2D", "z": ".1D"}
+
+
+def write_starnet(document: Document, folder: Path, target: Path) -> Written:
+    """The network; what STAR*NET has no place for is noted. Raises :class:`InputError` for what it cannot say."""
+    content = content_of(document, folder)
+    found, tables = points(content), groups(content, _TYPES)
+    separator = _separator(found, content)
+    problems = tilted_stations(content, "STAR*NET")
+    for group in tables:
+        if group.covariance is not None or group.entry.cluster:
+            words = f"observations {group.entry.name or group.entry.type}: STAR*NET has no correlations"
+            problems.append(Message(words, group.rows.file))
+    if problems:
+        raise InputError(problems)
+    dimensions = content.project.settings.dimensions
+    lines = [f"# {content.project.title}".rstrip(), ".UNITS METERS DMS", ".ORDER EN ATFROMTO"]
+    lines += [_DIMENSIONS[dimensions], *([f".SEPARATOR {separator}"] if separator != "-" else [])]
+    written, guessed = _points(found, content)
+    lines += written
+    known = stations(content)
+    for group in tables:
+        lines += _set_lines(group, known, content, separator)
+        lines += _single_lines(group, known, content, separator)
+    if not written and not any(group.rows.count for group in tables):
+        words = (
+            "STAR*NET has networks: this project has no point with coordinates and no terrestrial observation"
+        )
+        raise InputError([Message(words, document.file)])
+    return Written({target: ("\n".join(lines) + "\n").encode()}, _notes(content, target, guessed))
+
+
+def _notes(content: Content, target: Path, guessed: int) -> list[Message]:
+    notes = not_carried(content, _TYPES, ("stations",), "STAR*NET")
+    entries = content.project.observations
+    if content.project.images or content.project.cameras:
+        notes.append(Message("STAR*NET has no images", str(target)))
+    if any(e.instrument or e.centring for e in entries):
+        words = "scales, offsets, refraction and σ of centring stand in STAR*NET's project options, not in this file"
+        notes.append(Message(words, str(target)))
+    if any(e.ppm for e in entries):
+        words = "σ that grow with the distance are written as they are at the observed one"
+        notes.append(Message(words, str(target)))
+    if content.project.datum != "fixed":
+        words = "STAR*NET has no inner constraints: hold coordinates (!) there, or the network stays without a datum"
+        notes.append(Message(words, str(target)))
+    if content.project.settings.dimensions == "z":
+        notes.append(Message("plan coordinates of a levelling network are not written", str(target)))
+    if guessed:
+        words = f"points without a height: {guessed}, written with the mean of the others as start value"
+        notes.append(Message(words, str(target)))
+    return notes
+
+
+def _separator(found: Things, content: Content) -> str:
+    """Separator of names: - or a sign that is in none of them. Raises :class:`InputError`."""
+    names = [*found.ids]
+    for group in groups(content, _TYPES):
+        for reference in PLAIN_TYPES[group.entry.type].references:
+            names += group.rows.text(reference.name)
+    signs = set("".join(names))
+    odd = [name for name in dict.fromkeys(names) if set(name) & set(" \t#'\"") or name[:1] in ".&"]
+    free = [sign for sign in SEPARATORS if sign not in signs]
+    if odd or not free:
+        words = (
+            f"point {odd[0]!r}: names in STAR*NET have no blanks, # ' \" and no . or & in front"
+            if odd
+            else ""
+        )
+        raise InputError([Message(words or f"every one of {SEPARATORS} is in a name", content.document.file)])
+    return free[0]
+
+
+def _points(found: Things, content: Content) -> tuple[list[str], int]:
+    """Lines of points, and of how many the height is no more than a mean."""
+    values, sigma, free = places(found, content)
+    dimensions = content.project.settings.dimensions
+    finite = np.isfinite(values)
+    some = values[finite[:, 2], 2]
+    mean = float(some.mean()) if len(some) else 0.0
+    lines, guessed = [], 0
+    for k, name in enumerate(found.ids):
+        marks = [
+            "!" if not f else plain(s) if np.isfinite(s) else "*"
+            for f, s in zip(free[k], sigma[k], strict=True)
+        ]
+        if dimensions != "z" and finite[k, :2].all():
+            height = [plain(values[k, 2]) if finite[k, 2] else plain(mean)] if dimensions == "xyz" else []
+            guessed += dimensions == "xyz" and not finite[k, 2]
+            number = 2 + len(height)
+            lines.append(" ".join(["C", name, *map(plain, values[k, :2]), *height, *marks[:number]]))
+        elif dimensions != "xy" and finite[k, 2]:
+            lines.append(f"E {name} {plain(values[k, 2])} {marks[2]}")
+    return lines, guessed
+
+
+def _names(group: Group, row: int) -> dict[str, str]:
+    return {r.name: group.rows.text(r.name)[row] for r in PLAIN_TYPES[group.entry.type].references}
+
+
+def _set_lines(
+    group: Group, known: dict[str, tuple[str, float]], content: Content, separator: str
+) -> Iterator[str]:
+    """Directions, set by set; zenith angles of the same readings behind them."""
+    if "directions" not in group.entry.type:
+        return
+    face = np.nan_to_num(group.rows.number("face"), nan=1.0)
+    horizontal = circle_in_face_one(group.values[:, 0], face) * content.edge.sense
+    sets: dict[tuple[str, str], list[str]] = {}
+    vertical = []
+    for row in range(group.rows.count):
+        names = _names(group, row)
+        station = known.get(names["station"], (names["station"], 0.0))[0]
+        if np.isfinite(horizontal[row]):
+            line = f"DN {names['to']} {dms(horizontal[row])} {seconds(group.sigma[row, 0])}"
+            sets.setdefault((names["station"], group.rows.text("set")[row]), [f"DB {station}"]).append(line)
+        if group.values.shape[1] > 1 and np.isfinite(group.values[row, 1]):
+            zenith = float(zenith_in_face_one(group.values[row, 1], face[row]))
+            ends = f"{station}{separator}{names['to']}"
+            heights = _heights(heights_of(group, names, row, known, content.edge.metres))
+            vertical.append(f"V {ends} {dms(zenith)} {seconds(group.sigma[row, 1])}{heights}")
+    for lines in sets.values():
+        yield from (*lines, "DE")
+    yield from vertical
+
+
+def _single_lines(
+    group: Group, known: dict[str, tuple[str, float]], content: Content, separator: str
+) -> Iterator[str]:
+    """Observations that stand by themselves."""
+    type_, edge = group.entry.type, content.edge
+    if "directions" in type_:
+        return
+    horizontal = type_ == "horizontal_distance" and content.project.settings.dimensions == "xyz"
+    if horizontal:
+        yield ".DELTA ON"
+    face = np.nan_to_num(group.rows.number("face"), nan=1.0)
+    for row in range(group.rows.count):
+        names, value, sigma = _names(group, row), group.values[row, 0], group.sigma[row, 0]
+        if not np.isfinite(value):
+            continue
+        ends = separator.join(names.values())
+        heights = _heights(heights_of(group, names, row, known, edge.metres))
+        if type_ == "angle":
+            yield f"A {ends} {dms(value * edge.sense)} {seconds(sigma)}"
+        elif type_ == "bearing":
+            yield f"B {ends} {dms(value * edge.sense + edge.zero_azimuth)} {seconds(sigma)}"
+        elif type_ == "height_difference":
+            yield f"L {ends} {plain(value * edge.metres)} & {plain(sigma * edge.metres)}"
+        elif type_ in ("zenith_angle", "vertical_direction"):
+            zenith = zenith_in_face_one(value, face[row]) if type_ == "zenith_angle" else np.pi / 2 - value
+            yield f"V {ends} {dms(float(zenith))} {seconds(sigma)}{heights}"
+        else:
+            own = "" if horizontal else heights
+            yield f"D {ends} {plain(value * edge.metres)} {plain(sigma * edge.metres)}{own}"
+    if horizontal:
+        yield ".DELTA OFF"
+
+
+def _heights(pair: tuple[float, float]) -> str:
+    return f" {plain(pair[0])}/{plain(pair[1])}" if any(pair) else ""
+
+
+def plain(value: float) -> str:
+    """A number with all its digits and without an exponent."""
+    return np.format_float_positional(value, trim="-")
+
+
+def seconds(sigma: float) -> str:
+    """A σ (rad) in seconds of arc."""
+    return plain(sigma / _SECOND)
+
+
+def dms(angle: float) -> str:
+    """An angle (rad) as d-m-s within the circle, seconds with nine decimals (5e-15 rad)."""
+    parts = round(float(angle) / _SECOND * 1e9) % (1_296_000 * 10**9)
+    degrees_, rest = divmod(parts, 3600 * 10**9)
+    minutes, rest = divmod(rest, 60 * 10**9)
+    return f"{degrees_}-{minutes:02d}-{rest // 10**9:02d}.{rest % 10**9:09d}"

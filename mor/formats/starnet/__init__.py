@@ -1,1 +1,0 @@
-"""STAR*NET input data."""

@@ -1,1 +1,0 @@
-"""The textbook networks' .dat (F. Krumm)."""

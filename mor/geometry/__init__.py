@@ -1,1 +1,0 @@
-"""Rotations, frames, camera models, similarity: mathematics only."""

@@ -1,0 +1,1 @@
+"""Observation types, parameter blocks, frames, cameras and the Earth: equations and derivatives."""

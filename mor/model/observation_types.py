@@ -1,0 +1,141 @@
+"""The list of observation types."""
+
+from __future__ import annotations
+
+from mor.model.contract import (
+    PERFECT_SET_UP,
+    Computed,
+    External,
+    ObservationGroup,
+    ObservationType,
+    Reference,
+    SetUp,
+    Slot,
+    some_rows,
+    without,
+    wrap,
+)
+from mor.model.coordinates import (
+    AT_INFINITY,
+    COORDINATES,
+    FREE_TURNS,
+    LEVEL,
+    LOCAL,
+    OBSERVED_DIFFERENCES,
+    OBSERVED_PARAMETERS,
+    TURNED_AXIS,
+    at_infinity,
+    can_be_at_infinity,
+    takes_positions,
+    target_slot,
+    to_projection_centres,
+)
+from mor.model.geodetic import (
+    DEFLECTIONS,
+    EARTH_TYPES,
+    GEOID,
+    NOT_ON_EARTH,
+    control,
+    earth_types,
+    projected_attitude,
+    projected_position,
+)
+from mor.model.images import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, is_image_point, read_out_at_once
+from mor.model.terrestrial import (
+    ANGLE_TYPE,
+    BEARING,
+    DIRECTIONS,
+    DISTANCE,
+    DISTANCE_RATIO,
+    HEIGHT_DIFFERENCE,
+    HORIZONTAL_DISTANCE,
+    SPATIAL_ANGLE,
+    VECTOR,
+    VERTICAL_DIRECTION,
+    ZENITH_ANGLE,
+    ZENITH_DIRECTIONS,
+)
+
+# ------------------------------------------------------------
+# Observation types: one file each, every one a value of :class:`ObservationType`.
+# ------------------------------------------------------------
+
+PLAIN_TYPES = {
+    kind.key: kind
+    for kind in (
+        DISTANCE,
+        HORIZONTAL_DISTANCE,
+        DISTANCE_RATIO,
+        DIRECTIONS,
+        ZENITH_DIRECTIONS,
+        BEARING,
+        VERTICAL_DIRECTION,
+        ZENITH_ANGLE,
+        ANGLE_TYPE,
+        SPATIAL_ANGLE,
+        VECTOR,
+        HEIGHT_DIFFERENCE,
+        COORDINATES,
+        LOCAL,
+        LEVEL,
+    )
+}
+"""Types a project names directly; image coordinates are chosen by the model of the camera."""
+
+PROJECTION_CENTRE_TYPES = {
+    kind.key: to_projection_centres(kind) for kind in PLAIN_TYPES.values() if takes_positions(kind)
+}
+"""Twins, by the key of the type, that take projection centres for positions."""
+
+ALL_TYPES = {
+    kind.key: kind
+    for kind in (
+        *IMAGE_TYPES.values(),
+        *FOLLOWER_TYPES.values(),
+        *MOVING_TYPES.values(),
+        *PLAIN_TYPES.values(),
+        *PROJECTION_CENTRE_TYPES.values(),
+        *OBSERVED_PARAMETERS.values(),
+        *OBSERVED_DIFFERENCES.values(),
+    )
+}
+
+
+__all__ = [
+    "ALL_TYPES",
+    "AT_INFINITY",
+    "DEFLECTIONS",
+    "EARTH_TYPES",
+    "FOLLOWER_TYPES",
+    "FREE_TURNS",
+    "GEOID",
+    "IMAGE_TYPES",
+    "MOVING_TYPES",
+    "NOT_ON_EARTH",
+    "OBSERVED_DIFFERENCES",
+    "OBSERVED_PARAMETERS",
+    "PERFECT_SET_UP",
+    "PLAIN_TYPES",
+    "PROJECTION_CENTRE_TYPES",
+    "TURNED_AXIS",
+    "Computed",
+    "External",
+    "ObservationGroup",
+    "ObservationType",
+    "Reference",
+    "SetUp",
+    "Slot",
+    "at_infinity",
+    "can_be_at_infinity",
+    "control",
+    "earth_types",
+    "is_image_point",
+    "projected_attitude",
+    "projected_position",
+    "read_out_at_once",
+    "some_rows",
+    "target_slot",
+    "to_projection_centres",
+    "without",
+    "wrap",
+]

@@ -1,1 +1,0 @@
-"""Points that move while they are observed."""

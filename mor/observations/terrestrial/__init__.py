@@ -1,1 +1,0 @@
-"""Terrestrial observations: distances, directions, angles, coordinate differences."""

@@ -1,1 +1,0 @@
-"""Images and measurements whose pose is a function of time."""

@@ -1,1 +1,0 @@
-"""Kinds of parameter blocks, their values, and the index from block to column."""

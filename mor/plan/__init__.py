@@ -1,0 +1,1 @@
+"""Planned networks: requirements, ranking, simulation, visibility."""

@@ -1,0 +1,386 @@
+"""Observations on the Earth, in a projected plane, on a sphere, and in a free network."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from mor.model.contract import Names
+from mor.model.curvature import on_sphere
+from mor.model.earth import EARTH_RADIUS, LocalSphere, gaussian_radius
+from mor.model.geodetic import CONVERGENCE, Plane, projected_attitude, projected_bearing
+from mor.model.observation_types import GEOID, PLAIN_TYPES, ObservationGroup, ObservationType
+from mor.project.axes import Edge, UnitError
+from mor.project.entities import Reading
+from mor.project.reference_system import (
+    GridError,
+    ReferenceSystem,
+    ReferenceSystemError,
+    World,
+    geoid_heights,
+    reference_system,
+)
+from mor.project.schema import Curvature, Observations
+from mor.project.tables import Place, Rows, tell_rows
+from mor.types import BoolArray, FloatArray, IntArray
+from mor.units import ANGLE, LENGTH
+
+# ------------------------------------------------------------
+# Deflections, geoid heights and places that observations on the earth need.
+# ------------------------------------------------------------
+
+PLANE = ("east", "north")
+"""Columns of the place at which angles refer to the axes of a projection."""
+MEANT = "its height above the geoid is meant, and nothing says where that is: column geoid, or world: {geoid: FILE}"
+
+
+def known_at(
+    reading: Reading, world: World, known: str, blocks: IntArray, rows: Rows, names: Names
+) -> FloatArray:
+    """Deflections or geoid heights (n,) at positions; a missing geoid height is a mistake."""
+    values = world.of_points(known, blocks)
+    tell_rows(reading.problems, np.isnan(values), rows, lambda row: f"{names[row]!r}: {MEANT}")
+    return values
+
+
+def place_of_observed(
+    reading: Reading, world: World, blocks: IntArray, rows: Rows, given: FloatArray
+) -> FloatArray:
+    """Constants (n, 10) of positions (n, 3) that were observed in the projection of the project."""
+    N, planned = np.zeros(rows.count), _planned(reading, given)
+    if world.orthometric:
+        N = rows.number(GEOID)
+        N = np.where(np.isnan(N), world.of_points(GEOID, blocks), N)
+        N = np.where(np.isnan(N), _of_grid(reading, world, given), N)
+        tell_rows(reading.problems, np.isnan(N) & ~planned, rows, MEANT)
+    lost = np.any(np.isnan(given), axis=1)
+    tell_rows(reading.problems, lost, rows, "a position on the earth needs all of east, north, height")
+    place = world.to_object(np.where(planned[:, None], world.inside(), given), N)
+    return np.concatenate([place, world.grid(place).reshape(-1, 4), given], axis=1)
+
+
+def convergence_of_rows(world: World, rows: Rows) -> FloatArray:
+    """Directions of grid north (n,) at the places of the columns ``east`` and ``north``; NaN if there are none."""
+    there = np.stack([rows.number(name) for name in PLANE], axis=1)
+    found, known = np.full(rows.count, np.nan), np.isfinite(there).all(axis=1)
+    if known.any():
+        found[known] = world.convergence(there[known])
+    return found
+
+
+def _planned(reading: Reading, given: FloatArray) -> BoolArray:
+    """(n,) rows that nobody has measured: their place is that of the plan, and zeros stand for their values."""
+    return np.asarray((given == 0.0).all(axis=1) & reading.planned)
+
+
+def _of_grid(reading: Reading, world: World, given: FloatArray) -> FloatArray:
+    if world.geoid is None:
+        return np.full(len(given), np.nan)
+    try:
+        return geoid_heights(world.geoid, world.system.to_geodetic(given * world.metres)) / world.metres
+    except GridError:  # told with the points
+        return np.full(len(given), np.nan)
+
+
+def needs_place(type_: ObservationType) -> bool:
+    """True for types that are told where they were observed."""
+    return any(constant.name.startswith("grid ") for constant in type_.constants)
+
+
+def needs_convergence(type_: ObservationType) -> bool:
+    """True for types whose angles refer to grid north."""
+    return CONVERGENCE in type_.constants
+
+
+# ------------------------------------------------------------
+# Projections as polynomials over the area of a network, for observations in their plane.
+# ------------------------------------------------------------
+
+_DEGREES = (6, 10, 15, 21)
+_CLOSE = 1e-7
+"""Metres to which a polynomial is the projection, and ellipsoids are the same."""
+_LEAST = 100_000.0
+"""Metres around a network that belong to its area, for points without given places; else its own extent."""
+
+
+class PlaneError(ValueError):
+    """A projection that is no polynomial over the area; the words say why."""
+
+
+def plane_of(
+    system: ReferenceSystem, world: World, crs: str | None = None, extent: FloatArray | None = None
+) -> Plane:
+    """The plane of a projected system over the area of the points, in the unit of the project.
+
+    The area is the ``extent`` (2, 2) of object coordinates, that of the given places where nothing is said. Raises
+    :class:`PlaneError`.
+    """
+    low, high = world.extent if extent is None else extent
+    margin = np.maximum(high - low, _LEAST / world.metres)
+    middle, half = 0.5 * (low + high), 0.5 * (high - low) + margin
+    for degree in _DEGREES:
+        nodes = chebyshev.chebpts1(degree + 4)
+        grid = np.stack([g.ravel() for g in np.meshgrid(nodes, nodes, indexing="ij")], axis=1)
+        place, plane = _projected(system, world, middle, half, grid)
+        if not np.isfinite(plane).all():
+            raise PlaneError(f"{system.name} does not reach as far as the network")
+        matrix = chebyshev.chebvander2d(place[:, 0], place[:, 1], [degree, degree])
+        whole = np.round(
+            plane.mean(axis=0)
+        )  # small numbers keep their digits: bearings of short lines need them
+        solution = np.asarray(np.linalg.lstsq(matrix, plane - whole, rcond=None)[0], dtype=np.float64)
+        found = Plane(middle, half, solution.reshape(degree + 1, degree + 1, 2), crs)
+        between = 0.97 * grid + 0.01
+        there, expected = _projected(system, world, middle, half, between)
+        if np.abs(found.at(there * half + middle)[0] + whole - expected).max() * world.metres < _CLOSE:
+            return found
+    raise PlaneError(f"{system.name} is no polynomial over the area of the network")
+
+
+def _projected(
+    system: ReferenceSystem, world: World, middle: FloatArray, half: FloatArray, grid: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Places of feet in the rectangle, and their E, N, of places above or below them."""
+    above = np.hstack([grid * half + middle, np.zeros((len(grid), 1))])
+    foot = world.horizon.foot(above).position
+    geodetic = world.horizon.to_geodetic(foot)
+    geodetic[:, 2] = 0.0
+    plane = system.from_geodetic(geodetic)[:, :2] / world.metres
+    return (foot[:, :2] - middle) / half, plane
+
+
+def in_its_projection(reading: Reading, entry: Observations, place: Place) -> ObservationType | None:
+    """The type of a group with the projection that it names, or that of the project; mistakes are told."""
+    world = reading.world
+    assert world is not None
+    if entry.projection is None and world.system.kind != "projected":
+        words = f"{entry.type}: {world.system.name} is no projection; name one (projection: EPSG:25832)"
+        reading.problems.append(place.problem(words, "type"))
+        return None
+    try:
+        system = world.system if entry.projection is None else reference_system(entry.projection)
+        if system.kind != "projected":
+            raise ReferenceSystemError(f"{system.name} is no projection")
+        ours, theirs = world.system.ellipsoid, system.ellipsoid
+        if abs(ours.a - theirs.a) > _CLOSE or abs(ours.f - theirs.f) * ours.a > _CLOSE:
+            raise ReferenceSystemError(f"{system.name} is of another ellipsoid than {world.system.name}")
+        return projected_bearing(world.horizon, plane_of(system, world, entry.projection))
+    except (ReferenceSystemError, PlaneError) as error:
+        reading.problems.append(place.problem(f"projection: {error}", "projection"))
+        return None
+
+
+def with_convergence_at_images(
+    reading: Reading, type_: ObservationType, rows: Rows, place: Place
+) -> ObservationType | None:
+    """The type of attitudes in the projection of the project, where rows do not say for which place they are.
+
+    Mistakes are told.
+    """
+    world, given = reading.world, [np.isfinite(rows.number(name)) for name in PLANE]
+    assert world is not None
+    words = "the place of an attitude needs both of east, north, or neither: then it is that of its image"
+    tell_rows(reading.problems, given[0] != given[1], rows, words)
+    if given[0].all():
+        return type_
+    try:
+        return projected_attitude(world.horizon, plane_of(world.system, world))
+    except PlaneError as error:
+        reading.problems.append(place.problem(f"projection: {error}", "type"))
+        return None
+
+
+# ------------------------------------------------------------
+# The sphere under a local network: `curvature` of the project file.
+# ------------------------------------------------------------
+
+_NAMES = ("point", "station", "image")
+_HALF_PI = 0.5 * np.pi
+
+
+def read_sphere(reading: Reading) -> None:
+    """Put the sphere of the project and its observation types into ``reading``; problems are collected there."""
+    section = reading.project.curvature
+    if not section:
+        return
+    place = reading.at("curvature")
+    if reading.project.world is not None:
+        words = "curvature: a network on the ellipsoid (world) has it already; remove the key"
+        reading.problems.append(place.problem(words))
+        return
+    refused = [
+        *(("cameras", name) for name, c in reading.project.cameras.items() if c.readout is not None),
+        *((("trajectories",),) if reading.project.trajectories else ()),
+    ]
+    for path in refused:
+        what = "trajectories" if path == ("trajectories",) else "a rolling shutter"
+        words = f"curvature: {what} cannot be on the sphere; use world, or leave curvature out"
+        reading.problems.append(reading.at(*path).problem(words))
+    radius = _radius(reading, section if isinstance(section, Curvature) else Curvature.model_construct())
+    origin = _origin(reading, section if isinstance(section, Curvature) else Curvature.model_construct())
+    if refused or radius is None or origin is None:
+        return
+    reading.sphere = LocalSphere(radius, origin)
+    reading.types = types_on_sphere(reading.sphere, reading.edge)
+    given = np.array(origin) @ reading.edge.matrix  # rows: project axes = matrixᵀ · internal
+    unit = reading.edge.units.length
+    x, y, z = (f"{value:.10g}" for value in given)
+    words = (
+        f"curvature: heights are above a sphere of radius {radius:.10g} {unit}, which is at height {z} {unit} at "
+        f"x = {x}, y = {y}"
+    )
+    reading.notes.append(place.problem(words))
+
+
+def types_on_sphere(sphere: LocalSphere, edge: Edge) -> Mapping[str, ObservationType]:
+    """Return the plain observation types by key, with those that the curvature changes on the sphere."""
+    return {key: on_sphere(type_, sphere, edge.metres) for key, type_ in PLAIN_TYPES.items()}
+
+
+def median_origin(positions: FloatArray, metre: float) -> tuple[float, float, float]:
+    """Return the median of coordinates (n, 3), rounded to a metre (in units of length); 0 where none is known."""
+    found = []
+    for column in positions.T:
+        known = column[np.isfinite(column)]
+        found.append(float(np.round(np.median(known) / metre) * metre) if len(known) else 0.0)
+    return found[0], found[1], found[2]
+
+
+def _radius(reading: Reading, section: Curvature) -> float | None:
+    place, metres = reading.at("curvature"), reading.edge.metres
+    if section.radius is not None and section.latitude is not None:
+        words = "curvature: radius and latitude are two ways to say the same; remove one"
+        reading.problems.append(place.problem(words))
+        return None
+    try:
+        if section.latitude is not None:
+            latitude = reading.edge.number(section.latitude, ANGLE)
+            if abs(latitude) > _HALF_PI:
+                raise UnitError(f"found {np.degrees(latitude):.6g}°, expected it between -90° and 90°")
+            return gaussian_radius(latitude) / metres
+        if section.radius is None:
+            return EARTH_RADIUS / metres
+        radius = reading.edge.number(section.radius, LENGTH)
+        if radius * metres < _SMALLEST:
+            raise UnitError(f"found {radius * metres / 1e3:.6g} km, expected that of the earth, some 6371 km")
+        return radius
+    except UnitError as error:
+        key = "latitude" if section.latitude is not None else "radius"
+        reading.problems.append(place.problem(f"curvature: {key}: {error}", key))
+        return None
+
+
+_SMALLEST = 1e6
+"""Metres; a smaller radius is a mistake in the unit."""
+
+
+def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] | None:
+    if section.origin is None:
+        store = reading.shop.store("point")
+        positions = store.start_values(store.all_values())
+        things = [reading.shop.things[space] for space in _NAMES if space in reading.shop.things]
+        blocks = np.concatenate(
+            [thing.parts["position"] for thing in things] or [np.zeros(0, dtype=np.int64)]
+        )
+        return median_origin(positions[np.unique(blocks)], 1.0 / reading.edge.metres)
+    given = []
+    for name in ("x", "y", "z"):
+        try:
+            given.append(reading.edge.number(getattr(section.origin, name), LENGTH))
+        except UnitError as error:
+            words = f"curvature: origin: {name}: {error}"
+            reading.problems.append(reading.at("curvature").problem(words, "origin"))
+            return None
+    x, y, z = np.array(given) @ reading.edge.matrix.T
+    return float(x), float(y), float(z)
+
+
+# ------------------------------------------------------------
+# Networks on the earth that plumb lines leave neither free nor determined: these have no solution, and are told.
+#
+# Levelled instruments tell nothing of a turn of their network about its vertical, nor of a movement along the
+# earth that turns it with its plumb lines: on a sphere nothing at all, on the ellipsoid what its curvature
+# changes from place to place. But verticals are constants of a step, and in such a step the plumb lines of
+# the other places, by d/R beside the one in the middle, hold the network against the turn, and with levelled
+# heights its shifts, too. What seems determined there is no information; the iteration follows it, and never
+# comes to an end. An inner constraint in its place would have to be a condition of its own, beside the
+# defect.
+# ------------------------------------------------------------
+
+_LEVELLED = {
+    "directions",
+    "zenith_directions",
+    "zenith_angle",
+    "vertical_direction",
+    "angle",
+    "horizontal_distance",
+}
+_HEIGHTS = {"height_difference", "ellipsoidal_height_difference", "ellipsoidal_height", "orthometric_height"}
+_TURNED = {
+    "gnss_vector",
+    "azimuth",
+    "astronomic_azimuth",
+    "projected_bearing",
+    "projected_attitude",
+    "navigation_attitude",
+}
+_PLACED = {"control", "gnss_position", "geodetic_position", "projected_position"}
+_ORIENTED = "observed/rotation"
+_FRAMES = ("station", "image", "system")
+_KAPPA = 2
+_LIES = (
+    "datum: on the earth levelled instruments and heights leave neither free nor determined where the network lies, "
+    "for verticals differ from place to place; fix or observe a point"
+)
+_TURNS = (
+    "datum: on the earth levelled instruments leave the turn about the vertical neither free nor determined, for "
+    "verticals differ from place to place; fix or observe two points, or one point and an azimuth"
+)
+_TURNS_ABOUT = (
+    "datum: on the earth levelled instruments leave the turn about the only point that is held neither free nor "
+    "determined, for verticals differ from place to place; fix or observe a second point, or an azimuth"
+)
+
+
+def check_held_on_earth(reading: Reading, groups: Sequence[ObservationGroup], free: bool) -> None:
+    """Tell a datum that plumb lines leave open; ``groups`` are those of the project, control among them.
+
+    ``free``: of a network that is not, and in which nothing is held, the defect is told later.
+    """
+    kinds = {group.type.key for group in groups}
+    if reading.world is None or not kinds & _LEVELLED:
+        return
+    held = _places_held(reading, groups)
+    if not _turn_is_held(reading, groups) and (held == 1 or (held == 0 and free)):
+        reading.problems.append(reading.at("datum").problem(_TURNS_ABOUT if held else _TURNS))
+    elif held == 0 and free and kinds & _HEIGHTS:
+        reading.problems.append(reading.at("datum").problem(_LIES))
+
+
+def _places_held(reading: Reading, groups: Sequence[ObservationGroup]) -> int:
+    """Number of points and frame positions that are fixed or observed."""
+    free = reading.shop.store("point").all_free()
+    held = np.zeros(len(free), dtype=bool)
+    for things in reading.shop.things.values():
+        if "position" in things.parts:
+            blocks = things.parts["position"]
+            held[blocks[(~free[blocks]).any(axis=1)]] = True
+    for group in groups:
+        if group.type.key in _PLACED:
+            held[group.blocks[0]] = True
+    return int(np.count_nonzero(held))
+
+
+def _turn_is_held(reading: Reading, groups: Sequence[ObservationGroup]) -> bool:
+    """True if anything fixes or observes the orientation of the network."""
+    if any(group.type.key in _TURNED for group in groups):
+        return True
+    if any(group.type.key == _ORIENTED and group.mask[:, _KAPPA].any() for group in groups):
+        return True
+    free = reading.shop.store("rotation").all_free()
+    rotations = [
+        reading.shop.things[space].parts["rotation"] for space in _FRAMES if space in reading.shop.things
+    ]
+    return any(bool((~free[blocks[blocks >= 0], _KAPPA]).any()) for blocks in rotations)

@@ -1,1 +1,0 @@
-"""The file itself: nodes with their lines, model, validation, schema, writing."""

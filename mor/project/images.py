@@ -1,0 +1,515 @@
+"""Cameras and images."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mor.errors import Message
+from mor.model.cameras import CAMERA_MODELS
+from mor.model.observation_types import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, ObservationGroup
+from mor.model.parameters import (
+    ECCENTRICITY,
+    HEIGHT,
+    IMAGE_VELOCITY,
+    INTERIORS,
+    POINT,
+    READOUT,
+    ROTATION,
+    ROTATION_RATE,
+)
+from mor.project.axes import ImageScale, UnitError, image_scale, split
+from mor.project.document import KeyPath
+from mor.project.entities import Reading, entities, unknown_name
+from mor.project.motion import EPOCH, remember_epochs
+from mor.project.points import Seen, check_unique, position_columns, positions, rotations
+from mor.project.schema import Camera, Images, Setting, Value
+from mor.project.stations import eccentricities, heights, motions, set_up_columns, shared_column
+from mor.project.tables import Column, Place, Rows, component_columns, read_table, settings, tell_rows
+from mor.project.trajectories import (
+    TRAJECTORY,
+    check_line_times,
+    pose_blocks,
+    put_on_trajectories,
+    read_line_times,
+    read_scanner,
+    trajectory_columns,
+)
+from mor.types import BoolArray, IntArray
+from mor.units import IMAGE, NUMBER, Component
+
+# ------------------------------------------------------------
+# Cameras of a project: interior orientations, image scales, image-variant components.
+# ------------------------------------------------------------
+
+DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
+"""Diagonal of the format that 35 mm equivalents refer to, mm."""
+GUESSED_CONSTANT = 1.0
+"""Camera constant in longer sides of the image where nothing is known: a lens of 53 degrees."""
+
+
+def read_cameras(reading: Reading) -> None:
+    """Interior orientations, and how image coordinates come in."""
+    ids, blocks, eccentricities, models, readouts = [], [], [], [], []
+    for name, camera in reading.project.cameras.items():
+        at = reading.at("cameras", name)
+        reading.shop.begin(f"camera {name}")
+        try:
+            scale = image_scale(camera, reading.project.units)
+        except UnitError as error:
+            reading.problems.append(at.problem(str(error), "image"))
+            continue
+        if not _r0_is_good(reading, name, camera, scale):
+            continue
+        reading.scales[name] = scale
+        blocks.append(_interior(reading, name, camera, scale))
+        ids.append(name)
+        models.append(list(CAMERA_MODELS).index(camera.model))
+        eccentricities.append(_eccentricity(reading, name, camera))
+        readouts.append(_readout(reading, name, camera, scale))
+        read_scanner(reading, name, camera, scale)
+    reading.shop.things["camera"] = entities(
+        ids,
+        {
+            "interior": np.array(blocks, dtype=np.int64),
+            "model": np.array(models, dtype=np.int64),
+            "eccentricity": np.array(eccentricities, dtype=np.int64),
+            "readout": np.array(readouts, dtype=np.int64),
+        },
+    )
+
+
+def _r0_is_good(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> bool:
+    try:
+        r0 = reading.edge.number(camera.r0 or "0", IMAGE, "", scale)
+    except UnitError as error:
+        reading.problems.append(reading.at("cameras", name).problem(f"r0: {error}", "r0"))
+        return False
+    if r0 < 0.0:
+        reading.problems.append(reading.at("cameras", name).problem("r0: expected a radius, 0 or more", "r0"))
+    return r0 >= 0.0
+
+
+def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> int:
+    model = CAMERA_MODELS[camera.model]
+    path: KeyPath = ("cameras", name, "interior")
+    place = reading.at(*path)
+    given = {**_first_guess(reading, name, camera, scale), **camera.interior}
+    before = len(reading.problems)
+    statuses = settings(given, model.components, reading.edge, place, path, reading.problems, scale)
+    values = statuses.values
+    if values[0, 0] <= 0.0 and model.components[0].name in given and len(reading.problems) == before:
+        reading.problems.append(
+            place.problem(
+                f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0"
+            )
+        )
+    return int(reading.shop.store(f"interior/{camera.model}").add([name], *statuses)[0])
+
+
+def _first_guess(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> dict[str, Setting]:
+    """Free camera constant (fx and fy alike) from EXIF-like entries or the image size, where interior gives none."""
+    names = [c.name for c in CAMERA_MODELS[camera.model].components if c.name in ("c", "fx", "fy", "f")]
+    if any(constant in camera.interior for constant in names):
+        return {}
+    at = reading.at("cameras", name)
+    try:
+        guess, words = _guessed_constant(camera, scale)
+    except UnitError as error:
+        reading.problems.append(at.problem(f"interior: {names[0]} (camera constant) is required; {error}"))
+        return {}
+    reading.notes.append(at.problem(f"camera {name}: {names[0]} = {guess:.6g} {scale.unit}, free, {words}"))
+    return {constant: Value(free=repr(guess)) for constant in names}
+
+
+def _guessed_constant(camera: Camera, scale: ImageScale) -> tuple[float, str]:
+    """Camera constant in camera units, and where it comes from. Raises :class:`UnitError`."""
+    if camera.focal_length is not None:
+        number, unit = split(camera.focal_length)
+        return number * scale.factor(unit or "mm"), "from focal_length"
+    if camera.image is None:
+        raise UnitError("or give focal_length, or image: {width, height, pixel} for a first guess")
+    width, height = (
+        split(text)[0] * scale.factor("px") for text in (camera.image.width, camera.image.height)
+    )
+    if camera.focal_length_35mm is not None:
+        diagonal = float(np.hypot(width, height))
+        return camera.focal_length_35mm * diagonal / DIAGONAL_35MM, "from focal_length_35mm"
+    words = f"a first guess: {GUESSED_CONSTANT:g} x the longer side of the image"
+    return GUESSED_CONSTANT * max(width, height), words
+
+
+def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:
+    if not camera.eccentricity:
+        return 0
+    path: KeyPath = ("cameras", name, "eccentricity")
+    statuses = settings(
+        dict(camera.eccentricity),
+        ECCENTRICITY.components,
+        reading.edge,
+        reading.at(*path),
+        path,
+        reading.problems,
+    )
+    return int(reading.shop.store("eccentricity").add([f"camera {name}"], *statuses)[0])
+
+
+def _readout(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> int:
+    """Block of the readout time, −1 where all rows are exposed at once: none given, or exactly 0."""
+    if camera.readout is None:
+        return -1
+    at, path = reading.at("cameras", name), ("cameras", name)
+    before = len(reading.problems)
+    given = {READOUT.key: camera.readout}
+    statuses = settings(given, READOUT.components, reading.edge, at, path, reading.problems)
+    if len(reading.problems) > before:
+        return -1
+    value, free = float(statuses.values[0, 0]), bool(statuses.free[0, 0])
+    if value < 0.0:
+        words = f"readout: found {value:g} s, expected 0 or more; readout_direction says where it goes"
+        reading.problems.append(at.problem(words, "readout"))
+    if value == 0.0 and not free:
+        return -1
+    if np.isnan(scale.pixel) or camera.image is None:
+        words = "readout needs image: {width, height, pixel}: the row of a point is its time"
+        reading.problems.append(at.problem(words, "readout"))
+        return -1
+    return int(reading.shop.store(READOUT.key).add([f"camera {name}"], *statuses)[0])
+
+
+def phase_constants(camera: Camera, scale: ImageScale) -> tuple[float, float, float]:
+    """What of the readout passes per image unit in x and in y, and what has passed at 0, 0, less 1/2."""
+    assert camera.image is not None
+    width, height = (split(text)[0] * scale.pixel for text in (camera.image.width, camera.image.height))
+    along = {"down": (0.0, -1.0 / height), "up": (0.0, 1.0 / height)}
+    along |= {"right": (1.0 / width, 0.0), "left": (-1.0 / width, 0.0)}
+    by_x, by_y = along[camera.readout_direction]
+    x, y = 0.0, 0.0  # the middle of the image, from the origin inside
+    if scale.corner:
+        x, y = 0.5 * width - scale.centre[0] * scale.pixel, scale.centre[1] * scale.pixel - 0.5 * height
+    return by_x, by_y, -by_x * x - by_y * y
+
+
+def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, float]:
+    """Numbers of the image-variant components of a camera, with the σ of their difference from the camera's."""
+    kind = INTERIORS[camera.model]
+    result: dict[int, float] = {}
+    given = (
+        camera.image_variant
+        if isinstance(camera.image_variant, dict)
+        else dict.fromkeys(camera.image_variant)
+    )
+    for component, text in given.items():
+        at = reading.at("cameras", name, "image_variant")
+        if component not in kind.names:
+            words = unknown_name("component", component, kind.names)
+            reading.problems.append(at.problem(words))
+            continue
+        k = kind.names.index(component)
+        try:
+            sigma = _variant_sigma(reading, text, kind.components[k], reading.scales[name])
+        except UnitError as error:
+            reading.problems.append(at.problem(f"{component}: {error}"))
+            continue
+        if sigma != 0.0:  # no difference at all: every image has the component of the camera
+            result[k] = sigma
+    return result
+
+
+def _variant_sigma(reading: Reading, text: str | None, component: Component, scale: ImageScale) -> float:
+    """σ of the difference of each image from its camera, NaN if there is none. Raises :class:`UnitError`."""
+    if text is None:
+        return float("nan")
+    sigma = reading.edge.number(text, component.quantity, "", scale)
+    if sigma < 0.0:
+        raise UnitError(f"found a negative σ ({text}), expected a σ ≥ 0")
+    return sigma
+
+
+def variant_columns(reading: Reading) -> list[Column]:
+    """Columns an image table may have for the start values of image-variant components, in the unit of the camera."""
+    cameras = [camera for camera in reading.project.cameras.values() if camera.image_variant]
+    names = dict.fromkeys(
+        c for camera in cameras for c in camera.image_variant if c in INTERIORS[camera.model].names
+    )
+    return [Column(name, parse=lambda text, unit: reading.edge.number(text, NUMBER, unit)) for name in names]
+
+
+def interiors(reading: Reading, rows: Rows, cameras: IntArray) -> IntArray:
+    """Interior block of every image: its camera's, or one of its own where components vary from image to image."""
+    shop, names = reading.shop, rows.text("id")
+    result = shop.things["camera"].parts["interior"][cameras].copy()
+    for number, camera_name in enumerate(shop.things["camera"].ids):
+        camera = reading.project.cameras[camera_name]
+        if not camera.image_variant:
+            continue
+        store = shop.store(f"interior/{camera.model}")
+        mine = np.flatnonzero(cameras == number)
+        shared = int(shop.things["camera"].parts["interior"][number])
+        row = slice(shared, shared + 1)
+        variant = reading.variants[camera_name] = image_variant(reading, camera_name, camera)
+        if not variant:
+            continue
+        values = np.repeat(store.all_values()[row], len(mine), axis=0)
+        free = np.repeat(store.all_free()[row], len(mine), axis=0)
+        free[:, list(variant)] = True
+        for component in variant:
+            own = rows.number(store.kind.names[component])[mine]
+            values[:, component] = np.where(np.isnan(own), values[:, component], own)
+        added = store.add([f"image {names[i]}" for i in mine], values, free, np.full(values.shape, np.nan))
+        for block in added:
+            for component in range(store.kind.size):
+                if component not in variant:
+                    store.shared[int(block), component] = shared
+        result[mine] = added
+    return result
+
+
+def hold_what_images_have(reading: Reading, groups: Sequence[ObservationGroup]) -> None:
+    """A component that every image has of its own is none of the camera: its value is where those of the images start.
+
+    Unless something says how they differ: a σ of the variation, or an observed or exact difference.
+    """
+    for name, variant in reading.variants.items():
+        kind = INTERIORS[reading.project.cameras[name].model]
+        store, block = reading.shop.store(kind.key), reading.shop.things["camera"].part(name, "interior")
+        told = [k for other, k in store.shared if other == block]
+        told += [k for (_, k), owner in store.shared.items() if owner == block]
+        for group in groups:
+            if group.type in (OBSERVED_PARAMETERS[kind.key], OBSERVED_DIFFERENCES[kind.key]):
+                rows = np.any([blocks == block for blocks in group.blocks], axis=0)
+                told += np.flatnonzero(group.mask[rows].any(axis=0)).tolist()
+        for component in variant:
+            if store.all_free()[block, component] and component not in told:
+                store.hold(block, component, float(store.all_values()[block, component]))
+
+
+# ------------------------------------------------------------
+# Images of a project: frames with a camera; followers refer to their leading image and their pair.
+# ------------------------------------------------------------
+
+
+def read_images(reading: Reading) -> None:
+    """Images: positions, rotations, heights, cameras; followers refer to their leading image and their pair."""
+    collected: dict[str, list[IntArray]] = {}
+    ids: list[str] = []
+    seen: list[Seen] = []
+    leaders: list[tuple[int, str, str, str, int]] = []
+    read_line_times(reading)
+    for k, table in enumerate(reading.project.images):
+        reading.begin("images", k, table)
+        _read_images_table(reading, table, reading.at("images", k), ids, collected, seen, leaders)
+        reading.watch(table.file)
+    parts = {part: np.concatenate(arrays) for part, arrays in collected.items()}
+    if not parts:
+        parts = {part: np.zeros(0, dtype=np.int64) for part in _IMAGE_PARTS}
+    reading.shop.things["image"] = entities(ids, parts)
+    _follow(reading, leaders)
+    check_line_times(reading, tuple(ids))
+
+
+_MOTION = (IMAGE_VELOCITY, ROTATION_RATE)
+_POSE = (
+    *POINT.names,
+    *ROTATION.names,
+    *HEIGHT.names,
+    *ECCENTRICITY.names,
+    *IMAGE_VELOCITY.names,
+    *ROTATION_RATE.names,
+)
+_SHARED = ("position", *(shared_column(kind) for kind in (HEIGHT, ECCENTRICITY, *_MOTION)))
+_IMAGE_PARTS = (
+    "position",
+    "rotation",
+    "height",
+    "eccentricity",
+    "interior",
+    "model",
+    "camera",
+    "relative rotation",
+    "base",
+    "image velocity",
+    "rotation rate",
+    "readout",
+    TRAJECTORY,
+)
+
+
+def _read_images_table(
+    reading: Reading,
+    table: Images,
+    place: Place,
+    ids: list[str],
+    collected: dict[str, list[IntArray]],
+    seen: list[Seen],
+    leaders: list[tuple[int, str, str, str, int]],
+) -> None:
+    edge, shop = reading.edge, reading.shop
+    rows = read_table(table, image_columns(reading), place, reading.problems)
+    if rows is None:
+        return
+    names = rows.text("id")
+    check_unique("image", names, rows, seen, reading.problems)
+    remember_epochs(reading, "image", names, rows)
+    if not edge.right_handed:
+        reading.problems.append(
+            place.problem(f"images need right-handed axes; {edge.axes.xy} is left-handed")
+        )
+        return
+    cameras = _camera_numbers(reading, rows)
+    if cameras is None:
+        reading.broken.add("image")
+        return
+    camera = shop.things["camera"]
+    own = camera.parts["eccentricity"][cameras]
+    trajectory = put_on_trajectories(reading, rows, names, table.free)
+    position, rotation, height, eccentricity = _own_poses(reading, rows, trajectory >= 0, table, own)
+    none = np.full(len(names), -1, dtype=np.int64)
+    readout = camera.parts["readout"][cameras]
+    velocity, rate = _motions(reading, rows, names, table, readout, trajectory >= 0)
+    found = {
+        "position": position,
+        "rotation": rotation,
+        "height": height,
+        "eccentricity": eccentricity,
+        "interior": interiors(reading, rows, cameras),
+        "model": camera.parts["model"][cameras],
+        "camera": cameras,
+        "relative rotation": none,
+        "base": none.copy(),
+        "image velocity": velocity,
+        "rotation rate": rate,
+        "readout": readout,
+        TRAJECTORY: trajectory,
+    }
+    for i, (leader, pair) in enumerate(zip(rows.text("leader"), rows.text("pair"), strict=True)):
+        if leader or pair:
+            leaders.append((len(ids) + i, leader, pair, rows.file, int(rows.lines[i])))
+    for part, array in found.items():
+        collected.setdefault(part, []).append(array)
+    ids += names
+    reading.end("image", len(names))
+
+
+def image_columns(reading: Reading) -> list[Column]:
+    """Return the columns that a table of images may have."""
+    edge = reading.edge
+    return [
+        Column("id", required=True),
+        Column("camera", required=True),
+        *(Column(name) for name in ("position", "leader", "pair")),
+        EPOCH,
+        *trajectory_columns(reading),
+        *component_columns((*POINT.components, *ROTATION.components), edge),
+        *position_columns(reading),
+        *set_up_columns(reading, HEIGHT),
+        *set_up_columns(reading, ECCENTRICITY),
+        *(column for kind in _MOTION for column in set_up_columns(reading, kind)),
+        *variant_columns(reading),
+    ]
+
+
+def _own_poses(
+    reading: Reading, rows: Rows, on_trajectory: BoolArray, table: Images, eccentricity: IntArray
+) -> tuple[IntArray, IntArray, IntArray, IntArray]:
+    """Position, rotation, height and eccentricity blocks; those of followers come from their leading images.
+
+    ``eccentricity`` (n,) are the blocks of the cameras. Images ``on_trajectory`` (n,) have the pose of a time.
+    """
+    names = rows.text("id")
+    follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
+    for i in np.flatnonzero(follows):
+        given = any(np.isfinite(rows.number(name)[i]) for name in _POSE)
+        if given or any(rows.text(name)[i] for name in _SHARED):
+            words = f"image {names[i]!r} follows another one: it has no position or attitude of its own"
+            reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
+    position, rotation, height = (np.full(len(names), -1, dtype=np.int64) for _ in range(3))
+    eccentricity = eccentricity.copy()
+    labels = [f"image {name}" for name in names]
+    fixed, free = table.fixed, table.free
+    own = np.flatnonzero(~follows & ~on_trajectory)
+    if len(own):
+        mine, called = rows.take(own), [labels[i] for i in own]
+        position[own] = positions(reading, mine, called, fixed)
+        rotation[own] = rotations(reading, mine, called, fixed)
+    timed = np.flatnonzero(on_trajectory & ~follows)
+    if len(timed):
+        position[timed], rotation[timed] = pose_blocks(reading, [labels[i] for i in timed])
+    set_up = np.flatnonzero(~follows)
+    if len(set_up):
+        mine, called = rows.take(set_up), [labels[i] for i in set_up]
+        height[set_up] = heights(reading, mine, called, fixed, free)
+        eccentricity[set_up] = eccentricities(reading, mine, called, fixed, free, eccentricity[set_up])
+    return position, rotation, height, eccentricity
+
+
+def _motions(
+    reading: Reading,
+    rows: Rows,
+    names: list[str],
+    table: Images,
+    readout: IntArray,
+    on_trajectory: BoolArray,
+) -> tuple[IntArray, IntArray]:
+    """Velocity and rotation rate of images whose cameras have a readout time (n,); a motion without one is noted.
+
+    Images ``on_trajectory`` (n,) move as that does.
+    """
+    labels = [f"image {name}" for name in names]
+    follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
+    moving = (readout >= 0) & ~follows & ~on_trajectory
+    words = "image {0!r} follows another one; a stereo follower with a readout time is not provided for"
+    tell_rows(reading.problems, (readout >= 0) & follows, rows, lambda row: words.format(names[row]))
+    still = np.flatnonzero(readout < 0)
+    given = [c for kind in _MOTION for c in kind.names if np.isfinite(rows.number(c)[still]).any()]
+    if given or (len(still) and any(c in table.free for kind in _MOTION for c in kind.names)):
+        camera = rows.text("camera")[int(still[0])]
+        said = f"camera {camera} has no readout time: the motion of its images has no effect and is left out"
+        reading.notes.append(Message(said, rows.file, int(rows.lines[int(still[0])])))
+    return motions(reading, rows, labels, table.fixed, table.free, moving)
+
+
+def _camera_numbers(reading: Reading, rows: Rows) -> IntArray | None:
+    known = reading.shop.things["camera"].numbers
+    result = np.array([known.get(name, -1) for name in rows.text("camera")], dtype=np.int64)
+    names = rows.text("camera")
+    for name in dict.fromkeys(names[i] for i in np.flatnonzero(result < 0)):
+        if name in reading.project.cameras or "camera" in reading.broken:
+            continue  # its own mistake is told already
+        line = int(rows.lines[names.index(name)])
+        reading.problems.append(Message(unknown_name("camera", name, known), rows.file, line))
+    return None if (result < 0).any() else result
+
+
+def _follow(reading: Reading, leaders: list[tuple[int, str, str, str, int]]) -> None:
+    """Tie followers to their leading image: its frame, and the relative orientation of their pair."""
+    images, pairs = reading.shop.things["image"], reading.shop.things["pair"]
+    followers = {number for number, *_ in leaders}
+    for number, leader, pair, file, line in leaders:
+        if not leader or not pair:
+            have, lack = ("pair", "leader") if pair else ("leader", "pair")
+            words = f"image {images.ids[number]!r} has a {have} but no {lack}; a stereo follower needs both"
+            reading.problems.append(Message(words, file, line))
+        elif leader not in images.numbers:
+            reading.problems.append(Message(unknown_name("leader: image", leader, images.ids), file, line))
+        elif pair not in pairs.numbers and "pair" in reading.broken:
+            continue
+        elif pair not in pairs.numbers:
+            reading.problems.append(Message(unknown_name("pair", pair, pairs.ids), file, line))
+        elif images.numbers[leader] == number:
+            reading.problems.append(
+                Message(
+                    f"image {leader!r} is its own leader; a stereo follower follows another image", file, line
+                )
+            )
+        elif images.numbers[leader] in followers:
+            words = f"leader {leader!r} is itself a follower; a leader must be an image of its own"
+            reading.problems.append(Message(words, file, line))
+        else:
+            if leader in reading.image_times:
+                reading.image_times[images.ids[number]] = reading.image_times[leader]
+            for part in ("position", "rotation", "height", "eccentricity", TRAJECTORY):
+                images.parts[part][number] = images.part(leader, part)
+            images.parts["relative rotation"][number] = pairs.part(pair, "rotation")
+            images.parts["base"][number] = pairs.part(pair, "base")

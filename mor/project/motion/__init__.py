@@ -1,1 +1,0 @@
-"""Points that move: times of observations, models of movement, and what they make of points and observations."""

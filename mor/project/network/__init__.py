@@ -1,1 +1,0 @@
-"""From the project to the network: one builder for each section of the file."""

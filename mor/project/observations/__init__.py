@@ -1,1 +1,0 @@
-"""Observation groups of a project: names, σ, correlations, conversion at the edge."""

@@ -1,0 +1,641 @@
+"""Prior knowledge: observed parameters, features, equal parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.errors import Message, nearest
+from mor.model.contract import names_of, one_name
+from mor.model.observation_types import (
+    OBSERVED_DIFFERENCES,
+    OBSERVED_PARAMETERS,
+    PLAIN_TYPES,
+    ObservationGroup,
+)
+from mor.model.parameters import INTERIORS, KINDS, MOTIONS, BlockKind
+from mor.model.rotations import angles_from_rotation, rotate
+from mor.project.axes import SMALLEST_SIGMA, ImageScale, UnitError
+from mor.project.entities import (
+    BlockStore,
+    ContradictionError,
+    Equality,
+    Reading,
+    said_thing,
+    settle_equalities,
+    table_label,
+    unknown_name,
+)
+from mor.project.rows import group_name, without_required
+from mor.project.schema import Feature, Observations
+from mor.project.tables import MOST_TOLD, Column, Rows, read_table
+from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
+from mor.units import ANGLE, LENGTH
+
+# ------------------------------------------------------------
+# Prior knowledge that stands with the things themselves: observed components, levels, image-variant interiors.
+# ------------------------------------------------------------
+
+
+def prior_groups(reading: Reading) -> list[ObservationGroup]:
+    """Groups of observed parameters, called as the table (or camera, or instrument) that has their values and σ.
+
+    One for every table and kind of block, in the order of the tables.
+    """
+    groups: list[tuple[int, ObservationGroup]] = []
+    for kind, store in reading.shop.stores.items():
+        sigma = store.all_sigma()
+        rows = np.flatnonzero(np.isfinite(sigma).any(axis=1)) if len(sigma) else np.zeros(0, dtype=np.int64)
+        source = reading.shop.source(kind)[rows]
+        for number in np.unique(source).tolist():
+            table = reading.shop.sources[number][0]
+            groups.append((number, _prior_group(reading, store, rows[source == number], table)))
+    return [group for _, group in sorted(groups, key=lambda numbered: numbered[0])]
+
+
+def _prior_group(reading: Reading, store: BlockStore, rows: IntArray, table: str) -> ObservationGroup:
+    """Observed parameters of the blocks (n,) of one kind that a table, or a camera, declares."""
+    values, sigma = store.all_values()[rows], store.all_sigma()[rows]
+    camera = store.ids[int(rows[0])]
+    return ObservationGroup(
+        name=table,
+        type=OBSERVED_PARAMETERS[store.kind.key],
+        blocks=(rows,),
+        observed=np.where(np.isfinite(sigma), values, np.nan),
+        sigma=sigma,
+        constants=np.zeros((len(rows), 0)),
+        references=(names_of([said_thing(store.kind.key, store.ids[row]) for row in rows]),),
+        image_unit=reading.scales[camera].unit if camera in reading.scales else "mm",
+    )
+
+
+def level_groups(reading: Reading) -> list[ObservationGroup]:
+    """Levels observed as zero tilt, in instrument axes, for the stations whose level has a σ."""
+    stations = reading.shop.things["station"]
+    groups = []
+    for number, table in enumerate(reading.project.stations):
+        if table.level in ("fixed", "free"):
+            continue
+        place = reading.at("stations", number)
+        try:
+            sigma = reading.edge.number(table.level, ANGLE)
+        except UnitError as error:
+            reading.problems.append(place.problem(str(error), "level"))
+            continue
+        if sigma <= 0.0:
+            reading.problems.append(place.problem("level: expected a σ > 0, or fixed", "level"))
+            continue
+        names = [n for n in reading.table_ids.get(("stations", number), []) if n not in reading.unoriented]
+        if not names:
+            continue
+        rows = np.array([stations.part(name, "rotation") for name in names], dtype=np.int64)
+        groups.append(
+            ObservationGroup(
+                name=table_label("stations", number, table),
+                type=PLAIN_TYPES["level"],
+                blocks=(rows,),
+                observed=np.zeros((len(rows), 2)),
+                sigma=np.full((len(rows), 2), sigma),
+                constants=np.zeros((len(rows), 0)),
+                references=(names_of(names),),
+            )
+        )
+    return groups
+
+
+def variant_groups(reading: Reading, variants: dict[str, dict[int, float]]) -> list[ObservationGroup]:
+    """Differences of image-variant components from their camera's, observed as zero if they have a σ."""
+    groups = []
+    cameras, images = reading.shop.things["camera"], reading.shop.things["image"]
+    for number, name in enumerate(cameras.ids):
+        sigmas = {k: s for k, s in variants.get(name, {}).items() if np.isfinite(s)}
+        if not sigmas:
+            continue
+        kind = INTERIORS[reading.project.cameras[name].model]
+        mine = np.flatnonzero(images.parts["camera"] == number)
+        observed = np.full((len(mine), kind.size), np.nan)
+        sigma = np.full((len(mine), kind.size), np.nan)
+        for component, value in sigmas.items():
+            observed[:, component], sigma[:, component] = 0.0, value
+        shared = np.full(len(mine), cameras.parts["interior"][number])
+        groups.append(
+            ObservationGroup(
+                name=f"image-variant interior of camera {name}",
+                type=OBSERVED_DIFFERENCES[kind.key],
+                blocks=(shared, images.parts["interior"][mine]),
+                observed=observed,
+                sigma=sigma,
+                constants=np.zeros((len(mine), 0)),
+                references=(
+                    one_name(f"camera {name}", len(mine)),
+                    names_of([f"image {images.ids[i]}" for i in mine]),
+                ),
+                image_unit=reading.scales[name].unit,
+            )
+        )
+    return groups
+
+
+# ------------------------------------------------------------
+# Planes, lines and right angles: local systems whose coordinates are observed as zero (MOR 1.5).
+# ------------------------------------------------------------
+
+NEEDED = {"plane": 4, "line": 3, "right angle": 3}
+"""Points from which on a feature says something about the object."""
+_TURNS = 5
+_BESIDE = 0.01
+"""Distance from a line, in parts of the extent, from which on a point is beside it."""
+
+
+def feature_groups(reading: Reading) -> list[ObservationGroup]:
+    """One group of observed local coordinates for every feature."""
+    groups = []
+    for number, feature in enumerate(reading.project.features):
+        group = _feature_group(reading, feature, number)
+        groups += [group] if group is not None else []
+    return groups
+
+
+def feature_label(feature: Feature) -> str:
+    """Name of the blocks and of the observation group of a feature."""
+    return f"{feature.type} {feature.id}"
+
+
+def _feature_group(reading: Reading, feature: Feature, number: int) -> ObservationGroup | None:
+    place = reading.at("features", number)
+    points = reading.shop.things["point"]
+    problems: list[Message] = []
+    for name in (*feature.points, *feature.other):
+        if name not in points.numbers:
+            problems.append(place.problem(unknown_name("point", name, points.ids), "points"))
+    needed = NEEDED[feature.type]
+    if len(set(feature.points)) < needed:
+        words = (
+            f"a {feature.type} says nothing with {len(set(feature.points))} points; it needs {needed} or more"
+        )
+        problems.append(place.problem(words, "points"))
+    if (feature.type == "right angle") != bool(feature.other):
+        problems.append(
+            place.problem("other: the points on the second plane belong to a right angle, which needs them")
+        )
+    try:
+        sigma = reading.edge.number(feature.sigma, LENGTH)
+        if sigma <= 0.0:
+            problems.append(place.problem("sigma: expected a σ > 0", "sigma"))
+    except UnitError as error:
+        problems.append(place.problem(f"sigma: {error}", "sigma"))
+    reading.problems.extend(problems)
+    if problems:
+        return None
+    first = np.array([points.part(name, "position") for name in feature.points], dtype=np.int64)
+    other = np.array([points.part(name, "position") for name in feature.other], dtype=np.int64)
+    return _observed_zero(reading, feature, first, other, sigma)
+
+
+def _observed_zero(
+    reading: Reading, feature: Feature, first: IntArray, other: IntArray, sigma: float
+) -> ObservationGroup:
+    """The local system of a feature, and zeros for the coordinates its points have in it.
+
+    Plane: z̄ = 0; line: x̄ = ȳ = 0; right angle: z̄ = 0 for the first plane, x̄ = 0 for the second. The offsets of the
+    observed coordinates and the turns that move them are free, all else is fixed.
+
+    The two residuals of a point on a line are components in axes that turn with the system. Were its turn about
+    the line fixed in space, a free network could no longer turn about the line without changing them; so a point
+    beside the line carries the turn: its ȳ, observed as zero, which nothing else controls (r = 0).
+    """
+    coordinates = reading.shop.store("point").all_values()
+    D, centre = _start(coordinates, first, other, feature.type)
+    members, names = np.concatenate([first, other]), [*feature.points, *feature.other]
+    offsets, turns = _freedom(feature.type)
+    observed = np.full((len(members), 3), np.nan)
+    if feature.type == "line":
+        observed[:, :2] = 0.0
+        beside = _point_beside(reading, coordinates, feature, D, centre)
+        if beside:
+            block = reading.shop.things["point"].part(beside, "position")
+            turns = np.ones_like(turns)
+            if np.isfinite(coordinates[block]).all():
+                D = turned_towards(coordinates[block] - centre, D)
+            members, names = np.append(members, block), [*names, beside]
+            observed = np.append(observed, [[np.nan, 0.0, np.nan]], axis=0)
+    else:
+        observed[: len(first), 2] = 0.0
+        observed[len(first) :, 0] = 0.0
+    label = feature_label(feature)
+    system = _add_system(reading, label, centre, D, turns, offsets)
+    count = len(members)
+    return ObservationGroup(
+        name=label,
+        type=reading.types["local"],
+        blocks=(*(np.full(count, block) for block in system), members),
+        observed=observed,
+        sigma=np.where(np.isfinite(observed), sigma, np.nan),
+        constants=np.zeros((count, 0)),
+        references=(one_name(label, count), names_of(names)),
+    )
+
+
+def _add_system(
+    reading: Reading, label: str, centre: FloatArray, D: FloatArray, turns: BoolArray, offsets: BoolArray
+) -> tuple[int, int, int, int]:
+    """Position, rotation, scale and offset blocks of the system of a feature."""
+    shop, none = reading.shop, np.full((1, 3), np.nan)
+    position = shop.store("point").add_fixed(label, centre.tolist())
+    rotation = int(shop.store("rotation").add([label], angles_from_rotation(D)[None], turns, none)[0])
+    shop.store("rotation").about_axes.add(rotation)
+    offset = int(shop.store("eccentricity").add([label], np.zeros((1, 3)), offsets, none)[0])
+    return position, rotation, 0, offset
+
+
+def _point_beside(
+    reading: Reading, coordinates: FloatArray, line: Feature, D: FloatArray, centre: FloatArray
+) -> str:
+    """Name of the point that carries the turn of a line; empty if all points are on it.
+
+    While coordinates are missing any point may be: :mod:`mor.start.part` knows better when there are some.
+    """
+    points = reading.shop.things["point"]
+    positions = points.parts["position"]
+    farthest = farthest_from_line(coordinates[positions], D, centre)
+    if farthest >= 0:
+        return points.ids[farthest]
+    unknown = np.flatnonzero(~np.isfinite(coordinates[positions].sum(axis=1)))
+    return next((points.ids[k] for k in unknown.tolist() if points.ids[k] not in line.points), "")
+
+
+def farthest_from_line(coordinates: FloatArray, D: FloatArray, centre: FloatArray) -> int:
+    """Number of the point (n, 3) farthest from a line (z axis of D through the centre); -1 where all are on it."""
+    local = np.nan_to_num((coordinates - centre) @ D.T)
+    away = np.hypot(local[:, 0], local[:, 1])
+    farthest = int(np.argmax(away))
+    return farthest if away[farthest] > _BESIDE * np.abs(local).max() else -1
+
+
+def turned_towards(direction: FloatArray, D: FloatArray) -> FloatArray:
+    """Rotation with the z axis of D whose x axis points to the side of a direction."""
+    across = direction - D[2] * (D[2] @ direction)
+    x = across / np.linalg.norm(across)
+    return np.stack([x, np.cross(D[2], x), D[2]])
+
+
+def _freedom(type_: str) -> tuple[BoolArray, BoolArray]:
+    """(1, 3) free offsets and free turns about the axes of the system."""
+    offsets, turns = {
+        "plane": ([False, False, True], [True, True, False]),
+        "line": ([True, True, False], [True, True, False]),
+        "right angle": ([True, False, True], [True, True, True]),
+    }[type_]
+    return np.array([offsets]), np.array([turns])
+
+
+def _start(
+    coordinates: FloatArray, first: IntArray, other: IntArray, type_: str
+) -> tuple[FloatArray, FloatArray]:
+    """Rotation and origin fitted to the start coordinates of the points."""
+    points = coordinates[first]
+    points = points[np.isfinite(points).all(axis=1)]
+    if len(points) < 3:
+        return np.eye(3), np.zeros(3)
+    centre = points.mean(axis=0)
+    axes = _upright(np.linalg.svd(points - centre)[2])
+    if type_ == "line":
+        return np.stack([axes[1], np.cross(axes[0], axes[1]), axes[0]]), centre
+    normal = axes[2]
+    second = coordinates[other]
+    second = second[np.isfinite(second).all(axis=1)]
+    if type_ == "plane" or len(second) < 2:
+        return np.stack([axes[0], np.cross(normal, axes[0]), normal]), centre
+    x = _second_normal(second, normal)
+    return _right_angle(np.stack([x, np.cross(normal, x), normal]), points, second), centre
+
+
+def _right_angle(D: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
+    """Rotation whose z plane fits the first points best and at once its x plane the second (Gauss-Newton)."""
+    one, other = first - first.mean(axis=0), second - second.mean(axis=0)
+    for _ in range(_TURNS):
+        q, p = one @ D.T, other @ D.T
+        by_z = np.stack([-q[:, 1], q[:, 0], np.zeros(len(q))], axis=1)
+        by_x = np.stack([np.zeros(len(p)), -p[:, 2], p[:, 1]], axis=1)
+        away = np.concatenate([q[:, 2], p[:, 0]])
+        turn, *_ = np.linalg.lstsq(np.concatenate([by_z, by_x]), -away, rcond=None)
+        D = rotate(D[None], turn[None])[0]
+    return D
+
+
+def _second_normal(points: FloatArray, normal: FloatArray) -> FloatArray:
+    """Unit vector perpendicular to ``normal`` along which points (n, 3) spread least."""
+    spread = points - points.mean(axis=0)
+    flat = spread - np.outer(spread @ normal, normal)
+    _, _, axes = np.linalg.svd(flat)
+    along = axes[0] - normal * (axes[0] @ normal)
+    x = np.cross(along, normal)
+    unit: FloatArray = _upright((x / np.linalg.norm(x))[None])[0]
+    return unit
+
+
+def _upright(directions: FloatArray) -> FloatArray:
+    """Directions (n, 3), each or its opposite, so that the largest component is positive: signs are nobody's choice."""
+    largest = np.take_along_axis(directions, np.argmax(np.abs(directions), axis=1)[:, None], axis=1)
+    upright: FloatArray = directions * np.sign(largest)
+    return upright
+
+
+# ------------------------------------------------------------
+# What no adjustment can be computed with: σ beyond all numbers, nothing free, a datum without coordinates.
+# ------------------------------------------------------------
+
+
+def check_feasible(reading: Reading, groups: Iterable[ObservationGroup], carries_datum: bool) -> None:
+    """Tell what cannot be adjusted; ``carries_datum`` is false where the datum names no coordinates."""
+    groups = list(groups)
+    if not groups:
+        reading.problems.append(reading.at("observations").problem("there are no observations"))
+    elif not reading.shop.store("point").ids:
+        reading.problems.append(
+            reading.at("points").problem("there are no points, and nothing that has a place")
+        )
+    for group in groups:
+        _check_sigma(reading, group)
+    if groups and not any(store.all_free().any() for store in reading.shop.stores.values() if store.ids):
+        words = "there is nothing to adjust: every coordinate and every parameter is fixed, or not estimated"
+        reading.problems.append(reading.at("points").problem(words))
+    if not carries_datum:
+        none = "" if reading.shop.things["point"].ids else ": there are no points"
+        reading.problems.append(reading.at("datum").problem(f"datum: names no coordinates{none}"))
+
+
+def _check_sigma(reading: Reading, group: ObservationGroup) -> None:
+    """Squares of σ, and of residuals over σ, must be numbers."""
+    wrong = group.mask & ~((group.sigma >= SMALLEST_SIGMA) & (group.sigma <= LARGEST))
+    for row in np.flatnonzero(wrong.any(axis=1))[:MOST_TOLD].tolist():
+        found = group.sigma[row][wrong[row]][0]
+        words = f"{group.name}: found σ = {found:g}, expected one from {SMALLEST_SIGMA:g} to {LARGEST:g}"
+        line = int(group.lines[row]) if len(group.lines) > row else 0
+        reading.problems.append(Message(words, group.file or reading.document.file, line))
+
+
+# ------------------------------------------------------------
+# Observation groups of types ``parameter`` and ``difference``: any component of any block, row by row.
+# ------------------------------------------------------------
+
+PARTS = {
+    "camera": ("interior", "eccentricity", "readout"),
+    "image": (
+        "position",
+        "rotation",
+        "height",
+        "interior",
+        "eccentricity",
+        "image velocity",
+        "rotation rate",
+    ),
+    "station": ("position", "rotation", "height"),
+    "system": ("position", "rotation", "scale", "offset"),
+    "pair": ("base", "rotation"),
+    "knot": ("position", "rotation"),
+    "point": ("position", "velocity", "sine", "cosine"),
+    "instrument": ("distance meter", "refraction", "gnss frame", "lever arm", "boresight", "time offset"),
+}
+"""Namespaces a parameter can be named in (``camera C1``), and the parts that have its components."""
+
+
+_WITH_NEUTRAL = (
+    *("height", "eccentricity", "distance meter", "refraction", "gnss frame", "scale"),
+    *(kind.key for kind in MOTIONS),
+)
+"""Kinds whose block number 0 is the neutral one of all that declare none."""
+
+
+class _Place(NamedTuple):
+    """A component of a block: internal axes, and the sign that takes project axes to them."""
+
+    kind: str
+    block: int
+    component: int
+    sign: float
+    scale: ImageScale | None
+
+
+class _Known(NamedTuple):
+    """One row: what it is about, its value and σ in internal units."""
+
+    row: int
+    blocks: tuple[int, ...]
+    component: int
+    value: float
+    sigma: float
+
+
+def parameter_groups(reading: Reading) -> list[tuple[int, ObservationGroup]]:
+    """Groups of types ``parameter`` and ``difference``, one for every kind of block and image unit of an entry.
+
+    Each with the number of its entry.
+    """
+    groups: list[tuple[int, ObservationGroup]] = []
+    said: list[_Row] = []
+    for number, entry in enumerate(reading.project.observations):
+        if entry.type not in ("parameter", "difference"):
+            continue
+        names = ("of",) if entry.type == "parameter" else ("from", "to")
+        columns = [
+            *(Column(name, required=True) for name in names),
+            Column("component", required=True),
+            Column("value", required=entry.type == "parameter"),
+            Column("sigma", required=True),
+        ]
+        if reading.planned:
+            columns = without_required(columns, ["value"])
+        rows = read_table(entry, columns, reading.at("observations", number), reading.problems)
+        if rows is not None:
+            found = _parameter_rows(reading, entry, rows, names, said)
+            groups += [(number, replace(group, name=group_name(entry, number))) for group in found]
+    _take_exactly(reading, [row for row in said if row.known.sigma == 0.0])
+    for row in said:
+        if row.known.sigma > 0.0:
+            _refuse_constant(reading, row)
+    return groups
+
+
+def _parameter_rows(
+    reading: Reading, entry: Observations, rows: Rows, names: tuple[str, ...], said: list[_Row]
+) -> list[ObservationGroup]:
+    collected: dict[tuple[str, str], list[_Known]] = {}
+    for i in range(rows.count):
+        try:
+            places = [_find(reading, rows.series(name)[i], rows.series("component")[i]) for name in names]
+            known = _known(reading, entry, rows, i, places)
+        except _UnknownThingError:
+            continue
+        except ValueError as error:
+            reading.problems.append(Message(str(error), rows.file, int(rows.lines[i])))
+            continue
+        said.append(_Row(places[0].kind, known, rows, names))
+        if known.sigma == 0.0:
+            continue
+        unit = places[0].scale.unit if places[0].scale else "mm"
+        collected.setdefault((places[0].kind, unit), []).append(known)
+    return [_parameter_group(kind, unit, found, rows, names) for (kind, unit), found in collected.items()]
+
+
+class _UnknownThingError(Exception):
+    """A name is missing from a table that has mistakes of its own."""
+
+
+def _known(reading: Reading, entry: Observations, rows: Rows, i: int, places: list[_Place]) -> _Known:
+    """A row in internal units and axes. Raises ``ValueError`` with what is wrong."""
+    if len({place.kind for place in places}) > 1:
+        raise ValueError("a difference needs two blocks of the same kind")
+    if len(places) == 2 and places[0].block == places[1].block:
+        raise ValueError("a difference needs two different blocks")
+    place = places[0]
+    quantity = KINDS[place.kind].components[place.component].quantity
+    given = {}
+    for name in ("value", "sigma"):
+        unit = entry.units if isinstance(entry.units, str) else entry.units.get(name, "")
+        text = rows.series(name)[i] or "0"
+        try:
+            given[name] = reading.edge.number(text, quantity, unit, place.scale)
+        except UnitError as error:
+            raise ValueError(f"{name}: {error}") from None
+    if given["sigma"] < 0.0:
+        raise ValueError(f"sigma: found {rows.series('sigma')[i]}, expected a σ ≥ 0")
+    blocks = tuple(place.block for place in places)
+    sigma = given["sigma"] * entry.factor
+    return _Known(i, blocks, place.component, given["value"] * place.sign, sigma)
+
+
+def _find(reading: Reading, name: str, component: str) -> _Place:
+    """The component behind ``camera C1`` and ``c``. Raises ``ValueError`` where there is none."""
+    space, _, bare = name.partition(" ")
+    if space not in PARTS:
+        raise ValueError(
+            f"found {name!r}, expected one of {', '.join(f'{s} …' for s in PARTS)}{nearest(space, PARTS)}"
+        )
+    things = reading.shop.things[space]
+    if bare not in things.numbers:
+        if space in reading.broken:
+            raise _UnknownThingError
+        raise ValueError(unknown_name(space, bare, things.ids))
+    if space == "image" and bare in reading.image_times:
+        raise ValueError(f"{name} is on a trajectory: it has no {component} of its own; name a knot of that")
+    known: list[str] = []
+    for part in PARTS[space]:
+        if part not in things.parts:
+            continue  # nothing moves in this project
+        camera = _camera(reading, space, bare) if part == "interior" else None
+        kind = _kind_of_part(reading, part, camera)
+        known += kind.names
+        if component in kind.names:
+            block, k = things.part(bare, part), kind.names.index(component)
+            if block < 0 or (block == 0 and kind.key in _WITH_NEUTRAL) or _is_neutral(reading, kind, block):
+                raise ValueError(f"{name} has no {component} of its own: give it one where it is declared")
+            scale = reading.scales[camera] if camera is not None else None
+            return _Place(kind.key, block, *_internal(reading, space, kind, k), scale)
+    words = f"{name} has no component {component!r}{nearest(component, known)} (known: {', '.join(known)})"
+    raise ValueError(words)
+
+
+def _is_neutral(reading: Reading, kind: BlockKind, block: int) -> bool:
+    return reading.shop.neutral_blocks.get(kind.key) == block
+
+
+def _internal(reading: Reading, space: str, kind: BlockKind, component: int) -> tuple[int, float]:
+    """Internal component and sign behind a component in project axes."""
+    M = reading.edge.matrix
+    if kind.in_object_axes:
+        source = int(np.argmax(np.abs(M[:, component])))
+        return source, float(M[source, component])
+    if kind.is_rotation and space != "pair" and not np.array_equal(M, np.eye(3)):
+        raise ValueError("observed ω, φ, κ need axes: {xy: en}")
+    return component, 1.0
+
+
+def _camera(reading: Reading, space: str, name: str) -> str:
+    cameras = reading.shop.things["camera"]
+    return name if space == "camera" else cameras.ids[reading.shop.things["image"].part(name, "camera")]
+
+
+def _kind_of_part(reading: Reading, part: str, camera: str | None) -> BlockKind:
+    if camera is not None:
+        return INTERIORS[reading.project.cameras[camera].model]
+    plain = {
+        "position": "point",
+        "relative rotation": "rotation",
+        "offset": "eccentricity",
+        "lever arm": "eccentricity",
+        "boresight": "rotation",
+    }
+    return KINDS[plain.get(part, part)]
+
+
+class _Row(NamedTuple):
+    """A row of a table, and the columns that say what it is about."""
+
+    kind: str
+    known: _Known
+    rows: Rows
+    names: tuple[str, ...]
+
+    def problem(self, words: str) -> Message:
+        """A problem of this row."""
+        return Message(words, self.rows.file, int(self.rows.lines[self.known.row]))
+
+
+def _take_exactly(reading: Reading, exact: list[_Row]) -> None:
+    """σ = 0: a parameter is fixed at its value; a difference makes one unknown of two components."""
+    for row in exact:
+        if len(row.known.blocks) == 1:
+            reading.shop.store(row.kind).hold(row.known.blocks[0], row.known.component, row.known.value)
+    for kind in dict.fromkeys(row.kind for row in exact):
+        here = [row for row in exact if row.kind == kind]
+        tied = [row for row in here if len(row.known.blocks) == 2]
+        ties = [
+            Equality(row.known.component, row.known.blocks[0], row.known.blocks[1], row.known.value)
+            for row in tied
+        ]
+        try:
+            settle_equalities(reading.shop.store(kind), ties)
+        except ContradictionError as error:
+            row = tied[error.number] if error.number is not None else (tied or here)[0]
+            reading.problems.append(row.problem(f"σ = 0: {error}"))
+
+
+def _refuse_constant(reading: Reading, row: _Row) -> None:
+    """Tell a row in which nothing that is observed is an unknown."""
+    free, known = reading.shop.store(row.kind).all_free(), row.known
+    if any(free[block, known.component] for block in known.blocks):
+        return
+    names = " and ".join(row.rows.series(name)[known.row] for name in row.names)
+    verb = "is" if len(row.names) == 1 else "are"
+    words = (
+        f"{row.rows.series('component')[known.row]} of {names} {verb} fixed: to observe it says nothing; make it "
+        "free where it is declared, or give it its value and σ there"
+    )
+    reading.problems.append(row.problem(words))
+
+
+def _parameter_group(
+    kind: str, unit: str, found: list[_Known], rows: Rows, names: tuple[str, ...]
+) -> ObservationGroup:
+    type_ = (OBSERVED_PARAMETERS if len(names) == 1 else OBSERVED_DIFFERENCES)[kind]
+    size = KINDS[kind].size
+    observed, sigma = np.full((len(found), size), np.nan), np.full((len(found), size), np.nan)
+    for row, known in enumerate(found):
+        observed[row, known.component], sigma[row, known.component] = known.value, known.sigma
+    lines: SmallIntArray = np.array([rows.lines[known.row] for known in found], dtype=np.int32)
+    return ObservationGroup(
+        name="",
+        type=type_,
+        blocks=tuple(np.array([known.blocks[k] for known in found]) for k in range(len(names))),
+        observed=observed,
+        sigma=sigma,
+        constants=np.zeros((len(found), 0)),
+        references=tuple(names_of([rows.series(name)[known.row] for known in found]) for name in names),
+        image_unit=unit,
+        lines=lines,
+        file=rows.file,
+    )

@@ -1,0 +1,490 @@
+"""Recognise tables by their columns, and begin a project file from them."""
+
+from __future__ import annotations
+
+import csv
+import os
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from mor.errors import InputError, Message
+from mor.input_files import TABLE, read_text
+from mor.project.document import LONGEST, guarded, plain
+from mor.project.tables import is_spreadsheet, read_spreadsheet
+from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
+
+# ------------------------------------------------------------
+# Recognise tables of measurements and coordinates by the names of their columns, to begin a project from them.
+# ------------------------------------------------------------
+
+_FROM = (
+    "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ"
+)
+_TO = "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|fs"
+_POINT = (
+    "point|pointid|pt|ptid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
+)
+_HEIGHTS = {
+    "from_height": "fromheight|ih|hi|instrumentheight|instrheight|geraetehoehe|instrumentenhoehe|standhoehe",
+    "to_height": "toheight|th|ht|hr|targetheight|prismheight|reflectorheight|rodheight|zielhoehe|reflektorhoehe",
+}
+_SIGHT = {
+    "station_height": f"fromheight|{_HEIGHTS['from_height']}",
+    "to_height": _HEIGHTS["to_height"],
+    "set": "set|satz",
+    "face": "face|lage",
+    "epoch": "epoch|epoche",
+}
+_BETWEEN = {**_HEIGHTS, "sigma": "", "epoch": "epoch|epoche"}
+_DISTANCE = "distance|length|dist|strecke|sd|slope|slopedistance|slopedist|slopedistances|schraegstrecke"
+_HORIZONTAL = (
+    "horizontal|hz|ha|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
+    "|hzrichtung|horizontalrichtung"
+)
+_ZENITH = "zenith|v|za|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va"
+_POINTS = {
+    "x": "x|x0|e|east|easting|eastings|rechts|rechtswert|ost|ostwert",
+    "y": "y|y0|n|north|northing|northings|hoch|hochwert|nord|nordwert",
+    "z": "z|z0|h|height|elevation|elev|el|alt|altitude|hoehe",
+}
+_STATED = {f"sigma_{name}": f"s{name}|std{name}|stdev{name}" for name in "xyz"} | {
+    "sigma": "std|stdev|accuracy"
+}
+_COVARIANCES = {
+    f"cov_d{a}_d{b}": f"c{a}{b}|cov{a}{b}|q{a}{b}|covd{a}d{b}"
+    for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
+}
+_VECTOR = {f"d{name}": f"d{name}|delta{name}" for name in "xyz"}
+
+KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
+    "image": (
+        {
+            "image": "image|img|imageid|imagename|photo|photoid|bild|foto|filename|picture",
+            "point": f"{_POINT}|id|target",
+            "x": "x|u|col|column|px|pixelx|spalte",
+            "y": "y|v|row|line|py|pixely|zeile",
+        },
+        {"sigma": "", "sigma_x": "sx", "sigma_y": "sy"},
+    ),
+    "zenith_directions": (
+        {
+            "station": _FROM,
+            "to": f"{_TO}|{_POINT}|id",
+            "horizontal": _HORIZONTAL,
+            "zenith": _ZENITH,
+        },
+        {**_SIGHT, "sigma_horizontal": "shz", "sigma_zenith": "sv", "sigma": ""},
+    ),
+    "directions": (
+        {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": _HORIZONTAL},
+        {**_SIGHT, "sigma": ""},
+    ),
+    "angle": (
+        {"at": "at|station|vertex", "from": "from|von", "to": "to|nach", "angle": "angle|winkel"},
+        {**_BETWEEN, "at_height": "ih|hi"},
+    ),
+    "vector": (
+        {"from": _FROM, "to": _TO, **_VECTOR},
+        {**_BETWEEN, **_COVARIANCES, **{f"sigma_{name}": f"s{name}" for name in _VECTOR}},
+    ),
+    "zenith_angle": ({"from": _FROM, "to": _TO, "zenith_angle": _ZENITH}, _BETWEEN),
+    "bearing": ({"from": _FROM, "to": _TO, "bearing": "bearing|azimuth|azimut|richtungswinkel"}, _BETWEEN),
+    "vertical_direction": ({"from": _FROM, "to": _TO, "vertical_direction": ""}, _BETWEEN),
+    "distance": (
+        {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _DISTANCE},
+        {**_BETWEEN, "sigma": "sigmadistance|std|stdev"},
+    ),
+    "height_difference": (
+        {"from": _FROM, "to": _TO, "dz": "dz|dh|deltah|deltaz|heightdifference|heightdiff|hoehenunterschied"},
+        {"sigma": "std|stdev", "epoch": "epoch|epoche"},
+    ),
+    "images": (
+        {"id": "id|image|imageid|imagename|photo|bild|foto", "omega": "", "phi": "", "kappa": ""},
+        {**_POINTS, **_STATED, "camera": "kamera"},
+    ),
+    "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
+    "stations": ({"id": f"id|{_FROM}", "orientation": "orientierung"}, {"point": _POINT, "height": "ih|hi"}),
+    "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
+    "points": ({"id": f"id|{_POINT}|station|target", **_POINTS}, _STATED),
+    "images with positions": ({"id": "image|imageid|imagename|photo|bild|foto", **_POINTS}, _STATED),
+}
+"""Columns that a kind of table must have, and those that it may have, with other names for each.
+
+The first kind whose columns are all there is taken. Names are compared in lower case without blanks and signs.
+"""
+_ALSO = {
+    "zenith_directions": ("distance",),
+    "directions": ("distance", "height_difference"),
+    "zenith_angle": ("distance",),
+    "distance": ("height_difference",),
+}
+"""Kinds that a table of a field book may hold besides its own, in further columns."""
+_UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
+PLACES = ("point", "at", "from", "to", "station")
+"""Columns of measurements that name points."""
+_LONGEST_HEADING = 200
+_NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
+_DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
+_UMLAUTS = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "δ": "d", "ω": "omega", "φ": "phi", "κ": "kappa"}
+)
+
+
+class Found(NamedTuple):
+    """A table that was recognised."""
+
+    path: Path
+    kind: str
+    columns: Mapping[str, str]
+    """Its columns by their names in a project."""
+    unused: tuple[str, ...]
+    """Columns that neither this kind nor another one in the same table reads."""
+    units: Mapping[str, str]
+    """Units that the names of columns say."""
+    delimiter: str
+    decimal_comma: bool
+    has_header: bool
+    header: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+    def texts(self, name: str) -> list[str]:
+        """Cells of a column, empty if it is missing."""
+        if name not in self.columns:
+            return []
+        place = self.header.index(self.columns[name])
+        return [plain(row[place].strip()) for row in self.rows if len(row) > place]
+
+    def numbers(self, name: str) -> list[float]:
+        """Cells of a column that are plain numbers."""
+        cells = (cell.replace(",", ".") if self.decimal_comma else cell for cell in self.texts(name))
+        return [float(cell) for cell in cells if _NUMBER.fullmatch(cell) and "," not in cell]
+
+    @property
+    def has_sigma(self) -> bool:
+        """True if the table has standard deviations or covariances."""
+        return any(name.startswith(("sigma", "cov_")) for name in self.columns)
+
+
+def recognise(path: Path) -> list[Found]:
+    """Read a table and return what it holds, one entry per kind: a field book may hold directions and distances.
+
+    Raises :class:`InputError` if its columns are those of no kind.
+    """
+    delimiter, rows = _cells(path)
+    header = tuple(cell.strip() for cell in rows[0]) if rows else ()
+    has_header = bool(header) and not any(_NUMBER.fullmatch(cell) for cell in header)
+    if not has_header:
+        if not _is_list_of_points(rows):
+            words = (
+                "expected a header with the names of the columns in the first line; only a list of points "
+                "(name, x, y, z) may be without"
+            )
+            raise InputError([Message(words, str(path), 1)])
+        header = ("id", "x", "y", "z")
+    named = [(cell, *_name_and_unit(cell)) for cell in header]
+    kinds = _kinds(named)
+    if not kinds:
+        raise InputError(
+            [Message(f"what is this? found the columns {', '.join(header)}; {_known()}", str(path), 1)]
+        )
+    used = {cell for columns in kinds.values() for cell in columns.values()}
+    unused = tuple(cell for cell in header if cell not in used)
+    units = {cell: unit for cell, _, unit in named if unit}
+    decimal_comma = delimiter != "," and any(
+        _DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row
+    )
+    return [
+        Found(
+            path,
+            kind.split(" ")[0],
+            columns,
+            unused,
+            {ours: units[theirs] for ours, theirs in columns.items() if theirs in units},
+            delimiter,
+            decimal_comma,
+            has_header,
+            header,
+            rows[has_header:],
+        )
+        for kind, columns in kinds.items()
+    ]
+
+
+def told_apart(tables: Sequence[Found]) -> list[Found]:
+    """Return the tables, with those lists of points that hold images of the other tables as lists of images.
+
+    A list ``id, x, y, z`` may hold points, or projection centres by GNSS: the measurements tell which of them. Raises
+    :class:`InputError` for a list with both.
+    """
+    images = {name for table in tables if table.kind == "image" for name in table.texts("image")}
+    points = {name for table in tables for place in PLACES for name in table.texts(place)}
+    return [
+        _told_apart(table, images - points, points) if table.kind == "points" else table for table in tables
+    ]
+
+
+def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
+    ids = table.texts("id")
+    of_images, of_points = ([name for name in ids if name in known] for known in (images, points))
+    if of_images and of_points:
+        words = (
+            f"image {of_images[0]!r} and point {of_points[0]!r} stand in one list; make two tables of it, "
+            "positions of images and points"
+        )
+        raise InputError([Message(words, str(table.path))])
+    return table._replace(kind="images") if of_images else table
+
+
+def _cells(path: Path) -> tuple[str, tuple[tuple[str, ...], ...]]:
+    """Delimiter and cells of a table, without comments and empty lines."""
+    if is_spreadsheet(path):
+        frame = read_spreadsheet(path)
+        return ",", (tuple(frame.columns), *(tuple(cell or "" for cell in row) for row in frame.iter_rows()))
+    lines = [line for line in read_text(path, TABLE).split("\n") if line.strip() and not line.startswith("#")]
+    first = lines[0] if lines else ""
+    delimiter = max(";\t,", key=first.count)
+    if not first.count(delimiter):
+        delimiter, lines = " ", [" ".join(line.split()) for line in lines]
+    try:
+        return delimiter, tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
+    except csv.Error as error:
+        words = f"this is no table: {error}; is a quote not closed?"
+        raise InputError([Message(words, str(path))]) from None
+
+
+def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:
+    return bool(rows) and all(
+        len(row) == 4 and row[0].strip() and all(_NUMBER.fullmatch(cell.strip()) for cell in row[1:])
+        for row in rows
+    )
+
+
+def _kinds(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
+    """Columns by their names in a project, for every kind that the table holds."""
+    for kind in KINDS:
+        columns = _columns(kind, named)
+        if columns is not None:
+            break
+    else:
+        return {}
+    found = {kind: columns}
+    for other in _ALSO.get(kind, ()):
+        own = KINDS[other][0].keys() - {"from", "to"}
+        free = [entry for entry in named if entry[0] not in columns.values() or _shared(columns, entry[0])]
+        more = _columns(other, free)
+        if more is not None and not own.isdisjoint(more):
+            found[other] = more
+    return found
+
+
+def _shared(columns: Mapping[str, str], cell: str) -> bool:
+    """True for a column that says between what, from what height or when something was measured."""
+    return any(columns.get(name) == cell for name in (*PLACES, *_SIGHT))
+
+
+def _columns(kind: str, named: Sequence[tuple[str, str, str]]) -> dict[str, str] | None:
+    """Columns of a kind by their names in a project; ``None`` if one that it must have is missing."""
+    required, optional = KINDS[kind]
+    columns: dict[str, str] = {}
+    for ours, others in (*required.items(), *optional.items()):
+        for name in dict.fromkeys((_normalised(ours), *filter(None, others.split("|")))):
+            cell = next(
+                (cell for cell, text, _ in named if text == name and cell not in columns.values()), None
+            )
+            if cell is not None:
+                columns[ours] = cell
+                break
+        else:
+            if ours in required:
+                return None
+    return columns
+
+
+def _name_and_unit(cell: str) -> tuple[str, str]:
+    """Normalised name and unit of a column heading (``x_mm``, ``x [mm]``, ``x (mm)``)."""
+    if len(cell) > _LONGEST_HEADING:
+        return cell, ""
+    match = re.match(r"^(.*?)[\s_]*(?:\[([^\]]*)\]|\(([^)]*)\)|_([A-Za-zµ]+))$", cell.strip())
+    if match:
+        unit = next(group for group in match.groups()[1:] if group is not None)
+        if unit in _UNITS:
+            return _normalised(match[1]), unit
+    return _normalised(cell), ""
+
+
+def _normalised(name: str) -> str:
+    return re.sub(r"[\W_]", "", name.strip().lower().translate(_UMLAUTS))
+
+
+def _known() -> str:
+    hidden = ("images with a camera", "images with positions")
+    kinds = {kind: required for kind, (required, _) in KINDS.items() if kind not in hidden}
+    return "known are " + "; ".join(f"{kind}: {', '.join(required)}" for kind, required in kinds.items())
+
+
+# ------------------------------------------------------------
+# A new project file with comments, begun from the tables that are there.
+# ------------------------------------------------------------
+
+_SIGMA = {
+    "image": "{sigma: 1 um}",
+    "zenith_directions": "{sigma_horizontal: 1 mgon, sigma_zenith: 1 mgon}",
+    "directions": "{sigma: 1 mgon}",
+    "angle": "{sigma: 1 mgon}",
+    "bearing": "{sigma: 1 mgon}",
+    "zenith_angle": "{sigma: 1 mgon}",
+    "vertical_direction": "{sigma: 1 mgon}",
+    "distance": "{sigma: 2 mm}",
+    "vector": "{sigma: 5 mm}",
+    "height_difference": "{sigma: 1 mm}",
+}
+_VERTICAL = ("zenith_directions", "directions", "zenith_angle", "vertical_direction")
+"""Types with a vertical circle, where a table has its readings."""
+_VERTICAL_COLUMNS = {"zenith", "vertical", "zenith_angle", "vertical_direction"}
+_PIXELS = 100.0
+"""Image coordinates that go beyond this and never below zero are pixels from a corner."""
+
+
+_VARIANCE = 0.01
+"""Square of a standard deviation of 0.1: no vector between points is worse in metres."""
+
+
+class CameraSettings(NamedTuple):
+    """What is known of the camera; ``None`` if nothing is."""
+
+    name: str = "camera"
+    constant: float | None = None
+    size: tuple[int, int] | None = None
+    pixel: str = "0.004 mm"
+
+
+def begin(
+    target: Path,
+    tables: Sequence[Found],
+    title: str,
+    units: tuple[str, str],
+    camera: CameraSettings,
+    datum: str = "fixed",
+) -> dict[Path, str]:
+    """Texts by path: the project file and the lists of names that belong to no table. ``units``: length, angle."""
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    by_kind = {kind: [t for t in tables if t.kind == kind] for kind in ("images", "points", "stations")}
+    measured = [t for t in tables if t.kind not in by_kind]
+    texts: dict[Path, str] = {}
+    seen = [t for t in measured if t.kind == "image"]
+    environment = Environment(
+        loader=PackageLoader("mor.project"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        autoescape=False,
+        keep_trailing_newline=True,
+    )
+    corner = any(_from_a_corner(t) for t in seen)
+    content = {
+        "name": target.name,
+        "title": yaml.safe_dump(title, allow_unicode=True, width=1000).split("\n")[0],
+        "length": units[0],
+        "angle": units[1],
+        "zenith": any(t.kind in _VERTICAL and not _VERTICAL_COLUMNS.isdisjoint(t.columns) for t in measured),
+        "camera": _camera(camera, corner) if seen or by_kind["images"] else None,
+        "more_images": _rest(target, "images", _names(seen, ("image",)), by_kind["images"], texts),
+        "more_points": _rest(
+            target, "points", _names(measured, PLACES), [*by_kind["points"], *by_kind["stations"]], texts
+        ),
+        "observations": [_entry(target, table, corner) for table in measured],
+        "datum": datum,
+        **{kind: [_entry(target, table, corner) for table in found] for kind, found in by_kind.items()},
+    }
+    return {target: environment.get_template("new.yaml.j2").render(content), **texts}
+
+
+def _camera(settings: CameraSettings, corner: bool) -> dict[str, Any]:
+    width, height = settings.size or ((6000, 4000) if corner else (None, None))
+    return {
+        "name": settings.name,
+        "constant": settings.constant or 28,
+        "guessed": settings.constant is None,
+        "r0": 14,
+        "width": width,
+        "height": height,
+        "pixel": settings.pixel,
+        "sure": settings.size is not None,
+        "corner": corner,
+    }
+
+
+def _from_a_corner(table: Found) -> bool:
+    if table.units.get("x", "px") != "px":
+        return False
+    values = [value for name in "xy" for value in table.numbers(name)]
+    return bool(values) and min(values) >= 0.0 and max(values) > _PIXELS
+
+
+def _names(tables: Iterable[Found], columns: Sequence[str]) -> list[str]:
+    names = (name for table in tables for column in columns for name in table.texts(column))
+    return list(dict.fromkeys(name for name in names if name))
+
+
+def _units_of_covariances(table: Found) -> dict[str, str]:
+    """Millimetres for covariances that would mean a standard deviation above a decimetre in metres."""
+    variances = [value for name in ("cov_dx_dx", "cov_dy_dy", "cov_dz_dz") for value in table.numbers(name)]
+    if not variances or sorted(variances)[len(variances) // 2] < _VARIANCE:
+        return {}
+    return {name: "mm" for name in table.columns if name.startswith("cov_") and name not in table.units}
+
+
+def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts: dict[Path, str]) -> str:
+    """Rows, or a file, with the names that no table has; empty if there are none."""
+    listed = set(_names(tables, ("id",)))
+    rest = [name for name in names if name not in listed]
+    if not rest:
+        return ""
+    if len(rest) <= LONGEST:
+        rows = yaml.safe_dump([[name] for name in rest], default_flow_style=True, width=100_000).strip()
+        return f"columns: [id]\n    rows: {rows}"
+    path = target.with_name(f"{target.stem}_{what}.csv")
+    texts[path] = "id\n" + "".join(f"{guarded(name)}\n" for name in rest)
+    return f"file: {path.name}"
+
+
+def _entry(target: Path, table: Found, corner: bool) -> dict[str, Any]:
+    """What the template says of a table."""
+    renamed = {theirs: ours for ours, theirs in table.columns.items() if ours != theirs}
+    others = [name for name in table.header if name not in table.columns.values()]
+    units = {**table.units, **_units_of_covariances(table)}
+    keys: dict[str, Any] = {}
+    if not table.has_header:
+        keys["columns"] = list(table.header)
+    elif renamed or others:
+        keys["columns"] = {**renamed, **dict.fromkeys(others)}
+    if units:
+        keys["units"] = units
+    if table.delimiter != ",":
+        keys["delimiter"] = table.delimiter
+    if table.decimal_comma:
+        keys["decimal"] = ","
+    lines = [
+        f"{key}: {yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=100_000).splitlines()[0]}"
+        for key, value in keys.items()
+    ]
+    if not table.has_header:
+        lines[0] += "  # CHECK the order: the file has no header"
+    lines = [
+        f"{line}  # CHECK the units of the covariances: found values that are large for squares of the unit of length"
+        if line.startswith("units:") and units != table.units
+        else line
+        for line in lines
+    ]
+    return {
+        "kind": table.kind,
+        "file": Path(os.path.relpath(table.path, target.parent)).as_posix(),
+        "details": lines,
+        "has_camera": "camera" in table.columns,
+        "has_sigma": table.has_sigma,
+        "sigma": "{sigma: 0.3 px}" if table.kind == "image" and corner else _SIGMA.get(table.kind, ""),
+    }

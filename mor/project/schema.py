@@ -1,0 +1,1139 @@
+"""The project file as pydantic models: its validation and its JSON Schema."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import replace
+from typing import Annotated, Any, Literal, get_args
+
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    StringConstraints,
+    ValidationError,
+    model_validator,
+)
+from pydantic_core import ErrorDetails
+
+from mor.errors import InputError, Message, nearest
+from mor.project.document import Document, KeyPath
+
+# ------------------------------------------------------------
+# What stands at the leaves of a project file: texts, names, measures, delimiters; and the base of all sections.
+# ------------------------------------------------------------
+
+
+def _one_line(text: str) -> str:
+    if any(sign in text for sign in "\n\r\0"):
+        raise ValueError(f"found {text!r}, expected a text without line breaks")
+    return text
+
+
+Text = Annotated[str, Field(min_length=1), AfterValidator(_one_line)]
+Measure = Annotated[
+    str,
+    Field(
+        pattern=r"^\s*[-+]?(\d+-\d+(-\d+\.?\d*)?|(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?(\s*[A-Za-zµμ%°/\-]+[0-9^]*)?)\s*$",
+        description="A number, with or without a unit: 28.8, 0.5 um, 3 mgon; an angle in dms: 12-34-56.7",
+    ),
+]
+Name = Annotated[
+    str,
+    Field(min_length=1, description="An identifier; always text, whatever it looks like"),
+    AfterValidator(_one_line),
+]
+
+
+def one_sign(sign: str) -> str:
+    """A sign that can stand between the cells of a table; ValueError where it cannot."""
+    if not re.fullmatch(r"[\t !$%&'()*,/:;<=>?@\[\\\]^_`{|}~]", sign):
+        raise ValueError(
+            f"found {sign!r}, expected one sign that is in no number and no name, such as ; or a tab"
+        )
+    return sign
+
+
+class Strict(BaseModel):
+    """Unknown keys are errors, nothing changes after reading.
+
+    Validators are built by their first use, which most sections of a file never see; so a section that stands for one
+    that is missing is made by ``model_construct``, which needs none.
+    """
+
+    model_config = ConfigDict(
+        extra="forbid", frozen=True, allow_inf_nan=False, str_strip_whitespace=True, defer_build=True
+    )
+
+
+# ------------------------------------------------------------
+# A table of a project file: its rows, or the file they stand in, its columns and units.
+# ------------------------------------------------------------
+
+_SAID = {"file": "a file", "direction": "a direction", "surface": "a surface"}
+
+
+class Table(Strict):
+    """Rows, here or in a file beside the project."""
+
+    name: Text | None = Field(default=None, description="Name in reports; default the file or the type")
+    file: Text | None = Field(
+        default=None,
+        description="CSV (may be .gz), Parquet or spreadsheet (.xlsx, .ods), relative to the project file",
+    )
+    rows: list[list[str | None]] | None = Field(
+        default=None, description="Rows in place, in the order of columns"
+    )
+    columns: list[Text | None] | dict[str, Text | None] | None = Field(
+        default=None,
+        description="A list declares the columns of rows or of a file without header (null skips one); "
+        "a mapping renames columns of a file with header (null skips one)",
+    )
+    values: dict[str, Text] = Field(
+        default_factory=dict, description="Columns with the same value in every row"
+    )
+    units: Text | dict[str, Text] = Field(default_factory=dict, description="Units by column, or one for all")
+    delimiter: (
+        Annotated[
+            str,
+            StringConstraints(strip_whitespace=False, min_length=1, max_length=1),
+            AfterValidator(one_sign),
+        ]
+        | None
+    ) = Field(
+        default=None, description="Between columns of a CSV file; a blank stands for any number of blanks"
+    )
+    decimal: Literal[".", ","] = Field(default=".", description="Decimal sign of the numbers in the file")
+    sheet: Text | None = Field(
+        default=None, description="Sheet of a spreadsheet; needed if several sheets hold something"
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Table:
+        given = [key for key, value in self.sources.items() if value is not None]
+        if len(given) != 1:
+            *others, last = (_SAID.get(key, key) for key in self.sources)
+            raise ValueError(f"give either {', '.join(others)} or {last}")
+        if self.rows is not None and not isinstance(self.columns, list):
+            raise ValueError("rows need a list of columns")
+        if given[0] not in ("file", "rows") and (self.columns is not None or self.delimiter is not None):
+            raise ValueError(f"columns and delimiter belong to a file or rows, not to {given[0]}")
+        if self.file is None and (self.decimal != "." or self.sheet is not None):
+            raise ValueError("decimal and sheet belong to a file")
+        if self.decimal == "," and self.delimiter in (None, ","):
+            raise ValueError(
+                "numbers with a decimal comma need another delimiter than a comma: say delimiter: ;"
+            )
+        return self
+
+    @property
+    def sources(self) -> dict[str, object]:
+        """What the rows may come from, by its key; ``None`` if it is not given."""
+        return {"file": self.file, "rows": self.rows}
+
+
+# ------------------------------------------------------------
+# The sections ``world`` and ``curvature`` of the project file: where on the earth the network is, or on a sphere.
+# ------------------------------------------------------------
+
+
+class DeflectionGrids(Strict):
+    """Grids of the deflections of the vertical, arc seconds."""
+
+    north: Text = Field(description="Grid of ξ, north positive (GTX, GeoTIFF; arc seconds)")
+    east: Text = Field(description="Grid of η, east positive (GTX, GeoTIFF; arc seconds)")
+
+
+class Origin(Strict):
+    """Where the object system is in the horizon, at height 0."""
+
+    latitude: Measure = Field(
+        description="Latitude, in the unit of angles or with one of its own (49.6412 deg)"
+    )
+    longitude: Measure = Field(description="Longitude, likewise")
+
+
+class World(Strict):
+    """Where on the earth the network is: the points are given in a coordinate reference system of the earth."""
+
+    crs: Text = Field(
+        description="Coordinate reference system of the points: EPSG code (EPSG:25832, compound EPSG:25832+7837) or WKT"
+    )
+    heights: Literal["ellipsoidal", "orthometric"] | None = Field(
+        default=None,
+        description="What heights of points are above: the ellipsoid or the geoid; where crs does not say it",
+    )
+    geoid: Text | None = Field(
+        default=None,
+        description="Grid of geoid heights (GTX, GeoTIFF, GSB) for points without a value in their column geoid",
+    )
+    deflections: Text | DeflectionGrids | None = Field(
+        default=None,
+        description="Grid of deflections of the vertical for points without values in their columns: a GSB file with "
+        "geoid heights and deflections, or one grid each for north and east",
+    )
+    origin: Origin | None = Field(
+        default=None,
+        description="Origin of the object system; by itself it is the middle of the points, rounded to 0.0001°",
+    )
+
+
+class SphereOrigin(Strict):
+    """Where the sphere is: plan coordinates of a point, and the height at which distances are those of the plan."""
+
+    x: Measure = Field(description="x in the axes of the project")
+    y: Measure = Field(description="y in the axes of the project")
+    z: Measure = Field(
+        description="Height of the sphere: distances at this height are those between coordinates"
+    )
+
+
+class Curvature(Strict):
+    """The sphere under a local network; true alone is the mean radius of the earth, 6371 km."""
+
+    radius: Measure | None = Field(default=None, description="Radius, e.g. 6381 km; default 6371 km")
+    latitude: Measure | None = Field(
+        default=None,
+        description="In place of the radius: latitude, whose Gaussian mean radius on GRS80 is taken (48 deg)",
+    )
+    origin: SphereOrigin | None = Field(
+        default=None,
+        description="Origin of the sphere; by itself the median of the given coordinates, rounded to a metre",
+    )
+
+
+# ------------------------------------------------------------
+# What a project file says of time: its reference, and how points move.
+# ------------------------------------------------------------
+
+_Component = Literal["vx", "vy", "vz", "sin_x", "sin_y", "sin_z", "cos_x", "cos_y", "cos_z", "dx", "dy", "dz"]
+
+
+class Epochs(Strict):
+    """What the times of observations are counted from."""
+
+    reference: Text | None = Field(
+        default=None,
+        description="Time at which points with a velocity have their coordinates: 2015-05-12 or 2015.36; "
+        "default the first epoch",
+    )
+
+
+class MotionEntry(Table):
+    """Points that move alike: all that are named, or those of a table with a column id."""
+
+    model: Literal["velocity", "seasonal", "steps", "epochs"] = Field(
+        description="velocity: vx, vy, vz in a year; seasonal: an annual oscillation sin_x … cos_z; "
+        "steps: dx, dy, dz at a time; epochs: coordinates of its own in every epoch"
+    )
+    points: list[Name] | None = Field(
+        default=None, description="In place of a table: names, groups of points, or patterns such as D*"
+    )
+    fixed: list[_Component] = Field(default_factory=list, description="Components held as they are")
+
+    @property
+    def sources(self) -> dict[str, object]:
+        """What the rows may come from, by its key; ``None`` if it is not given."""
+        return {**super().sources, "points": self.points}
+
+    @model_validator(mode="after")
+    def _no_components(self) -> MotionEntry:
+        if self.model == "epochs" and self.fixed:
+            raise ValueError("coordinates of every epoch are fixed among the points: D1@2015-05-12")
+        return self
+
+
+# ------------------------------------------------------------
+# What a project file says of a plan: requirements it has to reach, and variants of it.
+# ------------------------------------------------------------
+
+
+class RequiredSigma(Strict):
+    """Largest standard deviations that points may have."""
+
+    points: list[Name] = Field(
+        default=["*"],
+        description="Names, groups of points, or patterns of names: P* is all that begin with P",
+    )
+    x: Measure | None = Field(default=None, description="Largest σ of x")
+    y: Measure | None = Field(default=None, description="Largest σ of y")
+    z: Measure | None = Field(default=None, description="Largest σ of z")
+    xy: Measure | None = Field(default=None, description="Largest σ of x, and of y")
+    xyz: Measure | None = Field(default=None, description="Largest σ of x, of y and of z")
+    ellipsoid: Measure | None = Field(
+        default=None, description="Longest semi-axis of the error ellipsoid: no direction has a larger σ"
+    )
+
+    @model_validator(mode="after")
+    def _something(self) -> RequiredSigma:
+        if all(getattr(self, key) is None for key in ("x", "y", "z", "xy", "xyz", "ellipsoid")):
+            raise ValueError("give at least one of x, y, z, xy, xyz, ellipsoid")
+        return self
+
+
+class RequiredReliability(Strict):
+    """How well observations must control each other."""
+
+    groups: list[Name] = Field(
+        default=["*"], description="Names of groups of observations, or patterns of them"
+    )
+    r: float | None = Field(default=None, gt=0.0, lt=1.0, description="Least redundancy number")
+    external: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="Largest external reliability δ̄0: effect of an undetected error, in σ",
+    )
+
+    @model_validator(mode="after")
+    def _something(self) -> RequiredReliability:
+        if self.r is None and self.external is None:
+            raise ValueError("give r, external, or both")
+        return self
+
+
+class Require(Strict):
+    """What a plan has to reach: mor design says whether it does."""
+
+    sigma: RequiredSigma | list[RequiredSigma] = Field(
+        default_factory=list, description="Largest σ of points, a priori, in the datum of the project"
+    )
+    reliability: RequiredReliability | list[RequiredReliability] = Field(
+        default_factory=list, description="Least redundancy numbers, largest external reliability"
+    )
+
+
+class Without(Strict):
+    """What a variant leaves out: every observation that refers to one of these; names or patterns."""
+
+    points: list[Name] = Field(default_factory=list, description="Points")
+    images: list[Name] = Field(default_factory=list, description="Images")
+    stations: list[Name] = Field(default_factory=list, description="Stations of theodolites, and their sets")
+    groups: list[Name] = Field(default_factory=list, description="Groups of observations, by their names")
+
+
+class Variant(Strict):
+    """What would be if: the project with something left out, with other σ, or with more observations."""
+
+    without: Without = Field(default=Without.model_construct(), description="What is left out")
+    factor: dict[Name, Annotated[float, Field(gt=0.0, le=1e50)]] = Field(
+        default_factory=dict, description="Factors on the σ of groups of observations, by names or patterns"
+    )
+    candidates: list[Name] = Field(
+        default_factory=list, description="Tables of candidates that take part, by names or patterns"
+    )
+    cameras: dict[Name, dict[str, Any]] = Field(
+        default_factory=dict, description="Keys of cameras that differ: another lens"
+    )
+
+
+# ------------------------------------------------------------
+# What a project file says of who sees what: surfaces in the way, normals of targets, limits of sights.
+# ------------------------------------------------------------
+
+_Place = Name | Annotated[list[Measure], Field(min_length=3, max_length=3)]
+
+
+class Surface(Strict):
+    """Something that no sight goes through: a plane polygon, or the faces of a mesh."""
+
+    name: Name | None = Field(default=None, description="Its name, for normals that are its own")
+    polygon: Annotated[list[_Place], Field(min_length=3)] | None = Field(
+        default=None, description="Its corners in turn: names of points, or coordinates [x, y, z]"
+    )
+    file: Text | None = Field(
+        default=None, description="A mesh in the coordinates of the project: PLY or OBJ; may be .gz"
+    )
+    unit: Literal["m", "dm", "cm", "mm", "um", "km", "ft", "us-ft", "in"] | None = Field(
+        default=None, description="Unit of the coordinates of the file; default that of the project"
+    )
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Surface:
+        if (self.polygon is None) == (self.file is None):
+            raise ValueError("give either a polygon or a file")
+        if self.unit is not None and self.file is None:
+            raise ValueError("unit belongs to a file; coordinates of polygons may have units of their own")
+        return self
+
+
+class Normals(Table):
+    """Normals of targets, which point to where they can be seen from: a table id, nx, ny, nz, or one for many."""
+
+    points: list[Name] = Field(
+        default_factory=list,
+        description="Names, groups of points, or patterns, that direction or surface is for",
+    )
+    direction: Annotated[list[float], Field(min_length=3, max_length=3)] | None = Field(
+        default=None, description="Their common normal [nx, ny, nz], of any length"
+    )
+    surface: Name | None = Field(
+        default=None, description="The surface they are on: each has the normal of its face"
+    )
+
+    @property
+    def sources(self) -> dict[str, object]:
+        """What the normals may come from, by its key; ``None`` if it is not given."""
+        return {**super().sources, "direction": self.direction, "surface": self.surface}
+
+    @model_validator(mode="after")
+    def _points_of_one(self) -> Normals:
+        if bool(self.points) == (self.file is not None or self.rows is not None):
+            raise ValueError("points belong to a direction or a surface, which need them")
+        return self
+
+
+class Visibility(Strict):
+    """What stands in the way of sights, and where targets look."""
+
+    surfaces: list[Surface] = Field(default_factory=list, description="What no sight goes through")
+    normals: list[Normals] = Field(
+        default_factory=list, description="Normals of targets; of a point that is named twice the last one"
+    )
+    clearance: Measure = Field(
+        default="1 mm",
+        description="A surface whose plane is as close to either end of a sight is not in its way: targets are on it",
+    )
+
+
+class Visible(Strict):
+    """Everything that can be seen is observed: the limits of it."""
+
+    at: list[Name] = Field(
+        default=["*"],
+        description="Where sights begin: images, stations, systems or points, by the type; names or patterns",
+    )
+    to: list[Name] = Field(default=["*"], description="Targets: names, groups of points, or patterns")
+    nearest: Measure | None = Field(default=None, description="Shortest sight")
+    farthest: Measure | None = Field(default=None, description="Longest sight")
+    incidence: Measure = Field(
+        default="100 gon",
+        description="Largest angle between the normal of a target and the sight to it, where it has a normal",
+    )
+    border: Measure | None = Field(
+        default=None, description="Margin of the image format that is left empty, image unit"
+    )
+    steepest: Measure | None = Field(
+        default=None, description="Largest angle of a sight of an instrument above or below the horizon"
+    )
+    both_ways: bool = Field(
+        default=False, description="Between points: each pair from either end, not only from the first one"
+    )
+
+
+# ------------------------------------------------------------
+# What a project file says of values with a status, and of the instruments that groups of observations share.
+# ------------------------------------------------------------
+
+
+class Value(Strict):
+    """A component with its status: exactly one of free, fixed, observed."""
+
+    free: Measure | None = Field(default=None, description="Unknown, starting at this value")
+    fixed: Measure | None = Field(default=None, description="Constant")
+    observed: Measure | None = Field(default=None, description="Unknown, observed with sigma")
+    sigma: Measure | None = Field(default=None, description="σ of an observed value; 0 means fixed")
+    start: Measure | None = Field(
+        default=None, description="Start value, where it differs from the observed one"
+    )
+
+    @model_validator(mode="after")
+    def _one_status(self) -> Value:
+        given = [key for key in ("free", "fixed", "observed") if getattr(self, key) is not None]
+        if len(given) != 1:
+            raise ValueError("give exactly one of free, fixed, observed")
+        if (self.observed is not None) != (self.sigma is not None):
+            raise ValueError("sigma belongs to an observed value, and an observed value needs one")
+        return self
+
+
+Setting = Measure | Value
+"""A plain number (with the status its section says) or a value with its status."""
+
+
+class Atmosphere(Strict):
+    """What an instrument takes the velocity of light to be: the first velocity correction from columns of the air."""
+
+    C: float = Field(description="Reference refractivity (n - 1) · 10⁶ of the instrument")
+    D: float | None = Field(default=None, description="Constant of its carrier wavelength, K/hPa · 10⁶")
+    wavelength: Measure | None = Field(
+        default=None, description="Its carrier wavelength in place of D: 0.658 um"
+    )
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Atmosphere:
+        if (self.D is None) == (self.wavelength is None):
+            raise ValueError("give either D or wavelength")
+        return self
+
+
+class Instrument(Strict):
+    """Parameters that a group of distances or vertical angles shares; a plain number is fixed."""
+
+    scale: Setting | None = Field(default=None, description="Distance scale m, s_obs = (s - a)/m")
+    offset: Setting | None = Field(default=None, description="Zero offset a")
+    refraction: Setting | None = Field(default=None, description="Refraction coefficient k")
+    atmosphere: Atmosphere | None = Field(
+        default=None,
+        description="C, and D or wavelength: distances with columns temperature (°C), pressure (hPa), humidity (%) or "
+        "vapour_pressure (hPa) get their first velocity correction",
+    )
+    frame: dict[str, Setting] = Field(
+        default_factory=dict,
+        description="shift_x, shift_y, shift_z, turn_x, turn_y, turn_z and scale of the frame of a GNSS solution "
+        "against that of the points, geocentric axes, about the middle of the network",
+    )
+    lever_arm: dict[str, Setting] = Field(
+        default_factory=dict, description="rx, ry, rz from the trajectory to the antenna, its own axes"
+    )
+    boresight: dict[str, Setting] = Field(
+        default_factory=dict,
+        description="omega, phi, kappa from the axes of the trajectory to those of an inertial system",
+    )
+    position: dict[str, Setting] = Field(
+        default_factory=dict,
+        description="shift_x, shift_y, shift_z, drift_x, drift_y, drift_z of positions, of each strip its own",
+    )
+    attitude: dict[str, Setting] = Field(
+        default_factory=dict,
+        description="turn_x, turn_y, turn_z, turn_drift_x, turn_drift_y, turn_drift_z of attitudes, of each strip "
+        "its own",
+    )
+    time_offset: Setting | None = Field(
+        default=None, description="What is to be added to the times of the instrument, e.g. 20 ms"
+    )
+
+
+class Centring(Strict):
+    """Set-up errors of instrument and target, added to the σ of an observation as far as they act on it."""
+
+    instrument: Measure = Field(default="0", description="σ of its horizontal position, in either coordinate")
+    target: Measure = Field(default="0", description="The same of the target")
+    instrument_height: Measure = Field(default="0", description="σ of the measured height of the instrument")
+    target_height: Measure = Field(default="0", description="σ of the measured height of the target")
+
+
+# ------------------------------------------------------------
+# What a project file says of trajectories: their knots, how poses lie between them, how steady they are.
+# ------------------------------------------------------------
+
+
+class Steadiness(Strict):
+    """σ of differences of neighbouring knots, which are observed as 0."""
+
+    position: Measure | None = Field(default=None, description="σ of x, y, z each, e.g. 0.5 m/s^2")
+    attitude: Measure | None = Field(default=None, description="σ about each axis, e.g. 0.1 deg/s^2")
+
+
+class TrajectoryEntry(Table):
+    """Knots of trajectories: trajectory, time, x, y, z, omega, phi, kappa; sigma columns make components observed."""
+
+    fixed: list[Literal["x", "y", "z", "omega", "phi", "kappa"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
+    interpolation: Literal["linear", "cubic"] = Field(
+        default="linear", description="Between two knots, or through four"
+    )
+    spacing: Measure | None = Field(
+        default=None,
+        description="Rows are no knots: there is one every so many seconds, free, starting between the rows",
+    )
+    gap: Measure | None = Field(
+        default=None,
+        description="Knots (or rows) further apart than this belong to different stretches; nothing is in between",
+    )
+    constancy: Steadiness = Field(
+        default=Steadiness.model_construct(),
+        description="σ of velocity and rate of rotation between knots, observed as 0",
+    )
+    smoothness: Steadiness = Field(
+        default=Steadiness.model_construct(),
+        description="σ of acceleration and change of the rate of rotation, observed as 0",
+    )
+
+
+class LineTimes(Table):
+    """Times of the lines of scanners, where their rate is not steady: image, row, time; in between they are linear."""
+
+    name: Text | None = Field(default=None, description="Name in messages; default the file")
+
+
+# ------------------------------------------------------------
+# The project file as a model: every key there is, its type and what it means. The JSON Schema is made from it.
+# ------------------------------------------------------------
+
+
+class Units(Strict):
+    """Units of all values that carry none of their own."""
+
+    length: Literal["m", "dm", "cm", "mm", "um", "km", "ft", "us-ft", "in"] = Field(
+        default="m", description="Unit of lengths and coordinates"
+    )
+    angle: Literal["gon", "deg", "dms", "rad", "mrad", "mgon"] = Field(
+        default="gon", description="Unit of angles"
+    )
+
+
+class Axes(Strict):
+    """Axes of the object system: compass directions of x and y, and how horizontal angles and bearings count."""
+
+    xy: Literal["en", "nw", "ws", "se", "ne", "sw", "es", "wn"] = Field(
+        default="en", description="Directions of the x and y axes: en is x east, y north"
+    )
+    angles: Literal["clockwise", "counterclockwise"] = Field(
+        default="clockwise", description="How directions, horizontal angles and bearings count"
+    )
+    bearings_from: Literal["north", "east", "south", "west"] = Field(
+        default="north", description="Where bearings and orientations count from"
+    )
+
+
+class ImageFormat(Strict):
+    """Size of the image and of a pixel; needed where image coordinates come in pixels."""
+
+    width: Measure = Field(description="Image width in px")
+    height: Measure = Field(description="Image height in px")
+    pixel: Measure | None = Field(default=None, description="Size of one, e.g. 4.14 um; px need none")
+
+
+class Camera(Strict):
+    """A camera: its model, its interior orientation, and the coordinates it is measured in."""
+
+    model: Literal[
+        "mor",
+        "brown",
+        "brown-4",
+        "brown-5",
+        "brown-forward",
+        "opencv",
+        "fisheye",
+        "metashape",
+        "thin-prism-fisheye",
+        "rad-tan-thin-prism-fisheye",
+        "fov",
+        "panorama",
+    ] = Field(default="mor", description="Camera model: how distortion is described")
+    unit: Literal["mm", "um", "px", "m"] = Field(
+        default="mm", description="Unit of interior orientation and residuals"
+    )
+    image: ImageFormat | None = Field(default=None, description="Size of image and pixel")
+    coordinates: Literal["centred", "corner"] = Field(
+        default="centred",
+        description="centred: origin in the image centre, y up; corner: origin in the upper left corner, y down",
+    )
+    r0: Measure | None = Field(
+        default=None, description="Second zero crossing of the radial distortion (model mor)"
+    )
+    interior: dict[str, Setting] = Field(
+        description="c, xh, yh and distortion; a plain number is fixed", default_factory=dict
+    )
+    focal_length: Measure | None = Field(
+        default=None, description="As in EXIF, e.g. 28 mm: a start value of c where interior gives none"
+    )
+    focal_length_35mm: float | None = Field(
+        default=None,
+        gt=0.0,
+        description="35 mm equivalent as in EXIF; needs image; a start value of c as well",
+    )
+    eccentricity: dict[str, Setting] = Field(
+        default_factory=dict,
+        description="rx, ry, rz from the projection centre to the rotation centre, image axes",
+    )
+    readout: Setting | None = Field(
+        default=None,
+        description="Time from the first row to the last of a rolling shutter, e.g. 30 ms; a plain number is fixed, "
+        "0 (the default) is a global shutter",
+    )
+    readout_direction: Literal["down", "up", "right", "left"] = Field(
+        default="down",
+        description="Where the readout goes in the image: down is from the top row to the bottom",
+    )
+    line_time: Measure | None = Field(
+        default=None,
+        description="Of a line scanner: time from one line to the next, with its unit, e.g. 2 ms; a row of the image "
+        "is a line, and x counts along it",
+    )
+    line: Measure | None = Field(
+        default=None,
+        description="y of the line of a scanner in the axes of the camera, e.g. 9.1 mm; default 0",
+    )
+    image_variant: list[Text] | dict[str, Measure | None] = Field(
+        default_factory=list,
+        description="Components that every image has of its own, with the σ of their difference from the camera's",
+    )
+
+
+class Points(Table):
+    """Points: id, x, y, z; sigma columns make components observed."""
+
+    fixed: list[Literal["x", "y", "z"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
+    group: Text | None = Field(
+        default=None, description="Name of this class of points, to refer to in the datum"
+    )
+
+
+_POSE = Literal["x", "y", "z", "omega", "phi", "kappa"]
+
+
+_SET_UP = Literal["height", "rx", "ry", "rz", "vx", "vy", "vz", "rate_x", "rate_y", "rate_z"]
+
+
+class Images(Table):
+    """Images: id, camera, x, y, z, omega, phi, kappa; sigma columns make components observed."""
+
+    fixed: list[_POSE | _SET_UP] = Field(default_factory=list, description="Components held as they are")
+    free: list[_SET_UP] = Field(
+        default_factory=list,
+        description="Height, eccentricity and motion, constants without a σ, that are unknowns in this table",
+    )
+
+
+class Stations(Table):
+    """Theodolite stations or sets: id, point, height, set-up orientation."""
+
+    level: Literal["fixed", "free"] | Measure = Field(
+        default="fixed", description="fixed: exactly levelled; a σ: level observed; free: full orientation"
+    )
+    fixed: list[_POSE | Literal["height"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
+    free: list[Literal["height"]] = Field(
+        default_factory=list,
+        description="[height]: instrument heights, constants without a σ, are unknowns here",
+    )
+
+
+class Systems(Table):
+    """Local systems: id, x, y, z, omega, phi, kappa, scale; rx, ry, rz, the local coordinates of the origin."""
+
+    fixed: list[_POSE | Literal["scale", "rx", "ry", "rz"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
+    free: list[Literal["rx", "ry", "rz"]] = Field(
+        default_factory=list, description="Offsets, constants without a σ, that are unknowns in this table"
+    )
+
+
+class Feature(Strict):
+    """A plane, a line or a right angle that points lie on, with the σ of their distances from it."""
+
+    type: Literal["plane", "line", "right angle"] = Field(description="What the points lie on")
+    id: Name = Field(description="Its name")
+    points: list[Name] = Field(description="Points on the plane, on the line, or on the first plane")
+    other: list[Name] = Field(default_factory=list, description="Points on the second plane of a right angle")
+    sigma: Measure = Field(description="σ of the distances of the points from it")
+
+
+class Pairs(Table):
+    """Relative orientations of stereo pairs: id, bx, by, bz, omega, phi, kappa."""
+
+    fixed: list[Literal["bx", "by", "bz", "omega", "phi", "kappa"]] = Field(
+        default_factory=list, description="Components held as they are"
+    )
+
+
+class Observations(Table):
+    """A group of observations of one type."""
+
+    type: Text = Field(description="Type of the observations: image, distance, directions and more")
+    instrument: Name | None = Field(
+        default=None, description="Name of the instrument they were measured with"
+    )
+    ppm: float = Field(default=0.0, ge=0.0, le=1e50, description="σ² = σ² + (ppm · 10⁻⁶ · distance)²")
+    centring: Centring | None = Field(
+        default=None, description="Errors of the set-up of instrument and target"
+    )
+    factor: float = Field(default=1.0, gt=0.0, le=1e50, description="Factor on every σ of this group")
+    covariance: Text | list[list[float]] | None = Field(
+        default=None,
+        description="Full covariance matrix over the observations of this group, or a CSV file with it",
+    )
+    cluster: Text | None = Field(
+        default=None, description="Groups of one cluster name share one covariance matrix"
+    )
+    projection: Text | None = Field(
+        default=None,
+        description="Projection that projected_bearing refers to, where it is not that of world: EPSG code or WKT",
+    )
+    visible: Visible | None = Field(
+        default=None,
+        description="In place of a file or rows, for plans: everything that can be seen is observed",
+    )
+
+    @property
+    def sources(self) -> dict[str, object]:
+        """What the rows may come from, by its key; ``None`` if it is not given."""
+        return {**super().sources, "visible": self.visible}
+
+
+class Datum(Strict):
+    """Datum of a free or partly free network."""
+
+    free: Literal["all"] | list[Name] | dict[Literal["x", "y", "z", "xy", "xz", "yz", "xyz"], list[Name]] = (
+        Field(
+            default="all",
+            description="Points (or groups of points) whose coordinates carry the datum; "
+            "by components where they differ: {xy: [1, 2], z: [3]}",
+        )
+    )
+    minimal: dict[Literal["x", "y", "z", "xy", "xz", "yz", "xyz"], Name | list[Name]] | None = Field(
+        default=None,
+        description="As many coordinates as the network has free movements, held at their start values: "
+        "{xyz: A, xy: B, z: C}",
+    )
+    components: list[Literal["x", "y", "z"]] = Field(
+        default=["x", "y", "z"], description="Components that carry it, where free names none"
+    )
+    movements: Literal["adjusted", "reference"] = Field(
+        default="adjusted",
+        description="Coordinates at which shifts, rotations and scale of the inner constraints are taken",
+    )
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Datum:
+        if self.minimal is not None and "free" in self.model_fields_set:
+            raise ValueError("give either free or minimal")
+        return self
+
+
+class Settings(Strict):
+    """How to solve and to test."""
+
+    max_iterations: int = Field(default=50, ge=1, description="Most iterations without progress")
+    sigma0: float = Field(
+        default=1.0, gt=0.0, le=1e50, description="A-priori standard deviation of unit weight, as reported"
+    )
+    undeclared_points: Literal["mistake", "free"] = Field(
+        default="mistake",
+        description="Points that observations name and no table of points has: a mistake, or free points",
+    )
+    dimensions: Literal["xyz", "xy", "z"] = Field(default="xyz", description="Coordinates that are estimated")
+    undetermined: Literal["refuse", "leave_out"] = Field(
+        default="refuse",
+        description="What becomes of things that nothing determines: they stop the adjustment, or are left out of it. "
+        "Points at infinity take part with their direction, or are left out as well",
+    )
+    snooping_level: float = Field(
+        default=0.001, gt=0.0, lt=1.0, description="α0 of the test of single observations"
+    )
+    familywise_level: float | None = Field(
+        default=None,
+        gt=0.0,
+        lt=1.0,
+        description="Level of the tests of all observations together (Šidák); it takes the place of snooping_level",
+    )
+    power: float = Field(default=0.8, gt=0.0, lt=1.0, description="β0, power of that test")
+    global_level: float = Field(default=0.05, gt=0.0, lt=1.0, description="Level of global and group tests")
+    least_redundancy: float = Field(default=0.01, gt=0.0, lt=1.0, description="Least r that is a control")
+    sigma: Literal["aposteriori", "apriori"] = Field(
+        default="aposteriori", description="Which σ0 the reported standard deviations are multiplied with"
+    )
+    snooping: bool = Field(
+        default=False, description="Take flagged observations out one by one until the rest is clean"
+    )
+    robust: Literal["l1", "danish"] | None = Field(
+        default=None, description="Robust solution to compare with, and to start data snooping from"
+    )
+    variance_components: Literal["report", "iterate"] = Field(
+        default="report",
+        description="Estimated factors of the σ of each group: reported, or taken into the weights",
+    )
+    variance_method: Literal["simplified", "helmert"] = Field(
+        default="simplified",
+        description="How they are estimated: each group by itself (Förstner), or by Helmert's full system, which tells "
+        "groups apart that mix, up to 3 000 unknowns",
+    )
+
+
+class Report(Strict):
+    """Who and what stands on the reports; nothing of it changes a result."""
+
+    operator: Text | None = Field(default=None, description="Who measured or adjusted")
+    client: Text | None = Field(default=None, description="Whom it was done for")
+    remarks: str | None = Field(default=None, description="Anything else, of several lines where wanted")
+    relative: list[tuple[Name, Name]] = Field(
+        default_factory=list,
+        description="Pairs of points whose distance, with σ, and relative error ellipse are reported",
+    )
+
+
+class Project(Strict):
+    """A project file of mor, version 1."""
+
+    mor: Literal["1"] = Field(description="Version of the project file")
+    title: str = Field(default="", description="Heads the reports")
+    date: Text | None = Field(
+        default=None,
+        description="When the observations were made: a day, or a span of days; stands on the reports",
+    )
+    report: Report = Field(
+        default=Report.model_construct(), description="Operator, client and remarks that stand on the reports"
+    )
+    units: Units = Field(
+        default=Units.model_construct(), description="Units of all values that carry none of their own"
+    )
+    axes: Axes = Field(
+        default=Axes.model_construct(), description="Axes of the object system, senses and zeros of angles"
+    )
+    world: World | None = Field(
+        default=None,
+        description="Where on the earth the network is; without it its system is a plane of its own",
+    )
+    curvature: bool | Curvature = Field(
+        default=False,
+        description="true: heights are above a sphere with the radius of the earth, and verticals differ from place to "
+        "place; false: verticals are parallel. Not with world, where they are those of the ellipsoid",
+    )
+    cameras: dict[Name, Camera] = Field(default_factory=dict, description="Cameras by name")
+    trajectories: list[TrajectoryEntry] = Field(
+        default_factory=list, description="Tables of knots: poses as a function of time"
+    )
+    images: list[Images] = Field(default_factory=list, description="Tables of images")
+    line_times: list[LineTimes] = Field(
+        default_factory=list, description="Tables of the times of lines of scanners: image, row, time"
+    )
+    pairs: list[Pairs] = Field(
+        default_factory=list, description="Tables of relative orientations of stereo images"
+    )
+    points: list[Points] = Field(default_factory=list, description="Tables of points")
+    stations: list[Stations] = Field(default_factory=list, description="Tables of theodolite stations")
+    systems: list[Systems] = Field(default_factory=list, description="Tables of local systems")
+    features: list[Feature] = Field(
+        default_factory=list, description="Planes, lines and right angles that points lie on"
+    )
+    epochs: Epochs = Field(
+        default=Epochs.model_construct(), description="Times of what is measured at several of them"
+    )
+    motions: list[MotionEntry] = Field(default_factory=list, description="How points move between epochs")
+    instruments: dict[Name, Instrument] = Field(default_factory=dict, description="Instruments by name")
+    observations: list[Observations] = Field(default_factory=list, description="Tables of observations")
+    checks: list[Observations] = Field(
+        default_factory=list,
+        description="Observations kept out of the adjustment: check points (type coordinates), check distances",
+    )
+    candidates: list[Observations] = Field(
+        default_factory=list,
+        description="Observations that a plan might have besides; mor design ranks them, no adjustment has them",
+    )
+    require: Require = Field(
+        default=Require.model_construct(), description="What a plan has to reach, for mor design"
+    )
+    variants: dict[Name, Variant] = Field(
+        default_factory=dict, description="What-if variants of a plan, which mor design puts side by side"
+    )
+    visibility: Visibility = Field(
+        default=Visibility.model_construct(),
+        description="What stands in the way of sights, and where targets look, for plans",
+    )
+    datum: Literal["fixed", "free"] | Datum = Field(
+        default="fixed", description="What holds the coordinates where the observations leave them free"
+    )
+    settings: Settings = Field(default=Settings.model_construct(), description="How to solve and to test")
+
+
+# ------------------------------------------------------------
+# JSON Schema of the project file.
+# ------------------------------------------------------------
+
+
+def project_schema() -> str:
+    """JSON Schema (2020-12) of the project file as text.
+
+    Numbers may be written as numbers or as texts, as YAML has them.
+    """
+    lenient = _lenient(Project.model_json_schema())
+    assert isinstance(lenient, dict)
+    schema = {
+        "$schema": "https://json-schema.org/draft/2020-12/schema",
+        "$id": "urn:mor:schema:project:1",
+        **lenient,
+    }
+    return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
+
+
+def _lenient(node: object) -> object:
+    """Let numbers stand where texts are expected: YAML editors see 28.8 as a number, and version 1 as one."""
+    if isinstance(node, list):
+        return [_lenient(item) for item in node]
+    if not isinstance(node, dict):
+        return node
+    node = {key: _lenient(value) for key, value in node.items()}
+    if node.get("type") == "string":
+        node["type"] = ["string", "number"]
+    if node.get("const") == "1":
+        node = {key: value for key, value in node.items() if key not in ("const", "type")} | {
+            "enum": ["1", 1]
+        }
+    return node
+
+
+# ------------------------------------------------------------
+# From plain data to the model: all mistakes of a file at once, each with its line and the nearest known name.
+# ------------------------------------------------------------
+
+_OTHER_KIND = {"string_type", "dict_type", "list_type", "model_type", "model_attributes_type"}
+
+
+def validate(document: Document) -> Project:
+    """The model of a document. Raises :class:`InputError` with every mistake found."""
+    try:
+        project = Project.model_validate(document.data)
+    except ValidationError as error:
+        details = _telling(document, error.errors(include_url=False))
+        problems = dict.fromkeys([*document.problems, *_problems(document, details)])
+        raise InputError(sorted(problems, key=lambda problem: problem.line)) from None
+    if document.problems:
+        raise InputError(document.problems)
+    return project
+
+
+def without_empty_keys(document: Document) -> Document:
+    """The document without keys that have nothing behind them (``settings:``), where they are keys of the model.
+
+    What is empty elsewhere has a meaning, as in ``columns``, or is a mistake, as a camera without any word.
+    """
+    return replace(document, data=_without_empty(document.data, ()))
+
+
+def _without_empty(data: Any, path: KeyPath) -> Any:
+    if isinstance(data, list):
+        return [
+            _without_empty(entry, (*path, k)) if isinstance(entry, dict) else entry
+            for k, entry in enumerate(data)
+        ]
+    if not isinstance(data, dict):
+        return data
+    known = set(_known_keys(path))
+    kept = {key: value for key, value in data.items() if value is not None or key not in known}
+    return {key: _without_empty(value, (*path, key)) for key, value in kept.items()}
+
+
+def _telling(document: Document, details: list[ErrorDetails]) -> list[ErrorDetails]:
+    """Of a value that is none of several things it may be, only what it fails as what it looks like."""
+    paths = [_data_path(document.data, detail) for detail in details]
+    return [
+        detail
+        for detail, path in zip(details, paths, strict=True)
+        if not _of_another_kind(detail)
+        or not any(
+            other is not detail
+            and beneath[: len(path)] == path
+            and (len(beneath) > len(path) or not _of_another_kind(other))
+            for other, beneath in zip(details, paths, strict=True)
+        )
+    ]
+
+
+def _of_another_kind(detail: ErrorDetails) -> bool:
+    """Return True if an error says only that this is another kind of thing."""
+    structured = isinstance(detail.get("input"), (dict, list))
+    return detail["type"] in _OTHER_KIND or (detail["type"] == "literal_error" and structured)
+
+
+def _problems(document: Document, details: list[ErrorDetails]) -> list[Message]:
+    """One problem for every place; what a value may be instead is told together."""
+    by_path: dict[KeyPath, list[ErrorDetails]] = {}
+    for detail in details:
+        by_path.setdefault(_data_path(document.data, detail), []).append(detail)
+    problems = []
+    for path, found in by_path.items():
+        where = " → ".join(str(part + 1) if isinstance(part, int) else part for part in path)
+        words = dict.fromkeys(_words(detail, path, where) for detail in found)
+        opening = f"{where}: found {_short(found[0].get('input'))}, expected "
+        if len(words) > 1 and all(text.startswith(opening) for text in words):
+            words = {opening + ", or ".join(text.removeprefix(opening) for text in words): None}
+        problems += [Message(text, document.file_of(path), document.line(path)) for text in words]
+    return problems
+
+
+def _words(detail: ErrorDetails, path: KeyPath, where: str) -> str:
+    kind, given = detail["type"], detail.get("input")
+    if kind == "extra_forbidden":
+        known = _known_keys(path[:-1])
+        return f"unknown key {path[-1]!r}{nearest(str(path[-1]), known)} (known here: {', '.join(known)})"
+    if kind == "missing":
+        return f"{where or 'the project'}: this key is required"
+    if kind == "value_error":
+        return f"{where}: {detail['ctx']['error']}"
+    context = detail.get("ctx", {})
+    if kind == "literal_error":
+        expected = context["expected"]
+        choices = [choice.strip("' ") for choice in expected.replace(" or ", ", ").split(",")]
+        return f"{where}: found {_short(given)}, expected {expected}{nearest(str(given), choices)}"
+    message = detail["msg"]
+    expected = _EXPECTED[kind].format(**context) if kind in _EXPECTED else message[0].lower() + message[1:]
+    return f"{where}: found {_short(given)}, expected {expected}"
+
+
+_EXPECTED = {
+    "bool_parsing": "true or false",
+    "bool_type": "true or false",
+    "dict_type": "keys and values",
+    "finite_number": "a finite number",
+    "float_parsing": "a number",
+    "float_type": "a number",
+    "greater_than": "a number above {gt:g}",
+    "greater_than_equal": "{ge:g} or more",
+    "int_from_float": "a whole number",
+    "int_parsing": "a whole number",
+    "int_type": "a whole number",
+    "less_than": "a number below {lt:g}",
+    "less_than_equal": "{le:g} or less",
+    "list_type": "a list",
+    "model_attributes_type": "keys and values",
+    "model_type": "keys and values",
+    "string_pattern_mismatch": "a number, with or without a unit",
+    "string_too_long": "a single character",
+    "string_too_short": "a text that is not empty",
+    "string_type": "a single value",
+}
+"""What was expected where pydantic complains, in the words of a project file."""
+
+
+def _short(given: Any) -> str:
+    if given is None:
+        return "nothing"
+    if isinstance(given, (dict, list)):
+        return "keys and values" if isinstance(given, dict) else "a list"
+    text = repr(given)
+    return text if len(text) <= 60 else f"{text[:57]}..."
+
+
+def _data_path(data: Any, detail: ErrorDetails) -> KeyPath:
+    """The part of pydantic's location that is a path in the data: names of union members are dropped."""
+    path: list[str | int] = []
+    for number, part in enumerate(detail["loc"]):
+        missing = detail["type"] == "missing" and number == len(detail["loc"]) - 1
+        if isinstance(data, dict) and (part in data or missing):
+            data = data.get(part)
+            path.append(part)
+        elif isinstance(data, list) and isinstance(part, int) and part < len(data):
+            data = data[part]
+            path.append(part)
+    return tuple(path)
+
+
+def _known_keys(path: KeyPath) -> list[str]:
+    """Keys the model knows at a path."""
+    model: Any = Project
+    for part in path:
+        if isinstance(model, type) and issubclass(model, BaseModel) and part in model.model_fields:
+            model = model.model_fields[str(part)].annotation
+        model = _model_within(model)
+        if model is None:
+            return []
+    return list(model.model_fields) if isinstance(model, type) and issubclass(model, BaseModel) else []
+
+
+def _model_within(annotation: Any) -> Any:
+    """The model an annotation such as ``list[Points]`` or ``str | Datum`` leads to."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    for argument in get_args(annotation):
+        found = _model_within(argument)
+        if found is not None:
+            return found
+    return None

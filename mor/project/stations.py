@@ -1,0 +1,469 @@
+"""Stations, set-ups and instruments."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from mor.errors import Message
+from mor.model.parameters import (
+    BASE,
+    ECCENTRICITY,
+    GNSS_FRAME,
+    HEIGHT,
+    IMAGE_VELOCITY,
+    POINT,
+    ROTATION,
+    ROTATION_RATE,
+    SCALE,
+    TIME_OFFSET,
+    BlockKind,
+)
+from mor.project.document import KeyPath
+from mor.project.entities import Reading, SetUp, entities, unknown_name
+from mor.project.motion import EPOCH, remember_epochs
+from mor.project.points import Seen, check_unique, position_columns, positions, rotations
+from mor.project.rows import set_name
+from mor.project.schema import Instrument, Stations, Systems
+from mor.project.tables import (
+    Column,
+    Place,
+    Rows,
+    Statuses,
+    component_columns,
+    component_rows,
+    number_column,
+    read_table,
+    settings,
+    tell_rows,
+)
+from mor.types import BoolArray, FloatArray, IntArray
+from mor.units import ANGLE
+
+# ------------------------------------------------------------
+# Constants of a set-up: heights, eccentricities, offsets, motions. Fixed if nothing else is said; shared by name.
+# ------------------------------------------------------------
+
+
+def set_up_columns(reading: Reading, kind: BlockKind, shared: bool = True) -> list[Column]:
+    """Columns of a constant of a set-up: its components with σ and start, and the name it is shared by."""
+    columns = component_columns(kind.components, reading.edge)
+    return [*columns, Column(shared_column(kind))] if shared else columns
+
+
+def shared_column(kind: BlockKind) -> str:
+    """Column that names a constant several frames share."""
+    return f"shared_{kind.key.replace(' ', '_')}"
+
+
+def heights(
+    reading: Reading, rows: Rows, labels: list[str], fixed: Collection[str], free: Collection[str]
+) -> IntArray:
+    """Height block of every row: none, its own, or one that it shares."""
+    return _set_ups(reading, HEIGHT, rows, labels, fixed, free, np.zeros(rows.count, dtype=np.int64))
+
+
+def eccentricities(
+    reading: Reading,
+    rows: Rows,
+    labels: list[str],
+    fixed: Collection[str],
+    free: Collection[str],
+    otherwise: IntArray,
+) -> IntArray:
+    """Block of eccentricity or local offset of every row: its own, one that it shares, or another (n,)."""
+    return _set_ups(reading, ECCENTRICITY, rows, labels, fixed, free, otherwise)
+
+
+def motions(
+    reading: Reading,
+    rows: Rows,
+    labels: list[str],
+    fixed: Collection[str],
+    free: Collection[str],
+    moving: BoolArray,
+) -> tuple[IntArray, IntArray]:
+    """Blocks of velocity and rate of rotation of every row, −1 where it does not count: not ``moving`` (n,)."""
+    found = []
+    for kind in (IMAGE_VELOCITY, ROTATION_RATE):
+        result = np.full(rows.count, -1, dtype=np.int64)
+        here = np.flatnonzero(moving)
+        if len(here):
+            own = rows.take(here)
+            still = np.full(len(here), reading.shop.neutral(kind.key), dtype=np.int64)
+            names = [labels[i] for i in here]
+            result[here] = _set_ups(reading, kind, own, names, fixed, free, still)
+        found.append(result)
+    return found[0], found[1]
+
+
+def _set_ups(
+    reading: Reading,
+    kind: BlockKind,
+    rows: Rows,
+    labels: list[str],
+    fixed: Collection[str],
+    free: Collection[str],
+    otherwise: IntArray,
+) -> IntArray:
+    said = _said(reading, kind, rows, fixed, free)
+    result, store = otherwise.copy(), reading.shop.store(kind.key)
+    named = rows.text(shared_column(kind))
+    unnamed = np.array([not name for name in named], dtype=bool)
+    own = np.flatnonzero(unnamed & said.anything())
+    result[own] = store.add([labels[i] for i in own], *said.rows(own).statuses())
+    shared = reading.shop.things.get(shared_column(kind))
+    known = {name: shared.part(name, kind.key) for name in shared.ids} if shared else {}
+    together = reading.shared_set_ups.setdefault(kind.key, {})
+    for i in np.flatnonzero(~unnamed).tolist():
+        together[named[i]] = _with_row(reading, kind, rows, i, said, together.get(named[i]))
+    for name in dict.fromkeys(name for name in named if name):
+        statuses = _Said(*together[name]).statuses()
+        if name in known:
+            store.put(known[name], statuses)
+        else:
+            known[name] = int(store.add([f"{kind.key} {name}"], *statuses)[0])
+    for i in np.flatnonzero(~unnamed).tolist():
+        result[i] = known[named[i]]
+    numbers = {kind.key: np.array(list(known.values()), dtype=np.int64)}
+    reading.shop.things[shared_column(kind)] = entities(known, numbers)
+    return result
+
+
+class _Said(NamedTuple):
+    """What n rows say of the components of a constant, (n, size) each; NaN if they say nothing."""
+
+    given: FloatArray
+    sigma: FloatArray
+    start: FloatArray
+    free: FloatArray
+    """1 where the component is an unknown without a σ."""
+
+    def rows(self, chosen: IntArray) -> _Said:
+        """Some of the rows."""
+        return _Said(*(column[chosen] for column in self))
+
+    def anything(self) -> BoolArray:
+        """(n,) rows that say anything."""
+        return np.asarray((np.isfinite(self.given) | np.isfinite(self.free)).any(axis=1))
+
+    def statuses(self) -> Statuses:
+        """Observed with a σ, free where the table says so, else fixed."""
+        observed = self.sigma > 0.0
+        unknown = observed | np.isfinite(self.free)
+        return Statuses(
+            np.nan_to_num(self.given),
+            unknown,
+            np.where(observed, self.sigma, np.nan),
+            np.where(unknown, self.start, np.nan),
+        )
+
+
+def _with_row(
+    reading: Reading, kind: BlockKind, rows: Rows, row: int, said: _Said, before: SetUp | None
+) -> SetUp:
+    """What all rows so far say of one shared constant: each component once, or several times the same."""
+    here = said.rows(np.array([row]))
+    if before is None:
+        return tuple(here)
+    column = shared_column(kind)
+    name, at = rows.text(column)[row], np.arange(rows.count) == row
+    contradictions = (
+        f"{column}: {name!r} has another value in a row above",
+        f"{column}: {name!r} has another σ in a row above",
+        f"{column}: {name!r} has another start value in a row above",
+    )
+    for words, one, other in zip(contradictions, before, here, strict=False):
+        if (np.isfinite(one) & np.isfinite(other) & (one != other)).any():
+            tell_rows(reading.problems, at, rows, words)
+    merged = _Said(*(np.where(np.isnan(one), other, one) for one, other in zip(before, here, strict=True)))
+    if (np.isfinite(merged.sigma) & np.isfinite(merged.free)).any():
+        words = f"{column}: {name!r} is free in one row and has a σ in another; expected one of them"
+        tell_rows(reading.problems, at, rows, words)
+    return tuple(merged)
+
+
+def _said(
+    reading: Reading, kind: BlockKind, rows: Rows, fixed: Collection[str], free: Collection[str]
+) -> _Said:
+    """What the rows say; σ = 0 is fixed, in a table of free ones, too."""
+    names, problems = kind.names, reading.problems
+    given = np.stack([rows.number(name) for name in names], axis=1)
+    sigma = np.stack([rows.number(f"sigma_{name}") for name in names], axis=1)
+    start = np.stack([rows.number(f"start_{name}") for name in names], axis=1)
+    loose = np.full(given.shape, np.nan)
+    for k, name in enumerate(names):
+        own = f"sigma_{name}"
+        tell_rows(problems, sigma[:, k] < 0.0, rows, f"{own}: found a negative σ, expected a σ ≥ 0")
+        missing = np.isfinite(sigma[:, k]) & np.isnan(given[:, k])
+        tell_rows(problems, missing, rows, f"{name} has a σ but no value")
+        if name in free:
+            wrong = sigma[:, k] > 0.0
+            tell_rows(
+                problems, wrong, rows, f"{name} is free in this table, and has a σ; expected one of them"
+            )
+            held = np.full(rows.count, name in fixed)
+            tell_rows(problems, held, rows, f"{name} is free and fixed in this table; expected one of them")
+            loose[sigma[:, k] != 0.0, k] = 1.0
+        elif name in fixed:
+            sigma[np.isfinite(given[:, k]), k] = 0.0
+    return _Said(given, sigma, start, loose)
+
+
+# ------------------------------------------------------------
+# Theodolite stations and local systems of a project.
+# ------------------------------------------------------------
+
+
+def read_stations(reading: Reading) -> None:
+    """Theodolite stations: a position (usually a point), a height, a rotation with its level."""
+    ids: list[str] = []
+    collected: dict[str, list[IntArray]] = {"position": [], "height": [], "rotation": []}
+    seen: list[Seen] = []
+    for k, table in enumerate(reading.project.stations):
+        reading.begin("stations", k, table)
+        _read_stations_table(reading, table, reading.at("stations", k), ids, collected, seen)
+    none = [np.zeros(0, dtype=np.int64)]
+    reading.shop.things["station"] = entities(
+        ids, {part: np.concatenate(arrays or none) for part, arrays in collected.items()}
+    )
+
+
+def station_columns(reading: Reading) -> list[Column]:
+    """Return the columns that a table of stations may have."""
+    return [
+        Column("id", required=True),
+        Column("set"),
+        Column("point"),
+        EPOCH,
+        *component_columns((*POINT.components, *ROTATION.components), reading.edge),
+        *position_columns(reading),
+        *set_up_columns(reading, HEIGHT),
+        number_column("orientation", ANGLE, reading.edge),
+    ]
+
+
+def _read_stations_table(
+    reading: Reading,
+    table: Stations,
+    place: Place,
+    ids: list[str],
+    collected: dict[str, list[IntArray]],
+    seen: list[Seen],
+) -> None:
+    edge = reading.edge
+    rows = read_table(table, station_columns(reading), place, reading.problems)
+    if rows is None:
+        return
+    names = [set_name(*pair) for pair in zip(rows.text("id"), rows.text("set"), strict=True)]
+    check_unique("station", names, rows, seen, reading.problems)
+    remember_epochs(reading, "station", names, rows)
+    oriented = np.isfinite(rows.number("orientation"))
+    if oriented.any():
+        kappa = -(edge.zero_azimuth + edge.sense * rows.number("orientation"))
+        rows.numbers["kappa"] = np.where(oriented, kappa, rows.number("kappa"))
+    position, height = _places(reading, table, rows, ids, collected)
+    collected["position"].append(position)
+    collected["height"].append(height)
+    levelled = table.level == "fixed"
+    if not levelled:
+        for name in ROTATION.names[:2]:
+            rows.numbers[name] = np.nan_to_num(rows.number(name))
+    labels = [f"station {name}" for name in names]
+    collected["rotation"].append(
+        rotations(reading, rows, labels, table.fixed, level=levelled, oriented=oriented)
+    )
+    reading.table_ids["stations", int(place.path[-1])] = names
+    ids += names
+
+
+def _places(
+    reading: Reading, table: Stations, rows: Rows, ids: list[str], collected: dict[str, list[IntArray]]
+) -> tuple[IntArray, IntArray]:
+    """Positions and heights of a table: own ones, or for a further set those of its station."""
+    is_set = np.array([bool(name) for name in rows.text("set")])
+    own = rows.take(np.flatnonzero(~is_set))
+    labels = [f"station {name}" for name in own.text("id")]
+    position, height = np.full((2, rows.count), -1, dtype=np.int64)
+    if own.count:
+        position[~is_set] = positions(reading, own, labels, table.fixed)
+        height[~is_set] = heights(reading, own, labels, table.fixed, table.free)
+    earlier = [
+        (*collected[part], column[~is_set]) for part, column in (("position", position), ("height", height))
+    ]
+    places = zip(*(np.concatenate(arrays) for arrays in earlier), strict=True)
+    known = dict(zip((*ids, *own.text("id")), places, strict=True))
+    for i in np.flatnonzero(is_set):
+        station = rows.text("id")[i]
+        place = any(np.isfinite(rows.number(name)[i]) for name in (*POINT.names, *HEIGHT.names))
+        place |= bool(rows.text(shared_column(HEIGHT))[i])
+        if station not in known:
+            words = (
+                f"{unknown_name('station', station, known)}; a set belongs to a station of a row without set"
+            )
+            reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
+        elif place or rows.text("point")[i]:
+            words = f"set {rows.text('set')[i]!r} of station {station!r} stands where its station stands"
+            reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
+        else:
+            position[i], height[i] = known[station]
+            reading.sets[set_name(station, rows.text("set")[i])] = (station, rows.text("set")[i])
+    return position, height
+
+
+def read_systems(reading: Reading) -> None:
+    """Local systems: origin, rotation, scale, offset."""
+    ids: list[str] = []
+    collected: dict[str, list[IntArray]] = {"position": [], "rotation": [], "scale": [], "offset": []}
+    seen: list[Seen] = []
+    for k, table in enumerate(reading.project.systems):
+        reading.begin("systems", k, table)
+        _read_systems_table(reading, table, reading.at("systems", k), ids, collected, seen)
+    none = [np.zeros(0, dtype=np.int64)]
+    reading.shop.things["system"] = entities(
+        ids, {part: np.concatenate(arrays or none) for part, arrays in collected.items()}
+    )
+
+
+def _read_systems_table(
+    reading: Reading,
+    table: Systems,
+    place: Place,
+    ids: list[str],
+    collected: dict[str, list[IntArray]],
+    seen: list[Seen],
+) -> None:
+    kinds = (*POINT.components, *ROTATION.components, *SCALE.components)
+    columns = [
+        Column("id", required=True),
+        Column("point"),
+        *component_columns(kinds, reading.edge),
+        *position_columns(reading),
+        *set_up_columns(reading, ECCENTRICITY, shared=False),
+    ]
+    rows = read_table(table, columns, place, reading.problems)
+    if rows is None:
+        return
+    names = rows.text("id")
+    check_unique("system", names, rows, seen, reading.problems)
+    labels = [f"system {name}" for name in names]
+    scale = component_rows(rows, SCALE.components, table.fixed, reading.problems)
+    scale = scale._replace(values=np.nan_to_num(scale.values, nan=1.0))
+    wrong = (scale.values <= 0.0) | (scale.start <= 0.0)
+    tell_rows(reading.problems, wrong[:, 0], rows, "scale: expected a number above 0")
+    collected["position"].append(positions(reading, rows, labels, table.fixed))
+    collected["rotation"].append(rotations(reading, rows, labels, table.fixed))
+    collected["scale"].append(reading.shop.store("scale").add(labels, *scale))
+    none = np.zeros(len(names), dtype=np.int64)
+    collected["offset"].append(eccentricities(reading, rows, labels, table.fixed, table.free, none))
+    ids += names
+    reading.end("system", len(names))
+
+
+# ------------------------------------------------------------
+# Instruments and stereo pairs of a project.
+# ------------------------------------------------------------
+
+
+def read_instruments(reading: Reading) -> None:
+    """Distance meters, refraction coefficients, frames of GNSS solutions; where antennas and inertial systems are."""
+    ids, meters, refractions, frames = [], [], [], []
+    along: dict[str, list[int]] = {part: [] for part in _ALONG}
+    for name, instrument in reading.project.instruments.items():
+        ids.append(name)
+        reading.shop.begin(f"instrument {name}")
+        meters.append(_instrument(reading, name, instrument, "distance meter", ("scale", "offset")))
+        refractions.append(_instrument(reading, name, instrument, "refraction", ("refraction",)))
+        frames.append(_frame(reading, name, instrument))
+        for part, blocks in along.items():
+            blocks.append(_along(reading, name, instrument, part))
+    reading.shop.things["instrument"] = entities(
+        ids,
+        {
+            "distance meter": np.array(meters, dtype=np.int64),
+            "refraction": np.array(refractions, dtype=np.int64),
+            GNSS_FRAME.key: np.array(frames, dtype=np.int64),
+            **{part: np.array(blocks, dtype=np.int64) for part, blocks in along.items()},
+        },
+    )
+
+
+_ALONG = {"lever arm": ECCENTRICITY, "boresight": ROTATION, TIME_OFFSET.key: TIME_OFFSET}
+"""What instruments along a trajectory have, and the kinds of its blocks."""
+
+
+def _along(reading: Reading, name: str, instrument: Instrument, part: str) -> int:
+    """Block of one of these, -1 where nothing is said of it."""
+    key, kind = part.replace(" ", "_"), _ALONG[part]
+    said = getattr(instrument, key)
+    if not said:
+        return -1
+    given = said if isinstance(said, dict) else {key: said}
+    path: KeyPath = ("instruments", name, key) if isinstance(said, dict) else ("instruments", name)
+    row = settings(given, kind.components, reading.edge, reading.at(*path), path, reading.problems)
+    own = name if kind is TIME_OFFSET else f"{part} of {name}"
+    return int(reading.shop.store(kind.key).add([own], *row)[0])
+
+
+def _instrument(
+    reading: Reading, name: str, instrument: Instrument, kind: str, components: tuple[str, ...]
+) -> int:
+    given = {key: getattr(instrument, key) for key in components if getattr(instrument, key) is not None}
+    if not given:
+        return 0
+    return _add(reading, name, kind, given, ("instruments", name))
+
+
+def _frame(reading: Reading, name: str, instrument: Instrument) -> int:
+    if not instrument.frame:
+        return 0
+    return _add(reading, name, GNSS_FRAME.key, dict(instrument.frame), ("instruments", name, "frame"))
+
+
+def _add(reading: Reading, name: str, kind: str, given: dict[str, Any], path: KeyPath) -> int:
+    store = reading.shop.store(kind)
+    row = settings(given, store.kind.components, reading.edge, reading.at(*path), path, reading.problems)
+    scales = [
+        values[0, store.kind.names.index("scale")] for values in (row.values, row.start) if "scale" in given
+    ]
+    if any(scale <= 0.0 for scale in scales):
+        reading.problems.append(reading.at(*path).problem("scale: expected a number above 0", "scale"))
+    return int(store.add([name], *row)[0])
+
+
+def read_pairs(reading: Reading) -> None:
+    """Relative orientations of stereo pairs: base in the leading image's system, and rotation."""
+    ids: list[str] = []
+    base: list[IntArray] = []
+    rotation: list[IntArray] = []
+    seen: list[Seen] = []
+    for k, table in enumerate(reading.project.pairs):
+        reading.begin("pairs", k, table)
+        columns = [
+            Column("id", required=True),
+            *component_columns((*BASE.components, *ROTATION.components), reading.edge),
+        ]
+        rows = read_table(table, columns, reading.at("pairs", k), reading.problems)
+        if rows is None:
+            continue
+        names = rows.text("id")
+        check_unique("pair", names, rows, seen, reading.problems)
+        labels = [f"pair {name}" for name in names]
+        base.append(
+            reading.shop.store("base").add(
+                labels, *component_rows(rows, BASE.components, table.fixed, reading.problems)
+            )
+        )
+        rotation.append(
+            reading.shop.store("rotation").add(
+                labels, *component_rows(rows, ROTATION.components, table.fixed, reading.problems)
+            )
+        )
+        ids += names
+        reading.end("pair", len(names))
+    none = [np.zeros(0, dtype=np.int64)]
+    reading.shop.things["pair"] = entities(
+        ids, {"base": np.concatenate(base or none), "rotation": np.concatenate(rotation or none)}
+    )

@@ -1,0 +1,822 @@
+"""Tables of a project: files, columns, statuses."""
+
+from __future__ import annotations
+
+import csv
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime, time
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+import polars as pl
+
+from mor.errors import InputError, Message, counted, nearest
+from mor.input_files import (
+    TABLE,
+    as_utf8,
+    check_regular,
+    check_size,
+    is_folder,
+    limit,
+    note_file,
+    raise_it,
+    read_bytes,
+)
+from mor.model.contract import Names, coded
+from mor.project.axes import Edge, ImageScale, UnitError, beyond
+from mor.project.document import Document, KeyPath, plain_column
+from mor.project.schema import Table, Value
+from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
+from mor.units import ANGLE, Component, Quantity
+
+# ------------------------------------------------------------
+# What a table may contain, what was read from it, and where it stands.
+# ------------------------------------------------------------
+
+
+class Column(NamedTuple):
+    """A column a table may have. ``parse`` turns one text into an internal number; ``None`` for identifiers."""
+
+    name: str
+    parse: Callable[[str, str], float] | None = None
+    factor: Callable[[str], float] | None = None
+    """Internal units per given unit, for columns of plain numbers; raises ``ValueError``."""
+    required: bool = False
+
+
+class Source(NamedTuple):
+    """Named columns as they were found, each all texts or already numbers in the unit of the column; null is empty."""
+
+    names: list[str]
+    """Names of the columns in their order; one may be given twice."""
+    columns: dict[str, pl.Series]
+    lines: SmallIntArray
+    file: str
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Columns read: identifiers as texts, numbers as floats in internal units, NaN if empty."""
+
+    count: int
+    texts: dict[str, pl.Series]
+    numbers: dict[str, FloatArray]
+    lines: SmallIntArray
+    file: str
+
+    def text(self, name: str) -> list[str]:
+        """Identifiers of a column, for tables of few rows; empty if the column is missing."""
+        column: list[str] = self.series(name).to_list()
+        return column
+
+    def series(self, name: str) -> pl.Series:
+        """Identifiers of a column as they are kept."""
+        if name in self.texts:
+            return self.texts[name]
+        return pl.repeat("", self.count, dtype=pl.String, eager=True)
+
+    def names(self, name: str) -> Names:
+        """Identifiers of a column, each different one kept once."""
+        return coded(self.series(name))
+
+    def number(self, name: str) -> FloatArray:
+        """Numbers of a column, NaN if it is missing."""
+        return self.numbers[name] if name in self.numbers else np.full(self.count, np.nan)
+
+    def take(self, chosen: IntArray) -> Rows:
+        """Some of the rows."""
+        texts = {name: cells.gather(chosen) for name, cells in self.texts.items()}
+        numbers = {name: cells[chosen] for name, cells in self.numbers.items()}
+        return Rows(len(chosen), texts, numbers, self.lines[chosen], self.file)
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a table stands in the project: its path in the document, and the folder of the project."""
+
+    document: Document
+    path: KeyPath
+    folder: Path
+
+    def problem(self, message: str, key: str | None = None) -> Message:
+        """A problem at this table, or at one of its keys."""
+        path = (*self.path, key) if key else self.path
+        return Message(message, self.document.file_of(path), self.document.line(path))
+
+
+MOST_TOLD = 100
+"""Mistakes of one kind in one table that are told one by one; the rest is counted."""
+
+
+def tell_rows(
+    problems: list[Message], wrong: BoolArray, rows: Rows | Source, words: Callable[[int], str] | str
+) -> None:
+    """Tell what is wrong with rows (n,): each with its line, of very many the first and how many more there are."""
+    found = np.flatnonzero(wrong)
+    for row in found[:MOST_TOLD].tolist():
+        said = words if isinstance(words, str) else words(row)
+        problems.append(Message(said, rows.file, int(rows.lines[row])))
+    if len(found) > MOST_TOLD:
+        first = words if isinstance(words, str) else words(int(found[MOST_TOLD]))
+        more = f"{len(found) - MOST_TOLD} more rows like these, the next one: {first}"
+        problems.append(Message(more, rows.file, int(rows.lines[found[MOST_TOLD]])))
+
+
+# ------------------------------------------------------------
+# Rows of a text file (CSV and its kin): typed columns in one go, whatever the number of rows.
+#
+# Comments (a # that stands first or after a blank: point A#1 is a point) and empty lines are taken out of the
+# bytes first, and the lines of the rows are remembered. Where columns do not hold plain numbers only, they
+# are read as texts. Rows are looked at one by one only where quotes hide separators.
+# ------------------------------------------------------------
+
+_PART = 1 << 24
+"""Bytes of a file that are looked at together."""
+_SKIPPED = "skip {}"
+"""Name of a column that is left out."""
+
+
+class _Text(NamedTuple):
+    """Bytes without comments and empty lines, and the line of every one that is left."""
+
+    content: bytes
+    lines: SmallIntArray
+
+
+def our_name(table: Table, name: str) -> str | None:
+    """Name of a column of a file as the program knows it; ``None`` if it is left out."""
+    return table.columns.get(name, name) if isinstance(table.columns, dict) else name
+
+
+COLUMNS = "MOR_MAX_COLUMNS"
+
+
+def too_many_columns(found: int) -> str:
+    """Words for a table that has more columns than any table of measurements."""
+    return f"found {found} columns, expected {limit(COLUMNS)} at most; {raise_it(COLUMNS)}"
+
+
+def wrong_length(found: int, names: Sequence[str | None]) -> str:
+    """Words for a row that has another number of columns than its table."""
+    return f"found {counted(found, 'column')}, expected {len(names)} ({', '.join(name or '-' for name in names)})"
+
+
+def from_text(
+    text: bytes, table: Table, known: dict[str, Column], file: str, problems: list[Message]
+) -> Source | None:
+    """Rows of a text file; ``None`` if ``problems`` were added instead."""
+    text = as_utf8(text)
+    line = _first_undecodable_line(text)
+    if line:
+        problems.append(Message("this is not UTF-8 text", file, line))
+        return None
+    cleaned = _cleaned(text, table.delimiter)
+    del text
+    width = _first_line(cleaned).count((table.delimiter or ",").encode()) + 1
+    if width > limit(COLUMNS):
+        problems.append(Message(too_many_columns(width), file, 1))
+        return None
+    header = _header(cleaned, table)
+    names = [None if name.startswith("skip ") else our_name(table, name) for name in header]
+    lines = cleaned.lines if isinstance(table.columns, list) else cleaned.lines[1:]
+    if len(lines) == 0:
+        problems.append(Message("the table is empty", file))
+        return None
+    kinds: dict[str, type[pl.DataType]] = {}
+    for name, ours in zip(header, names, strict=True):
+        column = known.get(ours or "")
+        kinds[name] = pl.Float64 if column is not None and column.factor is not None else pl.String
+    frame = _frame(cleaned, table, header, kinds)
+    if frame is None:
+        return _one_by_one(cleaned, names, table, file, problems)
+    columns = {ours: frame[name] for name, ours in zip(header, names, strict=True) if ours is not None}
+    return Source([name for name in names if name], _plain(columns, cleaned), lines, file)
+
+
+def _plain(columns: dict[str, pl.Series], cleaned: _Text) -> dict[str, pl.Series]:
+    """Columns without the apostrophes that guard names."""
+    if b"'" not in cleaned.content:
+        return columns
+    return {
+        name: plain_column(cells) if cells.dtype == pl.String else cells for name, cells in columns.items()
+    }
+
+
+def _first_undecodable_line(text: bytes) -> int:
+    """Line of the first bytes that are no UTF-8, 0 where all is well."""
+    if text.isascii():
+        return 0
+    try:
+        text.decode("utf-8")
+    except UnicodeDecodeError as error:
+        return text[: error.start].count(b"\n") + 1
+    return 0
+
+
+def _cleaned(text: bytes, delimiter: str | None) -> _Text:
+    if b"\r" in text:
+        text = text.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
+    if b"#" in text:
+        text = _without_comments(text, quotes=delimiter != " ")
+    if delimiter == " ":
+        text = re.sub(rb"[ \t]+", b" ", text).replace(b" \n", b"\n").replace(b"\n ", b"\n").strip(b" ")
+    data = np.frombuffer(text, dtype=np.uint8)
+    ends = _line_ends(data)
+    if text and not text.endswith(b"\n"):
+        ends = np.append(ends, len(text))
+    starts = np.concatenate([[0], ends[:-1] + 1])
+    if len(ends) and not (data[starts] <= ord(" ")).any():
+        return _Text(text, np.arange(1, len(ends) + 1, dtype=np.int32))
+    full = np.logical_or.reduceat(data > ord(" "), starts) if len(ends) else np.zeros(0, dtype=bool)
+    kept = np.repeat(full, ends - starts + 1)[: len(data)]
+    return _Text(data[kept].tobytes(), (np.flatnonzero(full) + 1).astype(np.int32))
+
+
+def _line_ends(data: npt.NDArray[np.uint8]) -> IntArray:
+    """Places of the line ends, looked for in one part of the file after the other."""
+    starts = range(0, len(data), _PART)
+    found = [np.flatnonzero(data[start : start + _PART] == ord("\n")) + start for start in starts]
+    return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
+
+
+def _without_comments(text: bytes, quotes: bool) -> bytes:
+    """The text without comments; with ``quotes`` a # inside of them begins none. Every byte is looked at once."""
+    parts, start, seen, inside = [], 0, 0, False
+    place = text.find(b"#")
+    while place >= 0:
+        if quotes:
+            line = text.rfind(b"\n", seen, place) + 1
+            inside = (inside and not line) ^ bool(text.count(b'"', line or seen, place) % 2)
+            seen = place
+        end = place + 1
+        if not inside and (place == 0 or text[place - 1 : place].isspace()):
+            end = text.find(b"\n", place)
+            end = len(text) if end < 0 else end
+            parts.append(text[start:place])
+            start = seen = end
+        place = text.find(b"#", end)
+    return b"".join([*parts, text[start:]])
+
+
+def _header(cleaned: _Text, table: Table) -> list[str]:
+    """Names of the columns as the file (or its declaration) has them, each once."""
+    if isinstance(table.columns, list):
+        return [name or _SKIPPED.format(k) for k, name in enumerate(table.columns)]
+    return [cell.strip() for cell in _cells(_first_line(cleaned).decode("utf-8"), table.delimiter or ",")]
+
+
+def _first_line(cleaned: _Text) -> bytes:
+    end = cleaned.content.find(b"\n")
+    return cleaned.content[: end if end >= 0 else None]
+
+
+def _separators(content: bytes, separator: str) -> IntArray:
+    """Number of separators in each line."""
+    data = np.frombuffer(content, dtype=np.uint8)
+    ends = _line_ends(data)
+    starts = (
+        np.concatenate([[0], ends[:-1] + 1]) if content.endswith(b"\n") else np.concatenate([[0], ends + 1])
+    )
+    counts: IntArray = np.add.reduceat(data == ord(separator), starts, dtype=np.int64)
+    return counts
+
+
+def _cells(line: str, separator: str) -> list[str]:
+    """Cells of a line; a quote that is not closed reaches to its end."""
+    try:
+        return next(csv.reader([line], delimiter=separator), [])
+    except csv.Error:  # longer than any cell may be
+        return line.split(separator)
+
+
+def _frame(
+    cleaned: _Text, table: Table, header: list[str], kinds: dict[str, type[pl.DataType]]
+) -> pl.DataFrame | None:
+    """The whole table; with texts instead of numbers where it must be. ``None`` if rows differ in length."""
+    separator, headed = table.delimiter or ",", not isinstance(table.columns, list)
+    count = cleaned.content.count(separator.encode())
+    if count != len(cleaned.lines) * (len(header) - 1) or len(set(header)) < len(header):
+        return None
+    for wanted in (kinds, dict.fromkeys(kinds, pl.String)):
+        try:
+            frame = pl.read_csv(
+                cleaned.content,
+                has_header=False,
+                skip_rows=int(headed),
+                schema=wanted,
+                separator=separator,
+                quote_char=None if separator == " " else '"',
+                glob=False,
+            )
+        except pl.exceptions.PolarsError:
+            continue
+        return frame if frame.height == len(cleaned.lines) - int(headed) else None
+    return None
+
+
+def _one_by_one(
+    cleaned: _Text, names: list[str | None], table: Table, file: str, problems: list[Message]
+) -> Source | None:
+    """Rows that are no plain table: those of the wrong length are told; quotes may hide separators."""
+    separator = table.delimiter or ","
+    headed = not isinstance(table.columns, list)
+    if b'"' not in cleaned.content or separator == " ":
+        found = _separators(cleaned.content, separator)[int(headed) :] + 1
+        source = Source([], {}, cleaned.lines[int(headed) :], file)
+        tell_rows(problems, found != len(names), source, lambda row: wrong_length(int(found[row]), names))
+        if (found != len(names)).any():
+            return None
+    content = cleaned.content.decode("utf-8").split("\n")[int(headed) :]
+    lines = cleaned.lines[int(headed) :]
+    source = Source([], {}, lines, file)
+    content = content[: len(lines)]
+    open_ = np.array([line.count('"') % 2 == 1 for line in content])
+    tell_rows(problems, open_, source, "a quote that opens in this line is not closed in it")
+    if open_.any():
+        return None
+    rows = [_cells(line, separator) for line in content]
+    found = np.array([len(row) for row in rows])
+    tell_rows(problems, found != len(names), source, lambda row: wrong_length(int(found[row]), names))
+    if (found != len(names)).any():
+        return None
+    columns = {
+        name: pl.Series(name, [row[k] for row in rows], dtype=pl.String)
+        for k, name in enumerate(names)
+        if name
+    }
+    return Source([name for name in names if name], _plain(columns, cleaned), lines, file)
+
+
+# ------------------------------------------------------------
+# Tables in spreadsheets (.xlsx, .xls, .ods), read by python-calamine.
+# ------------------------------------------------------------
+
+_ENDINGS = {".xlsx", ".xlsm", ".xls", ".ods"}
+
+
+def is_spreadsheet(path: Path) -> bool:
+    """Return True for a file whose name ends like that of a spreadsheet."""
+    return path.suffix.lower() in _ENDINGS
+
+
+def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
+    """Return the cells of a sheet as texts; its first row that is not empty has the names of the columns.
+
+    ``sheet`` is needed if several sheets hold something. Raises :class:`InputError` if the file cannot be read, if the
+    sheet is missing or not named, and if python-calamine (extra ``formats``) is not installed.
+    """
+    try:
+        import python_calamine
+    except ImportError:
+        words = "spreadsheets need the extra formats: pip install 'mor-adjustment[formats]'"
+        raise InputError([Message(words, str(path))]) from None
+    check_regular(path)
+    check_size(path.stat().st_size, path, TABLE)
+    note_file(path)
+    try:
+        book = python_calamine.CalamineWorkbook.from_path(str(path))
+        sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
+    except (python_calamine.CalamineError, OSError) as error:
+        raise InputError([Message(f"this file cannot be read: {error}", str(path))]) from None
+    filled = [name for name, rows in sheets.items() if rows]
+    if sheet is not None and sheet not in sheets:
+        words = f"found no sheet {sheet!r}{nearest(sheet, sheets)} (sheets: {', '.join(sheets)})"
+        raise InputError([Message(words, str(path))])
+    if sheet is None and len(filled) != 1:
+        words = (
+            f"found {len(filled)} sheets with content ({', '.join(filled)}), expected one; say sheet: NAME"
+        )
+        raise InputError([Message(words, str(path))])
+    rows = [
+        [_text(cell) for cell in row] for row in sheets[sheet or filled[0]] if any(cell != "" for cell in row)
+    ]
+    if not rows:
+        raise InputError([Message("the table is empty", str(path))])
+    header = [name or f"column{k + 1}" for k, name in enumerate(rows[0])]
+    twice = sorted({name for name in header if header.count(name) > 1})
+    if twice:
+        raise InputError([Message(f"column {', '.join(map(repr, twice))} is given twice", str(path))])
+    columns = {name: [row[k] or None for row in rows[1:]] for k, name in enumerate(header)}
+    return pl.DataFrame(columns, schema=dict.fromkeys(header, pl.String))
+
+
+def _text(cell: object) -> str:
+    """Text of a cell: spreadsheets keep whole numbers, and names made of digits, as floating-point numbers."""
+    if isinstance(cell, bool):
+        return str(cell).lower()
+    if isinstance(cell, float):
+        return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
+    if isinstance(cell, datetime | date | time):
+        return cell.isoformat()
+    return str(cell).strip()
+
+
+# ------------------------------------------------------------
+# Where the rows of a table come from: the project file, CSV or Parquet, with declared or headed columns.
+# ------------------------------------------------------------
+
+_SMALLEST_CELL = 8
+"""Bytes of a number, or of the reference to a text, in memory."""
+
+
+def from_rows(table: Table, place: Place, problems: list[Message]) -> Source:
+    """Rows that stand in the project file itself."""
+    declared = list(table.columns or [])
+    rows = table.rows or []
+    file = place.document.file_of(place.path)
+    lines = np.array(
+        [place.document.line((*place.path, "rows", i)) for i in range(len(rows))], dtype=np.int32
+    )
+    for row, line in zip(rows, lines, strict=True):
+        if len(row) != len(declared):
+            problems.append(Message(wrong_length(len(row), declared), file, int(line)))
+    columns = {
+        name: pl.Series(name, [row[k] if k < len(row) else None for row in rows], dtype=pl.String)
+        for k, name in enumerate(declared)
+        if name
+    }
+    return Source([name for name in declared if name], columns, lines, file)
+
+
+def from_file(table: Table, known: dict[str, Column], place: Place, problems: list[Message]) -> Source | None:
+    """Rows of a file beside the project; ``None`` if ``problems`` were added instead."""
+    frame = place.document.frame(str(table.file))
+    if frame is not None:
+        return _from_frame(frame, table, place.document.file_of(place.path))
+    path = place.folder / str(table.file)
+    try:
+        check_regular(path)
+    except InputError as error:
+        problems += [place.problem(f"file {table.file!r} {_words(error, path)}", "file")]
+        return None
+    try:
+        if path.suffix == ".parquet":
+            return _from_frame(_read_parquet(path), table, str(path))
+        if is_spreadsheet(path):
+            return _from_frame(read_spreadsheet(path, table.sheet), table, str(path))
+        return from_text(read_bytes(path), table, known, str(path), problems)
+    except InputError as error:
+        problems += error.problems
+    except pl.exceptions.PolarsError as error:
+        problems.append(Message(f"this file cannot be read: {str(error).splitlines()[0]}", str(path)))
+    return None
+
+
+def _words(error: InputError, path: Path) -> str:
+    """What is wrong with a path, after its name, and the nearest file there is."""
+    others = [other.name for other in path.parent.iterdir()] if is_folder(path.parent) else []
+    near = nearest(path.name, others) if path.name not in others else ""
+    said = "; ".join(problem.message for problem in error.problems)
+    return said.removeprefix("this file ").removeprefix("this ") + near
+
+
+def _read_parquet(path: Path) -> pl.DataFrame:
+    """A Parquet file, the size of which is known from its description before it is unpacked."""
+    lazy = pl.scan_parquet(path)
+    columns = len(lazy.collect_schema())
+    if columns > limit(COLUMNS):
+        raise InputError([Message(too_many_columns(columns), str(path))])
+    rows = lazy.select(pl.len()).collect().item()
+    check_size(rows * columns * _SMALLEST_CELL, path, TABLE)
+    note_file(path)
+    return lazy.collect()
+
+
+def _from_frame(frame: pl.DataFrame, table: Table, file: str) -> Source:
+    """Columns of a Parquet file or a data frame: texts and numbers as they are; a row counts as a line, from 1."""
+    columns = {}
+    for name in frame.columns:
+        ours = our_name(table, name)
+        if ours is not None:
+            columns[ours] = frame[name]
+    return Source(list(columns), columns, np.arange(1, frame.height + 1, dtype=np.int32), file)
+
+
+# ------------------------------------------------------------
+# Tables: rows in the project file, or files beside it, turned into identifiers and numbers in internal units.
+# ------------------------------------------------------------
+
+
+def read_table(table: Table, columns: Sequence[Column], place: Place, problems: list[Message]) -> Rows | None:
+    """Rows of a table; ``None`` if ``problems`` were added instead."""
+    before = len(problems)
+    known = {column.name: column for column in columns}
+    _check_names(table, known, place, problems)
+    _check_common_unit(table, known, place, problems)
+    source = (
+        from_rows(table, place, problems)
+        if table.rows is not None
+        else from_file(table, known, place, problems)
+    )
+    if source is None or len(problems) > before:
+        return None
+    _check_columns(source.names, table, columns, place, problems)
+    if len(problems) > before:
+        return None
+    return _convert(source, table, known, place, problems)
+
+
+def _check_names(table: Table, known: dict[str, Column], place: Place, problems: list[Message]) -> None:
+    named = list(table.values)
+    if isinstance(table.units, dict):
+        named += list(table.units)
+    if isinstance(table.columns, list):
+        named += [name for name in table.columns if name is not None]
+    if isinstance(table.columns, dict):
+        named += [name for name in table.columns.values() if name is not None]
+    for name in dict.fromkeys(named):
+        if name not in known:
+            words = f"unknown column {name!r}{nearest(name, known)} (known here: {', '.join(known)})"
+            problems.append(place.problem(words))
+
+
+def _check_common_unit(table: Table, known: dict[str, Column], place: Place, problems: list[Message]) -> None:
+    """One unit for all columns must fit one of them at least."""
+    if isinstance(table.units, str) and not any(_fits(column, table.units) for column in known.values()):
+        numbers = ", ".join(column.name for column in known.values() if column.parse is not None)
+        problems.append(place.problem(f"unit {table.units!r} fits none of the columns ({numbers})", "units"))
+
+
+def _check_columns(
+    names: list[str], table: Table, columns: Sequence[Column], place: Place, problems: list[Message]
+) -> None:
+    twice = sorted({name for name in names if names.count(name) > 1})
+    problems += [place.problem(f"column {name!r} is given twice") for name in twice]
+    missing = [c.name for c in columns if c.required and c.name not in names and c.name not in table.values]
+    if missing:
+        found = ", ".join(names) or "none"
+        hint = next(
+            (f"; is {sign!r} the delimiter?" for sign in ";\t| " if sign in found.replace(", ", "")), ""
+        )
+        problems.append(
+            place.problem(f"column {', '.join(map(repr, missing))} is missing (found: {found}){hint}")
+        )
+
+
+def _convert(
+    source: Source, table: Table, known: dict[str, Column], place: Place, problems: list[Message]
+) -> Rows | None:
+    before = len(problems)
+    count = len(source.lines)
+    if count == 0:
+        problems.append(place.problem("the table is empty"))
+        return None
+    texts: dict[str, pl.Series] = {}
+    numbers: dict[str, FloatArray] = {}
+    for name, value in table.values.items():
+        _constant(known[name], value, table, count, place, problems, texts, numbers)
+    for name, cells in source.columns.items():
+        column = known.get(name)
+        if column is None:
+            words = f"unknown column {name!r}{nearest(name, known)} (known here: {', '.join(known)})"
+            problems.append(Message(words, source.file, 1))
+        elif column.parse is None:
+            texts[name] = _identifiers(column, cells, source, problems)
+        else:
+            if table.decimal == "," and cells.dtype == pl.String:
+                cells = cells.str.replace(",", ".", literal=True)
+            numbers[name] = _numbers(column, cells, table, source, place, problems)
+    return None if len(problems) > before else Rows(count, texts, numbers, source.lines, source.file)
+
+
+def _constant(
+    column: Column,
+    value: str,
+    table: Table,
+    count: int,
+    place: Place,
+    problems: list[Message],
+    texts: dict[str, pl.Series],
+    numbers: dict[str, FloatArray],
+) -> None:
+    """A column with one value in every row; a mistake in it is one mistake, in the project file."""
+    if column.parse is None:
+        texts[column.name] = pl.repeat(value, count, dtype=pl.String, eager=True)
+        return
+    at = Place(place.document, (*place.path, "values", column.name), place.folder)
+    try:
+        number = column.parse(value, _unit_of(table, column))
+    except ValueError as error:
+        problems.append(at.problem(f"{column.name}: {error}"))
+        return
+    if column.name.startswith("sigma") and number < 0.0:
+        problems.append(at.problem(f"{column.name}: found {value}, expected a σ ≥ 0"))
+    numbers[column.name] = np.full(count, number)
+
+
+def _unit_of(table: Table, column: Column) -> str:
+    """Unit of a column that its cells do not carry themselves; one unit for all means: for all it fits."""
+    if isinstance(table.units, str):
+        return table.units if _fits(column, table.units) else ""
+    return table.units.get(column.name, "")
+
+
+def _identifiers(column: Column, cells: pl.Series, source: Source, problems: list[Message]) -> pl.Series:
+    result = cells.cast(pl.String).str.strip_chars().fill_null("")
+    if column.required:
+        tell_rows(problems, (result == "").to_numpy(), source, f"{column.name} is empty")
+    broken = result.str.contains("[\n\r\\x00]").to_numpy()
+    tell_rows(
+        problems, broken, source, lambda row: f"found {result[row]!r}, expected a name without line breaks"
+    )
+    return result
+
+
+def _numbers(
+    column: Column, cells: pl.Series, table: Table, source: Source, place: Place, problems: list[Message]
+) -> FloatArray:
+    unit = _unit_of(table, column)
+    assert column.parse is not None
+    if not cells.dtype.is_numeric():
+        cells = cells.cast(pl.String).str.strip_chars().replace("", None)
+    missing = cells.is_null().to_numpy()
+    if column.required:
+        tell_rows(problems, missing, source, f"{column.name} is empty")
+    factor = _factor(column, unit)
+    if factor is None and column.factor is not None:
+        _, words = _parsed(column, "1", unit)
+        if words or cells.dtype.is_numeric():
+            problems.append(place.problem(f"column {column.name}: {words}", "units"))
+            return np.zeros(len(cells))
+    plain = (
+        cells.cast(pl.Float64, strict=False)
+        if factor is not None
+        else pl.repeat(None, len(cells), eager=True)
+    )
+    values = plain.cast(pl.Float64).fill_null(np.nan).to_numpy() * (1.0 if factor is None else factor)
+    others = ~(np.abs(values) <= LARGEST) & ~missing
+    if others.any():
+        values = np.array(values)
+        _parse_one_by_one(column, cells, unit, values, others, source, problems)
+    return values
+
+
+def _factor(column: Column, unit: str) -> float | None:
+    """Internal units per unit of plain numbers; ``None`` if they must be read one by one."""
+    try:
+        return column.factor(unit) if column.factor is not None else None
+    except ValueError:
+        return None
+
+
+def _parse_one_by_one(
+    column: Column,
+    cells: pl.Series,
+    unit: str,
+    values: FloatArray,
+    others: BoolArray,
+    source: Source,
+    problems: list[Message],
+) -> None:
+    """Cells that are more than plain numbers, put into ``values``: with a unit of their own, angles d-m-s, mistakes."""
+    wrong = np.zeros(len(others), dtype=bool)
+    for row in np.flatnonzero(others).tolist():
+        values[row], words = _parsed(column, str(cells[row]), unit)
+        wrong[row] = bool(words)
+    tell_rows(
+        problems, wrong, source, lambda row: f"{column.name}: {_parsed(column, str(cells[row]), unit)[1]}"
+    )
+
+
+def _parsed(column: Column, text: str, unit: str) -> tuple[float, str]:
+    """Number behind a text, and what is wrong with it."""
+    assert column.parse is not None
+    try:
+        value = column.parse(text, unit)
+    except ValueError as error:
+        return np.nan, str(error)
+    return (value, "") if abs(value) <= LARGEST else (np.nan, beyond(text, value))
+
+
+def _fits(column: Column, unit: str) -> bool:
+    if column.factor is None:
+        return column.parse is not None
+    try:
+        column.factor(unit)
+    except ValueError:
+        return False
+    return True
+
+
+# ------------------------------------------------------------
+# Free, fixed or observed: from columns and settings to values, free flags and σ of components.
+# ------------------------------------------------------------
+
+
+class Statuses(NamedTuple):
+    """Components of n blocks: value, free or fixed, σ where observed, start value where it differs; (n, size) each."""
+
+    values: FloatArray
+    free: BoolArray
+    sigma: FloatArray
+    start: FloatArray
+
+    def rows(self, chosen: IntArray) -> Statuses:
+        """Some of the blocks."""
+        return Statuses(self.values[chosen], self.free[chosen], self.sigma[chosen], self.start[chosen])
+
+
+def number_column(
+    name: str, quantity: Quantity, edge: Edge, image: ImageScale | None = None, required: bool = False
+) -> Column:
+    """A column of numbers of a quantity, converted to internal units."""
+    return Column(
+        name,
+        parse=lambda text, unit: edge.number(text, quantity, unit, image),
+        factor=None
+        if quantity == ANGLE and edge.units.angle == "dms"
+        else lambda unit: edge.factor(quantity, unit, image),
+        required=required,
+    )
+
+
+def component_columns(components: Iterable[Component], edge: Edge) -> list[Column]:
+    """For each component a column for its value, its σ, and a start value that differs from an observed one."""
+    columns = []
+    for component in components:
+        columns.append(number_column(component.name, component.quantity, edge))
+        columns.append(number_column(f"sigma_{component.name}", component.quantity, edge))
+        columns.append(number_column(f"start_{component.name}", component.quantity, edge))
+    return columns
+
+
+def component_rows(
+    rows: Rows,
+    components: Sequence[Component],
+    fixed: Sequence[str],
+    problems: list[Message],
+    common_sigma: FloatArray | None = None,
+) -> Statuses:
+    """Statuses of n blocks: no σ is free, σ = 0 is fixed, σ > 0 is observed."""
+    values = np.stack([rows.number(c.name) for c in components], axis=1)
+    sigma = np.stack([rows.number(f"sigma_{c.name}") for c in components], axis=1)
+    if common_sigma is not None:
+        sigma = np.where(np.isnan(sigma), common_sigma[:, None], sigma)
+    if common_sigma is not None:
+        tell_rows(problems, common_sigma < 0.0, rows, "sigma: found a negative σ, expected a σ ≥ 0")
+        sigma[common_sigma < 0.0] = np.nan
+    for k, component in enumerate(components):
+        _check_sigma(rows, component.name, values[:, k], sigma[:, k], problems)
+    held = np.array([c.name in fixed for c in components])
+    sigma[:, held] = np.nan
+    free = ~held[None, :] & ~(sigma == 0.0)
+    for k, component in enumerate(components):
+        missing = ~free[:, k] & np.isnan(values[:, k])
+        tell_rows(problems, missing, rows, f"{component.name} is fixed but has no value")
+    start = np.stack([rows.number(f"start_{c.name}") for c in components], axis=1)
+    return Statuses(values, free, np.where(sigma > 0.0, sigma, np.nan), np.where(free, start, np.nan))
+
+
+def _check_sigma(
+    rows: Rows, name: str, values: FloatArray, sigma: FloatArray, problems: list[Message]
+) -> None:
+    tell_rows(problems, sigma < 0.0, rows, f"sigma_{name}: found a negative σ, expected a σ ≥ 0")
+    tell_rows(problems, ~np.isnan(sigma) & np.isnan(values), rows, f"{name} has a σ but no value")
+
+
+def settings(
+    given: dict[str, str | Value],
+    components: Sequence[Component],
+    edge: Edge,
+    place: Place,
+    path: KeyPath,
+    problems: list[Message],
+    image: ImageScale | None = None,
+) -> Statuses:
+    """Statuses (1, size) of one block from settings by component; a plain number is fixed."""
+    values = np.array([[component.default for component in components]])
+    free = np.zeros(values.shape, dtype=bool)
+    sigma = np.full(values.shape, np.nan)
+    start = np.full(values.shape, np.nan)
+    names = [component.name for component in components]
+    for name, setting in given.items():
+        at = Place(place.document, (*path, name), place.folder)
+        if name not in names:
+            problems.append(
+                at.problem(f"unknown component {name!r}{nearest(name, names)} (known: {', '.join(names)})")
+            )
+            continue
+        k = names.index(name)
+        quantity = components[k].quantity
+        try:
+            text = (
+                setting
+                if isinstance(setting, str)
+                else setting.free or setting.fixed or setting.observed or ""
+            )
+            values[0, k] = edge.number(text, quantity, "", image)
+            if isinstance(setting, Value) and setting.sigma is not None:
+                sigma[0, k] = edge.number(setting.sigma, quantity, "", image)
+            if isinstance(setting, Value) and setting.start is not None:
+                start[0, k] = edge.number(setting.start, quantity, "", image)
+        except UnitError as error:
+            problems.append(at.problem(f"{name}: {error}"))
+            continue
+        if sigma[0, k] < 0.0:
+            problems.append(at.problem(f"{name}: found a negative σ, expected a σ ≥ 0"))
+        free[0, k] = isinstance(setting, Value) and setting.fixed is None and sigma[0, k] != 0.0
+    return Statuses(values, free, np.where(sigma > 0.0, sigma, np.nan), start)

@@ -1,1 +1,0 @@
-"""Tables of a project: sources, columns, numbers in internal units."""

@@ -1,1 +1,0 @@
-"""The network on the earth: coordinate reference system, geoid, deflections. Nothing else imports pyproj."""

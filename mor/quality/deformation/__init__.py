@@ -1,1 +1,0 @@
-"""Movements of points between epochs."""

@@ -1,0 +1,851 @@
+"""Find unknowns that the observations do not determine."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import Final, NamedTuple
+
+import numpy as np
+
+from mor.errors import NoStartValuesError, Undeterminable
+from mor.model import rotations
+from mor.model.observation_types import TURNED_AXIS, ObservationGroup, can_be_at_infinity, target_slot
+from mor.model.parameters import Index, Values
+from mor.project.entities import thing_of
+from mor.project.network import (
+    Network,
+    nothing_marked,
+    rows_of_points,
+    touches,
+    with_points_at_infinity,
+    without_blocks,
+)
+from mor.quality.outliers import Attempt
+from mor.solve.datum import NOTHING_KNOWN, LocalDefects, beside, local_defects, weak_turns
+from mor.solve.iterate import A_WEAK_TURN, RAN_AWAY, Adjustment, Outcome, Settings, adjust
+from mor.solve.problem import Problem, linearise, misclosures, rotation_tangents
+from mor.start.points_at_infinity import RayPoints, nearly_parallel
+from mor.types import BoolArray, FloatArray, IntArray
+
+# ------------------------------------------------------------
+# Parts of a network that no observation connects: each would need a datum of its own.
+# ------------------------------------------------------------
+
+_TIES = ("point", "rotation", "base")
+"""Kinds of blocks that tie observations together in space. A shared camera or refraction coefficient does not."""
+_NAMED = ("image", "station", "system", "point")
+
+
+@dataclass(frozen=True)
+class Part:
+    """Names of the things in one part, by namespace."""
+
+    names: dict[str, tuple[str, ...]]
+    held: bool
+    """True where fixed points are among them."""
+
+    @property
+    def size(self) -> int:
+        """Number of things."""
+        return sum(len(names) for names in self.names.values())
+
+
+def connected_parts(network: Network, groups: Sequence[ObservationGroup]) -> tuple[Part, ...]:
+    """Parts of the network, the largest first; fixed points are one part with all that is tied to any of them.
+
+    What was left out belongs to none.
+    """
+    blocks = network.blocks
+    first, count = {}, 1  # node 0 is the ground: everything that is fixed
+    for kind in _TIES:
+        if kind in blocks:
+            first[kind] = count
+            count += len(blocks[kind].ids)
+    links: list[tuple[IntArray, IntArray]] = []
+    timed = network.things["image"].parts["trajectory"] >= 0
+    poses = network.things["image"].parts["position"][timed]
+    for kind, start in first.items():
+        held = np.flatnonzero(~blocks[kind].free.any(axis=1))
+        held = np.setdiff1d(held, poses) if kind == "point" else held
+        if kind == "point":
+            links.append((np.zeros_like(held), held + start))
+    links += [(ends[0], ends[1]) for ends in _on_trajectories(network, first["point"])]
+    for group in groups:
+        nodes = [
+            numbers + first[slot.kind]
+            for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
+            if slot.kind in first
+        ]
+        links += [(nodes[0], other) for other in nodes[1:]]
+    ends = (
+        [np.concatenate(side) for side in zip(*links, strict=True)] if links else [np.zeros(0, dtype=int)] * 2
+    )
+    # Imported here: only networks that are not determined come to this.
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    graph = coo_array((np.ones(len(ends[0])), (ends[0], ends[1])), shape=(count, count))
+    _, labels = connected_components(graph, directed=False)
+    return _parts(network, labels.astype(np.int64), first["point"])
+
+
+def _on_trajectories(network: Network, first_point: int) -> Iterator[tuple[IntArray, IntArray]]:
+    """Nodes of the positions of images on trajectories, each with those of all its knots: a trajectory is one thing."""
+    images = network.things["image"]
+    for number, trajectory in enumerate(network.trajectories.values()):
+        poses = images.parts["position"][images.parts["trajectory"] == number]
+        knots = trajectory.positions + first_point
+        yield np.repeat(poses + first_point, len(knots)), np.tile(knots, len(poses))
+
+
+def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[Part, ...]:
+    """Things by the part their position belongs to."""
+    collected: dict[int, dict[str, list[str]]] = {}
+    absent = network.absent.get("point", np.zeros(len(network.blocks["point"].ids), dtype=bool))
+    for space in _NAMED:
+        things = network.things[space]
+        for name, position in zip(things.ids, things.parts["position"], strict=True):
+            if absent[position]:
+                continue
+            part = int(labels[first_point + int(position)])
+            collected.setdefault(part, {}).setdefault(space, []).append(name)
+    parts = [
+        Part({space: tuple(names) for space, names in found.items()}, held=number == labels[0])
+        for number, found in collected.items()
+    ]
+    return tuple(sorted(parts, key=lambda part: -part.size))
+
+
+# ------------------------------------------------------------
+# Things of a network that nothing determines: found one by one, or by what a null vector moves.
+# ------------------------------------------------------------
+
+OPEN = "unknowns are not determined by the observations"
+"""Reason of an outcome."""
+NO_OBSERVATION = "no observation refers to it"
+TOO_FEW = "fewer observations refer to it than it has unknowns"
+LOOSE = "its observations leave a direction of it open"
+HANGS_ON = "it hangs on other things that are not determined"
+NOT_CONNECTED = "no observation connects it with the larger part of the network"
+MOVES_TOGETHER = "it can move together with others, and no observation changes"
+
+
+@dataclass(frozen=True)
+class Things:
+    """All things of a network that may be left out: points, and images, stations … with all that is their own."""
+
+    points: Sequence[str]
+    """Names of the point blocks: things of their own, unless they are positions of images, stations …"""
+    others: Sequence[tuple[str, str]]
+    """(kind, name) of all other things, numbered after the points."""
+    of_blocks: dict[str, IntArray]
+    """(n,) thing of each block of a kind, −1 for what is no thing by itself (cameras, instruments)."""
+
+    @property
+    def count(self) -> int:
+        """Number of things."""
+        return len(self.points) + len(self.others)
+
+    def name(self, number: int) -> tuple[str, str]:
+        """(kind, name) of a thing."""
+        first = len(self.points)
+        return ("point", self.points[number]) if number < first else self.others[number - first]
+
+    def marked(self, network: Network, chosen: BoolArray) -> dict[str, BoolArray]:
+        """Blocks of the chosen things."""
+        marked = nothing_marked(network)
+        for kind, thing in self.of_blocks.items():
+            marked[kind] = (thing >= 0) & chosen[thing]
+        return marked
+
+
+def things_of(network: Network) -> Things:
+    """The things of a network."""
+    ids = network.blocks["point"].ids if "point" in network.blocks else ()
+    of_blocks = {
+        kind: np.full(len(blocks.ids), -1, dtype=np.int64) for kind, blocks in network.blocks.items()
+    }
+    plain = np.zeros(len(ids), dtype=bool)
+    plain[network.things["point"].parts["position"]] = True
+    if "point" in of_blocks:
+        of_blocks["point"] = np.arange(len(ids))
+    numbers: dict[tuple[str, str], int] = {}
+    for kind, blocks in network.blocks.items():
+        others = np.flatnonzero(~plain) if kind == "point" else range(len(blocks.ids))
+        for k in others:
+            thing = thing_of(kind, blocks.ids[k])
+            if thing[0] != kind:
+                of_blocks[kind][k] = numbers.setdefault(thing, len(ids) + len(numbers))
+    return Things(ids, list(numbers), of_blocks)
+
+
+def without_loose(network: Network, values: Values, make: Callable[[Network, Values], Problem]) -> Network:
+    """The network without things that nothing determines even where all else is known; it says which these were."""
+    things = things_of(network)
+    reduced = network
+    while True:
+        problem = make(reduced, values)
+        # Beside the start values: what is singular there alone is not undetermined.
+        place = beside(problem, values)
+        defects = local_defects(problem, place, things.of_blocks, things.count)
+        if not defects.loose.any():
+            return reduced
+        named = _named(things, defects, first=reduced is network)
+        reduced = without_blocks(reduced, things.marked(reduced, defects.loose), named)
+
+
+def _named(things: Things, defects: LocalDefects, first: bool) -> list[Undeterminable]:
+    named = []
+    for k in np.flatnonzero(defects.loose).tolist():
+        reason = NO_OBSERVATION if defects.rows[k] == 0 else TOO_FEW if defects.too_few[k] else LOOSE
+        reason = reason if first else HANGS_ON
+        named.append(Undeterminable(*things.name(k), reason, "left out", int(defects.rows[k])))
+    return named
+
+
+def without_moved(network: Network, adjustment: Adjustment) -> Network | None:
+    """The network without what the null vectors move that are no movements of it as a whole.
+
+    ``None`` where there are none, or where they move what cannot be left out: cameras, or most of the network.
+    """
+    if adjustment.outcome is not Outcome.SINGULAR or not adjustment.defect.undetermined:
+        return None
+    things = things_of(network)
+    numbers = {things.name(k): k for k in range(things.count)}
+    moved, reason = _apart(network), NOT_CONNECTED
+    if not moved:
+        reason = MOVES_TOGETHER
+        moved = {
+            thing_of(kind, name)
+            for direction in adjustment.defect.undetermined
+            for kind, name, _ in direction.unknowns
+        }
+    chosen = np.zeros(things.count, dtype=bool)
+    chosen[[numbers[thing] for thing in moved if thing in numbers]] = True
+    marked = things.marked(network, chosen)
+    left = sum(int(np.count_nonzero(network.blocks[k].free[m])) for k, m in marked.items())
+    if not chosen.any() or 2 * left > adjustment.problem.index.count:
+        return None
+    named = [Undeterminable(*things.name(k), reason, "left out") for k in np.flatnonzero(chosen).tolist()]
+    return without_blocks(network, marked, named)
+
+
+def _apart(network: Network) -> set[tuple[str, str]]:
+    """Things of all parts but the one that is held by fixed points, or else the largest."""
+    parts = [part for part in connected_parts(network, network.groups) if part.size > 1]
+    main = next((part for part in parts if part.held), parts[0] if parts else None)
+    return {
+        (space, name)
+        for part in parts
+        if part is not main
+        for space, names in part.names.items()
+        for name in names
+    }
+
+
+# ------------------------------------------------------------
+# How well the rays of a network meet at given values, before anything is adjusted.
+# ------------------------------------------------------------
+
+_SAMPLE = 20_000
+"""Rays of a group that tell how well the values fit."""
+_NORMAL = 1.4826
+"""σ of normally distributed errors over the median of their sizes."""
+
+
+def misfit(network: Network, values: Values, but: IntArray) -> float:
+    """How far rays pass by their points in units of σ, 1 at least: the median, made equal to σ for normal errors.
+
+    Rays to the points ``but`` (k,) have no say, for their places are in question.
+    """
+    if len(but) == 0:
+        return 1.0
+    apart = np.zeros(len(network.blocks["point"].ids), dtype=bool)
+    apart[but] = True
+    sizes = [np.zeros(0)]
+    for group in network.groups:
+        if can_be_at_infinity(group.type):
+            rows = np.flatnonzero(~apart[group.blocks[target_slot(group.type)]])
+            rows = rows[:: max(1, len(rows) // _SAMPLE)]
+            sizes.append((misclosures(group, values, rows) / group.sigma[rows]).ravel())
+    sample = np.abs(np.concatenate(sizes))
+    sample = sample[np.isfinite(sample)]
+    return max(1.0, _NORMAL * float(np.median(sample))) if len(sample) else 1.0
+
+
+# ------------------------------------------------------------
+# Whether a point at infinity has a parallax after all, when poses may give way to it: a test at the solution.
+#
+# A point that was put at infinity too early, with rough poses and cameras, bends these until its rays are parallel.
+# Asked at the poses so bent they are; asked of the whole adjustment they are not. With B the derivative of its
+# observations by the inverse distance ρ, the adjustment that had ρ as one more unknown would find
+#
+#     ρ = BᵀPv̄ / (BᵀP Q_v P B),   σ_ρ² = 1 / (BᵀP Q_v P B),   Q_v = P⁻¹ − A Q Aᵀ,
+#
+# v̄ = observed − computed at the solution without it: the test of an additional parameter (W. Baarda: A testing
+# procedure for use in geodetic networks, 1968), which needs one solution of the normal equations for every point.
+#
+# A ρ that is significant, negative too, speaks against infinity: this point, or others there, have bent the
+# network. All that are significant are then unknowns together, B with a column for each: what one of them
+# alone would explain of what all have bent is told from what is its own, and they come to where the
+# adjustment with all their ρ sees them. Linearised so far from the solution that may be wrong; a ρ that comes
+# out negative says by how much, and all come nearer by twice that. Too near does no harm: with d' = d (2 −
+# ρ/ρ₀) an iteration in coordinates at most doubles a distance, but begun at more than twice the distance it
+# ends behind the cameras.
+# ------------------------------------------------------------
+
+_FAR = 1e-3
+"""Inverse distance, in units of its σ at given poses, at which derivatives are taken."""
+_AT_A_TIME = 64
+"""Right-hand sides that are solved for together."""
+_TOGETHER = 512
+"""Inverse distances that are unknowns together."""
+
+
+def with_free_poses(
+    network: Network,
+    reduced: Network,
+    adjustment: Adjustment,
+    values: Values,
+    far: RayPoints,
+    critical: float,
+) -> RayPoints:
+    """Inverse distances and their σ as the whole adjustment tells them.
+
+    ``network`` has the points ``far`` as points, ``reduced`` and its ``adjustment`` as directions; ``values`` are those
+    of the blocks of ``network`` at the solution; ``critical`` is the quantile of the test.
+    """
+    known = [k for k, p in enumerate(far.points.tolist()) if p in reduced.directions]
+    if not known:
+        return far
+    distance = 1.0 / (_FAR * far.sigma)
+    points = values["point"].copy()
+    points[far.points] = far.centres + far.directions * distance[:, None]
+    places = {**values, "point": points}
+    inverse, sigma = far.inverse.copy(), far.sigma.copy()
+    for first in range(0, len(known), _AT_A_TIME):
+        some = np.array(known[first : first + _AT_A_TIME])
+        size, product, through = _equations(network, reduced, adjustment, places, far, some)
+        left = size - np.einsum("uk,uk->k", through, adjustment.inverse.solve(through))
+        told = left > 0.0
+        inverse[some[told]] = product[told] / left[told]
+        sigma[some[told]] = 1.0 / np.sqrt(left[told])
+    bent = np.zeros(len(inverse), dtype=bool)
+    bent[known] = np.abs(inverse[known]) > critical * sigma[known]
+    for some in np.array_split(np.flatnonzero(bent), 1 + np.count_nonzero(bent) // _TOGETHER):
+        if len(some):
+            size, product, through = _equations(network, reduced, adjustment, places, far, some)
+            left = np.diag(size) - through.T @ adjustment.inverse.solve(through)
+            together = rotations.lstsq(left, product, rcond=None)
+            inverse[some] = together + 2.0 * max(0.0, -float(together.min()))
+    return far._replace(inverse=inverse, sigma=sigma)
+
+
+def _equations(
+    network: Network,
+    reduced: Network,
+    adjustment: Adjustment,
+    places: Values,
+    far: RayPoints,
+    some: IntArray,
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """BᵀPB (k,), BᵀPv̄ (k,) and AᵀPB (u, k) of some far points."""
+    index = adjustment.problem.index
+    tangent = rotation_tangents(index, adjustment.values)
+    number = np.full(len(network.blocks["point"].ids), -1, dtype=np.int64)
+    number[far.points[some]] = np.arange(len(some))
+    left_out = {
+        kind: reduced.absent[kind] if kind in reduced.absent and kind != "point" else none
+        for kind, none in nothing_marked(network).items()
+    }
+    size, product, through = np.zeros(len(some)), np.zeros(len(some)), np.zeros((index.count, len(some)))
+    for group in network.groups:
+        if not can_be_at_infinity(group.type):
+            continue
+        there = number[group.blocks[target_slot(group.type)]] >= 0
+        rows = np.flatnonzero(there & ~touches(group, left_out))
+        if len(rows) == 0:
+            continue
+        point = group.blocks[target_slot(group.type)][rows]
+        k = number[point]
+        by_point = _by_point(group, places, rows)
+        away = far.directions[some[k]]
+        distance = 1.0 / (_FAR * far.sigma[some[k]])
+        weight = group.sigma[rows] ** -2.0
+        B = -(distance**2)[:, None] * np.einsum("nmi,ni->nm", by_point, away)
+        lines = linearise(group, index, places, tangent, rows)
+        np.add.at(size, k, np.sum(weight * B**2, axis=1))
+        np.add.at(product, k, np.sum(weight * B * lines.misclosure, axis=1))
+        block = np.array([reduced.directions[int(p)] for p in point])
+        D = adjustment.values["rotation"][block]
+        by_turn = distance[:, None, None] * (by_point @ np.swapaxes(D, 1, 2) @ TURNED_AXIS)
+        for jacobian, columns in (
+            (lines.jacobian, lines.columns),
+            (by_turn, index.columns["rotation"][block]),
+        ):
+            moved = np.einsum("nm,nmc->nc", weight * B, jacobian)
+            free = columns >= 0
+            np.add.at(through, (columns[free], np.broadcast_to(k[:, None], columns.shape)[free]), moved[free])
+    return size, product, through
+
+
+def _by_point(group: ObservationGroup, values: Values, rows: IntArray) -> FloatArray:
+    """(n, m, 3) derivatives by the sighted point."""
+    blocks = [
+        values[slot.kind][numbers[rows]] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
+    ]
+    computed = group.type.equation(blocks, group.constants[rows])
+    return computed.jacobians[target_slot(group.type)]
+
+
+# ------------------------------------------------------------
+# Why there is no solution: unknowns that move to and fro, or away, and what a singular place has to do with the data.
+#
+# What is said of an iteration that failed is seen from its last values: a few further steps of it, and whether the
+# system is singular beside them as well.
+# ------------------------------------------------------------
+
+UNSETTLED = "the datum points do not settle the datum"
+NO_DATUM = "the datum is not defined"
+AT_THE_START = (
+    "singular at the start values, not by the observations: at other values they determine everything"
+)
+PUT_ANYWHERE = (
+    "but parts of the network were put anywhere, for want of start values: "
+    "observations may determine it all the same"
+)
+"""Reasons of outcomes."""
+OF_THE_START = (AT_THE_START, PUT_ANYWHERE)
+"""Those that say nothing of the observations."""
+MISFIT = 10.0
+"""vᵀPv by the number of observations, from which on values do not fit them."""
+STEPS = 5
+"""Further steps that are looked at."""
+LISTED = 20
+_ROWS = 50_000
+
+
+class Movements(NamedTuple):
+    """Unknowns that do not come to rest, those that change the observations most first."""
+
+    unknowns: tuple[tuple[str, str, str], ...]
+    """(kind, block, component)."""
+    steps: FloatArray
+    """(k, s) their last steps, internal units; one alone is the step that could not be taken."""
+    to_and_fro: FloatArray
+    """(k,) part of the way that was taken back: 0 for one way, near 1 for an oscillation."""
+
+
+def last_movements(adjustment: Adjustment) -> Movements:
+    """What moved in further steps from the last values; where none can be taken, the step that was wanted."""
+    steps = _further_steps(adjustment)
+    if steps.shape[1] == 0:
+        wanted = adjustment.inverse.step(adjustment.normals)
+        steps = wanted[:, None]
+    index = adjustment.problem.index
+    way, net = np.abs(steps).sum(axis=1), np.abs(steps.sum(axis=1))
+    size = way * np.sqrt(_diagonal(adjustment.problem, adjustment.values))
+    order = np.argsort(-np.nan_to_num(size), kind="stable")[:LISTED]
+    order = order[size[order] > 0.0]
+    labels = tuple(index.label(int(column)) for column in order)
+    return Movements(labels, steps[order], 1.0 - net[order] / way[order])
+
+
+def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustment:
+    """The outcome with a reason that fits: of the observations, of the start values, or of an iteration gone astray.
+
+    ``untied``: parts of the network lie anywhere, because nothing was found that ties them to the rest.
+    """
+    if adjustment.outcome is Outcome.NOT_CONVERGED:
+        return _hardly_determined(adjustment)
+    if adjustment.outcome is not Outcome.SINGULAR or adjustment.reason not in (OPEN, UNSETTLED, NO_DATUM):
+        return adjustment
+    if not adjustment.plan.problem.index.count:
+        return adjustment
+    begin = adjust(adjustment.problem, adjustment.start, Settings(max_iterations=0))
+    if adjustment.iterations and begin.outcome is not Outcome.SINGULAR:
+        return adjustment._replace(outcome=Outcome.DIVERGED, reason=RAN_AWAY)
+    if only_here(adjustment):
+        return adjustment._replace(reason=AT_THE_START)
+    if untied and not _fits(adjustment):
+        return adjustment._replace(reason=PUT_ANYWHERE)
+    return adjustment
+
+
+def _fits(adjustment: Adjustment) -> bool:
+    return adjustment.normals.objective <= MISFIT * adjustment.problem.observations
+
+
+def _hardly_determined(adjustment: Adjustment) -> Adjustment:
+    """Singular where the last values show a turn of which nothing is known: it alone keeps the iteration going."""
+    here = adjust(adjustment.problem, adjustment.values, Settings(max_iterations=0))
+    turns = weak_turns(here.inverse.weak, here.problem, here.values)
+    if not turns or turns[0].sigma <= NOTHING_KNOWN:
+        return adjustment
+    iterations = adjustment.iterations
+    return here._replace(
+        outcome=Outcome.SINGULAR, reason=A_WEAK_TURN, start=adjustment.start, iterations=iterations
+    )
+
+
+def only_here(adjustment: Adjustment) -> bool:
+    """True where the start values are singular, do not fit the observations, and beside them nothing is singular."""
+    problem = adjustment.problem
+    if adjustment.outcome is not Outcome.SINGULAR or adjustment.iterations:
+        return False
+    if _fits(adjustment):
+        return False
+    there = adjust(problem, beside(problem, adjustment.values), Settings(max_iterations=0))
+    return there.outcome is not Outcome.SINGULAR
+
+
+def _further_steps(adjustment: Adjustment) -> FloatArray:
+    """(u, s) steps of the iteration if it went on from its last values."""
+    problem, values = adjustment.problem, adjustment.values
+    steps: list[FloatArray] = []
+    while len(steps) < STEPS and adjustment.outcome is Outcome.NOT_CONVERGED:
+        after = adjust(problem, values, Settings(max_iterations=1))
+        if not after.iterations or after.outcome is Outcome.DIVERGED:
+            break
+        steps.append(_difference(problem.index, values, after.values))
+        values = after.values
+        if after.outcome is not Outcome.NOT_CONVERGED:
+            break
+    return np.stack(steps, axis=1) if steps else np.zeros((problem.index.count, 0))
+
+
+def _difference(index: Index, before: Values, after: Values) -> FloatArray:
+    """(u,) the step from one place to another; of rotations the vector of the small rotation."""
+    step = np.zeros(index.count)
+    for kind, columns in index.columns.items():
+        if index.blocks[kind].kind.is_rotation:
+            turn = after[kind] @ np.swapaxes(before[kind], 1, 2)
+            # D' = (I − [δ]×) D to first order
+            change = 0.5 * np.stack(
+                [turn[:, 1, 2] - turn[:, 2, 1], turn[:, 2, 0] - turn[:, 0, 2], turn[:, 0, 1] - turn[:, 1, 0]],
+                axis=1,
+            )
+        else:
+            change = after[kind] - before[kind]
+        step[columns[columns >= 0]] = change[columns >= 0]
+    return step
+
+
+def _diagonal(problem: Problem, values: Values) -> FloatArray:
+    """(u,) diagonal of the normal matrix: what one unit of each unknown does to all observations, squared."""
+    diagonal = np.zeros(problem.index.count + 1)
+    tangent = rotation_tangents(problem.index, values)
+    for group in problem.groups:
+        for start in range(0, group.count, _ROWS):
+            rows: IntArray = np.arange(start, min(start + _ROWS, group.count))
+            found = linearise(group, problem.index, values, tangent, rows)
+            weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
+            squares = np.nan_to_num(np.sum((weight[:, :, None] * found.jacobian) ** 2, axis=1))
+            np.add.at(diagonal, found.columns, squares)
+    return diagonal[:-1]
+
+
+# ------------------------------------------------------------
+# What of a network can be determined: the rest is named, put at infinity, or left out where the project wants it.
+#
+# Things that their own observations leave loose are found before anything is solved, and with them what hangs on them
+# alone; what only moves together with others shows in the null space of the whole. Points with parallel rays become
+# directions; whether their rays are parallel is asked again at the solution, where the poses are known better.
+# ------------------------------------------------------------
+
+ONE_PLACE = "all its rays come from one place: it is anywhere along them"
+AT_INFINITY: Final = "at infinity"
+PARALLEL = "its rays are parallel to their precision: it has a direction, and no distance"
+NARROW_ANGLE = "its rays meet at a narrow angle"
+ROUNDS = 6
+"""Adjustments at most, until what is at infinity and what is left out stays the same."""
+FAILURES = 3
+"""Adjustments without a solution after which it is not points at infinity that keep it from one."""
+FEWEST_OF_DATUM = 3
+"""Points with all coordinates in the datum that determine any movement of a network."""
+_RUN_AWAY = 1e-3
+"""Inverse distance, in units of its σ, below which a point has run away: vᵀPv is the same to 1e-6 at infinity."""
+EXPLAINED = 30
+"""Loose things up to which the null space of the whole network is worked out to explain them."""
+
+
+class Means(NamedTuple):
+    """How a network becomes a problem and is solved, and the critical value of the test for parallel rays."""
+
+    make: Callable[[Network, Values], Problem]
+    solve: Callable[[Network, Values], Attempt]
+    plainly: Callable[[Network, Values], Attempt]
+    """The same of all observations alone, whether that has a solution or not."""
+    critical: float
+
+
+def completed(
+    network: Network, start: Values, missing: Sequence[Undeterminable], critical: float
+) -> tuple[dict[str, FloatArray], tuple[Undeterminable, ...]]:
+    """Start values with the points whose rays meet at a narrow angle, and what is still missing.
+
+    Points at infinity stay without coordinates and are not missing. Points whose rays contradict each other begin as
+    far away as others are: the adjustment tells which ray is wrong.
+    """
+    found = nearly_parallel(network, start)
+    unknown: BoolArray = np.asarray(np.isnan(start["point"][found.points]).any(axis=1))
+    found = found.take(unknown)
+    far = found.parallel(critical * misfit(network, start, found.points))
+    points = start["point"].copy()
+    points[found.points[~far]] = found.take(~far).coordinates()
+    wrong = far & found.contradicting()
+    points[found.points[wrong]] = _as_far_as_others(start["point"], found.take(wrong))
+    ids = network.blocks["point"].ids
+    known = {("point", ids[p]) for p in found.points.tolist()}
+    left = tuple(thing for thing in missing if (thing.kind, thing.name) not in known)
+    return {**start, "point": points}, left
+
+
+def _as_far_as_others(points: FloatArray, found: RayPoints) -> FloatArray:
+    """(k, 3) places between the rays of points, at the median distance of what is known."""
+    known = points[np.isfinite(points).all(axis=1)]
+    away = [float(np.median(np.linalg.norm(known - centre, axis=1))) for centre in found.centres]
+    return np.asarray(found.centres + np.array(away)[:, None] * found.directions)
+
+
+def completed_or_at_infinity(
+    network: Network, start: Values, missing: Sequence[Undeterminable], critical: float
+) -> tuple[dict[str, FloatArray], tuple[Undeterminable, ...]]:
+    """The same with the points at infinity among what is missing, named as that."""
+    values, left = completed(network, start, missing, critical)
+    known: BoolArray = np.asarray(np.isfinite(values["point"]).all(axis=1))
+    placed = {("point", name) for name, k in zip(network.blocks["point"].ids, known, strict=True) if k}
+    far = [thing for thing in missing if thing not in left and (thing.kind, thing.name) not in placed]
+    return values, (*left, *(thing._replace(reason=PARALLEL, treatment=AT_INFINITY) for thing in far))
+
+
+def without_unknown(network: Network, start: Values, missing: Sequence[Undeterminable]) -> Network:
+    """The network, with start values, without what has none but the points at infinity; ``missing`` says why."""
+    names = {(thing.kind, thing.name) for thing in missing}
+    unknown = {}
+    for kind, values in start.items():
+        lost: BoolArray = np.asarray(~np.isfinite(values.reshape(len(values), -1)).all(axis=1))
+        for k in np.flatnonzero(lost):
+            lost[k] = thing_of(kind, network.blocks[kind].ids[k]) in names
+        unknown[kind] = lost
+    left = [thing._replace(treatment="left out") for thing in missing]
+    return without_blocks(replace(network, start=start), unknown, left)
+
+
+def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[Network, Attempt]:
+    """The network as far as it is adjusted, and its adjustment.
+
+    Loose things make the outcome singular unless the project has ``undetermined: leave_out``. Points at infinity do
+    not. Where there is no solution, or one that observations had to be left out for, points seen under a narrow angle
+    may be at fault, whose start values are hardly better than none: it is begun once more where the others come to
+    without them.
+    """
+    found = nearly_parallel(network, start)
+    first = _with_far_points(network, start, start, found, means)
+    if found.from_one_place().all() or first[1].is_complete:
+        return first
+    others = without_points(network, found.points, NARROW_ANGLE)
+    if not any(group.count for group in others.groups):
+        return first
+    adjustment = means.solve(others, start).adjustment
+    if not adjustment.outcome.is_solution:
+        return first
+    there = _values_of(network, adjustment.values, found.points)
+    again = nearly_parallel(network, there)
+    begun = _with_coordinates(there, again)
+    begun["point"] = np.where(np.isnan(begun["point"]), start["point"], begun["point"])
+    second = _with_far_points(network, start, begun, again, means)
+    return second if second[1].is_complete else first
+
+
+def _with_far_points(
+    network: Network, start: Values, values: Values, found: RayPoints, means: Means
+) -> tuple[Network, Attempt]:
+    """The network and its adjustment begun at ``values``, with points at infinity as they show there and later."""
+    plain, first, doubted = network, values, found.points
+    failed = np.zeros(0, dtype=np.int64)
+    failures = 0
+    far = _beyond_reach(network, values, found, means)
+    given: BoolArray = np.asarray(np.isfinite(start["point"][far.points]).all(axis=1))
+    if given.any():
+        begun = _from_given_places(network, start, values, found, far.take(~given), means)
+        if begun is not None:
+            there, met, gone = begun
+            blind = met.points[met.from_one_place()]
+            settled = _with_reference(plain, start, there, doubted)
+            reduced, attempt = _adjusted(settled, there, gone, blind, means)
+            if attempt.adjustment.outcome.is_solution and not (len(gone.points) and _leaves_out(network)):
+                return reduced, attempt
+    for _ in range(ROUNDS):
+        blind = found.points[found.from_one_place()]
+        reduced, attempt = _adjusted(network, values, far, blind, means)
+        adjustment = attempt.adjustment
+        there = _values_of(network, adjustment.values, far.points)
+        found = nearly_parallel(network, there)
+        if adjustment.outcome.is_solution:
+            found = with_free_poses(network, reduced, adjustment, there, found, means.critical)
+        now = _beyond_reach(network, there, found, means)
+        if not adjustment.outcome.is_solution:
+            failed = np.union1d(failed, far.points)
+            failures += 1
+            if failures == FAILURES or np.isin(now.points, failed).all():
+                break
+            values = first
+            now = found.take(np.isin(found.points, np.union1d(now.points, failed)))
+        elif np.array_equal(np.sort(now.points), np.sort(far.points)):
+            break
+        else:
+            values = _with_coordinates(there, found.take(np.isin(found.points, far.points)))
+        far = now
+        network = _with_reference(plain, start, values, doubted)
+    if len(far.points) and _leaves_out(network):
+        # Left out only now: with them the poses are known well enough to tell which points are at infinity.
+        network = _with_reference(plain, start, there, doubted)
+        values = {**there, "point": np.where(np.isnan(there["point"]), start["point"], there["point"])}
+        values = values if adjustment.outcome.is_solution else start
+        reduced, attempt = _adjusted(network, values, far, blind, means, far_too=True)
+    return reduced, attempt
+
+
+def _from_given_places(
+    network: Network, start: Values, values: Values, found: RayPoints, far: RayPoints, means: Means
+) -> tuple[dict[str, FloatArray], RayPoints, RayPoints] | None:
+    """Where an adjustment leads in which far points with given coordinates begin there, and what is far there.
+
+    The given values say too little of the poses to tell which points are at infinity. Points under a narrow angle do
+    not carry the datum. Only points that run away are far where the adjustment leads: there, infinity is as good as any
+    place. ``None`` if it leads nowhere.
+    """
+    begun = _with_reference(network, start, values, found.points)
+    blind = found.points[found.from_one_place()]
+    reduced, attempt = _adjusted(begun, values, far, blind, means._replace(solve=means.plainly))
+    adjustment = attempt.adjustment
+    there = _values_of(network, adjustment.values, far.points)
+    met = nearly_parallel(network, there)
+    if adjustment.outcome.is_solution:
+        met = with_free_poses(network, reduced, adjustment, there, met, means.critical)
+    distance = np.linalg.norm(there["point"][met.points] - met.centres, axis=1)
+    gone = ~met.from_one_place() & ~(distance * met.sigma * _RUN_AWAY < 1.0)
+    if not adjustment.outcome.is_solution and not gone.any():
+        return None
+    return _with_coordinates(there, met.take(np.isin(met.points, far.points))), met, met.take(gone)
+
+
+def _with_reference(network: Network, start: Values, values: Values, doubted: IntArray) -> Network:
+    """The network whose datum stays the same wherever another adjustment of it begins.
+
+    It refers to the given coordinates, for points without to their start values, and for points without these to where
+    that adjustment begins. Points ``doubted``, which were at infinity, do not
+    carry it as long as others do: a distance that nobody knew, on the wrong side perhaps, would outweigh all others.
+    """
+    datum = network.datum
+    mask = datum.mask.copy()
+    mask[doubted] = False
+    if not datum.minimal and np.count_nonzero(mask.all(axis=1)) >= FEWEST_OF_DATUM:
+        datum = datum._replace(mask=mask)
+    if datum.reference is None:
+        begun = np.where(np.isfinite(start["point"]), start["point"], values["point"])
+        datum = datum._replace(reference=datum.reference_from(begun))
+    return replace(network, datum=datum)
+
+
+def _leaves_out(network: Network) -> bool:
+    return network.project.settings.undetermined == "leave_out"
+
+
+def _beyond_reach(network: Network, values: Values, found: RayPoints, means: Means) -> RayPoints:
+    """Points whose rays are parallel to their precision.
+
+    That is the precision of the rays at these values: as long as poses are rough, it is not that of the measurements.
+    """
+    return found.take(found.parallel(means.critical * misfit(network, values, found.points)))
+
+
+def _adjusted(
+    network: Network, start: Values, far: RayPoints, blind: IntArray, means: Means, far_too: bool = False
+) -> tuple[Network, Attempt]:
+    """One adjustment with some points at infinity, and without what is loose where that is to be left out.
+
+    ``blind`` are the points all of whose rays come from one place; ``far_too`` leaves out the points at infinity.
+    """
+    leave = _leaves_out(network)
+    whole, begun = _without_far(network, start, far, far_too)
+    reduced = without_loose(without_points(whole, blind, ONE_PLACE), begun, means.make)
+    loose = reduced.undeterminable[len(whole.undeterminable) :]
+    named = (*whole.undeterminable, *(thing._replace(treatment="") for thing in loose))
+    if loose and not leave and len(loose) <= EXPLAINED:
+        return replace(whole, undeterminable=named), means.solve(whole, begun)
+    _check_something_left(reduced)
+    attempt = means.solve(reduced, begun)
+    if loose and not leave:
+        reduced = replace(reduced, undeterminable=named)
+        return reduced, Attempt(attempt.adjustment._replace(outcome=Outcome.SINGULAR, reason=OPEN))
+    for _ in range(ROUNDS if leave else 0):
+        adjustment = attempt.adjustment
+        further = None if only_here(adjustment) else without_moved(reduced, adjustment)
+        if further is None:
+            break
+        reduced = without_loose(further, begun, means.make)
+        _check_something_left(reduced)
+        attempt = means.solve(reduced, begun)
+    return reduced, attempt
+
+
+def _check_something_left(network: Network) -> None:
+    """Raise :class:`NoStartValuesError` where nothing of the network is determined."""
+    if not any(group.count for group in network.groups):
+        raise NoStartValuesError(network.undeterminable, ["nothing is left that could be adjusted"])
+
+
+def _without_far(
+    network: Network, start: Values, far: RayPoints, leave: bool
+) -> tuple[Network, dict[str, FloatArray]]:
+    """The network with points at infinity, or without them, and start values for it."""
+    if len(far.points) == 0:
+        return network, dict(start)
+    ids = network.blocks["point"].ids
+    placed = start["point"].copy()
+    placed[far.points] = far.centres
+    begun = {**start, "point": placed}
+    if leave:
+        return without_points(network, far.points, PARALLEL), begun
+    rays = rows_of_points(network)
+    things = [
+        Undeterminable("point", ids[p], PARALLEL, AT_INFINITY, int(rays[p])) for p in far.points.tolist()
+    ]
+    return with_points_at_infinity(network, begun, far.points, _rotations(far.directions), things)
+
+
+def without_points(network: Network, points: IntArray, reason: str) -> Network:
+    """The network without some points, all for one reason."""
+    if len(points) == 0:
+        return network
+    marked, rays = nothing_marked(network), rows_of_points(network)
+    marked["point"][points] = True
+    ids = network.blocks["point"].ids
+    left = [Undeterminable("point", ids[p], reason, "left out", int(rays[p])) for p in points.tolist()]
+    return without_blocks(network, marked, left)
+
+
+def _rotations(directions: FloatArray) -> FloatArray:
+    """(k, 3, 3) rotations whose third rows are the directions (k, 3)."""
+    across = rotations.svd(directions[:, None, :])[2][:, 1:, :]
+    D = np.concatenate([across, directions[:, None, :]], axis=1)
+    D[:, 0] *= np.linalg.det(D)[:, None]
+    return D
+
+
+def _values_of(network: Network, values: Values, far: IntArray) -> dict[str, FloatArray]:
+    """Values of the blocks of a network, after it was adjusted with others; far points without coordinates."""
+    own = {kind: values[kind][: len(blocks.ids)] for kind, blocks in network.blocks.items()}
+    points = own["point"].copy()
+    points[far] = np.nan
+    return {**own, "point": points}
+
+
+def _with_coordinates(values: Values, found: RayPoints) -> dict[str, FloatArray]:
+    points = values["point"].copy()
+    near = found.inverse > 0.0
+    points[found.points[near]] = found.take(near).coordinates()
+    return {**values, "point": points}

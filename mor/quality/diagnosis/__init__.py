@@ -1,1 +1,0 @@
-"""Singular and hardly determined networks in words."""

@@ -1,0 +1,568 @@
+"""Detectable errors and their effects on the unknowns."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.model import rotations
+from mor.quality.assessment import Quality
+from mor.quality.redundancy import Reliability
+from mor.quality.test_statistics import comparable, in_pieces, least_alike
+from mor.solve.iterate import Adjustment
+from mor.solve.problem import ClusterRows, cluster_rows, linearise, rotation_tangents
+from mor.types import BoolArray, FloatArray, IntArray
+
+# ------------------------------------------------------------
+# What gross errors of chosen observations do to all unknowns.
+#
+# A gross error ∇ in observation i moves all unknowns by Q Aᵀ P e_i ∇, in the datum of the adjustment.
+# ------------------------------------------------------------
+
+
+class Entry(NamedTuple):
+    """One observation: group, row, component."""
+
+    group: int
+    row: int
+    component: int
+
+
+def movements(quality: Quality, entries: list[Entry], errors: FloatArray) -> FloatArray:
+    """Movement (u, k) of all unknowns by the gross errors (k,) of k observations, in the datum of the adjustment."""
+    adjustment = quality.adjustment
+    right = np.zeros((adjustment.problem.index.count, len(entries)))
+    for k, (entry, error) in enumerate(zip(entries, errors, strict=True)):
+        columns, values = gradient(adjustment, entry)
+        np.add.at(right[:, k], columns, values * error)
+    moved = adjustment.inverse.solve(right)
+    datum = quality.datum
+    if datum.null.shape[1] == 0:
+        return moved
+    into: FloatArray = moved - datum.null @ (datum.binding @ (adjustment.constraint.normals.T @ moved))
+    return into
+
+
+def gradient(adjustment: Adjustment, entry: Entry) -> tuple[IntArray, FloatArray]:
+    """Aᵀ P e of an observation: unknowns (k,) and values (k,)."""
+    problem = adjustment.problem
+    tangent = rotation_tangents(problem.index, adjustment.values)
+    found = adjustment.plan.places_in_clusters.get((entry.group, entry.row, entry.component))
+    if found is not None:
+        cluster, place = found
+        _, jacobian, columns = cluster_rows(adjustment.problem, cluster, adjustment.values, tangent)
+        return columns, jacobian.T @ (cluster.whitening.T @ cluster.whitening[:, place])
+    group = problem.groups[entry.group]
+    rows = linearise(group, problem.index, adjustment.values, tangent, np.array([entry.row]))
+    used = rows.columns[0] >= 0
+    weight = 1.0 / group.sigma[entry.row, entry.component] ** 2
+    return rows.columns[0][used], rows.jacobian[0, entry.component][used] * weight
+
+
+# ------------------------------------------------------------
+# What gross errors do to the points next to them, without a pass over everything.
+#
+# An observation has few unknowns, and a point that only rays meet is eliminated by its own rays alone. So with
+# b = AᵀP e ∇, nonzero in a handful of places, only the rays of that one point are looked at:
+#
+#     reduced system   b_r − A_rᵀ A_p N_pp⁻¹ b_p,    x_r = Q_rr of it
+#     the point        x_p = N_pp⁻¹ (b_p − A_pᵀ A_r x_r)
+#     into the datum   x − G H (QB)ᵀ b
+# ------------------------------------------------------------
+
+_NUMBERS = 4_000_000
+"""Numbers of right-hand sides at a time. More are fresh memory with every array: to clear it takes most of the time."""
+
+
+class EliminatedPoint(NamedTuple):
+    """The rays of one eliminated point."""
+
+    columns: IntArray
+    """(3,) its unknowns."""
+    normals: FloatArray
+    """(3, 3)."""
+    others: IntArray
+    """(k,) unknowns of all its rays, each once."""
+    coupling: FloatArray
+    """(k, 3) A_rᵀ A_p."""
+
+
+def point_movements(
+    quality: Quality, entries: list[Entry], errors: FloatArray, points: list[list[int]]
+) -> list[FloatArray]:
+    """Movements (q, 3) of the point blocks listed for each entry by its gross error, in the datum of the adjustment."""
+    eliminated = eliminated_points(quality.adjustment, {p for some in points for p in some})
+    some = max(1, _NUMBERS // max(len(quality.adjustment.plan.kept), 1))
+    parts = (slice(first, first + some) for first in range(0, len(entries), some))
+    return [
+        moved
+        for part in parts
+        for moved in _movements(quality, entries[part], errors[part], points[part], eliminated)
+    ]
+
+
+def _movements(
+    quality: Quality,
+    entries: list[Entry],
+    errors: FloatArray,
+    points: list[list[int]],
+    eliminated: Mapping[int, EliminatedPoint],
+) -> list[FloatArray]:
+    """The same of some entries, with the rays of all eliminated points that are listed."""
+    adjustment, plan = quality.adjustment, quality.adjustment.plan
+    right = np.zeros((len(plan.kept), len(entries)))
+    sparse: list[tuple[IntArray, FloatArray]] = []
+    for k, (entry, error) in enumerate(zip(entries, errors, strict=True)):
+        columns, values = gradient(adjustment, entry)
+        values = values * error
+        sparse.append((columns, values))
+        inside = plan.reduced[columns] >= 0
+        np.add.at(right[:, k], plan.reduced[columns[inside]], values[inside])
+        for point in points[k]:
+            if point in eliminated:
+                rays = eliminated[point]
+                own = _at(columns, values, rays.columns)
+                back = rays.coupling @ rotations.solve(rays.normals, own)
+                np.subtract.at(right[:, k], plan.reduced[rays.others], back)
+    inverse = adjustment.inverse
+    reduced = inverse.scale[:, None] * inverse.factor.solve(inverse.scale[:, None] * right)
+    result = []
+    for k, some in enumerate(points):
+        columns, values = sparse[k]
+        along_weak = inverse.weak[columns].T @ values
+        shift = quality.datum.binding @ (quality.datum.through[columns].T @ values)
+        moved = []
+        for point in some:
+            own = adjustment.problem.index.columns["point"][point]
+            x = _solution(plan.reduced, own, eliminated.get(point), reduced[:, k], columns, values)
+            free = own >= 0
+            x[free] += inverse.weak[own[free]] @ along_weak - quality.datum.null[own[free]] @ shift
+            moved.append(x)
+        result.append(np.array(moved).reshape(-1, 3))
+    return result
+
+
+def _solution(
+    numbers: IntArray,
+    own: IntArray,
+    rays: EliminatedPoint | None,
+    reduced: FloatArray,
+    columns: IntArray,
+    values: FloatArray,
+) -> FloatArray:
+    """(3,) x of a point in the minimal datum."""
+    if rays is not None:
+        back = rays.coupling.T @ reduced[numbers[rays.others]]
+        return np.asarray(rotations.solve(rays.normals, _at(columns, values, rays.columns) - back))
+    return np.where(own >= 0, reduced[numbers[np.maximum(own, 0)]], 0.0)
+
+
+def _at(columns: IntArray, values: FloatArray, wanted: IntArray) -> FloatArray:
+    """Values at the wanted columns, 0 where there is none."""
+    return np.array([float(values[columns == column].sum()) for column in wanted])
+
+
+def eliminated_points(adjustment: Adjustment, points: set[int]) -> dict[int, EliminatedPoint]:
+    """Rays of those of the points that are eliminated on the fly."""
+    problem, plan = adjustment.problem, adjustment.plan
+    own = problem.index.columns["point"]
+    chosen = [p for p in sorted(points) if (own[p] >= 0).all() and (plan.reduced[own[p]] < 0).all()]
+    place = np.full(len(own), -1, dtype=np.int64)
+    place[chosen] = np.arange(len(chosen))
+    tangent = rotation_tangents(problem.index, adjustment.values)
+    parts: list[list[tuple[FloatArray, FloatArray, IntArray]]] = [[] for _ in chosen]
+    for group in problem.groups:
+        slot = group.type.slots[-1]
+        if not chosen or slot.kind != "point":
+            continue
+        rows = np.flatnonzero(place[group.blocks[-1]] >= 0)
+        if len(rows) == 0:
+            continue
+        part = linearise(group, problem.index, adjustment.values, tangent, rows)
+        weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
+        jacobian = part.jacobian * weight[:, :, None]
+        for i, row in enumerate(rows):
+            parts[place[group.blocks[-1][row]]].append(
+                (jacobian[i, :, -3:], jacobian[i, :, :-3], part.columns[i, :-3])
+            )
+    return {p: _gathered(own[p], parts[k]) for k, p in enumerate(chosen)}
+
+
+def _gathered(own: IntArray, rays: list[tuple[FloatArray, FloatArray, IntArray]]) -> EliminatedPoint:
+    others = np.unique(np.concatenate([columns[columns >= 0] for _, _, columns in rays]))
+    normals, coupling = np.zeros((3, 3)), np.zeros((len(others), 3))
+    for by_point, by_others, columns in rays:
+        normals += by_point.T @ by_point
+        free = columns >= 0
+        np.add.at(coupling, np.searchsorted(others, columns[free]), by_others[:, free].T @ by_point)
+    return EliminatedPoint(own, normals, others, coupling)
+
+
+# ------------------------------------------------------------
+# Solutions of the normal equations for right-hand sides that touch few points, without a pass over everything.
+#
+# As in ``local_influence.py``: only the rays of the points that are touched are looked at, b_r − A_rᵀ A_p N_pp⁻¹ b_p.
+# ------------------------------------------------------------
+
+_FEW = 2_000
+"""Eliminated points up to which they are gathered one by one; a pass over all rays is quicker beyond."""
+
+
+class LocalSystem(NamedTuple):
+    """The normal equations, for right-hand sides and solutions at chosen unknowns."""
+
+    adjustment: Adjustment
+    columns: IntArray
+    """(c,) the unknowns, each once, in ascending order."""
+    points: tuple[EliminatedPoint, ...] | None
+    """Those of them that are eliminated on the fly; ``None`` where they are too many."""
+
+    def solve(self, right: FloatArray) -> FloatArray:
+        """x (c, k) of N x = b at the unknowns, for b (c, k) there and 0 elsewhere, in the range of N."""
+        inverse, plan, columns = self.adjustment.inverse, self.adjustment.plan, self.columns
+        if self.points is None:
+            whole = np.zeros((self.adjustment.problem.index.count, right.shape[1]))
+            whole[columns] = right
+            return inverse.solve(whole)[columns]
+        kept = plan.reduced[columns] >= 0
+        reduced = np.zeros((len(plan.kept), right.shape[1]))
+        reduced[plan.reduced[columns[kept]]] = right[kept]
+        alone = []
+        for point in self.points:
+            own = rotations.solve(point.normals, right[self._at(point)])
+            reduced[plan.reduced[point.others]] -= point.coupling @ own
+            alone.append(own)
+        reduced = inverse.scale[:, None] * inverse.factor.solve(inverse.scale[:, None] * reduced)
+        x = np.zeros(right.shape)
+        x[kept] = reduced[plan.reduced[columns[kept]]]
+        for point, own in zip(self.points, alone, strict=True):
+            back = point.coupling.T @ reduced[plan.reduced[point.others]]
+            x[self._at(point)] = own - rotations.solve(point.normals, back)
+        weak = inverse.weak[columns]
+        return np.asarray(x + weak @ (weak.T @ right))
+
+    def _at(self, point: EliminatedPoint) -> IntArray:
+        return np.searchsorted(self.columns, point.columns)
+
+
+def local_system(adjustment: Adjustment, columns: IntArray) -> LocalSystem:
+    """The system for the unknowns ``columns`` (any, −1 for what is fixed); points that are touched are in it whole."""
+    index, reduced = adjustment.problem.index, adjustment.plan.reduced
+    used = np.unique(columns[columns >= 0])
+    blocks = np.unique(index.block_of[used[reduced[used] < 0]])
+    if len(blocks) > _FEW:
+        return LocalSystem(adjustment, used, None)
+    used = np.union1d(used, index.columns["point"][blocks].ravel())
+    points = eliminated_points(adjustment, set(blocks.tolist()))
+    return LocalSystem(adjustment, used, tuple(points.values()))
+
+
+# ------------------------------------------------------------
+# Some observations as whitened rows: W A x and (W A)ᵀ z for them alone, correlated or not.
+#
+# With W Σ Wᵀ = I, Q the cofactors of the unknowns and R = I − W A Q Aᵀ Wᵀ, whitened residuals W v have the
+# cofactors R.
+# ------------------------------------------------------------
+
+
+class _Part(NamedTuple):
+    """Rows with Jacobians (n, m, K), whitened, and their columns (n, K), −1 where fixed; those in use (n, m)."""
+
+    jacobian: FloatArray
+    columns: IntArray
+    use: BoolArray
+    whitening: FloatArray | None
+    """(m, m) of a cluster, which is one row; ``None``: the weights below."""
+    weight: FloatArray
+    """(n, m) 1/σ."""
+    group: IntArray
+    """(n, m) where each entry stands."""
+    row: IntArray
+    component: IntArray
+
+
+class WhitenedRows(NamedTuple):
+    """N chosen observations; arrays over them come in one order, that of the parts."""
+
+    system: LocalSystem
+    """The unknowns they refer to, of which there are c."""
+    parts: tuple[_Part, ...]
+
+    @property
+    def size(self) -> int:
+        """N."""
+        return int(sum(np.count_nonzero(part.use) for part in self.parts))
+
+    def whitened(self, values: Sequence[FloatArray]) -> FloatArray:
+        """(N,) W y, for y given as one array (n, m) for each group; what is not chosen counts as 0."""
+        found = [np.zeros(0)]
+        for part in self.parts:
+            own = np.zeros(part.use.shape)
+            for number in np.unique(part.group):
+                here = (part.group == number) & part.use
+                own[here] = values[number][part.row[here], part.component[here]]
+            white = own @ part.whitening.T if part.whitening is not None else own * part.weight
+            found.append(white[part.use])
+        return np.concatenate(found)
+
+    def of_rows(self, x: FloatArray) -> FloatArray:
+        """(N, k) W A x for changes x (c, k) of the unknowns."""
+        found = [np.zeros((0, x.shape[1]))]
+        for part in self.parts:
+            moved = np.where((part.columns >= 0)[:, :, None], x[self._places(part)], 0.0)
+            found.append((part.jacobian @ moved)[part.use])
+        return np.concatenate(found)
+
+    def of_unknowns(self, z: FloatArray) -> FloatArray:
+        """(c, k) (W A)ᵀ z for z (N, k)."""
+        count = len(self.system.columns)
+        result, first = np.zeros((count + 1, z.shape[1])), 0
+        for part in self.parts:
+            own = np.zeros((*part.use.shape, z.shape[1]))
+            size = int(np.count_nonzero(part.use))
+            own[part.use] = z[first : first + size]
+            first += size
+            products = np.einsum("nmc,nmk->nck", part.jacobian, own)
+            place = np.where(part.columns >= 0, self._places(part), count)
+            np.add.at(result, place.ravel(), products.reshape(-1, z.shape[1]))
+        return result[:count]  # what is fixed has gathered in the last row
+
+    def residuals_of(self, z: FloatArray) -> FloatArray:
+        """R z (N, k) for the chosen rows of R and z (N, k) there, 0 elsewhere."""
+        return z - self.of_rows(self.system.solve(self.of_unknowns(z)))
+
+    def _places(self, part: _Part) -> IntArray:
+        """(n, K) places of the columns among the unknowns; anything where fixed."""
+        places = np.searchsorted(self.system.columns, part.columns)
+        return np.minimum(places, max(len(self.system.columns) - 1, 0))
+
+
+def whitened_rows(quality: Quality, chosen: Sequence[BoolArray]) -> WhitenedRows:
+    """The chosen observations (n, m) of each group. Of a correlated cluster all have to be chosen, or none."""
+    adjustment = quality.adjustment
+    tangent = rotation_tangents(adjustment.problem.index, adjustment.inverse.values)
+    alone = [mask.copy() for mask in chosen]
+    parts = []
+    for cluster in adjustment.plan.clusters:
+        inside = _entries(cluster, chosen)
+        for number, mask in enumerate(alone):
+            here = cluster.groups == number
+            mask[cluster.rows[here], cluster.components[here]] = False
+        if inside.any():
+            parts.append(_correlated(quality, cluster, inside, tangent))
+    for number, mask in enumerate(alone):
+        rows = np.flatnonzero(mask.any(axis=1))
+        if len(rows):
+            parts.append(_uncorrelated(quality, number, rows, mask[rows], tangent))
+    columns = [part.columns.ravel() for part in parts]
+    return WhitenedRows(
+        local_system(adjustment, np.concatenate([np.zeros(0, dtype=np.int64), *columns])), tuple(parts)
+    )
+
+
+def _entries(cluster: ClusterRows, chosen: Sequence[BoolArray]) -> BoolArray:
+    """(k,) entries of a cluster that are chosen."""
+    places = zip(cluster.groups, cluster.rows, cluster.components, strict=True)
+    return np.array([chosen[group][row, component] for group, row, component in places], dtype=bool)
+
+
+def _uncorrelated(
+    quality: Quality, number: int, rows: IntArray, use: BoolArray, tangent: FloatArray | None
+) -> _Part:
+    adjustment = quality.adjustment
+    group, index = adjustment.problem.groups[number], adjustment.problem.index
+    part = linearise(group, index, adjustment.inverse.values, tangent, rows)
+    weight = np.where(use, 1.0 / group.sigma[rows], 0.0)
+    row, component = np.broadcast_arrays(rows[:, None], np.arange(use.shape[1])[None])
+    place = np.full(use.shape, number), row, component
+    return _Part(part.jacobian * weight[:, :, None], part.columns, use, None, weight, *place)
+
+
+def _correlated(
+    quality: Quality, cluster: ClusterRows, inside: BoolArray, tangent: FloatArray | None
+) -> _Part:
+    adjustment, W = quality.adjustment, cluster.whitening
+    _, jacobian, columns = cluster_rows(adjustment.problem, cluster, adjustment.inverse.values, tangent)
+    place = cluster.groups[None], cluster.rows[None], cluster.components[None]
+    return _Part((W @ jacobian)[None], columns[None], inside[None], W, np.ones(inside[None].shape), *place)
+
+
+# ------------------------------------------------------------
+# Which point the suspicious observations move, and where to: what a gross error means for the result.
+# ------------------------------------------------------------
+
+MOST = 200
+"""Observations that are explained at most."""
+AT_LEAST = 10
+"""Observations that are explained where none is flagged."""
+
+
+class Effect(NamedTuple):
+    """What an observation does to the point it moves most."""
+
+    entry: Entry
+    test: float
+    r: float
+    error: float
+    """Estimated gross error."""
+    smallest: float
+    """Smallest detectable one."""
+    point: int
+    """Point block that moves most among those the observation names, −1 where it names no free point."""
+    movement: FloatArray
+    """(3,) its movement by the estimated error, in the datum of the adjustment, internal axes."""
+    tells: bool
+    """False where the estimated error says nothing: next to nothing controls the observation, and it would move the
+    point by a good part of the size of the network, where no linear estimate holds."""
+
+
+HARDLY_CONTROLLED = 1e-4
+"""Redundancy number below which an error is estimated from less than a ten thousandth of it."""
+_FAR = 0.1
+"""Part of the size of the network beyond which a movement is none that an observation could cause unseen."""
+
+
+def effects(quality: Quality) -> list[Effect]:
+    """Effects of the flagged observations, the worst first; of the worst few where none is flagged."""
+    entries = _chosen(quality)
+    tested = _tested(quality, entries)
+    points = [_points_of(quality, entry) for entry in entries]
+    moved = point_movements(quality, entries, tested[:, _ERROR], points)
+    far = _FAR * float(np.ptp(quality.adjustment.values["point"], axis=0).max(initial=0.0))
+    return [_effect(*each, far) for each in zip(entries, tested, points, moved, strict=True)]
+
+
+def _points_of(quality: Quality, entry: Entry) -> list[int]:
+    """Free point blocks that an observation names; frames' own positions are not among them."""
+    problem = quality.adjustment.problem
+    group, columns = problem.groups[entry.group], problem.index.columns["point"]
+    named = [
+        int(blocks[entry.row])
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+        if slot.kind == "point" and slot.of != "image"
+    ]
+    return [point for point in named if (columns[point] >= 0).any()]
+
+
+def _chosen(quality: Quality) -> list[Entry]:
+    flagged = sum(int(flags.sum()) for flags in quality.flagged)
+    wanted = min(flagged, MOST) or AT_LEAST
+    best: list[tuple[float, Entry]] = []
+    for number, (one, group) in enumerate(
+        zip(quality.reliability, quality.adjustment.problem.groups, strict=True)
+    ):
+        size = _sizes(one)
+        size[group.left_out] = 0.0
+        for place, compared in _largest(size.ravel(), wanted):
+            best.append((compared, Entry(number, *divmod(place, size.shape[1]))))
+    best.sort(key=lambda pair: (-pair[0], pair[1]))
+    return [entry for _, entry in best[:wanted]]
+
+
+def _sizes(tests: Reliability) -> FloatArray:
+    """(n, m) |w|, 0 where there is no test."""
+    return in_pieces(tests.quality.v.shape, lambda rows: np.nan_to_num(np.abs(tests.at(rows).test)))
+
+
+def _largest(size: FloatArray, wanted: int) -> list[tuple[int, float]]:
+    """Places of the largest of the sizes (n,), and those as they are compared; equal ones in their order."""
+    least = np.partition(size, len(size) - wanted)[len(size) - wanted] if len(size) > wanted else 0.0
+    candidates = np.flatnonzero(size >= least_alike(float(least)))
+    compared = comparable(size[candidates])
+    order = np.argsort(-compared, kind="stable")[:wanted]
+    return [(int(candidates[k]), float(compared[k])) for k in order if compared[k] > 0.0]
+
+
+_ERROR = 2
+
+
+def _tested(quality: Quality, entries: list[Entry]) -> FloatArray:
+    """(k, 4) test value, redundancy number, estimated and smallest detectable error of each entry."""
+    groups, rows, components = np.array(entries, dtype=np.int64).reshape(-1, 3).T
+    tested = np.zeros((len(entries), 4))
+    for number in np.unique(groups):
+        here = np.flatnonzero(groups == number)
+        tests = quality.reliability[number].at(rows[here])
+        place = np.arange(len(here)), components[here]
+        for k, values in enumerate((tests.test, tests.quality.r, tests.error, tests.smallest)):
+            tested[here, k] = values[place]
+    return tested
+
+
+def _effect(entry: Entry, tested: FloatArray, points: list[int], moved: FloatArray, far: float) -> Effect:
+    lengths = np.linalg.norm(moved, axis=1)
+    most = int(np.argmax(lengths)) if points else -1
+    test, r, error, smallest = tested.tolist()
+    return Effect(
+        entry,
+        test,
+        r,
+        error,
+        smallest,
+        points[most] if points else -1,
+        moved[most] if points else np.zeros(3),
+        tells=r >= HARDLY_CONTROLLED or not points or float(lengths[most]) <= far,
+    )
+
+
+# ------------------------------------------------------------
+# Points that rest on an observation: more than half of their variance, in some direction, comes from it.
+#
+# An error of σ_i in observation i moves a point by x = (Q Aᵀ P)_i σ_i. Of the variance of the point in any
+# direction it has the share of the square of that movement, at most xᵀ Q_pp⁺ x, which is 1 where nothing else
+# determines it.
+# ------------------------------------------------------------
+
+_HALF = 0.5
+_CARRIED_POINTS_NUMBERS = 2_000_000
+_FLAT = 1e-10
+"""Part of the largest variance of a point below which it has none in a direction."""
+
+
+def most_at_a_time(quality: Quality) -> int:
+    """Observations whose movements of all unknowns have room."""
+    return max(1, _CARRIED_POINTS_NUMBERS // max(quality.adjustment.problem.index.count, 1))
+
+
+def carried_points(quality: Quality, entries: list[Entry]) -> list[IntArray]:
+    """Point blocks that each of the observations carries, those first that it carries most of."""
+    if not entries:
+        return []
+    problem = quality.adjustment.problem
+    columns = problem.index.columns["point"]
+    sigma = np.array([problem.groups[e.group].sigma[e.row, e.component] for e in entries])
+    moved = movements(quality, entries, sigma)
+    Q = np.nan_to_num(quality.cofactors["point"])
+    least = _HALF * _below_eigenvalues(Q)
+    found = []
+    for k in range(len(entries)):
+        x = np.where(columns >= 0, moved[columns, k], 0.0)
+        some = np.flatnonzero(np.einsum("pi,pi->p", x, x) >= least)
+        share = np.sum(np.einsum("pij,pj->pi", _inverse_roots(Q[some]), x[some]) ** 2, axis=1)
+        carried = share > _HALF
+        order = np.argsort(-np.round(share[carried], 6), kind="stable")
+        found.append(some[carried][order])
+    return found
+
+
+def _below_eigenvalues(Q: FloatArray) -> FloatArray:
+    """(p,) bounds from below of the eigenvalues of cofactor matrices (p, 3, 3), 0 of singular ones.
+
+    The product of two of the three is at most the square of half of their sum. What round-off does to the determinant
+    is taken off.
+    """
+    trace = np.trace(Q, axis1=1, axis2=2)
+    determinant = np.einsum("pi,pi->p", Q[:, :, 0], np.cross(Q[:, :, 1], Q[:, :, 2]))
+    above = np.maximum(determinant - _FLAT * trace**3, 0.0)
+    return np.asarray(4.0 * np.divide(above, trace**2, out=np.zeros(len(Q)), where=trace > 0.0))
+
+
+def _inverse_roots(Q: FloatArray) -> FloatArray:
+    """(p, 3, 3) roots of the pseudo-inverses of cofactor matrices."""
+    eigenvalues, axes = rotations.eigh(Q)
+    used = eigenvalues > _FLAT * np.maximum(eigenvalues[:, -1:], 1e-300)
+    scale = np.where(used, 1.0 / np.sqrt(np.where(used, eigenvalues, 1.0)), 0.0)
+    roots: FloatArray = scale[:, :, None] * np.swapaxes(axes, 1, 2)
+    return roots

@@ -1,1 +1,0 @@
-"""Data snooping and robust estimation."""

@@ -1,0 +1,761 @@
+"""Search for outliers by graduated weights and description length."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from itertools import combinations
+from typing import NamedTuple
+
+import numpy as np
+from scipy.special import betaln, gammaln
+
+from mor.model import rotations
+from mor.model.observation_types import Computed, ObservationGroup, is_image_point, wrap
+from mor.model.parameters import Blocks, Values, index_unknowns
+from mor.quality.robust_estimation import (
+    Graduated,
+    exclude,
+    graduated_weights,
+    problem_on_the_sphere,
+    robust_scales,
+    settled_weights,
+)
+from mor.solve.inverse import normalised_misclosures
+from mor.solve.iterate import Adjustment, Outcome, Settings, Watcher, adjust
+from mor.solve.problem import Problem, misclosures
+from mor.types import BoolArray, FloatArray, IntArray
+
+# ------------------------------------------------------------
+# How well observations are explained: what is left of vᵀPv, with a price for everything that was chosen to fit.
+#
+# Models that differ in their number of unknowns, in the units of their observations, and in how many others
+# were looked through are compared by −2 ln of how likely the observations are (J. Rissanen 1978; G. Schwarz
+# 1978):
+#
+#     L = Σ min(s², 2 ln n + 2 ln s) + 2 n ln k + q ln n + 2 ln m − 2 Σ r ln |dl'/dl|
+#
+# with s = |v|/(k σ). An observation that does not fit at all costs what it takes to say which of n it is, and
+# how large its error: a model is not judged by errors that it is not about. k is 1, or where that is shorter
+# the robust factor of all σ: no model is better than another for σ that are all too small. q additional
+# unknowns, the best of m alike; r is the part of the changed observations that is controlled
+# (:func:`mor.diagnose.hypothesis.controlled_part`).
+# ------------------------------------------------------------
+
+_MEDIAN = 0.6745
+"""Median of |x| of a standard normal x."""
+
+
+def sizes_of(groups: Sequence[ObservationGroup], values: Values) -> tuple[FloatArray, ...]:
+    """|v|/σ (n, m) of every group at some values, 0 where not observed."""
+    return tuple(
+        np.nan_to_num(np.abs(misclosures(group, values)) / group.given_sigma, nan=0.0, posinf=1e30)
+        for group in groups
+    )
+
+
+def cost_of_residuals(sizes: Sequence[FloatArray], count: int, most: float = np.inf) -> float:
+    """Σ min(s², 2 ln n + 2 ln s) + 2 n ln k of |v|/σ (n, m) by group, ``count`` being n.
+
+    ``most``: what k may be at most, told by all observations, where these are only some: a few that contradict each
+    other would have any k at a place that fits none of them.
+    """
+    every = observed(sizes)
+    factor = min(factor_of_sigmas(sizes), most)
+    return cost_of_sums(sums_of_costs(every, factor, count), factor)
+
+
+class Costs(NamedTuple):
+    """Sums over some observations."""
+
+    plain: float
+    """Σ min(s², 2 ln n + 2 ln s) with k = 1."""
+    scaled: float
+    """The same with another k."""
+    size: int
+    """Their number."""
+
+
+def sums_of_costs(sizes: FloatArray, factor: float, count: int) -> Costs:
+    """Sums over |v|/σ (s,) out of ``count`` observations, with k = 1 and with ``factor``, where that is larger."""
+    plain = float(np.sum(costs_of_sizes(sizes, count)))
+    scaled = float(np.sum(costs_of_sizes(sizes / factor, count))) if factor > 1.0 else plain
+    return Costs(plain, scaled, sizes.size)
+
+
+def cost_of_sums(sums: Costs, factor: float) -> float:
+    """What observations cost, with the better of k = 1 and k = ``factor``."""
+    if factor <= 1.0:
+        return sums.plain
+    return min(sums.plain, sums.scaled + 2.0 * sums.size * float(np.log(factor)))
+
+
+def observed(sizes: Sequence[FloatArray]) -> FloatArray:
+    """(s,) all |v|/σ of groups that are not 0."""
+    return np.concatenate([np.zeros(0), *(size[size > 0.0] for size in sizes)])
+
+
+def costs_of_sizes(sizes: FloatArray, count: int) -> FloatArray:
+    """min(s², 2 ln n + 2 ln s) of each of some |v|/(k σ) out of ``count`` observations."""
+    price = 2.0 * np.log(max(count, 2))
+    found: FloatArray = np.minimum(sizes**2, price + 2.0 * np.log(np.maximum(sizes, 1.0)))
+    return found
+
+
+def factor_of_sigmas(sizes: Sequence[FloatArray]) -> float:
+    """Robust factor of all σ: the median of |v|/σ (n, m) by group over that of a normal distribution; 1 without any."""
+    every = observed(sizes)
+    return robust_sigma(every) if every.size else 1.0
+
+
+def robust_sigma(sizes: FloatArray) -> float:
+    """σ (n,) absolute deviations have by their median; 0 of none."""
+    return float(np.median(sizes)) / _MEDIAN if sizes.size else 0.0
+
+
+def price_of_gross_error(count: int) -> float:
+    """|v|/σ beyond which one of ``count`` observations costs less as a gross error: s² = 2 ln n + 2 ln s."""
+    price = 2.0 * np.log(max(count, 2))
+    s = np.sqrt(price)
+    for _ in range(20):
+        s = np.sqrt(price + 2.0 * np.log(s))
+    return float(s)
+
+
+def cost_of_choice(count: int, candidates: int, parameters: int, stretch: float) -> float:
+    """The rest of L."""
+    return parameters * float(np.log(max(count, 2))) + 2.0 * float(np.log(max(candidates, 1))) - 2.0 * stretch
+
+
+# ------------------------------------------------------------
+# Points of which some observations do not fit, intersected anew: at the place where most of them have it.
+#
+# An iteration that began with a wrong sight may have left the point where that one and another agree. Of all
+# places that as few observations determine as can, two sights, a sight and a distance, three distances, the
+# one at which all observations of the point cost least (``description_length.py``) is taken.
+# ------------------------------------------------------------
+
+SUSPECT = 4.5
+"""|v|/σ beyond which an observation is looked at: nothing is decided by it."""
+POINTS = 200
+"""Points that are looked at, the most doubtful first."""
+_SHARED = 3
+"""Components of observations that may fit a point at two places."""
+_ROWS = 8
+"""Rows of a point that are put together."""
+_ITERATIONS = 8
+_SINGULAR = 4.0 * float(np.finfo(np.float64).eps)
+"""Part of the largest singular value of observations below which they do not tell a direction."""
+_ENDS = ("point", "to", "from")
+"""Whose a slot is that holds a point which is observed, and no place of a frame."""
+OF_THEMSELVES = ("observed/", "coordinates", "control")
+"""Types of observations that tell where a point is without seeing it."""
+
+
+class Starts(NamedTuple):
+    """Where points were thought to be: it tells them apart where their observations fit two places alike."""
+
+    places: FloatArray
+    """(k, 3) of all points."""
+    spread: float
+    """Robust σ of a coordinate, told by how far points came from there; 0 where that tells nothing."""
+
+    def costs(self, places: FloatArray, points: IntArray | slice, count: int) -> FloatArray:
+        """(k,) what places (k, 3) of these points cost as further observations of ``count``, the whole way one."""
+        away = np.nan_to_num(np.linalg.norm(places - self.places[points], axis=-1))
+        return costs_of_sizes(away / self.spread, count) if self.spread > 0.0 else np.zeros(len(away))
+
+
+def starts_of(problem: Problem, values: Values, start: Values) -> Starts:
+    """Where points were thought to be, and how well, by where most of them are."""
+    off = np.abs(values["point"] - start["point"])[problem.index.columns["point"] >= 0]
+    return Starts(start["point"], robust_sigma(off[np.isfinite(off)]))
+
+
+class _Observed(NamedTuple):
+    """Rows of one group that tell of a point."""
+
+    group: ObservationGroup
+    rows: IntArray
+    slot: int
+    """Of the point."""
+    told: BoolArray
+    """(r, m) components that were observed."""
+
+
+def reintersected(
+    problem: Problem,
+    values: Values,
+    sizes: tuple[FloatArray, ...],
+    starts: Starts | None = None,
+    gain: float = 0.0,
+    but: Collection[int] = (),
+) -> dict[str, FloatArray]:
+    """Values with points moved of whose observations, |v|/σ (n, m) of each group in ``sizes``, some are suspect.
+
+    ``starts``: where they were thought to be, which counts as one observation more. ``gain``: what another place must
+    cost less. ``but``: points that are not looked at.
+    """
+    middle = np.nanmedian(values["point"], axis=0)
+    among = Among(problem.observations, middle, factor_of_sigmas(sizes))
+    return intersected_anew(problem, values, points_in_doubt(problem, sizes, but), among, starts, gain)
+
+
+class Among(NamedTuple):
+    """What is to be known of all observations and points to look at one."""
+
+    observations: int
+    """Their number."""
+    middle: FloatArray
+    """(3,) median of all points."""
+    most: float
+    """Robust factor of all σ."""
+
+
+def intersected_anew(
+    problem: Problem,
+    values: Values,
+    points: Collection[int],
+    among: Among,
+    starts: Starts | None = None,
+    gain: float = 0.0,
+) -> dict[str, FloatArray]:
+    """Values with some points where they cost least, as :func:`reintersected`."""
+    moved = values["point"].copy()
+    columns = problem.index.columns["point"]
+    for point in points:
+        told = _told_of(problem, point)
+        if (columns[point] >= 0).any() and len(_components(told)) > 3:
+            places = np.array([moved[point], *_meetings(told, values, [moved[point], among.middle])])
+            costs = _costs(told, values, places, among.observations, among.most)
+            costs[0] -= gain
+            if starts is not None:
+                costs += starts.costs(places, np.full(len(places), point), among.observations)
+            found = places[int(np.argmin(costs))]
+            moved[point] = np.where(columns[point] >= 0, found, moved[point])
+    return {**values, "point": moved}
+
+
+def by_sights_alone(problem: Problem, values: Values, points: IntArray) -> FloatArray:
+    """(k, 3) places of points by what sees them alone, whatever their coordinates say; NaN where that is too little."""
+    places = np.full((len(points), 3), np.nan)
+    middle = np.nanmedian(values["point"], axis=0)
+    for k, point in enumerate(points.tolist()):
+        told = _told_of(problem, point)
+        if len(_determining(_components(told))):
+            met = _meetings(told, values, [values["point"][point], middle])
+            places[k] = met[int(np.argmin(_costs(told, values, met, problem.observations)))]
+    return places
+
+
+def costs_at_places(problem: Problem, values: Values, point: int, places: FloatArray) -> FloatArray:
+    """(k,) what the observations of a point cost if it were at other places (k, 3); 0 where there are none."""
+    told = _told_of(problem, point)
+    if not told:
+        return np.zeros(len(places))
+    return _costs(told, values, places, problem.observations)
+
+
+def slots_of_ends(group: ObservationGroup) -> list[int]:
+    """The slots of points that a group tells of, without seeing by itself where they are."""
+    if group.type.key.startswith(OF_THEMSELVES):
+        return []
+    return [k for k, slot in enumerate(group.type.slots) if slot.kind == "point" and slot.of in _ENDS]
+
+
+def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collection[int] = ()) -> list[int]:
+    """Points that might be elsewhere, those first at which most is suspect beside what fits.
+
+    At another place nothing fits of what fits here but so much as leaves a choice of places, three components at most:
+    two rays meet once, a ray and a distance or three distances twice. So as many components as are suspect, and three,
+    are outvoted by what fits, if that is more. So many as are looked at, less the others (``but``).
+    """
+    points, _ = doubtful_points(problem, sizes, but)
+    return [int(k) for k in points[: max(POINTS - len(but), 0)]]
+
+
+def doubtful_points(
+    problem: Problem, sizes: tuple[FloatArray, ...], but: Collection[int] = ()
+) -> tuple[IntArray, IntArray]:
+    """All points in doubt (k,), the most doubtful first, and by how much more fits than is suspect at each (k,)."""
+    bad, good = (np.zeros(len(problem.index.columns["point"]), dtype=np.int64) for _ in range(2))
+    for group, size in zip(problem.groups, sizes, strict=True):
+        used = group.mask & ~group.left_out
+        suspect = (used & (size > SUSPECT)).any(axis=1)
+        told = np.count_nonzero(used, axis=1)
+        for slot in slots_of_ends(group):
+            np.add.at(bad, group.blocks[slot], np.where(suspect, told, 0))
+            np.add.at(good, group.blocks[slot], np.where(suspect, 0, told))
+    in_doubt = (bad > 0) & (good <= bad + _SHARED)
+    in_doubt[list(but)] = False
+    points = np.flatnonzero(in_doubt)
+    points = points[np.argsort((good - bad)[points], kind="stable")]
+    return points, (good - bad)[points]
+
+
+def _told_of(problem: Problem, point: int) -> list[_Observed]:
+    found, left = [], _ROWS
+    for group in problem.groups:
+        used = group.mask & ~group.left_out
+        for slot in slots_of_ends(group):
+            rows = np.flatnonzero((group.blocks[slot] == point) & used.any(axis=1))[:left]
+            found += [_Observed(group, rows, slot, used[rows])] if len(rows) else []
+            left -= len(rows)
+    return found
+
+
+def _components(told: list[_Observed]) -> IntArray:
+    """(e,) the row of each component that was observed, rows numbered through."""
+    counts = np.concatenate([np.zeros(0, dtype=np.int64), *(one.told.sum(axis=1) for one in told)])
+    return np.repeat(np.arange(len(counts)), counts)
+
+
+def _determining(row_of: IntArray) -> IntArray:
+    """(c, w) components of each two rows that have three, and of each three rows of one; filled up with e."""
+    entries = [np.flatnonzero(row_of == row) for row in range(int(row_of.max(initial=-1)) + 1)]
+    alone = [one for one in entries if len(one) == 1]
+    found = [one for one in map(np.concatenate, combinations(entries, 2)) if len(one) >= 3]
+    found += [np.concatenate(three) for three in combinations(alone, 3)]
+    filled = np.full((len(found), max(map(len, found), default=0)), len(row_of), dtype=np.int64)
+    for row, one in zip(filled, found, strict=True):
+        row[: len(one)] = one
+    return filled
+
+
+def _meetings(told: list[_Observed], values: Values, begins: list[FloatArray]) -> FloatArray:
+    """(p, 3) where as few observations as determine the point meet, all choices of them."""
+    few = _determining(_components(told))
+    begun = np.tile(np.array(begins), (len(few), 1))
+    return _intersected(told, values, begun, np.repeat(few, len(begins), axis=0))
+
+
+def _costs(
+    told: list[_Observed], values: Values, places: FloatArray, count: int, most: float = np.inf
+) -> FloatArray:
+    """(p,) what the observations of a point cost if it were at places (p, 3); ∞ where they have no value.
+
+    ``most``: factor by which all σ may be too small.
+    """
+    sizes = np.abs(_residuals(told, values, places)[0])
+    found: FloatArray = np.array([cost_of_residuals([size], count, most) for size in sizes])
+    return np.where(np.isfinite(sizes).all(axis=1) & np.isfinite(found), found, np.inf)
+
+
+def _intersected(told: list[_Observed], values: Values, begins: FloatArray, few: IntArray) -> FloatArray:
+    """Least squares (Gauss–Newton) of components (p, w) each: places (p, 3) from as many beginnings.
+
+    Where an iteration comes to where an observation has no value, the place is where it began.
+    """
+    places, goes_on = begins.copy(), np.arange(len(begins))
+    for _ in range(_ITERATIONS):
+        residuals, jacobians = _residuals(told, values, places[goes_on])
+        sound = np.isfinite(residuals).all(axis=1) & np.isfinite(jacobians).all(axis=(1, 2))
+        places[goes_on[~sound]] = begins[goes_on[~sound]]
+        goes_on, at = goes_on[sound], np.flatnonzero(sound)[:, None]
+        if not len(goes_on):
+            break
+        rows = np.pad(jacobians, ((0, 0), (0, 1), (0, 0)))[at, few[goes_on]]
+        off = np.pad(residuals, ((0, 0), (0, 1)))[at, few[goes_on]]
+        places[goes_on] += np.einsum("pij,pj->pi", rotations.pinv(rows, rcond=_SINGULAR), off)
+    return places
+
+
+def _residuals(told: list[_Observed], values: Values, places: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """(observed − computed)/σ (p, e) of what tells of the point at places (p, 3), and its derivatives (p, e, 3)."""
+    misclosures, jacobians = [], []
+    for one, equation in zip(told, _equations(told, values, places), strict=True):
+        group, every = one.group, np.tile(one.rows, len(places))
+        difference = group.observed[every] - equation.values
+        difference[:, group.type.wraps] = wrap(difference[:, group.type.wraps])
+        sigma = group.given_sigma[every]
+        shape = (len(places), *one.told.shape)
+        misclosures.append((difference / sigma).reshape(shape)[:, one.told])
+        derivatives = equation.jacobians[one.slot] / sigma[:, :, None]
+        jacobians.append(derivatives.reshape(*shape, 3)[:, one.told])
+    return np.concatenate(misclosures, axis=1), np.concatenate(jacobians, axis=1)
+
+
+def _equations(told: list[_Observed], values: Values, places: FloatArray) -> list[Computed]:
+    """The equations of what tells of the point at places (p, 3), all rows for each place; those of a type together."""
+    alike: dict[int, list[int]] = {}
+    for number, one in enumerate(told):
+        alike.setdefault(id(one.group.type), []).append(number)
+    found: dict[int, Computed] = {}
+    for numbers in alike.values():
+        blocks, constants = zip(*(_arguments(told[k], values, places) for k in numbers), strict=True)
+        type_, ends = told[numbers[0]].group.type, np.cumsum([len(own) for own in constants])
+        with np.errstate(all="ignore"):
+            every = type_.equation(
+                [np.concatenate(of_slot) for of_slot in zip(*blocks, strict=True)], np.concatenate(constants)
+            )
+        for k, end, own in zip(numbers, ends, constants, strict=True):
+            part = slice(end - len(own), end)
+            found[k] = Computed(every.values[part], tuple(jacobian[part] for jacobian in every.jacobians))
+    return [found[k] for k in range(len(told))]
+
+
+def _arguments(one: _Observed, values: Values, places: FloatArray) -> tuple[list[FloatArray], FloatArray]:
+    """Blocks and constants of rows, with the point at places (p, 3), all rows for each place."""
+    group, every = one.group, np.tile(one.rows, len(places))
+    blocks = [values[s.kind][b[every]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
+    blocks[one.slot] = np.repeat(places, len(one.rows), axis=0)
+    return blocks, group.constants[every]
+
+
+# ------------------------------------------------------------
+# What keeps a plain adjustment from a solution: suspects found by graduated weights, and the adjustment without them.
+#
+# Least squares finds gross errors only once it has converged, and near the truth. Where it does not converge,
+# or where it lands at a place that all observations contradict, graduated weights tell the observations apart
+# first; those without weight in the end are suspects. What the rest cannot do without stays in, however bad
+# it is.
+# ------------------------------------------------------------
+
+_WORSE = 3.0
+"""Times that half of all residuals are larger than they need be, where a converged solution is no good."""
+LARGEST_WEIGHT = "what is observed of it contradicts the rest or itself"
+"""Reason why a thing is left out."""
+_SAME = 1e-6
+"""Part of vᵀPv by which two minima that are one may differ."""
+_MANY = 3
+"""Degrees of freedom left for each that suspects take, from which the rest outvotes them beyond doubt."""
+_LEVEL = 1e-3
+"""Of the question whether suspects are more than the largest residuals of a poor fit."""
+_ROUNDS = 8
+"""Times that what suspects leave undetermined is given up with them."""
+_FROM_FAR = 40
+"""Iterations by directions: where nothing but start values is wrong, a dozen do, seldom thirty."""
+_FROM_NEAR = 15
+"""Iterations of all observations from where most of them fit: a solution, if there is one, is not far from there."""
+BY_WEIGHTS = (
+    "the start values lead to no solution, or to one that fits badly; "
+    "all observations were adjusted from where graduated weights lead"
+)
+BY_DIRECTIONS = (
+    "the start values lead to no solution, or to one that fits badly; "
+    "all observations were adjusted from where directions instead of image coordinates lead"
+)
+"""Notes on how the start values were repaired."""
+_GIVEN_UP = ("point", "rotation")
+"""Kinds of blocks that are given up where suspects are most of what tells of them."""
+
+
+@dataclass(frozen=True)
+class Suspects:
+    """Observations left out so that the rest has a solution that fits."""
+
+    plain: Adjustment
+    """The adjustment of all observations, which is none, or an absurd one."""
+    masks: tuple[BoolArray, ...]
+    """(n, m) of each group."""
+    sizes: tuple[FloatArray, ...]
+    """(n, m) |v|/σ of all observations against the robust solution."""
+    lost: tuple[tuple[str, str], ...]
+    """(kind, name) of the blocks of which so little is left that all that refers to them is among the suspects."""
+
+    @property
+    def count(self) -> int:
+        """Number of suspects."""
+        return _count(self.masks)
+
+
+class Attempt(NamedTuple):
+    """An adjustment, and what it took to reach it from the start values."""
+
+    adjustment: Adjustment
+    suspects: Suspects | None = None
+    robust: Values | None = None
+    """Values found with graduated weights, if the plain adjustment was not enough."""
+    note: str = ""
+    """How the start values were repaired, if they were."""
+
+    @property
+    def is_complete(self) -> bool:
+        """True for a solution of all observations."""
+        return self.adjustment.outcome.is_solution and self.suspects is None
+
+
+def may_be_absurd(adjustment: Adjustment) -> bool:
+    """True where a converged solution fits so badly, half of its residuals beyond 3 σ, that another one might exist."""
+    problem = adjustment.problem
+    redundancy = problem.observations - problem.index.count + adjustment.defect.dimension
+    if redundancy <= 0 or adjustment.normals.objective <= redundancy * _WORSE**2:
+        return False
+    return _overall(adjustment) > _WORSE
+
+
+def without_suspects(
+    plain: Adjustment, settings: Settings | None = None, watch: Watcher | None = None
+) -> Attempt:
+    """Return the plain adjustment if it is a sensible solution; otherwise repair start values, then leave out suspects.
+
+    All observations are tried again from where graduated weights have led; where that converges and fits, nothing is
+    left out. A solution is absurd where another one is known that half of the observations fit three times better. In
+    place of none, or of an absurd one, comes the adjustment without the suspects. But a solution of all observations
+    stands, however bad, where it is come to from there, too (then it is no matter of where the iteration began), unless
+    suspects are few; where most of a group of observations are among them, or all that see a given point (of two
+    sources that contradict each other they would only be the smaller one); and where as many chosen ones would lessen
+    vᵀPv so by chance.
+
+    Weights lead by the medians of parts first, and where that leads to nothing, as where most rays to control points
+    are wrong, by those of whole groups.
+    """
+    if plain.outcome is Outcome.SINGULAR and not plain.iterations:
+        return Attempt(plain)
+    if plain.outcome in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(plain):
+        return Attempt(plain)
+    first = _led(plain, settings, watch, by_parts=True)
+    if first.adjustment.outcome is Outcome.CONVERGED or not any(
+        is_image_point(group.type) for group in plain.problem.groups
+    ):
+        return first
+    other = _led(plain, settings, watch, by_parts=False)
+    return other if other.adjustment.outcome is Outcome.CONVERGED else first
+
+
+def _led(plain: Adjustment, settings: Settings | None, watch: Watcher | None, by_parts: bool) -> Attempt:
+    """What there is where graduated weights lead; ``by_parts``: where most of every part is right."""
+    found = graduated_weights(plain.problem, plain.start, watch, by_parts)
+    found = _with_points_moved(plain.problem, found, plain.start, watch)
+    return _attempt(plain, found, settings, watch)._replace(robust=found.values)
+
+
+def _attempt(
+    plain: Adjustment, found: Graduated, settings: Settings | None, watch: Watcher | None
+) -> Attempt:
+    problem = plain.problem
+    scale = robust_scales(problem, found.sizes).overall
+    if plain.outcome is Outcome.CONVERGED and not _overall(plain) > _WORSE * scale:
+        return Attempt(plain)
+    most = settings if plain.outcome is Outcome.CONVERGED else _from_near(settings)
+    again = adjust(problem, found.values, most, watch)
+    if again.outcome is Outcome.CONVERGED and not _overall(again) > _WORSE * scale:
+        return Attempt(again, note=BY_WEIGHTS)
+    suspects = _enough_left(problem, Suspects(plain, found.suspects, found.sizes, ()))
+    for _ in range(_ROUNDS):
+        remaining = left_out(problem, suspects)
+        if 2 * remaining.index.count < problem.index.count:
+            break
+        if plain.outcome is Outcome.CONVERGED and _outvoted(problem, suspects):
+            break
+        rest = adjust(remaining, found.values, settings, watch)
+        if rest.outcome is Outcome.CONVERGED:
+            if plain.outcome is Outcome.CONVERGED and not (
+                _are_gross(plain, rest) and (_are_few(plain, rest) or not _same_place(plain, again))
+            ):
+                break
+            mostly_lost = _are_mostly_lost(problem, suspects)
+            anew = _from_far(plain, settings, watch) if mostly_lost else Attempt(plain)
+            return anew if anew.adjustment is not plain else Attempt(rest, suspects)
+        missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
+        missing = {block for block in missing if block[0] in _GIVEN_UP and block not in suspects.lost}
+        if not missing:
+            break
+        suspects = _enough_left(problem, _without(problem, suspects, missing))
+    return _from_far(plain, settings, watch)
+
+
+def _with_points_moved(problem: Problem, found: Graduated, start: Values, watch: Watcher | None) -> Graduated:
+    """Where points whose sights do not fit have been intersected anew, as long as that explains all better.
+
+    A few observations of large weight may have drawn a point away from all its rays before weights told them apart.
+    Each point is looked at once.
+    """
+    if "point" not in problem.index.blocks:
+        return found
+    starts, seen = starts_of(problem, found.values, start), set[int]()
+    for _ in range(_ROUNDS):
+        moved = reintersected(problem, found.values, found.sizes, starts, but=seen)
+        seen.update(points_in_doubt(problem, found.sizes, seen))
+        if np.array_equal(moved["point"], found.values["point"], equal_nan=True):
+            break
+        other = settled_weights(problem, moved, watch)
+        if not _cost(problem, other, starts) < _cost(problem, found, starts):
+            break
+        found = other
+    return found
+
+
+def _cost(problem: Problem, found: Graduated, starts: Starts) -> float:
+    """What all observations cost where weights lead, and the way of the points there."""
+    count = _used(problem)
+    ways = starts.costs(found.values["point"], slice(None), count)
+    return cost_of_residuals(found.sizes, count) + float(np.sum(ways))
+
+
+def _count(masks: Sequence[BoolArray]) -> int:
+    return int(sum(np.count_nonzero(mask) for mask in masks))
+
+
+def _are_mostly_lost(problem: Problem, suspects: Suspects) -> bool:
+    """True where most suspects are such for what is lost with them: that alone may be what is far off."""
+    of_lost = tuple(np.zeros_like(mask) for mask in suspects.masks)
+    _add_rows(problem, of_lost, set(suspects.lost))
+    return 2 * sum(int(np.count_nonzero(mask)) for mask in of_lost) > suspects.count
+
+
+def _from_near(settings: Settings | None) -> Settings:
+    return Settings(min((settings or Settings()).max_iterations, _FROM_NEAR))
+
+
+def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | None) -> Attempt:
+    """All observations once more, all with their weights, from where directions in place of coordinates lead.
+
+    Where nothing is wrong but the start values, weights may lose a point for ever whose few rays were far off at first.
+    The plain adjustment where that does not converge to a place that fits either.
+    """
+    sphere = problem_on_the_sphere(plain.problem, plain.start)
+    if sphere is None:
+        return Attempt(plain)
+    there = adjust(sphere, plain.start, Settings(_FROM_FAR), watch)
+    if there.outcome is not Outcome.CONVERGED:
+        return Attempt(plain)
+    again = adjust(plain.problem, there.values, _from_near(settings), watch)
+    fits = again.outcome is Outcome.CONVERGED and not may_be_absurd(again)
+    return Attempt(again, note=BY_DIRECTIONS) if fits else Attempt(plain)
+
+
+def _are_few(plain: Adjustment, rest: Adjustment) -> bool:
+    """True where the rest keeps so much redundancy that it does not matter which of them would fit as well."""
+    return _freedom(rest) >= _MANY * (_freedom(plain) - _freedom(rest))
+
+
+def _same_place(one: Adjustment, other: Adjustment) -> bool:
+    """True where two adjustments of the same observations have come to the same minimum."""
+    objectives = one.normals.objective, other.normals.objective
+    return other.outcome is Outcome.CONVERGED and abs(objectives[0] - objectives[1]) <= _SAME * objectives[0]
+
+
+def _outvoted(problem: Problem, suspects: Suspects) -> bool:
+    """True where most observations of a group are suspects, or all that see a point of which something is given."""
+    used = [group.mask & ~group.left_out for group in problem.groups]
+    return _given_points_contradicted(problem, suspects, used) or any(
+        2 * np.count_nonzero(mask) > np.count_nonzero(own)
+        for mask, own in zip(suspects.masks, used, strict=True)
+    )
+
+
+def _given_points_contradicted(problem: Problem, suspects: Suspects, used: Sequence[BoolArray]) -> bool:
+    """True where a point that is held or observed itself is seen more than once, and every time by a suspect."""
+    given: BoolArray = np.asarray(~(problem.index.columns["point"] >= 0).all(axis=1))
+    seen, wrong = (np.zeros(len(given), dtype=np.int64) for _ in range(2))
+    for group, mask, own in zip(problem.groups, suspects.masks, used, strict=True):
+        itself = group.type.key.startswith(OF_THEMSELVES)
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind != "point":
+                continue
+            if itself:
+                given[blocks[own.any(axis=1)]] = True
+            else:
+                np.add.at(seen, blocks, own.any(axis=1))
+                np.add.at(wrong, blocks, (own & mask).any(axis=1))
+    return bool(np.any(given & (wrong == seen) & (seen > 1)))
+
+
+def _are_gross(plain: Adjustment, rest: Adjustment) -> bool:
+    """True where vᵀPv falls more without the suspects than without any other as many, by chance, whatever σ0 is.
+
+    With normal residuals the part of vᵀPv that is left with r' of r degrees of freedom is a Beta(r'/2, (r − r')/2);
+    its lower tail is told by its first term, and taken as often as there are choices of so many of all (Bonferroni).
+    """
+    before, after = _freedom(plain), _freedom(rest)
+    if after <= 0 or plain.normals.objective <= 0.0:
+        return False
+    count, gone = _used(plain.problem), max(before - after, 1)
+    a, b = 0.5 * after, 0.5 * gone
+    part = max(rest.normals.objective / plain.normals.objective, 1e-300)
+    choices = gammaln(count + 1) - gammaln(gone + 1) - gammaln(count - gone + 1)
+    return bool(a * np.log(part) - np.log(a) - betaln(a, b) + choices < np.log(_LEVEL))
+
+
+def _freedom(adjustment: Adjustment) -> int:
+    """Redundancy of what takes part."""
+    return _used(adjustment.problem) - adjustment.problem.index.count + adjustment.defect.dimension
+
+
+def _used(problem: Problem) -> int:
+    return sum(int(np.count_nonzero(group.mask & ~group.left_out)) for group in problem.groups)
+
+
+def left_out(problem: Problem, suspects: Suspects) -> Problem:
+    """The problem without the suspects; what was kept out before stays out, and lost blocks are held."""
+    kept_out = (group.left_out for group in problem.groups)
+    masks = [mask | out for mask, out in zip(suspects.masks, kept_out, strict=True)]
+    return replace(exclude(problem, masks), index=index_unknowns(held(problem.index.blocks, suspects.lost)))
+
+
+def with_suspects(rest: Problem, suspects: Suspects) -> tuple[Problem, tuple[BoolArray, ...]]:
+    """The problem of the rest with the suspects in it again, and which they are. Lost blocks stay out."""
+    plain = suspects.plain.problem
+    gone = tuple(np.zeros(group.observed.shape, dtype=bool) for group in plain.groups)
+    _add_rows(plain, gone, set(suspects.lost))
+    kept_out = [group.left_out | mask for group, mask in zip(plain.groups, gone, strict=True)]
+    masks = tuple(mask & ~out for mask, out in zip(suspects.masks, kept_out, strict=True))
+    return exclude(replace(rest, clusters=plain.clusters), kept_out), masks
+
+
+def held(blocks: Mapping[str, Blocks], lost: Sequence[tuple[str, str]]) -> dict[str, Blocks]:
+    """Blocks with the lost ones (kind, name) fixed."""
+    result = dict(blocks)
+    for kind in {kind for kind, _ in lost}:
+        gone = lost_blocks(blocks[kind], kind, lost)
+        result[kind] = blocks[kind]._replace(free=blocks[kind].free & ~gone[:, None])
+    return result
+
+
+def lost_blocks(blocks: Blocks, kind: str, lost: Sequence[tuple[str, str]]) -> BoolArray:
+    """(n,) which blocks of a kind are lost."""
+    names = {name for k, name in lost if k == kind}
+    return np.array([name in names for name in blocks.ids], dtype=bool)
+
+
+def _overall(adjustment: Adjustment) -> float:
+    sizes = tuple(map(np.abs, normalised_misclosures(adjustment.plan, adjustment.values)))
+    return robust_scales(adjustment.problem, sizes).overall
+
+
+def _enough_left(problem: Problem, suspects: Suspects) -> Suspects:
+    """The suspects, and with them whatever has fewer observations left than free components."""
+    while True:
+        short = {
+            (kind, problem.index.blocks[kind].ids[block])
+            for kind in _GIVEN_UP
+            if kind in problem.index.blocks
+            for block in _short(problem, suspects.masks, kind)
+        }
+        short.difference_update(suspects.lost)
+        if not short:
+            return suspects
+        suspects = _without(problem, suspects, short)
+
+
+def _short(problem: Problem, masks: Sequence[BoolArray], kind: str) -> list[int]:
+    """Blocks of a kind that had enough observations, and have no longer."""
+    columns = problem.index.columns[kind]
+    needed = np.count_nonzero(columns >= 0, axis=1)
+    before, left = (np.zeros(len(columns), dtype=np.int64) for _ in range(2))
+    for group, mask in zip(problem.groups, masks, strict=True):
+        had = group.mask & ~group.left_out
+        counts = np.count_nonzero(had, axis=1), np.count_nonzero(had & ~mask, axis=1)
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == kind:
+                np.add.at(before, blocks, counts[0])
+                np.add.at(left, blocks, counts[1])
+    return [int(block) for block in np.flatnonzero((left < needed) & (before > left))]
+
+
+def _without(problem: Problem, suspects: Suspects, blocks: set[tuple[str, str]]) -> Suspects:
+    """The suspects with all observations that refer to these blocks."""
+    masks = tuple(mask.copy() for mask in suspects.masks)
+    _add_rows(problem, masks, blocks)
+    return replace(suspects, masks=masks, lost=(*suspects.lost, *sorted(blocks)))
+
+
+def _add_rows(problem: Problem, masks: tuple[BoolArray, ...], blocks: set[tuple[str, str]]) -> None:
+    """Add all observations that refer to these blocks (kind, name) to the masks, in place."""
+    for kind in {kind for kind, _ in blocks}:
+        gone = lost_blocks(problem.index.blocks[kind], kind, sorted(blocks))
+        for group, mask in zip(problem.groups, masks, strict=True):
+            for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+                if slot.kind == kind:
+                    mask |= gone[numbers][:, None] & group.mask & ~group.left_out

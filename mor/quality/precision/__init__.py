@@ -1,1 +1,0 @@
-"""Cofactors and covariances of the unknowns."""

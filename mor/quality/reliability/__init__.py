@@ -1,1 +1,0 @@
-"""Redundancy numbers, smallest detectable errors, and what an undetected error does."""

@@ -1,0 +1,618 @@
+"""Explain singular normal equations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from mor.errors import Place
+from mor.model import rotations
+from mor.model.images import MOTION_SLOTS
+from mor.model.parameters import IMAGE_VELOCITY, KINDS, MOTIONS, READOUT, ROTATION_RATE, moves_by_angles
+from mor.model.rotations import angles_from_rotation
+from mor.project.entities import thing_of
+from mor.project.planned_network import image_poses
+from mor.project.trajectories import TRAJECTORY
+from mor.quality.determinability import Part, connected_parts
+from mor.quality.solution import Solved, weak_directions
+from mor.solve.datum import NOTHING_KNOWN, Undetermined, similarities, weak_turns
+from mor.solve.iterate import A_WEAK_TURN, Adjustment
+from mor.types import BoolArray, IntArray
+from mor.units import ANGLE_UNITS, LENGTH_UNITS
+
+# ------------------------------------------------------------
+# How sentences are said: an English text with places, and what stands there. A report says it in its language.
+# ------------------------------------------------------------
+
+
+class Say(Protocol):
+    """Says an English sentence with its values, in the language of the reader."""
+
+    def __call__(self, english: str, /, **values: object) -> str:
+        """The sentence."""
+        ...
+
+
+def english(text: str, /, **values: object) -> str:
+    """The sentence as it stands."""
+    return text.format(**{name: Place(value) for name, value in values.items()})
+
+
+def enumerated(names: Sequence[str], most: int, say: Say) -> str:
+    """The first names, and how many there are more."""
+    listed = ", ".join(names[:most])
+    return say("{names} and {count} more", names=listed, count=len(names) - most) if names[most:] else listed
+
+
+# ------------------------------------------------------------
+# One free movement of a network that is a rotation about some line: which line, and which points lie on it.
+# ------------------------------------------------------------
+
+_SMALL = 1e-5
+_SHOWN = 4
+
+
+def tilt(adjustment: Adjustment, say: Say = english) -> str | None:
+    """Words for the only free movement of a network, where it is a rotation about a line; ``None`` otherwise.
+
+    A movement t + ω × x with t ⊥ ω (and no change of scale) leaves the points of a line in direction ω at rest.
+    """
+    null = adjustment.defect.datum
+    columns = adjustment.problem.index.columns["point"]
+    free = columns >= 0
+    if null.shape[1] != 1 or not free.any():
+        return None
+    points = adjustment.values["point"]
+    centre = points[free.any(axis=1)].mean(axis=0)
+    generators = similarities(points, centre)
+    movement = rotations.lstsq(generators[free], null[columns[free], 0], rcond=1e-12)
+    t, turn, scale = movement[:3], movement[3:6], movement[6]
+    size = float(np.linalg.norm(turn))
+    extent = float(np.ptp(points, axis=0).max())
+    if size == 0.0 or abs(scale) > _SMALL * size or abs(t @ turn) > _SMALL * size**2 * extent:
+        return None
+    direction, through = turn / size, centre + np.cross(turn, t) / size**2
+    away = points - through
+    distance = np.linalg.norm(away - np.outer(away @ direction, direction), axis=1)
+    fixed = ~free.any(axis=1) & (distance < _SMALL * extent)
+    ids = adjustment.problem.index.blocks["point"].ids
+    names = [ids[i] for i in np.flatnonzero(fixed)]
+    if names:
+        return say(
+            "The network can tilt about the line through {names}.", names=enumerated(names, _SHOWN, say)
+        )
+    x, y, z = (say("{amount}", amount=f"{x:.3f}") for x in direction)
+    return say("The network can tilt about a line in the direction ({x}, {y}, {z}), X, Y, Z.", x=x, y=y, z=z)
+
+
+# ------------------------------------------------------------
+# Why an image, a station or a system is loose: it has no, one or two points, or a line; or φ is ±100 gon.
+# ------------------------------------------------------------
+
+_ON_LINE = 1e-6
+"""Spread of points beside a line, as part of that along it, below which they are on it."""
+_LOCKED = 1e-3
+"""cos φ from which down ω and κ are a thousand times less certain than the attitude: they are nearly the same turn."""
+
+
+def why_loose(solved: Solved, space: str, name: str, say: Say = english) -> list[str]:
+    """Lines for a frame (``image``, ``station``) that its points, or its angles, cannot hold; none where they could."""
+    things = solved.network.things[space]
+    if name not in things.numbers:
+        return []
+    rotation = things.part(name, "rotation")
+    return [*_too_few(solved, space, name, rotation, say), *_locked(solved, space, name, rotation, say)]
+
+
+def _locked(solved: Solved, space: str, name: str, rotation: int, say: Say) -> list[str]:
+    """Angles of which some are fixed, or tied to those of others, where two of them are the same turn."""
+    index = solved.adjustment.problem.index
+    _, phi, _ = angles_from_rotation(solved.adjustment.values["rotation"][rotation])
+    if np.cos(phi) > _LOCKED or not moves_by_angles(index.blocks["rotation"])[rotation]:
+        return []
+    return [
+        say(
+            "phi of {names} is ±100 gon: omega and kappa are the same turn there, so that no angle can be fixed, or "
+            "differ exactly from another one, by itself; turn the object system, or say the relative rotation of "
+            "images by a pair.",
+            names=f"{say(space)} {name}",
+        )
+    ]
+
+
+def _too_few(solved: Solved, space: str, name: str, rotation: int, say: Say) -> list[str]:
+    """Points that cannot hold a frame."""
+    points = _points_seen(solved, rotation)
+    names = [solved.network.blocks["point"].ids[p] for p in points]
+    frame = f"{say(space)} {name}"
+    if len(points) == 0:
+        return [say("{names} sees no point.", names=frame)]
+    if len(points) == 1:
+        return [
+            say(
+                "{names} sees one point only, {point}: it can turn about it and move around it.",
+                names=frame,
+                point=names[0],
+            )
+        ]
+    listed = enumerated(names, _SHOWN, say)
+    if len(points) == 2:
+        return [
+            say(
+                "{names} sees two points only, {place}: it can rotate about the line of its two points "
+                "(measure a third point that is not on this line).",
+                names=frame,
+                place=listed,
+            )
+        ]
+    spread = rotations.singular_values(
+        solved.adjustment.values["point"][points] - solved.adjustment.values["point"][points].mean(axis=0),
+    )
+    if spread[1] <= _ON_LINE * spread[0]:
+        return [
+            say(
+                "the points of {names} ({place}) lie on one line: it can rotate about this line "
+                "(measure a point beside it).",
+                names=frame,
+                place=listed,
+            )
+        ]
+    return []
+
+
+def held_by_an_angle(solved: Solved, say: Say = english) -> list[str]:
+    """A line for every system some of whose angles are fixed: these oppose a turn that its points may not know."""
+    systems = solved.network.things["system"]
+    columns = solved.adjustment.problem.index.columns
+    length = solved.network.project.units.length
+    lines = []
+    for name in systems.ids:
+        rotation = systems.part(name, "rotation")
+        fixed = columns["rotation"][rotation] < 0
+        points = _points_seen(solved, rotation)
+        if fixed.all() or not fixed.any() or len(points) < 2:
+            continue
+        across = _across_a_line(solved, points) / LENGTH_UNITS[length]
+        lines.append(
+            say(
+                "The fixed {components} of system {id} opposes it; the points of this system lie within "
+                "{across} {unit} of one line. Where they are meant to lie on it, describe it as features: "
+                "type: line, which needs no angle.",
+                components=", ".join(np.array(KINDS["rotation"].names)[fixed]),
+                id=name,
+                across=f"{across:.2g}",
+                unit=length,
+            )
+        )
+    return lines
+
+
+def _across_a_line(solved: Solved, points: IntArray) -> float:
+    """Largest distance of points from the line that fits them best."""
+    places = solved.adjustment.values["point"][points]
+    beside = places - places.mean(axis=0)
+    along = rotations.svd(beside)[2][0]
+    return float(np.linalg.norm(beside - np.outer(beside @ along, along), axis=1).max())
+
+
+def _points_seen(solved: Solved, rotation: int) -> IntArray:
+    """Point blocks that rays and directions of a frame with this rotation refer to."""
+    found = [np.zeros(0, dtype=np.int64)]
+    for group in solved.adjustment.problem.groups:
+        slots = list(zip(group.type.slots, group.blocks, strict=True))
+        here = [blocks for slot, blocks in slots if slot.kind == "rotation" and slot.part == "rotation"]
+        targets = [blocks for slot, blocks in slots if slot.kind == "point" and slot.of in ("point", "to")]
+        if here and targets:
+            found.append(targets[-1][here[0] == rotation])
+    return np.unique(np.concatenate(found))
+
+
+# ------------------------------------------------------------
+# Readout times that nothing tells: of images that do not move, and of motions that nobody knows.
+# ------------------------------------------------------------
+
+OF_READOUT = frozenset(slot.kind for slot in MOTION_SLOTS)
+"""Kinds of blocks that act by their products only."""
+
+
+def readout_sentences(solved: Solved, say: Say = english) -> list[str]:
+    """One line for every camera whose free readout time no image can tell; both reasons follow from the model."""
+    cameras, images = solved.network.things["camera"], solved.network.things["image"]
+    lines = []
+    for number, name in enumerate(cameras.ids):
+        block = int(cameras.parts[READOUT.key][number])
+        if block < 0 or not _untold(solved, READOUT.key, np.array([block])).all():
+            continue
+        mine = np.asarray(images.parts[READOUT.key] == block)
+        flown = mine & (images.parts[TRAJECTORY] >= 0)
+        if flown.any() and _any_moves(solved, flown):
+            continue
+        motions = {
+            kind: np.unique(images.parts[kind][mine & ~flown])
+            for kind in (IMAGE_VELOCITY.key, ROTATION_RATE.key)
+        }
+        if flown.any() and (flown == mine).all():
+            lines.append(
+                say(
+                    "Camera {id}: the trajectories of its images stand still at their times, so its readout time has "
+                    "no effect. Fix the readout time.",
+                    id=name,
+                )
+            )
+        elif all(not solved.adjustment.start[kind][own].any() for kind, own in motions.items()):
+            lines.append(
+                say(
+                    "Camera {id}: none of its images moves, so its readout time has no effect. Give the images their "
+                    "velocity or rate of rotation, or fix the readout time.",
+                    id=name,
+                )
+            )
+        elif all(_scales(solved, kind, own) for kind, own in motions.items()):
+            lines.append(
+                say(
+                    "Camera {id}: its readout time and the motions of its images act by their product alone. Fix or "
+                    "observe the readout time, or a velocity or rate of rotation.",
+                    id=name,
+                )
+            )
+    return lines
+
+
+def _any_moves(solved: Solved, flown: BoolArray) -> bool:
+    """True where the trajectory of one of the images ``flown`` (n,) moves or turns at its time."""
+    return any(
+        own.pose.velocity[flown[own.images]].any() or own.pose.rate[flown[own.images]].any()
+        for own in image_poses(solved.network, solved.adjustment.start)
+    )
+
+
+def _scales(solved: Solved, kind: str, own: IntArray) -> bool:
+    """True where all components that are not 0 are unknowns that nothing but images tells."""
+    return bool((_untold(solved, kind, own) | (solved.adjustment.start[kind][own] == 0.0)).all())
+
+
+def _untold(solved: Solved, kind: str, own: IntArray) -> BoolArray:
+    """(n, k) unknowns of blocks (n,) that no observation names but image coordinates."""
+    untold = solved.network.blocks[kind].free.copy()
+    for group in solved.adjustment.problem.groups:
+        if group.type.key in (f"observed/{kind}", f"difference/{kind}"):
+            for numbers in group.blocks:
+                untold[numbers] &= ~group.mask
+    chosen: BoolArray = untold[own]
+    return chosen
+
+
+# ------------------------------------------------------------
+# Singularities in words: which unknowns, which movement, what observation would cure it.
+# ------------------------------------------------------------
+
+_CURES = {
+    "point": "observe it from a second place, or fix or observe its coordinates",
+    "rotation": "observe more points in it, or fix or observe its angles",
+    "interior": "fix or observe the component, or measure rolled images and points in depth",
+    "distance meter": "fix the component, or measure distances of different length between known points",
+    "refraction": "fix the coefficient, or measure vertical angles over different distances",
+    "gnss frame": "fix the component, or hold as many points as the frame has free components; vectors have no shift",
+    "height": "fix or measure the height",
+    "scale": "fix the scale, or give the system points of known distance",
+    "eccentricity": "fix the component, or turn the frame about its rotation centre",
+    "base": "fix the base, or measure a distance",
+    "velocity": "observe the point in a second epoch, hold points that do not move, or fix or observe the velocity",
+    "sine": "observe the point at other times of the year, or fix or observe the oscillation",
+    "cosine": "observe the point at other times of the year, or fix or observe the oscillation",
+    "readout": "fix or observe the readout time, or the motion of an image: points tell only their product",
+    "image velocity": "fix or observe the velocity, or the readout time if that is unknown too",
+    "position shift": "fix or observe the component, or points that the images see: a strip is shifted as a whole",
+    "attitude shift": "fix or observe the component or the boresight: both turn the attitudes of a strip alike",
+    "time offset": "fix or observe the time offset: it shows only where the motion changes",
+    "rotation rate": "fix or observe the rate of rotation, or the readout time if that is unknown too",
+}
+_KNOT = (
+    "observe the trajectory near it (trajectory_position, trajectory_attitude), give the trajectory a constancy or "
+    "smoothness, or lay its knots further apart"
+)
+_STILL = 1e-6
+"""Part of a movement of unit length below which nothing moves."""
+_WELL_KNOWN = 0.01 * NOTHING_KNOWN
+"""σ (rad) of a turn below which only the weights of the others make it weak: it keeps no iteration from its end."""
+_ALONG_AXIS = 0.999
+"""Component of a unit vector from which on it is called after its axis."""
+_SINGULARITIES_SHOWN = 6
+"""Names told of one part or direction."""
+
+
+def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
+    """One line or more for everything that the observations and the datum leave open."""
+    adjustment = solved.adjustment
+    if adjustment.defect.undetermined:
+        parts = connected_parts(solved.network, adjustment.problem.groups)
+        tied = [part for part in parts if part.size > 1]
+        return [
+            *readout_sentences(solved, say),
+            *(
+                say(
+                    "No observation refers to {names}; observe it, or leave it out.", names=_things(part, say)
+                )
+                for part in parts
+                if part.size == 1
+            ),
+            *(_separated(tied, say) if len(tied) > 1 else []),
+            *_loose(solved, parts, len(tied) > 1, say),
+        ]
+    if adjustment.reason == A_WEAK_TURN:
+        return turned_about(solved, say)
+    if not adjustment.problem.datum.free:
+        return _open_datum(solved, say)
+    return [
+        _unsettled(solved, say),
+        say("Let more points, or more of their components, carry the datum."),
+    ]
+
+
+def _unsettled(solved: Solved, say: Say) -> str:
+    """That the datum coordinates do not settle all movements, and whether they are too few for that."""
+    problem, movements = solved.adjustment.problem, _movements(solved, say)
+    free = problem.index.columns["point"] >= 0
+    count = int(np.count_nonzero(problem.datum.mask["point"] & free))
+    needed = len(solved.adjustment.defect.movements)
+    if count < needed:
+        return say(
+            "The datum has {count:free coordinate|free coordinates}, and the network has "
+            "{needed:free movement|free movements}: {movements}.",
+            count=count,
+            needed=needed,
+            movements=movements,
+        )
+    return say(
+        "The chosen datum coordinates do not settle all of these movements: {movements}.", movements=movements
+    )
+
+
+def _movements(solved: Solved, say: Say) -> str:
+    return ", ".join(say(name) for name in solved.adjustment.defect.movements)
+
+
+def turned_about(solved: Solved, say: Say = english) -> list[str]:
+    """Turns of the whole network that are hardly determined, where there is no solution."""
+    adjustment = solved.adjustment
+    turns = [
+        turn
+        for turn in weak_turns(adjustment.inverse.weak, adjustment.problem, adjustment.values)
+        if turn.sigma > _WELL_KNOWN
+    ]
+    angle = "deg" if solved.network.project.units.angle == "dms" else solved.network.project.units.angle
+    unit = ANGLE_UNITS[angle]
+    lines = []
+    for turn in turns:
+        along = int(np.argmax(np.abs(turn.axis)))
+        line = "(" + ", ".join(f"{x:.3f}" for x in turn.axis) + ")"
+        lines.append(
+            say(
+                "The turn of the whole network about {axis} is hardly determined: its standard deviation is "
+                "{sigma} {angle} (of an angle that nobody has observed it is {nothing} {angle}).",
+                axis="XYZ"[along] if abs(turn.axis[along]) > _ALONG_AXIS else line,
+                sigma=f"{turn.sigma / unit:.3g}",
+                nothing=f"{NOTHING_KNOWN / unit:.3g}",
+                angle=angle,
+            )
+        )
+    lines += held_by_an_angle(solved, say) if lines else []
+    if not _tilts_as_angles(solved):
+        advice = say("Observe a bearing or a direction beside this axis, or fix a second point.")
+        return [*lines, advice] if lines else []
+    advice = say(
+        "Tilts observed as angles omega, phi tell it by their small size only. Observe them as level, then the turn "
+        "is free and the datum settles it; or observe a bearing, or fix a second point."
+    )
+    return [*lines, advice] if lines else []
+
+
+def _tilts_as_angles(solved: Solved) -> bool:
+    """True where ω or φ of something is observed."""
+    return any(
+        group.type.key == "observed/rotation" and bool(group.mask[:, :2].any())
+        for group in solved.adjustment.problem.groups
+    )
+
+
+def _open_datum(solved: Solved, say: Say) -> list[str]:
+    count = solved.adjustment.defect.datum.shape[1]
+    movements = _movements(solved, say)
+    lines = [
+        say(
+            "The observations leave {count:movement|movements} of the whole network open: {movements}.",
+            count=count,
+            movements=movements,
+        )
+    ]
+    if any("combination" in name for name in solved.adjustment.defect.movements):
+        lines.append(say("What moves is {names}.", names=_moved(solved, say)))
+    about = tilt(solved.adjustment, say)
+    lines += [about] if about else []
+    return [
+        *lines,
+        say(
+            "Fix or observe coordinates (control points, a scale bar), or write datum: free for a free network."
+        ),
+    ]
+
+
+def _moved(solved: Solved, say: Say) -> str:
+    """Names of the blocks that the open movements move."""
+    index = solved.adjustment.problem.index
+    moved = np.flatnonzero(np.abs(solved.adjustment.defect.datum).max(axis=1) > _STILL)
+    blocks = dict.fromkeys(index.label(int(column))[:2] for column in moved)
+    return enumerated([_name(*block, say) for block in blocks], _SINGULARITIES_SHOWN, say)
+
+
+def _separated(parts: list[Part], say: Say) -> list[str]:
+    return [
+        say("The network falls into {count} parts that no observation connects:", count=len(parts)),
+        *(
+            say("  part {number}: {names}", number=number, names=_things(part, say))
+            for number, part in enumerate(parts, start=1)
+        ),
+        say(
+            "To cure it: observe points of one part from the other, or points that both have in common, "
+            "or adjust the parts one by one."
+        ),
+    ]
+
+
+def _things(part: Part, say: Say) -> str:
+    return "; ".join(
+        f"{say(space if len(names) == 1 else space + 's')} {enumerated(names, _SINGULARITIES_SHOWN, say)}"
+        for space, names in part.names.items()
+    )
+
+
+def _loose(solved: Solved, parts: tuple[Part, ...], separated: bool, say: Say) -> list[str]:
+    """Directions inside the network, those of one block together; none that its falling apart explains already."""
+    alone = {
+        (space, name)
+        for part in parts
+        if part.size == 1
+        for space, names in part.names.items()
+        for name in names
+    }
+    single: dict[tuple[str, str], list[Undetermined]] = {}
+    lines = []
+    for direction in _unexplained(solved):
+        blocks = list(dict.fromkeys((kind, block) for kind, block, _ in direction.unknowns))
+        if len(blocks) == 1:
+            single.setdefault(blocks[0], []).append(direction)
+        elif not separated:
+            lines += _together(direction, blocks, say)
+    told = [
+        say("No observation refers to {names}; observe it, or leave it out.", names=_name(kind, block, say))
+        if _is_idle(solved, kind, block)
+        else _one_block(kind, block, directions, say)
+        for (kind, block), directions in single.items()
+        if thing_of(kind, block) not in alone
+    ]
+    return [*told, *lines, *_geometry(solved, alone, say)]
+
+
+def _is_idle(solved: Solved, kind: str, block: str) -> bool:
+    """True where no observation depends on a block, or on one that has a component of it; knots hang on others."""
+    blocks = solved.network.blocks[kind]
+    number = blocks.ids.index(block)
+    return thing_of(kind, block)[0] != "knot" and not any(
+        bool((blocks.owner[numbers] == number).any())
+        for group in solved.adjustment.problem.groups
+        for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
+        if slot.kind == kind
+    )
+
+
+def _unexplained(solved: Solved) -> list[Undetermined]:
+    """Directions inside the network that no sentence about a readout time explains already."""
+    told = OF_READOUT if readout_sentences(solved) else frozenset[str]()
+    return [
+        direction
+        for direction in solved.adjustment.defect.undetermined
+        if not {kind for kind, _, _ in direction.unknowns} <= told
+    ]
+
+
+def _geometry(solved: Solved, alone: set[tuple[str, str]], say: Say) -> list[str]:
+    """Images and stations among what is loose that see too few points, or all on one line."""
+    frames = dict.fromkeys(
+        thing_of(kind, block) for direction in _unexplained(solved) for kind, block, _ in direction.unknowns
+    )
+    return [
+        line
+        for space, name in frames
+        if space in ("image", "station") and (space, name) not in alone
+        for line in why_loose(solved, space, name, say)
+    ]
+
+
+def weakness(solved: Solved, say: Say = english) -> list[str]:
+    """One line for every direction that is determined, but hardly."""
+    if solved.quality is None:
+        return []
+    units = solved.network.project.units
+    image = next((scale.unit for scale in solved.network.scales.values()), "mm")
+    lines = []
+    for direction in weak_directions(solved.quality):
+        parts = []
+        for (kind, block, component), sigma in zip(direction.unknowns, direction.sigmas, strict=True):
+            quantity = KINDS[kind].components[KINDS[kind].names.index(component)].quantity
+            angle = "deg" if units.angle == "dms" else units.angle
+            factor = ANGLE_UNITS[angle] if quantity.angle == 1 else 1.0
+            parts.append(
+                say(
+                    "{component} of {names} by {amount} {unit}",
+                    component=component,
+                    names=_name(kind, block, say),
+                    amount=f"{sigma / factor:.3g}",
+                    unit=quantity.unit(units.length, angle, image),
+                )
+            )
+        lines.append(
+            say(
+                "These move together, within one standard deviation: {parts}. It would help to {cure}.",
+                parts=", ".join(parts),
+                cure=_cure(*direction.unknowns[0][:2], say),
+            )
+        )
+    return lines
+
+
+def _one_block(kind: str, block: str, directions: list[Undetermined], say: Say) -> str:
+    cure = _cure(kind, block, say)
+    if len(directions) == 1 and len(directions[0].unknowns) > 1:
+        return say(
+            "{names} is not determined in one direction ({components} = {ratios}); {cure}.",
+            names=_name(kind, block, say),
+            components=" : ".join(component for _, _, component in directions[0].unknowns),
+            ratios=" : ".join(say("{amount}", amount=f"{x:.3g}") for x in directions[0].amounts),
+            cure=cure,
+        )
+    return say(
+        "{names} is not determined along {components}; {cure}.",
+        names=_name(kind, block, say),
+        components=", ".join(sorted({component for d in directions for _, _, component in d.unknowns})),
+        cure=cure,
+    )
+
+
+def _together(direction: Undetermined, blocks: list[tuple[str, str]], say: Say) -> list[str]:
+    named = [f"{_name(kind, block, say)} ({_components(direction, kind, block)})" for kind, block in blocks]
+    firsts: dict[str, str] = {}
+    for kind, block in blocks:
+        firsts.setdefault(kind, block)
+    cures = "; ".join(
+        f"{_name(kind, block, say)}: {_cure(kind, block, say)}" for kind, block in firsts.items()
+    )
+    names = enumerated(named, _SINGULARITIES_SHOWN, say)
+    return [
+        say("These cannot be separated from each other: {names}.", names=names),
+        say("To cure it, one of: {cures}.", cures=cures),
+    ]
+
+
+def _components(direction: Undetermined, kind: str, block: str) -> str:
+    return ", ".join(c for k, b, c in direction.unknowns if (k, b) == (kind, block))
+
+
+def _name(kind: str, block: str, say: Say) -> str:
+    space, name = thing_of(kind, block)
+    if KINDS[kind] in MOTIONS:
+        return say("the {part} of {names}", part=say(kind), names=f"{say('point')} {name}")
+    thing = f"{say(space)} {name}"
+    if kind.startswith("interior/"):
+        if space == "image":
+            return say("the interior orientation of {names}", names=thing)
+        return say("the interior orientation of camera {id}", id=block)
+    if (space, name) != (kind, block):
+        part = say("position" if kind == "point" else kind)
+        return say("the {part} of {names}", part=part, names=thing)
+    return thing
+
+
+def _cure(kind: str, block: str, say: Say) -> str:
+    return say(_KNOT if thing_of(kind, block)[0] == "knot" else _CURES[kind.split("/")[0]])

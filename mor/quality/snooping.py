@@ -1,0 +1,715 @@
+"""Data snooping after Baarda."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
+from dataclasses import replace
+from typing import Generic, NamedTuple, Protocol, Self, TypeVar
+
+import numpy as np
+
+from mor.model.observation_types import ObservationGroup, is_image_point
+from mor.model.parameters import Values
+from mor.quality.assessment import Levels, Quality, assess, is_complete
+from mor.quality.outliers import (
+    SUSPECT,
+    Suspects,
+    cost_of_residuals,
+    reintersected,
+    sizes_of,
+    slots_of_ends,
+    with_suspects,
+)
+from mor.quality.robust_estimation import exclude
+from mor.quality.test_statistics import ObservationQuality, comparable, critical_value, sidak
+from mor.solve.iterate import Adjustment, Iteration, Settings, adjust
+from mor.solve.problem import Problem
+from mor.types import BoolArray, FloatArray, IntArray
+
+# ------------------------------------------------------------
+# Which observations data snooping takes out in a round: the worst, and others that are not flagged for its error.
+#
+# A network may be at hand in parts: each tells what it has that may be the worst, the choice is made among
+# all of these.
+# ------------------------------------------------------------
+
+_BESIDE_THE_WORST = 0.5
+"""Part of the largest |w| from which on others are taken out in the same round, if that error shows by less in them."""
+_OF_ITS_ROWS = 10
+"""One of so many rows of a frame or a point may go in a round beside others of it, so that the rest outvotes them."""
+LOCAL = ("point", "rotation", "base")
+"""Kinds of blocks by which the error of one observation shows in another one."""
+
+Block = tuple[str, str]
+"""Kind and name."""
+
+
+class Entry(NamedTuple):
+    """One component of an observation row."""
+
+    group: int
+    row: int
+    component: int
+    part: int = 0
+    """Of the network, where it is in parts: groups and rows are numbered in each of them."""
+
+
+class Tested(NamedTuple):
+    """An entry and its test value."""
+
+    entry: Entry
+    test: float
+
+
+class Slot(NamedTuple):
+    """Points, or frames, of some rows of a group."""
+
+    kind: str
+    names: tuple[str, ...]
+    """(k,)"""
+    rows: IntArray
+    """(k,) how many rows each of them has; −1 where it is not free."""
+
+
+class FlaggedRows(NamedTuple):
+    """Rows of a group in which something is flagged, and what the choice among them asks for."""
+
+    group: int
+    rows: IntArray
+    """(k,)"""
+    tests: FloatArray
+    """(k, m)"""
+    flags: BoolArray
+    """(k, m)"""
+    active: BoolArray
+    """(k, m) what takes part."""
+    together: BoolArray
+    """(k,) image points all components of which are controlled for themselves."""
+    absorbed: FloatArray
+    """(k,) the largest (1 − r)/r of a row's components; infinite for correlated ones."""
+    slots: tuple[Slot, ...]
+
+
+class Candidate(NamedTuple):
+    """A row that may go in this round."""
+
+    size: float
+    """The largest |w| of it."""
+    place: tuple[int, int, int]
+    """Order among equal ones: of the group, of the part, of the row."""
+    blocks: Mapping[Block, int]
+    """Its free points and frames, with the number of rows that these have in this part."""
+    absorbed: float
+    tested: tuple[Tested, ...]
+    """What goes with it: all components of an image point that are controlled for themselves, or the worst one."""
+
+
+def flagged_rows(quality: Quality) -> list[FlaggedRows]:
+    """The rows of each group in which something is flagged."""
+    problem, found = quality.adjustment.problem, []
+    counts = rows_of_blocks(problem)
+    for number, (group, flags) in enumerate(zip(problem.groups, quality.flagged, strict=True)):
+        rows = np.flatnonzero(flags.any(axis=1))
+        if not len(rows):
+            continue
+        active: BoolArray = group.mask[rows] & ~group.left_out[rows]
+        one = quality.groups[number].at(rows)
+        free = np.where(active, one.freedom, -np.inf).max(axis=1)
+        together = is_image_point(group.type) & (free >= np.count_nonzero(active, axis=1))
+        slots = tuple(
+            _slot(problem, slot.kind, blocks[rows], counts[slot.kind])
+            for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+            if slot.kind in LOCAL
+        )
+        tests = quality.reliability[number].at(rows).test
+        absorbed = _absorbed_of_controlled(one)
+        found.append(FlaggedRows(number, rows, tests, flags[rows], active, together, absorbed, slots))
+    return found
+
+
+def rows_of_blocks(problem: Problem) -> dict[str, IntArray]:
+    """How many rows that take part each point and frame has, by kind."""
+    counts = {
+        kind: np.zeros(len(columns), dtype=np.int64)
+        for kind, columns in problem.index.columns.items()
+        if kind in LOCAL
+    }
+    for group in problem.groups:
+        taking_part = (group.mask & ~group.left_out).any(axis=1)
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind in counts:
+                counts[slot.kind] += np.bincount(blocks[taking_part], minlength=len(counts[slot.kind]))
+    return counts
+
+
+def candidates(
+    flagged: Sequence[FlaggedRows],
+    cannot: Collection[Entry],
+    places: Sequence[int] | None = None,
+    part: int = 0,
+) -> list[Candidate]:
+    """What may go in a round, entries in ``cannot`` apart: nothing else has half of the largest |w| there is.
+
+    ``places``: where each group stands among those of the whole network, of which this is a part.
+    """
+    sizes = [comparable(np.where(_may_go(one, cannot, part), np.abs(one.tests), 0.0)) for one in flagged]
+    least = max(
+        _BESIDE_THE_WORST * max((float(size.max()) for size in sizes), default=0.0), np.nextafter(0.0, 1.0)
+    )
+    return [
+        Candidate(
+            float(size[k].max()),
+            (places[one.group] if places is not None else one.group, part, int(one.rows[k])),
+            {(slot.kind, slot.names[k]): int(slot.rows[k]) for slot in one.slots if slot.rows[k] >= 0},
+            float(one.absorbed[k]),
+            _going(one, int(k), size[k], part),
+        )
+        for one, size in zip(flagged, sizes, strict=True)
+        for k in np.flatnonzero(size.max(axis=1) >= least)
+    ]
+
+
+def worst_first(all_candidates: Iterable[Candidate], shared: Mapping[Block, int]) -> list[Tested]:
+    """The worst of the candidates, and others nearly as bad that are not so for its error, nor for each other's.
+
+    ``shared``: points and frames that several parts have, with the number of rows of all parts.
+    """
+    ordered = sorted(all_candidates, key=lambda one: (-one.size, *one.place))
+    used: dict[Block, float] = {}
+    room: dict[Block, int] = {}
+    chosen: list[Tested] = []
+    for one in ordered:
+        if one.size < _BESIDE_THE_WORST * ordered[0].size:
+            break
+        met = one.blocks.keys() & used.keys()
+        if not met or (
+            one.absorbed * max(used[block] for block in met) <= _BESIDE_THE_WORST**2
+            and min(room[block] for block in met) > 0
+        ):
+            for block, rows in one.blocks.items():
+                used[block] = max(one.absorbed, used.get(block, 0.0))
+                room[block] = room.get(block, shared.get(block, rows) // _OF_ITS_ROWS) - 1
+            chosen += one.tested
+    return chosen
+
+
+def _may_go(one: FlaggedRows, cannot: Collection[Entry], part: int) -> BoolArray:
+    flags = one.flags.copy()
+    for entry in cannot:
+        if (entry.part, entry.group) == (part, one.group):
+            flags[one.rows == entry.row, entry.component] = False
+    return flags
+
+
+def _going(one: FlaggedRows, k: int, sizes: FloatArray, part: int) -> tuple[Tested, ...]:
+    """The worst component of a row; all components of a ray, where each is controlled for itself."""
+    components = np.flatnonzero(one.active[k]) if one.together[k] else [int(np.argmax(sizes))]
+    return tuple(
+        Tested(Entry(one.group, int(one.rows[k]), int(c), part), float(one.tests[k, c])) for c in components
+    )
+
+
+def _slot(problem: Problem, kind: str, blocks: IntArray, counts: IntArray) -> Slot:
+    free = (problem.index.columns[kind][blocks] >= 0).any(axis=1)
+    ids = problem.index.blocks[kind].ids
+    return Slot(kind, tuple(ids[block] for block in blocks.tolist()), np.where(free, counts[blocks], -1))
+
+
+def _absorbed_of_controlled(one: ObservationQuality) -> FloatArray:
+    """(n,) the largest (1 − r)/r of a row's components; infinite for correlated ones.
+
+    An error shows in another observation by the correlation ρ of their residuals, wᵢ = ρᵢⱼ wⱼ, and as that of adjusted
+    observations is 1 at most, ρ² ≤ (1 − rᵢ)/rᵢ · (1 − rⱼ)/rⱼ.
+    """
+    r = np.nan_to_num(one.r, nan=1.0)
+    found: FloatArray = np.max((1.0 - r) / np.maximum(r, np.finfo(float).tiny), axis=1, initial=0.0)
+    if one.correlated is not None:
+        found[one.correlated.rows] = np.inf
+    return found
+
+
+# ------------------------------------------------------------
+# Points at which snooping may have believed the wrong observations, intersected anew once nothing else is to be done.
+#
+# Observations go out one after the other, the worst at that moment: of a point with two wrong rays good ones may go
+# first, and what is left agrees because it can hardly do otherwise. No test of what is out against the rest can tell
+# then. All observations of such points can: where most of them have it, others are out, and less is left to explain.
+# ------------------------------------------------------------
+
+BEYOND_CHANCE = 2.0 * float(np.log(1000.0))
+"""What another place must cost less, that chance does not put it first at the level 0.001."""
+
+Masks = tuple[BoolArray, ...]
+"""(n, m) of each group."""
+
+
+class Elsewhere(NamedTuple):
+    """Values with some points at other places, and what is out there."""
+
+    values: Values
+    out: Masks
+
+
+def other_places(problem: Problem, values: Values, out: Masks) -> Elsewhere | None:
+    """Where points are whose observations all together put them elsewhere than the rest without ``out`` does.
+
+    ``problem``: with nothing out that may come back. Nothing where nothing is out, or no point is elsewhere.
+    """
+    kept_out = tuple(group.left_out for group in problem.groups)
+    if "point" not in problem.index.blocks or not any(
+        (mask & ~kept).any() for mask, kept in zip(out, kept_out, strict=True)
+    ):
+        return None
+    moved = reintersected(problem, values, sizes_of(problem.groups, values), gain=BEYOND_CHANCE)
+    return out_elsewhere(problem, values, moved, out)
+
+
+def out_elsewhere(problem: Problem, values: Values, moved: Values, out: Masks) -> Elsewhere | None:
+    """What is out where points have moved: of these all that is suspect there, of the others what was out."""
+    points: BoolArray = np.asarray((moved["point"] != values["point"]).any(axis=1))
+    if not points.any():
+        return None
+    sizes = sizes_of(problem.groups, moved)
+    masks = tuple(mask.copy() for mask in out)
+    for group, size, mask in zip(problem.groups, sizes, masks, strict=True):
+        rows = _of(group, points)
+        suspect = (size > SUSPECT).any(axis=1, keepdims=True)
+        mask[rows] = (group.left_out | (group.mask & suspect))[rows]
+    return Elsewhere(moved, masks)
+
+
+def cost_at(problem: Problem, values: Values) -> float:
+    """What all observations cost at some values, those that are out at what it takes to say so."""
+    return cost_of_residuals(sizes_of(problem.groups, values), problem.observations)
+
+
+def _of(group: ObservationGroup, points: BoolArray) -> BoolArray:
+    """(n,) rows that see one of some points (k,)."""
+    seen = np.zeros(group.count, dtype=bool)
+    for slot in slots_of_ends(group):
+        seen |= points[group.blocks[slot]]
+    return seen
+
+
+# ------------------------------------------------------------
+# Data snooping (W. Baarda): the worst observation is taken out, the rest adjusted again, until the rest is clean.
+#
+# Several are taken out at once where none of them may be flagged for another one's error alone: where they
+# share neither a point nor a frame, or are so well controlled that it shows but little in each other's
+# residual. After every adjustment what was taken out is tested against the rest (its residual has the
+# variance σ² + aᵀQa), and put back where it fits. What goes out a second time stays out until nothing else is
+# to be done; then it is tested once more, for its neighbours may have gone since, and what still does not
+# bear the company of the rest stays out for good. Points at which it may have been the wrong ones are looked
+# at in the end (:mod:`mor.quality.snooping`). The two coordinates of a ray are one pointing and go together,
+# as long as both are controlled.
+#
+# A network may be at hand in parts (:class:`Tried`): the rounds are the same.
+# ------------------------------------------------------------
+
+_MOST_ROUNDS = 100
+"""Rounds after which snooping ends, clean or not; a round takes out every error that does not hide another one."""
+_MOST_OUT = 0.5
+"""Part of the redundancy beyond which no more is taken out: then what is out outvotes what controls it."""
+
+Watcher = Callable[[Iteration], None]
+Out = frozenset[Entry]
+"""What is taken out."""
+
+
+class Snooped(NamedTuple):
+    """One observation that was taken out or put back, and its test value at that moment."""
+
+    round: int
+    group: int
+    row: int
+    component: int
+    test: float
+    taken_out: bool
+    part: int = 0
+    """Of the network, where it is in parts."""
+
+
+class Snooping(NamedTuple):
+    """Outcome of data snooping."""
+
+    sigma0_before: float
+    """σ0 of the adjustment of all observations."""
+    kept_out: Masks
+    """What took no part even then."""
+    quality: Quality
+    """Quality of the adjustment without the excluded ones."""
+    steps: tuple[Snooped, ...]
+    clean: bool
+    """False where something flagged could not be taken out."""
+
+    def after(self, earlier: Snooping) -> Snooping:
+        """Both together, this one being the later."""
+        return earlier._replace(quality=self.quality, steps=(*earlier.steps, *self.steps), clean=self.clean)
+
+
+class Excluded(NamedTuple):
+    """An entry that was taken out, against the rest."""
+
+    entry: Entry
+    test: float
+    fits: bool
+    """True where its row may come back: every entry of it that is out fits the rest."""
+
+
+class Tried(Protocol):
+    """An assessed adjustment without what is out; of a network as a whole, or of one in parts."""
+
+    @property
+    def redundancy(self) -> int:
+        """n − u + d."""
+
+    @property
+    def excluded(self) -> tuple[Excluded, ...]:
+        """What is out, in order."""
+
+    def worst(self, cannot: Collection[Entry]) -> list[Tested]:
+        """What goes in a round, the worst first, entries in ``cannot`` apart; nothing where nothing is flagged."""
+
+    def without(self, out: Out) -> Self | None:
+        """The same without other entries, or nothing where that is no solution.
+
+        Nor where unknowns hang on what is out: with its vanishing weight it determines them, and Σ r tells.
+        """
+
+    def elsewhere(self, out: Out) -> tuple[Self, Out] | None:
+        """The same with points where all their observations put them, and what is out there, if they are elsewhere."""
+
+
+T = TypeVar("T", bound=Tried)
+
+
+class Ended(NamedTuple, Generic[T]):
+    """How the rounds of data snooping ended."""
+
+    tried: T
+    steps: tuple[Snooped, ...]
+    clean: bool
+
+
+def snoop(
+    problem: Problem,
+    quality: Quality,
+    levels: Levels,
+    aposteriori: bool,
+    excluded: Masks | None = None,
+    watch: Watcher | None = None,
+) -> Snooping:
+    """Snoop through a problem from an assessed adjustment of it; ``excluded`` (n, m) is out to begin with."""
+    first = _Whole(problem, levels, aposteriori, watch, quality)
+    begun, out = None, Out()
+    if excluded is not None:
+        out = entries_of(
+            tuple(mask & ~group.left_out for group, mask in zip(problem.groups, excluded, strict=True))
+        )
+        begun = first.without(out)
+    tried, out = (begun, out) if begun is not None else (first, Out())
+    ended = snooping_rounds(tried, out, first.redundancy)
+    kept_out = tuple(group.left_out for group in problem.groups)
+    return Snooping(quality.sigma0, kept_out, ended.tried.quality, ended.steps, ended.clean)
+
+
+def snooping_rounds(tried: T, out: Out, redundancy: int) -> Ended[T]:
+    """Take out and put back until nothing else is to be done, in at most 100 rounds.
+
+    ``redundancy`` is that of all observations.
+    """
+    steps: list[Snooped] = []
+    stays_out, for_good, cannot = set[Entry](), set[Entry](), set[Entry]()
+    clean = False
+    for number in range(1, _MOST_ROUNDS + 1):
+        chosen = tried.worst(cannot)
+        fitting = _fitting(tried, stays_out)
+        if not chosen and not fitting:
+            fitting = _fitting(tried, for_good)
+            for_good.update(one.entry for one in fitting)
+        if not chosen and not fitting:
+            elsewhere = tried.elsewhere(out)
+            if elsewhere is not None:
+                there, others = elsewhere
+                steps += _steps(number, _tested(tried, out - others), out)
+                steps += _steps(number, _tested(there, others - out), out)
+                tried, out = there, others
+                continue
+            clean = not cannot
+            break
+        if len(out) > _MOST_OUT * redundancy:
+            break  # it is not single errors that do not fit
+        for change in ([*chosen, *fitting], chosen[:1] or fitting[:1]):
+            wanted = out ^ {one.entry for one in change}
+            found = tried.without(wanted)
+            if found is not None:
+                steps += _steps(number, change, out)
+                stays_out |= out - wanted
+                tried, out = found, wanted
+                break
+        else:
+            (cannot if chosen else stays_out).add((chosen or fitting)[0].entry)
+            for_good.update(one.entry for one in ([] if chosen else fitting[:1]))
+    return Ended(tried, tuple(steps), clean)
+
+
+def _fitting(tried: Tried, stays_out: Set[Entry]) -> list[Tested]:
+    """Excluded entries that may come back."""
+    return [Tested(one.entry, one.test) for one in tried.excluded if one.fits and one.entry not in stays_out]
+
+
+def _tested(tried: Tried, entries: Set[Entry]) -> list[Tested]:
+    return [Tested(one.entry, one.test) for one in tried.excluded if one.entry in entries]
+
+
+def _steps(number: int, changed: list[Tested], out: Out) -> list[Snooped]:
+    return [
+        Snooped(number, *one.entry[:3], one.test, one.entry not in out, one.entry.part) for one in changed
+    ]
+
+
+def excluded_entries(quality: Quality, kept_out: Masks, part: int = 0) -> tuple[Excluded, ...]:
+    """What is out of an adjustment, and not kept out of it, in the order of groups and rows."""
+    found: list[Excluded] = []
+    for number, (group, kept) in enumerate(zip(quality.adjustment.problem.groups, kept_out, strict=True)):
+        out: BoolArray = group.left_out & ~kept
+        rows = np.flatnonzero(out.any(axis=1))
+        if not len(rows):
+            continue
+        tests = quality.reliability[number].at(rows).test
+        fits: BoolArray = np.asarray(~(out[rows] & ~(np.abs(tests) < quality.critical)).any(axis=1))
+        found += [
+            Excluded(Entry(number, int(rows[k]), int(c), part), float(tests[k, c]), bool(fits[k]))
+            for k, c in np.argwhere(out[rows])
+        ]
+    return tuple(found)
+
+
+class _Whole(NamedTuple):
+    """A network as a whole."""
+
+    problem: Problem
+    """With nothing out but what is kept out."""
+    levels: Levels
+    aposteriori: bool
+    watch: Watcher | None
+    quality: Quality
+
+    @property
+    def redundancy(self) -> int:
+        return self.quality.redundancy
+
+    @property
+    def excluded(self) -> tuple[Excluded, ...]:
+        return excluded_entries(self.quality, self._kept_out)
+
+    def worst(self, cannot: Collection[Entry]) -> list[Tested]:
+        return worst_first(candidates(flagged_rows(self.quality), cannot), {})
+
+    def without(self, out: Out) -> _Whole | None:
+        return self._from(self.quality.adjustment.values, masks_of(self._kept_out, out))
+
+    def elsewhere(self, out: Out) -> tuple[_Whole, Out] | None:
+        values = self.quality.adjustment.values
+        other = other_places(self.problem, values, masks_of(self._kept_out, out))
+        if other is None:
+            return None
+        found = self._from(other.values, other.out)
+        if found is None:
+            return None
+        there = found.quality.adjustment.values
+        better = cost_at(self.problem, there) < cost_at(self.problem, values)
+        others = tuple(mask & ~kept for mask, kept in zip(other.out, self._kept_out, strict=True))
+        return (found, entries_of(others)) if better else None
+
+    @property
+    def _kept_out(self) -> Masks:
+        return tuple(group.left_out for group in self.problem.groups)
+
+    def _from(self, values: Values, out: Masks) -> _Whole | None:
+        """From other values, without other entries."""
+        adjustment = adjust(exclude(self.problem, out), values, watch=self.watch)
+        if not adjustment.outcome.is_solution:
+            return None
+        quality = assess(adjustment, self.levels, self.aposteriori)
+        complete = is_complete(quality.redundancy_sum, quality.redundancy)
+        return self._replace(quality=quality) if complete else None
+
+
+def entries_of(masks: Masks, part: int = 0) -> Out:
+    """The entries that are true in masks (n, m) of each group."""
+    return Out(
+        Entry(number, int(row), int(component), part)
+        for number, mask in enumerate(masks)
+        for row, component in np.argwhere(mask)
+    )
+
+
+def masks_of(kept_out: Masks, out: Collection[Entry]) -> Masks:
+    """Masks (n, m) of each group that are true for what is kept out, and for some entries."""
+    masks = tuple(mask.copy() for mask in kept_out)
+    for entry in out:
+        masks[entry.group][entry.row, entry.component] = True
+    return masks
+
+
+# ------------------------------------------------------------
+# Things of which data snooping took most observations out: then rather they are wrong, as a whole, than each
+# of these.
+#
+# Where more than half of what an image, a set of directions or a point was seen by is gone, what is left may
+# be the wrong half: it agrees with itself, and no test of what was taken out against the rest can tell.
+# ------------------------------------------------------------
+
+_FRAMES = ("image", "station", "system")
+_AT_LEAST = 3
+"""Observations taken out from which on something is told."""
+
+
+class TakenOut(NamedTuple):
+    """A thing and its observation rows."""
+
+    kind: str
+    """``rotation`` for images and instruments, ``point`` for what they see, or are measured between."""
+    block: int
+    excluded: int
+    observations: int
+
+    @property
+    def mostly(self) -> bool:
+        """True where more than half were taken out."""
+        return is_mostly_out(self.excluded, self.observations)
+
+
+def is_mostly_out(excluded: int, observations: int) -> bool:
+    """True where more than half of some rows were taken out, and enough to tell."""
+    return 2 * excluded > observations and excluded >= _AT_LEAST
+
+
+def mostly_out(snooping: Snooping) -> list[TakenOut]:
+    """Frames and points of which more than half of the observations were taken out."""
+    return [one for one in taken_out(snooping) if one.mostly]
+
+
+def taken_out(snooping: Snooping, also: Collection[tuple[str, str]] = ()) -> list[TakenOut]:
+    """Frames and points of which observations were taken out; ``also`` some others (kind, name), where observed."""
+    blocks = snooping.quality.adjustment.problem.index.blocks
+    found = []
+    for kind in ("rotation", "point"):
+        if kind not in blocks:
+            continue
+        ids = blocks[kind].ids
+        out, whole = _counted(snooping, kind, len(ids))
+        told = out > 0
+        if also:
+            told |= (whole > 0) & np.array([(kind, name) in also for name in ids], dtype=bool)
+        found += [TakenOut(kind, int(b), int(out[b]), int(whole[b])) for b in np.flatnonzero(told)]
+    return found
+
+
+def _counted(snooping: Snooping, kind: str, count: int) -> tuple[IntArray, IntArray]:
+    """(b,) rows of each block of a kind that were taken out, and that there were."""
+    out, whole = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    groups = snooping.quality.adjustment.problem.groups
+    for kept_out, group in zip(snooping.kept_out, groups, strict=True):
+        inside = (group.mask & ~kept_out).any(axis=1)
+        gone = inside & (group.left_out & ~kept_out).any(axis=1)
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == kind and (kind == "rotation" or slot.of not in _FRAMES):
+                out += np.bincount(blocks[gone], minlength=count)
+                whole += np.bincount(blocks[inside], minlength=count)
+    return out, whole
+
+
+# ------------------------------------------------------------
+# Suspects that fit the adjustment of the rest come back: then which they are does not hang on how they were found.
+#
+# Graduated weights judge an observation by its residual at a place that is still on its way, and end a little
+# elsewhere from other start values. What is left out is tested against the rest instead, as data snooping
+# does (its residual has the variance σ² + aᵀQa), until nothing fits that is out. It fits unless so large a
+# residual is none that chance brings among all observations: of several that are merely unlikely, which one
+# goes out would hang on the way again. Those come back and are flagged, as in any adjustment.
+# ------------------------------------------------------------
+
+_ROUNDS = 8
+"""Adjustments in which suspects come back: of those that share a point only one at a time."""
+
+Assessed = Callable[[Adjustment], Quality]
+
+
+def put_back(
+    quality: Quality, suspects: Suspects, assessed: Assessed, settings: Settings | None = None
+) -> tuple[Quality, Suspects | None]:
+    """Quality of the adjustment with those suspects in it again that fit, and the others; ``None`` where none is left.
+
+    ``assessed``: how an adjustment is assessed. What was given up with a lost block stays out.
+    """
+    problem, masks = with_suspects(quality.adjustment.problem, suspects)
+    kept_out = tuple(group.left_out for group in problem.groups)
+    refused = tuple(np.zeros_like(mask) for mask in masks)
+    largest = _largest_by_chance(quality, problem.observations)
+
+    def returned(rows: Masks) -> Quality | None:
+        out = tuple(a | (b & ~c) for a, b, c in zip(kept_out, masks, rows, strict=True))
+        again = adjust(exclude(problem, out), quality.adjustment.values, settings)
+        return assessed(again) if again.outcome.is_solution else None
+
+    for _ in range(_ROUNDS):
+        fitting = _putting_back_fitting(quality, problem, _but(masks, refused), largest)
+        found = returned(fitting) if any(mask.any() for mask in fitting) else None
+        if found is None:
+            break
+        misfits = _misfits(found, fitting, largest)
+        if any(mask.any() for mask in misfits):
+            refused = tuple(a | b for a, b in zip(refused, misfits, strict=True))
+            fitting = _but(fitting, misfits)
+            found = returned(fitting) if any(mask.any() for mask in fitting) else quality
+        if found is None:
+            break
+        quality, masks = found, _but(masks, fitting)
+        suspects = replace(suspects, masks=_but(suspects.masks, fitting))
+    return quality, suspects if suspects.count else None
+
+
+def _but(masks: Masks, others: Masks) -> Masks:
+    return tuple(mask & ~other for mask, other in zip(masks, others, strict=True))
+
+
+def _misfits(quality: Quality, rows: Masks, largest: float) -> Masks:
+    """Rows that are back and do not fit all the same: of a pair of coordinates that was out together each fits less."""
+    found = []
+    for one, mask in zip(quality.reliability, rows, strict=True):
+        test = np.where(mask, np.abs(np.nan_to_num(one.test)), 0.0)
+        found.append(mask & (test >= largest).any(axis=1, keepdims=True))
+    return tuple(found)
+
+
+def _largest_by_chance(quality: Quality, observations: int) -> float:
+    """|w| that the largest of so many observations exceeds by chance at the level of a single one."""
+    if quality.levels.familywise is not None:
+        return quality.critical
+    return critical_value(sidak(quality.levels.snooping, observations))
+
+
+def _putting_back_fitting(quality: Quality, problem: Problem, masks: Masks, largest: float) -> Masks:
+    """Suspects that may fit: rows of which every entry is near enough to the rest, the best one of each point."""
+    candidates = []
+    for number, mask in enumerate(masks):
+        test = np.where(mask, comparable(np.abs(quality.reliability[number].test)), 0.0)
+        several = np.count_nonzero(mask, axis=1, keepdims=True) > 1
+        fits = mask.any(axis=1) & (test < np.where(several, np.sqrt(2.0), 1.0) * largest).all(axis=1)
+        rows = np.flatnonzero(fits)
+        candidates += [(float(test[row].max()), number, row) for row in rows.tolist()]
+    chosen = tuple(np.zeros_like(mask) for mask in masks)
+    taken: set[int] = set()
+    for _, number, row in sorted(candidates):
+        group = problem.groups[number]
+        points = {
+            int(blocks[row])
+            for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+            if slot.kind == "point" and (problem.index.columns["point"][blocks[row]] >= 0).any()
+        }
+        if taken.isdisjoint(points):
+            taken |= points
+            chosen[number][row] = masks[number][row]
+    return chosen

@@ -1,0 +1,425 @@
+"""The certificate of a camera."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import polars as pl
+from markupsafe import Markup, escape
+
+from mor.errors import InputError, Message, nearest
+from mor.model.cameras import CAMERA_MODELS
+from mor.model.parameters import INTERIORS
+from mor.report.language import ENGLISH, Words, datum_name
+from mor.report.layout import (
+    LINE,
+    digits_worth,
+    fixed,
+    heading,
+    paragraphs,
+    persons,
+    round_length,
+    short,
+    small_unit,
+    table,
+)
+from mor.report.layout import WIDTH as COLUMNS_WIDTH
+from mor.report.page import asset, environment, meaning, raised, running_heads
+from mor.report.page_data import image_points
+from mor.report.view import RadialCurve, View, radial_curve
+from mor.types import FloatArray
+from mor.units import LENGTH_UNITS
+
+# ------------------------------------------------------------
+# Content of a camera certificate as plain data.
+# ------------------------------------------------------------
+
+ROWS = 12
+"""Rows of the table of distortion, at most."""
+
+
+class Certificate(NamedTuple):
+    """A camera of an adjustment: its parameters, its distortion and what they rest on. Lengths in ``unit``."""
+
+    view: View
+    camera: dict[str, Any]
+    units: dict[str, str]
+    """Unit of each component."""
+    images: int
+    rays: int
+    rms: float
+    """Root mean square of the residuals of image coordinates."""
+    covered: float
+    """Distance from the principal point up to which points were measured."""
+    corner: float | None
+    """Distance of the farthest corner of the image from the principal point; ``None`` without a format."""
+    curve: RadialCurve
+    """Up to the corner, or what is covered."""
+    table: RadialCurve
+    """The same at round radii."""
+
+    @property
+    def unit(self) -> str:
+        """Unit of the interior orientation."""
+        return str(self.camera["unit"])
+
+    @property
+    def small(self) -> tuple[str, float]:
+        """Unit and factor of distortions."""
+        return small_unit(self.unit, float(np.abs(self.curve.shift).max(initial=0.0)))
+
+
+def certificate(view: View, name: str) -> Certificate:
+    """The certificate of a camera. Raises :class:`InputError` for an unknown one, or one without image points."""
+    cameras = {camera["id"]: camera for camera in view.cameras}
+    if name not in cameras:
+        known = f" (known: {', '.join(cameras)})" if cameras else ""
+        raise InputError([Message(f"unknown camera {name!r}{nearest(name, cameras)}{known}")])
+    camera = cameras[name]
+    if not CAMERA_MODELS[camera["model"]].central:
+        words = (
+            f"camera {name} is of the model {camera['model']}, whose images have no radial distortion; the report "
+            "has its parameters"
+        )
+        raise InputError([Message(words)])
+    images = view.images.filter(pl.col("camera") == name)
+    measured = image_points(view).join(images.select(pl.col("id").alias("image")), on="image", how="semi")
+    measured = measured.filter(~pl.col("flag").str.contains("excluded|check"))
+    if not measured.height:
+        raise InputError([Message(f"camera {name} has no image points: there is nothing to certify")])
+    radii = _radii(camera, measured)
+    covered, corner = float(np.nanmax(radii)), _corner(camera)
+    largest = max(covered, corner or 0.0)
+    residuals = measured.select("vx", "vy").to_numpy() * _per_unit(camera, str(measured["unit"][0]))
+    quantities = {component.name: component.quantity for component in INTERIORS[camera["model"]].components}
+    return Certificate(
+        view=view,
+        camera=camera,
+        units={key: quantities[key].unit("m", "rad", camera["unit"]) for key in camera["components"]},
+        images=images.height,
+        rays=measured.height,
+        rms=float(np.sqrt(np.nanmean(residuals**2))),
+        covered=covered,
+        corner=corner,
+        curve=radial_curve(camera, largest),
+        table=_at_round_radii(camera, largest),
+    )
+
+
+def _per_unit(camera: dict[str, Any], unit: str) -> float:
+    """Units of the camera in one of its image coordinates."""
+    if unit == camera["unit"]:
+        return 1.0
+    if unit == "px":
+        return float(camera["format"]["pixel"])
+    return LENGTH_UNITS[unit] / LENGTH_UNITS[camera["unit"]]
+
+
+def _principal_point(camera: dict[str, Any]) -> FloatArray:
+    """(2,) from where the camera counts it: the image centre, y up, or the corner, y down."""
+    values = camera["components"]
+    names = ("cx", "cy") if "cx" in values else ("xh", "yh")
+    return np.array([values[name]["value"] if name in values else 0.0 for name in names])
+
+
+def _radii(camera: dict[str, Any], measured: pl.DataFrame) -> FloatArray:
+    """Distances of image points from the principal point, in the unit of the camera."""
+    xy = measured.select("x", "y").to_numpy() * _per_unit(camera, str(measured["unit"][0]))
+    radii: FloatArray = np.linalg.norm(
+        xy - _origin(camera) - _principal_point(camera) * _senses(camera), axis=1
+    )
+    return radii
+
+
+def _is_corner(camera: dict[str, Any]) -> bool:
+    """Return True if image coordinates count from the upper left corner, y down."""
+    size = camera.get("format")
+    return size is not None and size["origin"] == "corner"
+
+
+def _counts_from_corner(camera: dict[str, Any]) -> bool:
+    """Return True if the principal point does, too."""
+    return _is_corner(camera) and "cx" in camera["components"]
+
+
+def _origin(camera: dict[str, Any]) -> FloatArray:
+    """(2,) where the principal point counts from, in image coordinates."""
+    if not _is_corner(camera) or _counts_from_corner(camera):
+        return np.zeros(2)
+    size = camera["format"]
+    middle: FloatArray = np.array([size["width"], size["height"]]) * size["pixel"] / 2.0
+    return middle
+
+
+def _senses(camera: dict[str, Any]) -> FloatArray:
+    down = _is_corner(camera) and not _counts_from_corner(camera)
+    return np.array([1.0, -1.0 if down else 1.0])
+
+
+def _corner(camera: dict[str, Any]) -> float | None:
+    size = camera.get("format")
+    if size is None:
+        return None
+    half = np.array([size["width"], size["height"]]) * size["pixel"] / 2.0
+    centre = _principal_point(camera) - (half if _counts_from_corner(camera) else 0.0)
+    return float(np.hypot(*(half + np.abs(centre))))
+
+
+def _at_round_radii(camera: dict[str, Any], largest: float) -> RadialCurve:
+    """The curve at multiples of 1, 2 or 5 times a power of ten, and at its end."""
+    power = 10.0 ** np.floor(np.log10(largest / ROWS))
+    step = power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power * ROWS >= largest)
+    count = int(np.floor(largest / step * (1.0 + 1e-12)))
+    return radial_curve(camera, count * step, count + 1)
+
+
+# ------------------------------------------------------------
+# The curve of radial distortion as a small drawing (SVG) that prints without any script, also in black and white.
+# ------------------------------------------------------------
+
+WIDTH, HEIGHT = 460, 230
+_LEFT, _RIGHT, _TOP, _BOTTOM = 58, 12, 24, 40
+_BESIDE = 1.959963984540054
+"""95 % of a normal distribution."""
+
+
+def curve_drawing(one: Certificate, words: Words = ENGLISH) -> Markup:
+    """Radial distortion by radius with its 95 % band, and where the points end that it rests on."""
+    unit, factor = one.small
+    radius, shift = one.curve.radius, one.curve.shift * factor
+    beside = _BESIDE * one.curve.sigma * factor
+    low, high = float((shift - beside).min()), float((shift + beside).max())
+    low, high = (low, high) if high > low else (low - 1.0, high + 1.0)
+    x = _LEFT + (WIDTH - _LEFT - _RIGHT) * radius / radius[-1]
+    scale = (HEIGHT - _TOP - _BOTTOM) / (high - low)
+
+    def level(values: FloatArray) -> FloatArray:
+        return np.asarray(HEIGHT - _BOTTOM - scale * (values - low))
+
+    band = [
+        *zip(x, level(shift + beside), strict=True),
+        *zip(x[::-1], level((shift - beside)[::-1]), strict=True),
+    ]
+    end = _LEFT + (WIDTH - _LEFT - _RIGHT) * min(one.covered / float(radius[-1]), 1.0)
+    parts = [
+        *_levels(low, high, level, words),
+        *_drawn_radii(float(radius[-1]), words),
+        f'<polygon class="band" points="{_points(band)}"/>',
+        f'<polyline class="curve" points="{_points(list(zip(x, level(shift), strict=True)))}"/>',
+        f'<line class="covered" x1="{end:.1f}" y1="{_TOP}" x2="{end:.1f}" y2="{HEIGHT - _BOTTOM}"/>',
+        _text(
+            WIDTH - _RIGHT,
+            HEIGHT - 6,
+            words("distance from the principal point [{unit}]", unit=one.unit),
+            "end",
+        ),
+        _text(_LEFT - 30, _TOP - 10, words("distortion [{unit}]", unit=unit), "start"),
+    ]
+    label = escape(words("Radial distortion, mean over all directions"))
+    return Markup(
+        f'<svg class="drawing" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{label}">{"".join(parts)}</svg>'
+    )
+
+
+def _levels(low: float, high: float, level: object, words: Words) -> list[str]:
+    step = round_length((high - low) / 3.0)
+    values = np.arange(np.ceil(low / step), np.floor(high / step) + 0.5) * step
+    lines = []
+    for value, y in zip(values.tolist(), level(values).tolist(), strict=True):  # type: ignore[operator]
+        lines.append(f'<line class="grid" x1="{_LEFT}" y1="{y:.1f}" x2="{WIDTH - _RIGHT}" y2="{y:.1f}"/>')
+        lines.append(_text(_LEFT - 5, y + 4, words.number(f"{value + 0.0:g}").replace("-", "−"), "end"))
+    return lines
+
+
+def _drawn_radii(largest: float, words: Words) -> list[str]:
+    step = round_length(largest / 4.0)
+    lines = []
+    for value in (np.arange(0.0, np.floor(largest / step) + 0.5) * step).tolist():
+        x = _LEFT + (WIDTH - _LEFT - _RIGHT) * value / largest
+        lines.append(f'<line class="grid" x1="{x:.1f}" y1="{_TOP}" x2="{x:.1f}" y2="{HEIGHT - _BOTTOM}"/>')
+        lines.append(_text(x, HEIGHT - _BOTTOM + 15, words.number(f"{value:g}"), "middle"))
+    return lines
+
+
+def _text(x: float, y: float, said: str, anchor: str) -> str:
+    return f'<text x="{x:.1f}" y="{y:.1f}" text-anchor="{anchor}">{escape(said)}</text>'
+
+
+def _points(pairs: list[tuple[float, float]]) -> str:
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in pairs)
+
+
+# ------------------------------------------------------------
+# The certificate of a camera as a page and as text.
+# ------------------------------------------------------------
+
+
+def certificate_page(one: Certificate, words: Words = ENGLISH) -> str:
+    """One sheet of HTML that needs nothing else, no script either."""
+    title = words("Calibration of camera {id}", id=one.camera["id"])
+    return (
+        environment()
+        .get_template("certificate.html.j2")
+        .render(
+            title=title,
+            facts=[*_facts(one, words), *_validity(one, words)],
+            parameters=_parameters(one, words),
+            correlations=one.camera["correlations"],
+            distortion=_distortion(one),
+            small=one.small[0],
+            unit=one.unit,
+            drawing=curve_drawing(one, words),
+            identity=one.view.identity,
+            say=words,
+            style=Markup(asset("page.css") + asset("certificate.css")),
+            running=running_heads(title, one.view.identity, words),
+        )
+    )
+
+
+def certificate_text(one: Certificate, words: Words = ENGLISH) -> str:
+    """Return the certificate as text, at most 100 characters wide."""
+    title = words("Calibration of camera {id}", id=one.camera["id"])
+    facts = [*_facts(one, words), *_validity(one, words)]
+    width = max(len(name) for name, _ in facts)
+    names, matrix = one.camera["correlations"]["components"], one.camera["correlations"]["matrix"]
+    parts = [
+        "\n".join(
+            [
+                title,
+                "=" * min(len(title), COLUMNS_WIDTH),
+                *(f"{name.ljust(width)}  {text}" for name, text in facts),
+            ]
+        ),
+        "\n".join([heading(words("Parameters")), _parameter_table(one, words)]),
+        "\n".join(
+            [heading(words("Radial distortion, mean over all directions")), _distortion_table(one, words)]
+        ),
+    ]
+    if matrix is not None and len(names) > 1:
+        body = [[name, *(fixed(x, 3) for x in matrix[k][: k + 1])] for k, name in enumerate(names)]
+        padded = [[*row, *[""] * (len(names) + 1 - len(row))] for row in body]
+        parts.append(
+            "\n".join([heading(words("Correlations [1]")), table(["", *names], padded, words=words)])
+        )
+    signed = f"{words('place and date').ljust(len(LINE))}    {words('signature')}"
+    parts.append(f"\n{LINE}    {LINE}\n{signed}")
+    return paragraphs("\n\n".join(parts)) + "\n"
+
+
+def _facts(one: Certificate, words: Words) -> list[tuple[str, str]]:
+    """Camera, client and adjustment."""
+    view, camera = one.view, one.camera
+    sigma0 = view.summary["sigma0"]
+    test = view.summary["global_test"]
+    judged = words("accepted") if test["accepted"] else words("rejected")
+    return [
+        (words("project"), view.summary["title"] or "–"),
+        *persons(view.identity, words),
+        (
+            words("camera"),
+            words("{id}, model {model}", id=camera["id"], model=camera["model"]) + _r0(one, words),
+        ),
+        (words("image format"), _format(camera, words)),
+        (
+            words("observations"),
+            words(
+                "{images:image|images}, {rays:image point|image points}, rms v {rms} {unit}",
+                images=one.images,
+                rays=one.rays,
+                rms=short(one.rms * one.small[1], 3),
+                unit=one.small[0],
+            ),
+        ),
+        (
+            words("global test"),
+            words("{judged}; sigma0 a posteriori / a priori {ratio}", judged=judged, ratio=_ratio(sigma0)),
+        ),
+        (words("datum"), datum_name(view.summary["datum"], words)),
+        (words("program"), view.identity["program"]),
+    ]
+
+
+def _ratio(sigma0: dict[str, Any]) -> str:
+    return fixed(sigma0["ratio_of_sigmas"], 3)
+
+
+def _r0(one: Certificate, words: Words) -> str:
+    r0 = one.camera["r0"]
+    return "" if r0 is None else f", r0 = {words.number(short(r0, 6))} {one.unit}"
+
+
+def _format(camera: dict[str, Any], words: Words) -> str:
+    size = camera.get("format")
+    if size is None:
+        return words("not given")
+    pixel = (
+        "" if camera["unit"] == "px" else f", {words.number(short(size['pixel'], 6))} {camera['unit']} / px"
+    )
+    return f"{size['width']:g} × {size['height']:g} px{pixel}"
+
+
+def _validity(one: Certificate, words: Words) -> list[tuple[str, str]]:
+    """Largest distance from the principal point at which measurements support the parameters."""
+    said = words(
+        "up to {radius} {unit} from the principal point", radius=short(one.covered, 4), unit=one.unit
+    )
+    if one.corner is None:
+        return [(words("valid"), said)]
+    said += words(
+        "; the farthest corner is at {corner} {unit} ({share} % of it)",
+        corner=short(one.corner, 4),
+        unit=one.unit,
+        share=f"{100.0 * min(one.covered / one.corner, 1.0):.0f}",
+    )
+    return [(words("valid"), said)]
+
+
+def _parameters(one: Certificate, words: Words) -> list[dict[str, str]]:
+    return [
+        {
+            "name": name,
+            "meaning": words(meaning("", name)),
+            "unit": raised(one.units[name]),
+            "value": short(row["value"], digits_worth(row["value"], row["sigma"])),
+            "sigma": short(row["sigma"], 3),
+            "significance": fixed(row.get("t"), 1) if name != "c" else "-",
+            "status": words.listed(row["status"]),
+        }
+        for name, row in one.camera["components"].items()
+    ]
+
+
+_COLUMNS = ("value", "sigma", "significance", "status")
+
+
+def _parameter_table(one: Certificate, words: Words) -> str:
+    rows = [
+        [row["name"], row["meaning"], one.units[row["name"]], *(row[key] for key in _COLUMNS)]
+        for row in _parameters(one, words)
+    ]
+    headers = ["component", "", "unit", "value", "sigma", "value/sigma", "status"]
+    return table(headers, rows, 3, words)
+
+
+def _distortion(one: Certificate) -> list[tuple[str, str, str, bool]]:
+    """Radius, distortion, σ, and whether points were measured so far out."""
+    factor, places = one.small[1], _decimals(one)
+    rows = zip(one.table.radius, one.table.shift * factor, one.table.sigma * factor, strict=True)
+    return [
+        (short(r, 5), fixed(s + 0.0, places), fixed(e, places), bool(r <= one.covered)) for r, s, e in rows
+    ]
+
+
+def _decimals(one: Certificate) -> int:
+    """Decimals of distortions: two figures of the largest σ; without σ three."""
+    largest = float(one.table.sigma.max(initial=0.0)) * one.small[1]
+    return 3 if largest == 0.0 else int(np.clip(1 - np.floor(np.log10(largest)), 0, 7))
+
+
+def _distortion_table(one: Certificate, words: Words) -> str:
+    rows = [[r, s, e, "" if inside else words("extrapolated")] for r, s, e, inside in _distortion(one)]
+    small = one.small[0]
+    headers = [f"radius [{one.unit}]", f"distortion [{small}]", f"sigma [{small}]", ""]
+    return table(headers, rows, 0, words, last_left=True)

@@ -1,1 +1,0 @@
-"""The certificate of one camera: everything a calibration is judged by, on one page."""

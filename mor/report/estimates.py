@@ -1,0 +1,841 @@
+"""Tables of estimates: points, images, cameras, stations, ellipses, trajectories, motions."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from mor.errors import Undeterminable
+from mor.model.cameras import CAMERA_MODELS
+from mor.model.contract import places_of
+from mor.model.observation_types import is_image_point
+from mor.model.parameters import INTERIORS
+from mor.project.axes import Edge, split
+from mor.project.prior_knowledge import feature_label
+from mor.project.reference_system import World
+from mor.project.schema import Axes, Feature
+from mor.quality.assessment import Quality, joint_cofactors
+from mor.quality.deformation import Movements, Tested, movements
+from mor.quality.precision import error_ellipses, error_ellipsoids, follower_blocks, follower_poses, of_images
+from mor.quality.redundancy import Reliability
+from mor.quality.solution import Solved
+from mor.quality.test_statistics import ROWS_AT_A_TIME, in_pieces, omega_of, redundancy_of
+from mor.report.observations import control_of_images, control_of_points
+from mor.report.units import (
+    Estimate,
+    angle_unit,
+    component_rows,
+    motion_columns,
+    number_or_none,
+    once,
+    plain,
+    points,
+    rotations,
+    said_attitudes,
+    said_places,
+)
+from mor.types import BoolArray, FloatArray, IntArray
+from mor.units import ANGLE_UNITS, IMAGE
+
+# ------------------------------------------------------------
+# Error ellipses and ellipsoids of points, and those of the differences of pairs of points.
+# ------------------------------------------------------------
+
+AT_A_TIME = 100
+"""Pairs whose covariances are worked out together."""
+
+
+def ellipse_table(solved: Solved) -> pl.DataFrame:
+    """Points with unknowns: ellipse in plan, and the semi-axes of the ellipsoid with directions.
+
+    Azimuths as the project counts bearings, elevations above the horizontal plane, in its unit of angles.
+    """
+    numbers = free_points(solved)
+    covariance = _covariances(solved, numbers)
+    ids = solved.network.blocks["point"].ids
+    return pl.DataFrame(
+        {"id": [ids[k] for k in numbers], **_in_plan(solved, covariance), **_in_space(solved, covariance)}
+    )
+
+
+def free_points(solved: Solved) -> IntArray:
+    """Point blocks of named points that have unknowns and σ."""
+    numbers = solved.network.things["point"].parts["position"]
+    if solved.quality is None:
+        return numbers[:0]
+    free = solved.network.blocks["point"].free[numbers].any(axis=1)
+    if "point" in solved.network.absent:
+        known = solved.network.absent["point"]
+        free &= ~np.isin(numbers, np.flatnonzero(known))
+    return np.asarray(numbers[free])
+
+
+def relative_rows(solved: Solved, pairs: IntArray) -> list[dict[str, Any]]:
+    """Pairs (n, 2) of point blocks: distance with σ, ellipse in plan and σ of the height of their difference."""
+    if solved.quality is None:
+        return []
+    ids = solved.network.blocks["point"].ids
+    differences = np.diff(solved.adjustment.values["point"][pairs], axis=1)[:, 0]
+    parts = [
+        _of_differences(solved.quality, pairs[first : first + AT_A_TIME])
+        for first in range(0, len(pairs), AT_A_TIME)
+    ]
+    covariance = np.concatenate([np.zeros((0, 3, 3)), *parts])
+    lengths = np.linalg.norm(differences, axis=1)
+    along = differences / np.where(lengths > 0.0, lengths, 1.0)[:, None]
+    sigma = np.sqrt(np.maximum(np.einsum("ni,nij,nj->n", along, covariance, along), 0.0))
+    plan = _in_plan(solved, covariance)
+    azimuth = error_ellipses(covariance).azimuth
+    axis = np.column_stack([np.sin(azimuth), np.cos(azimuth), np.zeros(len(azimuth))])
+    direction = (
+        axis @ solved.network.edge.matrix
+    )  # the inverse of a rotation, or of a reflection, of the axes
+    return [
+        {
+            "from": ids[one],
+            "to": ids[other],
+            "distance": float(lengths[k]),
+            "sdistance": float(sigma[k]) if lengths[k] > 0.0 else None,
+            **{name: float(column[k]) for name, column in plan.items()},
+            "direction": [float(part) for part in direction[k, :2]],
+            "sdz": float(np.sqrt(max(covariance[k, 2, 2], 0.0))),
+        }
+        for k, (one, other) in enumerate(pairs.tolist())
+    ]
+
+
+def chosen_pairs(solved: Solved) -> IntArray:
+    """(n, 2) point blocks of the pairs that the project asks for (``report: {relative: …}``)."""
+    points = solved.network.things["point"]
+    pairs = [
+        [points.part(name, "position") for name in pair] for pair in solved.network.project.report.relative
+    ]
+    return np.array(pairs, dtype=np.int64).reshape(-1, 2)
+
+
+def neighbouring_pairs(solved: Solved, most: int) -> IntArray:
+    """(n, 2) every point with its nearest neighbour, of the first ``most`` points with unknowns; a pair once."""
+    from scipy.spatial import KDTree
+
+    numbers = free_points(solved)[:most]
+    if len(numbers) < 2:
+        return np.zeros((0, 2), dtype=np.int64)
+    places = solved.adjustment.values["point"][numbers]
+    nearest = np.asarray(KDTree(places).query(places, k=2)[1])
+    # Of two points at one place either may come first.
+    other = np.where(nearest[:, 0] == np.arange(len(numbers)), nearest[:, 1], nearest[:, 0])
+    pairs = np.sort(np.stack([np.arange(len(numbers)), other], axis=1), axis=1)
+    return np.asarray(numbers[np.unique(pairs, axis=0)])
+
+
+def _of_differences(quality: Quality, pairs: IntArray) -> FloatArray:
+    """Covariances (n, 3, 3) of second minus first, internal axes."""
+    used, where = np.unique(pairs, return_inverse=True)
+    columns = quality.adjustment.problem.index.columns["point"][used]
+    q = joint_cofactors(quality, columns.ravel()).reshape(len(used), 3, len(used), 3)
+    i, j = where.reshape(pairs.shape).T
+    covariance = q[i, :, i] + q[j, :, j] - q[i, :, j] - q[j, :, i]
+    return np.asarray(covariance * quality.sigma_factor**2)
+
+
+def _covariances(solved: Solved, numbers: IntArray) -> FloatArray:
+    quality = solved.quality
+    if quality is None:
+        return np.zeros((len(numbers), 3, 3))
+    return np.asarray(np.nan_to_num(quality.cofactors["point"][numbers]) * quality.sigma_factor**2)
+
+
+def _in_plan(solved: Solved, covariance: FloatArray) -> dict[str, FloatArray]:
+    plan = error_ellipses(covariance)
+    return {"a": plan.a, "b": plan.b, "azimuth": bearings(solved, plan.azimuth) % _half_circle(solved)}
+
+
+def _in_space(solved: Solved, covariance: FloatArray) -> dict[str, FloatArray]:
+    space = error_ellipsoids(covariance)
+    unit = ANGLE_UNITS[angle_unit(solved)]
+    columns: dict[str, FloatArray] = {}
+    for k in range(3):
+        columns[f"axis{k + 1}"] = space.axes[:, k]
+        columns[f"azimuth{k + 1}"] = bearings(solved, space.azimuths[:, k])
+        columns[f"elevation{k + 1}"] = space.elevations[:, k] / unit
+    return columns
+
+
+def ellipse_columns(solved: Solved, covariance: FloatArray | None, count: int) -> dict[str, FloatArray]:
+    """Columns ``ellipse_…`` of a table of ``count`` points with covariances (n, 3, 3) in project axes."""
+    if covariance is None:
+        return {f"ellipse_{name}": np.full(count, np.nan) for name in ("a", "b", "azimuth")}
+    M = solved.network.edge.matrix
+    return {
+        f"ellipse_{name}": column
+        for name, column in _in_plan(solved, M @ np.nan_to_num(covariance) @ M.T).items()
+    }
+
+
+def bearings(solved: Solved, azimuth: FloatArray) -> FloatArray:
+    """Azimuths (radians, clockwise from north) as the project counts bearings, in its unit, within the circle."""
+    return bearings_of(solved.network.edge, angle_unit(solved), azimuth)
+
+
+def bearings_of(edge: Edge, unit: str, azimuth: FloatArray) -> FloatArray:
+    """The same by the axes of a project and a unit of angles."""
+    size = ANGLE_UNITS[unit]
+    return np.asarray(edge.sense * (azimuth - edge.zero_azimuth) / size % (2.0 * np.pi / size))
+
+
+def _half_circle(solved: Solved) -> float:
+    return float(np.pi / ANGLE_UNITS[angle_unit(solved)])
+
+
+# ------------------------------------------------------------
+# Tables of what was estimated: points, images, cameras, stations, systems, pairs, instruments, groups.
+# ------------------------------------------------------------
+
+XYZ = ("x", "y", "z")
+ANGLES = ("omega", "phi", "kappa")
+STATUSES = ("fixed", "partly fixed", "free", "left out", "at infinity")
+
+
+@once
+def point_table(solved: Solved) -> pl.DataFrame:
+    """Object points: coordinates, σ, axes of the error ellipsoid, correlations, number of rays and observations."""
+    things = solved.network.things["point"]
+    numbers = things.parts["position"]
+    rays, others = _observations_of_points(solved)
+    columns: dict[str, Any] = {"id": list(things.ids), **_estimated(solved, numbers)}
+    columns["rays"] = rays[numbers]
+    columns["others"] = others[numbers]
+    columns |= control_of_points(solved, numbers)
+    columns["status"] = _status(solved, "point", numbers)
+    return _frame(columns)
+
+
+def _estimated(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
+    """Coordinates, σ, ellipsoids and correlations of points: their covariances are in memory a piece at a time."""
+    parts = []
+    for first in range(0, max(len(numbers), 1), ROWS_AT_A_TIME):
+        estimate = points(solved, numbers[first : first + ROWS_AT_A_TIME])
+        columns = _with_sigma(estimate, XYZ)
+        for name, axis in zip(("a", "b", "c"), _ellipsoid_axes(estimate), strict=True):
+            columns[f"ellipsoid_{name}"] = axis
+        columns |= ellipse_columns(solved, estimate.covariance, len(estimate.values))
+        columns |= _correlations_of_axes(estimate)
+        absent = np.isnan(estimate.values).all(axis=1)
+        if absent.any():
+            columns = {name: np.where(absent, np.nan, column) for name, column in columns.items()}
+        parts.append({name: np.array(column) for name, column in columns.items()})
+    return {name: np.concatenate([part.pop(name) for part in parts]) for name in tuple(parts[0])}
+
+
+def reference_table(solved: Solved) -> pl.DataFrame:
+    """Coordinates that inner constraints refer to, whatever the datum: what another datum of the results needs."""
+    things = solved.network.things["point"]
+    reference = solved.adjustment.problem.datum.reference["point"][things.parts["position"]]
+    coordinates = reference @ solved.network.edge.matrix
+    return _frame({"id": list(things.ids), **{name: coordinates[:, k] for k, name in enumerate(XYZ)}})
+
+
+@once
+def image_table(solved: Solved) -> pl.DataFrame:
+    """Images: camera, projection centre (or tripod target), ω φ κ, σ, number of points, root mean square residual."""
+    things = solved.network.things["image"]
+    return _frame(
+        {
+            "id": list(things.ids),
+            "camera": [solved.network.things["camera"].ids[k] for k in things.parts["camera"]],
+            **_image_poses(solved),
+            **_image_residuals(solved),
+            **control_of_images(solved),
+            **motion_columns(solved),
+        }
+    )
+
+
+def station_table(solved: Solved) -> pl.DataFrame:
+    """Theodolite stations: position, ω φ κ, orientation of the horizontal circle, instrument height."""
+    things = solved.network.things["station"]
+    edge = solved.network.edge
+    pose = _pose(solved, things.parts["position"], things.parts["rotation"])
+    unit = ANGLE_UNITS[angle_unit(solved)]
+    orientation = edge.sense * (-pose["kappa"] * unit - edge.zero_azimuth) / unit
+    full = 2.0 * np.pi / unit
+    idle = np.array([name in solved.network.unoriented for name in things.ids], dtype=bool)
+    for column in (orientation, *(pose[key] for name in ANGLES for key in (name, f"s{name}"))):
+        column[idle] = np.nan
+    return _frame(
+        {
+            "id": list(things.ids),
+            **pose,
+            "orientation": np.remainder(orientation, full),
+            "sorientation": pose["skappa"],
+            "height": solved.adjustment.values["height"][things.parts["height"], 0],
+        }
+    )
+
+
+def system_table(solved: Solved) -> pl.DataFrame:
+    """Local systems: origin, ω φ κ, scale."""
+    things = solved.network.things["system"]
+    scale = plain(solved, "scale", things.parts["scale"])
+    return _frame(
+        {
+            "id": list(things.ids),
+            **_pose(solved, things.parts["position"], things.parts["rotation"]),
+            **_with_sigma(scale, ("scale",)),
+        }
+    )
+
+
+def pair_table(solved: Solved) -> pl.DataFrame:
+    """Stereo pairs: base in the leading image's system, relative rotation."""
+    things = solved.network.things["pair"]
+    if not things.ids:
+        return _frame({"id": []})
+    return _frame(
+        {
+            "id": list(things.ids),
+            **_with_sigma(plain(solved, "base", things.parts["base"]), ("bx", "by", "bz")),
+            **_with_sigma(_relative(solved, things.parts["rotation"]), ANGLES),
+        }
+    )
+
+
+def _relative(solved: Solved, numbers: IntArray) -> Estimate:
+    """Relative rotations do not refer to object axes: they are said as they are."""
+    neutral = solved.network.edge._replace(axes=Axes())
+    return rotations(replace(solved, network=replace(solved.network, edge=neutral)), numbers)
+
+
+def interior_rows(solved: Solved) -> list[dict[str, Any]]:
+    """Interior orientations, one entry for each block: components with value, σ, status, and their correlations."""
+    cameras = solved.network.things["camera"]
+    rows = []
+    for name, camera in solved.network.project.cameras.items():
+        kind = INTERIORS[camera.model].key
+        number = cameras.part(name, "interior")
+        rows.append(
+            {
+                "id": name,
+                "model": camera.model,
+                "unit": solved.network.scales[name].unit,
+                "r0": _zero_crossing(solved, name),
+                "format": _format(solved, name),
+                "components": component_rows(solved, kind, number, CAMERA_MODELS[camera.model].components),
+                "correlations": _correlations(solved, kind, number),
+            }
+        )
+    return rows
+
+
+def _zero_crossing(solved: Solved, name: str) -> float | None:
+    """Second zero crossing of the radial distortion in camera units, where the project gives one."""
+    given = solved.network.project.cameras[name].r0
+    edge, scale = solved.network.edge, solved.network.scales[name]
+    return edge.number(given, IMAGE, "", scale) if given is not None else None
+
+
+def _format(solved: Solved, name: str) -> dict[str, Any] | None:
+    """Image size in px and pixel size in camera units, where the project gives them; the origin of coordinates."""
+    camera, scale = solved.network.project.cameras[name], solved.network.scales[name]
+    if camera.image is None:
+        return None
+    width, height = (split(text)[0] for text in (camera.image.width, camera.image.height))
+    return {"width": width, "height": height, "pixel": scale.pixel, "origin": camera.coordinates}
+
+
+def _correlations(solved: Solved, kind: str, number: int) -> dict[str, Any]:
+    free = np.flatnonzero(solved.network.blocks[kind].free[number])
+    covariance = plain(solved, kind, np.array([number])).covariance
+    names = [solved.network.blocks[kind].kind.names[k] for k in free]
+    if covariance is None:
+        return {"components": names, "matrix": None}
+    part = covariance[0][np.ix_(free, free)]
+    sigma = np.sqrt(np.maximum(np.diagonal(part), 1e-300))
+    return {"components": names, "matrix": np.clip(part / np.outer(sigma, sigma), -1.0, 1.0).tolist()}
+
+
+@once
+def group_table(solved: Solved) -> pl.DataFrame:
+    """Observation groups: number of observations, Σ r, its part of vᵀPv, estimated σ0 of the group."""
+    rows = []
+    inside = len(solved.adjustment.problem.groups) - len(solved.network.checks)
+    for number, group in enumerate(solved.adjustment.problem.groups[:inside]):
+        row: dict[str, Any] = {
+            "name": group.name,
+            "type": group.type.name,
+            "observations": int(np.count_nonzero(group.mask & ~group.left_out)),
+        }
+        if solved.quality is not None:
+            quality = solved.quality.groups[number]
+            omega, r = omega_of(quality), redundancy_of(quality)
+            row |= {
+                "redundancy": r,
+                "vtpv": omega,
+                "sigma0": float(np.sqrt(omega / r)) if r > 1e-6 and omega >= 0.0 else None,
+                "mean_r": r / row["observations"] if row["observations"] else None,
+                "largest_w": _largest(solved.quality.reliability[number], ~group.left_out),
+                "excluded": int(np.count_nonzero(group.left_out)),
+                "flagged": int(np.count_nonzero(solved.quality.flagged[number])),
+                **_component(solved, number),
+            }
+        rows.append(row)
+    return pl.DataFrame(rows)
+
+
+def variance_components(solved: Solved) -> dict[str, Any] | None:
+    """Return the estimation of the variance components of the groups."""
+    if solved.treatment is None:
+        return None
+    found = solved.treatment.components
+    return {
+        "method": found.method,
+        "iterated": found.iterated,
+        "settled": found.settled,
+        "rounds": found.rounds,
+    }
+
+
+def _component(solved: Solved, number: int) -> dict[str, Any]:
+    """Factor on the σ of a group, as estimated (and, where it was iterated, as used)."""
+    treatment = solved.treatment
+    if treatment is None:
+        return {}
+    estimated = treatment.components
+    return {
+        "sigma_factor": number_or_none(estimated.factors[number])
+        if np.isfinite(estimated.sigma[number])
+        else None,
+        "sigma_of_factor": number_or_none(estimated.sigma[number]),
+    }
+
+
+def _largest(tests: Reliability, inside: BoolArray) -> float | None:
+    """The largest |test| of the observations inside."""
+
+    def of_rows(rows: slice) -> FloatArray:
+        size = np.abs(tests.at(rows).test)
+        return np.where(inside[rows] & np.isfinite(size), size, -1.0)
+
+    largest = float(in_pieces(inside.shape, of_rows).max(initial=-1.0))
+    return largest if largest >= 0.0 else None
+
+
+def _image_poses(solved: Solved) -> dict[str, FloatArray]:
+    """Poses of images, those of stereo followers worked out from leader and pair."""
+    images = solved.network.things["image"]
+    columns = _pose(solved, images.parts["position"], images.parts["rotation"])
+    follows = np.flatnonzero(images.parts["base"] >= 0)
+    if not len(follows):
+        return columns
+    place, D = follower_poses(solved.adjustment.values, follower_blocks(images, follows))
+    q = None
+    if solved.quality is not None:
+        q = of_images(solved.quality.followers, images, follows) * solved.quality.sigma_factor**2
+    parts = (None, None) if q is None else (q[:, :3, :3], q[:, 3:, 3:])
+    own = _with_sigma(said_places(solved, place, parts[0]), XYZ)
+    by_angles = np.zeros(len(follows), dtype=bool)
+    own |= _with_sigma(said_attitudes(solved, D, parts[1], by_angles), ANGLES)
+    absent = np.isnan(columns["x"][follows])
+    for name, column in own.items():
+        columns[name] = columns[name].copy()
+        columns[name][follows] = np.where(absent, np.nan, column)
+    return columns
+
+
+def _pose(solved: Solved, positions: IntArray, attitudes: IntArray) -> dict[str, Any]:
+    return {
+        **_with_sigma(points(solved, positions), XYZ),
+        **_with_sigma(rotations(solved, attitudes), ANGLES),
+    }
+
+
+def _with_sigma(estimate: Estimate, names: tuple[str, ...]) -> dict[str, FloatArray]:
+    values = {name: estimate.values[:, k] for k, name in enumerate(names)}
+    return {**values, **{f"s{name}": estimate.sigma[:, k] for k, name in enumerate(names)}}
+
+
+def _ellipsoid_axes(estimate: Estimate) -> FloatArray:
+    """(3, n) semi-axes of the standard error ellipsoids, largest first."""
+    if estimate.covariance is None or len(estimate.values) == 0:
+        return np.full((3, len(estimate.values)), np.nan)
+    eigenvalues = np.linalg.eigvalsh(np.nan_to_num(estimate.covariance))
+    axes: FloatArray = np.sqrt(np.maximum(eigenvalues[:, ::-1], 0.0)).T
+    return axes
+
+
+def _correlations_of_axes(estimate: Estimate) -> dict[str, FloatArray]:
+    """Correlations of X, Y and Z of each point; 0 where a coordinate is fixed."""
+    nothing = np.full(len(estimate.values), np.nan)
+    pairs = {"rxy": (0, 1), "rxz": (0, 2), "ryz": (1, 2)}
+    if estimate.covariance is None:
+        return dict.fromkeys(pairs, nothing)
+    product = estimate.sigma[:, :, None] * estimate.sigma[:, None, :]
+    some = product > 0.0
+    correlation = np.where(some, estimate.covariance / np.where(some, product, 1.0), 0.0)
+    correlation = np.clip(correlation, -1.0, 1.0)  # round-off of coordinates that move as one
+    return {name: correlation[:, i, j] for name, (i, j) in pairs.items()}
+
+
+def _observations_of_points(solved: Solved) -> tuple[IntArray, IntArray]:
+    """Number of rays, and of other observation rows, by point block."""
+    count = len(solved.network.blocks["point"].ids)
+    rays, others = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
+    for group in solved.adjustment.problem.groups:
+        is_image = is_image_point(group.type)
+        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == "point" and slot.of != "image":
+                target = rays if is_image else others
+                target += np.bincount(numbers, minlength=count)
+    return rays, others
+
+
+def _image_residuals(solved: Solved) -> dict[str, Any]:
+    """Points measured in each image, and the root mean square of the normalised and the plain residuals."""
+    images = solved.network.things["image"]
+    count = np.zeros(len(images.ids), dtype=np.int64)
+    square = np.zeros(len(images.ids))
+    for number, group in enumerate(solved.adjustment.problem.groups):
+        if not is_image_point(group.type):
+            continue
+        which = places_of(group.references[0], images.ids)
+        count += np.bincount(which, minlength=len(count))
+        if solved.quality is not None and group.external is not None:
+            squares = _squares(solved.quality.groups[number].v, group.external.factors)
+            square += np.bincount(which, weights=squares, minlength=len(count))
+    rms = (
+        np.sqrt(square / np.maximum(2 * count, 1))
+        if solved.quality is not None
+        else np.full(len(count), np.nan)
+    )
+    return {"points": count, "rms": np.where(count > 0, rms, np.nan)}
+
+
+def _squares(v: FloatArray, factors: FloatArray) -> FloatArray:
+    """(n,) Σ v² of rows, in the units they were given in."""
+    return in_pieces((len(v),), lambda rows: np.asarray(np.nansum((v[rows] / factors) ** 2, axis=1)))
+
+
+def _status(solved: Solved, kind: str, numbers: IntArray) -> pl.Series:
+    """Free, partly fixed, fixed, or what was done about what nothing determines: blocks (n,)."""
+    network = solved.network
+    free = network.blocks[kind].free[numbers]
+    status: IntArray = np.where(free.all(axis=1), 2, np.where(free.any(axis=1), 1, 0))
+    if kind in network.absent:
+        status = np.where(network.absent[kind][numbers], 3, status)
+        status = np.where(np.isin(numbers, list(network.directions)), 4, status)
+    return pl.Series(STATUSES).gather(status)
+
+
+def _frame(columns: dict[str, Any]) -> pl.DataFrame:
+    """Columns as a table; names are texts also where there is none, NaN is no value."""
+    texts = [name for name in ("id", "camera", "status") if name in columns]
+    frame = pl.DataFrame(columns, schema_overrides=dict.fromkeys(texts, pl.String))
+    some = [name for name, column in columns.items() if _has_nan(column)]
+    return frame.with_columns(pl.col(some).fill_nan(None)) if some else frame
+
+
+def _has_nan(column: object) -> bool:
+    return isinstance(column, np.ndarray) and column.dtype == np.float64 and bool(np.isnan(column).any())
+
+
+# ------------------------------------------------------------
+# Table of undetermined unknowns, with reason and treatment.
+# ------------------------------------------------------------
+
+SCHEMA = {
+    "kind": pl.String,
+    "id": pl.String,
+    "reason": pl.String,
+    "treatment": pl.String,
+    "observations": pl.Int64,
+    "dx": pl.Float64,
+    "dy": pl.Float64,
+    "dz": pl.Float64,
+    "sigma": pl.Float64,
+}
+FILE = "undetermined.csv"
+
+
+def undeterminable_rows(solved: Solved) -> list[dict[str, Any]]:
+    """One row for each thing; of points at infinity the unit vector to them, and its σ (the larger semi-axis)."""
+    directions = _directions(solved)
+    return [
+        {**_row(thing), **directions.get(thing.name if thing.treatment == "at infinity" else "", _NOTHING)}
+        for thing in solved.network.undeterminable
+    ]
+
+
+def undeterminable_table(things: Sequence[dict[str, Any] | Undeterminable]) -> pl.DataFrame:
+    """The rows as a table."""
+    rows = [_row(thing) | _NOTHING if isinstance(thing, Undeterminable) else thing for thing in things]
+    return pl.DataFrame(rows, schema=SCHEMA)
+
+
+_NOTHING: dict[str, float | None] = dict.fromkeys(("dx", "dy", "dz", "sigma"))
+
+
+def _row(thing: Undeterminable) -> dict[str, Any]:
+    return {
+        "kind": thing.kind,
+        "id": thing.name,
+        "reason": thing.reason,
+        "treatment": thing.treatment,
+        "observations": thing.observations,
+    }
+
+
+def _directions(solved: Solved) -> dict[str, dict[str, float | None]]:
+    """Unit vectors in project axes by the names of points at infinity, σ in the project's angle unit."""
+    network = solved.network
+    unit = ANGLE_UNITS[angle_unit(solved)]
+    found: dict[str, dict[str, float | None]] = {}
+    for point, rotation in network.directions.items():
+        vector = solved.adjustment.values["rotation"][rotation][2] @ network.edge.matrix
+        sigma = None
+        if solved.quality is not None:
+            cofactor = solved.quality.cofactors["rotation"][rotation][:2, :2]
+            largest = float(np.linalg.eigvalsh(cofactor)[-1])
+            sigma = solved.quality.sigma_factor * float(np.sqrt(max(largest, 0.0))) / unit
+        row = {f"d{axis}": float(x) for axis, x in zip("xyz", vector, strict=True)}
+        found[network.blocks["point"].ids[point]] = {**row, "sigma": sigma}
+    return found
+
+
+# ------------------------------------------------------------
+# Planes, lines and right angles as they came out: where they lie, and how well their points fit.
+# ------------------------------------------------------------
+
+FEATURE_SCHEMA: dict[str, type[pl.DataType]] = {
+    "id": pl.String,
+    "type": pl.String,
+    "part": pl.String,
+    "dx": pl.Float64,
+    "dy": pl.Float64,
+    "dz": pl.Float64,
+    "distance": pl.Float64,
+    "x": pl.Float64,
+    "y": pl.Float64,
+    "z": pl.Float64,
+    "points": pl.Int64,
+    "rms": pl.Float64,
+}
+_X, _Z = np.eye(3)[[0, 2]]
+
+
+def feature_table(solved: Solved) -> pl.DataFrame:
+    """One row for every plane and line, two for a right angle, in project axes and length unit.
+
+    (dx, dy, dz) is the unit normal of a plane or the unit direction of a line; (x, y, z) the mean of its points, put on
+    it; ``distance`` of a plane that from the origin, dx x + dy y + dz z; ``rms`` the root mean square distance of the
+    points from it.
+    """
+    rows = [row for feature in solved.network.project.features for row in _rows(solved, feature)]
+    return pl.DataFrame(rows, schema=FEATURE_SCHEMA)
+
+
+def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
+    label = feature_label(feature)
+    group = next(g for g in solved.adjustment.problem.groups if g.name == label and g.type.key == "local")
+    position, rotation, _, eccentricity, points = group.blocks
+    values, M = solved.adjustment.values, solved.network.edge.matrix
+    D, offset = values["rotation"][rotation[0]], values["eccentricity"][eccentricity[0]]
+    local = (values["point"][points] - values["point"][position[0]]) @ D.T + offset
+    rows = []
+    for part, axis, chosen in _parts(feature, len(points)):
+        on = local[chosen].mean(axis=0)
+        off = local[chosen][:, :2] if feature.type == "line" else local[chosen] @ axis[:, None]
+        on[:2] = 0.0 if feature.type == "line" else on[:2]
+        on = on if feature.type == "line" else on * (1.0 - axis)
+        place = ((on - offset) @ D + values["point"][position[0]]) @ M
+        direction = _upright(axis @ D @ M)
+        rows.append(
+            {
+                "id": feature.id,
+                "type": feature.type,
+                "part": part,
+                **dict(zip(("dx", "dy", "dz"), direction.tolist(), strict=True)),
+                "distance": None if feature.type == "line" else float(direction @ place),
+                **dict(zip("xyz", place.tolist(), strict=True)),
+                "points": int(np.count_nonzero(chosen)),
+                "rms": float(np.sqrt(np.mean(np.sum(off**2, axis=1)))),
+            }
+        )
+    return rows
+
+
+def _parts(feature: Feature, count: int) -> list[tuple[str, FloatArray, np.ndarray]]:
+    """Name, axis in the local system and points (count,) of each plane or line of a feature."""
+    first = np.arange(count) < len(feature.points)
+    if feature.type == "right angle":
+        return [("points", _Z, first), ("other", _X, ~first)]
+    return [("", _Z, first)]
+
+
+def _upright(direction: FloatArray) -> FloatArray:
+    """The direction or its opposite: that whose largest component is positive."""
+    upright: FloatArray = direction * np.sign(direction[np.argmax(np.abs(direction))])
+    return upright
+
+
+# ------------------------------------------------------------
+# Trajectories in the result: every knot with its pose and σ, misalignments of inertial systems.
+# ------------------------------------------------------------
+
+POSE = ("x", "y", "z", "omega", "phi", "kappa")
+
+
+@once
+def knot_table(solved: Solved) -> pl.DataFrame:
+    """One row for each knot: trajectory, time in seconds, stretch (from 1), pose with σ."""
+    network = solved.network
+    trajectories = network.trajectories.values()
+    if not trajectories:
+        return pl.DataFrame()
+    positions = points(solved, np.concatenate([t.positions for t in trajectories]))
+    attitudes = rotations(solved, np.concatenate([t.rotations for t in trajectories]))
+    columns: dict[str, Any] = {
+        "trajectory": [t.name for t in trajectories for _ in t.times],
+        "time": np.concatenate([t.times for t in trajectories]),
+        "stretch": np.concatenate([t.stretch + 1 for t in trajectories]),
+    }
+    for part, names in ((positions, POSE[:3]), (attitudes, POSE[3:])):
+        columns |= {name: part.values[:, k] for k, name in enumerate(names)}
+        columns |= {f"s{name}": part.sigma[:, k] for k, name in enumerate(names)}
+    return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
+
+
+def boresight_rows(solved: Solved) -> list[dict[str, Any]]:
+    """Misalignments of inertial systems that are unknown: ω, φ, κ with σ, by instrument."""
+    things = solved.network.things["instrument"]
+    numbers = things.parts["boresight"]
+    blocks = solved.network.blocks.get("rotation")
+    rows = []
+    for name, number in zip(things.ids, numbers.tolist(), strict=True):
+        if number < 0 or blocks is None or not blocks.free[number].any():
+            continue
+        found = rotations(solved, np.array([number]))
+        row: dict[str, Any] = {"instrument": name}
+        for k, part in enumerate(POSE[3:]):
+            sigma = float(found.sigma[0, k])
+            row |= {part: float(found.values[0, k]), f"s{part}": sigma if np.isfinite(sigma) else None}
+        rows.append(row)
+    return rows
+
+
+# ------------------------------------------------------------
+# Movements of points in one adjustment as tables, in project axes: what moves them, and how far they have moved.
+# ------------------------------------------------------------
+
+PER = {"velocity": "/a", "annual oscillation": "", "step": ""}
+"""What stands behind the unit of length of a parameter: velocities are lengths in a year."""
+_COMPONENTS = ("x", "y", "z", "cos_x", "cos_y", "cos_z")
+
+
+@once
+def found_movements(solved: Solved) -> Movements | None:
+    """Movements of an adjustment, worked out once."""
+    return movements(solved)
+
+
+def epoch_rows(solved: Solved) -> list[dict[str, Any]]:
+    """The epochs in the order of time."""
+    motion = solved.network.motion
+    return [{"epoch": motion.labels[k], "year": motion.times[k]} for k in motion.in_order]
+
+
+def motion_table(solved: Solved) -> pl.DataFrame:
+    """One row for each parameter of a point: velocity, step; of an annual oscillation the sine, then the cosine."""
+    found = found_movements(solved)
+    if found is None:
+        return pl.DataFrame()
+    tested = found.parameters
+    begins = {"point": list(tested.names), "parameter": list(tested.what), "time": list(tested.end)}
+    return _with_tests(solved, tested, begins, 6)
+
+
+def movement_rows(solved: Solved) -> pl.DataFrame:
+    """One row for each point and epoch: movement since the first epoch of the point."""
+    found = found_movements(solved)
+    if found is None:
+        return pl.DataFrame()
+    tested = found.between
+    begins = {"point": list(tested.names), "from": list(tested.begin), "to": list(tested.end)}
+    return _with_tests(solved, tested, begins, 3)
+
+
+def _with_tests(solved: Solved, tested: Tested, begins: dict[str, Any], size: int) -> pl.DataFrame:
+    quality = solved.quality
+    assert quality is not None
+    M = solved.network.edge.matrix
+    vectors = _turned(tested.tests.vectors, M)
+    variances = np.diagonal(tested.tests.cofactors, axis1=1, axis2=2)
+    sigma = _turned(np.sqrt(np.maximum(variances, 0.0)), np.abs(M)) * quality.sigma_factor
+    has = np.array([what == "annual oscillation" for what in tested.what], dtype=bool)
+    columns: dict[str, Any] = dict(begins)
+    for k, name in enumerate(_COMPONENTS[:size]):
+        columns[name] = np.where(has | (k < 3), vectors[:, k], np.nan)
+        columns[f"s{name}"] = np.where(has | (k < 3), sigma[:, k], np.nan)
+    columns["freedom"] = tested.tests.freedom
+    columns["test"] = tested.tests.statistic / (quality.sigma_factor**2)
+    columns["p"] = np.exp(tested.log_p)
+    columns["smallest"] = tested.smallest
+    columns["moved"] = tested.significant
+    texts = dict.fromkeys(begins, pl.String)
+    return pl.DataFrame(columns, schema_overrides=texts).with_columns(pl.col(pl.Float64).fill_nan(None))
+
+
+def _turned(vectors: FloatArray, M: FloatArray) -> FloatArray:
+    """(n, 6) two vectors a row, from internal to project axes."""
+    return np.concatenate([vectors[:, :3] @ M, vectors[:, 3:] @ M], axis=1)
+
+
+# ------------------------------------------------------------
+# Points of a network on the earth: in its reference system, above ellipsoid and geoid, geocentric.
+# ------------------------------------------------------------
+
+ANGULAR = ("latitude", "longitude")
+
+
+@once
+def place_table(solved: Solved) -> pl.DataFrame:
+    """One row for each point, in the units of the project; angles of a project in d-m-s in degrees.
+
+    Coordinates in the reference system, σ east, north, up in the horizon of the point (in the datum of the adjustment),
+    height above the ellipsoid, geoid height and height above the geoid where it is known, geocentric coordinates.
+    """
+    network = solved.network
+    world, things = network.world, network.things["point"]
+    if world is None:
+        return pl.DataFrame()
+    numbers = things.parts["position"]
+    positions = solved.adjustment.values["point"][numbers].copy()
+    if "point" in network.absent:
+        positions[network.absent["point"][numbers]] = np.nan
+    N = world.geoid_at(numbers, positions)
+    unit = ANGLE_UNITS[angle_unit(solved)]
+    columns: dict[str, Any] = {"id": list(things.ids)}
+    for name, column in zip(world.system.coordinates, world.from_object(positions, N).T, strict=True):
+        columns[name] = column / unit if name in ANGULAR else column
+    for name, column in zip(("east", "north", "up"), _sigma(solved, world, positions).T, strict=True):
+        columns[f"s{name}"] = column
+    height = world.horizon.to_geodetic(positions)[:, 2]
+    columns |= {"ellipsoidal_height": height, "geoid": N, "orthometric_height": height - N}
+    for name, column in zip("XYZ", world.horizon.to_geocentric(positions).T, strict=True):
+        columns[f"geocentric_{name.lower()}"] = column
+    return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
+
+
+def _sigma(solved: Solved, world: World, positions: FloatArray) -> FloatArray:
+    """σ (n, 3) east, north, up at positions (n, 3), NaN if there is no solution."""
+    if solved.quality is None:
+        return np.full(positions.shape, np.nan)
+    numbers = solved.network.things["point"].parts["position"]
+    axes = world.horizon.local_axes(positions)
+    covariance = solved.quality.cofactors["point"][numbers] * solved.quality.sigma_factor**2
+    variances = np.einsum("nij,njk,nik->ni", axes, covariance, axes)
+    sigma: FloatArray = np.sqrt(np.maximum(variances, 0.0))
+    return sigma

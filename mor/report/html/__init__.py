@@ -1,1 +1,0 @@
-"""One self-contained page for each adjustment: templates by jinja2, charts by plotly.js, nothing from the network."""

@@ -1,1 +1,0 @@
-"""Movements of points in one adjustment: tables, and the section of the text report."""

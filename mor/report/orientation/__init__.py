@@ -1,1 +1,0 @@
-"""Relative and planar orientation on their own: tables in, plain data and text out."""

@@ -1,0 +1,835 @@
+"""The HTML page of results."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import polars as pl
+from jinja2 import Environment, PackageLoader, StrictUndefined
+from markupsafe import Markup
+from scipy.special import ndtr
+
+from mor.errors import InputError, Message, Undeterminable
+from mor.model.parameters import INTERIORS
+from mor.quality.solution import Solved
+from mor.report.figures import camera_figures, overlap, overlap_map, test_figures
+from mor.report.language import ENGLISH, Words
+from mor.report.layout import DIGITS, component_of, fixed, persons, short, small_unit
+from mor.report.page_data import (
+    MOST_ROWS,
+    MOST_VECTORS,
+    PageData,
+    chart_library,
+    checked_coordinates,
+    control_table,
+    deviations,
+    page_data,
+    payload,
+    rms,
+)
+from mor.report.summary import failure, summary
+from mor.report.text import verdict
+from mor.report.text_findings import (
+    decrease,
+    mostly_out_in_words,
+    sentence,
+    sentences,
+    sentences_of_things,
+    undetermined_section,
+)
+from mor.report.verdict import (
+    contradictions,
+    ill_determined,
+    in_common,
+    said_conventions,
+    uncontrolled_in_words,
+    uncontrolled_sentence,
+)
+from mor.report.view import View
+
+# ------------------------------------------------------------
+# The page on paper: running heads with the project, page numbers, and the browser that makes a PDF of it.
+# ------------------------------------------------------------
+
+PAPERS = {"A4": "A4", "Letter": "letter"}
+"""Sizes of paper by what a person calls them, as CSS has them."""
+BROWSERS = (
+    *("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome"),
+    *("microsoft-edge", "microsoft-edge-stable", "msedge"),
+)
+"""Programs that print a page as PDF without a window; Firefox does not."""
+_APPLICATIONS = (
+    "/Applications/Google Chrome.app/Contents/MacOS/Google Chrome",
+    "/Applications/Chromium.app/Contents/MacOS/Chromium",
+    "/Applications/Microsoft Edge.app/Contents/MacOS/Microsoft Edge",
+    r"C:\Program Files\Google\Chrome\Application\chrome.exe",
+    r"C:\Program Files (x86)\Microsoft\Edge\Application\msedge.exe",
+)
+_PATIENCE_MS = 30_000
+_LONGEST = 600.0
+"""Seconds a browser may take over the largest page."""
+
+
+def running_heads(title: str, identity: dict[str, Any], words: Words = ENGLISH) -> Markup:
+    """Style sheet of what stands above and below every printed page: project, program, date, number of the page."""
+    right = " · ".join(part for part in (identity["date"], identity["program"]) if part)
+    of = _css_text(words("page"))
+    return Markup(
+        "@page { "
+        f"@top-left {{ content: {_css_text(_cut(title))}; {_SMALL} }} "
+        f"@top-right {{ content: {_css_text(right)}; {_SMALL} }} "
+        f'@bottom-right {{ content: {of} " " counter(page) " / " counter(pages); {_SMALL} }} '
+        "}"
+    )
+
+
+_SMALL = 'font: 8pt system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #444; white-space: nowrap;'
+_LONGEST_HEAD = 70
+
+
+def _cut(title: str) -> str:
+    return title if len(title) <= _LONGEST_HEAD else f"{title[: _LONGEST_HEAD - 1]}…"
+
+
+def _css_text(text: str) -> str:
+    """A text of CSS that may stand in a style element: whatever has a meaning there is spelled out."""
+    spelled = re.sub(r'[\x00-\x1f\\"<>&]', lambda sign: f"\\{max(ord(sign[0]), 32):x} ", text)
+    return f'"{spelled}"'
+
+
+def browser() -> str | None:
+    """The first browser there is that prints PDF; the variable ``MOR_BROWSER`` names another."""
+    given = os.environ.get("MOR_BROWSER")
+    if given is not None:
+        return shutil.which(given)
+    return next((found for name in (*BROWSERS, *_APPLICATIONS) if (found := shutil.which(name))), None)
+
+
+def print_page(program: str, page: str, target: Path, paper: str) -> None:
+    """Print a page as PDF by a browser. Raises :class:`InputError` if the browser does not."""
+    with tempfile.TemporaryDirectory(prefix="mor", ignore_cleanup_errors=True) as folder:
+        sheet = Path(folder) / "report.html"
+        size = PAPERS[paper]
+        style = f"<style>@page {{ size: {size}; }} @page wide {{ size: {size} landscape; }}</style></head>"
+        sheet.write_text(page.replace("</head>", style, 1), encoding="utf-8")
+        made = Path(folder) / "report.pdf"
+        done = _run(program, sheet, made, Path(folder) / "profile")
+        if not made.is_file():
+            said = done.strip().splitlines()[-1:] or ["it said nothing"]
+            raise InputError([Message(f"the browser made no PDF: {said[0]}", program)])
+        shutil.move(made, target)
+
+
+def _run(program: str, sheet: Path, made: Path, profile: Path) -> str:
+    options = [
+        *("--headless", "--disable-gpu", "--no-first-run", "--disable-extensions", "--no-pdf-header-footer"),
+        "--disable-pdf-tagging",  # tags of every cell of long tables are nine tenths of the file
+        f"--virtual-time-budget={_PATIENCE_MS}",
+        f"--user-data-dir={profile}",
+        f"--print-to-pdf={made}",
+    ]
+    if sys.platform != "win32" and os.geteuid() == 0:
+        options.append("--no-sandbox")  # the sandbox of chromium refuses to work for root
+    try:
+        done = subprocess.run(
+            [program, *options, sheet.as_uri()], capture_output=True, timeout=_LONGEST, check=False
+        )
+    except subprocess.TimeoutExpired:
+        return f"it took more than {_LONGEST:g} s"
+    return done.stderr.decode(errors="replace")
+
+
+# ------------------------------------------------------------
+# Statements on what an adjustment rests on: what was read and used, which datum, what would make it better.
+# ------------------------------------------------------------
+
+_NAMED = 3
+"""Observations without control that are named."""
+_MOST_NOTES = 200
+"""Notes that are listed."""
+
+
+def used_in_words(data: PageData) -> str:
+    """From how many files, how many observations took part, and whether anything was left out or noted."""
+    view, say = data.view, data.words
+    out = view.residuals.height - view.used.height
+    parts = [
+        say(
+            "{files:file|files} read, {count:observation|observations} adjusted, {out} kept out.",
+            files=len(view.identity["inputs"]),
+            count=view.used.height,
+            out=out,
+        )
+    ]
+    things = len(view.summary.get("undeterminable", []))
+    if things:
+        parts.append(say("{count:thing is|things are} not determined.", count=things))
+    if view.notes:
+        parts.append(say("{count:note|notes} under Files.", count=len(view.notes)))
+    return " ".join(parts)
+
+
+def datum_in_words(data: PageData) -> str:
+    """The datum that coordinates and σ refer to."""
+    return data.words("{datum}. Coordinates and σ refer to it.", datum=data.datum)
+
+
+def epoch_in_words(data: PageData) -> str:
+    """State how the result can be compared with another epoch."""
+    return data.words(
+        "mor compare OTHER THIS --epochs carries both into the datum of their common points and tests the movements; "
+        "bare differences of coordinates of two datums are no movements."
+    )
+
+
+def help_in_words(data: PageData) -> str:
+    """Suggest what to measure next: the least precise point, and uncontrolled observations."""
+    view, say, parts = data.view, data.words, []
+    if "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():
+        worst = data.points.sort("ellipsoid_a", descending=True, nulls_last=True).row(0, named=True)
+        unit, factor = small_unit(view.length, worst["ellipsoid_a"])
+        parts.append(
+            say(
+                "Point {point} is the least precise one (semi-axis {size} {unit}): further observations to it.",
+                point=worst["id"],
+                size=f"{worst['ellipsoid_a'] * factor:.3g}",
+                unit=unit,
+            )
+        )
+    free = (view.reliability or {}).get("observations", [])[:_NAMED]
+    if free:
+        names = "; ".join(f"{row['type']} {', '.join(row['names'].values())}" for row in free)
+        parts.append(say("A second observation beside what nothing controls: {names}.", names=names))
+    parts.append(say("mor design adjusted.yaml --rank tells what each further observation is worth."))
+    return " ".join(parts)
+
+
+def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, Any]:
+    """The first notes with their places, in the language of the page, and how many more there are."""
+    notes = [
+        {
+            "place": f"{row['file']}:{row['line']}" if row["line"] else row["file"],
+            "message": words.told(row["message"]),
+        }
+        for row in rows[:_MOST_NOTES]
+    ]
+    return {"notes": notes, "notes_left": len(rows) - len(notes)}
+
+
+# ------------------------------------------------------------
+# The verdict in plain words: statements, each with its numbers, good, doubtful or bad.
+# ------------------------------------------------------------
+
+GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
+_NARROW = {"gon": 10.0, "deg": 9.0}
+_LOW_R = 0.1
+_STRONG = 0.95
+_NEGATIVE = re.compile(r"(?<![\w-])-(?=\d)|(?<=e)-(?=\d)")
+"""Hyphens that are minus signs."""
+
+
+class Statement(NamedTuple):
+    """A statement of the verdict, and the numbers it rests on."""
+
+    state: str
+    title: str
+    words: str
+    link: str = ""
+    """Section of the page, or table of it, that has more."""
+
+
+def statements(data: PageData) -> list[Statement]:
+    """The statements, the most important first."""
+    parts = [
+        *_causes(data),
+        _global(data),
+        _groups(data),
+        _worst(data),
+        _controlled(data),
+        _checks(data),
+        _points(data),
+        _geometry(data),
+    ]
+    found = [statement for statement in [*parts, *_cameras(data), *_rests_on(data)] if statement is not None]
+    return [statement._replace(words=_NEGATIVE.sub("−", statement.words)) for statement in found]
+
+
+def headline(data: PageData) -> Statement:
+    """One sentence: accepted or not."""
+    summary, say = data.view.summary, data.words
+    test, count = summary["global_test"], summary["iterations"]
+    if summary["redundancy"] == 0:
+        words = say(
+            "The adjustment converged after {count:iteration|iterations}, but the redundancy is 0: nothing is tested.",
+            count=count,
+        )
+        return Statement(BAD, say("Not controlled"), words)
+    shared = in_common(data.view.gross_errors.get("in_common", []), say)
+    left_out = sentences(data.view.suspects, say)
+    if left_out:
+        return Statement(BAD, say("Not accepted"), " ".join([*left_out, *shared]))
+    emptied = [*_emptied(data), *_mostly_out(data)]
+    things = tuple(_thing(row) for row in summary.get("undeterminable", []))
+    emptied += sentences_of_things(things, say)
+    flagged = " ".join([_flagged(summary["flagged"], say), *shared, *emptied])
+    contradicted = contradictions(data.view.verdict, say)
+    open_ = ill_determined(data.view.verdict, summary["units"]["length"], say)
+    whole = not open_ or bool((data.view.verdict or {})["determined"]["as_a_whole"])
+    flagged = " ".join([*open_, flagged])
+    if not test["accepted"]:
+        larger = test["statistic"] > test["upper"]
+        words = say(
+            "The adjustment converged after {count:iteration|iterations}, but the global test rejects it: "
+            "residuals are {size} than the σ given a priori say (σ0 a posteriori / a priori = {ratio}).",
+            count=count,
+            size=say("larger") if larger else say("smaller"),
+            ratio=f"{summary['sigma0']['ratio_of_sigmas']:.3f}",
+        )
+        words = " ".join([words, *contradicted, flagged])
+        return Statement(BAD if larger else DOUBT, say("Not accepted"), words)
+    words = say(
+        "The adjustment converged after {count:iteration|iterations}, the global test accepts it.",
+        count=count,
+    )
+    if contradicted:
+        return Statement(BAD, say("Not accepted"), " ".join([words, *contradicted, flagged]))
+    if not whole:
+        return Statement(BAD, say("Not determined"), f"{words} {flagged}")
+    if open_:
+        return Statement(DOUBT, say("Accepted, but partly ill-determined"), f"{words} {flagged}")
+    loose = summary.get("uncontrolled") or 0
+    if loose:
+        title = say("Accepted, {count:observation|observations} uncontrolled", count=loose)
+        return Statement(DOUBT, title, f"{words} {flagged}")
+    if summary["flagged"] or emptied:
+        return Statement(DOUBT, say("Accepted, with observations to look at"), f"{words} {flagged}")
+    return Statement(GOOD, say("Accepted"), f"{words} {flagged}")
+
+
+def _rests_on(data: PageData) -> list[Statement]:
+    """Datum, what was used of what was read, what would help: no judgement, but asked of every adjustment."""
+    say = data.words
+    return [
+        Statement(PLAIN, say("Datum"), datum_in_words(data), "key-figures"),
+        _another_epoch(data),
+        Statement(PLAIN, say("What was used"), used_in_words(data), "files"),
+        Statement(PLAIN, say("What would help"), help_in_words(data), "points"),
+    ]
+
+
+def _another_epoch(data: PageData) -> Statement:
+    """State whether the result can be compared with another epoch."""
+    say, accepted = data.words, data.view.summary["global_test"]["accepted"]
+    if accepted and headline(data).state != BAD:
+        return Statement(PLAIN, say("Another epoch"), epoch_in_words(data))
+    first = say("Not yet: this one is not accepted, and movements would be tested with σ that do not hold.")
+    return Statement(DOUBT, say("Another epoch"), f"{first} {epoch_in_words(data)}")
+
+
+def _causes(data: PageData) -> list[Statement]:
+    """Possible causes of what is rejected, not verified."""
+    return [
+        Statement(
+            DOUBT,
+            data.words("Possible cause"),
+            data.words(
+                "{cause}. {effect}. Not verified: run mor diagnose; to try it: {line}",
+                cause=sentence(row, data.words),
+                effect=decrease(row, data.words),
+                line=row["line"],
+            ),
+        )
+        for row in data.view.possible_causes
+    ]
+
+
+def _thing(row: dict[str, Any]) -> Undeterminable:
+    return Undeterminable(row["kind"], row["id"], row["reason"], row["treatment"], row["observations"])
+
+
+def _emptied(data: PageData) -> list[str]:
+    """Groups of which nothing takes part any more: what tests accept then says nothing about them."""
+    return [
+        data.words(
+            "Nothing is left of {group}: all of it was taken out ({count}).",
+            count=row["excluded"],
+            group=row["name"],
+        )
+        for row in data.view.groups.to_dicts()
+        if row["observations"] == 0 and row["excluded"] > 0
+    ]
+
+
+def _mostly_out(data: PageData) -> list[str]:
+    """Points, images or stations most of whose observations were excluded."""
+    snooping = data.view.gross_errors.get("snooping")
+    return mostly_out_in_words((snooping or {}).get("mostly_out", []), data.words, _NAMED)
+
+
+def _flagged(count: int, say: Words) -> str:
+    if count == 0:
+        return say("No observation is flagged.")
+    return say("{count:observation is|observations are} flagged.", count=count)
+
+
+def _global(data: PageData) -> Statement | None:
+    summary, say = data.view.summary, data.words
+    test, sigma0 = summary["global_test"], summary["sigma0"]
+    if summary["redundancy"] == 0:
+        return None
+    numbers = say(
+        "vᵀPv = {statistic} with {redundancy:degree|degrees} of freedom, accepted between {lower} and {upper} "
+        "(χ², level {level}); σ0 a posteriori / a priori = {ratio}.",
+        statistic=f"{test['statistic']:.1f}",
+        redundancy=summary["redundancy"],
+        lower=f"{test['lower']:.1f}",
+        upper=f"{test['upper']:.1f}",
+        level=f"{test['level']:g}",
+        ratio=f"{sigma0['ratio_of_sigmas']:.3f}",
+    )
+    larger = test["statistic"] > test["upper"]
+    if test["accepted"]:
+        advice = say("Residuals agree with the σ given a priori.")
+    elif larger:
+        advice = say(
+            "Residuals are larger than the σ given a priori say: look for gross errors first, then for a model that "
+            "lacks something, then enlarge the σ of the groups that need it."
+        )
+    else:
+        advice = say(
+            "Residuals are smaller than the σ given a priori say: the observations are better than was assumed."
+        )
+    state = GOOD if test["accepted"] else BAD if larger else DOUBT
+    return Statement(state, say("Global test"), f"{advice} {numbers}", "key-figures")
+
+
+def _groups(data: PageData) -> Statement | None:
+    """Tests of groups, and what is chosen and not measured."""
+    tested, say = data.view.verdict, data.words
+    if tested is None:
+        return None
+    found = contradictions(tested, say)
+    if not found and tested["tests"]:
+        found = [
+            say(
+                "{count:test|tests} of groups; all together reject by mistake with {level}, each with {each} (Sidak).",
+                count=tested["tests"],
+                level=f"{tested['level_of_groups']:g}",
+                each=f"{tested['level_of_each_group']:.2g}",
+            ),
+            say("None of them rejects."),
+        ]
+    found += said_conventions(tested, say)
+    state = BAD if tested["rejected"] else GOOD if tested["tests"] else PLAIN
+    return Statement(state, say("Tests of groups"), " ".join(found), "groups") if found else None
+
+
+def _worst(data: PageData) -> Statement | None:
+    used = data.view.used.filter(pl.col("w").is_not_null())
+    if used.height == 0:
+        return None
+    row = used[int(used["w"].abs().arg_max() or 0)].row(0, named=True)
+    summary, say = data.view.summary, data.words
+    expected = used.height * summary["snooping_level"]
+    sentence = say(
+        "{count} beyond |w| = {limit} (chance alone would make about {expected} of {all}). The worst is {place}: "
+        "w = {w}, estimated error {error} {unit}.",
+        count=summary["flagged"],
+        limit=f"{data.view.critical:.2f}",
+        expected=f"{expected:.1f}" if expected >= 0.05 else f"{expected:.1g}",
+        all=used.height,
+        place=place(row),
+        w=f"{row['w']:.2f}",
+        error=f"{row['error']:.3g}",
+        unit=row["unit"],
+    )
+    many = summary["flagged"] > expected + 3.0 * np.sqrt(max(expected, 1.0))
+    state = GOOD if not summary["flagged"] else BAD if many else DOUBT
+    return Statement(state, say("Single observations"), sentence, "residuals")
+
+
+def place(row: dict[str, Any]) -> str:
+    """An observation in words: type, between what, component."""
+    between = " – ".join(part for part in (row["at"], row["from"], row["to"]) if part)
+    return f"{row['type']} {between}{component_of(row)}"
+
+
+def _controlled(data: PageData) -> Statement | None:
+    used, say = data.view.used.filter(pl.col("r").is_not_null()), data.words
+    if used.height == 0:
+        return None
+    low = used.filter(pl.col("r") < _LOW_R).height
+    free, found = data.view.summary.get("uncontrolled") or 0, data.view.reliability
+    words = say(
+        "Mean redundancy number {mean}; {low} of {all:observation|observations} have r < {limit}.",
+        mean=f"{float(used['r'].to_numpy().mean()):.2f}",
+        low=low,
+        all=used.height,
+        limit=f"{_LOW_R:g}",
+    )
+    if found is not None:
+        words = " ".join([words, *_uncontrolled(found, say)])
+    state = DOUBT if low > 0.05 * used.height or free else GOOD
+    return Statement(state, say("Reliability"), words, "tests")
+
+
+def _uncontrolled(found: dict[str, Any], say: Words) -> list[str]:
+    """Count the uncontrolled observations and name the first."""
+    lines = uncontrolled_in_words({**found, "observations": []}, say)[:1]
+    return lines + [f"{uncontrolled_sentence(row, say)}." for row in found["observations"][:_NAMED]]
+
+
+def _checks(data: PageData) -> Statement | None:
+    checks, say = data.view.checks, data.words
+    if not checks:
+        return None
+    worst = max(checks, key=lambda row: abs(row["largest"]))
+    beyond = int(sum(row["exceeding"] for row in checks))
+    parts = "; ".join(
+        f"{row['group']} {row['component']}: {say('rms')} {row['rms']:.3g} {row['unit']} ({int(row['count'])})"
+        for row in checks
+    )
+    words = say(
+        "{parts}. Largest deviation {largest} {unit}; {beyond} beyond their test.",
+        parts=parts,
+        largest=f"{worst['largest']:.3g}",
+        unit=worst["unit"],
+        beyond=beyond,
+    )
+    return Statement(DOUBT if beyond else GOOD, say("Checks kept out"), words, "control")
+
+
+def _points(data: PageData) -> Statement | None:
+    points, say = data.points.filter(pl.col("status").is_in(["free", "partly fixed"])), data.words
+    if points.height == 0:
+        return None
+    sigma = [rms(points[f"s{name}"].cast(pl.Float64).fill_null(np.nan).to_numpy()) for name in "xyz"]
+    worst = points.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).row(
+        0, named=True
+    )
+    unit, factor = small_unit(data.view.length, worst["ellipsoid_a"] or max(filter(None, sigma), default=1.0))
+    numbers = ", ".join(
+        f"σ{name.upper()} {factor * value:.3g} {unit}"
+        for name, value in zip("xyz", sigma, strict=True)
+        if value
+    )
+    words = say("Root mean square {numbers}; the weakest point is {id}", numbers=numbers, id=worst["id"])
+    if worst["ellipsoid_a"]:
+        axis = f"{factor * worst['ellipsoid_a']:.3g}"
+        words += " " + say("(longest semi-axis of its ellipsoid {axis} {unit})", axis=axis, unit=unit)
+    return Statement(PLAIN, say("Points"), f"{words}. {say('Datum: {datum}.', datum=data.datum)}", "points")
+
+
+def _geometry(data: PageData) -> Statement | None:
+    if not len(data.rays.frame):
+        return None
+    only = data.points.filter(pl.col("others") == 0)
+    two = (data.view.reliability or {}).get("points_barely_determined", 0)
+    narrow = only.filter(pl.col("angle") < _NARROW[data.angle_unit]).height
+    words = data.words(
+        "{two:point has|points have} at most one observation more than they need (two rays, or sights and distances "
+        "instead); {narrow} of those that only rays determine under less than {limit} {unit}.",
+        two=two,
+        narrow=narrow,
+        limit=f"{_NARROW[data.angle_unit]:g}",
+        unit=data.angle_unit,
+    )
+    return Statement(DOUBT if two or narrow else GOOD, data.words("Rays"), words, "tests")
+
+
+def _cameras(data: PageData) -> list[Statement]:
+    return [_camera(camera, data.words) for camera in data.view.cameras]
+
+
+def _camera(camera: dict[str, Any], say: Words) -> Statement:
+    first, component = next(iter(camera["components"].items()))
+    value = f"{first} = {component['value']:.6g}"
+    value += (
+        f" ± {component['sigma']:.2g} {camera['unit']}"
+        if component["sigma"]
+        else f" {camera['unit']} ({say('fixed')})"
+    )
+    names, matrix = camera["correlations"]["components"], camera["correlations"]["matrix"]
+    weak = [name for name, c in camera["components"].items() if _insignificant(name, c)]
+    words = f"{value}."
+    strong = _strongest(names, matrix)
+    if strong is not None:
+        words += " " + say(
+            "Largest correlation {size} between {one} and {other}.",
+            size=f"{strong[2]:.2f}",
+            one=strong[0],
+            other=strong[1],
+        )
+    words += " " + say("Not significant: {names}.", names=", ".join(weak)) if weak else ""
+    doubt = weak or (strong is not None and abs(strong[2]) > _STRONG)
+    return Statement(DOUBT if doubt else GOOD, say("Camera {id}", id=camera["id"]), words, "cameras")
+
+
+def _insignificant(name: str, component: dict[str, Any]) -> bool:
+    return name not in ("c", "fx", "fy", "f", "xh", "yh", "cx", "cy") and bool(
+        component["sigma"] and abs(component["value"]) < 1.96 * component["sigma"]
+    )
+
+
+def _strongest(names: list[str], matrix: list[list[float]] | None) -> tuple[str, str, float] | None:
+    if matrix is None or len(names) < 2:
+        return None
+    lower = np.tril(np.array(matrix), -1)
+    i, j = np.unravel_index(int(np.argmax(np.abs(lower))), lower.shape)
+    return names[j], names[i], float(lower[i, j])
+
+
+# ------------------------------------------------------------
+# The page: verdict, network, images, cameras, tests, tables, in one file that needs nothing else.
+# ------------------------------------------------------------
+
+SCRIPTS = (
+    "data.js",
+    "theme.js",
+    "table.js",
+    "sketch.js",
+    "network.js",
+    "labels.js",
+    "overlays.js",
+    "images.js",
+    "multiples.js",
+    "overlap.js",
+    "main.js",
+)
+MOST_LISTED = 200
+"""Rows of the tables that are written out (control points)."""
+MEANINGS = {
+    **dict.fromkeys(("c", "fx", "fy", "f"), "camera constant"),
+    **dict.fromkeys(("xh", "yh", "cx", "cy"), "principal point"),
+    **dict.fromkeys(("A", "K", "k", "omega"), "radial distortion"),
+    **dict.fromkeys(("B", "P", "p"), "tangential distortion"),
+    **dict.fromkeys(("s", "sx", "sy"), "thin prism distortion"),
+    **dict.fromkeys(("C", "b", "alpha"), "affinity"),
+}
+"""What the components of the interior orientations are, by their names without numbers."""
+OF_PANORAMA = {
+    "rate": "rate of rotation",
+    **dict.fromkeys(("ahead", "aside"), "eccentricity of the projection centre"),
+    **dict.fromkeys(("lean", "pitch"), "tilt of the line"),
+    "A": "distortion along the line",
+    **dict.fromkeys(("a", "b"), "uneven rotation"),
+}
+"""The same of panoramas, where it differs."""
+
+
+def meaning(model: str, name: str) -> str:
+    """Return the meaning of a component of an interior orientation, or an empty text."""
+    known = {**MEANINGS, **OF_PANORAMA} if model == "panorama" else MEANINGS
+    return known.get(name.rstrip("0123456789"), known.get(name, ""))
+
+
+def page(view: View, words: Words = ENGLISH) -> str:
+    """The page of an adjustment, in a language.
+
+    Raises :class:`mor.errors.InputError` where the chart library is missing.
+    """
+    data = page_data(view, words)
+    cameras = camera_figures(data)
+    figures: dict[str, Any] = dict(test_figures(data))
+    for number, charts in enumerate(cameras):
+        figures |= {f"camera{number}_{name}": chart for name, chart in charts.items()}
+    covered = overlap_map(overlap(view, data.rays))
+    template = environment().get_template("page.html.j2")
+    return template.render(
+        **_content(data),
+        figures=figures,
+        overlap=covered is not None,
+        payload=Markup(payload(data, figures, covered)),
+        library=Markup(chart_library()),
+        style=Markup(asset("page.css")),
+        running=running_heads(
+            data.view.summary["title"] or data.words("Adjustment"), data.view.identity, data.words
+        ),
+        scripts=[Markup(asset(name)) for name in SCRIPTS],
+    )
+
+
+def environment() -> Environment:
+    """Return the template environment with its filters."""
+    environment = Environment(
+        loader=PackageLoader("mor.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {
+        "short": _short,
+        "fixed": _fixed,
+        "probability": _probability,
+        "coordinate": _coordinate,
+    }
+    return environment
+
+
+def asset(name: str) -> str:
+    """Text of a style sheet or script."""
+    return files("mor.report").joinpath("assets", name).read_text(encoding="utf-8")
+
+
+def _content(data: PageData) -> dict[str, Any]:
+    view = data.view
+    control = control_table(view)
+    return {
+        "title": view.summary["title"] or data.words("Adjustment"),
+        "summary": view.summary,
+        "identity": view.identity,
+        **listed_notes(view.notes, data.words),
+        "persons": persons(view.identity, data.words),
+        "headline": headline(data),
+        "statements": statements(data),
+        "cameras": [_camera_of_page(camera) for camera in view.cameras],
+        "groups": view.groups.to_dicts(),
+        "gross": view.gross_errors,
+        "relative": view.relative,
+        "checks": view.checks,
+        "deviations": [
+            (kind, rows)
+            for kind, rows in (
+                ("control points", deviations(control)),
+                ("check points", deviations(checked_coordinates(view))),
+            )
+            if rows
+        ],
+        "control": control[:MOST_LISTED].to_dicts(),
+        "control_left": max(0, control.height - MOST_LISTED),
+        "counts": {
+            "points": data.points.height,
+            "images": data.images.height,
+            "stations": view.stations.height,
+            "residuals": view.residuals.height,
+            "vectors": data.measured.height,
+        },
+        "limits": {"rows": MOST_ROWS, "vectors": MOST_VECTORS},
+        "critical": view.critical,
+        "snooping_level": view.summary["snooping_level"],
+        "residuals_file": view.residuals_file,
+        "points_file": f"points{Path(view.residuals_file).suffix}" if view.residuals_file else "",
+        "angle_unit": data.angle_unit,
+        "sigma_words": sigma_words(data),
+        "datum": data.datum,
+        "movements": [data.words(name) for name in view.summary["movements"]],
+        "say": data.words,
+        "language": data.words.language,
+        **_movement(view),
+    }
+
+
+def _movement(view: View) -> dict[str, Any]:
+    """Unit and factor in which movements of points are listed."""
+    rows = view.gross_errors.get("suspicious", [])
+    sizes = [abs(value) for row in rows for value in row["movement"] or ()]
+    unit, factor = small_unit(view.length, max(sizes, default=1.0))
+    return {"movement_unit": unit, "movement_factor": factor}
+
+
+def sigma_words(data: PageData) -> str:
+    """State which σ0 every σ of the page refers to."""
+    sigma0 = data.view.summary["sigma0"]
+    posterior = sigma0["used_for_sigma"] != sigma0["apriori"]
+    return data.words(
+        "σ: standard deviations (1σ) with σ0 {which} = {used}; datum: {datum}",
+        which=data.words("a posteriori") if posterior else data.words("a priori"),
+        used=f"{sigma0['used_for_sigma']:.4g}",
+        datum=data.datum,
+    )
+
+
+def _camera_of_page(camera: dict[str, Any]) -> dict[str, Any]:
+    quantities = {c.name: c.quantity for c in INTERIORS[camera["model"]].components}
+    rows = []
+    for name, component in camera["components"].items():
+        t = abs(component["value"]) / component["sigma"] if component["sigma"] else None
+        rows.append(
+            {
+                "name": name,
+                "meaning": meaning(camera["model"], name),
+                "unit": raised(quantities[name].unit("m", "rad", camera["unit"])),
+                **component,
+                "t": t,
+                "p": float(2.0 * ndtr(-t)) if t is not None else None,
+            }
+        )
+    return {**camera, "rows": rows}
+
+
+def raised(unit: str) -> str:
+    """A unit with its exponent raised: 1/mm² for 1/mm^2."""
+    base, _, exponent = unit.partition("^")
+    return base + exponent.translate(str.maketrans("0123456789", "⁰¹²³⁴⁵⁶⁷⁸⁹"))
+
+
+def _short(value: float | None, digits: int = 4) -> str:
+    return "–" if value is None else f"{value:.{digits}g}".replace("-", "−")
+
+
+def _coordinate(value: float | None, unit: str) -> str:
+    """A coordinate with the decimals of its unit."""
+    return _fixed(value, DIGITS[unit]) if unit in DIGITS else _short(value, 9)
+
+
+def _probability(value: float | None) -> str:
+    return "–" if value is None else "< 0.0001" if value < 1e-4 else f"{value:.4f}"
+
+
+def _fixed(value: float | None, digits: int) -> str:
+    return "–" if value is None else f"{value:.{digits}f}".replace("-", "−")
+
+
+# ------------------------------------------------------------
+# The page where there is no solution: the verdict, the iterations, what does not come to rest, what fits worst.
+#
+# It shows no places and no cameras: what looks like a result would be taken for one.
+# ------------------------------------------------------------
+
+SHOWN = 1000
+"""Things that nothing determines that are listed."""
+
+
+def failure_page(
+    solved: Solved, identity: dict[str, Any], notes: Sequence[Mapping[str, Any]], words: Words = ENGLISH
+) -> str:
+    """The page of an outcome that is no solution, in a language: HTML that needs nothing else.
+
+    ``notes`` are those of :func:`mor.report.identity.note_rows`.
+    """
+    environment = Environment(
+        loader=PackageLoader("mor.report"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters |= {"short": short, "fixed": fixed}
+    data = summary(solved)
+    content: dict[str, Any] = {
+        "title": data["title"] or words("Adjustment"),
+        "summary": data,
+        "identity": identity,
+        **listed_notes(notes, words),
+        "persons": persons(identity, words),
+        "verdict": verdict(solved, words),
+        "explained": undetermined_section(solved, words).splitlines()[2:],
+        "things": data["undeterminable"][:SHOWN],
+        "more": max(0, len(data["undeterminable"]) - SHOWN),
+        "failure": failure(solved) or {},
+        "say": words,
+        "running": running_heads(data["title"] or words("Adjustment"), identity, words),
+        "style": Markup(files("mor.report").joinpath("assets", "page.css").read_text(encoding="utf-8")),
+    }
+    return environment.get_template("failure.html.j2").render(**content)

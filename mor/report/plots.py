@@ -1,0 +1,736 @@
+"""Plots with Matplotlib."""
+
+from __future__ import annotations
+
+import warnings
+from contextlib import AbstractContextManager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+import polars as pl
+
+from mor.errors import InputError, Message, escaped, nearest, shortened
+from mor.model.cameras import CAMERA_MODELS
+from mor.output_files import write_file
+from mor.report.figures import CONFIDENCE as CAMERA_CONFIDENCE
+from mor.report.figures import RAY_CLASSES, Overlap, camera_window, overlap
+from mor.report.language import ENGLISH, Words, datum_name
+from mor.report.layout import BLUE, GREEN, GREY, ORANGE, RED, normal_bins, placed, round_length, small_unit
+from mor.report.page_data import (
+    covariances,
+    detectable_effects,
+    drawn_axes,
+    image_points,
+    relative_ellipses,
+    scale_of_effects,
+    sights,
+    windows,
+    with_given,
+)
+from mor.report.view import View, Window, centres, places, radial_curve, rays_of
+from mor.types import FloatArray
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+# ------------------------------------------------------------
+# A sheet to draw on, and how it becomes a file: same picture, same bytes.
+# ------------------------------------------------------------
+
+FORMATS = ("svg", "png", "pdf")
+_STYLE: dict[str, Any] = {
+    "svg.hashsalt": "mor",
+    "font.family": "DejaVu Sans",
+    "font.size": 9.0,
+    "text.parse_math": False,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#dddddd",
+    "grid.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "savefig.dpi": 150,
+}
+_LONGEST = 100
+"""Letters of a line of text: what a sheet is wide enough for."""
+_NO_DATE: dict[str, dict[str, Any]] = {
+    "svg": {"Date": None, "Creator": "mor"},
+    "pdf": {"CreationDate": None, "ModDate": None, "Creator": "mor", "Producer": "mor"},
+    "png": {"Software": "mor"},
+}
+
+
+def style() -> AbstractContextManager[None]:
+    """The look of pictures, to draw and save them in. Raises :class:`InputError` if matplotlib is missing."""
+    try:
+        from matplotlib import rc_context
+    except ImportError:
+        words = "pictures need the Python package matplotlib: pip install 'mor-adjustment[plot]'"
+        raise InputError([Message(words)]) from None
+    return rc_context(cast("Any", _STYLE))
+
+
+def sheet(width: float = 7.5, height: float = 5.0) -> Figure:
+    """An empty figure, inches."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def scale_bar(axes: Axes, length: float, words: str) -> None:
+    """A bar of a length in data units below the lower left corner, with its words."""
+    from matplotlib.transforms import blended_transform_factory
+
+    left = min(axes.get_xlim())
+    place = blended_transform_factory(axes.transData, axes.transAxes)
+    start = max(axes.get_xlim()) if axes.xaxis_inverted() else left
+    step = -length if axes.xaxis_inverted() else length
+    axes.plot([start, start + step], [1.03, 1.03], transform=place, color="black", lw=2.5, clip_on=False)
+    axes.annotate(
+        words, (start + step, 1.03), (5, 0), xycoords=place, textcoords="offset points", va="center"
+    )
+
+
+def check_picture(path: Path) -> None:
+    """Raise :class:`InputError` for a file whose suffix is that of no picture."""
+    if path.suffix.lower().removeprefix(".") not in FORMATS:
+        words = f"unknown format {path.suffix!r} of a picture (known: {', '.join('.' + f for f in FORMATS)})"
+        raise InputError([Message(words, str(path))])
+
+
+def save(figure: Figure, path: Path, force: bool) -> None:
+    """Write a figure; its suffix says how. Raises :class:`InputError` for a suffix that is not known."""
+    check_picture(path)
+    spell_out(figure)
+    write_file(path, lambda place: _draw(figure, place), force)
+
+
+def _draw(figure: Figure, path: Path) -> None:
+    suffix = path.suffix.lower().removeprefix(".")
+    with warnings.catch_warnings():
+        # Scripts that the font lacks are drawn as boxes, which can be seen in the picture.
+        warnings.filterwarnings("ignore", message="Glyph")
+        figure.savefig(path, format=suffix, metadata=_NO_DATE[suffix])
+
+
+def spell_out(figure: Figure) -> None:
+    """Names with control characters, which no picture may contain as they are, or longer than a sheet is wide."""
+    from matplotlib.text import Text
+
+    for text in cast("list[Text]", figure.findobj(Text)):
+        lines = escaped(text.get_text()).split("\n")
+        text.set_text("\n".join(shortened(line, _LONGEST) for line in lines))
+
+
+# ------------------------------------------------------------
+# A camera: radial distortion with its band of confidence, and the correlations of its components.
+# ------------------------------------------------------------
+
+_BESIDE = 1.959963984540054
+
+
+def camera(view: View, name: str | None = None, words: Words = ENGLISH) -> Figure:
+    """Distortion and correlations of one camera, the first if none is named. Raises :class:`InputError`."""
+    chosen = _chosen(view, name)
+    measured = image_points(view)
+    unit = str(measured["unit"][0]) if measured.height else str(chosen["unit"])
+    area = camera_window(chosen, windows(view, measured).get(chosen["id"]), unit)
+    figure = sheet(9.0, 4.0)
+    left, right = figure.subplots(1, 2)
+    title = words("Camera {id} – model {model}", id=chosen["id"], model=chosen["model"])
+    figure.suptitle(title, fontsize=10)
+    if area is not None and CAMERA_MODELS[chosen["model"]].central:
+        _curve(left, chosen, area, words)
+    _matrix(right, chosen, words)
+    return figure
+
+
+def _chosen(view: View, name: str | None) -> dict[str, Any]:
+    names = [camera["id"] for camera in view.cameras]
+    if not names:
+        raise InputError([Message("there is no camera to draw")])
+    if name is not None and name not in names:
+        raise InputError([Message(f"unknown camera {name!r}{nearest(name, names)}")])
+    return view.cameras[names.index(name) if name else 0]
+
+
+def _curve(axes: Axes, camera: dict[str, Any], area: Window, words: Words) -> None:
+    largest = float(np.hypot(max(map(abs, area.x)), max(map(abs, area.y))))
+    curve = radial_curve(camera, largest, 121)
+    unit, factor = small_unit(str(camera["unit"]), float(np.abs(curve.shift).max(initial=0.0)))
+    beside = _BESIDE * curve.sigma
+    low, high = (curve.shift - beside) * factor, (curve.shift + beside) * factor
+    band = words("{share} confidence", share=f"{CAMERA_CONFIDENCE:.0%}")
+    axes.fill_between(curve.radius, low, high, color=BLUE, alpha=0.3, lw=0, label=band)
+    axes.plot(curve.radius, curve.shift * factor, color=BLUE, label=words("radial distortion"))
+    axes.set_xlabel(words("distance from the principal point [{unit}]", unit=camera["unit"]))
+    axes.set_ylabel(words("distortion [{unit}]", unit=unit))
+    axes.legend()
+
+
+def _matrix(axes: Axes, camera: dict[str, Any], words: Words) -> None:
+    names, matrix = camera["correlations"]["components"], camera["correlations"]["matrix"]
+    axes.grid(False)
+    if matrix is None or len(names) < 2:
+        axes.set_axis_off()
+        said = words("fewer than two components are estimated")
+        axes.text(0.5, 0.5, said, ha="center", transform=axes.transAxes)
+        return
+    shown = axes.imshow(np.array(matrix), cmap="PuOr", vmin=-1.0, vmax=1.0)
+    axes.set_xticks(range(len(names)), names, rotation=90 if len(names) > 8 else 0)
+    axes.set_yticks(range(len(names)), names)
+    axes.set_title(words("Correlations [1]"), fontsize=9)
+    for i, row in enumerate(matrix):
+        for j, value in enumerate(row):
+            colour = "white" if abs(value) > 0.6 else "black"
+            axes.text(j, i, f"{value:.2f}", ha="center", va="center", fontsize=6, color=colour)
+    axes.figure.colorbar(shown, ax=axes, shrink=0.8)
+
+
+# ------------------------------------------------------------
+# The test values w against the normal distribution, and the redundancy numbers.
+# ------------------------------------------------------------
+
+
+def histogram(view: View, words: Words = ENGLISH) -> Figure:
+    """Density of w with N(0, 1) and the critical values; counts of r."""
+    used = view.used
+    w, r = used["w"].drop_nulls().to_numpy(), used["r"].drop_nulls().to_numpy()
+    bins = normal_bins(w, view.critical)
+    figure = sheet(9.0, 3.8)
+    left, right = figure.subplots(1, 2)
+    counted = words("w ({count:observation|observations})", count=len(w))
+    if bins.beyond:
+        limit = f"{bins.limit:g}"
+        counted += "\n" + words("{count} of them beyond ±{limit}", count=bins.beyond, limit=limit)
+    left.hist(bins.w, bins=bins.edges, density=bool(len(w)), color=BLUE, label=counted)
+    t = np.linspace(-bins.limit, bins.limit, 401)
+    left.plot(t, np.exp(-0.5 * t**2) / np.sqrt(2.0 * np.pi), color=ORANGE, label="N(0, 1)")
+    for value in (-view.critical, view.critical):
+        left.axvline(value, color=RED, ls="--", lw=1.0)
+    left.set_xlabel("w [1]")
+    left.set_ylabel(words("density [1]"))
+    left.legend(fontsize=7, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2)
+    right.hist(r, bins=np.linspace(0.0, 1.0, 41), color=GREEN)
+    right.set_xlabel(words("redundancy number r [1]"))
+    right.set_ylabel(words("observations"))
+    return figure
+
+
+# ------------------------------------------------------------
+# Names beside their points: none where another name, a point or the edge of the picture is in the way.
+# ------------------------------------------------------------
+
+_SIZE = 7.0
+"""Size of the letters, points."""
+_MOST = 1000
+"""Names beyond which none is drawn: hardly any would have room."""
+_LABELS_LONGEST = 30
+"""Letters of a name."""
+
+
+def draw_names(view: View, axes: Axes, chosen: list[int]) -> None:
+    """Names of points, stations and images in a finished picture, given points and stations first.
+
+    Places are worked out for the size the picture has in inches, whatever it is written as.
+    """
+    names, xy = _candidates(view, chosen)
+    if not names or len(names) > _MOST:
+        return
+    figure = cast("Figure", axes.figure)
+    spell_out(figure)
+    figure.draw_without_rendering()  # from here on the picture keeps its layout
+    per_point = figure.dpi / 72.0
+    marks = axes.transData.transform(xy) / per_point
+    edge = np.array(axes.get_window_extent().extents) / per_point
+    size = np.array([_extent(name) for name in names])
+    for k, offset in placed(marks, size, edge):
+        axes.annotate(
+            names[k],
+            xy[k],
+            offset,
+            textcoords="offset points",
+            fontsize=_SIZE,
+            ha="center",
+            va="center",
+            zorder=6,
+        ).set_in_layout(False)
+
+
+def _candidates(view: View, chosen: list[int]) -> tuple[list[str], FloatArray]:
+    """Names and places (n, 2), the most important first; a name once, for stations bear those of their points."""
+    given = with_given(view, view.points)["given"].to_list() if view.points.height else []
+    ranked = [(0 if kind else 2, str(name)) for kind, name in zip(given, view.points["id"], strict=True)]
+    parts = [places(view)]
+    for rank, frame in ((1, view.stations), (3, view.images)):
+        if frame.height:
+            ranked += [(rank, str(name)) for name in frame["id"]]
+            parts.append(frame.select("x", "y", "z").to_numpy())
+    xy = np.concatenate(parts)[:, chosen]
+    first = {name: k for k, (_, name) in reversed(list(enumerate(ranked)))}
+    order = np.array(sorted(first.values(), key=lambda k: ranked[k][0]), dtype=np.int64)
+    order = order[np.isfinite(xy[order]).all(axis=1)]
+    return [shortened(escaped(ranked[k][1]), _LABELS_LONGEST) for k in order], xy[order]
+
+
+def _extent(name: str) -> tuple[float, float]:
+    """Width and height of a name, points."""
+    from matplotlib.font_manager import FontProperties
+    from matplotlib.textpath import TextPath
+
+    path = TextPath((0.0, 0.0), name, size=_SIZE, prop=FontProperties(family="DejaVu Sans"))
+    return float(path.get_extents().x1) + 2.0, _SIZE + 1.0
+
+
+# ------------------------------------------------------------
+# Overlays of a network plot: sights by kind, scale bars, given points, relative ellipses, external reliability.
+# ------------------------------------------------------------
+
+_KINDS = {
+    "direction": ("directions", GREY, "-", 0.5),
+    "distance": ("distances", GREEN, "--", 0.7),
+    "levelling": ("levelling lines", ORANGE, ":", 1.0),
+    "vector": ("vectors between points", RED, "-.", 0.7),
+    "scale": ("scale bars", BLUE, "-", 2.5),
+}
+"""Heading, colour, line and width of each kind of sight."""
+_OVERLAYS_MOST = 5000
+"""Sights of a kind that a picture can show."""
+_GIVEN = {"control": ("control points", "^"), "check": ("check points", "s")}
+
+
+def draw_sights(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
+    """Lines between points and stations, by kind; kinds of very many lines would be a stain and are left out."""
+    found = sights(view)
+    stations = view.stations.select("x", "y", "z").to_numpy() if view.stations.height else np.zeros((0, 3))
+    xyz = np.concatenate([places(view), stations])[:, chosen]
+    for kind, (name, colour, line, width) in _KINDS.items():
+        pairs = found.filter(found["kind"] == kind).select("a", "b").to_numpy()
+        if 0 < len(pairs) <= _OVERLAYS_MOST:
+            x, y = _lines(xyz[pairs[:, 0]], xyz[pairs[:, 1]])
+            axes.plot(x, y, line, color=colour, lw=width, label=words(name), zorder=1.5)
+
+
+def draw_paths(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
+    """Paths of instruments: knots of trajectories one after the other, a line for each stretch."""
+    if not view.trajectories.height:
+        return
+    stretches = view.trajectories.partition_by("trajectory", "stretch", maintain_order=True)
+    for number, knots in enumerate(stretches):
+        xyz = knots.select("x", "y", "z").to_numpy()[:, chosen]
+        label = words("trajectories") if number == 0 else None
+        axes.plot(xyz[:, 0], xyz[:, 1], color=ORANGE, lw=1.2, label=label, zorder=2)
+
+
+def draw_given(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
+    """Control points and check points, each with its mark."""
+    given = with_given(view, view.points)["given"].to_numpy()
+    for kind, (name, marker) in _GIVEN.items():
+        xyz = places(view)[given == kind][:, chosen]
+        if len(xyz):
+            axes.plot(
+                *(xyz[:, 0], xyz[:, 1], marker),
+                color="black",
+                mfc="none",
+                ms=8,
+                ls="none",
+                label=words(name),
+                zorder=5,
+            )
+
+
+def draw_relative(view: View, axes: Axes, chosen: list[int], scale: float, words: Words) -> None:
+    """Relative ellipses of the chosen pairs in the middle between them, in plan, enlarged as those of points."""
+    found = relative_ellipses(view)
+    if not found.height or 2 in chosen:
+        return
+    xyz = places(view)
+    middle = 0.5 * (xyz[found["one"].to_numpy()] + xyz[found["other"].to_numpy()])[:, :2]
+    along = found.select("dx", "dy").to_numpy()
+    across = np.column_stack([-along[:, 1], along[:, 0]])
+    t = np.linspace(0.0, 2.0 * np.pi, 49)
+    half = found.select("a", "b").to_numpy() * scale
+    lines = (
+        middle[:, None]
+        + (half[:, :1] * np.cos(t))[:, :, None] * along[:, None]
+        + (half[:, 1:] * np.sin(t))[:, :, None] * across[:, None]
+    )[:, :, chosen]
+    for k, line in enumerate(lines):
+        label = words("relative ellipses × {scale}", scale=f"{scale:g}") if k == 0 else None
+        axes.plot(line[:, 0], line[:, 1], color=GREEN, lw=0.8, label=label, zorder=3)
+
+
+def draw_effects(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
+    """External reliability of the points: where an error that stays unseen moves them."""
+    found = detectable_effects(view)
+    if not found.height:
+        return
+    scale = scale_of_effects(view, found)
+    start = places(view)[found["point"].to_numpy()][:, chosen]
+    vectors = scale * found.select("dx", "dy", "dz").to_numpy()[:, chosen]
+    label = words("external reliability × {scale}", scale=f"{scale:g}")
+    drawn: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.002}
+    axes.quiver(
+        start[:, 0], start[:, 1], vectors[:, 0], vectors[:, 1], color=BLUE, label=label, **drawn, zorder=4
+    )
+
+
+def _lines(start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """x and y of separate lines, a gap after each."""
+    gap = np.full((len(start), 1), np.nan)
+    x, y = (np.column_stack([start[:, [k]], end[:, [k]], gap]).ravel() for k in (0, 1))
+    return x, y
+
+
+# ------------------------------------------------------------
+# The network in plan (or elevation): points, images, stations, rays, and error ellipses where they are asked for.
+# ------------------------------------------------------------
+
+_MOST_RAYS = 5000
+_SHARE = 0.03
+"""Share of the extent that a large ellipse is drawn with."""
+
+
+def network(view: View, words: Words = ENGLISH) -> Figure:
+    """Points, images, stations and rays in the plane in which the points extend most."""
+    figure = sheet()
+    axes, chosen = _prepared(view, figure)
+    rays = rays_of(view)
+    if 0 < len(rays.frame) <= _MOST_RAYS:
+        start, end = centres(view)[rays.frame][:, chosen], places(view)[rays.point][:, chosen]
+        gap = np.full((len(start), 1), np.nan)
+        x, y = (np.column_stack([start[:, [k]], end[:, [k]], gap]).ravel() for k in (0, 1))
+        axes.plot(x, y, color=GREY, lw=0.3, alpha=0.5, label=words("rays"), zorder=1)
+    draw_sights(view, axes, chosen, words)
+    draw_paths(view, axes, chosen, words)
+    _frames(view, axes, chosen, words)
+    _points(view, axes, chosen, words)
+    draw_given(view, axes, chosen, words)
+    _finish(view, axes, words)
+    draw_names(view, axes, chosen)
+    return figure
+
+
+CONFIDENCE = {"1": (1.0, "1σ"), "95": (2.4477, "95 %")}
+"""Factor of ellipses in plan by what is asked for: the standard ellipse, or that in which 95 % lie (√χ²(2))."""
+
+
+def ellipses(view: View, words: Words = ENGLISH, confidence: str = "1") -> Figure:
+    """Error ellipses of the points, enlarged, with the bar that says how much; of heights in elevation.
+
+    With the relative ellipses that the project asks for, and the external reliability of the points.
+    """
+    from matplotlib.collections import LineCollection
+
+    figure = sheet()
+    heights = not (view.points.select("sx", "sy").fill_null(0.0).to_numpy() > 0.0).any()
+    axes, chosen = _prepared(view, figure, upright=heights)
+    _frames(view, axes, chosen, words)
+    _points(view, axes, chosen, words)
+    covariance = covariances(view)[:, chosen][:, :, chosen]
+    size = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
+    extent = float(np.ptp(places(view), axis=0).max(initial=0.0)) or 1.0
+    large = float(np.quantile(size[size > 0.0], 0.9)) if (size > 0.0).any() else 0.0
+    if large > 0.0:
+        scale = round_length(_SHARE * extent / large)
+        factor, name = CONFIDENCE[confidence]
+        drawn = scale * factor
+        lines = ellipse_lines(places(view)[:, chosen], covariance, drawn)[size > 0.0]
+        axes.add_collection(
+            LineCollection(
+                list(lines),
+                colors=RED,
+                linewidths=0.8,
+                label=words("{level} ellipses × {scale}", level=name, scale=f"{scale:g}"),
+            )
+        )
+        draw_relative(view, axes, chosen, drawn, words)
+        axes.autoscale_view()
+        draw_effects(view, axes, chosen, words)
+        _finish(view, axes, words)
+        length = round_length(0.1 * extent / scale)
+        unit, finer = small_unit(view.length, length)
+        scale_bar(
+            axes, scale * length, words("{length} in the ellipses", length=f"{length * finer:g} {unit}")
+        )
+    else:
+        _finish(view, axes, words)
+    draw_names(view, axes, chosen)
+    return figure
+
+
+def ellipse_lines(centre: FloatArray, covariance: FloatArray, scale: float) -> FloatArray:
+    """(n, 49, 2) standard ellipses about centres (n, 2), enlarged."""
+    values, vectors = np.linalg.eigh(covariance)
+    root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
+    t = np.linspace(0.0, 2.0 * np.pi, 49)
+    lines: FloatArray = centre[:, None, :] + scale * np.einsum(
+        "nij,tj->nti", root, np.column_stack([np.cos(t), np.sin(t)])
+    )
+    return lines
+
+
+def _prepared(view: View, figure: Figure, upright: bool = False) -> tuple[Axes, list[int]]:
+    """Axes with names, units and directions; numbers of the coordinates drawn to the right and upwards.
+
+    In elevation where it is asked for (``upright``), or where the network is higher than deep.
+    """
+    axes = figure.add_subplot()
+    drawn = drawn_axes(view.summary["axes"]["xy"])
+    plan = ["xyz".index(drawn["right"]), "xyz".index(drawn["up"])]
+    chosen = plan
+    if view.points.height > 2 or upright:
+        extent = np.ptp(places(view), axis=0)
+        if upright or extent[2] > 2.0 * extent[plan].min():
+            chosen = [plan[int(np.argmax(extent[plan]))], 2]
+    names = "XYZ"
+    axes.set_xlabel(f"{names[chosen[0]]} [{view.length}]")
+    axes.set_ylabel(f"{names[chosen[1]]} [{view.length}]")
+    backwards = {plan[0]: drawn["right_reversed"], plan[1]: drawn["up_reversed"], 2: False}
+    axes.xaxis.set_inverted(backwards[chosen[0]])
+    axes.yaxis.set_inverted(backwards[chosen[1]])
+    axes.ticklabel_format(useOffset=False, style="plain")
+    axes.set_aspect("equal", adjustable="datalim")
+    return axes, chosen
+
+
+def _frames(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
+    for frame, name, marker, colour in (
+        (view.images, words("images"), "D", ORANGE),
+        (view.stations, words("stations"), "^", RED),
+    ):
+        if frame.height:
+            xyz = frame.select("x", "y", "z").to_numpy()[:, chosen]
+            axes.plot(xyz[:, 0], xyz[:, 1], marker, color=colour, ms=5, ls="none", label=name, zorder=3)
+
+
+def _points(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
+    xyz = places(view)[:, chosen]
+    axes.plot(xyz[:, 0], xyz[:, 1], "o", color=BLUE, ms=3, ls="none", label=words("points"), zorder=4)
+
+
+def _finish(view: View, axes: Axes, words: Words) -> None:
+    axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=4)
+    title = view.summary["title"] or words("Network")
+    axes.set_title(
+        f"{title} – {words('datum')}: {datum_name(view.summary['datum'], words)}",
+        fontsize=9,
+        loc="left",
+        pad=18,
+    ).set_in_layout(False)  # it may be wider than the network, which keeps its size
+
+
+# ------------------------------------------------------------
+# The overlap of images, and the rays of each point.
+# ------------------------------------------------------------
+
+_LOOKS = ((RED, "x", 5), (RED, "P", 5), (ORANGE, "^", 5), (GREEN, "o", 3), (BLUE, "o", 3), (GREY, "o", 3))
+"""Colour, mark and size of each class of rays."""
+
+
+def overlap_and_rays(view: View, words: Words = ENGLISH) -> Figure:
+    """Images over each cell, and points by the number of their rays. Raises :class:`InputError` without images."""
+    found = overlap(view, rays_of(view))
+    if found is None:
+        raise InputError([Message("what images measured spans no area, so there is no overlap to draw")])
+    figure = sheet(9.0, 4.6)
+    left, right = figure.subplots(1, 2, sharex=True, sharey=True)
+    _map(left, found, words)
+    _rays(right, view, found, words)
+    for axes in (left, right):
+        axes.set_aspect("equal", adjustable="box")
+        axes.ticklabel_format(useOffset=False, style="plain")
+        axes.tick_params("x", rotation=30)
+        axes.set_xlabel(f"{'XYZ'[found.axes[0]]} [{view.length}]")
+    drawn = drawn_axes(view.summary["axes"]["xy"])
+    backwards = {"xyz".index(drawn[key]): drawn[f"{key}_reversed"] for key in ("right", "up")}
+    left.xaxis.set_inverted(backwards.get(found.axes[0], False))
+    left.yaxis.set_inverted(backwards.get(found.axes[1], False))
+    left.set_ylabel(f"{'XYZ'[found.axes[1]]} [{view.length}]")
+    return figure
+
+
+def _map(axes: Axes, found: Overlap, words: Words) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    rows, columns = found.images.shape
+    low = found.first - 0.5 * found.step
+    high = low + found.step * np.array([columns, rows])
+    drawn = axes.imshow(
+        np.where(found.images > 0, found.images, np.nan),
+        origin="lower",
+        extent=(low[0], high[0], low[1], high[1]),
+        vmin=1,
+        cmap="viridis",
+        interpolation="nearest",
+        zorder=1,
+    )
+    bar = axes.figure.colorbar(drawn, ax=axes, shrink=0.7, format="%d", ticks=MaxNLocator(integer=True))
+    bar.set_label(words("images"))
+    margin = 0.03 * (high - low).max()
+    axes.set_xlim(low[0] - margin, high[0] + margin)
+    axes.set_ylim(low[1] - margin, high[1] + margin)
+    axes.set_title(words("Images that measured points in each cell"), fontsize=9, loc="left")
+
+
+def _rays(axes: Axes, view: View, found: Overlap, words: Words) -> None:
+    rays, xy = view.points["rays"].to_numpy(), places(view)[:, found.axes]
+    for (low, high), (colour, mark, size) in zip(RAY_CLASSES, _LOOKS, strict=True):
+        mine = (rays >= low) & (rays <= (np.inf if high is None else high))
+        if mine.any():
+            name = f"≥ {low}" if high is None else str(low) if low == high else f"{low}–{high}"
+            label = f"{name} ({int(mine.sum())})"
+            axes.plot(*xy[mine].T, mark, color=colour, ms=size, ls="none", label=label, rasterized=True)
+    axes.legend(
+        title=words("rays"), loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7, title_fontsize=7
+    )
+    axes.set_title(words("Points by their rays"), fontsize=9, loc="left")
+
+
+# ------------------------------------------------------------
+# Residual vectors: of one image, or of all images one beside the other.
+# ------------------------------------------------------------
+
+_COLUMNS = 5
+_RESIDUALS_MOST = 60
+"""Images that are drawn beside each other: those with the largest test values."""
+
+
+def residuals(view: View, image: str | None = None, words: Words = ENGLISH) -> Figure:
+    """Residual vectors, all at one scale. Raises :class:`InputError` for an unknown image, or without images."""
+    measured = image_points(view)
+    if measured.height == 0:
+        raise InputError([Message("there are no images, so there are no residual vectors to draw")])
+    names = _residuals_chosen(view, measured, image)
+    columns = min(_COLUMNS, len(names))
+    rows = -(-len(names) // columns)
+    wide = len(names) == 1
+    figure = sheet(7.5, 5.5 if wide else 0.6 + 1.3 * rows)
+    areas = windows(view, measured)
+    camera_of = dict(zip(view.images["id"], view.images["camera"], strict=True))
+    sizes = measured.select((pl.col("vx") ** 2 + pl.col("vy") ** 2).sqrt()).to_series().drop_nulls()
+    typical = float(sizes.quantile(0.9) or 0.0)
+    for number, name in enumerate(names):
+        axes = figure.add_subplot(rows, columns, number + 1)
+        area = areas[camera_of[name]]
+        share = 0.05 if wide else 0.1
+        scale = round_length(share * (area.x[1] - area.x[0]) / typical) if typical > 0.0 else 1.0
+        _image(axes, measured.filter(pl.col("image") == name), area, scale)
+        _dress(axes, name, str(measured["unit"][0]), wide)
+        if number == 0:
+            length = round_length(0.2 * (area.x[1] - area.x[0]) / scale)
+            unit, factor = small_unit(str(measured["unit"][0]), length)
+            said = f"{length * factor:g} {unit}"
+            wide_said = words("{length} in the vectors", length=said) + f" (× {scale:g})"
+            scale_bar(axes, scale * length, wide_said if wide else said)
+    return figure
+
+
+def _residuals_chosen(view: View, measured: pl.DataFrame, image: str | None) -> list[str]:
+    known = measured["image"].unique(maintain_order=True).to_list()
+    if image is not None:
+        if image not in known:
+            raise InputError([Message(f"unknown image {image!r}{nearest(image, known)}")])
+        return [image]
+    if len(known) <= _RESIDUALS_MOST:
+        return known
+    worst = measured.group_by("image", maintain_order=True).agg(pl.col("w").max())
+    kept = set(
+        worst.sort("w", descending=True, nulls_last=True, maintain_order=True).head(_RESIDUALS_MOST)["image"]
+    )
+    return [name for name in known if name in kept]
+
+
+def _image(axes: Axes, rows: pl.DataFrame, area: Window, scale: float) -> None:
+    xy = rows.select("x", "y").to_numpy()
+    tips = xy + scale * rows.select("vx", "vy").to_numpy()
+    gross = rows["flag"].str.contains("gross").to_numpy()
+    for chosen, colour, width in ((~gross, BLUE, 0.9), (gross, RED, 1.8)):
+        gap = np.full((int(chosen.sum()), 1), np.nan)
+        x, y = (np.column_stack([xy[chosen, k], tips[chosen, k], gap[:, 0]]).ravel() for k in (0, 1))
+        axes.plot(x, y, color=colour, lw=width)
+        axes.plot(
+            xy[chosen, 0],
+            xy[chosen, 1],
+            "x" if colour == RED else ".",
+            color=colour,
+            ms=6 if colour == RED else 2,
+        )
+    corners = [area.x[k] for k in (0, 1, 1, 0, 0)], [area.y[k] for k in (0, 0, 1, 1, 0)]
+    axes.plot(*corners, color=GREY, lw=0.8, ls="-" if area.known else ":")
+    axes.set_aspect("equal")
+    axes.set_xlim(area.x)
+    axes.set_ylim(area.y[::-1] if area.down else area.y)
+
+
+def _dress(axes: Axes, name: str, unit: str, wide: bool) -> None:
+    axes.set_title(name, fontsize=9 if wide else 7, loc="right")
+    if wide:
+        axes.set_xlabel(f"x [{unit}]")
+        axes.set_ylabel(f"y [{unit}]")
+        return
+    axes.set_xticks([])
+    axes.set_yticks([])
+    for spine in axes.spines.values():
+        spine.set_visible(False)
+
+
+# ------------------------------------------------------------
+# A text on pages of paper, as PDF: what is left where no browser prints the page.
+# ------------------------------------------------------------
+
+PAPERS = {"A4": (8.27, 11.69), "Letter": (8.5, 11.0)}
+"""Inches."""
+_MARGIN = 0.75
+_LINE = 0.142
+"""Height of a line, inches."""
+_TEXT_PAGES_SIZE = 7.2
+"""Points: 100 signs of DejaVu Sans Mono are 6.0 inches."""
+
+
+def write_text_pages(text: str, head: str, target: Path, paper: str, words: Words = ENGLISH) -> None:
+    """Write a text as PDF, ``head`` and the number above and below each page: same text, same bytes.
+
+    A heading (a line with a line of dashes below it) never stands last on a page. Raises :class:`mor.errors.InputError`
+    where matplotlib is missing.
+    """
+    with style():
+        from matplotlib.backends.backend_pdf import PdfPages
+        from matplotlib.figure import Figure
+
+        width, height = PAPERS[paper]
+        lines = int((height - 2 * _MARGIN - 2 * _LINE) / _LINE)
+        pages = paged(text.split("\n"), lines)
+        metadata = {"CreationDate": None, "ModDate": None, "Creator": "mor", "Producer": "mor"}
+        with PdfPages(target, metadata=metadata) as document:
+            for number, page in enumerate(pages, 1):
+                figure = Figure(figsize=(width, height))
+                top, left = 1 - _MARGIN / height, _MARGIN / width
+                small: dict[str, Any] = {"fontsize": _TEXT_PAGES_SIZE, "color": "#444444"}
+                figure.text(left, top + _LINE / height, head, **small)
+                below = f"{words('page')} {number} / {len(pages)}"
+                figure.text(1 - left, 0.55 * _MARGIN / height, below, ha="right", **small)
+                for k, line in enumerate(page):
+                    y = top - (k + 1.5) * _LINE / height
+                    figure.text(left, y, line, fontsize=_TEXT_PAGES_SIZE, family="DejaVu Sans Mono")
+                document.savefig(figure)
+
+
+def paged(lines: list[str], most: int) -> list[list[str]]:
+    """Lines cut into pages of at most so many; a heading goes with at least three lines of what it heads."""
+    pages, first = [], 0
+    while first < len(lines):
+        last = min(first + most, len(lines))
+        if last < len(lines):
+            for k in range(max(last - 5, first + 1), last):
+                is_heading = set(lines[k + 1]) == {"-"} if k + 1 < len(lines) else False
+                if is_heading and lines[k].strip():
+                    last = k
+                    break
+        pages.append(lines[first:last])
+        first = last
+    return pages

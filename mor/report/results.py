@@ -1,0 +1,532 @@
+"""Write results: results.json, tables, reports."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Literal, NamedTuple, TypeVar
+
+import numpy as np
+import polars as pl
+from polars.io.plugins import register_io_source
+
+from mor.errors import Undeterminable
+from mor.input_files import inputs_of_run
+from mor.linalg.compilation import as_here, kernels_used
+from mor.long_arrays import is_limited
+from mor.machine import processors
+from mor.model.parameters import INTERIORS, Values
+from mor.output_files import Content, Writer, listed_files, write_content
+from mor.project.document import Document, any_unsafe, csv_lines, write_csv
+from mor.project.network import Network
+from mor.quality.solution import Solved
+from mor.report.adjusted_project import Placed, adjusted_project, remarks
+from mor.report.estimates import FILE as UNDETERMINABLE_FILE
+from mor.report.estimates import (
+    boresight_rows,
+    chosen_pairs,
+    epoch_rows,
+    feature_table,
+    found_movements,
+    group_table,
+    image_table,
+    interior_rows,
+    knot_table,
+    motion_table,
+    movement_rows,
+    pair_table,
+    place_table,
+    point_table,
+    reference_table,
+    relative_rows,
+    station_table,
+    system_table,
+    undeterminable_rows,
+    undeterminable_table,
+    variance_components,
+)
+from mor.report.identity import FILE, Identity, identity_of, may_write, note_rows, readme
+from mor.report.language import LANGUAGES, words_of, words_of_page
+from mor.report.observations import (
+    SCHEMA,
+    SHOWN,
+    TESTED,
+    AssessedGroups,
+    AssessedRows,
+    check_rows,
+    fixed_point_rows,
+    gross_errors,
+    observation_table,
+    possible_causes,
+    suspects,
+    table_of,
+    worst_residuals,
+)
+from mor.report.output_folder import Reservation, to_json, write_folder
+from mor.report.summary import failure, summary
+from mor.report.text import text_report
+from mor.report.units import component_rows, forget, other_rows
+from mor.report.verdict import FILE as EXTERNAL
+from mor.report.verdict import external_reliability, reliability_rows, verdict_rows
+
+# ------------------------------------------------------------
+# ``results.json``: everything but the long residual table as plain data, in a stable order.
+# ------------------------------------------------------------
+
+INLINE = 10_000
+"""Tables of up to this many rows stand in ``results.json`` itself."""
+
+
+def results(
+    solved: Solved, tables: dict[str, str], of: Identity, files: Sequence[str] | None = None
+) -> dict[str, Any]:
+    """Content of ``results.json``, ``of`` what was read.
+
+    ``files`` are the names of all files of the run in its folder, ``tables`` those of the tables among them. Long
+    tables of points and images stand only there, or in the content itself if ``files`` is ``None``: then nothing is
+    written.
+    """
+    beside = files is not None
+    points, images = point_table(solved), image_table(solved)
+    return {
+        **summary(solved),
+        "identity": identity_of(solved.network.project, of),
+        "notes": note_rows(solved.network.notes, of.folder),
+        "verdict": verdict_rows(solved),
+        "reliability": reliability_rows(solved),
+        "points": _rows(points, beside),
+        "images": _with_interiors(_rows(images, beside), solved),
+        "motions": motion_table(solved).to_dicts(),
+        "epochs": epoch_rows(solved),
+        "trajectories": _rows(knot_table(solved), beside) if solved.network.trajectories else [],
+        "boresights": boresight_rows(solved),
+        "cameras": interior_rows(solved),
+        "stations": station_table(solved).to_dicts(),
+        "systems": system_table(solved).to_dicts(),
+        "pairs": pair_table(solved).to_dicts(),
+        "features": feature_table(solved).to_dicts(),
+        "others": [row for row in other_rows(solved) if not row["kind"].startswith("interior/")],
+        "groups": group_table(solved).to_dicts(),
+        "variance_components": variance_components(solved),
+        "gross_errors": gross_errors(solved),
+        "suspects": suspects(solved),
+        "possible_causes": possible_causes(solved),
+        "fixed_points": fixed_point_rows(solved),
+        "relative": relative_rows(solved, chosen_pairs(solved)),
+        "checks": check_rows(solved),
+        "failure": failure(solved),
+        "tables": tables,
+        "files": list(files or ()),
+        "residuals": observation_table(solved).to_dicts() if entries(solved) <= INLINE else None,
+    }
+
+
+def entries(solved: Solved) -> int:
+    """Rows of the table of residuals: observations, excluded ones and checks among them."""
+    return sum(int(np.count_nonzero(group.mask)) for group in solved.adjustment.problem.groups)
+
+
+def _rows(frame: pl.DataFrame, beside: bool) -> list[dict[str, Any]] | None:
+    return frame.to_dicts() if frame.height <= INLINE or not beside else None
+
+
+def _with_interiors(images: list[dict[str, Any]] | None, solved: Solved) -> list[dict[str, Any]] | None:
+    """Images with the interior orientation they have of their own."""
+    if images is None:
+        return None
+    interiors = image_interiors(solved)
+    return with_interiors(images, interiors)
+
+
+def with_interiors(
+    images: list[dict[str, Any]], interiors: Mapping[str, dict[str, Any]]
+) -> list[dict[str, Any]]:
+    """The same with those interiors, by image."""
+    return [{**row, "interior": interiors[row["id"]]} if row["id"] in interiors else row for row in images]
+
+
+def image_interiors(solved: Solved) -> dict[str, dict[str, Any]]:
+    """Components of the interior orientation that an image has of its own, by image, where it has some."""
+    images, cameras = solved.network.things["image"], solved.network.project.cameras
+    found = {}
+    for i, (name, camera) in enumerate(zip(images.ids, images.parts["camera"], strict=True)):
+        model = cameras[solved.network.things["camera"].ids[camera]]
+        if model.image_variant:
+            kind, number = INTERIORS[model.model], int(images.parts["interior"][i])
+            components = component_rows(solved, kind.key, number, kind.components)
+            found[name] = {own: components[own] for own in model.image_variant}
+    return found
+
+
+# ------------------------------------------------------------
+# Memory of reports and tables from their sizes, before they are made; measured as that of the adjustment is.
+# ------------------------------------------------------------
+
+_LIBRARIES = 30e6
+_ROWS_TOGETHER = 500_000
+"""Rows of the long table that are in memory at a time."""
+_OF_ROW = 120
+_PAGE = 15e6
+_OF_RAY_ON_PAGE, _OF_OTHER_ON_PAGE = 1200, 1000
+"""Bytes of a row of the network beside the adjustment: in the tables, and on the page."""
+_OF_POINT = 450
+"""Bytes of a point in the tables and in the adjusted project."""
+_OF_LISTED = 5_500
+"""Bytes of a point that ``results.json`` lists, as Python objects."""
+FEWER = "--no-html, and --tables worst"
+"""Advice."""
+
+
+def memory_of_reports(network: Network, html: bool, tables: Literal["none", "worst", "all"]) -> float:
+    """Bytes that reports and tables take beside the adjusted network."""
+    rays = sum(group.count for group in network.groups if len(group.type.components) == 2)
+    others = sum(group.count for group in network.groups) - rays
+    points = len(network.things["point"].ids)
+    size = _LIBRARIES + _OF_LISTED * (points if points <= INLINE else 0)
+    size += _OF_POINT * points
+    if tables == "all" or html:
+        size += _OF_ROW * min(rays + others, _ROWS_TOGETHER)
+    if html:
+        size += _PAGE + _OF_RAY_ON_PAGE * rays + _OF_OTHER_ON_PAGE * others
+    return size
+
+
+# ------------------------------------------------------------
+# Tables as files: CSV or Parquet, the long one piece by piece.
+# ------------------------------------------------------------
+
+Made = TypeVar("Made")
+Format = Literal["csv", "parquet"]
+Done = Callable[[int], None]
+"""Told how many more rows are written."""
+
+DIGITS = 7
+"""Significant digits of statistics in the long table as text; Parquet has all digits."""
+_TABLES_FILES_ROWS_TOGETHER = 250_000
+"""Rows of one row group of a Parquet file."""
+_LEVEL = 1
+"""Of compression by zstd. Measured numbers have nothing to compress: others take half as long again for 0.2 % less."""
+_PROBABILITIES = ["p", "p_t", "p_joint"]
+_STATISTICS = [
+    "sigma_adjusted",
+    *(name for name, kind in TESTED.items() if kind == pl.Float64 and name not in _PROBABILITIES),
+]
+"""Single precision has seven digits, and is written twice as fast; probabilities need the exponents of double."""
+
+
+def table_writer(frame: pl.DataFrame | str, kind: Format = "csv") -> Writer:
+    """Writer of a table that is there as a whole, or as its text."""
+
+    def write(path: Path) -> None:
+        if isinstance(frame, str):
+            path.write_text(frame, encoding="utf-8")
+        elif kind == "parquet":
+            frame.write_parquet(path, compression_level=_LEVEL, row_group_size=_TABLES_FILES_ROWS_TOGETHER)
+        else:
+            with path.open("wb") as file:
+                write_csv(frame, file)
+
+    return write
+
+
+def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
+    """Writer of the whole table of residuals, which is never in memory as a whole."""
+    tested = AssessedGroups(solved)
+    unsafe = _has_unsafe_names(solved)
+
+    def csv(path: Path) -> None:
+        with path.open("wb") as file:
+            file.write((",".join(SCHEMA) + "\n").encode())
+            for height, text in _ahead(tested.pieces(), lambda rows: _csv_lines(table_of(rows), unsafe)):
+                file.write(text)
+                done(height)
+
+    def pieces() -> Iterator[pl.DataFrame]:
+        for piece in _ahead(tested.pieces(), table_of):
+            yield piece
+            done(piece.height)
+
+    def parquet(path: Path) -> None:
+        def source(
+            columns: list[str] | None, predicate: pl.Expr | None, rows: int | None, batch: int | None
+        ) -> Iterator[pl.DataFrame]:
+            return pieces()
+
+        whole = register_io_source(source, schema=SCHEMA)
+        whole.sink_parquet(path, compression_level=_LEVEL, row_group_size=_TABLES_FILES_ROWS_TOGETHER)
+
+    return parquet if kind == "parquet" else csv
+
+
+def _has_unsafe_names(solved: Solved) -> bool:
+    names = (name for things in solved.network.things.values() for name in things.ids)
+    return any_unsafe(names) or any_unsafe(group.name for group in solved.adjustment.problem.groups)
+
+
+def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:
+    """Number of rows of a piece of the long table, and their lines; names are guarded where some are unsafe."""
+    lines = BytesIO()
+    shorter = table.with_columns(
+        pl.col(_STATISTICS).cast(pl.Float32), pl.col(_PROBABILITIES).round_sig_figs(DIGITS)
+    )
+    if unsafe:
+        return table.height, csv_lines(shorter, header=False)
+    shorter.write_csv(lines, include_header=False)
+    return table.height, lines.getbuffer()
+
+
+def _ahead(pieces: Iterator[AssessedRows], make: Callable[[AssessedRows], Made]) -> Iterator[Made]:
+    """Results of ``work`` in order; as many pieces as there are processors are worked on at a time."""
+    workers = processors()
+    waiting: deque[Future[Made]] = deque()
+    with ThreadPoolExecutor(workers) as pool:
+        for piece in pieces:
+            waiting.append(pool.submit(make, piece))
+            if len(waiting) > workers:
+                yield waiting.popleft().result()
+        while waiting:
+            yield waiting.popleft().result()
+
+
+# ------------------------------------------------------------
+# All results of an adjustment, as files.
+# ------------------------------------------------------------
+
+PROJECT = "project.yaml"
+"""Name of a project that is written into a folder of its own."""
+MOST_LISTED = 2_000_000
+"""Observations up to which all residuals and the page are written where nothing else is asked for."""
+FAR = 1e9
+"""Distance, in extents of the network, at which points at infinity are written: no parallax is left there."""
+WORST = 10_000
+"""Observations in the table of the worst."""
+
+
+class Choice(NamedTuple):
+    """Tables to be written, and their format."""
+
+    tables: Literal["none", "worst", "all"] = "all"
+    kind: Format = "csv"
+    html: bool = True
+    """True for the page for people, ``report.html``."""
+    language: str = "en"
+    """Language of the reports: en, de."""
+    full: bool = False
+    """True for a text report that leaves nothing to the tables beside it."""
+    done: Callable[[int], None] = lambda rows: None
+    """Told how many more rows of the table of residuals are written."""
+
+
+def usual_files(tables: str | None, kind: Format) -> list[str]:
+    """Names of the files that every adjustment with a solution writes."""
+    shown = [] if tables == "none" else [f"points.{kind}", f"images.{kind}"]
+    return ["results.json", "report.txt", "adjusted.yaml", "reference.csv", *shown]
+
+
+def is_large(solved: Solved) -> bool:
+    """Return True if a table of all residuals, and a page of them, is more than anybody looks at."""
+    return entries(solved) > MOST_LISTED
+
+
+def tables_by_size(solved: Solved) -> Literal["worst", "all"]:
+    """All observations, or the worst where there are too many to be looked at."""
+    return "worst" if is_large(solved) else "all"
+
+
+def write_results(
+    solved: Solved,
+    document: Document,
+    of: Identity,
+    place: Reservation,
+    choice: Choice | None = None,
+) -> None:
+    """Write report and ``results.json`` into a folder, and where it converged tables and the adjusted project.
+
+    The reports are made beside the tables, which other processors are busy with; of very many observations before the
+    long one, for then both at a time would take too much room.
+    """
+    choice = choice or Choice()
+    tables = _tables(solved, choice) if solved.quality is not None else {}
+    names = {key: name for key, (name, _) in tables.items()}
+    starts = _starts(solved, document, of.folder, place.folder) if solved.quality is not None else {}
+    starts |= _undeterminable(solved) | _external(solved, choice)
+    long = dict(tables.values())
+    # The list is completed below, before anything of the reports is made.
+    files: list[str] = []
+    reports = _reports(solved, of, names, files, choice)
+    about = _readme([*starts, *long, *reports], place, choice)
+    files += sorted([*about, *starts, *long, *reports])
+    with (
+        inputs_of_run(file.path for file in of.files),
+        kernels_used(solved.adjustment.kernels),
+        ThreadPoolExecutor(1) as beside,
+    ):
+        made = {name: _made(beside.submit(as_here(make))) for name, make in reports.items()}
+        writers = {**made, **long} if _is_alone(solved, choice) else {**long, **made}
+        try:
+            write_folder(place, {**about, **starts, **writers})
+        finally:
+            beside.shutdown(wait=False, cancel_futures=True)
+
+
+def write_undeterminable(things: Sequence[Undeterminable], place: Reservation) -> None:
+    """Write a folder with nothing but the table of what has no start values, which are too many for a screen."""
+    write_folder(place, {UNDETERMINABLE_FILE: table_writer(undeterminable_table(things))})
+
+
+def _undeterminable(solved: Solved) -> dict[str, Writer]:
+    """The table of what nothing determines, where there is any."""
+    rows = undeterminable_rows(solved)
+    return {UNDETERMINABLE_FILE: table_writer(undeterminable_table(rows))} if rows else {}
+
+
+def _external(solved: Solved, choice: Choice) -> dict[str, Writer]:
+    """The table of the external reliability of points, where there is any, and tables are wanted at all."""
+    if solved.quality is None or choice.tables == "none" or not external_reliability(solved).height:
+        return {}
+    return {EXTERNAL: lambda path: table_writer(external_reliability(solved))(path)}
+
+
+def _reports(
+    solved: Solved, of: Identity, names: dict[str, str], files: Sequence[str], choice: Choice
+) -> dict[str, Callable[[], str]]:
+    """The reports by their names, each as what makes its text.
+
+    ``names`` are those of the tables beside them, ``files`` all files of the run.
+    """
+    reports: dict[str, Callable[[], str]] = {
+        "results.json": lambda: to_json(results(solved, names, of, files)),
+        "report.txt": lambda: text_report(solved, words_of(choice.language), of, choice.full),
+    }
+    if solved.quality is None and choice.html:
+        reports["report.html"] = lambda: _failure_page(solved, of, choice.language)
+    if solved.quality is not None and choice.html:
+        file = names.get("residuals", names.get("residuals_worst", ""))
+        reports["report.html"] = lambda: _page(solved, of, file, choice.language)
+    if choice.html and found_movements(solved) is not None:
+        reports["movements.html"] = lambda: _page_of_movements(solved, of, choice.language)
+    return reports
+
+
+def _readme(names: Sequence[str], place: Reservation, choice: Choice) -> dict[str, Content]:
+    """The readme of the folder; one that the user has put there stays."""
+    path = place.folder / FILE
+    if path.exists() and FILE not in listed_files(place.folder):
+        return {}
+    if not may_write(place.folder, [words_of(language) for language in LANGUAGES]):
+        return {FILE: path.read_bytes()}
+    return {FILE: readme(names, words_of(choice.language))}
+
+
+def _is_alone(solved: Solved, choice: Choice) -> bool:
+    """True where the long table is written last, with the room of all others."""
+    return is_limited() or (is_large(solved) and not choice.html)
+
+
+def _starts(solved: Solved, document: Document, source: Path, folder: Path) -> dict[str, Writer]:
+    """Writers of the adjusted project and its tables; a table that is written is gone."""
+    text, frames = adjusted_project(_placed(solved), document, source.resolve(), folder)
+    text = remarks(solved.network.undeterminable) + text
+    frames["reference.csv"] = reference_table(solved)
+
+    def writer(name: str) -> Writer:
+        return lambda path: table_writer(frames.pop(name))(path)
+
+    return {
+        "adjusted.yaml": lambda path: write_content(path, text),
+        **{name: writer(name) for name in frames},
+    }
+
+
+def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
+    """Name and writer of each table that is wanted, by what ``results.json`` calls it."""
+    if choice.tables == "none":
+        return {}
+    kind = choice.kind
+    tables: dict[str, Writer] = {
+        "points": lambda path: table_writer(point_table(solved), kind)(path),
+        "images": lambda path: table_writer(image_table(solved), kind)(path),
+    }
+    if found_movements(solved) is not None:
+        tables["motions"] = lambda path: table_writer(motion_table(solved), kind)(path)
+        tables["movements"] = lambda path: table_writer(movement_rows(solved), kind)(path)
+    if solved.network.trajectories:
+        tables["trajectories"] = lambda path: table_writer(knot_table(solved), kind)(path)
+    if solved.network.world is not None:
+        tables["places"] = lambda path: table_writer(place_table(solved), kind)(path)
+    if choice.tables == "all":
+        write = residual_writer(solved, kind, choice.done)
+        tables["residuals"] = _by_itself(solved, write) if _is_alone(solved, choice) else write
+    else:
+        tables["residuals_worst"] = lambda path: table_writer(worst_residuals(solved, WORST), kind)(path)
+    return {key: (f"{key}.{kind}", write) for key, write in tables.items()}
+
+
+def _by_itself(solved: Solved, write: Writer) -> Writer:
+    """A writer that has the room of the tables that are remembered: it is the last that is called."""
+
+    def alone(path: Path) -> None:
+        forget(solved)
+        write(path)
+
+    return alone
+
+
+def _placed(solved: Solved) -> Placed:
+    snooped = solved.treatment is not None and solved.treatment.snooping is not None
+    return Placed(solved.network.original or solved.network, _values_as_read(solved), snooped)
+
+
+def _values_as_read(solved: Solved) -> Values:
+    """Adjusted values of the blocks that were read: far ones far away, those left out as they were given."""
+    network, values = solved.network, solved.adjustment.values
+    if network.original is None:
+        return values
+    own = {kind: values[kind][: len(start)].copy() for kind, start in network.original.start.items()}
+    for kind, absent in network.absent.items():
+        lost = np.flatnonzero(absent[: len(own[kind])])
+        own[kind][lost] = network.original.start[kind][lost]
+    present = own["point"][np.isfinite(own["point"]).all(axis=1)]
+    extent = max(float(np.ptp(present, axis=0).max(initial=0.0)), 1.0)
+    for point, rotation in network.directions.items():
+        own["point"][point] = values["point"][point] + FAR * extent * values["rotation"][rotation][2]
+    return own
+
+
+def write_project(placed: Placed, document: Document, source: Path, place: Reservation) -> None:
+    """Write a project with the placed values as start values, and its tables, into a folder."""
+    text, starts = adjusted_project(placed, document, source.resolve(), place.folder)
+    writers: dict[str, Writer] = {name: table_writer(frame) for name, frame in starts.items()}
+    write_folder(place, {**writers, PROJECT: text})
+
+
+def results_text(solved: Solved, of: Identity) -> str:
+    """``results.json`` as text, for programs that read standard output."""
+    return to_json(results(solved, {}, of))
+
+
+def _page(solved: Solved, of: Identity, file: str, language: str) -> str:
+    from mor.report.page import page
+    from mor.report.view import view_of
+
+    return page(view_of(solved, observation_table(solved, SHOWN), file, of), words_of_page(language))
+
+
+def _page_of_movements(solved: Solved, of: Identity, language: str) -> str:
+    from mor.report.epochs import movements_page
+
+    return movements_page(solved, of, words_of_page(language))
+
+
+def _failure_page(solved: Solved, of: Identity, language: str) -> str:
+    from mor.report.page import failure_page
+
+    notes = note_rows(solved.network.notes, of.folder)
+    return failure_page(solved, identity_of(solved.network.project, of), notes, words_of_page(language))
+
+
+def _made(text: Future[str]) -> Writer:
+    return lambda path: write_content(path, text.result())

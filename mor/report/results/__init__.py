@@ -1,1 +1,0 @@
-"""Results as files: ``results.json``, the adjusted project, covariances."""

@@ -1,1 +1,0 @@
-"""``results.json`` as models, from which its schema is made."""

@@ -1,0 +1,489 @@
+"""Files of simulated projects, and reports of Monte Carlo."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from mor import __version__
+from mor.errors import escaped
+from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, is_image_point
+from mor.model.parameters import (
+    ECCENTRICITY,
+    GNSS_FRAME,
+    INTERIORS,
+    KINDS,
+    READOUT,
+    ROTATION,
+    TIME_OFFSET,
+    Values,
+)
+from mor.model.rotations import angles_from_rotation
+from mor.plan.simulation import CONFIDENCE, LEVEL, Finding, Planted, Tally, Truth, findings
+from mor.project.axes import UnitError
+from mor.project.document import Document
+from mor.project.entities import AT, said_thing
+from mor.project.network import Network
+from mor.project.rows import AIR
+from mor.project.schema import Observations
+from mor.project.tables import Place, Source, from_file, from_rows
+from mor.report import layout
+from mor.report.adjusted_project import Given, Placed, adjusted_project, grids_moved
+from mor.report.identity import Identity, identity_of
+from mor.report.language import Words
+from mor.report.layout import WIDTH, heading, paragraphs, short, table
+from mor.report.observations import named_places
+from mor.report.units import ends_of_group, said_differences, said_values
+from mor.types import FloatArray, IntArray
+from mor.units import ANGLE, ANGLE_UNITS, LENGTH, Quantity
+
+# ------------------------------------------------------------
+# A simulated project as files: simulated values in place of measured ones, the rest as it was given.
+# ------------------------------------------------------------
+
+_OF_VALUES = ("parameter", "difference")
+_OF_INSTRUMENTS = (
+    ("frame", GNSS_FRAME.key, GNSS_FRAME.key),
+    ("lever_arm", ECCENTRICITY.key, "lever arm"),
+    ("boresight", ROTATION.key, "boresight"),
+    ("time_offset", TIME_OFFSET.key, TIME_OFFSET.key),
+)
+"""What instruments have besides: its key, the kind of its block, its part."""
+
+
+def simulated_project(
+    network: Network, place: Values, document: Document, source: Path, target: Path
+) -> tuple[str, dict[str, Given]]:
+    """YAML text of a project with the observations of the network, to stand in ``target``, and its tables.
+
+    ``source`` is the folder of the original project; start values are those of the ``place``. Rows without any value
+    are left out. Simulated distances are corrected for the air already, and their tables have none.
+    """
+    text_of: dict[str, Any] = {}
+    tables: dict[str, Given] = {}
+    for section, groups in (("observations", network.groups), ("checks", network.checks)):
+        entries = getattr(network.project, section)
+        if entries:
+            text_of[section] = [
+                _simulated(network, groups, document, source, section, number, entry, tables)
+                for number, entry in enumerate(entries)
+            ]
+    data = {**document.data, **text_of}
+    if data.get("candidates"):
+        data["candidates"] = [
+            entry
+            if document.frame(str(entry.get("file"))) is not None
+            else _where_it_stands(entry, source, target)
+            for entry in data["candidates"]
+        ]
+    for section in ("cameras", "instruments"):
+        if data.get(section):
+            data[section] = {
+                name: _with_observed(network, section[:-1], name, one) for name, one in data[section].items()
+            }
+    if data.get("world"):
+        data["world"] = grids_moved(data["world"], source, target)
+    data.pop("visibility", None)  # it has been worked out; its meshes stay where they are
+    begun = replace(document, data=data)
+    text, starts = adjusted_project(Placed(network, place), begun, target, target)
+    return text, {**starts, **tables}
+
+
+def _where_it_stands(entry: dict[str, Any], source: Path, target: Path) -> dict[str, Any]:
+    """A table of candidates, which nobody has measured, found from the new folder."""
+    if not isinstance(entry.get("file"), str):
+        return entry
+    file = Path(os.path.relpath(source / entry["file"], target)).as_posix()
+    return {"name": entry["file"], **entry, "file": file}
+
+
+def _simulated(
+    network: Network,
+    groups: Sequence[ObservationGroup],
+    document: Document,
+    source: Path,
+    section: str,
+    number: int,
+    entry: Observations,
+    tables: dict[str, Given],
+) -> dict[str, Any]:
+    """An entry whose table stands in a file of its own, with simulated values."""
+    found = _raw(document, source, section, number, entry)
+    columns = {name: cells.cast(pl.String) for name, cells in found.columns.items() if name not in AIR}
+    label = entry.name or entry.file or f"{entry.type} {number + 1}"
+    mine = [
+        group
+        for group in groups
+        if len(group.lines) and (group.name, group.file) == (label, found.file) and _is_of(group, entry)
+    ]
+    keep = np.zeros(len(found.lines), dtype=bool)
+    values: dict[str, Any] = {}
+    measured: dict[str, str] = {}
+    for group in mine:
+        rows = _rows_of(group, found, len(mine) == 1)
+        given = said_values(group, group.observed)
+        keep[rows] |= np.isfinite(given).any(axis=1)
+        if entry.type in _OF_VALUES:
+            _put_values(group, given, rows, values, columns, len(found.lines))
+            continue
+        for k, component in enumerate(group.type.components):
+            column = values.setdefault(component.name, np.full(len(found.lines), np.nan))
+            column[rows] = np.where(np.isfinite(given[:, k]), _wrapped(group, k, given[:, k]), np.nan)
+            measured[component.name] = ends_of_group(group).external.units[k]
+    if entry.type in _OF_VALUES:
+        keep[:] = True
+    frame = pl.DataFrame({**columns, **values}).with_columns(pl.col(pl.Float64).fill_nan(None))
+    name = f"{section}_{number + 1}_{entry.type.replace(' ', '_')}.csv"
+    kept = [c for c in frame.columns if c not in measured or frame[c].is_not_null().any()]
+    tables[name] = frame.filter(pl.Series(keep)).select(kept)
+    data = dict(document.data[section][number])
+    for key in ("rows", "columns", "delimiter", "file", "values", "units"):
+        data.pop(key, None)
+    data |= {"name": label, "file": name}
+    constants = {key: text for key, text in entry.values.items() if key not in {*measured, *values, *AIR}}
+    type_ = mine[0].type if mine else PLAIN_TYPES.get(entry.type)
+    components = {one.name: one.quantity for one in type_.components} if type_ is not None else {}
+    units = _units(network, entry, components, [*columns, *constants], measured)
+    covariance = data.get("covariance")
+    if isinstance(covariance, str):
+        data["covariance"] = str((source / covariance).resolve())
+    return {**data, **({"values": constants} if constants else {}), **({"units": units} if units else {})}
+
+
+def _rows_of(group: ObservationGroup, found: Source, alone: bool) -> IntArray:
+    """(n,) rows of a table that the rows of a group came from: by their lines, or by names where lines hold several."""
+    count = len(found.lines)
+    if len(np.unique(found.lines)) == count:
+        order = np.argsort(found.lines, kind="stable")
+        return order[np.searchsorted(found.lines[order], group.lines)].astype(np.int64)
+    if alone and group.count == count:
+        return np.arange(count, dtype=np.int64)
+    named = [found.columns[r.name].cast(pl.String).str.strip_chars().to_list() for r in group.type.references]
+    left: dict[tuple[object, ...], list[int]] = {}
+    for row, key in reversed(list(enumerate(zip(found.lines.tolist(), *named, strict=True)))):
+        left.setdefault(key, []).append(row)
+    own = zip(
+        group.lines.tolist(), *(_as_given(names.texts().to_list()) for names in group.references), strict=True
+    )
+    return np.array([left[key].pop() for key in own], dtype=np.int64)
+
+
+def _as_given(names: list[str]) -> list[str]:
+    """Names of rows as their table has them: of a point at a time that of the point."""
+    return [name.partition(AT)[0] for name in names]
+
+
+def _is_of(group: ObservationGroup, entry: Observations) -> bool:
+    """True for groups that an entry of this type makes."""
+    if entry.type == "image":
+        return is_image_point(group.type)
+    return entry.type in _OF_VALUES or group.type.name == entry.type
+
+
+def _put_values(
+    group: ObservationGroup,
+    given: FloatArray,
+    rows: IntArray,
+    values: dict[str, Any],
+    columns: dict[str, pl.Series],
+    count: int,
+) -> None:
+    """Values of observed parameters, each with the unit of its component."""
+    texts = values.setdefault("value", columns["value"].to_list() if "value" in columns else [None] * count)
+    units = ends_of_group(group).external.units
+    for row, line in zip(rows.tolist(), given, strict=True):
+        component = int(np.flatnonzero(np.isfinite(line))[0])
+        unit = units[component]
+        texts[row] = f"{float(line[component])!r}{'' if unit in ('', '1') else ' ' + unit}"
+
+
+def _wrapped(group: ObservationGroup, component: int, given: FloatArray) -> FloatArray:
+    """Readings of full circles from 0 on."""
+    internal = int(ends_of_group(group).source[component])
+    if not group.type.wraps[internal] or internal not in (*group.type.turns, *group.type.bearings):
+        return given
+    factor = float(ends_of_group(group).external.factors[component])
+    return np.remainder(given, 2.0 * np.pi / factor)
+
+
+def _raw(document: Document, source: Path, section: str, number: int, entry: Observations) -> Source:
+    """The table of an entry as it stands there; it has been read before, so that it has no mistakes."""
+    at = Place(document, (section, number), source)
+    found = from_rows(entry, at, []) if entry.rows is not None else from_file(entry, {}, at, [])
+    assert found is not None
+    return found
+
+
+def _units(
+    network: Network,
+    entry: Observations,
+    components: dict[str, Quantity],
+    names: Sequence[str],
+    measured: dict[str, str],
+) -> dict[str, str]:
+    """Units of the columns that stay as they are given, and of those that are simulated."""
+    if not isinstance(entry.units, str):
+        units = {key: unit for key, unit in entry.units.items() if key in names}
+    else:
+        units = {name: entry.units for name in names if _fits(network, entry, components, name)}
+    return {**units, **{name: unit for name, unit in measured.items() if unit not in ("", "1")}}
+
+
+def _fits(network: Network, entry: Observations, components: dict[str, Quantity], name: str) -> bool:
+    """True for a column of numbers that the one unit of all columns fits."""
+    if entry.type == "image":
+        return name.startswith("sigma")
+    if name.endswith("_height"):
+        quantity = LENGTH
+    elif name.startswith(("sigma", "cov_")) and components:
+        parts = [part for part in name.split("_")[1:] if part in components]
+        quantity = components[parts[0]] if parts else next(iter(components.values()))
+    else:
+        return name == "sigma"
+    try:
+        network.edge.factor(quantity, str(entry.units))
+    except UnitError:
+        return False
+    return True
+
+
+def _with_observed(network: Network, space: str, name: str, given: dict[str, Any]) -> dict[str, Any]:
+    """A camera or an instrument with simulated values of what a laboratory observed."""
+    result = dict(given)
+    parts = network.things[space].parts
+    number = network.things[space].numbers[name]
+    if space == "camera":
+        kind = INTERIORS[network.project.cameras[name].model].key
+        places = {"interior": (kind, parts["interior"][number])}
+        if result.get("eccentricity"):
+            places["eccentricity"] = ("eccentricity", parts["eccentricity"][number])
+        for key, (of, block) in places.items():
+            if result.get(key):
+                result[key] = _settings(network, of, int(block), result[key])
+        if parts[READOUT.key][number] >= 0:
+            readout = {READOUT.key: result["readout"]}
+            result |= _settings(network, READOUT.key, int(parts[READOUT.key][number]), readout)
+        return result
+    for kind in ("distance meter", "refraction"):
+        result = _settings(network, kind, int(parts[kind][number]), result)
+    for key, of, part in _OF_INSTRUMENTS:
+        if result.get(key) and parts[part][number] >= 0:
+            given = result[key] if of != TIME_OFFSET.key else {key: result[key]}
+            found = _settings(network, of, int(parts[part][number]), given)
+            result[key] = found if of != TIME_OFFSET.key else found[key]
+    return result
+
+
+def _settings(network: Network, kind: str, block: int, settings: dict[str, Any]) -> dict[str, Any]:
+    names = KINDS[kind].names
+    result = dict(settings)
+    for name, setting in settings.items():
+        if name in names and isinstance(setting, dict) and "observed" in setting:
+            value = float(network.observed[kind][block, names.index(name)])
+            text = repr(value)
+            if KINDS[kind].components[names.index(name)].quantity == ANGLE:
+                unit = network.edge.default_unit(ANGLE)
+                text = f"{value / ANGLE_UNITS[unit]!r} {unit}"
+            result[name] = {**setting, "observed": text}
+    return result
+
+
+def truth_table(network: Network, place: Values) -> pl.DataFrame:
+    """True values of everything, in the axes and units of the project: kind, id, component, value, unit."""
+    rows = []
+    edge = network.edge
+    angle = edge.default_unit(ANGLE)
+    for kind, values in place.items():
+        blocks = network.blocks[kind]
+        said_of = values
+        if kind == "point":
+            said_of = values @ edge.matrix
+        elif blocks.kind.is_rotation:
+            said_of = (
+                angles_from_rotation(values @ edge.matrix if edge.turned else values) / ANGLE_UNITS[angle]
+            )
+        for k, name in enumerate(blocks.ids):
+            for component, value in zip(blocks.kind.components, said_of[k], strict=True):
+                unit = edge.default_unit(component.quantity)
+                rows.append((kind, name, component.name, float(value), unit))
+    schema = ["kind", "id", "component", "value", "unit"]
+    return pl.DataFrame(rows, schema=schema, orient="row")
+
+
+def planted_table(network: Network, errors: Sequence[Planted]) -> pl.DataFrame:
+    """The errors that were planted: which observation, how much, in its unit and in units of σ."""
+    rows = []
+    for one in errors:
+        group = network.groups[one.group]
+        names = {key: column.texts()[one.row] for key, column in named_places(group).items()}
+        component, unit, amount, ratio = "", "", None, None
+        if one.component >= 0:
+            internal = np.zeros((1, len(group.type.components)))
+            internal[0, one.component] = one.amount
+            out = ends_of_group(group)
+            k = int(np.flatnonzero(out.source == one.component)[0])
+            component, unit = group.type.components[k].name, out.external.units[k]
+            amount = float(said_differences(group, internal)[0, k])
+            ratio = abs(one.amount / float(group.sigma[one.row, one.component]))
+        rows.append(
+            (
+                one.kind,
+                group.name,
+                names.get("at", ""),
+                names["from"],
+                names["to"],
+                component,
+                amount,
+                unit,
+                ratio,
+            )
+        )
+    schema = {
+        **dict.fromkeys(("kind", "group", "at", "from", "to", "component"), pl.String),
+        "amount": pl.Float64,
+        "unit": pl.String,
+        "sigmas": pl.Float64,
+    }
+    return pl.DataFrame(rows, schema=schema, orient="row")
+
+
+# ------------------------------------------------------------
+# The report of a Monte Carlo simulation: text and plain data.
+# ------------------------------------------------------------
+
+SCHEMA = "mor-montecarlo"
+SCHEMA_VERSION = 1
+_NAMES = {
+    "solutions": "runs that lead to a solution",
+    "variance": "mean of vTPv / redundancy",
+    "global": "runs that the global test rejects",
+    "flagged": "observations without error that are flagged",
+    "coverage": "points inside their 95 % region, sigma0 a priori",
+    "coverage least": "the point that is covered least",
+    "coverage most": "the point that is covered most",
+    "coverage after": "points inside their 95 % region, sigma0 a posteriori",
+    "bias": "largest bias of an unknown / sigma of its mean",
+    "sigma least": "smallest sigma found / sigma said",
+    "sigma most": "largest sigma found / sigma said",
+    "power": "errors of the size nabla that are found",
+}
+
+
+def monte_carlo_data(
+    network: Network, truth: Truth, tally: Tally, seed: int, starts: bool, of: Identity
+) -> dict[str, Any]:
+    """The findings, and bias and σ of every unknown, as plain data."""
+    n = max(float(tally.solved), 1.0)
+    index = truth.problem.index
+    points = network.things["point"]
+    name_of = dict(zip(points.parts["position"].tolist(), points.ids, strict=True))
+    return {
+        "schema": SCHEMA,
+        "schema_version": SCHEMA_VERSION,
+        "program": f"mor {__version__}",
+        "title": network.project.title,
+        "runs": int(tally.runs),
+        "solved": int(tally.solved),
+        "seed": seed,
+        "start_values": "worked out in every run" if starts else "true",
+        "confidence": CONFIDENCE,
+        "level": LEVEL,
+        "redundancy": truth.quality.redundancy,
+        "agrees": all(one.agrees for one in findings(truth, tally)),
+        "findings": [{**one._asdict(), "agrees": one.agrees} for one in findings(truth, tally)],
+        "points": [
+            {"id": name_of.get(int(block), ""), "coverage": float(tally.covered[k]) / n}
+            for k, block in enumerate(truth.points)
+        ],
+        "unknowns": [
+            {
+                "of": said_thing(*index.label(column)[:2]),
+                "component": index.label(column)[2],
+                "bias": float(tally.correction[column]) / n,
+                "sigma_ratio": float(np.sqrt(tally.square[column] / n)),
+            }
+            for column in range(index.count)
+            if truth.sigma[column] > 0.0
+        ],
+        "identity": identity_of(network.project, of),
+    }
+
+
+def verdict(found: list[Finding], words: Words) -> str:
+    """In one sentence: whether theory and simulation agree."""
+    apart = [one for one in found if not one.agrees]
+    if not apart:
+        return words("Simulation and theory agree in all {count} figures.", count=len(found))
+    return words(
+        "SIMULATION AND THEORY DISAGREE in {count} of {all} figures.", count=len(apart), all=len(found)
+    )
+
+
+def monte_carlo_text(
+    network: Network, truth: Truth, tally: Tally, seed: int, starts: bool, words: Words, of: Identity
+) -> str:
+    """The report of a simulation."""
+    found = findings(truth, tally)
+    title = network.project.title or words("Adjustment")
+    begun = words("worked out in every run") if starts else words("the true values")
+    lines = [
+        title,
+        "=" * min(len(title), WIDTH),
+        "",
+        words(
+            "MONTE CARLO: {runs} simulated measurements (seed {seed}; start values: {starts}).",
+            runs=int(tally.runs),
+            seed=seed,
+            starts=begun,
+        ),
+        verdict(found, words),
+        words(
+            "Chance alone leaves a figure outside its limits with {level}; σ, regions and tests are those of the "
+            "adjustment at the true place.",
+            level=f"{LEVEL:g}",
+        ),
+        "",
+        finding_table(found, words),
+    ]
+    about = identity_of(network.project, of)
+    sections = ["\n".join(lines), _weakest(network, truth, tally, words), layout.section(about, words)]
+    return paragraphs(escaped("\n\n".join(section for section in sections if section))) + "\n"
+
+
+def finding_table(found: list[Finding], words: Words) -> str:
+    """Each figure with what theory says, what was found, and the limits of chance."""
+    rows = [
+        [
+            words(_NAMES[one.name]),
+            *(words.number(short(value, 4)) for value in (one.expected, one.found, one.lower, one.upper)),
+            words("agrees") if one.agrees else words("DISAGREES"),
+        ]
+        for one in found
+    ]
+    headers = ["figure", "theory", "found", "from", "to", "verdict"]
+    return table(headers, rows, 1, words, last_left=True)
+
+
+def _weakest(network: Network, truth: Truth, tally: Tally, words: Words) -> str:
+    """The unknowns whose bias is largest."""
+    n = float(tally.solved)
+    if n < 2.0 or not (truth.sigma > 0.0).any():
+        return ""
+    index = truth.problem.index
+    order = np.argsort(-np.abs(tally.correction), kind="stable")[:5]
+    rows = [
+        [
+            f"{said_thing(*index.label(int(k))[:2])} {index.label(int(k))[2]}",
+            words.number(f"{tally.correction[k] / n:.4f}"),
+            words.number(f"{np.sqrt(tally.square[k] / n):.4f}"),
+        ]
+        for k in order
+    ]
+    headers = ["unknown", "mean of (x - true) / sigma", "sigma found / sigma said"]
+    return "\n".join([heading(words("Largest bias")), table(headers, rows, 1, words)])

@@ -1,1 +1,0 @@
-"""Simulated projects, and the report of a Monte Carlo simulation."""

@@ -1,1 +1,0 @@
-"""Report start values, their sources, and their confidence."""

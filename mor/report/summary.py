@@ -1,0 +1,279 @@
+"""The summary of results."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import polars as pl
+
+from mor import __version__
+from mor.model.parameters import KINDS, index_unknowns
+from mor.project.entities import said_thing, thing_of
+from mor.project.network import Network
+from mor.project.schema import Project
+from mor.quality.reliability_map import uncontrolled_count
+from mor.quality.singularity import weakness
+from mor.quality.solution import Solved
+from mor.report.estimates import undeterminable_rows
+from mor.report.language import ENGLISH, Words, datum_name
+from mor.report.observations import SCHEMA as OBSERVATIONS_SCHEMA
+from mor.report.observations import AssessedGroups, table_of
+from mor.report.units import angle_unit, angle_unit_of
+from mor.solve.datum import BY_CURVATURE
+from mor.solve.iterate import Iteration
+from mor.units import ANGLE_UNITS
+
+# ------------------------------------------------------------
+# The summary of an adjustment as plain data: the head of ``results.json`` and of every report.
+# ------------------------------------------------------------
+
+SCHEMA = "mor-results"
+SCHEMA_VERSION = 2
+
+
+class Ended(NamedTuple):
+    """Outcome of an adjustment."""
+
+    outcome: str
+    reason: str
+    solution: bool
+    observations: int
+    unknowns: int
+    movements: Sequence[str]
+    datum: str
+    iterations: Sequence[Iteration]
+    kernels: bool
+
+
+def summary(solved: Solved) -> dict[str, Any]:
+    """Outcome, counts, σ0, global test, datum, conventions."""
+    adjustment = solved.adjustment
+    ended = Ended(
+        adjustment.outcome.value,
+        adjustment.reason,
+        solved.quality is not None,
+        adjustment.problem.observations,
+        adjustment.problem.index.count,
+        (*adjustment.defect.movements, *[BY_CURVATURE] * adjustment.defect.to_second_order),
+        adjustment.problem.datum.name,
+        adjustment.iterations,
+        adjustment.kernels,
+    )
+    things = undeterminable_rows(solved)
+    return summary_of(solved.network.project, ended, _undetermined(solved), things, statistics(solved))
+
+
+def summary_of(
+    project: Project,
+    ended: Ended,
+    undetermined: list[dict[str, Any]],
+    undeterminable: list[dict[str, Any]],
+    numbers: dict[str, Any],
+) -> dict[str, Any]:
+    """The same of an adjustment with its ``numbers`` as :func:`statistics` has them."""
+    return {
+        "schema": SCHEMA,
+        "schema_version": SCHEMA_VERSION,
+        "program": f"mor {__version__}",
+        "title": project.title,
+        "units": {"length": project.units.length, "angle": angle_unit_of(project)},
+        "axes": project.axes.model_dump(),
+        "outcome": ended.outcome,
+        "reason": ended.reason,
+        "solution": ended.solution,
+        "iterations": len(ended.iterations),
+        "kernels": "numba" if ended.kernels else "numpy",
+        "observations": ended.observations,
+        "unknowns": ended.unknowns,
+        "defect": len(ended.movements),
+        "movements": list(ended.movements),
+        "undetermined": undetermined,
+        "undeterminable": undeterminable,
+        "datum": ended.datum,
+        **numbers,
+        "iteration_log": [
+            {
+                "number": step.number,
+                "objective": step.objective,
+                "largest_change": step.largest_change,
+                "damping": step.damping,
+            }
+            for step in ended.iterations
+        ],
+    }
+
+
+def _undetermined(solved: Solved) -> list[dict[str, Any]]:
+    return [
+        {
+            "unknowns": [f"{said_thing(*unknown[:2])} {unknown[2]}" for unknown in direction.unknowns],
+            "amounts": list(direction.amounts),
+        }
+        for direction in solved.adjustment.defect.undetermined
+    ]
+
+
+NO_STATISTICS: dict[str, Any] = dict.fromkeys(
+    ("redundancy", "redundancy_sum", "sigma0", "global_test", "flagged")
+)
+"""What :func:`statistics` says where there is no solution."""
+
+
+def statistics(solved: Solved) -> dict[str, Any]:
+    """Redundancy, σ0, global test and what the tests of single observations count."""
+    quality = solved.quality
+    if quality is None:
+        return NO_STATISTICS
+    apriori = solved.network.project.settings.sigma0
+    aposteriori = apriori * quality.sigma0
+    test = quality.global_test
+    return {
+        "redundancy": quality.redundancy,
+        "redundancy_sum": quality.redundancy_sum,
+        "sigma0": {
+            "apriori": apriori,
+            "aposteriori": aposteriori if quality.redundancy > 0 else None,
+            "ratio": quality.sigma0**2 if quality.redundancy > 0 else None,
+            "ratio_of_sigmas": quality.sigma0 if quality.redundancy > 0 else None,
+            "used_for_sigma": apriori * quality.sigma_factor,
+        },
+        "global_test": {
+            "statistic": test.statistic,
+            "lower": test.lower,
+            "upper": test.upper,
+            "level": test.level,
+            "accepted": test.accepted,
+        },
+        "hardly_determined": weakness(solved),
+        "critical_w": quality.critical,
+        "snooping_level": quality.levels.snooping,
+        "flagged": int(sum(np.count_nonzero(flags) for flags in quality.flagged)),
+        "uncontrolled": uncontrolled_count(quality),
+    }
+
+
+# ------------------------------------------------------------
+# Report of a failed adjustment: unknowns that do not settle, and the worst residuals.
+# ------------------------------------------------------------
+
+OSCILLATES = 0.5
+"""Part of the way that was taken back from which on an unknown moves to and fro."""
+
+
+WORST_MISFITS = 100
+"""Observations that are told where there is no solution."""
+
+
+def failure(solved: Solved) -> dict[str, Any] | None:
+    """Return the unknowns that do not settle and the worst residuals of a failed adjustment."""
+    if solved.quality is not None:
+        return None
+    worst = worst_misfits(solved, WORST_MISFITS).to_dicts()
+    return {
+        "notice": "NOT A SOLUTION: all values are those of the last iteration",
+        "moving": moving_rows(solved),
+        "worst": worst,
+    }
+
+
+def moving_rows(solved: Solved) -> list[dict[str, Any]]:
+    """Unknowns that do not come to rest: their last steps in project units, and whether they go to and fro."""
+    found = solved.movements
+    if found is None:
+        return []
+    rows = []
+    for (kind, block, component), steps, back in zip(
+        found.unknowns, found.steps, found.to_and_fro, strict=True
+    ):
+        quantity = KINDS[kind].components[KINDS[kind].names.index(component)].quantity
+        angle = angle_unit(solved)
+        factor = ANGLE_UNITS[angle] if quantity.angle == 1 else 1.0
+        space, name = thing_of(kind, block)
+        rows.append(
+            {
+                "kind": kind,
+                "of": space,
+                "id": name,
+                "component": component,
+                "unit": quantity.unit(solved.network.project.units.length, angle, _image_unit(solved)),
+                "steps": [_number(step / factor) for step in steps],
+                "way": _way(len(steps), float(back)),
+            }
+        )
+    return rows
+
+
+def _way(steps: int, back: float) -> str:
+    return "wanted" if steps == 1 else "to and fro" if back > OSCILLATES else "away"
+
+
+def _image_unit(solved: Solved) -> str:
+    return next((scale.unit for scale in solved.network.scales.values()), "mm")
+
+
+def _number(value: float) -> float | None:
+    return float(value) if np.isfinite(value) else None
+
+
+def worst_misfits(solved: Solved, count: int) -> pl.DataFrame:
+    """The observations with the largest |v|/σ at the last values, the worst first, with it as ``misfit``."""
+    tested, parts = AssessedGroups(solved), []
+    largest = np.zeros(0)
+    for rows in tested.pieces():
+        size = np.where(rows.group.left_out, 0.0, np.abs(rows.one.v) / rows.group.sigma)
+        size = np.nan_to_num(size, nan=0.0, posinf=np.inf)
+        largest = np.sort(np.concatenate([largest, size.max(axis=1)]))[-count:]
+        if (size.max(axis=1) >= largest[0]).any():
+            parts.append(table_of(rows))
+    if not parts:
+        return pl.DataFrame(schema={**OBSERVATIONS_SCHEMA, "misfit": pl.Float64})
+    table = pl.concat(parts).with_columns((pl.col("v") / pl.col("sigma")).abs().alias("misfit"))
+    return (
+        table.filter(pl.col("flag") != "excluded")
+        .sort("misfit", descending=True, nulls_last=True)
+        .head(count)
+    )
+
+
+# ------------------------------------------------------------
+# Content of a project before it is adjusted.
+# ------------------------------------------------------------
+
+THINGS = {
+    "camera": "{count:camera|cameras}",
+    "image": "{count:image|images}",
+    "point": "{count:point|points}",
+    "station": "{count:station|stations}",
+    "system": "{count:system|systems}",
+    "pair": "{count:pair|pairs}",
+    "instrument": "{count:instrument|instruments}",
+}
+
+
+def contents(network: Network, words: Words = ENGLISH) -> str:
+    """Counts of things, observations and unknowns; what has no start value."""
+    lines = [network.project.title] if network.project.title else []
+    counts = {name: len(network.things[name].ids) for name in THINGS}
+    lines += [_row(words(THINGS[name], count=count)) for name, count in counts.items() if count]
+    lines.append(words("observations"))
+    for group in network.groups:
+        lines.append(f"{int(np.count_nonzero(group.mask)):8d} {group.type.name} ({group.name})")
+    observations = sum(int(np.count_nonzero(group.mask)) for group in network.groups)
+    total = _row(words("{count:observation|observations}", count=observations))
+    unknowns = words("{count:unknown|unknowns}", count=index_unknowns(network.blocks).count)
+    lines.append(f"{total}, {unknowns}, {words('datum')}: {datum_name(network.datum.name, words)}")
+    missing = sum(
+        int(np.count_nonzero(~np.isfinite(values.reshape(len(values), -1)).all(axis=1)))
+        for values in network.start.values()
+    )
+    if missing:
+        lines.append(_row(words("{count:block|blocks} without start values", count=missing)))
+    return "\n".join(lines)
+
+
+def _row(said: str) -> str:
+    """A line of the list: the counts stand one below the other."""
+    number, _, words = said.partition(" ")
+    return f"{number:>8s} {words}"

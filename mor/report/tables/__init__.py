@@ -1,1 +1,0 @@
-"""Tables of results as plain data and as files."""

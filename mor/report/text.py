@@ -1,0 +1,394 @@
+"""The text report and the summary on the screen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from mor.errors import escaped
+from mor.quality.solution import Solved
+from mor.report import layout, text_findings, text_tables
+from mor.report import verdict as words_of_reliability
+from mor.report.estimates import group_table, interior_rows, point_table
+from mor.report.identity import Identity, identity_of, note_rows
+from mor.report.language import ENGLISH, Words, datum_name
+from mor.report.layout import ALL, fixed, in_words, paragraphs, short, table
+from mor.report.layout import WIDTH as COLUMNS_WIDTH
+from mor.report.observations import check_rows, gross_errors, place, possible_causes, suspects
+from mor.report.summary import summary
+from mor.report.text_findings import first_sentence, sentences, sentences_of_things, undetermined_section
+from mor.report.verdict import contradictions, ill_determined, in_common, reliability_rows, verdict_rows
+from mor.solve.iterate import STANDS_STILL, Outcome
+
+# ------------------------------------------------------------
+# Head of the report: the verdict first, then counts, σ0, global test and datum.
+# ------------------------------------------------------------
+
+NAMED = 3
+"""Observations that nothing controls that are named one by one."""
+
+
+def section(solved: Solved, words: Words = ENGLISH, persons: Sequence[tuple[str, str]] = ()) -> str:
+    """Verdict and key figures, with ``persons``: who, for whom and when."""
+    data = summary(solved)
+    title = data["title"] or words("Adjustment")
+    lines = [title, "=" * min(len(title), COLUMNS_WIDTH), "", *verdict(solved, words), ""]
+    movements = ", ".join(words.listed(name) for name in data["movements"])
+    rows = [
+        ("observations n", str(data["observations"])),
+        ("unknowns u", str(data["unknowns"])),
+        (
+            "datum defect d",
+            f"{data['defect']}" + (f" ({movements})" if movements else ""),
+        ),
+        ("datum", datum_name(data["datum"], words)),
+        ("iterations", str(data["iterations"])),
+    ]
+    if solved.quality is not None:
+        test, sigma0 = data["global_test"], data["sigma0"]
+        rows += [
+            (
+                "redundancy n - u + d",
+                words(
+                    "{redundancy} (sum of redundancy numbers {total})",
+                    redundancy=data["redundancy"],
+                    total=f"{data['redundancy_sum']:.6f}",
+                ),
+            ),
+            ("sigma0 a priori", words.number(short(sigma0["apriori"]))),
+            ("sigma0 a posteriori", words.number(short(sigma0["aposteriori"], 7))),
+            ("vTPv", f"{words.number(fixed(test['statistic'], 3))}, {_limits(test, words)}"),
+            ("standard deviations", _multiplied(solved, words)),
+            ("units", words("lengths {length}, angles {angle}", **data["units"])),
+            ("residuals", words("v = adjusted - observed")),
+        ]
+    rows = [*persons, *((words(name), value) for name, value in rows)]
+    width = max(len(name) for name, _ in rows)
+    lines += [f"{name.ljust(width)}  {value}" for name, value in rows]
+    return "\n".join(lines)
+
+
+def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
+    """Return the verdict in words."""
+    adjustment, quality = solved.adjustment, solved.quality
+    if quality is None:
+        reason = f", {words.told(adjustment.reason)}" if adjustment.reason else ""
+        outcome = words.listed(adjustment.outcome.value) + reason
+        cause = first_sentence(possible_causes(solved), words)
+        return [words("NO SOLUTION: {outcome}.", outcome=outcome), *_advice(solved, words), *cause]
+    lines = sentences(suspects(solved), words)
+    lines += [words("Converged after {count:iteration|iterations}.", count=len(adjustment.iterations))]
+    test = quality.global_test
+    if test.redundancy == 0:
+        lines.append(words("Nothing is controlled: the redundancy is 0, there is no test."))
+    elif test.accepted:
+        lines.append(words("Global test accepted at the level {level}.", level=f"{test.level:g}"))
+    else:
+        size = words("larger") if test.statistic > test.upper else words("smaller")
+        lines.append(
+            words(
+                "Global test REJECTED at the level {level}: residuals are {size} than the a-priori sigmas say "
+                "(sigma0 ratio {ratio}).",
+                level=f"{test.level:g}",
+                size=size,
+                ratio=fixed(quality.sigma0, 3),
+            )
+        )
+    lines += ill_determined(verdict_rows(solved), solved.network.project.units.length, words)
+    lines += contradictions(verdict_rows(solved), words)
+    flagged = sum(int(flags.sum()) for flags in quality.flagged)
+    lines.append(
+        words(
+            "{count:observation|observations} with |w| > {limit}.",
+            count=flagged,
+            limit=fixed(quality.critical, 2),
+        )
+        if flagged
+        else words("No observation is flagged.")
+    )
+    lines += in_common(gross_errors(solved).get("in_common", []), words)
+    lines += first_sentence(possible_causes(solved), words)
+    lines += sentences_of_things(solved.network.undeterminable, words)
+    return [*lines, *(_uncontrolled(solved, words) if test.redundancy else []), *_emptied(solved, words)]
+
+
+def _uncontrolled(solved: Solved, words: Words) -> list[str]:
+    """Observations that hardly anything controls: no test speaks of them. A few are named."""
+    data = reliability_rows(solved)
+    if data is None or not data["uncontrolled"]:
+        return []
+    count, limit = data["uncontrolled"], f"{data['least_redundancy']:g}"
+    sentence = (
+        "Accepted, {count:observation|observations} uncontrolled (r < {limit})"
+        if solved.accepted
+        else "{count:observation is|observations are} uncontrolled (r < {limit})"
+    )
+    judged = words(sentence, count=count, limit=limit)
+    if count > NAMED:
+        return [f"{judged}."]
+    return [f"{judged}: {'; '.join(in_words(row, words) for row in data['observations'])}."]
+
+
+def _emptied(solved: Solved, words: Words) -> list[str]:
+    """Groups of which nothing takes part any more: what tests accept then says nothing about them."""
+    return [
+        words(
+            "Nothing is left of {group}: all of it was taken out ({count}).",
+            count=row["excluded"],
+            group=row["name"],
+        )
+        for row in group_table(solved).to_dicts()
+        if row["observations"] == 0 and row["excluded"] > 0
+    ]
+
+
+def _advice(solved: Solved, words: Words) -> list[str]:
+    """Hint for an adjustment that does not converge."""
+    count = len(solved.adjustment.iterations)
+    if solved.adjustment.reason == STANDS_STILL:
+        return [
+            words(
+                "More iterations would not help: look at the observations that fit worst, and at the start values."
+            )
+        ]
+    if solved.adjustment.outcome is Outcome.NOT_CONVERGED and not solved.adjustment.reason:
+        return [
+            words(
+                "{count:iteration was|iterations were} not enough; settings: {{max_iterations: …}} allows more, "
+                "better start values need fewer.",
+                count=count,
+            )
+        ]
+    if solved.adjustment.outcome is Outcome.DIVERGED:
+        return [
+            words(
+                "Check the start values and look for gross errors: points mixed up, wrong units, wrong signs."
+            )
+        ]
+    things = solved.network.undeterminable
+    if any(not thing.treatment for thing in things):
+        return [
+            words(
+                "settings: {{undetermined: leave_out}} adjusts the rest without what nothing determines "
+                "({count:thing|things}, in undetermined.csv).",
+                count=len(things),
+            )
+        ]
+    return []
+
+
+def _limits(test: dict[str, float], words: Words) -> str:
+    return words(
+        "accepted between {lower} and {upper} (chi-squared, level {level})",
+        lower=fixed(test["lower"], 3),
+        upper=fixed(test["upper"], 3),
+        level=f"{test['level']:g}",
+    )
+
+
+def _multiplied(solved: Solved, words: Words) -> str:
+    quality = solved.quality
+    posterior = quality is not None and quality.sigma_factor != 1.0
+    which = "a posteriori" if posterior else "a priori"
+    datum = datum_name(solved.adjustment.problem.datum.name, words)
+    return words("with sigma0 {which}, in the datum: {datum}", which=words(which), datum=datum)
+
+
+# ------------------------------------------------------------
+# The summary on the terminal: accepted or not, what is worst, how good points and cameras are, on one screen.
+# ------------------------------------------------------------
+
+WIDTH = 100
+LINES = 24
+"""Lines that a screen has at least."""
+WORST, CAMERAS, CHECKS, GROUPS = 3, 2, 2, 6
+"""Observations, cameras, checks and groups that are shown."""
+
+
+def screen(solved: Solved, words: Words = ENGLISH) -> str:
+    """Return the outcome for the terminal; control characters in names are escaped."""
+    return escaped(_screen(solved, words))
+
+
+def _screen(solved: Solved, words: Words) -> str:
+    """At most 24 lines, of 100 columns but for the verdict; without a solution the report's words on the reason."""
+    if solved.quality is None:
+        said = [*verdict(solved, words), *undetermined_section(solved, words).splitlines()]
+        told = [line for line in said if line]
+        if len(told) > LINES:
+            rest = words("… and {count} more lines in the report", count=len(told) - LINES + 1)
+            told = [*told[: LINES - 1], rest]
+        return "\n".join(told)
+    lines = [
+        *_figures(solved, words),
+        *_worst(solved, words),
+        *_points(solved, words),
+        *_cameras(solved, words),
+        *_checks(solved, words),
+        *_groups(solved, words),
+    ]
+    return "\n".join([*verdict(solved, words), *map(_cut, lines)])
+
+
+def _cut(line: str) -> str:
+    return line if len(line) <= WIDTH else f"{line[: WIDTH - 1]}…"
+
+
+def _figures(solved: Solved, words: Words) -> list[str]:
+    data = summary(solved)
+    counts = words(
+        "n = {n}, u = {u}, d = {d}, redundancy {redundancy}; sigma0 a posteriori {after}, a priori {before}",
+        n=data["observations"],
+        u=data["unknowns"],
+        d=data["defect"],
+        redundancy=data["redundancy"],
+        after=short(data["sigma0"]["aposteriori"], 5),
+        before=short(data["sigma0"]["apriori"], 5),
+    )
+    return [counts, words("Datum: {datum}", datum=datum_name(data["datum"], words))]
+
+
+def _worst(solved: Solved, words: Words) -> list[str]:
+    """The observations with the largest test values."""
+    quality = solved.quality
+    if quality is None:
+        return []
+    lines = []
+    for effect in solved.effects[:WORST]:
+        group, row, component = effect.entry
+        line = words(
+            "Worst: {place}: |w| = {w}, r = {r}",
+            place=in_words(place(solved.adjustment.problem.groups[group], row, component), words),
+            w=fixed(abs(effect.test), 2),
+            r=fixed(effect.r, 2),
+        )
+        flagged = quality.flagged[group][row, component]
+        lines.append(f"{line} ({words.listed('flagged')})" if flagged else line)
+    return lines
+
+
+def _points(solved: Solved, words: Words) -> list[str]:
+    frame = point_table(solved)
+    if frame.height == 0:
+        return []
+    free = frame.select("id", "sx", "sy", "sz", "ellipsoid_a").filter(
+        frame["status"].is_in(["free", "partly fixed"])
+    )
+    if free.height == 0:
+        return []
+    unit = solved.network.project.units.length
+    rms = [float(np.sqrt(np.nanmean(free[f"s{name}"].cast(float).to_numpy() ** 2))) for name in "xyz"]
+    numbers = ", ".join(
+        f"{name.upper()} {words.number(short(value, 3))}"
+        for name, value in zip("xyz", rms, strict=True)
+        if value != 0.0
+    )
+    worst = free.row(free["ellipsoid_a"].arg_max() or 0, named=True)
+    return [
+        words(
+            "Points: sigma (rms) {numbers} {unit}; weakest {id}: longest semi-axis {axis} {unit}",
+            numbers=numbers,
+            id=worst["id"],
+            axis=short(worst["ellipsoid_a"], 3),
+            unit=unit,
+        )
+    ]
+
+
+def _cameras(solved: Solved, words: Words) -> list[str]:
+    lines = []
+    for row in interior_rows(solved)[:CAMERAS]:
+        name, constant = next(iter(row["components"].items()))
+        value = words.number(short(constant["value"], 7))
+        sigma = f" ± {words.number(short(constant['sigma'], 2))}" if constant["sigma"] else ""
+        fixed_words = "" if constant["sigma"] else f" ({words.listed('fixed')})"
+        lines.append(
+            f"{words('Camera {id}', id=row['id'])}: {name} = {value}{sigma} {row['unit']}{fixed_words}"
+        )
+    return lines
+
+
+def _checks(solved: Solved, words: Words) -> list[str]:
+    return [
+        words(
+            "Check {id}, {component}: rms {rms} {unit}, largest {largest} {unit} ({count})",
+            id=row["group"],
+            component=row["component"],
+            rms=short(row["rms"], 3),
+            largest=short(row["largest"], 3),
+            unit=row["unit"],
+            count=row["count"],
+        )
+        for row in check_rows(solved)[:CHECKS]
+    ]
+
+
+def _groups(solved: Solved, words: Words) -> list[str]:
+    groups = group_table(solved).to_dicts()
+    rows = [
+        [
+            row["name"][:36],
+            str(row["observations"]),
+            fixed(row["redundancy"], 1),
+            fixed(row["sigma0"], 3),
+            fixed(row["largest_w"], 2),
+            str(row["flagged"]),
+        ]
+        for row in groups[:GROUPS]
+    ]
+    headers = ["group", "n", "sum r", "sigma0 [1]", "largest |w| [1]", "flagged"]
+    lines = ["", *table(headers, rows, words=words).splitlines()]
+    if len(groups) > GROUPS:
+        lines.append(words("and {count:more group|more groups} in report.txt", count=len(groups) - GROUPS))
+    return lines
+
+
+# ------------------------------------------------------------
+# The text report: one file for each section, put together in one order.
+# ------------------------------------------------------------
+
+
+def text_report(
+    solved: Solved,
+    words: Words = ENGLISH,
+    of: Identity = Identity(),  # noqa: B008 - frozen
+    full: bool = False,
+) -> str:
+    """The whole report in a language, ``of`` what was read; ``full`` with nothing left to the tables beside it.
+
+    Sections without content are left out. No line is longer than :data:`mor.report.layout.WIDTH`, but for single
+    words that are.
+    """
+    about = identity_of(solved.network.project, of)
+    shown: dict[str, int] = {"shown": ALL} if full else {}
+    sections = [
+        section(solved, words, layout.persons(about, words)),
+        text_findings.undetermined_section(solved, words),
+        text_findings.listed(solved, words, **shown),
+        text_findings.unsettled_section(solved, words, **shown),
+        text_findings.suspect_section(solved, words, **shown),
+        text_findings.hypothesis_section(solved, words),
+        text_tables.motion_section(solved, words, **shown),
+        text_tables.check_section(solved, words),
+        words_of_reliability.section(solved, words, **shown),
+        words_of_reliability.section_of_reliability(
+            solved, words, **({"weakest": ALL, "named": ALL} if full else {})
+        ),
+        text_findings.reliability_section(solved, words, **shown),
+        text_tables.group_section(solved, words),
+        text_tables.camera_section(solved, words),
+        text_tables.image_section(solved, words),
+        text_tables.trajectory_section(solved, words, **shown),
+        text_tables.station_section(solved, words),
+        text_tables.feature_section(solved, words),
+        text_tables.section_of_others(solved, words),
+        text_tables.place_section(solved, words, **shown),
+        text_tables.point_section(solved, words, **shown),
+        text_tables.ellipse_section(solved, words) if full else "",
+        text_tables.relative(solved, words, neighbours=full),
+        text_tables.residual_section(solved, words),
+        text_tables.listed_residuals(solved, words) if full else "",
+        layout.section(about, words, note_rows(solved.network.notes, of.folder), **shown),
+    ]
+    return paragraphs(escaped("\n\n".join(section for section in sections if section))) + "\n"

@@ -1,1 +1,0 @@
-"""Sections of the text report, one file for each."""

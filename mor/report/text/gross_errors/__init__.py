@@ -1,1 +1,0 @@
-"""Report observations that were left out, and possible causes."""

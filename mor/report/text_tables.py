@@ -1,0 +1,871 @@
+"""Tables of the text report."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import polars as pl
+
+from mor.model.parameters import IMAGE_VELOCITY, INTERIORS, KINDS, ROTATION_RATE
+from mor.project.axes import ImageScale
+from mor.project.schema import Project, Settings
+from mor.quality.precision import confidence_factor
+from mor.quality.solution import Solved
+from mor.report.estimates import (
+    ANGULAR,
+    PER,
+    POSE,
+    boresight_rows,
+    chosen_pairs,
+    ellipse_table,
+    feature_table,
+    found_movements,
+    free_points,
+    group_table,
+    image_table,
+    interior_rows,
+    knot_table,
+    motion_table,
+    movement_rows,
+    neighbouring_pairs,
+    pair_table,
+    place_table,
+    point_table,
+    relative_rows,
+    station_table,
+    system_table,
+    variance_components,
+)
+from mor.report.language import ENGLISH, Words, datum_name
+from mor.report.layout import ANGLE_DIGITS, DIGITS, digits_worth, fixed, heading, short, small_unit, table
+from mor.report.observations import (
+    check_rows,
+    largest_length_error,
+    observation_table,
+    uncontrolled_residuals,
+    worst_residuals,
+)
+from mor.report.units import angle_unit, angle_unit_of, other_rows
+
+# ------------------------------------------------------------
+# Interior orientations with σ and correlations.
+# ------------------------------------------------------------
+
+
+def camera_section(solved: Solved, words: Words = ENGLISH) -> str:
+    """One part for each camera."""
+    parts = [_camera(row, words) for row in interior_rows(solved)]
+    return "\n\n".join(parts)
+
+
+def _camera(row: dict[str, Any], words: Words) -> str:
+    unit = row["unit"]
+    quantities = {c.name: c.quantity for c in INTERIORS[row["model"]].components}
+    rows = [
+        [
+            name,
+            quantities[name].unit("m", "rad", unit),
+            short(c["value"], digits_worth(c["value"], c["sigma"])),
+            short(c["sigma"], 4),
+            fixed(c.get("t"), 1) if name != "c" else "-",
+            c["status"],
+        ]
+        for name, c in row["components"].items()
+    ]
+    title = heading(words("Camera {id} (model {model})", id=row["id"], model=row["model"]))
+    lines = [title, table(["component", "unit", "value", "sigma", "value/sigma", "status"], rows, 2, words)]
+    if row["r0"] is not None:
+        lines.append(f"r0 = {words.number(format(row['r0'], '.6g'))} {unit}")
+    names, matrix = row["correlations"]["components"], row["correlations"]["matrix"]
+    if matrix is not None and len(names) > 1:
+        body = [[name, *(fixed(matrix[i][j], 3) for j in range(i + 1))] for i, name in enumerate(names)]
+        padded = [line + [""] * (len(names) + 1 - len(line)) for line in body]
+        lines += ["", words("Correlations [1]"), table(["", *names], padded, words=words)]
+    return "\n".join(lines)
+
+
+# ------------------------------------------------------------
+# Check points and check distances.
+# ------------------------------------------------------------
+
+
+def check_section(solved: Solved, words: Words = ENGLISH) -> str:
+    """Deviations of what was kept out, by group and component."""
+    return section_of(check_rows(solved), solved.network.project.units.length, words)
+
+
+def section_of(checks: list[dict[str, Any]], unit: str, words: Words) -> str:
+    """The same of checks as :func:`mor.report.observations.check_rows` has them, and a unit of lengths."""
+    rows = [
+        [
+            row["group"],
+            row["component"],
+            row["unit"],
+            str(row["count"]),
+            *(short(row[key], 4) for key in ("mean", "rms", "largest")),
+            str(row["exceeding"]),
+        ]
+        for row in checks
+    ]
+    if not rows:
+        return ""
+    headers = ["checks", "component", "unit", "n", "mean", "rms", "largest", "beyond test"]
+    lines = [
+        heading(words("Checks, kept out of the adjustment (adjusted - known)")),
+        table(headers, rows, 3, words),
+    ]
+    error = largest_length_error(checks)
+    if error is not None:
+        lines.append(
+            words(
+                "Largest length measurement error (in the manner of VDI/VDE 2634): {error} {unit}",
+                error=short(error, 4),
+                unit=unit,
+            )
+        )
+    return "\n".join(lines)
+
+
+# ------------------------------------------------------------
+# Error ellipses of points and of pairs of points.
+# ------------------------------------------------------------
+
+NEIGHBOURS = 2000
+"""Points of which a full report pairs each with its nearest."""
+
+
+def ellipse_section(solved: Solved, words: Words = ENGLISH) -> str:
+    """One line for each point with unknowns: the ellipse in plan; in three dimensions also the ellipsoid."""
+    dimensions = solved.network.project.settings.dimensions
+    if len(free_points(solved)) == 0 or dimensions == "z":
+        return ""
+    rows = ellipse_table(solved).to_dicts()
+    lines = [
+        heading(words("Error ellipses")),
+        _explained(solved, words),
+        plan(rows, solved.network.project, words),
+    ]
+    if dimensions == "xyz":
+        lines += ["", _space(solved, rows, words)]
+    return "\n".join(lines)
+
+
+def plan(rows: Sequence[Mapping[str, Any]], project: Project, words: Words) -> str:
+    """The ellipses in plan of points: ``id``, ``a``, ``b`` and ``azimuth``."""
+    length, angle = project.units.length, angle_unit_of(project)
+    headers = ["point", f"a [{length}]", f"b [{length}]", f"azimuth of a [{angle}]"]
+    d = DIGITS[length]
+    cells = [[row["id"], fixed(row["a"], d), fixed(row["b"], d), fixed(row["azimuth"], 1)] for row in rows]
+    return table(headers, cells, words=words)
+
+
+def _space(solved: Solved, rows: list[dict[str, Any]], words: Words) -> str:
+    length, angle = solved.network.project.units.length, angle_unit(solved)
+    headers = [
+        "point",
+        *("axis 1", "azimuth 1", "elevation 1"),
+        *("axis 2", "azimuth 2", "elevation 2"),
+        *("axis 3", "azimuth 3", "elevation 3"),
+    ]
+    d = DIGITS[length]
+    cells = [
+        [
+            row["id"],
+            *(
+                fixed(row[f"{name}{k}"], digits)
+                for k in (1, 2, 3)
+                for name, digits in (("axis", d), ("azimuth", 1), ("elevation", 1))
+            ),
+        ]
+        for row in rows
+    ]
+    units = words(
+        "Ellipsoids: axes in {length}, azimuths and elevations in {angle}.", length=length, angle=angle
+    )
+    return f"{units}\n{table(headers, cells, words=words)}"
+
+
+def relative(solved: Solved, words: Words = ENGLISH, neighbours: bool = False) -> str:
+    """One line for each pair of points asked for; where none is, for ``neighbours`` if wanted."""
+    pairs = chosen_pairs(solved)
+    neighbours = neighbours and len(pairs) == 0
+    rows = relative_rows(solved, neighbouring_pairs(solved, NEIGHBOURS) if neighbours else pairs)
+    if not rows:
+        return ""
+    length, angle = solved.network.project.units.length, angle_unit(solved)
+    d = DIGITS[length]
+    headers = [
+        *("from", "to", f"distance [{length}]", f"sdistance [{length}]"),
+        *(f"a [{length}]", f"b [{length}]", f"azimuth [{angle}]", f"sdz [{length}]"),
+    ]
+    lines = [
+        [
+            row["from"],
+            row["to"],
+            *(fixed(row[name], d) for name in ("distance", "sdistance", "a", "b")),
+            fixed(row["azimuth"], 1),
+            fixed(row["sdz"], d),
+        ]
+        for row in rows
+    ]
+    title = words("Distances and relative error ellipses")
+    which = words("Every point with its nearest neighbour.") if neighbours else ""
+    said = [heading(title), which, table(headers, lines, 2, words)]
+    return "\n".join(line for line in said if line)
+
+
+def _explained(solved: Solved, words: Words) -> str:
+    quality = solved.quality
+    assert quality is not None
+    estimated = solved.network.project.settings.sigma == "aposteriori" and quality.redundancy > 0
+    redundancy = float(quality.redundancy) if estimated else None
+    factors = [f"{confidence_factor(k, redundancy):.2f}" for k in (2, 3)]
+    return words(
+        "Semi-axes at 1 sigma; times {plan} the ellipse holds the point with 95 %, times {space} the ellipsoid.",
+        plan=words.number(factors[0]),
+        space=words.number(factors[1]),
+    )
+
+
+# ------------------------------------------------------------
+# Planes, lines and right angles.
+# ------------------------------------------------------------
+
+
+def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
+    """One line for each plane and line."""
+    frame = feature_table(solved)
+    if frame.height == 0 or solved.quality is None:
+        return ""
+    unit = solved.network.project.units.length
+    d = DIGITS[unit]
+    rows = [
+        [
+            f"{words.listed(row['type'])} {row['id']}"
+            + (f", {words.listed(row['part'])}" if row["part"] else ""),
+            *(fixed(row[name], 7) for name in ("dx", "dy", "dz")),
+            *(fixed(row[name], d) for name in ("distance", "x", "y", "z")),
+            str(row["points"]),
+            fixed(row["rms"], d),
+        ]
+        for row in frame.to_dicts()
+    ]
+    lengths = [f"{name} [{unit}]" for name in ("distance", "X", "Y", "Z")]
+    headers = ["feature", *(f"{n} [1]" for n in ("dX", "dY", "dZ")), *lengths, "points", f"rms [{unit}]"]
+    note = words("d: normal of a plane, direction of a line; X Y Z: mean of the points on it")
+    return f"{heading(words('Planes and lines'))}\n{table(headers, rows, words=words)}\n{note}"
+
+
+# ------------------------------------------------------------
+# Observation groups with their estimated σ0.
+# ------------------------------------------------------------
+
+
+def group_section(solved: Solved, words: Words = ENGLISH) -> str:
+    """One line for each group."""
+    if solved.quality is None:
+        return ""
+    rows = [
+        [
+            row["name"],
+            row["type"],
+            str(row["observations"]),
+            fixed(row["redundancy"], 3),
+            fixed(row["vtpv"], 3),
+            fixed(row["sigma0"], 4),
+            str(row["flagged"]),
+        ]
+        for row in group_table(solved).to_dicts()
+    ]
+    headers = ["group", "type", "n", "sum r", "vTPv", "sigma0 [1]", "flagged"]
+    lines = [
+        heading(words("Observation groups")),
+        table(headers, rows, 2, words),
+        *components_in_words(
+            variance_components(solved),
+            group_table(solved).to_dicts(),
+            solved.network.project.settings,
+            words,
+        ),
+    ]
+    return "\n".join(lines)
+
+
+def components_in_words(
+    data: dict[str, Any] | None, groups: list[dict[str, Any]], settings: Settings, words: Words
+) -> list[str]:
+    """Factors of σ where the project asks for more than the table of groups has."""
+    if data is None or (
+        settings.variance_components == "report" and settings.variance_method == "simplified"
+    ):
+        return []
+    which = "Helmert's full system" if data["method"] == "helmert" else "simplified, group by group"
+    how = "iterated into the weights" if data["iterated"] else "not taken into the weights"
+    lines = [
+        words("Variance components ({which}; {how}): factors of sigma", which=words(which), how=words(how))
+    ]
+    if data["method"] != settings.variance_method:
+        lines.append(words("Helmert's system is too large here, or cannot tell the groups apart."))
+    for row in groups:
+        if row["sigma_factor"] is not None:
+            factor, sigma = fixed(row["sigma_factor"], 3), fixed(row["sigma_of_factor"], 3)
+            lines.append(
+                words("  {group}: {factor} +- {sigma}", group=row["name"], factor=factor, sigma=sigma)
+            )
+    return lines
+
+
+# ------------------------------------------------------------
+# Images: exterior orientation with σ, number of points, residuals.
+# ------------------------------------------------------------
+
+
+def image_section(solved: Solved, words: Words = ENGLISH) -> str:
+    """Two tables: positions and attitudes."""
+    frame = image_table(solved)
+    if frame.height == 0:
+        return ""
+    project, scales = solved.network.project, solved.network.scales
+    return "\n".join([heading(words("Images")), *listed(frame, project, scales, words)])
+
+
+def listed(
+    frame: pl.DataFrame, project: Project, scales: Mapping[str, ImageScale], words: Words
+) -> list[str]:
+    """The rows of a table of images; ``scales`` are those of image coordinates, by camera."""
+    unit, angle = project.units.length, angle_unit_of(project)
+    d, a = DIGITS[unit], ANGLE_DIGITS[angle]
+    units = {name: scale.coordinate_unit for name, scale in scales.items()}
+    positions, attitudes = [], []
+    for row in frame.to_dicts():
+        sigmas = [fixed(row[f"s{name}"], d) for name in "xyz"]
+        values = [fixed(row[name], d) for name in "xyz"]
+        positions.append(
+            [
+                row["id"],
+                row["camera"],
+                *values,
+                *sigmas,
+                str(row["points"]),
+                fixed(row["rms"], 5),
+                units[row["camera"]],
+            ]
+        )
+        angles = [fixed(row[name], a) for name in ("omega", "phi", "kappa")]
+        attitudes.append([row["id"], *angles, *(fixed(row[f"s{n}"], a) for n in ("omega", "phi", "kappa"))])
+    headers = [
+        "image",
+        "camera",
+        *(f"{n} [{unit}]" for n in ("X0", "Y0", "Z0", "sX0", "sY0", "sZ0")),
+        "points",
+    ]
+    angle_headers = ["omega", "phi", "kappa", "somega", "sphi", "skappa"]
+    return [
+        table([*headers, "rms v", "unit"], positions, 2, words, last_left=True),
+        "",
+        table(["image", *(f"{name} [{angle}]" for name in angle_headers)], attitudes, words=words),
+        *(["", motions] if (motions := _motions(frame, unit, angle, words)) else []),
+    ]
+
+
+def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> str:
+    """Velocities and rates of rotation of the images that are read out row by row; nothing if none is."""
+    names = [*IMAGE_VELOCITY.names, *ROTATION_RATE.names]
+    if names[0] not in frame.columns:
+        return ""
+    said = [(name, unit if name in IMAGE_VELOCITY.names else angle) for name in names]
+    rows = [
+        [row["id"], *(text for name in names for text in (fixed(row[name], 3), fixed(row[f"s{name}"], 3)))]
+        for row in frame.filter(pl.col(names[0]).is_not_null()).to_dicts()
+    ]
+    tables = [
+        table(
+            ["image", *(text for name, of in some for text in (f"{name} [{of}/s]", f"s{name}"))],
+            [[row[0], *row[1 + 2 * first : 7 + 2 * first]] for row in rows],
+            words=words,
+        )
+        for first, some in ((0, said[:3]), (3, said[3:]))
+    ]
+    return "\n\n".join(tables)
+
+
+# ------------------------------------------------------------
+# Instruments, heights, eccentricities and image-variant interiors that were estimated.
+# ------------------------------------------------------------
+
+
+def section_of_others(solved: Solved, words: Words = ENGLISH) -> str:
+    """One line for each component."""
+    units = solved.network.project.units
+    image_unit = next((scale.unit for scale in solved.network.scales.values()), "mm")
+    rows = []
+    for other in other_rows(solved):
+        quantities = {c.name: c.quantity for c in KINDS[other["kind"]].components}
+        for name, component in other["components"].items():
+            unit = quantities[name].unit(units.length, angle_unit(solved), image_unit)
+            rows.append(
+                [
+                    other["kind"],
+                    other["id"],
+                    name,
+                    unit,
+                    short(component["value"], 9),
+                    short(component["sigma"], 4),
+                ]
+            )
+    if not rows:
+        return ""
+    headers = ["kind", "block", "component", "unit", "value", "sigma"]
+    return f"{heading(words('Other parameters'))}\n{table(headers, rows, 4, words)}"
+
+
+# ------------------------------------------------------------
+# Points with σ, error ellipsoids and rays.
+# ------------------------------------------------------------
+
+SHOWN = 2000
+"""Points a text report lists; the full table stands beside it."""
+
+
+def point_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
+    """One line for each point."""
+    frame = point_table(solved)
+    if frame.height == 0:
+        return ""
+    unit = solved.network.project.units.length
+    d = DIGITS[unit]
+    datum = datum_name(solved.adjustment.problem.datum.name, words)
+    lines = [
+        heading(words("Points (datum: {datum})", datum=datum)),
+        listed_points(frame.head(shown), unit, words),
+    ]
+    if frame.height > shown:
+        lines.append(
+            words("{count:more point is|more points are} in the table of points.", count=frame.height - shown)
+        )
+    if solved.quality is not None:
+        free = frame.select("sx", "sy", "sz").filter(frame["status"].is_in(["free", "partly fixed"]))
+        if free.height:
+            rms = [float(np.sqrt(np.nanmean(free[f"s{n}"].to_numpy() ** 2))) for n in "xyz"]
+            lines.append(
+                words("Root mean square sigma [{unit}]: ", unit=unit)
+                + ", ".join(
+                    f"{n.upper()} {words.number(fixed(value, d))}"
+                    for n, value in zip("xyz", rms, strict=True)
+                )
+            )
+    return "\n".join(lines)
+
+
+def listed_points(frame: pl.DataFrame, unit: str, words: Words) -> str:
+    """The rows of a table of points, lengths in a unit."""
+    d = DIGITS[unit]
+    rows = []
+    for row in frame.to_dicts():
+        coordinates = [fixed(row[name], d) for name in ("x", "y", "z", "sx", "sy", "sz", "ellipsoid_a")]
+        rows.append([row["id"], *coordinates, str(row["rays"]), str(row["others"]), row["status"]])
+    names = ("X", "Y", "Z", "sX", "sY", "sZ", "ellipsoid a")
+    headers = ["point", *(f"{name} [{unit}]" for name in names), "rays", "others", "status"]
+    return table(headers, rows, words=words)
+
+
+# ------------------------------------------------------------
+# The worst residuals first.
+# ------------------------------------------------------------
+
+SHOWN_RESIDUALS = 40
+
+
+def residual_section(solved: Solved, words: Words = ENGLISH) -> str:
+    """The observations with the largest |w|, and those that hardly anything controls."""
+    if solved.quality is None:
+        return ""
+    limit, least = fixed(solved.quality.critical, 2), f"{solved.quality.levels.least_redundancy:g}"
+    parts = [
+        heading(words("Worst residuals first (|w| > {limit} is flagged)", limit=limit)),
+        rows_of(worst_residuals(solved, SHOWN_RESIDUALS), words),
+    ]
+    loose, count = uncontrolled_residuals(solved, SHOWN_RESIDUALS)
+    if count:
+        parts += [
+            "",
+            heading(words("Observations that hardly anything controls (r < {limit})", limit=least)),
+            rows_of(loose, words),
+        ]
+        if count > SHOWN_RESIDUALS:
+            parts.append(words("and {count} more in the table of residuals", count=count - SHOWN_RESIDUALS))
+    return "\n".join(parts)
+
+
+def listed_residuals(solved: Solved, words: Words = ENGLISH) -> str:
+    """All observations in the order of the input, those that were kept out among them."""
+    if solved.quality is None:
+        return ""
+    return "\n".join([heading(words("All observations")), rows_of(observation_table(solved), words)])
+
+
+_ROUND_OFF = 1e-9
+"""Residuals below this share of their σ are round-off, which differs from machine to machine."""
+
+
+def _without_round_off(v: float | None, sigma: float | None) -> float | None:
+    return 0.0 if v is not None and sigma and abs(v) < _ROUND_OFF * sigma else v
+
+
+def rows_of(frame: pl.DataFrame, words: Words) -> str:
+    """Rows of the table of residuals."""
+    rows = [
+        [
+            row["type"],
+            " ".join(part for part in (row["at"], row["from"], row["to"]) if part),
+            row["component"],
+            row["unit"],
+            short(row["observed"], 9),
+            short(_without_round_off(row["v"], row["sigma"]), 4),
+            short(row["sigma"], 3),
+            fixed(row["r"], 3),
+            fixed(row["w"], 2),
+            row["flag"],
+        ]
+        for row in frame.to_dicts()
+    ]
+    headers = ["type", "between", "component", "unit", "observed", "v", "sigma", "r [1]", "w [1]", "flag"]
+    return table(headers, rows, 4, words)
+
+
+# ------------------------------------------------------------
+# Theodolite stations, local systems and stereo pairs.
+# ------------------------------------------------------------
+
+
+def station_section(solved: Solved, words: Words = ENGLISH) -> str:
+    """One table for each kind that occurs."""
+    parts = [
+        _frames(
+            words,
+            solved,
+            "Theodolite stations",
+            station_table(solved),
+            ("x", "y", "z", "orientation", "height"),
+        ),
+        _frames(
+            words,
+            solved,
+            "Local systems",
+            system_table(solved),
+            ("x", "y", "z", "omega", "phi", "kappa", "scale"),
+        ),
+        _frames(
+            words, solved, "Stereo pairs", pair_table(solved), ("bx", "by", "bz", "omega", "phi", "kappa")
+        ),
+    ]
+    return "\n\n".join(part for part in parts if part)
+
+
+def _frames(words: Words, solved: Solved, title: str, frame: pl.DataFrame, names: tuple[str, ...]) -> str:
+    if frame.height == 0:
+        return ""
+    unit, angle = solved.network.project.units.length, angle_unit(solved)
+    angles = {"omega", "phi", "kappa", "orientation"}
+    headers, rows = ["id"], [[str(name)] for name in frame["id"]]
+    for name in names:
+        for column in (name, f"s{name}"):
+            if column not in frame.columns:
+                continue
+            unit_here = angle if name in angles else "1" if name == "scale" else unit
+            headers.append(f"{column} [{unit_here}]")
+            for row, value in zip(rows, frame[column], strict=True):
+                row.append(
+                    short(value, 9)
+                    if name == "scale"
+                    else fixed(value, ANGLE_DIGITS[angle] if name in angles else DIGITS[unit])
+                )
+    return f"{heading(words(title))}\n{table(headers, rows, words=words)}"
+
+
+# ------------------------------------------------------------
+# Movements of points: what moves them, with tests, and how far each has moved from its first to its last epoch.
+# ------------------------------------------------------------
+
+SHOWN_MOTIONS = 200
+"""Rows of each table that a text report lists; the tables beside it have all."""
+_LEAST_P = 1e-4
+
+
+class Listed(NamedTuple):
+    """A table as texts."""
+
+    headers: list[str]
+    rows: list[list[str]]
+    left: int
+    """Columns of texts at the beginning."""
+    left_out: str
+    """Words for the rows that stand elsewhere."""
+
+
+def motion_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN_MOTIONS) -> str:
+    """Return the motion models of the points and the estimated movements as text."""
+    if found_movements(solved) is None:
+        return ""
+    lines = [heading(words("Movements of points")), *statements(solved, words)]
+    for part in (listed_parameters(solved, words, shown), listed_movements(solved, words, shown)):
+        if part.rows:
+            lines += ["", table(part.headers, part.rows, part.left, words, last_left=True)]
+            lines += [part.left_out] if part.left_out else []
+    return "\n".join(lines)
+
+
+def statements(solved: Solved, words: Words) -> list[str]:
+    """Return the tests and their results as text."""
+    found, motion = found_movements(solved), solved.network.motion
+    assert found is not None
+    order, parameters, between = motion.in_order, found.parameters, found.between
+    lines = [
+        words(
+            "{count:epoch|epochs} from {first} to {last}; coordinates of points with a velocity or an oscillation are "
+            "those of {reference}.",
+            count=len(order),
+            first=motion.labels[order[0]],
+            last=motion.labels[order[-1]],
+            reference=f"{motion.reference:.4f}",
+        )
+    ]
+    if parameters.names:
+        lines.append(
+            words(
+                "{count:test|tests} of velocities, oscillations and steps; all together reject by mistake with "
+                "{overall}, each with {level} (Sidak): {moved} significant.",
+                count=len(parameters.names),
+                overall=f"{solved.network.project.settings.global_level:g}",
+                level=f"{found.level:.2g}",
+                moved=int(parameters.significant.sum()),
+            )
+        )
+    if between.names:
+        lines.append(
+            words(
+                "{count:test|tests} of movements since the first epoch of each point, each with {level}: {moved} "
+                "significant.",
+                count=len(between.names),
+                level=f"{found.level_between:.2g}",
+                moved=int(between.significant.sum()),
+            )
+        )
+    if found.unlisted:
+        lines.append(
+            words(
+                "Movements of {count:point|points} with coordinates of each epoch are not worked out here; "
+                "mor compare --between does so for two epochs.",
+                count=found.unlisted,
+            )
+        )
+    return lines
+
+
+def listed_parameters(solved: Solved, words: Words, shown: int) -> Listed:
+    """A line for each velocity and step, two for an annual oscillation."""
+    frame = motion_table(solved)
+    headers = [
+        "point",
+        "parameter",
+        "unit",
+        "X",
+        "Y",
+        "Z",
+        "sX",
+        "sY",
+        "sZ",
+        "test [1]",
+        "p",
+        "nabla",
+        "verdict",
+    ]
+    if frame.height == 0:
+        return Listed(headers, [], 3, "")
+    said, factor = _unit(solved, frame)
+    rows = []
+    for row in _most_first(frame, shown):
+        waves = row["parameter"] == "annual oscillation"
+        name = words("annual" if waves else row["parameter"])
+        name = words("step at {time}", time=row["time"]) if row["time"] else name
+        unit = f"{said}{PER[row['parameter']]}"
+        nabla = "-" if row["smallest"] is None else short(row["smallest"] * factor, 3)
+        tests = [fixed(row["test"], 2), _p(row["p"]), nabla, words("moves") if row["moved"] else ""]
+        rows.append([row["point"], f"{name} sin" if waves else name, unit, *_cells(row, "", factor), *tests])
+        if waves:
+            rows.append([row["point"], f"{name} cos", unit, *_cells(row, "cos_", factor), "", "", "", ""])
+    return Listed(headers, rows, 3, _left_out(frame.height, shown, "motions", words))
+
+
+def listed_movements(solved: Solved, words: Words, shown: int) -> Listed:
+    """A line for each point: its movement from its first to its last epoch."""
+    frame = movement_rows(solved)
+    if frame.height == 0:
+        return Listed([], [], 3, "")
+    last = frame.group_by("point", maintain_order=True).last()
+    said, factor = _unit(solved, last)
+    rows = []
+    for row in _most_first(last, shown):
+        tests = [fixed(row["test"], 2), _p(row["p"]), words("moved") if row["moved"] else ""]
+        rows.append([row["point"], row["from"], row["to"], *_cells(row, "", factor), *tests])
+    units = [f"{name} [{said}]" for name in ("dX", "dY", "dZ", "sdX", "sdY", "sdZ")]
+    headers = ["point", "from", "to", *units, "test [1]", "p", "verdict"]
+    return Listed(headers, rows, 3, _left_out(last.height, shown, "movements", words))
+
+
+def _left_out(count: int, shown: int, name: str, words: Words) -> str:
+    if count <= shown:
+        return ""
+    return words("{count:more row is|more rows are} in the table {name}.", count=count - shown, name=name)
+
+
+def _most_first(frame: pl.DataFrame, shown: int) -> list[dict[str, Any]]:
+    """Rows as they stand; of many, the most significant ones."""
+    if frame.height <= shown:
+        return frame.to_dicts()
+    return frame.sort("p", nulls_last=True, maintain_order=True).head(shown).to_dicts()
+
+
+def _unit(solved: Solved, frame: pl.DataFrame) -> tuple[str, float]:
+    """Unit that movements are said in, and how many of it are in one of the project."""
+    sizes = [float(frame[name].abs().max() or 0.0) for name in ("x", "y", "z")]  # type: ignore[arg-type]
+    said, factor = small_unit(solved.network.project.units.length, max(sizes) or 1.0)
+    return said.replace("µ", "u"), factor
+
+
+def _cells(row: dict[str, Any], part: str, factor: float) -> list[str]:
+    values = [row[f"{s}{part}{axis.lower()}"] for s in ("", "s") for axis in "XYZ"]
+    return ["-" if value is None else fixed(value * factor, 3) for value in values]
+
+
+def _p(value: float | None) -> str:
+    return "-" if value is None else "<0.0001" if value < _LEAST_P else fixed(value, 4)
+
+
+# ------------------------------------------------------------
+# Points of a network on the earth: coordinates in its reference system, heights, σ east, north, up.
+# ------------------------------------------------------------
+
+_ANGULAR_DIGITS = {"gon": 9, "deg": 9, "rad": 11, "mrad": 8, "mgon": 6}
+"""Decimals of latitudes and longitudes: a tenth of a millimetre."""
+
+
+def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
+    """One line for each point, and what the coordinates refer to; nothing if the network is nowhere on the earth."""
+    world, frame = solved.network.world, place_table(solved)
+    if world is None or frame.height == 0:
+        return ""
+    unit, angle = solved.network.project.units.length, angle_unit(solved)
+    d = DIGITS[unit]
+    own = list(world.system.coordinates)
+    heights = [name for name in ("ellipsoidal_height", "orthometric_height") if frame[name].count()]
+    columns = [name for name in own if name != "height"] + heights + ["seast", "snorth", "sup"]
+    headers = ["point", *(f"{_said(name)} [{angle if name in ANGULAR else unit}]" for name in columns)]
+    digits = [_ANGULAR_DIGITS[angle] if name in ANGULAR else d for name in columns]
+    rows = [
+        [row["id"], *(fixed(row[name], k) for name, k in zip(columns, digits, strict=True))]
+        for row in frame.head(shown).to_dicts()
+    ]
+    datum = datum_name(solved.adjustment.problem.datum.name, words)
+    title = words("Points in {system} (datum: {datum})", system=world.system.name, datum=datum)
+    lines = [heading(title), table(headers, rows, words=words)]
+    if frame.height > shown:
+        more = words(
+            "{count:more point is|more points are} in the table of places.", count=frame.height - shown
+        )
+        lines.append(more)
+    latitude, longitude = np.degrees([world.horizon.latitude, world.horizon.longitude])
+    lines.append(
+        words(
+            "sigma: east, north, up in the horizon of each point. X, Y, Z elsewhere in this report are east, north, up "
+            "in the horizon of the middle of the network, latitude {latitude}°, longitude {longitude}°, height 0.",
+            latitude=words.number(f"{latitude:.4f}"),
+            longitude=words.number(f"{longitude:.4f}"),
+        )
+    )
+    return "\n".join(lines)
+
+
+def _said(name: str) -> str:
+    return {
+        "ellipsoidal_height": "h",
+        "orthometric_height": "H",
+        "seast": "sE",
+        "snorth": "sN",
+        "sup": "sU",
+    }.get(name, name)
+
+
+# ------------------------------------------------------------
+# Trajectories: how they are interpolated, their knots with σ, misalignments of inertial systems.
+# ------------------------------------------------------------
+
+_TIME_DIGITS = 3
+
+
+def trajectory_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN_RESIDUALS) -> str:
+    """A line for each trajectory, tables of the knots and of the misalignments."""
+    trajectories = solved.network.trajectories
+    if not trajectories:
+        return "\n".join(_boresights(solved, words)[1:])
+    lines = [heading(words("Trajectories"))]
+    for name, found in trajectories.items():
+        said = words("cubic interpolation") if found.cubic else words("linear interpolation")
+        lines.append(
+            words(
+                "{name}: {said}, {count:knot|knots} from {first} s to {last} s",
+                name=name,
+                said=said,
+                count=len(found.times),
+                first=f"{found.times[0]:.12g}",
+                last=f"{found.times[-1]:.12g}",
+            )
+        )
+        stretches = int(found.stretch[-1]) + 1
+        if stretches > 1:
+            lines[-1] += ", " + words("{count:stretch|stretches} with gaps between them", count=stretches)
+    frame = knot_table(solved)
+    lines += ["", *_knots(frame.head(shown), solved, words)]
+    if frame.height > shown:
+        lines.append(
+            words(
+                "The first {shown} of {count} knots; trajectories.csv has all.",
+                shown=shown,
+                count=frame.height,
+            )
+        )
+    return "\n".join([*lines, *_boresights(solved, words)])
+
+
+def _knots(frame: pl.DataFrame, solved: Solved, words: Words) -> list[str]:
+    unit, angle = solved.network.project.units.length, angle_unit(solved)
+    digits = {name: DIGITS[unit] if name in "xyz" else ANGLE_DIGITS[angle] for name in POSE}
+    tables = []
+    for names, of in ((POSE[:3], unit), (POSE[3:], angle)):
+        columns = [*names, *(f"s{name}" for name in names)]
+        rows = [
+            [
+                row["trajectory"],
+                fixed(row["time"], _TIME_DIGITS),
+                *(fixed(row[name], digits[name.removeprefix("s")]) for name in columns),
+            ]
+            for row in frame.to_dicts()
+        ]
+        tables += [
+            table(["trajectory", "time [s]", *(f"{c} [{of}]" for c in columns)], rows, words=words),
+            "",
+        ]
+    return tables[:-1]
+
+
+def _boresights(solved: Solved, words: Words) -> list[str]:
+    rows = boresight_rows(solved)
+    if not rows:
+        return []
+    angle = angle_unit(solved)
+    columns = [*POSE[3:], *(f"s{name}" for name in POSE[3:])]
+    body = [[row["instrument"], *(fixed(row[name], ANGLE_DIGITS[angle]) for name in columns)] for row in rows]
+    title = words("Misalignment of inertial systems (boresight):")
+    return ["", title, table(["instrument", *(f"{c} [{angle}]" for c in columns)], body, words=words)]

@@ -1,1 +1,0 @@
-"""Trajectories in reports: knots, and how instruments were mounted."""

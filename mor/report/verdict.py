@@ -1,0 +1,705 @@
+"""The verdict in words: group tests, reliability."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+import polars as pl
+
+from mor.model.observation_types import ObservationGroup
+from mor.quality.assessment import Quality
+from mor.quality.external_reliability import (
+    HARDLY_CONTROLLED,
+    Entry,
+    carried_points,
+    most_at_a_time,
+    point_movements,
+)
+from mor.quality.global_tests import CommonEffect
+from mor.quality.group_tests import GroupTest
+from mor.quality.reliability_map import (
+    Controlled,
+    Further,
+    best_further,
+    detectable,
+    uncontrolled,
+    uncontrolled_count,
+)
+from mor.quality.solution import LARGEST_SIGMA, Determined, Explained, Solved, Verdict
+from mor.report.language import ENGLISH, Words
+from mor.report.layout import fixed, heading, in_words, short, table
+from mor.report.observations import place
+from mor.report.units import ends_of_group, once, said_differences, said_sizes
+from mor.types import BoolArray, IntArray
+from mor.units import LENGTH_UNITS
+
+# ------------------------------------------------------------
+# External reliability as vectors: where an error that stays unseen moves each point.
+#
+# Of all observations of a point the one with the smallest redundancy number has the largest external
+# reliability (W. Baarda, 1968): a gross error in it of the size ∇, which the tests find with the power asked
+# for and no better, moves the point by the vector, in the datum of the adjustment.
+# ------------------------------------------------------------
+
+FILE = "external_reliability.csv"
+MOST_EFFECTS = 500
+"""Points that have a vector; of more, those with the smallest redundancy numbers."""
+_ROOM = 300_000
+"""Numbers of the reduced system that are worked out: in large networks fewer points have a vector."""
+PARTS = ("dx", "dy", "dz")
+SCHEMA: dict[str, type[pl.DataType]] = {
+    "point": pl.String,
+    **dict.fromkeys(PARTS, pl.Float64),
+    "r": pl.Float64,
+    **dict.fromkeys(("type", "group", "at", "from", "to", "component"), pl.String),
+}
+
+
+@once
+def external_reliability(solved: Solved) -> pl.DataFrame:
+    """One row for each point: its movement in project axes and units of length, by the observation that follows.
+
+    Points that next to nothing controls are not among them: an error there has no bound.
+    """
+    quality = solved.quality
+    seen = next((one for one in solved.reliability_map if one.of == "point"), None)
+    if quality is None or quality.redundancy == 0 or seen is None:
+        return pl.DataFrame(schema=SCHEMA)
+    blocks = solved.network.things["point"].parts["position"]
+    free = np.asarray((quality.adjustment.problem.index.columns["point"][blocks] >= 0).any(axis=1))
+    most = min(MOST_EFFECTS, max(1, _ROOM // max(1, len(quality.adjustment.plan.kept))))
+    order = seen.worst(len(seen.names))
+    chosen = order[free[order] & (seen.smallest_r[order] >= HARDLY_CONTROLLED)][:most].tolist()
+    nabla = detectable(quality, seen.weakest[chosen])
+    bounded = np.isfinite(nabla)  # of correlated observations r alone does not tell
+    chosen, nabla = [k for k, known in zip(chosen, bounded, strict=True) if known], nabla[bounded]
+    entries = [seen.entry(k) for k in chosen]
+    moved = point_movements(quality, entries, nabla, [[int(blocks[k])] for k in chosen])
+    rows = []
+    for k, entry, (movement,) in zip(chosen, entries, moved, strict=True):
+        group = quality.adjustment.problem.groups[entry.group]
+        vector = (movement @ solved.network.edge.matrix).tolist()
+        row: dict[str, Any] = {**place(group, entry.row, entry.component), "r": float(seen.smallest_r[k])}
+        row |= {"point": seen.names[k], **dict(zip(PARTS, vector, strict=True))}
+        rows.append({name: row.get(name, "") for name in SCHEMA})
+    return pl.DataFrame(rows, schema=SCHEMA)
+
+
+# ------------------------------------------------------------
+# The verdict as plain data: tests of groups, what would explain those that reject, what is chosen and not measured.
+# ------------------------------------------------------------
+
+MOST_GROUPS = 10_000
+"""Tests that are listed; of more only those that reject."""
+NAMED = 5
+"""Ill-determined points that are named."""
+
+
+@once
+def verdict_rows(solved: Solved) -> dict[str, Any] | None:
+    """Accepted or not, tests of groups, explanations; nothing without a solution."""
+    judged = solved.verdict
+    if solved.quality is None or judged is None:
+        return None
+    accepted = solved.accepted if solved.quality.redundancy > 0 else None
+    explanations = [_explanation(solved, one) for one in judged.explained]
+    if solved.possible_causes and solved.possible_causes[0].cause == "curvature":
+        explanations = [one for one in explanations if not _is_like_curvature(one["effect"])]
+    return rows_of_verdict(
+        judged,
+        accepted,
+        uncontrolled_count(solved.quality),
+        explanations,
+        solved.adjustment.defect.movements,
+        LENGTH_UNITS[solved.network.project.units.length],
+    )
+
+
+def _is_like_curvature(effect: dict[str, Any] | None) -> bool:
+    """True for an offset of vertical angles, which the curvature of the earth looks like over similar distances."""
+    vertical = ("zenith", "zenith_angle", "vertical", "vertical_direction")
+    return effect is not None and effect["kind"] == "offset" and effect["component"] in vertical
+
+
+def rows_of_verdict(
+    judged: Verdict,
+    accepted: bool | None,
+    uncontrolled: int,
+    explanations: list[dict[str, Any]],
+    movements: Sequence[str],
+    length: float = 1.0,
+) -> dict[str, Any]:
+    """A verdict with its explanations; ``accepted`` is nothing without redundancy, ``length`` the unit of lengths."""
+    tests = judged.tests
+    listed = tests.tests if len(tests.tests) <= MOST_GROUPS else tuple(tests.rejected)
+    found = judged.determined
+    return {
+        "accepted": accepted,
+        "says": _says(accepted, uncontrolled, found),
+        "uncontrolled": uncontrolled,
+        "level_of_groups": tests.level,
+        "level_of_each_group": tests.level_of_each,
+        "tests": len(tests.tests),
+        "rejected": len(tests.rejected),
+        "all_alike": judged.all_alike,
+        "groups": [group_test_row(test) for test in listed],
+        "explanations": explanations,
+        "conventions": {
+            "movements": list(movements),
+            "scale": "scale" in movements,
+            "fixed_coordinates_uncontrolled": judged.chosen_only,
+        },
+        "determined": _determined(found, length) if found is not None else None,
+    }
+
+
+def _determined(found: Determined, length: float) -> dict[str, Any]:
+    """Determination of the result, lengths in units of the project."""
+    return {
+        "as_a_whole": found.as_a_whole,
+        "everywhere": found.everywhere,
+        "size": found.size / length,
+        "limit": LARGEST_SIGMA,
+        "points": found.points,
+        "largest_sigma": found.largest / length,
+        "median_sigma": found.median / length,
+        "beyond": len(found.beyond),
+        "worst": [
+            {"kind": kind, "id": name, "sigma": sigma / length} for kind, name, sigma in found.beyond[:NAMED]
+        ],
+        "directions": found.directions,
+    }
+
+
+def _says(accepted: bool | None, uncontrolled: int, found: Determined | None) -> str:
+    if found is not None and not found.as_a_whole:
+        return "not determined"
+    if accepted is None:
+        return "not tested"
+    if not accepted:
+        return "not accepted"
+    if found is not None and not found.everywhere:
+        return "accepted, partly ill-determined"
+    return "accepted, observations uncontrolled" if uncontrolled else "accepted"
+
+
+def group_test_row(test: GroupTest) -> dict[str, Any]:
+    """One test."""
+    return {
+        "of": test.of,
+        "name": test.name,
+        "also": [{"of": of, "name": name} for of, name in test.also],
+        "observations": test.count,
+        "redundancy": test.redundancy,
+        "vtpv": test.omega,
+        "sigma_factor": test.factor,
+        "freedom": test.freedom,
+        "p": float(np.exp(test.log_p)),
+        "rejected": test.rejected,
+    }
+
+
+def _explanation(solved: Solved, one: Explained) -> dict[str, Any]:
+    return {
+        "of": one.test.of,
+        "name": one.test.name,
+        "sigma_factor": one.test.factor,
+        "flagged": one.flagged,
+        "share_of_flagged": one.share_of_flagged,
+        "effect": _effect(solved, one.effect, one.suffices) if one.effect is not None else None,
+    }
+
+
+def _effect(solved: Solved, effect: CommonEffect, suffices: bool) -> dict[str, Any]:
+    """An effect in project axes and units."""
+    group = solved.adjustment.problem.groups[effect.group]
+    out = ends_of_group(group)
+    outside = int(np.flatnonzero(out.source == effect.component)[0])
+    size, sigma, unit = effect.size, effect.sigma, "1"
+    if effect.kind == "offset":
+        internal = np.zeros((1, group.observed.shape[1]))
+        internal[0, effect.component] = 1.0
+        unit = out.external.units[outside]
+        in_unit = float(said_differences(group, internal)[0, outside])
+        size, sigma = size * in_unit, sigma * abs(in_unit)
+    return {
+        "kind": effect.kind,
+        "group": group.name,
+        "type": group.type.name,
+        "component": group.type.components[outside].name,
+        "size": float(size),
+        "sigma": float(sigma),
+        "unit": unit,
+        "w": float(abs(effect.test)),
+        "vtpv_falls_by": float(effect.test**2),
+        "sigma_factor_left": effect.factor if np.isfinite(effect.factor) else None,
+        "suffices": suffices,
+    }
+
+
+# ------------------------------------------------------------
+# The reliability map as plain data: what is weakest, what it carries, what would cure it.
+# ------------------------------------------------------------
+
+MOST = 1_000
+"""Points, images, stations or sets that are listed; of more the weakest."""
+RELIABILITY_MAP_NAMED = 200
+"""Uncontrolled observations that are listed with what they carry."""
+CURED = 12
+"""Weak spots for which a further observation is looked for."""
+KINDS = {"point": "points", "image": "images", "station": "stations", "set": "sets"}
+
+
+@once
+def reliability_rows(solved: Solved) -> dict[str, Any] | None:
+    """Uncontrolled observations, and the map; nothing without redundancy."""
+    quality = solved.quality
+    if quality is None or quality.redundancy == 0:
+        return None
+    count, entries = _uncontrolled(quality)
+    rows: dict[str, Any] = {
+        "least_redundancy": quality.levels.least_redundancy,
+        "uncontrolled": count,
+        "observations": _observations(solved, quality, entries),
+    }
+    found = {one.of: one for one in solved.reliability_map}
+    unknown = unknown_coordinates(solved)
+    rows["points_barely_determined"] = int(
+        np.count_nonzero(barely_determined(unknown, found["point"].observations))
+    )
+    for kind, key in KINDS.items():
+        rows[key] = _things(solved, found[kind]) if kind in found else []
+    return rows
+
+
+def unknown_coordinates(solved: Solved) -> IntArray:
+    """(p,) number of unknown coordinates of each point."""
+    blocks = solved.network.things["point"].parts["position"]
+    return np.asarray(np.count_nonzero(solved.adjustment.problem.index.columns["point"][blocks] >= 0, axis=1))
+
+
+def barely_determined(unknown: IntArray, observations: IntArray) -> BoolArray:
+    """Points with at most one observation more than they have unknown coordinates, of whatever kind."""
+    return (observations > 0) & (unknown > 0) & (observations <= unknown + 1)
+
+
+def _uncontrolled(quality: Quality) -> tuple[int, list[Entry]]:
+    """Number of uncontrolled observations, and those with the smallest redundancy numbers."""
+    found = []
+    for number, one in enumerate(quality.groups):
+        rows, components = np.nonzero(uncontrolled(quality, number))
+        if len(rows):
+            used, inverse = np.unique(rows, return_inverse=True)
+            r = np.round(one.at(used).r[inverse, components], 7)
+            found.append(np.stack([r, np.full(len(rows), number), rows, components]))
+    if not found:
+        return 0, []
+    r, *entries = np.concatenate(found, axis=1)
+    first = np.lexsort((*reversed(entries), r))[:RELIABILITY_MAP_NAMED]
+    named = np.stack(entries, axis=1)[first].astype(np.int64).tolist()
+    return len(r), [Entry(*entry) for entry in named]
+
+
+def _observations(solved: Solved, quality: Quality, entries: list[Entry]) -> list[dict[str, Any]]:
+    told = entries[: most_at_a_time(quality)]
+    carried = carried_points(quality, told)
+    cures = best_further(quality, [(entry, _targets(solved, entry)) for entry in entries[:CURED]])
+    names = solved.network.blocks["point"].ids
+    nabla = detectable(quality, np.array(entries, dtype=np.int64).reshape(-1, 3)).tolist()
+    rows = []
+    for k, entry in enumerate(entries):
+        rows.append(
+            {
+                **_weakest(quality, entry, nabla[k]),
+                "carries": [names[block] for block in carried[k]] if k < len(told) else None,
+                "cure": _cure(solved, cures[k]) if k < CURED else None,
+            }
+        )
+    return rows
+
+
+def _weakest(quality: Quality, entry: Entry, nabla: float) -> dict[str, Any]:
+    """An observation with its r and ∇, which comes in internal units, in the units of the project."""
+    group = quality.adjustment.problem.groups[entry.group]
+    r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
+    return {
+        **place(group, entry.row, entry.component),
+        "r": r,
+        "nabla": _said_size(group, entry.component, nabla) if np.isfinite(nabla) else None,
+    }
+
+
+def _said_size(group: ObservationGroup, component: int, size: float) -> float:
+    internal = np.zeros((1, group.observed.shape[1]))
+    internal[0, component] = size
+    outside = int(np.flatnonzero(ends_of_group(group).source == component)[0])
+    return float(said_sizes(group, internal)[0, outside])
+
+
+def _targets(solved: Solved, entry: Entry) -> list[int]:
+    """Free point blocks that an observation refers to, but for those of frames."""
+    problem = solved.adjustment.problem
+    group, columns = problem.groups[entry.group], problem.index.columns["point"]
+    blocks = [
+        int(own[entry.row])
+        for slot, own in zip(group.type.slots, group.blocks, strict=True)
+        if slot.kind == "point" and slot.of not in ("image", "station", "system")
+    ]
+    return [block for block in dict.fromkeys(blocks) if (columns[block] >= 0).any()]
+
+
+def _cure(solved: Solved, further: Further) -> dict[str, Any]:
+    group = solved.adjustment.problem.groups[further.group]
+    again = further.target < 0
+    names = {
+        reference.name: own[further.row]
+        for reference, own in zip(group.type.references, group.references, strict=True)
+    }
+    if not again:
+        last = group.type.references[-1].name
+        names[last] = solved.network.blocks["point"].ids[further.target]
+    return {"again": again, "type": group.type.name, "group": group.name, "names": names, "r": further.r}
+
+
+def _things(solved: Solved, one: Controlled) -> list[dict[str, Any]]:
+    """Rows of one kind: all in order, or the weakest of many."""
+    few = len(one.names) <= MOST
+    return thing_rows(solved, one, np.flatnonzero(np.isfinite(one.smallest_r)) if few else one.worst(MOST))
+
+
+def thing_rows(solved: Solved, one: Controlled, numbers: IntArray) -> list[dict[str, Any]]:
+    """Some things (k,) of one kind."""
+    assert solved.quality is not None
+    nabla = detectable(solved.quality, one.weakest[numbers])
+    groups = solved.adjustment.problem.groups
+    rows = []
+    for k, size in zip(numbers.tolist(), nabla.tolist(), strict=True):
+        entry = one.entry(k)
+        group = groups[entry.group]
+        rows.append(
+            {
+                "id": one.names[k],
+                "observations": int(one.observations[k]),
+                "smallest_r": float(one.smallest_r[k]),
+                "weakest": place(group, entry.row, entry.component),
+                "nabla": _said_size(group, entry.component, size) if np.isfinite(size) else None,
+                "shift": float(one.shift[k]) if np.isfinite(one.shift[k]) else None,
+            }
+        )
+    return rows
+
+
+# ------------------------------------------------------------
+# Tests of groups in words: which groups contradict, what would explain them, what is chosen and not measured.
+# ------------------------------------------------------------
+
+SHOWN = 40
+"""Tests that the report lists: those that reject, then those of tables."""
+
+
+def section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) -> str:
+    """All that rejects, and the tests of tables."""
+    return section_of(verdict_rows(solved), words, shown)
+
+
+def section_of(data: dict[str, Any] | None, words: Words, shown: int = SHOWN) -> str:
+    """The same of a verdict as :func:`mor.report.verdict.verdict_rows` has it."""
+    if data is None or not (data["tests"] or said_conventions(data, words)):
+        return ""
+    lines = [heading(words("Tests of groups"))]
+    if data["tests"]:
+        lines.append(
+            words(
+                "{count:test|tests} of groups; all together reject by mistake with {level}, each with {each} (Sidak).",
+                count=data["tests"],
+                level=f"{data['level_of_groups']:g}",
+                each=f"{data['level_of_each_group']:.2g}",
+            )
+        )
+    lines += said_conventions(data, words)
+    rejected = [row for row in data["groups"] if row["rejected"]]
+    rows = rejected + [row for row in data["groups"] if not row["rejected"] and row["of"] == "group"]
+    if rows:
+        lines.append(table(_HEADERS, [_cells(row, words) for row in rows[:shown]], 3, words))
+    if len(rows) > shown:
+        lines.append(words("and {count} more in results.json", count=len(rows) - shown))
+    return "\n".join(lines)
+
+
+_HEADERS = ("tested", "name", "status", "n", "sum r", "vTPv", "factor of sigma [1]", "p")
+
+
+def _cells(row: dict[str, Any], words: Words) -> list[str]:
+    said = "rejected" if row["rejected"] else "accepted"
+    numbers = [str(row["observations"]), fixed(row["redundancy"], 2), fixed(row["vtpv"], 2)]
+    factor = fixed(row["sigma_factor"], 3)
+    return [words(row["of"]), row["name"], said, *numbers, factor, f"{row['p']:.2g}"]
+
+
+def contradictions(data: dict[str, Any] | None, words: Words) -> list[str]:
+    """Name the groups that are rejected, and possible explanations of the worst; empty if there are none."""
+    if data is None or not data["rejected"]:
+        return []
+    if data["all_alike"]:
+        return [
+            words(
+                "{rejected} of {count:test|tests} of groups reject, none of them beside the others: all sigmas seem "
+                "wrong by one factor.",
+                rejected=data["rejected"],
+                count=data["tests"],
+            )
+        ]
+    explained = data["explanations"][:1]
+    rejected = sorted((row for row in data["groups"] if row["rejected"]), key=lambda row: row["p"])
+    worst = (data["explanations"] or rejected)[:NAMED]
+    names = ", ".join(
+        words(
+            "{thing} (sigma times {factor})", thing=_thing(row, words), factor=short(row["sigma_factor"], 3)
+        )
+        for row in worst
+    )
+    left = data["rejected"] - len(worst)
+    if left > 0:
+        names = words("{names} and {count} more", names=names, count=left)
+    lines = [
+        words(
+            "NOT ACCEPTED: {rejected} of {count:test|tests} of groups reject, at the level {level} of all together: "
+            "{names}.",
+            rejected=data["rejected"],
+            count=data["tests"],
+            level=f"{data['level_of_groups']:g}",
+            names=names,
+        )
+    ]
+    return lines + [_explained(row, words) for row in explained]
+
+
+def in_common(rows: Sequence[dict[str, Any]], words: Words) -> list[str]:
+    """Return a sentence that names what flagged observations have in common; nothing if they have nothing."""
+    if not rows:
+        return []
+    said = [
+        words(
+            "{thing} ({flagged} of its {count:row|rows})",
+            thing=_thing(row, words),
+            flagged=row["flagged"],
+            count=row["rows"],
+        )
+        for row in rows
+    ]
+    return [
+        words(
+            "The flagged observations ({count:row|rows}) have in common: {names}.",
+            count=rows[0]["all_flagged"],
+            names=", ".join(said),
+        )
+    ]
+
+
+def ill_determined(data: dict[str, Any] | None, unit: str, words: Words) -> list[str]:
+    """Return a sentence that names what is ill-determined and says what to do; nothing if all is determined."""
+    found = data["determined"] if data is not None else None
+    if found is None or found["everywhere"]:
+        return []
+    if not found["beyond"]:
+        return [
+            words(
+                "ILL-DETERMINED: {count:direction is|directions are} hardly determined; the report lists what moves "
+                "together, and what would help.",
+                count=found["directions"],
+            )
+        ]
+    numbers = {
+        "count": found["beyond"],
+        "all": found["points"],
+        "percent": f"{100.0 * found['limit']:g}",
+        "size": short(found["size"], 3),
+        "unit": unit,
+        "sigma": short(found["largest_sigma"], 3),
+        "names": ", ".join(
+            row["id"] if row["kind"] == "point" else f"{words(row['kind'])} {row['id']}"
+            for row in found["worst"]
+        ),
+    }
+    if found["as_a_whole"]:
+        return [
+            words(
+                "ILL-DETERMINED: {count} of {all:point|points} with a standard deviation of more than {percent} % of "
+                "the size of the network ({size} {unit}), the largest {sigma} {unit}: {names}. Observe them from "
+                "further places, or fix or observe their coordinates.",
+                **numbers,
+            )
+        ]
+    return [
+        words(
+            "NOT DETERMINED: {count} of {all:point|points} with a standard deviation of more than {percent} % of the "
+            "size of the network ({size} {unit}), the largest {sigma} {unit}: {names}. Fix or observe coordinates, or "
+            "measure what ties the points to known ones.",
+            **numbers,
+        )
+    ]
+
+
+def _thing(row: dict[str, Any], words: Words) -> str:
+    """A group by the name of its table, all else by what it is and its name."""
+    return row["name"] if row["of"] == "group" else f"{words(row['of'])} {row['name']}"
+
+
+def _explained(row: dict[str, Any], words: Words) -> str:
+    """Possible explanation of a rejected group."""
+    thing, effect = _thing(row, words), row["effect"]
+    if effect is None and row["sigma_factor"] < 1.0:
+        return words("{thing}: residuals are smaller than its sigma says.", thing=thing)
+    if effect is None and row["flagged"]:
+        return words(
+            "{thing}: no common offset or scale explains it; {count:flagged observation makes|flagged observations "
+            "make} {share} % of its vTPv.",
+            thing=thing,
+            count=row["flagged"],
+            share=f"{100.0 * min(row['share_of_flagged'], 1.0):.0f}",
+        )
+    if effect is None:
+        return words(
+            "{thing}: no single observation and no common offset or scale explains it; its sigma would have to be "
+            "{factor} times as large.",
+            thing=thing,
+            factor=short(row["sigma_factor"], 3),
+        )
+    size, unit = _size(effect)
+    sentence = (
+        "A common {kind} of {size} +- {sigma} {unit} in {component} of {group} would explain it: vTPv falls by {gain}, "
+        "the factor of its sigma to {left}. Nothing was changed."
+        if effect["suffices"]
+        else "A common {kind} of {size} +- {sigma} {unit} in {component} of {group} would explain a part of it: vTPv "
+        "falls by {gain}, the factor of its sigma to {left}. Nothing was changed."
+    )
+    return words(
+        sentence,
+        kind=words(effect["kind"]),
+        size=size[0],
+        sigma=size[1],
+        unit=unit,
+        component=effect["component"],
+        group=effect["group"],
+        gain=short(effect["vtpv_falls_by"], 4),
+        left=short(effect["sigma_factor_left"], 3),
+    )
+
+
+def _size(effect: dict[str, Any]) -> tuple[tuple[str, str], str]:
+    """Size and σ of an effect, and their unit: of a scale parts in a million."""
+    per_million = effect["kind"] == "scale"
+    factor, unit = (1e6, "ppm") if per_million else (1.0, effect["unit"])
+    return (short(factor * effect["size"], 4), short(factor * effect["sigma"], 2)), unit
+
+
+def said_conventions(data: dict[str, Any], words: Words) -> list[str]:
+    """Return the values that no observation determines."""
+    found, lines = data["conventions"], []
+    if found["movements"]:
+        lines.append(
+            words(
+                "Chosen by the datum and not measured: {movements}. Standard deviations of coordinates refer to this "
+                "choice.",
+                movements=", ".join(words.listed(name) for name in found["movements"]),
+            )
+        )
+    if found["scale"]:
+        lines.append(words("The scale is arbitrary: no observation contains a length."))
+    if found["fixed_coordinates_uncontrolled"]:
+        lines.append(
+            words("The fixed coordinates only settle the datum: nothing would show an error in them.")
+        )
+    return lines
+
+
+# ------------------------------------------------------------
+# The reliability map in words: uncontrolled observations, the weakest points, images, stations and sets.
+# ------------------------------------------------------------
+
+WORDS_OF_RELIABILITY_NAMED = 10
+"""Uncontrolled observations that are spoken of one by one."""
+POINTS = 4
+"""Points that are named."""
+WEAKEST = 4
+"""Points, images, stations and sets, each, that the table has."""
+_KINDS = {"points": "point", "images": "image", "stations": "station", "sets": "set"}
+_HEADERS_OF_RELIABILITY = ("weakest", "id", "observation", "n", "smallest r [1]", "nabla", "unit")
+
+
+def section_of_reliability(
+    solved: Solved, words: Words = ENGLISH, weakest: int = WEAKEST, named: int = WORDS_OF_RELIABILITY_NAMED
+) -> str:
+    """So many uncontrolled observations, then so many weakest of each kind."""
+    unit = solved.network.project.units.length
+    return section_of_map(reliability_rows(solved), unit, words, weakest, named)
+
+
+def section_of_map(
+    data: dict[str, Any] | None,
+    unit: str,
+    words: Words,
+    weakest: int = WEAKEST,
+    named: int = WORDS_OF_RELIABILITY_NAMED,
+) -> str:
+    """The same of a map (:func:`mor.report.verdict.reliability_rows`), with the unit of lengths."""
+    if data is None:
+        return ""
+    lines = [heading(words("Reliability")), *uncontrolled_in_words(data, words, named)]
+    rows = [
+        [words(kind), *_cells_of_reliability(row, words)]
+        for key, kind in _KINDS.items()
+        for row in sorted(data[key], key=lambda row: float(row["smallest_r"]))[:weakest]
+    ]
+    if rows:
+        headers = [*_HEADERS_OF_RELIABILITY, f"shift at most [{unit}]"]
+        lines.append(table(headers, rows, 3, words, margin=2))
+    return "\n".join(lines)
+
+
+def _cells_of_reliability(row: dict[str, Any], words: Words) -> list[str]:
+    numbers = [str(row["observations"]), short(round(row["smallest_r"], 7), 2), short(row["nabla"], 3)]
+    weakest = row["weakest"]
+    return [row["id"], in_words(weakest, words), *numbers, weakest["unit"], short(row["shift"], 3)]
+
+
+def uncontrolled_in_words(
+    data: dict[str, Any], words: Words, named: int = WORDS_OF_RELIABILITY_NAMED
+) -> list[str]:
+    """One line on each of the first uncontrolled observations, and how many there are."""
+    if not data["uncontrolled"]:
+        return [words("No observation is uncontrolled (r < {limit}).", limit=f"{data['least_redundancy']:g}")]
+    lines = [
+        words(
+            "{count:observation is|observations are} uncontrolled (r < {limit}): an error there would hardly show.",
+            count=data["uncontrolled"],
+            limit=f"{data['least_redundancy']:g}",
+        )
+    ]
+    lines += [f"  {uncontrolled_sentence(row, words)}" for row in data["observations"][:named]]
+    left = data["uncontrolled"] - len(data["observations"][:named])
+    if left > 0:
+        lines.append(words("  and {count} more", count=left))
+    return lines
+
+
+def uncontrolled_sentence(row: dict[str, Any], words: Words) -> str:
+    """An uncontrolled observation: what rests on it, and what would control it."""
+    said = words("{place}: r = {r}", place=in_words(row, words), r=short(round(row["r"], 7), 2))
+    if row["carries"]:
+        names = ", ".join(row["carries"][:POINTS])
+        left = len(row["carries"]) - POINTS
+        if left > 0:
+            names = words("{names} and {count} more", names=names, count=left)
+        said += words("; carries {names}", names=names)
+    cure = row["cure"]
+    if cure is None:
+        return said
+    if cure["again"]:
+        return said + words("; measured once more it would have r = {r}", r=short(cure["r"], 2))
+    place = in_words({**cure, "component": cure["type"]}, words)
+    return said + words(
+        "; with a further observation, {place}, it would have r = {r}", place=place, r=short(cure["r"], 2)
+    )

@@ -1,1 +1,0 @@
-"""The verdict in reports: tests of groups, the reliability map."""

@@ -1,0 +1,1 @@
+"""The least-squares problem: linearisation, elimination of tie points, datum, iteration."""

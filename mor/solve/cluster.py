@@ -1,0 +1,229 @@
+"""The processes of a Dask cluster, and what is asked of them before they get work.
+
+A task is done anew where the worker that had it is lost: it must leave the same where it is done twice.
+"""
+
+from __future__ import annotations
+
+import logging
+import platform
+import secrets
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib.metadata import version
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from mor import __version__
+from mor.errors import InputError, Message
+
+_PATIENCE = 60.0
+"""Seconds to wait for a scheduler, for its first worker, and for one to be at work."""
+_ANSWER = 20.0
+"""Seconds that a scheduler may take to answer who it is."""
+_LOOK = 5.0
+"""Seconds after which it is looked whether there still are workers."""
+_SAME = ("numpy", "scipy", "polars")
+
+
+@dataclass
+class Cluster:
+    """A cluster that does tasks."""
+
+    client: Any
+    idle_since: float | None = None
+    """Since when nobody has been at work, though tasks are waited for."""
+
+    def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
+        """Have a worker do the task."""
+        return self.client.submit(task, *arguments, pure=False)
+
+    def result(self, submitted: Any) -> Any:
+        """What the task has returned, or raised; it is waited for as long as somebody is at work.
+
+        Raises :class:`InputError` if the task kills its workers, where they are lost and no new ones come, where the
+        scheduler is lost or gives them nothing to do.
+        """
+        from concurrent.futures import CancelledError
+
+        from distributed.client import FutureCancelledError
+        from distributed.scheduler import KilledWorker
+
+        try:
+            while True:
+                try:
+                    found = submitted.result(timeout=_LOOK)
+                except TimeoutError:
+                    self._look()
+                else:
+                    self.idle_since = None
+                    return found
+        except KilledWorker as error:
+            said = str(error).splitlines()[0]
+            raise InputError(
+                [
+                    Message(
+                        "workers died one after the other at the same task; "
+                        f"have they less memory than they were told? {said}"
+                    )
+                ]
+            ) from None
+        except (CancelledError, FutureCancelledError, OSError):
+            if submitted.status == "error":  # the task's own: a full disk, say
+                raise
+            raise InputError([Message("the scheduler is lost, and with it the tasks")]) from None
+
+    def _look(self) -> None:
+        """Raise :class:`InputError` if nobody has been at work for too long."""
+        at_work, workers = self._at_work()
+        now = time.monotonic()
+        if at_work:
+            self.idle_since = None
+            return
+        self.idle_since = self.idle_since or now
+        if now - self.idle_since > _PATIENCE:
+            raise InputError([Message(_IDLE[workers])])
+
+    def _at_work(self) -> tuple[bool, int | None]:
+        """Whether a worker has something to do, and how many there are; ``None`` if the scheduler does not say."""
+        try:
+            told = self.client.sync(self.client.scheduler.processing, workers=None, callback_timeout=_LOOK)
+        except (TimeoutError, OSError):
+            return False, None
+        return any(told.values()), min(len(told), 1)
+
+
+_IDLE = {
+    0: "all workers are lost, and no new ones come",
+    1: "the scheduler has tasks and workers, and gives them nothing to do",
+    None: "the scheduler does not answer any more",
+}
+"""What is said where nobody has been at work, by whether there are workers."""
+
+
+@contextmanager
+def connected(folder: Path, address: str) -> Iterator[Cluster]:
+    """The cluster at an address, all workers of which see ``folder``.
+
+    Raises :class:`InputError` where they cannot do the work: another version, files they do not see.
+    """
+    missing = [name for name in ("dask", "distributed") if find_spec(name) is None]
+    if missing:
+        words = f"{' and '.join(missing)} missing: pip install 'mor-adjustment[dask]'"
+        raise InputError([Message(f"a cluster needs Dask, {words}")])
+    from distributed import Client
+
+    _silence()
+    _check_scheduler(address)
+    try:
+        client = Client(address, timeout=_ANSWER, set_as_default=False)  # type: ignore[no-untyped-call]
+    except (OSError, ValueError):
+        raise InputError([Message(_NO_SCHEDULER, address)]) from None
+    with client:
+        _check(client, folder)
+        yield Cluster(client)
+
+
+_NO_SCHEDULER = (
+    "no Dask scheduler answers at this address; is it the address that `dask scheduler` prints, "
+    "and does it expect TLS?"
+)
+
+
+def _check_scheduler(address: str) -> None:
+    """Raise :class:`InputError` unless a Dask scheduler answers at an address within :data:`_ANSWER` seconds.
+
+    Other programs may answer with anything, or not at all, and a client waits for them or takes their first bytes for
+    the length of a message.
+    """
+    import asyncio
+
+    from distributed.core import rpc
+    from distributed.security import Security
+
+    async def identity() -> Any:
+        security = Security().get_connection_args("client")  # type: ignore[no-untyped-call]
+        async with rpc(  # type: ignore[no-untyped-call]
+            address, timeout=_ANSWER, connection_args=security
+        ) as there:
+            return await there.identity(n_workers=0)
+
+    try:
+        found = asyncio.run(asyncio.wait_for(identity(), _ANSWER))
+    except Exception:  # noqa: BLE001 - whatever comes of bytes that mean something else
+        found = None
+    kind = found.get("type") if isinstance(found, dict) else None
+    if kind is None:
+        raise InputError([Message(_NO_SCHEDULER, address)])
+    if kind != "Scheduler":
+        raise InputError(
+            [Message(f"this is the address of a {kind}, expected that of the scheduler", address)]
+        )
+
+
+def _silence() -> None:
+    """Keep what the library logs (tracebacks of lost connections) off the terminal: what matters is told in words."""
+    for name in list(logging.root.manager.loggerDict):
+        if name.split(".")[0] == "distributed":
+            logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+def _check(client: Any, folder: Path) -> None:
+    """Raise :class:`InputError` with all that keeps the workers from doing it."""
+    try:
+        client.wait_for_workers(1, timeout=_PATIENCE)
+    except TimeoutError:
+        raise InputError([Message(f"the scheduler has no workers ({_PATIENCE:.0f} s waited)")]) from None
+    folder.mkdir(parents=True, exist_ok=True)
+    word = secrets.token_hex(8)
+    token = folder / f"seen-by-{word}"
+    token.write_text(word, encoding="ascii")
+    here, problems = versions(), []
+    for worker, found in sorted(_asked(client, str(token)).items()):
+        other = [f"{name} {found['versions'].get(name)} there, {mine} here" for name, mine in here.items()
+                 if found["versions"].get(name) != mine]  # fmt: skip
+        if other:
+            problems.append(Message(f"another version: {'; '.join(other)}", worker))
+        if found["word"] != word:
+            words = f"does not see {folder}: it has to be on a file system that all machines have in common"
+            problems.append(Message(words, worker))
+    token.unlink()
+    if problems:
+        raise InputError(problems)
+
+
+def _asked(client: Any, token: str) -> dict[str, dict[str, Any]]:
+    """What is there where the workers are; those that are lost meanwhile are asked once more, when they are back."""
+    until = time.monotonic() + _PATIENCE
+    while True:
+        try:
+            return dict(client.run(_what_is_there, token))
+        except OSError:  # a worker was lost while it was asked
+            if time.monotonic() > until:
+                raise InputError([Message("workers are lost as soon as they are asked")]) from None
+            time.sleep(0.5)
+        except Exception as error:  # noqa: BLE001 - whatever a worker without mor makes of the question
+            reason = str(error).splitlines()[0] if str(error) else type(error).__name__
+            raise InputError([Message(f"workers cannot run mor; is it installed there? {reason}")]) from None
+
+
+def versions() -> dict[str, str]:
+    """Versions of what makes the numbers."""
+    return {
+        "mor": __version__,
+        "Python": platform.python_version(),
+        **{name: version(name) for name in _SAME},
+    }
+
+
+def _what_is_there(token: str) -> dict[str, Any]:
+    """Versions and whether a file is seen, where a worker is."""
+    path = Path(token)
+    try:
+        word = path.read_text(encoding="ascii")
+    except OSError:
+        word = ""
+    return {"versions": versions(), "word": word}

@@ -1,1 +1,0 @@
-"""Sparse symmetric block matrices: ordering, multifrontal Cholesky, selected inverse. Knows no geodesy."""

@@ -1,0 +1,950 @@
+"""Find approximate values of a whole network."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from mor.model import rotations as tolerant
+from mor.model.earth import Horizon
+from mor.model.geodetic import in_object_axes
+from mor.model.observation_types import (
+    OBSERVED_PARAMETERS,
+    PLAIN_TYPES,
+    PROJECTION_CENTRE_TYPES,
+    ObservationGroup,
+    some_rows,
+)
+from mor.model.parameters import all_known
+from mor.model.rotations import exponential, rotation_from_angles
+from mor.project.network import Network
+from mor.start.along_trajectories import (
+    at_all_times,
+    seen_along_trajectories,
+    standing_still,
+    without_trajectories,
+)
+from mor.start.bundle import unit
+from mor.start.join import (
+    Contradiction,
+    agreeing_points,
+    carry,
+    contradicting_frames,
+    contradicting_points,
+    fill_in,
+    free_movements,
+    join,
+    lay_upon,
+    open_movements,
+    put_back,
+    put_rotation,
+    spread_positions,
+    stand_on_marks,
+    started_only,
+    starting_part,
+    tie,
+    tied_by_positions,
+    with_observed,
+    without,
+)
+from mor.start.join_by_observations import tie_by_observations
+from mor.start.levelled import (
+    begin_heights,
+    grow_arcs,
+    grow_distances,
+    grow_levelled,
+    grow_single_points,
+    place_as_if_level,
+    seed_distances,
+    stand_level_with_sights,
+)
+from mor.start.local_adjustment import (
+    ENOUGH,
+    FEWEST,
+    grow_bundles,
+    grow_polar,
+    intersect_the_rest,
+    pose_the_rest,
+    rigid_seeds,
+    seed_polar,
+)
+from mor.start.movement import Movement, Turn
+from mor.start.part import Approximation, Frame, Part, Rule, rule, untied
+from mor.start.points_at_infinity import nearly_parallel
+from mor.start.scene import (
+    Scene,
+    direct_roughly,
+    grow_relative,
+    level_and_scale,
+    level_roughly,
+    scale_roughly,
+    scene_of,
+)
+from mor.start.seeds import (
+    Pairs,
+    common_pairs,
+    pose_by_rays,
+    seed_bundles,
+    seed_doubtful,
+    seed_levelled,
+    seed_plan,
+)
+from mor.start.sights import ROWS, SMALLER, SOUND, Choices, Judgement, disagreement, likeliest
+from mor.types import BoolArray, FloatArray
+
+# ------------------------------------------------------------
+# The parts there are, the object system first, and what was tried.
+# ------------------------------------------------------------
+
+
+@dataclass
+class Assembly:
+    """Parts on their way to one system, the object system first, and what was tried."""
+
+    network: Network
+    scene: Scene
+    parts: list[Part]
+    fewest: int = ENOUGH
+    tried_stations: set[int] = field(default_factory=set)
+    tried_shapes: set[tuple[int, ...]] = field(default_factory=set)
+    tried_frames: set[frozenset[int]] = field(default_factory=set)
+    """Frames that parts began with: what joined and lost its poses again would begin for ever."""
+    given_up: BoolArray = field(default_factory=lambda: np.zeros((3, 0), dtype=bool))
+    """(3, frames) of which no two, or none with a neighbour in a part, can be oriented relative to each other; those
+    that a doubtful orientation was tried of."""
+    pairs: Pairs | None = None
+    reasons: list[Rule] = field(default_factory=list)
+    doubtful: int = 0
+    """How often a part began with a doubtful pair, or none of the pairs tried led to one."""
+    begun: int = 0
+    """Parts that have begun so far, the object system aside."""
+
+
+# ------------------------------------------------------------
+# A part grows by everything it can, in turns.
+# ------------------------------------------------------------
+
+FIRST_FRAMES = 20
+"""Frames a part is grown by before given positions are asked whether they tie it."""
+
+
+def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool:
+    """Growth of every kind in turns, until none adds anything; false where ``most`` frames made it pause."""
+    before = len(part.poses)
+    while not part.handed and _grow_shape(part, scene):
+        pass
+    while part.handed:
+        grown = level_and_scale(part, scene)
+        grown |= _grow_levelled(part, scene)
+        _sets_and_poses(part, scene)
+        grown |= grow_polar(part, scene)
+        grown |= grow_relative(part, scene)
+        grown |= grow_bundles(part, *scene.rays_for(part), fewest, most)
+        grown = grown or grow_distances(part, scene.distances[1])
+        grown = grown or grow_single_points(part, scene)
+        grown = grown or (fewest <= FEWEST and pose_by_rays(part, scene))
+        spread_positions(part, scene.frames)
+        if not grown:
+            return True
+        if most is not None and len(part.poses) - before >= most:
+            return False
+    return True
+
+
+def _grow_shape(part: Part, scene: Scene) -> bool:
+    """What distances alone tell; directions would take a mirrored shape for right."""
+    distances = scene.distances[1]
+    return grow_arcs(part, distances) if part.levelled else grow_distances(part, distances)
+
+
+def _grow_levelled(part: Part, scene: Scene) -> bool:
+    return part.levelled and grow_levelled(part, scene.terrestrial, scene.distances[int(part.scaled)])
+
+
+def grow_until_tied(system: Part, part: Part, scene: Scene, fewest: int) -> None:
+    """Growth of a part of its own, only as far as needed where positions of its frames are given.
+
+    In the object system every given position then holds the growth; alone, a large block would bend.
+    """
+    most = FIRST_FRAMES
+    while not grow(part, scene, fewest, most) and not tied_by_positions(system, part, scene.frames):
+        most *= 2
+
+
+def _sets_and_poses(part: Part, scene: Scene) -> None:
+    """Oriented levelled sets are frames too, and frames that stand upright are oriented sets."""
+    if not part.levelled:
+        return
+    by_rotation = {frame.rotation: n for n, frame in enumerate(scene.frames) if n >= scene.image_count}
+    for number, sight in enumerate(scene.terrestrial.sights):
+        frame = by_rotation.get(sight.rotation)
+        if frame is None or (number in part.kappas) == (frame in part.poses):
+            continue
+        if frame in part.poses:
+            D = part.poses[frame][1]
+            part.kappas[number] = float(np.arctan2(D[0, 1], D[0, 0]))
+        elif np.isfinite(part.points[sight.position]).all():
+            lift = sight.height if part.scaled else 0.0
+            turn = rotation_from_angles(np.array([[0.0, 0.0, part.kappas[number]]]))[0]
+            part.poses[frame] = (part.points[sight.position] + [0.0, 0.0, lift], turn)
+
+
+# ------------------------------------------------------------
+# What a part begins with, of what no part knows yet.
+# ------------------------------------------------------------
+
+BEGINNINGS = 4
+"""Pairs that a part may begin with, where what it leads to does not agree."""
+DOUBTFUL = 4
+"""Searches for a doubtful pair: each grows a part from every orientation of up to eight pairs."""
+
+
+def next_seed(assembly: Assembly) -> Part | None:
+    """A part of its own for something that no part knows yet."""
+    scene, measured = assembly.scene, assembly.scene.terrestrial
+    unknown, tried = _unknown_stations(assembly), assembly.tried_stations
+    part = seed_levelled(measured, unknown, scene.points, tried, with_distances=True)
+    if part is not None:
+        return part
+    free = _free_frames(assembly)
+    for chained in (False, True):
+        part = _seed_of_frames(assembly, free, chained)
+        if part is not None:
+            return part
+    fresh = [n for n in range(scene.image_count, len(free)) if free[n]]
+    part = seed_polar(scene, [n for n in fresh if frozenset([n]) not in assembly.tried_frames])
+    assembly.tried_frames |= {frozenset(part.poses)} if part else set()
+    part = part or seed_levelled(measured, unknown, scene.points, tried, with_distances=False)
+    if part is None:
+        part, reason = seed_plan(measured, unknown, scene.points, tried)
+        assembly.reasons += [reason] if reason else []
+    part = part or seed_distances(scene, assembly.parts[0], _known_points(assembly), assembly.tried_shapes)
+    return part or _doubtful_seed(assembly, free)
+
+
+def _doubtful_seed(assembly: Assembly, free: BoolArray) -> Part | None:
+    """A part of two frames whose orientation is in doubt, where nothing else is left."""
+    scene = assembly.scene
+    open_ = free & ~assembly.given_up[2]
+    if assembly.fewest > FEWEST or np.count_nonzero(open_) < 2 or assembly.doubtful == DOUBTFUL:
+        return None
+    assembly.doubtful += 1
+    assembly.pairs = pairs = common_pairs(scene.bare[1]) if assembly.pairs is None else assembly.pairs
+    among = np.flatnonzero(open_[pairs.first] & open_[pairs.second])
+    part = seed_doubtful(scene, among, pairs, lambda part, most: grow(part, scene, FEWEST, most))
+    assembly.given_up[2] |= open_ if part is None else np.isin(np.arange(len(open_)), list(part.poses))
+    return part
+
+
+def _seed_of_frames(assembly: Assembly, free: BoolArray, chained: bool) -> Part | None:
+    """A part of two frames that no part has; or, ``chained``, of one and a neighbour that ties it to its part."""
+    scene, given_up = assembly.scene, assembly.given_up[int(chained)]
+    open_ = free & ~given_up
+    if np.count_nonzero(open_) < (1 if chained else 2):
+        return None
+    assembly.pairs = pairs = common_pairs(scene.bare[1]) if assembly.pairs is None else assembly.pairs
+    if chained:
+        among = (open_[pairs.first] & ~free[pairs.second]) | (open_[pairs.second] & ~free[pairs.first])
+    else:
+        among = open_[pairs.first] & open_[pairs.second]
+    bare, rows = scene.bare[0], np.flatnonzero(among)
+    part, reason = seed_bundles(bare, rows, pairs, scene.points)
+    asks = part is not None and assembly.network.observations <= ROWS
+    passed = scene.choices.take(min(len(rows), BEGINNINGS), alike=False) if asks else 0
+    if passed:
+        part, reason = seed_bundles(bare, rows, pairs, scene.points, passed)
+    given_up |= open_ if part is None else False
+    assembly.reasons += [reason] if reason and not chained else []
+    if part is not None:
+        frames = frozenset(part.poses)
+        if frames in assembly.tried_frames:
+            given_up[list(frames)] = True
+            return _seed_of_frames(assembly, free, chained)
+        assembly.tried_frames.add(frames)
+    return part
+
+
+def _unknown_stations(assembly: Assembly) -> set[int]:
+    """Positions of the sets that no part has oriented; a known position alone does not orient a set."""
+    sights = assembly.scene.terrestrial.sights
+    places = np.array([sight.position for sight in sights], dtype=np.int64)
+    numbers = np.arange(len(sights))
+    known = np.zeros(len(places), dtype=bool)
+    for part in assembly.parts:
+        oriented = np.isin(numbers, list(part.kappas)) | np.array([s.oriented for s in sights], dtype=bool)
+        known |= np.isfinite(part.points[places, :2]).all(axis=1) & oriented
+    return set(places[~known].tolist())
+
+
+def _known_points(assembly: Assembly) -> BoolArray:
+    """Points (n,) that some part knows, in plan at least."""
+    known = np.zeros(assembly.scene.points, dtype=bool)
+    for part in assembly.parts:
+        known |= np.isfinite(part.points[:, :2]).all(axis=1)
+    return known
+
+
+def _free_frames(assembly: Assembly) -> BoolArray:
+    """Frames (n,) that no part has a pose of."""
+    free = np.ones(len(assembly.scene.frames), dtype=bool)
+    for part in assembly.parts:
+        free[list(part.poses)] = False
+    return free
+
+
+# ------------------------------------------------------------
+# Parts begin, grow and join until everything is in the object system; what nothing ties comes last.
+# ------------------------------------------------------------
+
+CONTROL = 3
+"""Points that a part must know to grow by itself."""
+
+
+def assembled(network: Network, scene: Scene) -> Assembly:
+    """All parts in the object system."""
+    parts = [starting_part(network, scene.frames), *rigid_seeds(scene)]
+    assembly = Assembly(network, scene, parts, begun=len(parts) - 1)
+    for number, part in enumerate(parts):
+        part.number = number
+    waits = _known_ones_wait(assembly)
+    for fewest in (ENOUGH, FEWEST):
+        assembly.fewest, assembly.reasons = fewest, []
+        assembly.given_up, assembly.tried_stations = np.zeros((3, len(scene.frames)), dtype=bool), set()
+        assembly.tried_frames = set()
+        for part in [] if waits and fewest == ENOUGH else parts:
+            grow(part, scene, fewest)
+        _assemble(assembly)
+    _place_the_rest(assembly)
+    stand_on_marks(parts[0], scene)
+    intersect_the_rest(parts[0], scene.seen)
+    if pose_the_rest(parts[0], scene.frames):
+        grow(parts[0], scene, FEWEST)
+        while grow_single_points(parts[0], scene, ambiguous=True):
+            grow(parts[0], scene, FEWEST)
+    while grow_single_points(parts[0], scene, ambiguous=True, contradicting=True):
+        grow(parts[0], scene, FEWEST)
+    if stand_level_with_sights(parts[0], scene.terrestrial):
+        grow(parts[0], scene, FEWEST)
+    return assembly
+
+
+def _known_ones_wait(assembly: Assembly) -> bool:
+    """Do the object system, and parts of measured coordinates, wait for others that are laid upon all their points?
+
+    What grows from few points is hung on each of them: one wrong name, and all that follows is wrong.
+    """
+    given, *others = assembly.parts
+    known = [int(np.count_nonzero(np.isfinite(part.points).all(axis=1))) for part in others]
+    if not given.poses:
+        known.append(int(np.count_nonzero(np.isfinite(given.points).any(axis=1))))
+    asks = max(known, default=0) >= CONTROL and assembly.network.observations <= ROWS
+    return asks and bool(assembly.scene.choices.take(2, alike=False))
+
+
+def _assemble(assembly: Assembly) -> None:
+    """Begin parts, grow them and join them until nothing more can be begun or joined."""
+    scene, parts = assembly.scene, assembly.parts
+    while True:
+        _join_all(assembly)
+        part = next_seed(assembly)
+        if part is not None:
+            assembly.begun += 1
+            part.number = assembly.begun
+            grow_until_tied(parts[0], part, scene, assembly.fewest)
+            parts.append(part)
+        elif not _join_all(assembly, ambiguous=True) and not _join_by_observations(assembly):
+            return
+
+
+def _join_all(assembly: Assembly, ambiguous: bool = False) -> bool:
+    """Join what can be joined, again and again: a part may tie another one to the system; true where any was."""
+    parts, scene = assembly.parts, assembly.scene
+    joined_any = False
+    while True:
+        pair = _joined_pair(parts, scene, ambiguous)
+        if pair is None:
+            return joined_any
+        joined_any = True
+        target, source = pair
+        parts[:] = [part for part in parts if part is not source]
+        grow(target, scene, assembly.fewest)
+
+
+def _join_by_observations(assembly: Assembly) -> bool:
+    """Join two parts by whatever was observed between them, where nothing simpler is left; true where any was."""
+    parts, scene = assembly.parts, assembly.scene
+    if assembly.fewest > FEWEST:
+        return False
+    ordered = sorted(parts, key=lambda part: part.rank, reverse=True)
+    for number, target in enumerate(ordered):
+        for source in ordered[number + 1 :]:
+            found = tie_by_observations(assembly.network, target, source, scene)
+            if found is not None and not found.open:
+                carry(target, source, scene, found)
+                parts[:] = [part for part in parts if part is not source]
+                grow(target, scene, assembly.fewest)
+                return True
+    return False
+
+
+def _joined_pair(parts: list[Part], scene: Scene, ambiguous: bool) -> tuple[Part, Part] | None:
+    """The first two parts that could be joined, the one that knows more of its place first."""
+    ordered = sorted(parts, key=lambda part: part.rank, reverse=True)
+    for number, target in enumerate(ordered):
+        for source in ordered[number + 1 :]:
+            if join(target, source, scene, ambiguous):
+                return target, source
+    return None
+
+
+def _place_the_rest(assembly: Assembly) -> None:
+    """Parts that nothing ties to the object system well enough: those that leave least open first.
+
+    Where nothing is given it becomes the object system, wherever it is.
+    """
+    parts, scene = assembly.parts, assembly.scene
+    while len(parts) > 1:
+        source = min(parts[1:], key=lambda part: (open_movements(parts[0], part, scene), -part.size))
+        parts.remove(source)
+        carry(parts[0], source, scene, _last_tie(assembly, source))
+        grow(parts[0], scene, assembly.fewest)
+        _join_all(assembly)
+    if begin_heights(parts[0], scene.terrestrial):
+        grow(parts[0], scene, assembly.fewest)
+    while pose_by_rays(parts[0], scene, 0, ambiguous=True) or grow_single_points(
+        parts[0], scene, ambiguous=True
+    ):
+        grow(parts[0], scene, assembly.fewest)
+    if place_as_if_level(parts[0], scene.terrestrial, scene.distances[1], scene.choices):
+        grow(parts[0], scene, assembly.fewest)
+
+
+def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
+    """What ties a part to the object system at last, be it controlled or not: all observations, where these tell more.
+
+    What nothing tells of the vertical, the scale and the direction it finds as well as it can.
+    """
+    system, scene = assembly.parts[0], assembly.scene
+    by_all = tie_by_observations(assembly.network, system, source, scene, 0)
+    if by_all is not None and by_all.open < open_movements(system, source, scene):
+        settles = by_all.open < free_movements(system, source) or source.levelled
+        if settles or not level_roughly(source, scene):
+            return by_all
+    level_roughly(source, scene)
+    scale_roughly(source, scene)
+    direct_roughly(source, scene)
+    return tie(system, source, scene)
+
+
+# ------------------------------------------------------------
+# Start values of what nothing simpler tells, in small networks: at random, until two adjustments end alike.
+#
+# Where single closed solutions find no hold the observations of all together may still have one solution, and
+# its basin is wide: of random places of two tilted instruments and a local system one in five leads to it.
+# Frames look at what they see, from anywhere around what is known; points lie where their rays pass by each
+# other. What is given or was found stays. An end counts where all groups of observations agree with it, and
+# is taken where it is the lowest and was reached twice.
+# ------------------------------------------------------------
+
+Settle = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
+LARGEST = 1_000
+"""Observations of a network up to which it is tried."""
+TRIES = 20
+"""Random starts: if one in five leads to the solution, two of 20 do with a probability of 93 %."""
+_DRAWN = frozenset(("point", "rotation", "scale"))
+"""Kinds of blocks that have random start values."""
+_AIMED = 0.3
+"""Length of the mean of all unit rays from which on a frame looks one way."""
+_ANYWHERE = 0.05
+"""Weight of a random place against that of a ray."""
+
+
+class _End(NamedTuple):
+    values: Mapping[str, FloatArray]
+    squares: float
+
+
+def from_random_places(
+    network: Network, scene: Scene, found: Approximation, settle: Settle
+) -> Approximation | None:
+    """Start values by the solution that two tries lead to and none lies below; ``None`` where there is none.
+
+    The same network has the same tries.
+    """
+    kinds = {kind for kind, values in found.start.items() if not np.isfinite(values).all()}
+    if (
+        network.observations > LARGEST
+        or not kinds <= _DRAWN
+        or _has_lines(network)
+        or not _asks(network, found)
+    ):
+        return None
+    random = np.random.default_rng(network.observations)
+    ends: list[_End] = []
+    with np.errstate(all="ignore"):  # from some places numbers grow beyond all bounds
+        for tries in range(1, TRIES + 1):
+            settled = settle(_drawn(network, scene, found.start, random))
+            if settled is None:
+                continue
+            if np.isinf(settled[1]):  # what is singular anywhere is so everywhere
+                return None
+            end = _End(*settled)
+            if disagreement(network.groups, end.values)[1] > SOUND:
+                continue
+            if any(_same(end, other) for other in ends) and not any(_below(other, end) for other in ends):
+                return _with(network, found, end, rule(_WORDS, ends=len(ends) + 1, tries=tries))
+            ends.append(end)
+    return None
+
+
+_WORDS = "random places: {ends} of {tries} adjustments from such led to a solution, two of them to this one"
+
+
+def _has_lines(network: Network) -> bool:
+    """True with lines, whose attitude counts from an axis that is chosen when all else has its place."""
+    return any(feature.type == "line" for feature in network.project.features)
+
+
+def _asks(network: Network, found: Approximation) -> bool:
+    """False where all that is missing are points whose rays are nearly parallel: these have places of their own."""
+    apart = nearly_parallel(network, found.start).points
+    names = {network.blocks["point"].ids[p] for p in apart.tolist()}
+    return any(thing.kind != "point" or thing.name not in names for thing in found.missing)
+
+
+def _same(one: _End, other: _End) -> bool:
+    return abs(one.squares - other.squares) <= SMALLER * max(one.squares, other.squares)
+
+
+def _below(one: _End, other: _End) -> bool:
+    return one.squares < other.squares and not _same(one, other)
+
+
+def _with(network: Network, found: Approximation, end: _End, how: Rule) -> Approximation:
+    """Everything that is not given as the solution has it: what was found may have been rough."""
+    given = network.start
+    start = {kind: np.where(np.isfinite(given[kind]), given[kind], end.values[kind]) for kind in found.start}
+    named = {f"{one.kind} {one.name}": how for one in found.missing}
+    return found._replace(start=start, how={**found.how, **named}, missing=(), remarks=())
+
+
+def _drawn(
+    network: Network, scene: Scene, start: Mapping[str, FloatArray], random: np.random.Generator
+) -> dict[str, FloatArray]:
+    """Start values of all blocks, those that are missing at random."""
+    drawn = {kind: values.copy() for kind, values in start.items()}
+    points, rotations = drawn["point"], drawn.get("rotation", np.zeros((0, 3, 3)))
+    middle, size = _extent(start["point"])
+    known = np.asarray(np.isfinite(start["point"]).all(axis=1))
+    for frame in scene.frames:
+        if np.isnan(rotations[frame.rotation]).any():
+            here = points[frame.position]
+            anywhere = middle + size * random.normal(size=3)
+            here[:] = np.where(np.isfinite(here), here, anywhere)
+            seen = start["point"][frame.points[known[frame.points]]]
+            towards = (seen.mean(axis=0) if len(seen) else middle) - here
+            put_rotation(network, rotations, frame.rotation, _looking(frame, unit(towards), random))
+    for block in np.flatnonzero(np.isnan(rotations).any(axis=(1, 2))).tolist():
+        put_rotation(network, rotations, block, _any_attitude(random))
+    anywhere = middle + 0.5 * size * random.normal(size=points.shape)
+    nearest = _nearest_to_rays(scene, points, rotations, anywhere)
+    points[:] = np.where(np.isfinite(points), points, nearest)
+    if "scale" in drawn:
+        drawn["scale"] = np.where(np.isfinite(drawn["scale"]), drawn["scale"], 1.0)
+    return drawn
+
+
+def _extent(points: FloatArray) -> tuple[FloatArray, float]:
+    """Middle (3,) of all coordinates that are known, and half of their extent."""
+    told = np.isfinite(points)
+    low = np.where(told, points, np.inf).min(axis=0, initial=np.inf)
+    high = np.where(told, points, -np.inf).max(axis=0, initial=-np.inf)
+    low, high = np.where(low <= high, low, 0.0), np.where(low <= high, high, 0.0)
+    return 0.5 * (low + high), 0.5 * float(np.linalg.norm(high - low)) or 1.0
+
+
+def _looking(frame: Frame, towards: FloatArray, random: np.random.Generator) -> FloatArray:
+    """A rotation D by which a frame looks somewhere, turned about that at random; any one, if it looks all around."""
+    mean = frame.rays.mean(axis=0)
+    length = float(np.linalg.norm(mean))
+    if length < _AIMED:
+        return _any_attitude(random)
+    roll: FloatArray = exponential((random.uniform(-np.pi, np.pi) * towards)[None])[0]
+    return (roll @ _turned(mean / length, towards)).T
+
+
+def _turned(one: FloatArray, other: FloatArray) -> FloatArray:
+    """The rotation by the smallest angle that takes one direction to another."""
+    axis = np.cross(one, other)
+    sine = float(np.linalg.norm(axis))
+    across = axis / sine if sine > 0.0 else tolerant.svd(one[None])[2][1]
+    turned: FloatArray = exponential((np.arctan2(sine, one @ other) * across)[None])[0]
+    return turned
+
+
+def _any_attitude(random: np.random.Generator) -> FloatArray:
+    """A rotation, all of them being as likely (a unit quaternion)."""
+    w, *axis = unit(random.normal(size=4))
+    half = np.arccos(np.clip(w, -1.0, 1.0))
+    attitude: FloatArray = exponential((2.0 * half * unit(np.array(axis)))[None])[0]
+    return attitude
+
+
+def _nearest_to_rays(
+    scene: Scene, points: FloatArray, rotations: FloatArray, anywhere: FloatArray
+) -> FloatArray:
+    """Places (n, 3) nearest to the rays of all frames, and a little to ``anywhere``, where no ray goes altogether."""
+    normal = _ANYWHERE * np.tile(np.eye(3), (len(points), 1, 1))
+    side = _ANYWHERE * anywhere
+    for frame in scene.frames:
+        along = frame.rays @ rotations[frame.rotation]
+        across = np.eye(3) - along[:, :, None] * along[:, None, :]
+        np.add.at(normal, frame.points, across)
+        np.add.at(side, frame.points, across @ points[frame.position])
+    return np.asarray(tolerant.solve(normal, side[:, :, None])[:, :, 0])
+
+
+# ------------------------------------------------------------
+# Observations on the earth, as start values take them: in the object system, as if verticals were parallel.
+#
+# Over 10 km heights are wrong by some metres then, over 100 km by a few hundred: near enough to begin from.
+# ------------------------------------------------------------
+
+_NEUTRAL = 0
+"""Block of the height that nothing has."""
+
+
+def to_plane(network: Network) -> Network:
+    """The network with plain observations in place of those that need the ellipsoid or the sphere."""
+    if network.sphere is not None:
+        return replace(network, groups=tuple(_flat(group) for group in network.groups))
+    if network.world is None:
+        return network
+    horizon = network.world.horizon
+    groups = tuple(
+        _attitudes(group, network.start["rotation"])
+        if group.type.key in _ATTITUDES
+        else _PLAIN[group.type.key](group, horizon)
+        if group.type.key in _PLAIN
+        else group
+        for group in network.groups
+    )
+    return replace(network, groups=groups)
+
+
+def _flat(group: ObservationGroup) -> ObservationGroup:
+    return group if group.type.flat is None else replace(group, type=group.type.flat)
+
+
+def _vectors(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
+    observed = kept.observed @ horizon.axes.T
+    return replace(kept, type=PLAIN_TYPES["vector"], observed=observed, blocks=kept.blocks[:-1])
+
+
+def _geocentric(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
+    observed = horizon.from_geocentric(kept.observed)
+    return replace(kept, type=PLAIN_TYPES["coordinates"], observed=observed, blocks=kept.blocks[:-1])
+
+
+def _geodetic(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
+    sigma = np.where(kept.type.wraps, kept.sigma * horizon.ellipsoid.a, kept.sigma)
+    observed = horizon.from_geodetic(kept.observed)
+    return replace(kept, type=PLAIN_TYPES["coordinates"], observed=observed, sigma=sigma)
+
+
+def _projected(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    return replace(group, type=PLAIN_TYPES["coordinates"], observed=group.constants[:, :3])
+
+
+def _control(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    observed = np.where(group.mask, group.constants[:, :3], np.nan)
+    return replace(group, type=PLAIN_TYPES["coordinates"], observed=observed)
+
+
+def _heights(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    geoid = group.constants[:, :1] if group.type.constants else 0.0
+    nothing = np.full((group.count, 2), np.nan)
+    observed, sigma = (np.hstack([nothing, column]) for column in (group.observed + geoid, group.sigma))
+    return replace(group, type=PLAIN_TYPES["coordinates"], observed=observed, sigma=sigma)
+
+
+def _differences(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    rise = group.constants[:, 1:] - group.constants[:, :1] if group.type.constants else 0.0
+    return replace(group, type=PLAIN_TYPES["height_difference"], observed=group.observed + rise)
+
+
+def _bearings(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    return replace(group, type=PLAIN_TYPES["bearing"])
+
+
+def _level_bearings(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    start, end = group.blocks
+    flat = np.full(group.count, _NEUTRAL, dtype=np.int64)
+    return replace(group, type=PLAIN_TYPES["bearing"], blocks=(start, flat, end, flat))
+
+
+def _distances(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:
+    start, end, meter = group.blocks
+    flat = np.full(group.count, _NEUTRAL, dtype=np.int64)
+    return replace(group, type=PLAIN_TYPES["horizontal_distance"], blocks=(start, flat, end, flat, meter))
+
+
+def _attitudes(group: ObservationGroup, rotations: FloatArray) -> ObservationGroup:
+    kept = some_rows(group, np.flatnonzero(group.mask.all(axis=1)))
+    _, image, boresight = kept.blocks
+    observed = in_object_axes(kept.type, kept.observed, kept.constants, rotations[boresight])
+    return replace(kept, type=OBSERVED_PARAMETERS["rotation"], observed=observed, blocks=(image,))
+
+
+_PLAIN: dict[str, Callable[[ObservationGroup, Horizon], ObservationGroup]] = {
+    "gnss_vector": _vectors,
+    "gnss_position": _geocentric,
+    "geodetic_position": _geodetic,
+    "projected_position": _projected,
+    "control": _control,
+    "ellipsoidal_height": _heights,
+    "orthometric_height": _heights,
+    "height_difference": _differences,
+    "ellipsoidal_height_difference": _differences,
+    "azimuth": _bearings,
+    "astronomic_azimuth": _bearings,
+    "projected_bearing": _level_bearings,
+    "ellipsoid_arc": _distances,
+    "ellipsoid_chord": _distances,
+    "mean_sea_level_distance": _distances,
+    "height_reduced_distance": _distances,
+}
+_ATTITUDES = ("projected_attitude", "navigation_attitude")
+
+
+# ------------------------------------------------------------
+# Observations to projection centres, as start values take them: as to the places of the images.
+# ------------------------------------------------------------
+
+_PLAIN_OF = {twin.key: PLAIN_TYPES[key] for key, twin in PROJECTION_CENTRE_TYPES.items()}
+
+
+def to_places(network: Network) -> Network:
+    """The network with plain observations in place of those that take projection centres.
+
+    An eccentricity is left to the adjustment; of a stereo follower the place is that of its leader, so its rows go.
+    """
+    if not any(group.type.key in _PLAIN_OF for group in network.groups):
+        return network
+    groups = tuple(
+        _plain(network, group) if group.type.key in _PLAIN_OF else group for group in network.groups
+    )
+    return replace(network, groups=groups)
+
+
+def _plain(network: Network, group: ObservationGroup) -> ObservationGroup:
+    plain = _PLAIN_OF[group.type.key]
+    stands = np.ones(group.count, dtype=bool)
+    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        if slot.kind == "base":
+            stands &= (network.start["base"][blocks] == 0.0).all(axis=1) & ~network.blocks["base"].free[
+                blocks
+            ].any(axis=1)
+    kept = some_rows(group, np.flatnonzero(stands))
+    return replace(kept, type=plain, blocks=kept.blocks[: len(plain.slots)])
+
+
+# ------------------------------------------------------------
+# Start values for everything that has none: parts grow, join, and become the object system.
+#
+# A part is a set of things in one system with the movements it is still free to make. The object system, with
+# what the project gives, is one of them; others begin at systems with measured coordinates, GNSS vectors,
+# stations with distances, pairs of bundles. Every part grows as far as it can, finds the vertical and the
+# scale from what was measured inside it, and joins another one as soon as what ties them determines the
+# movement between them. What nothing ties comes last.
+#
+# Where the start values do not agree with the observations, other answers to what was in doubt on the way are tried.
+# ------------------------------------------------------------
+
+SettleNetwork = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
+"""Adjusts start values: the values they lead to and v'Pv (infinite: singular), or ``None`` where they lead nowhere."""
+OTHERS_TRIED = 12
+"""Other answers that are tried where start values do not agree, in networks of up to ``FEW`` observations."""
+FEW = 1_000
+"""Observations from which fewer are tried, in inverse proportion, one at least."""
+_ORIENTING = {"vector", "bearing", "gnss_vector", "azimuth", "astronomic_azimuth", "projected_bearing"}
+"""Types of observations that determine how the network is turned."""
+_TURNING = {"image", "distance", "distance_ratio", "spatial_angle", "local"}
+"""Types of observations that stay the same in any turn of the network; an image type is ``image/…``."""
+SMALL = 5_000
+"""Observations up to which start values are adjusted before they are judged."""
+
+
+def approximate(
+    network: Network, settle: SettleNetwork | None = None, others: int = OTHERS_TRIED
+) -> Approximation:
+    """Start values of a network; nothing is done where all are given.
+
+    Given poses and points that are start values and no more are tested against the rays; those that contradict are
+    replaced where the rest can be worked out without them. With ``settle`` doubtful ones are judged by what an
+    adjustment makes of them. ``others``: possible answers that are tried where the likeliest ones do not agree; with
+    none nothing that was given is replaced, either.
+    """
+    if all_known(network.start):
+        return Approximation(network.start, {}, ())
+    moving = network
+    network = to_plane(standing_still(without_trajectories(network)))
+    network = to_places(replace(network, start=with_observed(network)))
+    scene, assembly = _likeliest(network, scene_of(network), moving, settle, others)
+    if assembly.network is not network:
+        result = _with_what_agrees(network, assembly, moving, settle)
+    else:
+        found = _contradicting(network, assembly.parts[0], scene) if others else []
+        better = _with_others(network, scene, found) if found else None
+        result = _approximation(assembly) if better is None else better
+    if result.missing and settle is not None and others:
+        result = from_random_places(network, scene, result, settle) or result
+    missing = seen_along_trajectories(moving, result.missing)
+    return result._replace(start=at_all_times(moving, result.start), missing=missing)
+
+
+def _likeliest(
+    network: Network, scene: Scene, moving: Network, settle: SettleNetwork | None, others: int
+) -> tuple[Scene, Assembly]:
+    """The parts in the object system; where several answers were possible on the way, with those that agree best."""
+
+    loose = started_only(network, scene)
+
+    def attempt(choices: Choices) -> Assembly:
+        return _without_some(network, replace(scene, choices=choices), *loose)
+
+    def judged(assembly: Assembly) -> Judgement:
+        return _judged(assembly, _approximation(assembly), moving, settle)
+
+    assembly, choices = likeliest(
+        attempt,
+        judged,
+        lambda: max(others * FEW // max(network.observations, FEW), min(others, 1)),
+    )
+    return replace(scene, choices=Choices(choices.wanted)), assembly
+
+
+def _without_some(
+    network: Network, scene: Scene, points: list[Contradiction], frames: list[Contradiction]
+) -> Assembly:
+    """The parts in the object system, with all start values that are given, or without those of points or frames.
+
+    Rough ones carry what is worked out from them astray. What is found without them is laid upon them, where nothing
+    else says where it is.
+    """
+    some = [points, frames, [*points, *frames]] if points and frames else [points or frames]
+    asks = bool(some[0]) and network.observations <= ROWS
+    answer = scene.choices.take(len(some) + 1, alike=False) if asks else 0
+    if not answer:
+        return assembled(network, scene)
+    reduced = replace(network, start=without(network, scene, some[answer - 1]))
+    return _assembled_near_given(network, reduced, scene)
+
+
+def _assembled_near_given(network: Network, reduced: Network, scene: Scene) -> Assembly:
+    """Return the parts of a network ``reduced`` by given start values, laid upon these if it has no others."""
+    assembly = assembled(reduced, scene)
+    if not np.isfinite(reduced.start["point"]).any():
+        lay_upon(assembly.parts[0], network.start["point"], *_left_free(network))
+    return assembly
+
+
+def _left_free(network: Network) -> tuple[Turn, bool]:
+    """Return the turns that the observations leave free, and whether they determine the size."""
+    types = [group.type for group in network.groups]
+    keys = {type_.key for type_ in types}
+    if keys & _ORIENTING:
+        turn = Turn.NONE
+    else:
+        turn = Turn.ANY if all(key.split("/")[0] in _TURNING for key in keys) else Turn.VERTICAL
+    scaled = any(component.quantity.length for type_ in types for component in type_.components)
+    return turn, scaled
+
+
+def _with_what_agrees(
+    network: Network, assembly: Assembly, moving: Network, settle: SettleNetwork | None
+) -> Approximation:
+    """Start values of parts from which given ones were left out; those that agree come back, where that does no harm.
+
+    Of the others it is said that another one takes their place.
+    """
+    system, scene, left = assembly.parts[0], assembly.scene, assembly.network.start
+    points, frames = started_only(network, scene)
+    gone = [one for one in points if np.isnan(left["point"][one.number]).any()]
+    gone += [one for one in frames if np.isnan(left["rotation"][scene.frames[one.number].rotation]).any()]
+    wrong = {one.name: str(one) for one in _contradicting(network, system, scene)}
+    agreeing = set(agreeing_points(network, system, scene).tolist())
+    agree = [
+        one
+        for one in gone
+        if one.name not in wrong and one.number in (agreeing if one.is_point else system.poses)
+    ]
+    words = tuple(
+        wrong.get(one.name, f"{one.name}: without it and others the observations agree better")
+        for one in gone
+        if one not in agree
+    )
+    found = _approximation(assembly)._replace(replaced=words)
+    start = {kind: values.copy() for kind, values in found.start.items()}
+    put_back(network, scene, start, agree)
+    kept = found._replace(start=start)
+    return (
+        found
+        if _judged(assembly, found, moving, settle).beats(_judged(assembly, kept, moving, settle))
+        else kept
+    )
+
+
+def _judged(
+    assembly: Assembly, found: Approximation, moving: Network, settle: SettleNetwork | None
+) -> Judgement:
+    """How many things have no start values, and how well the others agree, before or after an adjustment."""
+    network = assembly.network
+    missing = sum(thing.observations > 1 for thing in found.missing)
+    judgement = Judgement(missing, *disagreement(network.groups, found.start))
+    small, sound = network.observations <= SMALL, judgement.worst <= SOUND
+    if settle is None or not small or found.missing or (sound and not assembly.scene.choices.open):
+        return judgement
+    settled = settle(at_all_times(moving, found.start))
+    if settled is None:
+        return judgement._replace(worst=np.inf)
+    values, squares = settled
+    if np.isinf(squares):  # other start values seldom help, and none of them may take the place of given ones
+        return judgement._replace(fit=np.inf, worst=np.inf)
+    return Judgement(0, *disagreement(moving.groups, values), squares, judgement.fit)
+
+
+def _contradicting(network: Network, system: Part, scene: Scene) -> list[Contradiction]:
+    return contradicting_frames(network, system, scene) + contradicting_points(network, system, scene)
+
+
+def _with_others(network: Network, scene: Scene, found: list[Contradiction]) -> Approximation | None:
+    """Start values without the poses and points that contradict; ``None`` where not everything starts without them.
+
+    One that contradicts only because another one had spoiled what it is tied to stays as it was given.
+    """
+    reduced = replace(network, start=without(network, scene, found))
+    assembly = _assembled_near_given(network, reduced, scene)
+    approximation = _approximation(assembly)
+    if approximation.missing:
+        return None
+    wrong = _contradicting(network, assembly.parts[0], scene)
+    names = {one.name for one in wrong}
+    start = {kind: values.copy() for kind, values in approximation.start.items()}
+    put_back(network, scene, start, [one for one in found if one.name not in names])
+    return approximation._replace(start=start, replaced=tuple(str(one) for one in wrong))
+
+
+def _approximation(assembly: Assembly) -> Approximation:
+    network, scene = assembly.network, assembly.scene
+    start, how, missing = fill_in(network, assembly.parts[0], scene.frames, scene.terrestrial)
+    reasons, parts = tuple(assembly.reasons) if missing else (), tuple(assembly.parts[0].joined)
+    given = bool(np.isfinite(network.start["point"]).any())
+    sights = scene.terrestrial.sights
+    return Approximation(start, how, missing, reasons, (), parts, scene.frames, sights, untied(parts, given))

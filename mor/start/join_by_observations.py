@@ -1,0 +1,917 @@
+"""Join parts by the equations of all observations."""
+
+from __future__ import annotations
+
+from hashlib import sha256
+from typing import NamedTuple, Protocol, TypeVar
+
+import numpy as np
+
+from mor.model import rotations
+from mor.model.observation_types import ObservationGroup, is_image_point, read_out_at_once, some_rows, wrap
+from mor.model.rotations import exponential
+from mor.project.network import Network
+from mor.start.bundle import Similarity, SimilarityOutcome
+from mor.start.movement import Movement, Turn
+from mor.start.part import Part
+from mor.start.scene import Scene
+from mor.types import BoolArray, FloatArray, IntArray
+from mor.units import ANGLE, IMAGE
+
+# ------------------------------------------------------------
+# The observations between two parts, and those inside one that tell its vertical or scale, under a movement.
+#
+# Any type of observation counts, by its own equation: distances between the parts, directions of sets that
+# are not oriented yet (their orientations are further unknowns), angles, vertical directions, levelling,
+# vectors, rays. Stations and points that neither part knows the place of are further unknowns, where enough
+# is measured from or to them.
+# ------------------------------------------------------------
+
+PRECISION = 2e-3
+"""Radians, or parts of a length, that an observation fits at the best: parts are bent a little."""
+MOST = 60
+"""Rows of a group that take part."""
+PLACES = 6
+"""Points that neither part knows and that take part, at the most."""
+FEWEST = 4
+"""Components measured from or to such a point, from which on it says more than where it is."""
+_PEELED = 5
+_ABSURD = 1e6
+
+
+class Moves(NamedTuple):
+    """Many movements x → s R (x − m) + c of the source, m its middle, with what else is not known.
+
+    Observations refer to the vertical, to north and to the length unit; where the target knows none of them it stands
+    in their system by a movement x → u Q x of its own, which everything that has come to it makes, too.
+    """
+
+    scale: FloatArray
+    """(k,)"""
+    rotation: FloatArray
+    """(k, 3, 3)"""
+    shift: FloatArray
+    """(k, 3) c"""
+    kappas: FloatArray
+    """(k, a) orientations of sets."""
+    places: FloatArray
+    """(k, b, 3) of points that neither knows, in the system of the target."""
+    unit: FloatArray
+    """(k,) u"""
+    stance: FloatArray
+    """(k, 3, 3) Q"""
+
+
+class Rows(NamedTuple):
+    """Rows of a group: numbers among the points and rotations that take part, σ beside what parts are bent by."""
+
+    group: ObservationGroup
+    blocks: tuple[FloatArray | IntArray, ...]
+    """One per slot: (n,) numbers of points and rotations, else values (n, size)."""
+    sigma: FloatArray
+
+
+class Known(NamedTuple):
+    """What is known of points and rotations: (n,) 0 nothing, 1 by the target, 2 by the source, 3 looked for."""
+
+    points: IntArray
+    rotations: IntArray
+
+
+class Sides(NamedTuple):
+    """Who knows what, and the values."""
+
+    known: Known
+    points: FloatArray
+    """(points, 3) of the target where it knows them, else of the source, with its middle at 0."""
+    rotations: FloatArray
+    """(rotations, 3, 3) likewise."""
+    lowered: FloatArray
+    """(points,) how far a mark is below what the parts know in its place, along the vertical, in the length unit."""
+    lever: FloatArray
+    """(points, 3) from the projection centre to the position, in the axes of the part, in the length unit."""
+    sets: IntArray
+    """(a,) rotations that are looked for."""
+    places: IntArray
+    """(b,) points that are looked for."""
+    stands: bool
+    """True where the target knows the vertical, north and the length unit, or as much as observations refer to."""
+
+
+def sides_of(network: Network, scene: Scene, target: Part, source: Part, middle: FloatArray) -> Sides:
+    """Who knows what of two parts; sets and places that neither knows are looked for where it is worth it."""
+    attitudes = network.start.get("rotation", np.zeros((0, 3, 3)))
+    count, turns = len(target.points), len(attitudes)
+    told = Sides(
+        Known(np.zeros(count, dtype=np.int64), np.zeros(turns, dtype=np.int64)),
+        np.full((count, 3), np.nan),
+        np.full((turns, 3, 3), np.nan),
+        np.zeros(count),
+        np.zeros((count, 3)),
+        np.zeros(0, dtype=np.int64),
+        np.zeros(0, dtype=np.int64),
+        True,
+    )
+    _put(told, scene, source, middle, 2)
+    _put(told, scene, target, np.zeros(3), 1)
+    (known, turned), rotations = told.known, told.rotations
+    if target.given:
+        given = np.asarray(np.isfinite(attitudes).all(axis=(1, 2)))
+        turned[given], rotations[given] = 1, attitudes[given]
+    places = _places(network, scene, known, turned)
+    known[places] = 3
+    sets = _sets(scene, known, turned)
+    turned[sets] = 3
+    return told._replace(sets=sets, places=places)
+
+
+def _put(told: Sides, scene: Scene, part: Part, middle: FloatArray, who: int) -> None:
+    """Enter what a part knows; a point that it does not know the mark of is where a frame over it is."""
+    known = np.asarray(np.isfinite(part.points).all(axis=1))
+    told.known.points[known], told.points[known] = who, part.points[known] - middle
+    told.lowered[known] = 0.0 if part.lifts else scene.target_heights[known]
+    told.lever[known] = 0.0
+    for number, (centre, D) in part.poses.items():
+        frame = scene.frames[number]
+        if frame.stands and (who == 2 or told.known.points[frame.position] == 0):
+            told.known.points[frame.position], told.points[frame.position] = who, centre - middle
+            told.lowered[frame.position] = frame.offset[0]
+            told.lever[frame.position] = D.T @ frame.offset[1:]
+    _put_rotations(told, scene, part, who)
+
+
+def _put_rotations(told: Sides, scene: Scene, part: Part, who: int) -> None:
+    for number, kappa in part.kappas.items():
+        block = scene.terrestrial.sights[number].rotation
+        if block >= 0:
+            told.known.rotations[block] = who
+            told.rotations[block] = about_vertical(np.array([kappa]))[0]
+    for number, (_, D) in part.poses.items():
+        frame = scene.frames[number]
+        if frame.relative is None:
+            told.known.rotations[frame.rotation], told.rotations[frame.rotation] = who, D
+
+
+def _places(network: Network, scene: Scene, told: IntArray, turned: IntArray) -> IntArray:
+    """Points that neither part knows, from or to which more is measured than tells where they are.
+
+    Those go again that have enough only beside others that go; at the most ``PLACES`` of them are left.
+    """
+    levelled = {sight.rotation: sight.position for sight in scene.terrestrial.sights if sight.rotation >= 0}
+    sets = [place for block, place in levelled.items() if turned[block] == 0]
+    fit = turned > 0
+    fit[list(levelled)] = True
+    wanted = np.asarray(told == 0)
+    for round_ in range(_PEELED):
+        counts = -np.bincount(np.array(sets, dtype=np.int64), minlength=len(told))
+        for group in network.groups:
+            _count(group, (told > 0) | wanted, fit, counts)
+        counts[~wanted] = 0
+        order = np.argsort(-counts, kind="stable")[: PLACES if round_ else len(counts)]
+        kept = order[counts[order] >= FEWEST]
+        if len(kept) == np.count_nonzero(wanted):
+            break
+        wanted[:] = False
+        wanted[kept] = True
+    return np.flatnonzero(wanted)
+
+
+def _count(group: ObservationGroup, known: BoolArray, turned: BoolArray, counts: IntArray) -> None:
+    """Add the components of rows that refer to nothing else that is not known to the counts of their points."""
+    if group.type.key.partition("/")[0] in ("observed", "coordinates"):
+        return
+    slots = list(zip(group.type.slots, group.blocks, strict=True))
+    usable = np.ones(group.count, dtype=bool)
+    for slot, blocks in slots:
+        if slot.kind in ("point", "rotation"):
+            usable &= (known if slot.kind == "point" else turned)[blocks]
+    told = np.where(usable, group.mask.sum(axis=1), 0)
+    for slot, blocks in slots:
+        if slot.kind == "point":
+            np.add.at(counts, blocks, told)
+
+
+def _sets(scene: Scene, told: IntArray, turned: IntArray) -> IntArray:
+    """Levelled sets of known or wanted places whose orientation neither part knows, of two known points and more."""
+    found = [
+        sight.rotation
+        for sight in scene.terrestrial.sights
+        if sight.rotation >= 0
+        and turned[sight.rotation] == 0
+        and told[sight.position]
+        and np.count_nonzero(told[sight.points] & np.isfinite(sight.directions)) > 1
+    ]
+    return np.unique(np.array(found, dtype=np.int64))
+
+
+def rows_between(network: Network, sides: Sides) -> list[Rows]:
+    """The rows of which everything is known or wanted, and that a movement may change."""
+    found = []
+    for group in network.groups:
+        if group.type.key.partition("/")[0] in ("observed", "coordinates"):
+            continue
+        rows = _usable(network, group, sides)
+        if len(rows) > MOST:
+            rows = rows[np.linspace(0, len(rows) - 1, MOST).astype(int)]
+        if len(rows):
+            found.append(_rows(network, group, rows))
+    return found
+
+
+def _usable(network: Network, group: ObservationGroup, sides: Sides) -> IntArray:
+    known, moving = np.ones(group.count, dtype=bool), np.zeros(group.count, dtype=bool)
+    fixed = np.zeros(group.count, dtype=bool)
+    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        if slot.kind in ("point", "rotation"):
+            told = (sides.known.points if slot.kind == "point" else sides.known.rotations)[blocks]
+            known &= told > 0
+            moving |= told > 1
+            fixed |= told != 2
+        else:
+            values = network.start[slot.kind][blocks].reshape(group.count, -1)
+            known &= np.isfinite(values).all(axis=1)
+    inside = is_image_point(group.type)
+    usable: IntArray = np.flatnonzero(known & moving & (fixed | (not inside)))
+    return usable
+
+
+def only_used(sides: Sides, rows: list[Rows]) -> tuple[Sides, list[Rows], IntArray]:
+    """Sides and rows with none but the points and rotations that rows refer to, and the numbers (n,) of those points.
+
+    What is looked for stays.
+    """
+    points, turns = sides.known.points == 3, sides.known.rotations == 3
+    for one in rows:
+        for slot, blocks in zip(one.group.type.slots, one.blocks, strict=True):
+            if slot.kind in ("point", "rotation"):
+                (points if slot.kind == "point" else turns)[blocks.astype(np.int64)] = True
+    new_points, new_turns = np.cumsum(points) - 1, np.cumsum(turns) - 1
+    renumbered = []
+    for one in rows:
+        numbers = tuple(
+            new_points[given]
+            if slot.kind == "point"
+            else new_turns[given]
+            if slot.kind == "rotation"
+            else given
+            for slot, given in zip(one.group.type.slots, one.blocks, strict=True)
+        )
+        renumbered.append(one._replace(blocks=numbers))
+    kept = Sides(
+        Known(sides.known.points[points], sides.known.rotations[turns]),
+        sides.points[points],
+        sides.rotations[turns],
+        sides.lowered[points],
+        sides.lever[points],
+        new_turns[sides.sets],
+        new_points[sides.places],
+        sides.stands,
+    )
+    return kept, renumbered, np.flatnonzero(points)
+
+
+def _rows(network: Network, group: ObservationGroup, rows: IntArray) -> Rows:
+    # As everywhere in start values: how far an image moves while it is read out is left to the adjustment.
+    taken = read_out_at_once(some_rows(group, rows))
+    blocks, constant = [], np.ones(len(rows))
+    for slot, numbers in zip(taken.type.slots, taken.blocks, strict=True):
+        kept = slot.kind in ("point", "rotation")
+        blocks.append(numbers if kept else network.start[slot.kind][numbers])
+        if slot.part == "interior":
+            constant = np.abs(network.start[slot.kind][numbers][:, 0])
+    lengths = np.sqrt(np.nanmean(np.square(taken.observed)))
+    unit = np.empty(taken.observed.shape)
+    for k, component in enumerate(taken.type.components):
+        unit[:, k] = 1.0 if component.quantity == ANGLE else lengths
+        if component.quantity == IMAGE:
+            unit[:, k] = constant
+    if taken.type.key in ("distance", "horizontal_distance"):
+        unit = np.abs(taken.observed)
+    return Rows(taken, tuple(blocks), np.hypot(taken.sigma, PRECISION * unit))
+
+
+def residuals(rows: list[Rows], sides: Sides, moves: Moves) -> FloatArray:
+    """(k, n) misclosures of all rows, in units of what they are good to."""
+    k = len(moves.scale)
+    points, turns = placed(sides, moves)
+    found = [np.zeros((k, 0))]
+    for one in rows:
+        n = one.group.count
+        blocks: list[FloatArray] = []
+        for slot, given in zip(one.group.type.slots, one.blocks, strict=True):
+            if slot.kind == "point":
+                blocks.append(points[:, given.astype(np.int64)].reshape(k * n, 3))
+            elif slot.kind == "rotation":
+                blocks.append(turns[:, given.astype(np.int64)].reshape(k * n, 3, 3))
+            else:
+                blocks.append(np.tile(given, (k, *(1,) * (given.ndim - 1))))
+        with np.errstate(all="ignore"):
+            computed = one.group.type.equation(blocks, np.tile(one.group.constants, (k, 1))).values
+        off = computed.reshape(k, n, -1) - one.group.observed
+        off = np.where(one.group.type.wraps, wrap(off), off) / one.sigma
+        found.append(off[:, one.group.mask])
+    return np.clip(np.nan_to_num(np.concatenate(found, axis=1), nan=_ABSURD), -_ABSURD, _ABSURD)
+
+
+def placed(sides: Sides, moves: Moves) -> tuple[FloatArray, FloatArray]:
+    """Points (k, n, 3) and rotations (k, m, 3, 3) after movements, as observations refer to them."""
+    k = len(moves.scale)
+    points = np.broadcast_to(sides.points, (k, *sides.points.shape)).copy()
+    mine: BoolArray = sides.known.points == 2
+    turned = np.swapaxes(moves.rotation, 1, 2)
+    points[:, mine] = moves.scale[:, None, None] * (sides.points[mine] @ turned) + moves.shift[:, None, :]
+    lever = np.broadcast_to(sides.lever, points.shape).copy()
+    lever[:, mine] = sides.lever[mine] @ turned
+    points[:, sides.places] = moves.places
+    turns = np.broadcast_to(sides.rotations, (k, *sides.rotations.shape)).copy()
+    own = sides.known.rotations == 2
+    turns[:, own] = sides.rotations[own] @ turned[:, None]
+    if not sides.stands:
+        back = np.swapaxes(moves.stance, 1, 2)
+        points, lever, turns = (
+            moves.unit[:, None, None] * (points @ back),
+            lever @ back,
+            turns @ back[:, None],
+        )
+    points += lever
+    points[..., 2] -= sides.lowered
+    turns[:, sides.sets] = about_vertical(moves.kappas.ravel()).reshape(k, -1, 3, 3)
+    return points, turns
+
+
+def about_vertical(kappas: FloatArray) -> FloatArray:
+    """Rotations (n, 3, 3) of sets from their orientations (n,)."""
+    c, s, o = np.cos(kappas), np.sin(kappas), np.zeros_like(kappas)
+    return np.stack([c, s, o, -s, c, o, o, o, o + 1.0], axis=1).reshape(-1, 3, 3)
+
+
+# ------------------------------------------------------------
+# Many starts of one small problem at once: Σ log(1 + v²), by Gauss-Newton with Cauchy weights, damped.
+# ------------------------------------------------------------
+
+_STEP = 1e-6
+_FEW, _MANY = 6, 30
+"""Steps of the most promising starts, and of the best of these."""
+_LOOKED_AT, _KEPT = 200, 16
+_LARGEST = 0.5
+"""Change of an unknown in one step, at the most."""
+
+States = TypeVar("States", bound=tuple[FloatArray, ...])
+"""Many states: arrays whose first axis counts them."""
+
+
+class Searched(Protocol[States]):
+    """What is minimised; every unknown is of the size of one."""
+
+    @property
+    def unknowns(self) -> int:
+        """How many there are."""
+
+    def residuals(self, states: States) -> FloatArray:
+        """(k, n) of k states."""
+
+    def moved(self, states: States, steps: FloatArray) -> States:
+        """States after steps (k, unknowns)."""
+
+
+class Minima(NamedTuple):
+    """The best minima, the best first."""
+
+    states: tuple[FloatArray, ...]
+    objectives: FloatArray
+    """(k,)"""
+    residuals: FloatArray
+    """(k, n)"""
+    derivatives: FloatArray
+    """(n, unknowns) at the best one."""
+
+
+def minima(searched: Searched[States], starts: States) -> Minima:
+    """The minima that the most promising of many starts lead to."""
+    order = np.argsort(_objectives(searched.residuals(starts), 30.0), kind="stable")[:_LOOKED_AT]
+    states, off = _iterated(searched, some(starts, order), _FEW, 10.0)
+    states = some(states, np.argsort(_objectives(off, 3.0), kind="stable")[:_KEPT])
+    states, off = _iterated(searched, states, _MANY, 5.0)
+    order = np.argsort(_objectives(off, 1.0), kind="stable")
+    states, off = some(states, order), off[order]
+    return Minima(
+        states, _objectives(off, 1.0), off, _derivatives(searched, some(states, np.array([0])), off[:1])[0]
+    )
+
+
+def some(states: States, numbers: IntArray) -> States:
+    """Some of the states, by their numbers."""
+    return type(states)(*(array[numbers] for array in states))
+
+
+def _objectives(off: FloatArray, width: float) -> FloatArray:
+    return np.asarray(np.log1p(np.square(off / width)).sum(axis=1))
+
+
+def _derivatives(searched: Searched[States], states: States, off: FloatArray) -> FloatArray:
+    """(k, n, u) by differences, all unknowns of all states in one call."""
+    count, unknowns = len(off), searched.unknowns
+    many = some(states, np.repeat(np.arange(count), unknowns))
+    there = searched.residuals(searched.moved(many, np.tile(_STEP * np.eye(unknowns), (count, 1))))
+    change = there.reshape(count, unknowns, -1) - off[:, None, :]
+    return np.asarray(np.swapaxes(change, 1, 2) / _STEP)
+
+
+def _iterated(
+    searched: Searched[States], states: States, steps: int, width: float
+) -> tuple[States, FloatArray]:
+    """Steps that are not taken where they make it worse; large residuals count ever less."""
+    off = searched.residuals(states)
+    count, unknowns = len(off), searched.unknowns
+    damping = np.full(count, 1e-2)
+    for step in range(steps):
+        wide = max(1.0, width * (1.0 - step / (0.6 * steps)))
+        root = 1.0 / np.hypot(1.0, off / wide)
+        rows = _derivatives(searched, states, off) * root[:, :, None]
+        normal = np.swapaxes(rows, 1, 2) @ rows
+        diagonal = np.einsum("kii->ki", normal)
+        load = damping[:, None] * diagonal + 1e-9 * diagonal.max(axis=1, keepdims=True) + 1e-12
+        side = np.einsum("kni,kn->ki", rows, root * off)
+        normal[:, np.arange(unknowns), np.arange(unknowns)] += load
+        change = -rotations.solve(np.nan_to_num(normal), side[:, :, None])[:, :, 0]
+        moved = searched.moved(states, np.clip(np.nan_to_num(change), -_LARGEST, _LARGEST))
+        tried = searched.residuals(moved)
+        better = _objectives(tried, wide) < _objectives(off, wide)
+        both = type(states)(*(np.concatenate(pair) for pair in zip(states, moved, strict=True)))
+        states = some(both, np.arange(count) + count * better)
+        off = np.where(better[:, None], tried, off)
+        damping = np.clip(np.where(better, 0.2 * damping, 8.0 * damping), 1e-9, 1e6)
+    return states, off
+
+
+# ------------------------------------------------------------
+# What is looked for between two parts, and the starts from which it is looked for.
+# ------------------------------------------------------------
+
+STARTS = 500
+"""Starts at the least: turns that are sampled come again with other shifts and scales."""
+MEMORY = 3e7
+"""Coordinates that are held at once, at the most."""
+_TURNS = {Turn.ANY: 3, Turn.VERTICAL: 1, Turn.NONE: 0}
+_TIMES = {Turn.ANY: 4, Turn.VERTICAL: 2, Turn.NONE: 1}
+"""Times as many starts, where the target may be turned against what observations refer to."""
+FEWEST_DIRECTIONS = 3
+WANTED = 3
+"""Number by which points that neither part knows are known."""
+_SAME = 1e-6
+"""Change of misclosures up to which these do not depend on what was changed."""
+
+
+class Stance(NamedTuple):
+    """What the target does not know of what observations refer to: vertical and north, and the length unit."""
+
+    turn: Turn
+    unit: bool
+    """True where neither part knows it."""
+    by_source: bool
+    """True where only the source knows it."""
+
+    @property
+    def is_known(self) -> bool:
+        """True where nothing is left to look for."""
+        return self.turn is Turn.NONE and not self.unit and not self.by_source
+
+    @property
+    def unknowns(self) -> int:
+        """Turns and the logarithm of the unit."""
+        return _TURNS[self.turn] + self.unit
+
+
+KNOWN = Stance(Turn.NONE, False, False)
+
+
+def sampled_turns(turn: Turn) -> FloatArray:
+    """Return rotations (k, 3, 3) over all attitudes, about the vertical, or none."""
+    if turn is Turn.NONE:
+        return np.eye(3)[None]
+    angles = 2.0 * np.pi * np.arange(72) / 72
+    about = exponential(np.stack([0.0 * angles, 0.0 * angles, angles], axis=1))
+    if turn is Turn.VERTICAL:
+        return about
+    k = np.arange(60) + 0.5
+    z, around = 1.0 - 2.0 * k / 60.0, np.pi * (1.0 + 5.0**0.5) * k
+    tilt, azimuth = np.arccos(z), around
+    axes = np.stack([-np.sin(azimuth), np.cos(azimuth), 0.0 * k], axis=1) * tilt[:, None]
+    return np.concatenate([one @ about[::4] for one in exponential(axes)])
+
+
+def stance_of(target: Part, source: Part) -> Stance:
+    """What a target does not know; no source that it takes up knows more of directions."""
+    turn = Turn.NONE if target.oriented else Turn.VERTICAL if target.levelled else Turn.ANY
+    return Stance(turn, not (target.scaled or source.scaled), source.scaled and not target.scaled)
+
+
+class Sight(NamedTuple):
+    """A set whose orientation is looked for: its place, points of known place, directions to them."""
+
+    place: int
+    points: IntArray
+    directions: FloatArray
+    rises: FloatArray
+    """(n,) what its points are higher than it at a distance of 1; NaN where no vertical direction was read."""
+
+
+class Search(NamedTuple):
+    """What is looked for, and everything that tells it."""
+
+    sides: Sides
+    rows: list[Rows]
+    own: FloatArray
+    """(n, 3) common points in the source, about its middle."""
+    goal: FloatArray
+    """(n, 3) the same in the target, NaN where it is not known."""
+    goal_sigma: float
+    size: float
+    """Of the source."""
+    middle: FloatArray
+    turn: Turn
+    scaled: bool
+    stance: Stance = KNOWN
+    sights: tuple[Sight, ...] = ()
+
+    def compressed(self) -> Search:
+        """The same with none but the points that rows refer to."""
+        sides, rows, kept = only_used(self.sides, self.rows)
+        number = np.full(len(self.sides.points), -1, dtype=np.int64)
+        number[kept] = np.arange(len(kept))
+        sights = []
+        for one in self.sights:
+            told = number[one.points] >= 0
+            points, place = number[one.points[told]], int(number[one.place])
+            sights.append(Sight(place, points, one.directions[told], one.rises[told]))
+        return self._replace(sides=sides, rows=rows, sights=tuple(sights))
+
+    @property
+    def movements(self) -> int:
+        """Unknowns of the movement itself."""
+        return 3 + _TURNS[self.turn] + (not self.scaled)
+
+    @property
+    def unknowns(self) -> int:
+        """All of them; those of the stance are the last."""
+        return self.movements + len(self.sides.sets) + 3 * len(self.sides.places) + self.stance.unknowns
+
+    def residuals(self, states: Moves) -> FloatArray:
+        """(k, n) in units of what everything is good to."""
+        off = residuals(self.rows, self.sides, states)
+        moved = states.scale[:, None, None] * (self.own @ np.swapaxes(states.rotation, 1, 2))
+        there = (moved + states.shift[:, None, :] - self.goal) / self.goal_sigma
+        return np.concatenate([off, there[:, np.isfinite(self.goal)]], axis=1)
+
+    def moved(self, states: Moves, steps: FloatArray) -> Moves:
+        """States after steps (k, unknowns): parts of the size, radians, logarithms of scale and unit."""
+        unit = (states.scale * self.size)[:, None]
+        n, sets = self.movements, len(self.sides.sets)
+        factor = np.ones(len(steps)) if self.scaled else np.exp(steps[:, n - 1])
+        stance = self.unknowns - self.stance.unknowns
+        places = steps[:, n + sets : stance].reshape(len(steps), -1, 3)
+        of_target = np.exp(steps[:, -1]) if self.stance.unit else np.ones(len(steps))
+        return Moves(
+            states.scale * factor,
+            exponential(_turns(steps[:, 3:], self.turn)) @ states.rotation,
+            states.shift + unit * steps[:, :3],
+            states.kappas + steps[:, n : n + sets],
+            states.places + unit[:, None] * places,
+            states.unit / factor if self.stance.by_source else states.unit * of_target,
+            exponential(_turns(steps[:, stance:], self.stance.turn)) @ states.stance,
+        )
+
+
+def _turns(steps: FloatArray, turn: Turn) -> FloatArray:
+    """(k, 3) rotation vectors, from the first columns of steps."""
+    turns = np.zeros((len(steps), 3))
+    if turn is Turn.ANY:
+        turns = steps[:, :3]
+    elif turn is Turn.VERTICAL:
+        turns[:, 2] = steps[:, 0]
+    return turns
+
+
+def extent(points: FloatArray) -> float:
+    """Diagonal of the box about points, 0 of a single one."""
+    return float(np.linalg.norm(np.ptp(points, axis=0))) if len(points) > 1 else 0.0
+
+
+def standing(search: Search) -> Search:
+    """The search with as much of its stance as the observations refer to."""
+    if search.stance.is_known:
+        return search
+    floating = search._replace(sides=search.sides._replace(stands=False), stance=KNOWN)
+    states = _drawn(floating, np.random.default_rng(2), exponential(np.zeros((3, 3))))
+    turned = exponential(_turns(np.tile([[1.9, 0.7, -1.1]], (3, 1))[:, ::-1], search.stance.turn))
+    needs_turn = _differ(floating, states, states._replace(stance=turned))
+    needs_unit = _differ(floating, states, states._replace(unit=np.full(3, 1.7)))
+    stance = Stance(
+        search.stance.turn if needs_turn else Turn.NONE,
+        search.stance.unit and needs_unit,
+        search.stance.by_source and needs_unit,
+    )
+    return search if stance.is_known else floating._replace(stance=stance)
+
+
+def _differ(search: Search, one: Moves, other: Moves) -> bool:
+    """True where observations fit two stances differently, whatever the orientations of sets are."""
+    off = [search.residuals(states._replace(kappas=_orientations(search, states))) for states in (one, other)]
+    return bool((np.abs(off[1] - off[0]) > _SAME * (1.0 + np.abs(off[0]))).any())
+
+
+def starts(search: Search) -> Moves:
+    """Turns all over, with shifts and scales drawn about what is common or in reach."""
+    draw = np.random.default_rng(1)
+    turns = sampled_turns(search.turn)
+    most = int(MEMORY / (3 * max(len(search.sides.points), 1) * (search.unknowns + 1)))
+    wanted = STARTS * _TIMES[search.stance.turn]
+    turns = np.tile(turns, (-(-wanted // len(turns)), 1, 1))
+    turns = turns[draw.permutation(len(turns))[: max(most, 50)]] if len(turns) > most else turns
+    states = _drawn(search, draw, turns)
+    k = len(turns)
+    if search.stance.turn is not Turn.NONE:
+        some = sampled_turns(search.stance.turn)
+        states = states._replace(stance=some[draw.integers(len(some), size=k)])
+    if search.stance.unit:
+        reach = np.maximum(
+            states.scale * search.size, extent(search.sides.points[search.sides.known.points == 1])
+        )
+        unit = _lengths(search) / np.maximum(reach, 1e-300) * np.exp(draw.uniform(-1.0, 1.0, k))
+        states = states._replace(unit=np.where(unit > 0.0, unit, 1.0))
+    elif search.stance.by_source:
+        states = states._replace(unit=1.0 / states.scale)
+    states = _stationed(search, states)
+    return states._replace(kappas=_orientations(search, states))
+
+
+def _drawn(search: Search, draw: np.random.Generator, turns: FloatArray) -> Moves:
+    """A state for each turn (k, 3, 3), of a target that knows all that observations refer to."""
+    k = len(turns)
+    scale = np.ones(k) if search.scaled else _scales(search, k, draw)
+    theirs = search.sides.points[search.sides.known.points == 1]
+    reach = np.maximum(scale * search.size, extent(theirs))[:, None]
+    fixed = np.isfinite(search.goal).all(axis=1)
+    if fixed.any():
+        turned = search.own[fixed].mean(axis=0) @ np.swapaxes(turns, 1, 2)
+        shift = search.goal[fixed].mean(axis=0) - scale[:, None] * turned
+    else:
+        about = theirs.mean(axis=0) if len(theirs) else np.zeros(3)
+        shift = about + reach * draw.uniform(0.0, 1.0, (k, 1)) * draw.standard_normal((k, 3))
+    wanted = len(search.sides.places)
+    away = reach[:, None] * draw.uniform(0.2, 2.0, (k, 1, 1)) * draw.standard_normal((k, wanted, 3))
+    kappas = np.zeros((k, len(search.sides.sets)))
+    upright = np.ones(k), np.tile(np.eye(3), (k, 1, 1))
+    return Moves(scale, turns, shift, kappas, shift[:, None, :] + away, *upright)
+
+
+def _scales(search: Search, count: int, draw: np.random.Generator) -> FloatArray:
+    """As common points tell, or as distances do, or anything."""
+    known = np.isfinite(search.goal).all(axis=1)
+    size = extent(search.goal[known])
+    if size:
+        return np.asarray(size / extent(search.own[known]) * np.exp(0.2 * draw.standard_normal(count)))
+    reach = _lengths(search) if search.sides.stands else 0.0
+    reach = reach or extent(search.sides.points[search.sides.known.points == 1])
+    if reach:
+        return np.asarray(reach / search.size * np.exp(draw.uniform(-1.5, 1.5, count)))
+    return np.asarray(10.0 ** draw.uniform(-3.0, 4.0, count))
+
+
+def _lengths(search: Search) -> float:
+    """The largest distance between the parts, 0 where none was measured."""
+    lengths = [
+        one.group.observed for one in search.rows if one.group.type.key in ("distance", "horizontal_distance")
+    ]
+    return float(np.nanmax(np.concatenate(lengths))) if lengths else 0.0
+
+
+def _stationed(search: Search, states: Moves) -> Moves:
+    """States whose stations that are looked for are free stations, by three directions and more to known points."""
+    points = placed(search.sides, states)[0]
+    places = states.places.copy()
+    for place, sighted, directions, rises in search.sights:
+        column = np.flatnonzero(search.sides.places == place)
+        told = np.asarray(search.sides.known.points[sighted] != WANTED)
+        if len(column) and np.count_nonzero(told) >= FEWEST_DIRECTIONS:
+            there = _free_stations(points[:, sighted[told]], directions[told], rises[told])
+            back = (there[:, None, :] @ states.stance) / states.unit[:, None, None]
+            places[:, column[0]] = np.where(
+                np.isfinite(there.sum(axis=1, keepdims=True)), back[:, 0], places[:, column[0]]
+            )
+    return states._replace(places=places)
+
+
+def _free_stations(points: FloatArray, directions: FloatArray, rises: FloatArray) -> FloatArray:
+    """(k, 3) places from directions (n,) to points (k, n, 3): across every direction n · R_κ (P − S) = 0.
+
+    Linear and homogeneous in cos κ, sin κ and R_κ S; of these S is eliminated, with cos² κ + sin² κ = 1.
+    """
+    c, s = np.cos(directions), np.sin(directions)
+    middle = points.mean(axis=1, keepdims=True)
+    x, y, z = np.moveaxis(points - middle, 2, 0)
+    across = np.stack([c, -s], axis=1)
+    turn = np.stack([c * x - s * y, c * y + s * x], axis=2)
+    inverse = rotations.pinv(across)
+    rest = turn - across @ (inverse @ turn)
+    _, axes = rotations.eigh(np.swapaxes(rest, 1, 2) @ rest)
+    kappa = axes[:, :, 0]
+    own = np.einsum("ij,kjl,kl->ki", inverse, turn, kappa)
+    cosine, sine = kappa.T
+    along = s * (cosine[:, None] * x + sine[:, None] * y) + c * (cosine[:, None] * y - sine[:, None] * x)
+    away = along - own @ np.stack([s, c])
+    plan = np.stack([cosine * own[:, 0] - sine * own[:, 1], sine * own[:, 0] + cosine * own[:, 1]], axis=1)
+    told = np.isfinite(rises)
+    height = (
+        np.median(z[:, told] - np.abs(away[:, told]) * rises[told], axis=1) if told.any() else 0.0 * cosine
+    )
+    return np.asarray(np.concatenate([plan, height[:, None]], axis=1) + middle[:, 0])
+
+
+def _orientations(search: Search, states: Moves) -> FloatArray:
+    """(k, a) of sets, from the places that their points have at the start: the circular mean."""
+    points, _ = placed(search.sides, states)
+    kappas = np.zeros((len(states.scale), len(search.sides.sets)))
+    for column, (place, sighted, directions, _) in enumerate(search.sights):
+        away = points[:, sighted, :2] - points[:, place, None, :2]
+        turn = np.exp(1j * (directions - np.arctan2(away[..., 0], away[..., 1])))
+        kappas[:, column] = np.angle(turn.sum(axis=1))
+    return kappas
+
+
+# ------------------------------------------------------------
+# Two parts, and any observations between them or inside the one that joins: the movement that these determine.
+# ------------------------------------------------------------
+
+CONTROLLED = 3
+"""Observations beyond those that a movement takes, from which on they tell it beyond doubt."""
+AGREEING = 0.7
+"""Part of all that agree with a movement, at the least."""
+FITS = 5.0
+"""Units of what an observation is good to, up to which it agrees."""
+CLEAR = 9.0
+"""Difference of two objectives from which on one movement is told from another."""
+OPEN = 0.1
+"""σ of a movement (radians, or parts of the size) from which on it is open."""
+APART = 0.05
+SMALL = 5_000
+"""Observations of a network up to which it is tried."""
+SEARCHED = 400
+"""Observations of the first search in a network, at the most; the k-th one is made among a k-th of them.
+
+A search refines hundreds of starts, and if nothing fits, there is always another pair of parts. All searches together
+take at most a few times as long as the largest one.
+"""
+
+
+def tie_by_observations(
+    network: Network, target: Part, source: Part, scene: Scene, redundant: int = CONTROLLED
+) -> Movement | None:
+    """The movement from source to target that most observations agree with.
+
+    ``None`` where fewer than ``redundant`` beyond those it takes agree, where nothing came in since it was asked, or
+    after too many searches in the network (``SEARCHED``).
+    """
+    known = np.asarray(np.isfinite(source.points).all(axis=1))
+    if network.observations > SMALL or not (known.any() or source.poses):
+        return None
+    middle = source.points[known].mean(axis=0) if known.any() else np.zeros(3)
+    sides = sides_of(network, scene, target, source, middle)
+    rows = rows_between(network, sides)
+    common = np.flatnonzero(known & np.isfinite(target.points).any(axis=1))
+    told = sum(int(one.group.mask.sum()) for one in rows) + 3 * len(common)
+    asked = source.asked_for_ties
+    if told <= asked.get((target.number, redundant), 0):
+        return None
+    asked[target.number, redundant] = told
+    search = _search(target, source, scene, sides, rows, common, middle)
+    if told < search.unknowns - search.stance.unknowns + redundant - (3 if not len(common) else 0):
+        return None
+    search = standing(search._replace(sights=_sights(scene, sides)).compressed())
+    return _remembered(search, told, redundant, scene.tied)
+
+
+def _remembered(
+    search: Search, observations: int, redundant: int, tied: dict[bytes, Movement | None]
+) -> Movement | None:
+    """The movement looked for; other answers to what was in doubt elsewhere come to the same question again."""
+    told = [*search.sides[:-1], search.own, search.goal, *(one.sigma for one in search.rows)]
+    arrays = [array for one in told for array in (one if isinstance(one, tuple) else (one,))]
+    asked = search.goal_sigma, search.size, search.turn, search.scaled, search.stance, redundant
+    words = repr(asked).encode()
+    key = sha256(words + b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).digest()
+    if key not in tied and observations * (len(tied) + 1) <= SEARCHED:
+        with np.errstate(all="ignore"):
+            tied[key] = _judged(search, minima(search, starts(search)), redundant)
+    return tied.get(key)
+
+
+def _search(
+    target: Part,
+    source: Part,
+    scene: Scene,
+    sides: Sides,
+    rows: list[Rows],
+    common: IntArray,
+    middle: FloatArray,
+) -> Search:
+    both = source.levelled and target.levelled
+    turn = (Turn.NONE if source.oriented and target.oriented else Turn.VERTICAL) if both else Turn.ANY
+    goal = target.points[common].copy()
+    goal[:, 2] += scene.target_heights[common] if target.lifts and not source.lifts else 0.0
+    own = sides.points[sides.known.points == 2]
+    size = extent(own) or extent(source.points[np.isfinite(source.points).all(axis=1)]) or 1.0
+    reach = extent(target.points[np.isfinite(target.points).all(axis=1)])
+    return Search(
+        sides,
+        rows,
+        source.points[common] - middle,
+        goal,
+        PRECISION * (reach or size),
+        size,
+        middle,
+        turn,
+        source.scaled and target.scaled,
+        stance_of(target, source),
+    )
+
+
+def _sights(scene: Scene, sides: Sides) -> tuple[Sight, ...]:
+    """One set of each orientation that is looked for, with the points that either part knows."""
+    found = []
+    for block in sides.sets.tolist():
+        sight = next(one for one in scene.terrestrial.sights if one.rotation == block)
+        told = (sides.known.points[sight.points] > 0) & np.isfinite(sight.directions)
+        rises = np.tan(sight.verticals[told])
+        found.append(Sight(sight.position, sight.points[told], sight.directions[told], rises))
+    return tuple(found)
+
+
+def _judged(search: Search, found: Minima, redundant: int) -> Movement | None:
+    agrees = np.abs(found.residuals[0]) < FITS
+    count = int(np.count_nonzero(agrees))
+    values, axes, without = _determined(search, found.derivatives[agrees])
+    open_ = values * OPEN < 1.0
+    redundancy = count - search.unknowns + int(np.count_nonzero(open_)) + without
+    if redundancy < redundant or count < AGREEING * len(agrees):
+        return None
+    best = _movement(search, found, 0)
+    others: list[int] = []
+    for k in np.flatnonzero(found.objectives < found.objectives[0] + CLEAR)[1:].tolist():
+        if all(_apart(search, found, k, other, axes[~open_]) for other in (0, *others)):
+            others.append(k)
+    misfit = PRECISION * float(np.sqrt(np.mean(np.square(found.residuals[0][agrees]))))
+    return Movement(
+        best.scale,
+        best.rotation,
+        best.translation,
+        int(np.count_nonzero(open_)),
+        misfit,
+        redundancy,
+        tuple(_movement(search, found, k) for k in others),
+    )
+
+
+def _determined(search: Search, rows: FloatArray) -> tuple[FloatArray, FloatArray, int]:
+    """Reciprocal σ (m,) of combinations of the movements, these (m, m), whatever else is looked for.
+
+    The last: how many movements of the target itself the observations leave open.
+    """
+    n, stance = search.movements, search.unknowns - search.stance.unknowns
+    of_target = _whatever(rows[:, n:stance], rows[:, stance:], 0.0)
+    rest = _whatever(rows[:, n:stance], rows[:, :n], 0.0)
+    rest = _whatever(of_target, rest, 1.0 / OPEN)
+    told = rotations.singular_values(of_target)
+    padded = np.concatenate([rest, np.zeros((n, n))])
+    _, values, axes = rotations.svd(padded, full_matrices=False)
+    return values, axes, search.stance.unknowns - int(np.count_nonzero(told * OPEN >= 1.0))
+
+
+def _whatever(further: FloatArray, rows: FloatArray, least: float) -> FloatArray:
+    """Rows (n, m) without what ``further`` (n, k) unknowns explain whose reciprocal σ is more than ``least``."""
+    if not further.shape[1]:
+        return rows
+    left, values, _ = rotations.svd(further, full_matrices=False)
+    left = left[:, values > max(1e-9 * values.max(initial=1e-300), least)]
+    return np.asarray(rows - left @ (left.T @ rows))
+
+
+def _apart(search: Search, found: Minima, one: int, other: int, axes: FloatArray) -> bool:
+    """True where two movements differ in what is determined."""
+    a, b = (Moves(*(array[k] for array in found.states)) for k in (one, other))
+    turn = b.rotation @ a.rotation.T
+    small = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
+    cosine = 0.5 * (np.trace(turn) - 1.0)
+    small = small if cosine > 0.0 else small + np.pi / 2.0
+    turns = {Turn.ANY: small, Turn.VERTICAL: small[2:], Turn.NONE: small[:0]}[search.turn]
+    size = np.maximum(a.scale, b.scale) * search.size
+    scales = [] if search.scaled else [np.log(b.scale / a.scale)]
+    difference = np.concatenate([(b.shift - a.shift) / size, turns, scales])
+    return bool(np.abs(axes @ difference).max(initial=0.0) > APART)
+
+
+def _movement(search: Search, found: Minima, number: int) -> Similarity:
+    states = some(Moves(*found.states), np.array([number]))
+    scale, rotation = float(states.scale[0]), states.rotation[0]
+    shift = states.shift[0] - scale * rotation @ search.middle
+    return Similarity(SimilarityOutcome.DETERMINED, scale, rotation, shift, np.zeros((0, 3)), 0.0)

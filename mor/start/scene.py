@@ -1,0 +1,727 @@
+"""All parts of a network, their levels and scales."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations, islice
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse
+from scipy.sparse.csgraph import breadth_first_order, connected_components
+
+from mor.model import rotations
+from mor.model.rotations import nearest_rotation
+from mor.project.network import Network
+from mor.start.bundle import Similarity, SimilarityOutcome
+from mor.start.movement import Movement
+from mor.start.part import (
+    Distances,
+    Frame,
+    Part,
+    Sightings,
+    bare_frames,
+    given_pose,
+    image_frames,
+    rule,
+    sightings,
+    target_heights,
+    theodolite_frames,
+)
+from mor.start.sights import (
+    FITS,
+    OPEN,
+    Angles,
+    Choices,
+    HorizontalSet,
+    Lengths,
+    Sight,
+    Terrestrial,
+    Vertical,
+    bearing,
+    terrestrial,
+    vertical_of_directions,
+)
+from mor.types import FloatArray, IntArray
+
+# ------------------------------------------------------------
+# Points that differences tie to one another: their values up to a common shift.
+# ------------------------------------------------------------
+
+
+class Cluster(NamedTuple):
+    """Points tied by differences."""
+
+    points: IntArray
+    """(n,) blocks."""
+    values: FloatArray
+    """(n, m) heights or coordinates, the first point at zero."""
+
+
+def clusters(differences: Lengths) -> list[Cluster]:
+    """Clusters by height differences (m = 1) or vectors (m = 3), heights of instrument and target taken off."""
+    values = differences.value.copy()
+    values[:, -1] += differences.start_height - differences.end_height
+    whole = np.isfinite(values).all(axis=1)
+    start, end, values = differences.start[whole], differences.end[whole], values[whole]
+    if len(start) == 0:
+        return []
+    points, numbers = np.unique(np.concatenate([start, end]), return_inverse=True)
+    a, b = numbers[: len(start)], numbers[len(start) :]
+    edge = {(int(i), int(j)): v for i, j, v in zip((*a, *b), (*b, *a), (*values, *-values), strict=True)}
+    graph = scipy.sparse.csr_array((np.ones(len(a)), (a, b)), shape=(len(points),) * 2)
+    count, labels = connected_components(graph, directed=False)
+    return [_cluster(graph, edge, points, int(np.flatnonzero(labels == k)[0])) for k in range(count)]
+
+
+def _cluster(
+    graph: scipy.sparse.csr_array, edge: dict[tuple[int, int], FloatArray], points: IntArray, first: int
+) -> Cluster:
+    order, before = breadth_first_order(graph, first, directed=False)
+    placed = {first: np.zeros_like(next(iter(edge.values())))}
+    for number in order[1:].tolist():
+        placed[number] = placed[int(before[number])] + edge[int(before[number]), number]
+    return Cluster(points[order], np.array([placed[number] for number in order.tolist()]))
+
+
+# ------------------------------------------------------------
+# Everything measured, in the form the growth of parts works with.
+# ------------------------------------------------------------
+
+
+class StereoPair(NamedTuple):
+    """A relative orientation: frames of leader and follower that have it, and what is given of it."""
+
+    members: tuple[tuple[int, int], ...]
+    turn: FloatArray
+    """(3, 3) from leader to follower, NaN where not given."""
+    base: FloatArray
+    """(3,) in the axes of the leader, NaN where not given."""
+    known: dict[int, tuple[FloatArray, FloatArray]]
+    """Follower → (projection centre, rotation D) of its leader, where that is given."""
+
+
+class LocalSystem(NamedTuple):
+    """Points measured in a system of their own."""
+
+    name: str
+    rotation: int
+    points: IntArray
+    coordinates: FloatArray
+    """(n, 3) all three known; NaN among those of a system in part."""
+    scaled: bool
+    """True where its length unit is that of the network."""
+
+
+@dataclass(frozen=True)
+class Scene:
+    """Everything measured, in the form the growth works with."""
+
+    frames: tuple[Frame, ...]
+    terrestrial: Terrestrial
+    seen: Sightings
+    """The rays of all frames."""
+    target_heights: FloatArray
+    """(points,) height of the target that a point stands for in parts without vertical or scale."""
+    bare: tuple[tuple[Frame, ...], Sightings]
+    """Frames and rays as such parts use them."""
+    points: int
+    image_count: int
+    measured: IntArray
+    """Point blocks that images, theodolites or lengths refer to."""
+    pairs: tuple[StereoPair, ...]
+    level_lines: tuple[Cluster, ...]
+    vector_clusters: tuple[Cluster, ...]
+    systems: tuple[LocalSystem, ...]
+    partial_systems: tuple[LocalSystem, ...]
+    """Those of which single coordinates are measured, with all their points."""
+    with_surfaces: IntArray
+    """Points of distances, horizontal and vertical directions, and single coordinates of a system."""
+    sights_to: dict[int, list[int]]
+    """Of these points: the numbers of the levelled sets that see them."""
+    attitudes: dict[int, FloatArray]
+    """Frame → rotation D that is fixed or observed."""
+    distances: tuple[Distances, Distances]
+    """Of parts without scale, and of those that have it."""
+    shared: dict[tuple[int, float], list[int]]
+    """Position block and height above it → the frames with that centre, where there are several."""
+    choices: Choices = field(default_factory=Choices)
+    """Which of several answers that fit alike are taken."""
+    tied: dict[bytes, Movement | None] = field(default_factory=dict)
+    """Movements that all observations between two parts told, by what was asked."""
+
+    def rays_for(self, part: Part) -> tuple[tuple[Frame, ...], Sightings]:
+        """The frames and rays that a part can use."""
+        return (self.frames, self.seen) if part.lifts else self.bare
+
+
+def scene_of(network: Network) -> Scene:
+    """Frames, sights, lengths, pairs and systems of a network."""
+    images = image_frames(network)
+    frames = (*images, *theodolite_frames(network))
+    sights = terrestrial(network)
+    used = [frame.points for frame in frames] + [np.array([frame.position]) for frame in frames]
+    used += [sight.points for sight in sights.sights] + [np.array([s.position]) for s in sights.sights]
+    for lengths in (sights.slopes, sights.horizontals, sights.height_differences, sights.vectors):
+        used += [lengths.start, lengths.end]
+    measured = np.unique(np.concatenate([np.zeros(0, dtype=np.int64), *used])).astype(np.int64)
+    count = len(network.blocks["point"].ids)
+    partial = _systems(network, partial=True)
+    ends = [sights.slopes.start, sights.slopes.end, sights.verticals.start, sights.verticals.end]
+    ends += [sight.points for sight in sights.sights]
+    surfaced = np.unique(np.concatenate([*ends, *(one.points for one in partial)])).astype(np.int64)
+    seen = sightings(frames, count)
+    heights = target_heights(frames, count, _marks(network, frames, sights))
+    bare = frames, seen
+    if seen.height.any():
+        lowered = bare_frames(frames, heights)
+        bare = lowered, sightings(lowered, count)
+    return Scene(
+        frames,
+        sights,
+        seen,
+        heights,
+        bare,
+        count,
+        len(images),
+        measured,
+        _pairs(network, frames),
+        tuple(clusters(sights.height_differences)),
+        tuple(clusters(sights.vectors)),
+        _systems(network, partial=False),
+        partial,
+        surfaced,
+        _sights_to(sights, surfaced),
+        _attitudes(network, frames),
+        (Distances(sights, False), Distances(sights, True)),
+        _shared(frames),
+    )
+
+
+def _marks(network: Network, frames: tuple[Frame, ...], measured: Terrestrial) -> IntArray:
+    """Points that are measured themselves, not only by targets above them: frames, systems, vectors, levelling."""
+    local = [group.blocks[-1] for group in network.groups if group.type.key == "local"]
+    lines = measured.height_differences, measured.vectors
+    ends = [end for lengths in lines for end in (lengths.start, lengths.end)]
+    places = np.array([frame.position for frame in frames], dtype=np.int64)
+    return np.unique(np.concatenate([places, *local, *ends])).astype(np.int64)
+
+
+def _pairs(network: Network, frames: tuple[Frame, ...]) -> tuple[StereoPair, ...]:
+    leaders = {frame.rotation: n for n, frame in enumerate(frames) if frame.relative is None}
+    members: dict[tuple[int, int], list[tuple[int, int]]] = {}
+    known: dict[tuple[int, int], dict[int, tuple[FloatArray, FloatArray]]] = {}
+    for number, frame in enumerate(frames):
+        if frame.relative is None:
+            continue
+        found = members.setdefault(frame.relative, [])
+        if frame.rotation in leaders:
+            found.append((leaders[frame.rotation], number))
+        pose = given_pose(network, frame)
+        if pose is not None:
+            known.setdefault(frame.relative, {})[number] = pose
+    start = network.start
+    return tuple(
+        StereoPair(tuple(found), start["rotation"][turn], start["base"][base], known.get((turn, base), {}))
+        for (turn, base), found in members.items()
+    )
+
+
+def _systems(network: Network, partial: bool) -> tuple[LocalSystem, ...]:
+    """Systems in which points are known in all three coordinates, or, ``partial``, in single ones; no features."""
+    systems = []
+    for group in network.groups:
+        if group.type.key != "local":
+            continue
+        _, rotation, scale, offset, point = group.blocks
+        seen = np.isfinite(group.observed)
+        usable = (network.start["eccentricity"][offset] == 0.0).all(axis=1)
+        usable &= seen.any(axis=1) if partial else seen.all(axis=1)
+        about_axes = network.blocks["rotation"].about_axes
+        usable &= True if about_axes is None else ~about_axes[rotation]
+        for system in np.unique(rotation[usable]):
+            rows = np.flatnonzero(usable & (rotation == system))
+            if len(rows) < 3 or (partial and seen[rows].all()):
+                continue
+            block = scale[rows[0]]
+            free = bool(network.blocks["scale"].free[block, 0])
+            unit = 1.0 if free else float(network.start["scale"][block, 0])
+            name = network.blocks["rotation"].ids[system]
+            coordinates = group.observed[rows] / unit
+            systems.append(
+                LocalSystem(name, int(system), point[rows].astype(np.int64), coordinates, not free)
+            )
+    return tuple(systems)
+
+
+def _sights_to(measured: Terrestrial, points: IntArray) -> dict[int, list[int]]:
+    found: dict[int, list[int]] = {p: [] for p in points.tolist()}
+    for number, sight in enumerate(measured.sights):
+        for p in sight.points.tolist():
+            if p in found:
+                found[p].append(number)
+    return found
+
+
+def _attitudes(network: Network, frames: tuple[Frame, ...]) -> dict[int, FloatArray]:
+    if "rotation" not in network.start:
+        return {}
+    blocks, start = network.blocks["rotation"], network.start["rotation"]
+    held = ~blocks.free | np.isfinite(network.sigma["rotation"])
+    known = np.asarray(held.all(axis=1) & np.isfinite(start).all(axis=(1, 2)))
+    return {
+        n: start[frame.rotation]
+        for n, frame in enumerate(frames)
+        if frame.relative is None and known[frame.rotation]
+    }
+
+
+def _shared(frames: tuple[Frame, ...]) -> dict[tuple[int, float], list[int]]:
+    found: dict[tuple[int, float], list[int]] = {}
+    for number, frame in enumerate(frames):
+        if frame.relative is None:
+            found.setdefault((frame.position, float(frame.offset[0])), []).append(number)
+    return {key: numbers for key, numbers in found.items() if len(numbers) > 1}
+
+
+# ------------------------------------------------------------
+# Frames posed by other frames: stereo followers and leaders by their pair, images that turn about one tripod.
+# ------------------------------------------------------------
+
+AGREE = 0.02
+"""Radians within which a ray agrees with a turn about one tripod."""
+SMALLEST_ANGLE = 0.05
+"""Radians between two rays that a turn can be taken from."""
+_SAMPLES = 60
+
+
+def grow_relative(part: Part, scene: Scene) -> bool:
+    """Add what pairs and common tripods tell; true where anything was added."""
+    added, frames = False, scene.rays_for(part)[0]
+    for pair in scene.pairs:
+        added |= _follow(part, frames, pair)
+    for numbers in scene.shared.values():
+        posed = [n for n in numbers if n in part.poses]
+        for number in numbers if posed else ():
+            added |= number not in part.poses and _turned(part, frames, posed, number)
+    return added
+
+
+def _follow(part: Part, frames: Sequence[Frame], pair: StereoPair) -> bool:
+    lacking = [(a, b) for a, b in pair.members if (a in part.poses) != (b in part.poses)]
+    if not lacking:
+        return False
+    known = _relative(part, pair)
+    if known is None:
+        return False
+    turn, base = known
+    for leader, follower in lacking:
+        if leader in part.poses:
+            centre, D = part.poses[leader]
+            part.poses[follower] = (centre + D.T @ base, turn @ D)
+            part.how[frames[follower].name] = rule("follows {one}", one=frames[leader].name)
+        else:
+            centre, D = part.poses[follower]
+            D = turn.T @ D
+            part.poses[leader] = (centre - D.T @ base, D)
+            part.how[frames[leader].name] = rule("leads {one}", one=frames[follower].name)
+    return True
+
+
+def _relative(part: Part, pair: StereoPair) -> tuple[FloatArray, FloatArray] | None:
+    """Turn and base of a pair in the units of the part: as given, or as of the median of those posed already."""
+    if np.isfinite(pair.turn).all() and np.isfinite(pair.base).all() and part.scaled:
+        return pair.turn, pair.base
+    found = list(_posed(part, pair))
+    if not found:
+        return None
+    bases = np.array([base for _, base in found])
+    centre = int(np.argmin(np.linalg.norm(bases - np.median(bases, axis=0), axis=1)))
+    return found[centre]
+
+
+def _posed(part: Part, pair: StereoPair) -> Iterator[tuple[FloatArray, FloatArray]]:
+    for leader, follower in pair.members:
+        if leader in part.poses and follower in part.poses:
+            (O_a, D_a), (O_b, D_b) = part.poses[leader], part.poses[follower]
+            yield D_b @ D_a.T, D_a @ (O_b - O_a)
+
+
+def known_bases(part: Part, pairs: Sequence[StereoPair]) -> list[tuple[float, float]]:
+    """Present and given lengths of the bases that are given and posed."""
+    return [
+        (float(np.linalg.norm(base)), float(np.linalg.norm(pair.base)))
+        for pair in pairs
+        if np.isfinite(pair.base).all() and np.any(pair.base)
+        for _, base in _posed(part, pair)
+    ]
+
+
+def _turned(part: Part, frames: Sequence[Frame], posed: Sequence[int], number: int) -> bool:
+    """Pose of a frame on the tripod of another one: rays to points that frames there see too, or that are known."""
+    frame, centre = frames[number], part.poses[posed[0]][0]
+    towards: dict[int, FloatArray] = {}
+    for other in posed:
+        D = part.poses[other][1]
+        for point, ray in zip(frames[other].points.tolist(), frames[other].rays, strict=True):
+            towards.setdefault(point, D.T @ ray)
+    own, there = [], []
+    for point, height, ray in zip(frame.points.tolist(), frame.heights, frame.rays, strict=True):
+        if np.isfinite(part.points[point]).all():
+            away = part.points[point] + [0.0, 0.0, height] - centre
+            towards[point] = away / max(float(np.linalg.norm(away)), 1e-300)
+        if point in towards:
+            own.append(ray)
+            there.append(towards[point])
+    turn = _agreed_turn(np.array(own).reshape(-1, 3), np.array(there).reshape(-1, 3))
+    if turn is None:
+        return False
+    part.poses[number] = (centre.copy(), turn)
+    part.how[frame.name] = rule("turned about the tripod of {one}", one=frames[posed[0]].name)
+    return True
+
+
+def _agreed_turn(own: FloatArray, there: FloatArray) -> FloatArray | None:
+    """Rotation D with own = D there, from the two rays that most others agree with."""
+    best: tuple[int, FloatArray] | None = None
+    for i, j in islice(combinations(range(len(own)), 2), _SAMPLES):
+        if np.linalg.norm(np.cross(own[i], own[j])) < SMALLEST_ANGLE:
+            continue
+        D = nearest_rotation(own[[i, j]].T @ there[[i, j]])
+        agree = np.linalg.norm(own - there @ D.T, axis=1) < AGREE
+        count = int(agree.sum())
+        if count >= 2 and (best is None or count > best[0]):
+            best = count, nearest_rotation(own[agree].T @ there[agree])
+    enough = best is not None and best[0] >= max(2, 0.6 * len(own))
+    return best[1] if best is not None and enough else None
+
+
+# ------------------------------------------------------------
+# A part without vertical gets it from horizontal directions and vertical angles to its points.
+# ------------------------------------------------------------
+
+MOST_SETS = 8
+MOST_POINTS = 16
+"""Of each set: start values do not become better with more."""
+AGREEING = 0.7
+"""Part of all directions that agree with a vertical, at the least."""
+
+
+def vertical_by_directions(part: Part, scene: Scene, redundant: int) -> FloatArray | None:
+    """The vertical (3,) in the axes of a part that has none, where at least ``redundant`` directions control it.
+
+    ``None`` where it is open, where another vertical fits alike, or where too few directions agree. It is asked again
+    only where more points are known than before.
+    """
+    sets, angles = _sets(part, scene), _angles(part, scene)
+    told = sum(len(one.points) for one in sets) + len(angles.values)
+    if told <= part.asked_for_vertical.get(redundant, 0):
+        return None
+    part.asked_for_vertical[redundant] = told
+    found = vertical_of_directions(sets, angles)
+    if found is None or not _settles(found, told, redundant):
+        return None
+    return found.up
+
+
+def _settles(found: Vertical, told: int, redundant: int) -> bool:
+    enough = found.redundancy >= redundant and found.agreeing >= AGREEING * told
+    return enough and found.alone and found.sigma < OPEN
+
+
+def _sets(part: Part, scene: Scene) -> list[HorizontalSet]:
+    """The sets of most known points, without those that tell nothing of the vertical."""
+    found = [_set(part, sight) for sight in scene.terrestrial.sights if not sight.oriented]
+    found = [one for one in found if len(one.points) > (1 if np.isfinite(one.place).all() else 3)]
+    return sorted(found, key=lambda one: -len(one.points))[:MOST_SETS]
+
+
+def _set(part: Part, sight: Sight) -> HorizontalSet:
+    known = part.known(sight.points) & np.isfinite(sight.directions) & (sight.points != sight.position)
+    rows = np.flatnonzero(known)
+    if len(rows) > MOST_POINTS:
+        rows = rows[np.linspace(0, len(rows) - 1, MOST_POINTS).astype(int)]
+    place = part.points[sight.position]
+    return HorizontalSet(place, part.points[sight.points[rows]], sight.directions[rows])
+
+
+def _angles(part: Part, scene: Scene) -> Angles:
+    """Vertical angles between known points; heights of instruments and targets must not matter beside the distance."""
+    measured = scene.distances[1]
+    start, end = (part.points[block] for block in measured.ends.T)
+    length = np.linalg.norm(end - start, axis=1)
+    near = np.abs(measured.rises) <= FITS * length * part.scaled
+    rows = np.flatnonzero(np.isfinite(length) & near)[: MOST_SETS * MOST_POINTS]
+    return Angles(start[rows], end[rows], np.arctan(measured.tangents[rows]))
+
+
+# ------------------------------------------------------------
+# A part finds the vertical and the length unit from what was measured inside it.
+#
+# The vertical from posed frames that know it (levelled instruments, levels), else from height differences between its
+# points; the scale from distances, height differences, and bases of stereo pairs that are given.
+# ------------------------------------------------------------
+
+WEAKEST = 0.02
+"""Extension of height differences across their main direction, relative to that along, from which they level a part."""
+ALIKE = 3.0
+"""Factor of the misfits up to which two verticals fit alike."""
+CONTROLLED = 3
+"""Horizontal directions beyond those that a vertical takes, from which on they tell it beyond doubt."""
+DISAGREEMENT = 0.05
+"""Relative misfit beyond which height differences and points do not belong together."""
+
+
+def level_and_scale(part: Part, scene: Scene) -> bool:
+    """Turn the part upright and bring it to the length unit, as far as it tells; true where it gained either."""
+    # The scale first: with it the heights of points nearly in a plane tell the vertical, too.
+    lifted = part.lifts
+    gained = not part.scaled and _scale(part, scene)
+    if not part.levelled:
+        gained |= (
+            _level_by_frames(part, scene.frames)
+            or _level_by_heights(part, scene)
+            or _level_by_directions(part, scene, CONTROLLED)
+        )
+    if not part.scaled:
+        gained |= _scale(part, scene)
+    if part.lifts and not lifted:
+        part.lower_to_marks(scene.target_heights)
+    return gained
+
+
+def vertical_of(part: Part, frames: Sequence[Frame]) -> FloatArray:
+    """(n, 3) the vertical in the axes of the part, of every posed frame that knows it."""
+    found = [D.T @ frames[n].up for n, (_, D) in part.poses.items() if np.isfinite(frames[n].up).all()]
+    return np.array(found).reshape(-1, 3)
+
+
+def _level_by_frames(part: Part, frames: Sequence[Frame]) -> bool:
+    verticals = vertical_of(part, frames)
+    if len(verticals) == 0:
+        return False
+    # The vertical with which the others agree best: a wrong pose among several must not tilt the part.
+    off = np.linalg.norm(verticals[:, None] - verticals[None], axis=2)
+    centre = int(np.argmin(np.median(off, axis=1)))
+    near = off[centre] <= max(3.0 * float(np.median(off[centre])), 1e-6)
+    make_upright(part, verticals[near].mean(axis=0))
+    return True
+
+
+def make_upright(part: Part, vertical: FloatArray) -> None:
+    """Turn a part so that a direction becomes its Z axis."""
+    z = vertical / np.linalg.norm(vertical)
+    x = np.eye(3)[int(np.argmin(np.abs(z)))]
+    x = x - z * (x @ z)
+    x /= np.linalg.norm(x)
+    part.transform(_movement(1.0, np.stack([x, np.cross(z, x), z])))
+    part.levelled = True
+
+
+def _level_by_heights(part: Part, scene: Scene) -> bool:
+    """Three height differences and more: Δx · g = Δh; g is the vertical times the scale."""
+    difference, dz = _between_known(part, scene.level_lines)
+    if len(dz) < 3:
+        return False
+    values = rotations.singular_values(difference)
+    if values[2] < WEAKEST * values[0]:
+        return False
+    g = rotations.lstsq(difference, dz, rcond=None)
+    misfit = float(np.linalg.norm(difference @ g - dz))
+    length = float(np.linalg.norm(g))
+    if length == 0.0 or misfit > DISAGREEMENT * float(np.linalg.norm(dz)):
+        return False
+    if part.scaled:
+        return _level_by_unit_vector(part, scene, difference, dz)
+    part.transform(_movement(length, np.eye(3)))
+    part.scaled = True
+    make_upright(part, np.asarray(g, dtype=np.float64))
+    return True
+
+
+def _level_by_directions(part: Part, scene: Scene, redundant: int) -> bool:
+    """Horizontal directions and vertical angles to points of the part, at least ``redundant`` more than it takes."""
+    up = vertical_by_directions(part, scene, redundant)
+    if up is None:
+        return False
+    make_upright(part, up)
+    return True
+
+
+def _level_by_unit_vector(part: Part, scene: Scene, difference: FloatArray, dz: FloatArray) -> bool:
+    """The vertical of a part that has its scale: of unit length, so that points nearly in a plane leave two.
+
+    Where both fit alike it is the one with the cameras above what they see.
+    """
+    axes = rotations.svd(difference, full_matrices=False)[2]
+    in_plane: FloatArray = rotations.lstsq(difference @ axes[:2].T, dz, rcond=None) @ axes[:2]
+    rest = float(np.sqrt(max(1.0 - float(in_plane @ in_plane), 0.0)))
+    both = [in_plane + sign * rest * axes[2] for sign in (1.0, -1.0)]
+    misfits = [float(np.linalg.norm(difference @ g - dz)) for g in both]
+    best = int(np.argmin(misfits))
+    if misfits[best] > DISAGREEMENT * float(np.linalg.norm(dz)):
+        return False
+    if part.poses and misfits[1 - best] < ALIKE * misfits[best]:
+        order = np.argsort(-(np.array(both) @ _above(part)))
+        best = int(order[scene.choices.take(2)])
+    make_upright(part, both[best] / np.linalg.norm(both[best]))
+    return True
+
+
+def _above(part: Part) -> FloatArray:
+    """(3,) from what is seen to those who see it: up, as far as nothing else tells."""
+    seen = part.points[np.isfinite(part.points).all(axis=1)]
+    centres = np.array([centre for centre, _ in part.poses.values()])
+    above: FloatArray = centres.mean(axis=0) - (seen.mean(axis=0) if len(seen) else 0.0)
+    return above
+
+
+def level_roughly(part: Part, scene: Scene) -> bool:
+    """Turn a part so that heights of instruments and height differences inside it fit as well as they can.
+
+    True where it is upright after that.
+    """
+    lift = _lift(part, scene.frames)
+    if not part.levelled and np.any(lift):
+        make_upright(part, lift)
+    if not part.levelled:
+        _level_by_directions(part, scene, 0)
+    difference, dz = _between_known(part, scene.level_lines)
+    if part.levelled or len(dz) == 0:
+        return part.levelled
+    k = np.arange(400) + 0.5
+    z, around = 1.0 - 2.0 * k / 400.0, np.pi * (1.0 + 5.0**0.5) * k
+    up = np.stack([np.sqrt(1.0 - z**2) * np.cos(around), np.sqrt(1.0 - z**2) * np.sin(around), z], axis=1)
+    rise = up @ difference.T
+    factor = np.ones(len(up))
+    if not part.scaled:
+        factor = np.maximum(rise @ dz, 0.0) / np.maximum(np.sum(rise**2, axis=1), 1e-300)
+    cost = np.sum((factor[:, None] * rise - dz) ** 2, axis=1)
+    alike = up[cost <= max(ALIKE**2 * float(cost.min()), (DISAGREEMENT * float(np.linalg.norm(dz))) ** 2)]
+    best = alike[int(np.argmax(alike @ _above(part)))] if part.poses else up[int(np.argmin(cost))]
+    for _ in range(20 if part.scaled else 0):
+        across = difference - np.outer(difference @ best, best)
+        best = best - rotations.lstsq(across, difference @ best - dz, rcond=1e-6)
+        best = best / np.linalg.norm(best)
+    make_upright(part, best)
+    return True
+
+
+def _lift(part: Part, frames: Sequence[Frame]) -> FloatArray:
+    """(3,) sum of what leads up over one position: from its point to instrument, from instrument to instrument."""
+    over: dict[int, list[tuple[float, FloatArray]]] = {}
+    for number, (centre, _) in part.poses.items():
+        frame = frames[number]
+        if frame.stands:
+            over.setdefault(frame.position, []).append((float(frame.offset[0]), centre))
+    lift = np.zeros(3)
+    for position, places in over.items():
+        if np.isfinite(part.points[position]).all():
+            places.append((0.0, part.points[position]))
+        (low, below), (high, above) = min(places, key=lambda one: one[0]), max(places, key=lambda one: one[0])
+        if high > low:
+            lift += above - below
+    return lift
+
+
+def direct_roughly(part: Part, scene: Scene) -> None:
+    """Turn a part about its Z axis so that the bearings between its points fit, whether or not it is upright."""
+    known = np.asarray(np.isfinite(part.points[:, :2]).all(axis=1))
+    turns = []
+    for sight in scene.terrestrial.sights:
+        if sight.oriented and known[sight.position] and known[sight.points].all():
+            present = bearing(part.points[sight.position, :2], part.points[sight.points, :2])
+            turns.append(np.exp(1j * (sight.directions - present)))
+    if part.oriented or not turns:
+        return
+    turn = float(np.angle(np.mean(np.concatenate(turns))))
+    c, s = np.cos(turn), np.sin(turn)
+    part.transform(_movement(1.0, np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])))
+
+
+def _between_known(part: Part, lines: Sequence[Cluster]) -> tuple[FloatArray, FloatArray]:
+    """Differences (n, 3) of known points and of their heights (n,), along lines of levelling of any length."""
+    known = np.asarray(np.isfinite(part.points).all(axis=1))
+    start, end, dz = [], [], []
+    for line in lines:
+        points = line.points[known[line.points]]
+        values = line.values[known[line.points], 0]
+        start.append(points[:-1])
+        end.append(points[1:])
+        dz.append(np.diff(values))
+    if not start:
+        return np.zeros((0, 3)), np.zeros(0)
+    return part.points[np.concatenate(end)] - part.points[np.concatenate(start)], np.concatenate(dz)
+
+
+def _scale(part: Part, scene: Scene) -> bool:
+    measured = scene.terrestrial
+    bases = np.array(known_bases(part, scene.pairs)).reshape(-1, 2)
+    spans = _spans(part, scene.frames, measured.slopes)
+    ratios = [_ratios(spans, measured.slopes.value[:, 0]), _ratios(bases[:, 0], bases[:, 1])]
+    if part.levelled:
+        flat = part.points[:, :2][measured.horizontals.end] - part.points[:, :2][measured.horizontals.start]
+        ratios.append(_ratios(np.linalg.norm(flat, axis=1), measured.horizontals.value[:, 0]))
+    together = np.concatenate(ratios)
+    if len(together) == 0 and part.levelled:
+        difference, dz = _between_known(part, scene.level_lines)
+        steep = np.abs(difference[:, 2]) > WEAKEST * np.linalg.norm(difference, axis=1)
+        together = dz[steep] / difference[steep, 2]
+        together = together[together > 0.0]
+    if len(together) == 0:
+        return False
+    part.transform(_movement(float(np.median(together)), np.eye(3)))
+    part.scaled = True
+    forget_marks(part, scene)
+    return True
+
+
+def forget_marks(part: Part, scene: Scene) -> None:
+    """Heights of marks below instruments, which without scale were those of the instruments, are not known any more."""
+    places = [sight.position for sight in scene.terrestrial.sights if sight.height != 0.0]
+    places += [frame.position for frame in scene.frames if frame.stands and frame.offset[0] != 0.0]
+    marks = np.unique(np.array(places, dtype=np.int64))
+    part.points[marks[~part.fixed[marks]], 2] = np.nan
+
+
+def scale_roughly(part: Part, scene: Scene) -> None:
+    """The scale from instruments of different height over one position, where nothing else tells it."""
+    if part.scaled or not part.levelled:
+        return
+    over: dict[int, list[tuple[float, float]]] = {}
+    for number, (centre, _) in part.poses.items():
+        frame = scene.frames[number]
+        if frame.stands:
+            over.setdefault(frame.position, []).append((float(frame.offset[0]), float(centre[2])))
+    spans = np.array([np.subtract(max(places), min(places)) for places in over.values()]).reshape(-1, 2)
+    measured, present = spans[spans[:, 0] > 0.0].T
+    if present.sum() > 0.0:
+        part.transform(_movement(float(measured.sum() / present.sum()), np.eye(3)))
+        part.scaled = True
+        forget_marks(part, scene)
+
+
+def _ratios(present: FloatArray, measured: FloatArray) -> FloatArray:
+    usable = np.isfinite(present) & (present > 0.0)
+    return np.asarray(measured[usable] / present[usable])
+
+
+def _spans(part: Part, frames: Sequence[Frame], lengths: Lengths) -> FloatArray:
+    """Present lengths (n,): from the centre of the instrument, where a frame at that height is posed, to the target."""
+    start = part.points[lengths.start].copy()
+    centres = {
+        (frames[n].position, frames[n].height): centre
+        for n, (centre, _) in part.poses.items()
+        if frames[n].offset[0] != 0.0 and frames[n].stands
+    }
+    for i in np.flatnonzero(lengths.start_height != 0.0) if centres else ():
+        key = int(lengths.start[i]), int(lengths.start_block[i])
+        if key in centres:
+            start[i] = centres[key]
+    spans: FloatArray = np.linalg.norm(part.points[lengths.end] - start, axis=1)
+    return spans
+
+
+def _movement(scale: float, rotation: FloatArray) -> Similarity:
+    return Similarity(SimilarityOutcome.DETERMINED, scale, rotation, np.zeros(3), np.zeros((0, 3)), 0.0)

@@ -1,0 +1,824 @@
+"""Seeds of a network: the first images and stations."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from functools import reduce
+from itertools import combinations, islice
+from typing import NamedTuple
+
+import numpy as np
+import scipy.sparse
+
+from mor.model import rotations
+from mor.model.rotations import exponential
+from mor.start.bundle import direction_bundle, remembered, unit
+from mor.start.free_station import PlanShape, StationOutcome, free_station_level, three_bundles
+from mor.start.image_pair import FEWEST as FITTING_FEWEST
+from mor.start.image_pair import RobustOrientation, fitting_orientations, robust_relative_orientation
+from mor.start.image_pair import Seed as Orientation
+from mor.start.join_by_observations import Minima, minima, some
+from mor.start.part import SLACKS, Frame, Part, Rule, Sightings, empty_part, loosened, rule
+from mor.start.relative_orientation import RelativeOutcome, nearest_rotation
+from mor.start.resection import nearly_resect_three_points
+from mor.start.scene import Scene
+from mor.start.sights import Sight, Terrestrial
+from mor.types import BoolArray, FloatArray, IntArray
+
+# ------------------------------------------------------------
+# Begin a part where nothing is known: the best pair of frames by relative orientation (Rinner).
+# ------------------------------------------------------------
+
+PAIRS_TRIED = 24
+LOOKED_AT = 96
+"""Pairs whose parallaxes are compared before any is oriented."""
+GOOD_ENOUGH = 15.0
+"""Agreeing points times the angle (radians) at which their rays meet, from which no better pair is looked for."""
+GOOD_SHARE = 0.25
+"""The same in parts of the most points that two frames have in common."""
+DOUBTFUL, MOST = 2e-3, 0.9
+"""Slack (radians) from which, and part of the pairs below which, it is said how badly rays meet."""
+WINDOW = 64
+"""Rays of a point among which frames are paired."""
+FEWEST_COMMON = 8
+_SAMPLE = 80
+_REMEMBERED = 512
+"""Pairs that are not oriented again: every beginning, and every change tried of a network, comes to most of them."""
+
+
+class Pairs(NamedTuple):
+    """Pairs of frames that see common points, those with most of them first."""
+
+    first: IntArray
+    second: IntArray
+    common: IntArray
+    """Number of points that both see."""
+
+
+class Seed(NamedTuple):
+    """A part of two frames, or why there is none."""
+
+    part: Part | None
+    reason: Rule | None
+    """What the best pair lacks; ``None`` where there is a part, or no pair."""
+
+
+def common_pairs(seen: Sightings) -> Pairs:
+    """All pairs of frames that see common points, as far as they are worth a count.
+
+    The rays of a point are taken ``WINDOW`` at a time, and only frames within one window are paired:
+    a point that ten thousand images see does not make fifty million pairs.
+    """
+    frame, lengths = seen.frame, np.diff(seen.pointers)
+    rank = np.arange(len(frame)) - np.repeat(seen.pointers[:-1], lengths)
+    windows = -(-lengths // WINDOW)
+    column = np.repeat(np.cumsum(windows) - windows, lengths) + rank // WINDOW
+    shape = (seen.frames, int(windows.sum()))
+    by_frame = scipy.sparse.csr_array((np.ones(len(frame), dtype=np.int32), (frame, column)), shape=shape)
+    by_frame.data[:] = 1
+    common = scipy.sparse.triu(by_frame @ by_frame.T, k=1).tocoo()
+    order = np.argsort(-common.data, kind="stable")
+    return Pairs(*(array[order].astype(np.int64) for array in (common.row, common.col, common.data)))
+
+
+def seed_bundles(
+    frames: Sequence[Frame], among: IntArray, pairs: Pairs, points: int, passed: int = 0
+) -> Seed:
+    """A part of two frames, base 1, of the pair ``among`` some (numbers of pairs) that is oriented best.
+
+    ``passed``: so many that are better are passed over, as far as there are others.
+    """
+    oriented: list[tuple[float, Part]] = []
+    reason: Rule | None = None
+    both = among[pairs.common[among] >= FEWEST_COMMON]
+    first, second = pairs.first[both], pairs.second[both]
+    if len(both) == 0:
+        return Seed(None, _too_few(frames, pairs, among))
+    enough = min(GOOD_ENOUGH, GOOD_SHARE * int(pairs.common[both].max()))
+    for tried, (i, j) in enumerate(by_parallax(frames, first, second, pairs.common[both])):
+        if tried >= PAIRS_TRIED and oriented:
+            break
+        found = _oriented(frames, i, j, points)
+        if isinstance(found, Rule):
+            reason = reason or found
+            continue
+        oriented.append(found)
+        if sum(score >= enough for score, _ in oriented) > passed:
+            break
+    oriented.sort(key=lambda one: -one[0])
+    return Seed(oriented[min(passed, len(oriented) - 1)][1], None) if oriented else Seed(None, reason)
+
+
+def _too_few(frames: Sequence[Frame], pairs: Pairs, among: IntArray) -> Rule | None:
+    if len(among) == 0:
+        return None
+    one, other = frames[int(pairs.first[among[0]])], frames[int(pairs.second[among[0]])]
+    common = int(pairs.common[among[0]])
+    words = "{one} and {other} share {count} points, relative orientation needs {least}"
+    return rule(words, one=one.name, other=other.name, count=common, least=FEWEST_COMMON)
+
+
+def _spread(first: IntArray, second: IntArray) -> Iterator[tuple[int, int]]:
+    """The pairs in their order, those of frames that were named often already put off to the end."""
+    named: dict[int, int] = {}
+    late: list[int] = []
+    for pair, (i, j) in enumerate(zip(first, second, strict=True)):
+        times = max(named.get(i, 0), named.get(j, 0))
+        named[i], named[j] = named.get(i, 0) + 1, named.get(j, 0) + 1
+        if times < 3:
+            yield int(i), int(j)
+        else:
+            late.append(pair)
+    for pair in late:
+        yield int(first[pair]), int(second[pair])
+
+
+def by_parallax(
+    frames: Sequence[Frame], first: IntArray, second: IntArray, common: IntArray
+) -> list[tuple[int, int]]:
+    """Pairs worth an orientation, the most promising first: points times what the best turn without a base leaves.
+
+    The pairs with most points in common are the neighbours, with the shortest bases: in a block of images hundreds of
+    them are alike, and none is good. Beyond ``_SAMPLE`` points more of them do not help, so pairs are looked at all
+    over those that have as many.
+    """
+    ample = int(np.count_nonzero(common >= _SAMPLE))
+    if ample > LOOKED_AT:
+        chosen = np.linspace(0, ample - 1, LOOKED_AT).astype(int)
+        candidates = list(zip(first[chosen].tolist(), second[chosen].tolist(), strict=True))
+    else:
+        candidates = list(islice(_spread(first, second), LOOKED_AT))
+    return sorted(candidates, key=lambda pair: -_parallax(frames[pair[0]], frames[pair[1]]))
+
+
+def _parallax(one: Frame, other: Frame) -> float:
+    """Common points times the median angle (radians) that is left when the rays are turned into each other."""
+    at_one, at_other = common_rays(one, other)
+    a, b = one.rays[at_one], other.rays[at_other]
+    left = np.linalg.norm(b - a @ nearest_rotation(b.T @ a).T, axis=1)
+    return len(at_one) * float(np.median(left))
+
+
+def common_rays(one: Frame, other: Frame) -> tuple[IntArray, IntArray]:
+    """Rows in two frames of the points that both see, ``_SAMPLE`` at the most."""
+    _, at_one, at_other = np.intersect1d(one.points, other.points, return_indices=True)
+    if len(at_one) > _SAMPLE:
+        chosen = np.linspace(0, len(at_one) - 1, _SAMPLE).astype(int)
+        at_one, at_other = at_one[chosen], at_other[chosen]
+    return at_one, at_other
+
+
+def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | Rule:
+    at_i, at_j = common_rays(frames[i], frames[j])
+    one, other = frames[i], frames[j]
+    measured = one.rays[at_i], one.sigma[at_i], other.rays[at_j], other.sigma[at_j]
+    found = _with_least_slack(*measured)
+    if isinstance(found, RelativeOutcome):
+        words = "{one} and {other}, relative orientation: {outcome}"
+        return rule(words, one=frames[i].name, other=frames[j].name, outcome=found.value)
+    slack, result = found
+    orientation, count = result.orientation, int(np.count_nonzero(result.agreeing))
+    angle = _median_angle(
+        frames[i].rays[at_i[result.agreeing]], frames[j].rays[at_j[result.agreeing]], orientation.rotation
+    )
+    part = empty_part(points)
+    part.slack = slack
+    part.poses[i] = (np.zeros(3), np.eye(3))
+    part.poses[j] = (orientation.base, orientation.rotation)
+    names: dict[str, str | int] = {"one": frames[i].name, "other": frames[j].name, "count": count}
+    part.began = rule("relative orientation of {one} and {other}, {count} points", **names)
+    if slack >= DOUBTFUL or count < MOST * len(at_i):
+        part.began = rule(
+            "relative orientation of {one} and {other}, {count} points (only {count} of {of} pairs of rays meet within "
+            "{slack} mrad: camera constant, distortion or identities may be wrong)",
+            **names,
+            of=len(at_i),
+            slack=f"{1e3 * slack:g}",
+        )
+    part.how[frames[i].name] = part.how[frames[j].name] = part.began
+    return count * min(angle, 0.6), part
+
+
+@remembered(_REMEMBERED)
+def _with_least_slack(
+    a_rays: FloatArray, a_sigma: FloatArray, b_rays: FloatArray, b_sigma: FloatArray
+) -> tuple[float, RobustOrientation] | RelativeOutcome:
+    """Relative orientation with the smallest slack that most points agree with.
+
+    Where there is none, what became of the tightest. Rays that meet precisely, but behind, do not become a pair by
+    looseness: they are mirrored. Of rays (n, 3) and their σ (n,) in two frames.
+    """
+
+    def oriented(slack: float) -> tuple[RobustOrientation, bool]:
+        a = direction_bundle(a_rays, loosened(a_sigma, slack))
+        b = direction_bundle(b_rays, loosened(b_sigma, slack))
+        found = robust_relative_orientation(a, b)
+        good = found.orientation.outcome is RelativeOutcome.DETERMINED
+        return found, good and int(np.count_nonzero(found.agreeing)) >= max(8, 0.6 * len(a_rays))
+
+    tightest, fits = oriented(SLACKS[0])
+    if fits:
+        return SLACKS[0], tightest
+    best: tuple[float, RobustOrientation] | None = None
+    outcome = tightest.orientation.outcome
+    for slack in reversed(SLACKS[1:]):  # loosely first, then ever tighter
+        result, fits = oriented(slack)
+        if fits:
+            best = slack, result
+        elif best is not None:
+            outcome = result.orientation.outcome
+            break
+    if outcome is RelativeOutcome.DETERMINED:
+        outcome = RelativeOutcome.DOES_NOT_FIT
+    return outcome if best is None or outcome is RelativeOutcome.MIRRORED else best
+
+
+def _median_angle(rays_a: FloatArray, rays_b: FloatArray, rotation: FloatArray) -> float:
+    cosine = np.einsum("ni,ni->n", rays_a, rays_b @ rotation)
+    return float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
+
+
+# ------------------------------------------------------------
+# Begin a part where no pair of frames is oriented beyond doubt: a third frame tells which of the orientations holds.
+#
+# Five to seven common points, points in a plane and weak pairs leave several orientations, or one of which σ does not
+# hold. Each is tried: the part that grows from it is judged by the rays that agree with it.
+# ------------------------------------------------------------
+
+DOUBTFUL_PAIRS_TRIED = 8
+FRAMES_TRIED = 4
+"""Frames by which a part is grown before it is judged."""
+TRUNCATION = 5.0
+"""σ from which on a ray speaks for nothing."""
+
+Grow = Callable[[Part, int], object]
+"""Grows a part by a number of frames."""
+
+
+def seed_doubtful(scene: Scene, among: IntArray, pairs: Pairs, grow: Grow) -> Part | None:
+    """A part of the pair ``among`` some whose best orientation the most rays of further frames agree with.
+
+    Where no further frame can be posed, a pair of which a single orientation fits begins it, weak as it may be, and at
+    the very last the one of several that fits best; five points control nothing.
+    """
+    both = among[pairs.common[among] >= FITTING_FEWEST]
+    frames = scene.bare[0]
+    best: tuple[float, Part | None] = (0.0, None)
+    several: list[tuple[float, Part]] = []
+    ordered = by_parallax(frames, pairs.first[both], pairs.second[both], pairs.common[both])
+    for i, j in ordered[:DOUBTFUL_PAIRS_TRIED]:
+        judged: list[tuple[float, Part]] = []
+        for part in _candidates(scene, i, j):
+            grow(part, FRAMES_TRIED)
+            judged.append((support(part, scene.rays_for(part)[0]), part))
+        judged.sort(key=lambda one: -one[0])
+        controlled = len(common_rays(frames[i], frames[j])[0]) > FITTING_FEWEST
+        if judged and (len(judged[0][1].poses) > 2 or (controlled and len(judged) == 1)):
+            best = max(best, judged[0], key=lambda one: one[0])
+        elif judged and controlled:
+            several = max(several, judged, key=lambda one: one[0][0] if one else 0.0)
+    if best[1] is not None or not several:
+        return best[1]
+    return several[scene.choices.take(len(several))][1]
+
+
+def _candidates(scene: Scene, i: int, j: int) -> list[Part]:
+    """Parts of two frames, one for each orientation that fits, with the smallest slack with which any does."""
+    one, other = scene.bare[0][i], scene.bare[0][j]
+    at_i, at_j = common_rays(one, other)
+    for slack in SLACKS[:-1]:
+        a = direction_bundle(one.rays[at_i], loosened(one.sigma[at_i], slack))
+        b = direction_bundle(other.rays[at_j], loosened(other.sigma[at_j], slack))
+        found = fitting_orientations(a, b)
+        if found:
+            return [_part(scene, i, j, seed, slack, len(at_i), len(found)) for seed in found]
+    return []
+
+
+def _part(scene: Scene, i: int, j: int, seed: Orientation, slack: float, common: int, of: int) -> Part:
+    one, other = scene.frames[i].name, scene.frames[j].name
+    part = empty_part(scene.points)
+    part.slack = slack
+    part.poses[i], part.poses[j] = (np.zeros(3), np.eye(3)), (seed.base, seed.rotation)
+    part.began = rule(
+        "relative orientation of {one} and {other}, {count} points, one of {of} that fit: most rays agree with it",
+        one=one,
+        other=other,
+        count=common,
+        of=of,
+    )
+    part.how[one] = part.how[other] = part.began
+    return part
+
+
+def support(part: Part, frames: Sequence[Frame]) -> float:
+    """How much the rays of posed frames speak for a part: Σ max(0, 25 − (v/σ)²) over those to known points."""
+    total = 0.0
+    for number, (centre, D) in part.poses.items():
+        frame = frames[number]
+        known = part.known(frame.points)
+        star = part.points[frame.points[known]] - centre
+        star[:, 2] += frame.heights[known]
+        star = star @ D.T
+        star /= np.linalg.norm(star, axis=1, keepdims=True)
+        off = np.linalg.norm(star - frame.rays[known], axis=1) / loosened(frame.sigma[known], part.slack)
+        total += float(np.sum(np.maximum(TRUNCATION**2 - off**2, 0.0)))
+    return total
+
+
+# ------------------------------------------------------------
+# Begin a levelled part where nothing is known: one station at the origin, its circle zero along +Y.
+#
+# Bearings bring north with them; alone they have no set that sees much, and begin with the two points of one of them.
+# ------------------------------------------------------------
+
+
+def seed_levelled(
+    measured: Terrestrial, unknown: set[int], points: int, tried: set[int], with_distances: bool
+) -> Part | None:
+    """A levelled part around the set that sees most; ``tried`` remembers where a part was begun already.
+
+    A station ``with_distances`` of its own has its scale. Of one without, the distance to another station that it
+    sights is taken as one. Sets that have to find their orientation come before bearings.
+    """
+    reach, meeting = _measured_from(measured), _bearings_at(measured)
+    best = None
+    for number, sight in enumerate(measured.sights):
+        if number in tried or sight.position not in unknown:
+            continue
+        if sight.oriented:
+            count = _promise_of_bearing(sight, reach, meeting, with_distances)
+        else:
+            count = _promise(measured, sight, reach, with_distances)
+        rank = (not sight.oriented, count)
+        if count and (best is None or rank > best[0]):
+            best = (rank, number)
+    if best is None:
+        return None
+    tried.add(best[1])
+    sight = measured.sights[best[1]]
+    part = empty_part(points)
+    part.levelled, part.oriented = True, sight.oriented
+    part.points[sight.position] = 0.0
+    part.kappas[best[1]] = 0.0
+    part.began = rule("origin of a local system at {one}", one=sight.name)
+    part.how[f"point {sight.position}"] = part.began
+    part.scaled = with_distances
+    if not with_distances:
+        _unit_base(part, *_base(measured, sight))
+    return part
+
+
+def _bearings_at(measured: Terrestrial) -> Counter[int]:
+    """Point → the bearings from and to it."""
+    meeting: Counter[int] = Counter()
+    for sight in measured.sights:
+        if sight.oriented:
+            meeting.update([sight.position, *sight.points.tolist()])
+    return meeting
+
+
+def _promise_of_bearing(
+    sight: Sight, reach: dict[int, set[int]], meeting: Counter[int], with_distances: bool
+) -> int:
+    """Bearings that meet at the end with fewer of them; one that nothing else meets does not make a network."""
+    ends = [sight.position, int(sight.points[0])]
+    if with_distances and ends[1] not in reach.get(ends[0], set()):
+        return 0
+    count = min(meeting[end] for end in ends)
+    return count if with_distances or count > 1 else 0
+
+
+def _measured_from(measured: Terrestrial) -> dict[int, set[int]]:
+    """Position → the points with a distance from or to it."""
+    reach: dict[int, set[int]] = {}
+    for lengths in (measured.slopes, measured.horizontals):
+        for a, b in zip(lengths.start.tolist(), lengths.end.tolist(), strict=True):
+            reach.setdefault(a, set()).add(b)
+            reach.setdefault(b, set()).add(a)
+    return reach
+
+
+def _promise(measured: Terrestrial, sight: Sight, reach: dict[int, set[int]], with_distances: bool) -> int:
+    """Sighted points, where the set can begin a part: with distances two of them, without another station."""
+    sighted = sight.points[np.isfinite(sight.directions)]
+    if len(sighted) < 2:
+        return 0
+    if with_distances:
+        both = len(reach.get(sight.position, set()).intersection(sighted.tolist()))
+        return both if both > 0 else 0
+    return len(sighted) if _other_station(measured, sight) is not None else 0
+
+
+def _other_station(measured: Terrestrial, sight: Sight) -> tuple[int, float] | None:
+    """The first sighted point that is itself a station, and its direction."""
+    stations = {other.position for other in measured.sights}
+    for point, direction in zip(sight.points.tolist(), sight.directions, strict=True):
+        if point in stations and np.isfinite(direction) and point != sight.position:
+            return point, float(direction)
+    return None
+
+
+def _base(measured: Terrestrial, sight: Sight) -> tuple[int, float]:
+    """The point at the other end of the base, and the direction to it."""
+    if sight.oriented:
+        return int(sight.points[0]), float(sight.directions[0])
+    other = _other_station(measured, sight)
+    assert other is not None
+    return other
+
+
+def _unit_base(part: Part, point: int, direction: float) -> None:
+    """Directions alone: another station comes at the distance one."""
+    part.points[point, :2] = [np.sin(direction), np.cos(direction)]
+    part.how[f"point {point}"] = rule("base of length one")
+
+
+# ------------------------------------------------------------
+# Begin a levelled part with three stations that do not see each other, by the directions to points all three see.
+# ------------------------------------------------------------
+
+FEWEST = 6
+"""Points that three bundles in the plane have to share: five leave nothing over that could tell shapes apart."""
+SAMPLE = 30
+"""Points and stations at the most that the shape is worked out from."""
+CLEARLY = 3.0
+"""How many times as far the rays of another shape have to pass by for it to be out of the question."""
+SIGMA = 1e-5
+"""Radians; a measure for free stations, which cancels when two shapes are compared."""
+
+
+def seed_plan(
+    measured: Terrestrial, unknown: set[int], points: int, tried: set[int]
+) -> tuple[Part | None, Rule | None]:
+    """A part of the three sets that share most points, or why there is none; ``tried`` remembers sets."""
+    sets = _largest_sets(measured, unknown, tried)
+    chosen = _best_three(measured, sets)
+    if chosen is None:
+        return None, None
+    tried.update(chosen)
+    sights = [measured.sights[number] for number in chosen]
+    common = _common(sights)
+    shapes = three_bundles(np.array([_directions(sight, common) for sight in sights]))
+    others = [measured.sights[number] for number in sets if number not in chosen]
+    ranked = sorted((_misfit(shape, common, others), k) for k, shape in enumerate(shapes))
+    names = {"one": sights[0].name, "two": sights[1].name, "three": sights[2].name}
+    if not ranked or not np.isfinite(ranked[0][0]):
+        return None, rule(
+            "directions of {one}, {two} and {three}: no shape in plan has all points in front", **names
+        )
+    if len(ranked) > 1 and ranked[1][0] < CLEARLY * ranked[0][0]:
+        return None, rule("directions of {one}, {two} and {three}: two shapes in plan fit alike", **names)
+    return _seed_plan_part(chosen, sights, common, shapes[ranked[0][1]], points), None
+
+
+def _largest_sets(measured: Terrestrial, unknown: set[int], tried: set[int]) -> list[int]:
+    """The set of every unknown station that sees most, those with most points first."""
+    largest: dict[int, tuple[int, int]] = {}
+    for number, sight in enumerate(measured.sights):
+        if sight.oriented or sight.position not in unknown or number in tried:
+            continue
+        count = int(np.isfinite(sight.directions).sum())
+        if count >= 3 and (count, -number) > largest.get(sight.position, (0, 0)):
+            largest[sight.position] = (count, -number)
+    return [-number for _, number in sorted(largest.values(), reverse=True)][:SAMPLE]
+
+
+def _best_three(measured: Terrestrial, sets: list[int]) -> tuple[int, ...] | None:
+    """The three sets with most points in common, ``None`` where none share enough."""
+    seen = {number: set(_seen(measured.sights[number]).tolist()) for number in sets}
+    best = max(
+        combinations(sets, 3), key=lambda three: len(set.intersection(*(seen[n] for n in three))), default=()
+    )
+    return best if best and len(set.intersection(*(seen[n] for n in best))) >= FEWEST else None
+
+
+def _seen(sight: Sight) -> IntArray:
+    return sight.points[np.isfinite(sight.directions)]
+
+
+def _common(sights: list[Sight]) -> IntArray:
+    """Points that all of them see, ``SAMPLE`` at the most."""
+    common = reduce(np.intersect1d, [_seen(sight) for sight in sights])
+    return np.asarray(common[np.linspace(0, len(common) - 1, min(len(common), SAMPLE)).astype(int)])
+
+
+def _directions(sight: Sight, points: IntArray) -> FloatArray:
+    """Directions of a set to points that it sees, the first one where it sees them several times."""
+    seen = np.flatnonzero(np.isfinite(sight.directions))
+    first = {int(sight.points[row]): row for row in seen[::-1].tolist()}
+    return sight.directions[[first[p] for p in points.tolist()]]
+
+
+def _misfit(shape: PlanShape, points: IntArray, others: list[Sight]) -> float:
+    """Radians by which rays pass by, of the worst of the three stations and of others that see the points, too."""
+    worst = shape.misfit
+    for sight in others:
+        there = np.isin(points, _seen(sight))
+        if np.count_nonzero(there) < 4:
+            continue
+        directions = _directions(sight, points[there])
+        station = free_station_level(
+            shape.points[there], directions, np.full(len(directions), np.nan), SIGMA, 1.0
+        )
+        if station.outcome is StationOutcome.DOES_NOT_FIT:
+            return float("inf")
+        if station.outcome.usable:
+            worst = max(worst, SIGMA * station.sigma0)
+    return worst
+
+
+def _seed_plan_part(
+    chosen: tuple[int, ...], sights: list[Sight], common: IntArray, shape: PlanShape, points: int
+) -> Part:
+    part = empty_part(points)
+    part.levelled = True
+    names = {"one": sights[0].name, "two": sights[1].name, "three": sights[2].name}
+    part.began = rule("directions of {one}, {two} and {three} to {count} points", **names, count=len(common))
+    for number, sight, place, kappa in zip(chosen, sights, shape.stations, shape.kappas, strict=True):
+        part.points[sight.position, :2] = place
+        part.kappas[number] = float(kappa)
+        part.how[f"point {sight.position}"] = part.began
+    part.points[common, :2] = shape.points
+    part.how |= {f"point {p}": part.began for p in common.tolist()}
+    return part
+
+
+# ------------------------------------------------------------
+# Frames that see fewer known points than a resection takes, and others that posed frames see too.
+#
+# A known point is two conditions, a point that a posed frame sees one: both rays and the base are coplanar.
+# Six determine the pose. Starts come in closed form, from three known points (Grunert), from two (the angle
+# between them leaves the centre on a surface of revolution about their line, which is sampled), or from the
+# relative orientation to a posed frame with five common points or more, whose base has the length that all
+# conditions tell; they are adjusted together.
+# ------------------------------------------------------------
+
+POSE = 6
+CONTROLLED = 2
+"""Conditions beyond those that a pose takes, from which on they tell it beyond doubt."""
+MOST_KNOWN = 3
+"""Known points up to which other rays are asked; with more it is a resection."""
+FITS = 5.0
+"""Units of what a ray is good to, up to which it agrees."""
+CLEAR = 9.0
+"""Difference of two objectives from which on one pose is told from another."""
+OPEN = 0.1
+"""σ of a pose (radians, or parts of the distance) from which on it is open."""
+APART = 0.05
+_ALONG, _AROUND = 24, 36
+"""Places on the surface from which two points are seen under an angle."""
+_SMALLEST = 1e-3
+"""Angle (radians) between the rays of two points that such places are sampled of."""
+
+
+class Poses(NamedTuple):
+    """Poses of a frame."""
+
+    centre: FloatArray
+    """(k, 3)"""
+    rotation: FloatArray
+    """(k, 3, 3) D"""
+
+
+class Conditions(NamedTuple):
+    """What a frame sees: known points, and points on rays of posed frames. The unknowns of its pose are about 1."""
+
+    targets: FloatArray
+    """(n, 3)"""
+    rays: FloatArray
+    """(n, 3) to them, unit vectors in the axes of the frame."""
+    across: FloatArray
+    """(n, 2, 3) unit vectors across these."""
+    sigma: FloatArray
+    """(n,) radians."""
+    at: FloatArray
+    """(m, 3) a place on a ray of a posed frame, its centre."""
+    along: FloatArray
+    """(m, 3) its direction."""
+    other: FloatArray
+    """(m, 3) the ray of the frame to the same point, in its axes."""
+    other_sigma: FloatArray
+    """(m,) radians, of both rays."""
+    size: float
+    """Distance that steps of the centre are parts of."""
+
+    @property
+    def unknowns(self) -> int:
+        """Three of the centre, three of the attitude."""
+        return POSE
+
+    @property
+    def equations(self) -> int:
+        """Number of conditions."""
+        return 2 * len(self.rays) + len(self.other)
+
+    def residuals(self, poses: Poses) -> FloatArray:
+        """(k, 2n + m) in units of what the rays are good to."""
+        towards = unit((self.targets - poses.centre[:, None]) @ np.swapaxes(poses.rotation, 1, 2))
+        away = np.arccos(np.clip(np.sum(towards * self.rays, axis=2), -1.0, 1.0))
+        stretched = away / np.maximum(np.sin(away), 1e-12) / self.sigma
+        off = np.einsum("nci,kni->knc", self.across, towards) * stretched[:, :, None]
+        normal = unit(np.cross(self.at - poses.centre[:, None], self.along))
+        coplanar = np.sum(normal * (self.other @ poses.rotation), axis=2) / self.other_sigma
+        return np.concatenate([off.reshape(len(off), -1), coplanar], axis=1)
+
+    def moved(self, states: Poses, steps: FloatArray) -> Poses:
+        """Poses after steps (k, 6): parts of the size, radians."""
+        turned = exponential(steps[:, 3:]) @ states.rotation
+        return Poses(states.centre + self.size * steps[:, :3], turned)
+
+    def ahead(self, pose: Poses) -> BoolArray:
+        """(2n + m,) true where what a condition is about lies before the frame, and before the other one, too."""
+        centre, D = pose.centre[0], pose.rotation[0]
+        before = np.repeat(np.sum(((self.targets - centre) @ D.T) * self.rays, axis=1) > 0.0, 2)
+        own, base = self.other @ D, self.at - centre
+        cosine = np.sum(own * self.along, axis=1)
+        # X = centre + s own = at + t along, nearest to each other
+        a, b = np.sum(base * own, axis=1), np.sum(base * self.along, axis=1)
+        square = np.maximum(1.0 - cosine**2, 1e-12)
+        return np.concatenate([before, ((a - cosine * b) / square > 0.0) & (cosine * a - b > 0.0)])
+
+
+def pose_by_rays(part: Part, scene: Scene, redundant: int = CONTROLLED, ambiguous: bool = False) -> bool:
+    """Add the pose of a frame that few known points and rays of others determine; true where one was added.
+
+    ``redundant``: conditions that agree beyond those it takes, at the least. ``ambiguous``: also one of several that
+    fit alike.
+    """
+    frames = scene.rays_for(part)[0]
+    for number in _with_enough(part, scene, POSE + redundant):
+        frame = frames[number]
+        known = np.count_nonzero(part.known(frame.points))
+        conditions = _conditions(part, scene, number, SLACKS[1])
+        asked = part.asked_for_poses
+        key = number, redundant, ambiguous
+        if conditions.equations < POSE + redundant or asked.get(key, 0) == conditions.equations:
+            continue
+        asked[key] = conditions.equations
+        found = _found(part, scene, number, redundant, ambiguous)
+        if found is not None:
+            part.poses[number] = found.centre[0], found.rotation[0]
+            part.how[frame.name] = rule(
+                "resection from {count} points and {rays} rays of others",
+                count=int(known),
+                rays=len(conditions.other),
+            )
+            return True
+    return False
+
+
+def _with_enough(part: Part, scene: Scene, least: int) -> list[int]:
+    """Frames without a pose, of few known points, that may have as many conditions."""
+    seen = scene.rays_for(part)[1]
+    posed = np.zeros(seen.frames, dtype=bool)
+    posed[list(part.poses)] = True
+    known = part.known(seen.point)
+    beside = np.bincount(seen.point[posed[seen.frame]], minlength=scene.points)[seen.point]
+    points = np.bincount(seen.frame, known, seen.frames)
+    conditions = np.bincount(seen.frame, np.where(known, 2, beside), seen.frames)
+    return np.flatnonzero(~posed & (points <= MOST_KNOWN) & (conditions >= least)).tolist()
+
+
+def _found(part: Part, scene: Scene, number: int, redundant: int, ambiguous: bool) -> Poses | None:
+    for slack in (s for s in SLACKS[1:3] if s >= part.slack):
+        conditions = _conditions(part, scene, number, slack)
+        starts = _starts(part, scene, number, conditions)
+        if len(starts.centre) == 0:
+            return None
+        with np.errstate(all="ignore"):
+            poses = _that_fit(conditions, minima(conditions, starts), redundant)
+        if len(poses) == 1 or (ambiguous and poses):
+            return poses[scene.choices.take(len(poses))]
+        if poses:
+            return None
+    return None
+
+
+def _that_fit(conditions: Conditions, found: Minima, redundant: int) -> list[Poses]:
+    """Poses that all conditions agree with, the best first; none where the best one does not, or is open."""
+    values = rotations.singular_values(found.derivatives)
+    if not np.isfinite(values).all() or values[-1] * OPEN < 1.0 or conditions.equations < POSE + redundant:
+        return []
+    poses: list[Poses] = []
+    for k in range(len(found.objectives)):
+        pose = some(Poses(*found.states), np.array([k]))
+        if found.objectives[k] > found.objectives[0] + CLEAR or not np.all(np.abs(found.residuals[k]) < FITS):
+            continue
+        if conditions.ahead(pose).all() and all(_apart(pose, one, conditions.size) for one in poses):
+            poses.append(pose)
+    return poses
+
+
+def _apart(one: Poses, other: Poses, size: float) -> bool:
+    turned = np.trace(one.rotation[0] @ other.rotation[0].T) < 3.0 - APART**2
+    return bool(turned or np.linalg.norm(one.centre - other.centre) > APART * size)
+
+
+def _conditions(part: Part, scene: Scene, number: int, slack: float) -> Conditions:
+    frames, seen = scene.rays_for(part)
+    frame, known = frames[number], part.known(frames[number].points)
+    targets = part.points[frame.points[known]] + np.outer(frame.heights[known], [0.0, 0.0, 1.0])
+    at, along, other, sigma = [], [], [], []
+    for row in np.flatnonzero(~known).tolist():
+        for ray in seen.of_points(frame.points[row : row + 1]).tolist():
+            pose = part.poses.get(int(seen.frame[ray]))
+            if pose is not None:
+                at.append(pose[0] + [0.0, 0.0, float(frame.heights[row] - seen.height[ray])])
+                along.append(pose[1].T @ seen.rays[ray])
+                other.append(frame.rays[row])
+                sigma.append(np.hypot(frame.sigma[row], seen.sigma[ray]))
+    centres = np.array([centre for centre, _ in part.poses.values()]).reshape(-1, 3)
+    near = np.concatenate([targets, centres])
+    rays = frame.rays[known]
+    return Conditions(
+        targets,
+        rays,
+        rotations.svd(rays[:, None, :])[2][:, 1:] if len(rays) else np.zeros((0, 2, 3)),
+        loosened(frame.sigma[known], slack),
+        np.array(at).reshape(-1, 3),
+        np.array(along).reshape(-1, 3),
+        np.array(other).reshape(-1, 3),
+        loosened(np.array(sigma), slack),
+        float(np.linalg.norm(near - near.mean(axis=0), axis=1).max(initial=0.0)) or 1.0,
+    )
+
+
+def _starts(part: Part, scene: Scene, number: int, conditions: Conditions) -> Poses:
+    found = [Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)))]
+    known = len(conditions.rays)
+    for three in combinations(range(known), 3):
+        solved = nearly_resect_three_points(conditions.targets[[three]], conditions.rays[[three]])
+        found.append(Poses(solved.positions, solved.rotations))
+    if known == 2:
+        found.append(_over_two(conditions.targets, conditions.rays))
+    if known < 2:
+        found.extend(_beside_others(part, scene, number, conditions))
+    return Poses(*(np.concatenate(arrays) for arrays in zip(*found, strict=True)))
+
+
+def _over_two(targets: FloatArray, rays: FloatArray) -> Poses:
+    """Poses (k) all over the surface from which two points (2, 3) are seen under the angle of their rays."""
+    apart = float(np.arccos(np.clip(rays[0] @ rays[1], -1.0, 1.0)))
+    if apart < _SMALLEST:
+        return Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)))
+    line = targets[1] - targets[0]
+    length = float(np.linalg.norm(line))
+    u, (v, w) = line / length, rotations.svd(line[None])[2][1:]
+    at_first = (np.pi - apart) * (np.arange(_ALONG) + 0.5) / _ALONG
+    about = 2.0 * np.pi * np.arange(_AROUND) / _AROUND
+    a, phi = (grid.ravel() for grid in np.meshgrid(at_first, about, indexing="ij"))
+    distance = length * np.sin(a + apart) / np.sin(apart)
+    aside = np.cos(phi)[:, None] * v + np.sin(phi)[:, None] * w
+    centre = targets[0] + distance[:, None] * (np.cos(a)[:, None] * u + np.sin(a)[:, None] * aside)
+    theirs = _triads(unit(targets[0] - centre), unit(targets[1] - centre))
+    own = _triads(rays[:1], rays[1:2])
+    return Poses(centre, np.swapaxes(own, 1, 2) @ theirs)
+
+
+def _triads(first: FloatArray, second: FloatArray) -> FloatArray:
+    """(k, 3, 3) rows: the first direction, the normal of both, and their product."""
+    normal = unit(np.cross(first, second))
+    return np.stack([first, normal, np.cross(first, normal)], axis=1)
+
+
+def _beside_others(part: Part, scene: Scene, number: int, conditions: Conditions) -> Iterator[Poses]:
+    """Poses by relative orientation to each posed frame with enough common points, scaled by all conditions."""
+    frames = scene.rays_for(part)[0]
+    frame = frames[number]
+    for other, (centre, D) in part.poses.items():
+        at_other, at_own = common_rays(frames[other], frame)
+        if len(at_own) >= FITTING_FEWEST:
+            theirs = frames[other].rays[at_other], frames[other].sigma[at_other]
+            for base, turn in _orientations(*theirs, frame.rays[at_own], frame.sigma[at_own]):
+                rotation, towards = turn @ D, D.T @ base
+                length = _length(conditions, centre, towards, rotation)
+                if np.isfinite(length) and length > 0.0:
+                    yield Poses((centre + length * towards)[None], rotation[None])
+
+
+@remembered(_REMEMBERED)
+def _orientations(
+    rays_of_one: FloatArray, sigma_of_one: FloatArray, rays_of_other: FloatArray, sigma_of_other: FloatArray
+) -> list[tuple[FloatArray, FloatArray]]:
+    for slack in SLACKS[:-1]:
+        one = direction_bundle(rays_of_one, loosened(sigma_of_one, slack))
+        other = direction_bundle(rays_of_other, loosened(sigma_of_other, slack))
+        found = fitting_orientations(one, other)
+        if found:
+            return [(seed.base, seed.rotation) for seed in found]
+    return []
+
+
+def _length(conditions: Conditions, centre: FloatArray, towards: FloatArray, D: FloatArray) -> float:
+    """λ of a centre + λ towards, at an attitude: known points lie on their rays, other rays are coplanar."""
+    rays, other = conditions.rays @ D, conditions.other @ D
+    normals = np.cross(rays, towards)
+    normals = np.cross(rays, np.where(np.linalg.norm(normals, axis=1)[:, None] > 1e-12, normals, 1.0))
+    across = np.concatenate([unit(normals), unit(np.cross(other, conditions.along))])
+    away = np.concatenate([conditions.targets, conditions.at]) - centre
+    sigma = np.concatenate([conditions.sigma, conditions.other_sigma])
+    by_length, off = across @ towards / sigma, np.sum(across * away, axis=1) / sigma
+    square = float(by_length @ by_length)
+    return float(by_length @ off) / square if square > 0.0 else np.nan

@@ -1,0 +1,727 @@
+"""Sights of stations: polar points, sets of directions, verticals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple, TypeVar
+
+import numpy as np
+
+from mor.model import rotations
+from mor.model.observation_types import ObservationGroup, some_rows, wrap
+from mor.model.rotations import exponential
+from mor.project.network import Network
+from mor.types import FloatArray, IntArray
+
+# ------------------------------------------------------------
+# Which of several answers that fit alike is taken whenever one is asked for, and how well start values agree.
+# ------------------------------------------------------------
+
+ROWS = 20_000
+"""Rows of a group by which start values are judged; observations of a network up to which trying again costs little."""
+AGREES = float(np.log1p(5.0**2))
+"""Mean of log(1 + (v/σ)²) of a group up to which start values agree with it: 5 σ."""
+SOUND = float(np.log1p(2.0**2))
+"""The same of adjusted ones, and of those that need not be adjusted before they are judged: 2 σ."""
+BETTER = 0.1
+"""Mean of log(1 + (v/σ)²) by which start values must agree better to be taken for others."""
+SMALLER = 1e-6
+"""Part of v'Pv from which on one minimum lies below another."""
+SECOND_TRIES = 4
+"""Other answers that are tried beside start values that agree, where such ones fitted alike."""
+
+Found = TypeVar("Found")
+
+
+class Question(NamedTuple):
+    """A question with several answers."""
+
+    answers: int
+    taken: int
+    alike: bool
+    """True where the answers fit alike; false where the first one is the best, and may be wrong all the same."""
+
+
+@dataclass
+class Choices:
+    """The answers to take, in the order in which they are asked for: the first one where nothing else is ``wanted``."""
+
+    wanted: tuple[int, ...] = ()
+    asked: list[Question] = field(default_factory=list)
+
+    def take(self, count: int, alike: bool = True) -> int:
+        """The number of the answer to take of ``count``, the likeliest first."""
+        if count <= 1:
+            return 0
+        place = len(self.asked)
+        taken = min(self.wanted[place], count - 1) if place < len(self.wanted) else 0
+        self.asked.append(Question(count, taken, alike))
+        return taken
+
+    def others(self) -> list[tuple[int, ...]]:
+        """What else to want, one other answer each: where answers fit alike first, the next likely ones first."""
+        before = tuple(question.taken for question in self.asked)
+        found = [
+            (other, not question.alike, place)
+            for place, question in enumerate(self.asked)
+            for other in range(question.answers)
+            if other != question.taken
+        ]
+        return [_trimmed((*before[:place], other)) for other, _, place in sorted(found)]
+
+    @property
+    def open(self) -> bool:
+        """True where answers fitted alike."""
+        return any(question.alike for question in self.asked)
+
+
+def _trimmed(wanted: tuple[int, ...]) -> tuple[int, ...]:
+    """Without the likeliest answers at its end, which are taken anyhow."""
+    while wanted and not wanted[-1]:
+        wanted = wanted[:-1]
+    return wanted
+
+
+class Judgement(NamedTuple):
+    """How good start values are."""
+
+    missing: int
+    """Things that have none."""
+    fit: float
+    """Mean of log(1 + (v/σ)²) over all observations that they reach."""
+    worst: float
+    """The largest of a group."""
+    squares: float = np.inf
+    """v'Pv, where they were adjusted and that came to an end."""
+    before: float = np.inf
+    """``fit`` before they were adjusted."""
+
+    @property
+    def agrees(self) -> bool:
+        """True where nothing better is to be looked for."""
+        return not self.missing and self.worst <= (SOUND if np.isfinite(self.squares) else AGREES)
+
+    def beats(self, other: Judgement) -> bool:
+        """True where these are clearly better, or end at a smaller v'Pv.
+
+        Gross errors can draw good ones and bad ones to one end, from where nothing tells what is wrong: the good ones
+        fit most observations as they stand.
+        """
+        if np.isfinite(self.squares) and np.isfinite(other.squares):
+            if abs(self.squares - other.squares) <= SMALLER * other.squares:
+                return self.before + BETTER < other.before
+            return self.squares < other.squares
+        return (self.missing, self.fit + BETTER * (self.missing == other.missing)) < (
+            other.missing,
+            other.fit,
+        )
+
+
+def likeliest(
+    attempt: Callable[[Choices], Found],
+    judged: Callable[[Found], Judgement],
+    most: Callable[[], int],
+) -> tuple[Found, Choices]:
+    """What the choices lead to that agree best: one answer after another is changed, as long as that helps.
+
+    ``most``: attempts beside the first one, at the most; asked only where that one does not agree.
+    """
+    choices = Choices()
+    best = attempt(choices)
+    if not choices.asked:
+        return best, choices
+    judgement = judged(best)
+    tried, left = {choices.wanted}, _tries(choices, judgement, most)
+    while left > 0:
+        wanted = _next(choices, tried, judgement.agrees)
+        if wanted is None:
+            break
+        tried.add(wanted)
+        other = Choices(wanted)
+        found = attempt(other)
+        of_it = judged(found)
+        left -= 1
+        if of_it.beats(judgement):
+            left = min(left, SECOND_TRIES) if of_it.agrees else left
+            best, choices, judgement = found, other, of_it
+    return best, choices
+
+
+def _tries(choices: Choices, judgement: Judgement, most: Callable[[], int]) -> int:
+    """How many other answers are worth a try: those that fit alike may all agree, and one of them best.
+
+    Where something is missing and the rest agrees, what is missing may not be measured at all.
+    """
+    if judgement.missing and judgement.worst <= AGREES:
+        return min(most(), SECOND_TRIES)
+    if not judgement.agrees:
+        return most()
+    return SECOND_TRIES if choices.open and np.isfinite(judgement.squares) else 0
+
+
+def _next(choices: Choices, tried: set[tuple[int, ...]], alike: bool) -> tuple[int, ...] | None:
+    """What to want next; where ``alike`` only another answer to a question of such."""
+    for wanted in choices.others():
+        place = len(wanted) - 1
+        if wanted not in tried and (not alike or (place >= 0 and choices.asked[place].alike)):
+            return wanted
+    return None
+
+
+def disagreement(groups: Sequence[ObservationGroup], start: Mapping[str, FloatArray]) -> tuple[float, float]:
+    """Mean of log(1 + (v/σ)²) over what can be computed, and the largest of a group; few wrong ones weigh little."""
+    found = [_of_group(group, start) for group in groups]
+    total, count = sum(one[0] for one in found), sum(one[1] for one in found)
+    return total / max(count, 1), max((one[0] / one[1] for one in found if one[1]), default=0.0)
+
+
+def _of_group(group: ObservationGroup, start: Mapping[str, FloatArray]) -> tuple[float, int]:
+    """Sum of log(1 + (v/σ)²) over the observations of a group, and how many there are."""
+    if group.count > ROWS:
+        group = some_rows(group, np.linspace(0, group.count - 1, ROWS).astype(np.int64))
+    blocks = [start[slot.kind][at] for slot, at in zip(group.type.slots, group.blocks, strict=True)]
+    with np.errstate(all="ignore"):
+        off = group.observed - group.type.equation(blocks, group.constants).values
+        off = np.where(group.type.wraps, wrap(off), off) / group.sigma
+    told = np.isfinite(off) & group.mask
+    sizes = np.minimum(np.abs(off[told]), 1e100)
+    return float(np.log1p(np.square(sizes)).sum()), int(np.count_nonzero(told))
+
+
+# ------------------------------------------------------------
+# Polar points, heights and rays: from directions, vertical directions and distances to coordinates and back.
+#
+# Bearings t = atan2(ΔX, ΔY) run clockwise from +Y. A set of directions r has an orientation κ, r = t + κ.
+# Vertical directions v are positive upwards; of a zenith angle z it is v = π/2 − z. All angles in radians.
+# ------------------------------------------------------------
+
+POLAR_AGREES = 0.05
+"""Radians up to which sights agree: places may be rough."""
+CANDIDATES = 100
+"""Sights of which the orientation of a set may be that of one."""
+SAME = 1e-9
+"""Mean absolute differences (radians) that are the same."""
+
+
+class Orientation(NamedTuple):
+    """Orientation of a set of directions."""
+
+    kappa: float
+    """κ of r = t + κ, in (−π, π]; not a number where nothing was sighted."""
+    residuals: FloatArray
+    """(n,) computed minus observed direction."""
+    resultant: float
+    """Length of the mean of the unit vectors: 1 where all sights agree, near 0 where they contradict."""
+
+
+def bearing(start: FloatArray, end: FloatArray) -> FloatArray:
+    """Bearings (…) from ``start`` to ``end`` (…, 2 or 3)."""
+    difference = np.asarray(end, dtype=float) - np.asarray(start, dtype=float)
+    return np.asarray(np.arctan2(difference[..., 0], difference[..., 1]))
+
+
+def polar_rays(directions: FloatArray, verticals: FloatArray) -> FloatArray:
+    """Unit rays (n, 3) in the axes of a theodolite with r = atan2(X*, Y*) and v = atan(Z*/√(X*² + Y*²))."""
+    level = np.cos(verticals)
+    return np.stack([level * np.sin(directions), level * np.cos(directions), np.sin(verticals)], axis=-1)
+
+
+def polar_points(
+    station: FloatArray, kappa: float, directions: FloatArray, verticals: FloatArray, distances: FloatArray
+) -> FloatArray:
+    """Points (n, 3) from a levelled station (3,): directions, vertical directions and slope distances (n,)."""
+    rays = polar_rays(np.asarray(directions) - kappa, verticals)
+    return np.asarray(np.asarray(station) + rays * np.asarray(distances)[:, None])
+
+
+def orient(station: FloatArray, points: FloatArray, directions: FloatArray) -> Orientation:
+    """Orientation of ``directions`` (n,) from a station (2 or 3,) to known ``points`` (n, 2 or 3).
+
+    The mean of those that agree with the sight of the least sum of absolute differences from all the others: a median
+    on the circle, which a few wrong identities do not turn.
+    """
+    differences = np.asarray(directions) - bearing(station, points)
+    if not len(differences):
+        return Orientation(float("nan"), differences, 0.0)
+    units = np.exp(1j * differences)
+    candidates = units[np.linspace(0, len(units) - 1, min(len(units), CANDIDATES)).astype(int)]
+    apart = np.abs(np.angle(candidates[:, None] * units.conj())).sum(axis=1)
+    median = candidates[apart <= apart.min() + SAME * len(units)].mean()
+    near = np.abs(np.angle(units * np.conj(median))) <= POLAR_AGREES
+    kappa = float(np.angle(units[near].mean() if near.any() else median))
+    return Orientation(kappa, np.angle(np.exp(1j * kappa) * units.conj()), abs(units.mean()))
+
+
+# ------------------------------------------------------------
+# Sets of directions, gathered from all the tables that read them, in face one; and which frames know the vertical.
+# ------------------------------------------------------------
+
+KEYS = ("directions", "zenith_directions")
+
+
+class DirectionSet(NamedTuple):
+    """What one set read: horizontal and vertical directions in face one, NaN where there is none."""
+
+    name: str
+    position: int
+    rotation: int
+    height: int
+    """Blocks of the station, its orientation and its instrument height."""
+    points: IntArray
+    heights: FloatArray
+    """(n,) heights of the targets."""
+    horizontal: FloatArray
+    vertical: FloatArray
+    sigma: FloatArray
+    """(n,) radians, the larger of the two."""
+
+
+def direction_sets(network: Network) -> list[DirectionSet]:
+    """All sets of a network, in the order of their rotation blocks; rows of one set may stand in several tables."""
+    groups = [group for group in network.groups if group.type.key in KEYS and group.count]
+    if not groups:
+        return []
+    blocks = [np.concatenate([group.blocks[slot] for group in groups]).astype(np.int64) for slot in range(5)]
+    names = np.concatenate([np.asarray(list(group.references[0]), dtype=object) for group in groups])
+    readings = np.concatenate([np.stack(first_face(group), axis=1) for group in groups])
+    sigma = np.concatenate([np.fmax(group.sigma[:, 0], group.sigma[:, 1]) for group in groups])
+    heights = network.start["height"][:, 0]
+    order = np.argsort(blocks[1], kind="stable")
+    cuts = np.flatnonzero(np.diff(blocks[1][order])) + 1
+    sets = []
+    for rows in np.split(order, cuts):
+        position, rotation, height = (int(blocks[slot][rows[0]]) for slot in range(3))
+        sets.append(
+            DirectionSet(
+                f"station {names[rows[0]]}",
+                position,
+                rotation,
+                height,
+                blocks[3][rows],
+                heights[blocks[4][rows]],
+                readings[rows, 0],
+                readings[rows, 1],
+                sigma[rows],
+            )
+        )
+    return sets
+
+
+def first_face(group: ObservationGroup) -> tuple[FloatArray, FloatArray]:
+    """Horizontal and vertical directions (n,) reduced to face one; NaN where not observed."""
+    second = group.constants[:, 1] == 2.0
+    horizontal = group.observed[:, 0] - np.where(second, np.pi, 0.0)
+    given = group.observed[:, 1]
+    if group.type.key == "zenith_directions":
+        vertical = np.where(second, given - 1.5 * np.pi, 0.5 * np.pi - given)
+    else:
+        vertical = np.where(second, np.pi - given, given)
+    return horizontal, vertical
+
+
+def frame_verticals(network: Network) -> FloatArray:
+    """(rotation blocks, 3) the vertical D e_Z in the axes of each frame; NaN where no angles and no level tell it."""
+    start = network.start.get("rotation", np.zeros((0, 3, 3)))
+    up = np.full((len(start), 3), np.nan)
+    if len(start) == 0:
+        return up
+    free = network.blocks["rotation"].free
+    fixed = ~free[:, :2].any(axis=1)
+    known = fixed & np.isfinite(start).all(axis=(1, 2))
+    up[known] = start[known, :, 2]
+    # With κ alone unknown the vertical is the same for every κ only where the frame stands upright.
+    up[fixed & ~known] = [0.0, 0.0, 1.0]
+    for group in network.groups:
+        if group.type.key == "level":
+            tilt = group.observed
+            told = np.isfinite(tilt).all(axis=1)
+            z = np.sqrt(np.maximum(1.0 - np.sum(np.square(tilt), axis=1), 0.0))
+            up[group.blocks[0][told]] = np.column_stack([tilt, z])[told]
+    return up
+
+
+# ------------------------------------------------------------
+# Levelled sights of a network: sets of directions, angles and bearings, and the lengths between positions.
+# ------------------------------------------------------------
+
+UPRIGHT = 1.0 - 1e-5
+"""Cosine of the tilt up to which an instrument counts as levelled (0.3 gon)."""
+
+
+class Sight(NamedTuple):
+    """A levelled set at one position: directions r = t + κ clockwise, vertical directions; NaN where there is none."""
+
+    name: str
+    position: int
+    rotation: int
+    """Rotation block that gets κ, −1 for angles and bearings."""
+    oriented: bool
+    """True where κ = 0 is known: bearings."""
+    height: float
+    points: IntArray
+    heights: FloatArray
+    directions: FloatArray
+    verticals: FloatArray
+
+
+class Lengths(NamedTuple):
+    """Measured lengths, height differences or vectors between positions, with the heights of instrument and target."""
+
+    start: IntArray
+    end: IntArray
+    start_height: FloatArray
+    end_height: FloatArray
+    start_block: IntArray
+    """Height block of the instrument."""
+    value: FloatArray
+    """(n, m)."""
+    sigma: FloatArray
+    """(n,) the largest of a row."""
+
+
+class Terrestrial(NamedTuple):
+    """Everything terrestrial that start values can be taken from."""
+
+    sights: tuple[Sight, ...]
+    slopes: Lengths
+    horizontals: Lengths
+    height_differences: Lengths
+    vectors: Lengths
+    verticals: Lengths
+    """Vertical directions between two positions, reduced to face one."""
+
+
+def terrestrial(network: Network) -> Terrestrial:
+    """Sights and lengths of a network."""
+    sights = _sets(network)
+    for group in network.groups:
+        if group.type.key == "angle":
+            sights += _angles(group)
+        elif group.type.key == "bearing":
+            sights += _bearings(group)
+    return Terrestrial(
+        tuple(sights),
+        _lengths(network, "distance"),
+        _lengths(network, "horizontal_distance"),
+        _lengths(network, "height_difference"),
+        _lengths(network, "vector"),
+        _verticals(network),
+    )
+
+
+def _sets(network: Network) -> list[Sight]:
+    """Sets that stand upright; a tilted one is a frame like an image, no more."""
+    up = frame_verticals(network)
+    heights = network.start["height"][:, 0]
+    return [
+        Sight(
+            one.name,
+            one.position,
+            one.rotation,
+            False,
+            float(heights[one.height]),
+            one.points,
+            one.heights,
+            one.horizontal,
+            one.vertical,
+        )
+        for one in direction_sets(network)
+        if up[one.rotation, 2] > UPRIGHT
+    ]
+
+
+def _angles(group: ObservationGroup) -> list[Sight]:
+    """Angles at one point, those with common legs joined to one set."""
+    at, back, fore = group.blocks
+    sights = []
+    for station in np.unique(at):
+        rows = np.flatnonzero(at == station)
+        remaining = {(int(back[i]), int(fore[i])): float(group.observed[i, 0]) for i in rows}
+        while remaining:
+            (first, second), angle = next(iter(remaining.items()))
+            legs = {first: 0.0, second: angle}
+            grown = True
+            while grown:
+                grown = False
+                for (b, f), beta in remaining.items():
+                    if b in legs and f not in legs:
+                        legs[f], grown = legs[b] + beta, True
+                    elif f in legs and b not in legs:
+                        legs[b], grown = legs[f] - beta, True
+            remaining = {key: beta for key, beta in remaining.items() if key[0] not in legs}
+            points = np.array(list(legs), dtype=np.int64)
+            none = np.full(len(points), np.nan)
+            sights.append(
+                Sight(
+                    "angles",
+                    int(station),
+                    -1,
+                    False,
+                    0.0,
+                    points,
+                    np.zeros(len(points)),
+                    np.array(list(legs.values())),
+                    none,
+                )
+            )
+    return sights
+
+
+def _bearings(group: ObservationGroup) -> list[Sight]:
+    start, start_height, end, end_height = group.blocks
+    del start_height, end_height
+    return [
+        Sight("bearing", int(a), -1, True, 0.0, np.array([b]), np.zeros(1), np.array([t]), np.full(1, np.nan))
+        for a, b, t in zip(start, end, group.observed[:, 0], strict=True)
+    ]
+
+
+def _lengths(network: Network, key: str) -> Lengths:
+    groups = [group for group in network.groups if group.type.key == key]
+    return _collected(network, groups, [group.observed for group in groups])
+
+
+def _verticals(network: Network) -> Lengths:
+    groups, values = [], []
+    for group in network.groups:
+        if group.type.key == "zenith_angle":
+            second = group.constants[:, 1] == 2.0
+            given = group.observed[:, 0]
+            values.append(np.where(second, given - 1.5 * np.pi, 0.5 * np.pi - given)[:, None])
+        elif group.type.key == "vertical_direction":
+            values.append(group.observed)
+        else:
+            continue
+        groups.append(group)
+    return _collected(network, groups, values)
+
+
+def _collected(network: Network, groups: list[ObservationGroup], values: list[FloatArray]) -> Lengths:
+    none = np.zeros(0, dtype=np.int64)
+    heights = network.start["height"][:, 0]
+    width = values[0].shape[1] if values else 1
+    return Lengths(
+        np.concatenate([none, *(group.blocks[0] for group in groups)]),
+        np.concatenate([none, *(group.blocks[2] for group in groups)]),
+        np.concatenate([np.zeros(0), *(heights[group.blocks[1]] for group in groups)]),
+        np.concatenate([np.zeros(0), *(heights[group.blocks[3]] for group in groups)]),
+        np.concatenate([none, *(group.blocks[1] for group in groups)]),
+        np.concatenate([np.zeros((0, width)), *values]),
+        np.concatenate([np.zeros(0), *(np.nan_to_num(group.sigma).max(axis=1) for group in groups)]),
+    )
+
+
+# ------------------------------------------------------------
+# The vertical of points in any attitude from horizontal directions and vertical angles to them.
+#
+# For a given vertical each set of horizontal directions is a free station in the plan, or a set to be
+# oriented where its place is known: a linear problem each, so that only the vertical is searched for. It is
+# sampled over the sphere, and the best are adjusted (Gauss-Newton, Cauchy weights). Sets of different places
+# share it: each of n directions leaves n − 3 conditions for it, n − 1 where its place is known, a vertical
+# angle between known points one.
+# ------------------------------------------------------------
+
+PRECISION = 2e-3
+"""Radians that directions to known points are good to: distortion and constants of cameras may be unknown yet."""
+FITS = 5.0 * PRECISION
+"""Residual of a direction that agrees with a vertical."""
+CLEAR = 9.0
+"""Difference of two objectives from which on one vertical is told from another."""
+APART = 0.1
+"""Radians between two verticals from which on they are two."""
+OPEN = 0.1
+"""σ of the vertical (radians) from which on it is open."""
+_SAMPLES = 600
+_REFINED = 8
+_STEPS = 15
+_DIFFERENCE = 1e-6
+_DAMPING = 1e-8
+"""Added to the squares of the derivatives: a turn that nothing tells is not made."""
+_REWEIGHTED = 5
+
+
+class HorizontalSet(NamedTuple):
+    """Horizontal directions (n,), clockwise, to points (n, 3) from a place (3,), NaN where that is not known."""
+
+    place: FloatArray
+    points: FloatArray
+    directions: FloatArray
+
+
+class Angles(NamedTuple):
+    """Vertical angles above the horizon (n,) from points (n, 3) to points (n, 3)."""
+
+    start: FloatArray
+    end: FloatArray
+    values: FloatArray
+
+
+class Vertical(NamedTuple):
+    """A vertical that fits, and whether another one does as well."""
+
+    up: FloatArray
+    """(3,) unit vector."""
+    agreeing: int
+    """Directions and angles that agree with it."""
+    redundancy: int
+    """Those of them that are more than it takes."""
+    sigma: float
+    """σ (radians) of its weaker turn, infinite where that is open."""
+    alone: bool
+    """False where another vertical fits alike."""
+
+
+def vertical_of_directions(sets: list[HorizontalSet], angles: Angles) -> Vertical | None:
+    """The vertical that most directions agree with; ``None`` where fewer are left than it takes."""
+    sets = [one for one in sets if len(one.points) > _taken(one)]
+    equations = sum(len(one.points) - _taken(one) for one in sets) + len(angles.values)
+    if equations < 3:
+        return None
+    k = np.arange(_SAMPLES) + 0.5
+    z, around = 1.0 - 2.0 * k / _SAMPLES, np.pi * (1.0 + 5.0**0.5) * k
+    flat = np.sqrt(1.0 - z**2)
+    ups = np.stack([flat * np.cos(around), flat * np.sin(around), z], axis=1)
+    order = np.argsort(_objectives(_residuals(ups, sets, angles), 10.0 * PRECISION), kind="stable")
+    objectives, ups = _refined(ups[order[:_REFINED]], sets, angles)
+    order = np.argsort(objectives, kind="stable")
+    return _judged(objectives[order], ups[order], sets, angles)
+
+
+def _taken(one: HorizontalSet) -> int:
+    """Directions that orienting a set takes, and placing it where its place is not known."""
+    return 1 if np.isfinite(one.place).all() else 3
+
+
+def _judged(
+    objectives: FloatArray, ups: FloatArray, sets: list[HorizontalSet], angles: Angles
+) -> Vertical | None:
+    """The first of verticals (k, 3), with objectives (k,) in ascending order."""
+    up = ups[0]
+    residuals = _residuals(ups[:1], sets, angles)
+    agrees = np.abs(residuals[0]) < FITS
+    agreeing = int(np.count_nonzero(agrees))
+    redundancy = agreeing - sum(_taken(one) for one in sets) - 2
+    others = ups[1:][objectives[1:] < objectives[0] + CLEAR]
+    alone = all(np.linalg.norm(np.cross(other, up)) < APART and other @ up > 0.0 for other in others)
+    rows = _derivatives(ups[:1], sets, angles, residuals)[0][agrees]
+    least = float(rotations.singular_values(rows)[-1]) if len(rows) > 1 else 0.0
+    sigma = PRECISION / least if least > 0.0 else np.inf
+    return Vertical(up, agreeing, redundancy, sigma, alone) if redundancy >= 0 else None
+
+
+def _refined(ups: FloatArray, sets: list[HorizontalSet], angles: Angles) -> tuple[FloatArray, FloatArray]:
+    """Objectives (k,) and verticals (k, 3) at the minima near verticals; residuals that are large count less."""
+    residuals = _residuals(ups, sets, angles)
+    for step in range(_STEPS):
+        width = max(PRECISION, 10.0 * PRECISION * 0.5**step)
+        root = 1.0 / np.hypot(1.0, residuals / width)
+        rows = _derivatives(ups, sets, angles, residuals) * root[..., None]
+        matrix = np.swapaxes(rows, 1, 2) @ rows + _DAMPING * np.eye(2)
+        turns = -rotations.solve(matrix, np.swapaxes(rows, 1, 2) @ (root * residuals)[..., None])[..., 0]
+        ups = _tilted(ups, np.clip(turns, -0.2, 0.2))
+        residuals = _residuals(ups, sets, angles)
+        if width == PRECISION and float(np.abs(turns).max()) < 1e-9:
+            break
+    return _objectives(residuals, PRECISION), ups
+
+
+def _derivatives(
+    ups: FloatArray, sets: list[HorizontalSet], angles: Angles, residuals: FloatArray
+) -> FloatArray:
+    """(k, n, 2) of the residuals (k, n) by the two tilts of verticals (k, 3)."""
+    there = np.concatenate([_tilted(ups, np.tile(step, (len(ups), 1))) for step in _DIFFERENCE * np.eye(2)])
+    change = _residuals(there, sets, angles).reshape(2, *residuals.shape) - residuals
+    return np.moveaxis(_wrapped(change), 0, 2) / _DIFFERENCE
+
+
+def _tilted(ups: FloatArray, tilts: FloatArray) -> FloatArray:
+    """Verticals (k, 3) turned by tilts (k, 2) about the axes of their plans."""
+    about = np.einsum("ki,kij->kj", tilts, _plan_axes(ups))
+    turned: FloatArray = np.einsum("kij,kj->ki", exponential(about), ups)
+    tilted: FloatArray = turned / np.linalg.norm(turned, axis=1, keepdims=True)
+    return tilted
+
+
+def _plan_axes(ups: FloatArray) -> FloatArray:
+    """Axes X and Y (k, 2, 3) of plans whose verticals are given (k, 3)."""
+    x = np.eye(3)[np.argmin(np.abs(ups), axis=1)]
+    x = x - ups * np.sum(x * ups, axis=1, keepdims=True)
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(ups, x)], axis=1)
+
+
+def _objectives(residuals: FloatArray, width: float) -> FloatArray:
+    """(k,) sums of log(1 + (v/s)²)."""
+    return np.asarray(np.log1p(np.square(residuals / width)).sum(axis=1))
+
+
+def _residuals(ups: FloatArray, sets: list[HorizontalSet], angles: Angles) -> FloatArray:
+    """(k, n) angular residuals of all sets and vertical angles for verticals (k, 3)."""
+    axes = _plan_axes(ups)
+    found = [np.zeros((len(ups), 0))]
+    for one in sets:
+        plan = one.points @ np.swapaxes(axes, 1, 2)
+        place = np.nan_to_num(one.place) @ np.swapaxes(axes, 1, 2)
+        if not np.isfinite(one.place).all():
+            place = _robust_stations(plan, one.directions)
+        away = plan - place[:, None, :]
+        off = np.arctan2(away[..., 0], away[..., 1]) - one.directions
+        centre = _middle(off)
+        found.append(_wrapped(off - centre[:, None]))
+    line = angles.end - angles.start
+    length = np.maximum(np.linalg.norm(line, axis=1), 1e-300)
+    sines = np.clip(ups @ line.T / length, -1.0, 1.0)
+    return np.concatenate([*found, np.arcsin(sines) - angles.values], axis=1)
+
+
+def _robust_stations(plan: FloatArray, directions: FloatArray) -> FloatArray:
+    """Stations (k, 2) from directions (n,) to points (k, n, 2); of few plans, those that pass far by count less."""
+    weight = np.ones(plan.shape[:2])
+    place = _stations(plan, directions, weight)
+    for _ in range(_REWEIGHTED if len(plan) < _SAMPLES else 0):
+        away = plan - place[:, None, :]
+        off = np.arctan2(away[..., 0], away[..., 1]) - directions
+        off = _wrapped(off - _middle(off)[:, None])
+        weight = (
+            1.0 / np.hypot(1.0, off / (2.0 * PRECISION)) / np.maximum(np.linalg.norm(away, axis=2), 1e-300)
+        )
+        place = _stations(plan, directions, weight)
+    return place
+
+
+def _stations(plan: FloatArray, directions: FloatArray, weight: FloatArray) -> FloatArray:
+    """Stations (k, 2) in closed form, directions with weights (k, n)."""
+    centre = plan.mean(axis=1, keepdims=True)
+    size = np.maximum(np.linalg.norm(plan - centre, axis=2).max(axis=1), 1e-300)[:, None, None]
+    x, y = np.moveaxis((plan - centre) / size, 2, 0)
+    sine, cosine = np.sin(directions), np.cos(directions)
+    rows = np.stack(
+        [
+            cosine * x - sine * y,
+            cosine * y + sine * x,
+            np.broadcast_to(-cosine, x.shape),
+            np.broadcast_to(sine, x.shape),
+        ],
+        axis=2,
+    )
+    rows = rows * weight[..., None] / weight.max(axis=1)[:, None, None]
+    c, s, u, v = rotations.svd(rows, full_matrices=len(directions) < 4)[2][:, 3].T
+    scale = np.maximum(np.square(c) + np.square(s), 1e-300)
+    position = np.stack([(c * u - s * v) / scale, (s * u + c * v) / scale], axis=1)
+    return np.asarray(centre[:, 0] + size[:, 0] * position)
+
+
+def _middle(off: FloatArray) -> FloatArray:
+    """(k,) the angle that is nearest to most angles of each row."""
+    between = np.abs(_wrapped(off[:, :, None] - off[:, None, :]))
+    best = np.argmin(np.log1p(np.square(between / PRECISION)).sum(axis=2), axis=1)
+    centre = off[np.arange(len(off)), best]
+    near = _wrapped(off - centre[:, None])
+    weight = 1.0 / (1.0 + np.square(near / PRECISION))
+    return np.asarray(centre + np.sum(weight * near, axis=1) / np.sum(weight, axis=1))
+
+
+def _wrapped(angles: FloatArray) -> FloatArray:
+    folded: FloatArray = np.remainder(angles + np.pi, 2.0 * np.pi) - np.pi
+    return folded
