@@ -33,11 +33,6 @@ def _book(module: str, function: str) -> Code:
     return Code(f"mor.formats.fieldbook.{module}", function)
 
 
-def _drawing(module: str, function: str) -> Code:
-    """A writer of results."""
-    return Code(f"mor.formats.drawing.{module}", function)
-
-
 FORMATS: dict[str, Format] = {
     "colmap": Format(
         "COLMAP model (folder, text or binary; written as text)",
@@ -102,23 +97,23 @@ FORMATS: dict[str, Format] = {
         suffixes=(".gkf",),
     ),
     "gsi": Format("Leica GSI-8, GSI-16", _book("gsi", "read_gsi"), suffixes=(".gsi",)),
-    "idx": Format("Leica IDX", _book("idx", "read_idx"), suffixes=(".idx",)),
-    "sdr": Format("Sokkia SDR20, SDR33", _book("sdr", "read_sdr"), suffixes=(".sdr",)),
+    "idx": Format("Leica IDX", _book("recorders", "read_idx"), suffixes=(".idx",)),
+    "sdr": Format("Sokkia SDR20, SDR33", _book("recorders", "read_sdr"), suffixes=(".sdr",)),
     "sokkia-scr": Format("Sokkia SCR", _book("lists", "read_sokkia_scr"), suffixes=(".scr",)),
     "nikon": Format("Nikon RAW", _book("lists", "read_nikon"), suffixes=(".raw",)),
     "topcon": Format("Topcon GTS-7", _book("lists", "read_topcon"), suffixes=(".gts7", ".gt7")),
-    "m5": Format("Zeiss and Trimble M5", _book("m5", "read_m5"), suffixes=(".m5",)),
+    "m5": Format("Zeiss and Trimble M5", _book("recorders", "read_m5"), suffixes=(".m5",)),
     "geodimeter": Format(
-        "Geodimeter ARE, JOB", _book("geodimeter", "read_geodimeter"), suffixes=(".are", ".job")
+        "Geodimeter ARE, JOB", _book("recorders", "read_geodimeter"), suffixes=(".are", ".job")
     ),
     "rw5": Format(
         "Carlson RW5, TDS raw data",
-        _book("rw5", "read_rw5"),
+        _book("recorders", "read_rw5"),
         suffixes=(".rw5",),
     ),
     "jobxml": Format(
         "Trimble JobXML",
-        _book("jobxml", "read_jobxml"),
+        _book("landxml", "read_jobxml"),
         suffixes=(".jxl",),
         untried="of real jobs only GNSS surveys could be tried; total-station records were written from the schema",
     ),
@@ -212,13 +207,13 @@ FORMATS: dict[str, Format] = {
         suffixes=(".ior", ".eor", ".obc", ".phc", ".scale"),
         folder=True,
     ),
-    "ply": Format("PLY points", write=_drawing("ply", "write_ply"), suffixes=(".ply",)),
-    "dxf": Format("DXF drawing", write=_drawing("dxf", "write_dxf"), suffixes=(".dxf",)),
-    "geojson": Format("GeoJSON", write=_drawing("geojson", "write_geojson"), suffixes=(".geojson",)),
+    "ply": Format("PLY points", write=Code("mor.formats.drawing", "write_ply"), suffixes=(".ply",)),
+    "dxf": Format("DXF drawing", write=Code("mor.formats.drawing", "write_dxf"), suffixes=(".dxf",)),
+    "geojson": Format("GeoJSON", write=Code("mor.formats.drawing", "write_geojson"), suffixes=(".geojson",)),
     "landxml": Format(
         "LandXML: surveys with their points; written: points",
         _book("landxml", "read_landxml"),
-        _drawing("landxml", "write_landxml"),
+        Code("mor.formats.drawing", "write_landxml"),
         suffixes=(".landxml",),
         untried="tried on excerpts of a cadastral plan and of a converted field book; no survey of an instrument could "
         "be had",

@@ -125,11 +125,14 @@ def test_levels_of_tests_at_the_edge(tmp_path: Path, key: str, level: str, power
     assert run.code == 0, run.err
 
 
-def test_two_places_that_coincide(tmp_path: Path) -> None:
-    said = refused(write(tmp_path, TRIANGLE.replace("[C, 50, 80, 12]", "[C, 0, 0, 10]")), 7)
-    assert said.startswith(
-        "zenith_angle, from 'A', to 'C': no value or no derivative where the adjustment starts"
-    )
+def test_start_values_that_coincide_lead_to_the_same_solution(tmp_path: Path) -> None:
+    coinciding = TRIANGLE.replace("[C, 50, 80, 12]", "[C, 0, 0, 10]")
+    found = []
+    for name, text in (("apart", TRIANGLE), ("together", coinciding)):
+        assert mor("adjust", write(tmp_path / name, text), "--no-html").code == 0
+        results = json.loads((tmp_path / name / "project.results" / "results.json").read_text())
+        found.append(results["sigma0"]["aposteriori"])
+    assert found[1] == pytest.approx(found[0], rel=1e-6)
 
 
 def test_nothing_that_is_estimated_is_observed(tmp_path: Path) -> None:
