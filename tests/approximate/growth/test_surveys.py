@@ -100,14 +100,12 @@ def _off(paths, name):
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="a pose taken from wrong names is not computed again")
 def test_an_image_that_wrong_points_had_posed_is_posed_again(tmp_path):
     """Of its first six known points two have each other's name, and five agree with a pose on the far side."""
     assert _off(composed(1400009, 0.03).write(tmp_path), "image i25") < 1.0
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="a pose taken from wrong names is not computed again")
 def test_a_station_that_wrong_points_had_oriented_is_posed_again(tmp_path):
     world = mixture(1510104)
     wrong_identities(world, 0.03)
