@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 from sample_projects import expected  # noqa: E402
 from sample_projects.simulate import SCENES, content, simulate  # noqa: E402
 from tests.scenarios.small_projects import mor  # noqa: E402
-from tests.selection import slow_but  # noqa: E402
+from tests.selection import slow_but
 
 FOLDER = ROOT / "sample_projects"
 LARGEST = 4.5
@@ -66,7 +66,7 @@ def moved_onto(points: np.ndarray, target: np.ndarray, movements: tuple[str, ...
     return moved
 
 
-@each_sample
+@pytest.mark.parametrize("name", slow_but(set(SCENES) - {"drone_block", "three_line_strip", "dam"}, SCENES))
 def test_simulation_reproduces_the_files(name: str) -> None:
     files = simulate(name)
     for file, found in files.items():

@@ -47,6 +47,7 @@ def _adjusted(project):
         return adjust(make_problem(network, start, start), start)
 
 
+@pytest.mark.slow
 def test_a_bent_valley_takes_no_fifty_iterations():
     found = _adjusted(CASES / "mixture_in_a_bent_valley.yaml")
     assert found.outcome is Outcome.CONVERGED

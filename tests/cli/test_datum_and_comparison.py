@@ -14,6 +14,7 @@ from scipy.spatial.transform import Rotation
 
 from mor.report.comparison import Difference, differences
 from tests.scenarios.small_projects import BLOCK, LEVELLING, OBJECT, block, mor, write, write_block
+from tests.selection import slow_after
 
 FREE = {"over three": "free: [P0, P5, P9]", "by components": "free: {xy: [P0, P1], xyz: [P7, P9], z: [P3]}"}
 MINIMAL = "minimal: {xyz: [P0, P4], z: P8}"
@@ -472,7 +473,7 @@ def test_snooping_excludes_the_gross_error_and_shows_it(tmp_path: Path) -> None:
     np.testing.assert_allclose(numbers(one, *"xyz"), numbers(other, *"xyz"), atol=1e-8)
 
 
-@pytest.mark.parametrize("method", ["l1", "danish"])
+@pytest.mark.parametrize("method", slow_after(1, ["l1", "danish"]))
 def test_robust_estimation_is_shown_beside_least_squares(tmp_path: Path, method: str) -> None:
     project = _spoiled(tmp_path)
     project.write_text(project.read_text() + f"settings: {{robust: {method}}}\n")

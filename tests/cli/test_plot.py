@@ -107,6 +107,7 @@ def test_a_picture_is_not_replaced_unasked(results: Path, tmp_path: Path) -> Non
     assert run(["plot", "histogram", str(results), "-o", str(path), "--force"]) == 0
 
 
+@pytest.mark.slow
 def test_a_long_title_leaves_the_network_its_size(results: Path, tmp_path: Path) -> None:
     from mor.report.plots import network, save
 

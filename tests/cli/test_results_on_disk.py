@@ -22,6 +22,7 @@ from mor.report import output_folder as folder_module
 from mor.report import output_folder as reservation
 from mor.report.output_folder import reserve
 from tests.scenarios.small_projects import BLOCK, LEVELLING, mor, write, write_block
+from tests.selection import slow_after
 
 
 def content(folder: Path) -> dict[str, bytes]:
@@ -217,7 +218,7 @@ class TestInterruption:
 class TestManifest:
     """What mor has written into a folder is listed there, and nothing else is ever touched."""
 
-    @pytest.mark.parametrize("sample", ["block", "dam", "dam_epochs", "three_line_strip"])
+    @pytest.mark.parametrize("sample", slow_after(2, ["block", "dam_epochs", "dam", "three_line_strip"]))
     def test_lists_all_files_of_an_adjustment(self, tmp_path: Path, sample: str) -> None:
         samples = Path(__file__).parents[2] / "sample_projects"
         project = write_block(tmp_path) if sample == "block" else samples / sample / "project.yaml"

@@ -175,7 +175,7 @@ def _with_columns(rows: list[list], columns: str) -> list[list]:
 of_each_kind = pytest.mark.parametrize(
     ("kind", "columns"),
     slow_after(
-        1,
+        0,
         [
             ("navigation_attitude", "image,roll,pitch,yaw"),
             ("projected_attitude", "image,east,north,omega,phi,kappa"),

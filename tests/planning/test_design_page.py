@@ -123,6 +123,7 @@ REQUIRE = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(3))
 def test_switched_bridge(seed):
     assert check(sample("bridge", **{**BRIDGE, "require": REQUIRE}), seed, 8) > 2

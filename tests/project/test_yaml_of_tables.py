@@ -29,6 +29,7 @@ def document(draw: np.random.Generator, strange: bool, first: bool) -> dict[str,
     return {"mor": "1", "observations": [table, {**said, "rows": rows[:3]}], "alone": {**said, "rows": rows}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("strange", slow_after(1, [True, False]))
 @pytest.mark.parametrize("first", slow_after(1, [False, True]))
 def test_long_tables_are_written_as_yaml_writes_them(

@@ -53,6 +53,7 @@ SETTLED_CASES = {
 }
 """Cases that have to be adjusted; of the others a documented end is asked here."""
 
+LONG_SAMPLES = {"drone_block", "dam", "three_line_strip"}
 LONG_CASES = {"line_free_system/project.yaml", "mixture_in_a_bent_valley.yaml"}
 
 
@@ -62,7 +63,8 @@ def _found() -> list[object]:
         marks = [pytest.mark.slow] if number % 6 else []  # the default run adjusts them all in test_networks
         found.append(pytest.param(Project(path), True, id=network_name(path), marks=marks))
     for path in sorted(SAMPLES.glob("*/project.yaml")):
-        found.append(pytest.param(Project(path), True, id=path.parent.name))
+        marks = [pytest.mark.slow] if path.parent.name in LONG_SAMPLES else []
+        found.append(pytest.param(Project(path), True, id=path.parent.name, marks=marks))
     for path in sorted((*CASES.glob("*/project.yaml"), *CASES.glob("*.yaml"), *CASES.glob("*.dat"))):
         name = path.relative_to(CASES).as_posix()
         marks = [pytest.mark.slow] if name in LONG_CASES else []

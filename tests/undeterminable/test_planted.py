@@ -15,7 +15,7 @@ from tests.scenarios.undeterminable.trial import trial
 from tests.selection import slow_after
 
 
-@pytest.mark.parametrize("seed", slow_after(2, range(6)))
+@pytest.mark.parametrize("seed", slow_after(1, range(6)))
 def test_what_was_planted_is_named_and_the_rest_is_as_without_it(seed, tmp_path):
     assert trial(seed, tmp_path).mistakes == ()
 
@@ -27,7 +27,7 @@ def _adjusted(folder, world, undetermined="refuse"):
     return json.loads((folder / "project.results" / "results.json").read_text())
 
 
-@pytest.mark.parametrize("free", [True, False])
+@pytest.mark.parametrize("free", slow_after(1, [True, False]))
 def test_many_two_ray_points_come_through_and_the_far_ones_are_at_infinity(free, tmp_path):
     world, far = street(3, images=10, pairs=120, far=20, free=free)
     held = _adjusted(tmp_path / "held", world)
@@ -67,6 +67,7 @@ def _apart(one, other):
     return max(abs(d) / s for d, s, _ in pairs), max(abs(s / t - 1.0) for _, s, t in pairs)
 
 
+@pytest.mark.slow
 def test_at_infinity_is_the_limit_of_points_held_ever_farther_away(tmp_path):
     """Equivalent formulation: the difference falls with the distance, to nothing."""
     world, _ = street(5, images=8, pairs=60, far=6, free=False)

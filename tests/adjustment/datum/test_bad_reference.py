@@ -13,6 +13,7 @@ from mor.solve.normals import objective
 from tests.scenarios.mixtures.ingredients import mixture
 from tests.scenarios.mixtures.trial import tried
 from tests.scenarios.seeded_networks import drawn
+from tests.selection import slow_after
 
 
 @pytest.mark.slow
@@ -24,7 +25,7 @@ def test_free_network_comes_to_rest_far_from_its_reference(seed: int, tmp_path: 
     assert trial.reached, trial.words
 
 
-@pytest.mark.parametrize("kind", ["images", "distances", "polar", "plane directions"])
+@pytest.mark.parametrize("kind", slow_after(3, ["distances", "polar", "plane directions", "images"]))
 def test_a_movement_of_the_whole_network_changes_no_observation_however_large_it_is(kind):
     found = mor.adjust(drawn(kind, 4, rough=1e-3).project()).solved.adjustment
     columns = found.problem.index.columns["point"]

@@ -71,6 +71,7 @@ def test_sample_projects_from_nothing(name: str) -> None:
     assert_same_solution(solve_network(without_start(network)), solve_network(network))
 
 
+@pytest.mark.slow
 def test_a_network_from_nothing_but_plan_coordinates_has_heights_of_its_own() -> None:
     network = of_project(SAMPLES / "bridge" / "project.yaml")
     point = network.start["point"].copy()

@@ -18,7 +18,7 @@ def spoilt(scenes, seed, kind, part, noise=0.002):
     return made, wrong
 
 
-@pytest.mark.parametrize("kind", ["scene", "plane_scene"])
+@pytest.mark.parametrize("kind", slow_after(1, ["scene", "plane_scene"]))
 @pytest.mark.parametrize("part", slow_after(1, [0.3, 0.05]))
 def test_wrong_pairs_are_left_out(scenes, kind, part):
     for seed in range(8):

@@ -46,6 +46,7 @@ def test_the_least_minimum_is_found(scenes, length):
         assert found.sigma0**2 * (len(a) - 5) <= from_truth.objective + 25.0
 
 
+@pytest.mark.slow
 def test_what_is_determined_is_within_its_sigma(scenes):
     outcomes = []
     for seed in range(20):

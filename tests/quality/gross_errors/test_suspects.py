@@ -80,6 +80,7 @@ def test_what_can_be_named_is_told_by_nabla():
         assert can_be_named(good._replace(problem=problem, wrong=(wrong,)))[0][row, 0] == can
 
 
+@pytest.mark.slow
 def test_where_most_rays_to_control_are_wrong_whole_groups_lead():
     """Two of five control points exchanged, of more rays than the other three."""
     scene = spoiled(7005, "aerial", 0.0)

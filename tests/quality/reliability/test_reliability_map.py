@@ -17,8 +17,10 @@ from mor.solve.iterate import adjust
 from mor.solve.problem import Problem, misclosures
 from sample_projects.expected import solve_sample
 from tests.dense_reference import dense_system
+from tests.selection import slow_after
 
-each = pytest.mark.parametrize("name", ["bridge", "stereo_rig", "building"])
+NAMES = ("bridge", "stereo_rig", "building")
+each = pytest.mark.parametrize("name", NAMES)
 
 
 @cache
@@ -81,7 +83,7 @@ def joined(group: ObservationGroup, more: ObservationGroup) -> ObservationGroup:
     )
 
 
-@each
+@pytest.mark.parametrize("name", slow_after(2, NAMES))
 def test_a_further_observation_controls_as_much_as_adjusting_with_it_says(name: str) -> None:
     quality = quality_of(name)
     adjustment = quality.adjustment
