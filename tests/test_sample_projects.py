@@ -16,7 +16,7 @@ ROOT = Path(__file__).resolve().parents[1]
 from sample_projects import expected  # noqa: E402
 from sample_projects.simulate import SCENES, content, simulate  # noqa: E402
 from tests.scenarios.small_projects import mor  # noqa: E402
-from tests.selection import slow_but
+from tests.selection import slow_but  # noqa: E402
 
 FOLDER = ROOT / "sample_projects"
 LARGEST = 4.5

@@ -533,7 +533,7 @@ def is_in_datum(state: Adjustment, step: FloatArray, shift: FloatArray, gain: fl
     coordinates = state.values["point"] if "point" in state.values else np.zeros((1, 3))
     together = state.constraint.normals.T @ state.defect.datum
     condition = float(np.linalg.cond(together)) if together.size else 1.0
-    digits = 4.0 * _EPS * float(np.abs(coordinates).max(initial=0.0)) * condition
+    digits = 16.0 * _EPS * float(np.abs(coordinates).max(initial=0.0)) * condition
     sigma = float(np.abs(step[mask]).max(initial=0.0)) / change if change > 0.0 else 0.0
     if moving <= gain * (max(ACCURACY, min(change, 1e-3)) * sigma + digits):
         return True

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import ast
 import inspect
-from functools import cache
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import click
