@@ -665,7 +665,7 @@ def _with_far_points(
     """The network and its adjustment begun at ``values``, with points at infinity as they show there and later."""
     plain, first, doubted = network, values, found.points
     failed = np.zeros(0, dtype=np.int64)
-    failures = 0
+    failures, complete = 0, set[tuple[int, ...]]()
     far = _beyond_reach(network, values, found, means)
     given: BoolArray = np.asarray(np.isfinite(start["point"][far.points]).all(axis=1))
     if given.any():
@@ -695,8 +695,12 @@ def _with_far_points(
             now = found.take(np.isin(found.points, np.union1d(now.points, failed)))
         elif np.array_equal(np.sort(now.points), np.sort(far.points)):
             break
+        elif attempt.is_complete and tuple(np.sort(now.points).tolist()) in complete:
+            break  # either is a solution of all observations, and leads to the other
         else:
             values = _with_coordinates(there, found.take(np.isin(found.points, far.points)))
+        if attempt.is_complete:
+            complete.add(tuple(np.sort(far.points).tolist()))
         far = now
         network = _with_reference(plain, start, values, doubted)
     if len(far.points) and _leaves_out(network):
