@@ -376,7 +376,7 @@ def designed(path: Path, form: str, ranks: bool, most: int) -> Design:
 
 
 def _without_points(required: Requirement, variant: Variant) -> Requirement | None:
-    """What is left of a requirement where a variant leaves points out; nothing if it leaves out all of them."""
+    """Return the rest of a requirement if a variant leaves points out; nothing if all are left out."""
     if not isinstance(required, RequiredPrecision):
         return required
     stays: BoolArray = np.array([not named_in(variant, name) for name in required.names], dtype=bool)

@@ -379,7 +379,7 @@ def _possible_causes(
 
 
 def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
-    """Hypotheses about an adjustment, tried by adjusting anew."""
+    """Adjust hypotheses about the mistakes in a network."""
     from mor.diagnose.search import Ended, causes
 
     attempt, quality = adjusted.attempt, solved.quality

@@ -204,7 +204,7 @@ def chunk_of(ready: Prepared, first: int, count: int) -> Tally:
 
 
 def _solver(ready: Prepared) -> Callable[[Problem], Adjustment | None]:
-    """From the true place, or from start values that are worked out anew."""
+    """Return a function that adjusts from the true values, or from start values computed for each run."""
     settings = Settings(ready.network.project.settings.max_iterations)
     if not ready.trial.starts:
         return lambda problem: adjust(problem, ready.network.start, settings)

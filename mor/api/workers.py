@@ -34,7 +34,7 @@ class Task(NamedTuple):
 
 
 class Done(NamedTuple):
-    """What became of a task."""
+    """Result of a task."""
 
     number: int
     code: int | None
@@ -144,7 +144,7 @@ def done_alone(
 
 
 def _alone() -> None:
-    """What a process of :func:`done_alone` does: the task that is read from standard input, until that is closed."""
+    """Body of a process of :func:`done_alone`: reads a task from standard input, and ends when that is closed."""
     function, arguments = pickle.load(sys.stdin.buffer)
     Thread(target=_end_with_the_other, daemon=True).start()
     sys.exit(function(*arguments))
@@ -176,7 +176,7 @@ def _end(worker: _Worker) -> None:
 
 
 def _serve(connection: Connection[Any, Any], function: Function) -> None:
-    """What a process does: a task after the other, until nobody asks any more."""
+    """Body of a process: one task after the other, until no more come."""
     import faulthandler
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one that began this process ends it

@@ -492,7 +492,7 @@ def _exchanged_values(values: Values, kind: str, blocks: tuple[int, int]) -> Val
 
 
 def _cost(situation: Situation, network: Network, values: Values) -> float:
-    """What all rows cost, sets of directions turned to where most of their own rows have them."""
+    """Cost of all rows, with sets of directions oriented by most of their own rows."""
     cost = 0.0
     for group in network.groups:
         if not group.count or any(slot.kind not in values for slot in group.type.slots):

@@ -425,7 +425,7 @@ class Hypothesis:
 
 
 class Fit(NamedTuple):
-    """How well a network fits its observations."""
+    """Fit of a network to its observations."""
 
     values: Values
     omega: float
@@ -500,7 +500,7 @@ def with_group(network: Network, number: int, group: ObservationGroup) -> Networ
 def with_observed(
     network: Network, number: int, rows: IntArray, change: Callable[[FloatArray], FloatArray]
 ) -> Network:
-    """The network with the observed values (k, m) of some rows of a group changed; their faces are told anew.
+    """Return the network with changed observed values (k, m) of some rows of a group, and their faces.
 
     Of image coordinates the measured ones, before distortion, are changed as well.
     """
@@ -605,7 +605,7 @@ Begin = Callable[[Network], Values | None]
 
 @dataclass(frozen=True)
 class Situation:
-    """What is known of a network whose observations do not agree."""
+    """State of a network whose observations do not agree."""
 
     network: Network
     start: Values
@@ -737,7 +737,7 @@ class Situation:
 
     @cached_property
     def fit(self) -> Fit:
-        """How well the network fits as it is.
+        """Fit of the network as it is.
 
         At start values nothing fits yet: they are compared with a fit that leaves twice of what is expected, and with
         observations that refer to nothing as good as wrong.
@@ -761,7 +761,7 @@ def redundancy_numbers(adjustment: Adjustment) -> tuple[FloatArray, ...]:
 
 
 def fit_of(problem: Problem, values: Values, defect: int, count: int, cost: float = 0.0) -> Fit:
-    """How well some values fit the observations, ``cost`` being that of the choice of their model."""
+    """Fit of some values to the observations; ``cost`` is that of the choice of their model."""
     sizes = sizes_of(problem.groups, values)
     used = [size[~group.left_out] for size, group in zip(sizes, problem.groups, strict=True)]
     return Fit(
@@ -809,7 +809,7 @@ def attempt(problem: Problem, begin: Values) -> Adjustment:
 
 
 def without_row(situation: Situation, group: int, row: int) -> Values:
-    """Where the others lead without a row; where most fit, if they have no solution."""
+    """Solution without a row, or the values that most observations fit if there is none."""
     problem = situation.make(situation.network, situation.start, situation.values)
     masks = [own.left_out.copy() for own in problem.groups]
     masks[group][row] = True

@@ -270,7 +270,7 @@ def _units(situation: Situation, name: str, parts: list[tuple[int, IntArray]]) -
 
 
 def _readings(scale: ImageScale) -> dict[str, Change]:
-    """What image coordinates (k, 2) would be if they had been read in another unit."""
+    """Image coordinates (k, 2) as if they had been read in another unit."""
     if scale.corner:
         down = np.array([1.0, -1.0])
         middle = np.array(scale.centre)

@@ -320,7 +320,7 @@ def _exchanged(problem: Problem, number: int, pair: tuple[int, int]) -> Problem:
 
 
 def _cost(situation: Situation, problem: Problem) -> float:
-    """What the rows of the station cost after its own adjustment."""
+    """Cost of the rows of the station after its own adjustment."""
     with np.errstate(all="ignore"):
         values = _adjusted(problem, situation.values)
         sizes = sizes_of(problem.groups, values)

@@ -757,7 +757,7 @@ def _columns(quality: Quality, rows: WhitenedRows, one: _Candidate) -> FloatArra
 
 
 def _single(quality: Quality) -> float:
-    """What the worst observation alone explains, less the cost of its choice and of its size."""
+    """Gain of the worst observation alone, less the cost of its choice and of its size."""
     worst = max(
         (float(np.nanmax(np.abs(one.at(slice(None)).test), initial=0.0)) for one in quality.reliability),
         default=0.0,

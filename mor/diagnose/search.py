@@ -245,7 +245,7 @@ def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hyp
 
 
 def _offered(situation: Situation, before: Before, found: list[Tried]) -> tuple[Offered, ...]:
-    """Those that are better than none by more than chance, the best first."""
+    """Hypotheses that are better than none beyond chance, the best first."""
     if situation.many_are_out:  # of a single observation only what explains all of it
         found = [one for one in found if len(one.hypothesis.rows) != 1 or nothing_is_left(one.fit)]
     good = _in_order(situation, [one for one in found if _is_good(situation, before, one.fit)])
@@ -301,7 +301,7 @@ def _before(situation: Situation, plain: Adjustment) -> Before:
 
 
 class Ended(NamedTuple):
-    """How the adjustment of a network ended, in which something is wrong."""
+    """End of the adjustment of a network with a mistake."""
 
     plain: Adjustment
     """That of all observations."""
@@ -416,7 +416,7 @@ _AS_EXPECTED = 2.0
 def tried(
     situation: Situation, hypothesis: Hypothesis, afresh: bool = True, spoken_for: bool = False
 ) -> Fit | None:
-    """How the network fits with the change; nothing where its adjustment does not converge.
+    """Fit of the network with the change; nothing if its adjustment does not converge.
 
     ``afresh`` allows that start values are worked out for it, which takes longer than all else; ``spoken_for`` says
     that the given ones speak for it clearly.
@@ -436,7 +436,7 @@ def tried(
 
 
 def _fit(situation: Situation, network: Network, hypothesis: Hypothesis, found: Adjustment) -> Fit:
-    """How an adjustment of the changed network fits, the choice of the change counted in."""
+    """Fit of an adjustment of the changed network, including the cost of the choice of the change."""
     values, defect = found.values, found.defect.dimension
     lost = 0 if situation.solution is None else situation.defect - defect
     stretch = hypothesis.stretch
@@ -449,7 +449,7 @@ def _fit(situation: Situation, network: Network, hypothesis: Hypothesis, found: 
 def _beginnings(
     situation: Situation, network: Network, hypothesis: Hypothesis, afresh: bool, spoken_for: bool
 ) -> Iterator[Values]:
-    """Where to begin: where most observations fit; for what is not local, at new start values, too.
+    """Start values: those that most observations fit, and new ones if the change is not local.
 
     Which of them is better is not seen before the adjustment: what fits a wrong observation well begins far off.
     """
@@ -555,7 +555,7 @@ def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArr
 
 
 def _fitting(situation: Situation, changed: Network) -> int:
-    """How many observations fit, and are changed."""
+    """Count the observations that fit, and those that are changed."""
     count = 0
     groups = zip(situation.network.groups, changed.groups, situation.misfitting, strict=False)
     for old, new, bad in groups:

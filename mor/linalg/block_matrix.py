@@ -163,7 +163,7 @@ class BlockStructure:
 
     @cached_property
     def known(self) -> dict[Hashable, Any]:
-        """What was worked out of the pattern for one who asks for it again in every iteration, by whatever he asks."""
+        """Return a result computed from the pattern once and kept under a key."""
         return {}
 
     def shapes(self) -> Iterator[tuple[int, int, IntArray]]:
@@ -603,7 +603,7 @@ def _stored_in_every_iteration(into: Target, columns: IntArray) -> tuple[IntArra
 
 
 def _stored(into: Target, columns: IntArray) -> tuple[IntArray, IntArray]:
-    """Which products (k,) of columns (n, K), of all n·K·K, are in the lower part, and their places (k,)."""
+    """Return which products (k,) of columns (n, K), of all n·K·K, lie in the lower part, and their places (k,)."""
     places = _places(into, columns, lower_only=True)[0].ravel()
     stored = np.flatnonzero(places >= 0)
     return stored, places[stored]

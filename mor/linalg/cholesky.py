@@ -378,7 +378,7 @@ class Factor:
         return solution.reshape(right_hand_side.shape)
 
     def reduce(self, right_hand_side: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Of a factor without its last front: y of L y = b (n, k), and what is left of b for the last front (p, k)."""
+        """Solve L y = b (n, k) without the last front; also return the rest of b for the last front (p, k)."""
         plan = self.elimination
         x = np.ascontiguousarray(right_hand_side[plan.permutation], dtype=np.float64)
         with one_thread():
@@ -386,7 +386,7 @@ class Factor:
         return x, x[plan.pivot_pointers[-2] :].copy()
 
     def follow(self, y: FloatArray, last: FloatArray) -> FloatArray:
-        """Of a factor without its last front: x (n, k) of Lᵀ x = y, the unknowns of the last front given (p, k)."""
+        """Solve Lᵀ x = y (n, k) with a factor without its last front, whose unknowns (p, k) are given."""
         plan = self.elimination
         x = y.copy()
         x[plan.pivot_pointers[-2] :] = last

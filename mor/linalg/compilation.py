@@ -196,7 +196,7 @@ class Kernel(Generic[Parameters, Result]):
 
     @cached_property
     def in_numba(self) -> Any:
-        """What Numba makes of the function, in which other kernels stand for what Numba makes of them."""
+        """Return the function compiled by Numba, with the kernels that it calls compiled likewise."""
         with _lock:
             numba, function = _numba(), self.py_func
             assert isinstance(function, FunctionType)
@@ -326,7 +326,7 @@ def _is_there() -> bool:
 
 
 def compile_all(steps: Iterable[Callable[[], object]], done: Callable[[], None]) -> Path:
-    """Fill the cache anew by doing ``steps`` with kernels, and return its folder; ``done`` is called after each.
+    """Fill an empty cache by doing ``steps`` with kernels, and return its folder; ``done`` is called after each.
 
     Nobody sees the folder before it is whole. Raises what the steps raise, ``OSError`` where nothing can be written.
     """
@@ -361,7 +361,7 @@ def _seal(folder: Path) -> None:
 
 
 def _sealed_files(folder: Path) -> Iterator[Path]:
-    """All but the indices, which Numba writes anew where it compiles a kernel for further kinds of arguments."""
+    """All files but the indices, which Numba rewrites when it compiles a kernel for further types of arguments."""
     yield from (folder / _SIGNATURES, *folder.rglob("*.nbc"))
 
 

@@ -100,7 +100,7 @@ def fetch(typing, array, place):  # type: ignore[no-untyped-def]
 
 
 def _address(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
-    """Where the number of an array at a place stands."""
+    """Address of an element of an array."""
     array = context.make_array(sig.args[0])(context, builder, args[0])
     return builder.gep(array.data, [context.cast(builder, args[1], sig.args[1], types.intp)])
 

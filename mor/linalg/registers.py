@@ -38,7 +38,7 @@ class Operation(Generic[Parameters, Result]):
 
     @property
     def in_numba(self) -> Any:
-        """What Numba is given for the function."""
+        """Return the form of the function for Numba."""
         from mor.linalg import numba_registers as registers_in_numba
 
         return getattr(registers_in_numba, self.py_func.__name__)

@@ -193,7 +193,7 @@ class Meeting(NamedTuple, Generic[At]):
         return change + self.further(change)
 
     def further(self, change: FloatArray) -> FloatArray:
-        """How much further the point drifts: a change δ moves its row, and the time by T g·δ / slip; 0 at T = 0."""
+        """Return the further drift of the point: a change δ moves its row, and the time by T g·δ / slip; 0 at T = 0."""
         one = (1,) * (change.ndim - 2)
         passed = np.einsum("nj,nj...->n...", self.clock[:, :2], change)
         time = self.readout.reshape(-1, *one) * passed / self.slip.reshape(-1, *one)
@@ -457,7 +457,7 @@ _FRAMES = ("image", "follower")
 
 @cache
 def on_the_sphere(type_: ObservationType) -> ObservationType | None:
-    """The type with the same slots and directions in place of image coordinates.
+    """Return the type with the same slots and directions instead of image coordinates.
 
     ``None`` of points that are at infinity, or move, and of images on a trajectory. What is read out row by row is
     taken for a frame.
@@ -478,7 +478,7 @@ def is_on_the_sphere(type_: ObservationType) -> bool:
 
 
 def stereographic(rays: FloatArray) -> FloatArray:
-    """(n, 2) coordinates of unit rays (n, 3), which stand in place of the measured ones: 0 where a camera looks to."""
+    """Return (n, 2) coordinates of unit rays (n, 3), used instead of the measured ones: 0 along the camera axis."""
     return np.asarray(rays[:, :2] / np.maximum(1.0 - rays[:, 2:], 1e-300))
 
 

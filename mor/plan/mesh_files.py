@@ -55,7 +55,7 @@ def read_mesh(path: Path) -> Mesh:
 
 
 class _MeshError(Exception):
-    """What is wrong with a mesh, and its line, 0 where there are none."""
+    """Mistake in a mesh, and its line, 0 if there are no lines."""
 
     def __init__(self, words: str, line: int = 0) -> None:
         super().__init__(words)

@@ -79,7 +79,7 @@ class Eliminated(NamedTuple):
 
 
 def eliminated(adjustment: Adjustment, blocks: IntArray) -> Eliminated:
-    """Those of the point blocks that are eliminated on the fly."""
+    """Those of the point blocks that are eliminated during accumulation."""
     problem, plan = adjustment.problem, adjustment.plan
     own = problem.index.columns["point"]
     blocks = np.unique(blocks)
@@ -313,7 +313,7 @@ def _weakest(r: FloatArray) -> float:
 def wide_outcomes(
     quality: Quality, wide: Wide, wanted: Wanted, candidates: Sequence[ObservationGroup], least: FloatArray
 ) -> Iterator[tuple[list[Unit], Outcome, BoolArray]]:
-    """What the plan is with each candidate: units with their outcomes, and which of them are estimable.
+    """Outcomes of the plan with each candidate, by units, and which of them are estimable.
 
     ``least`` is the required redundancy number of the observations of each group of candidates.
     """
@@ -342,7 +342,7 @@ def _outcomes(
     size: int,
     least: float,
 ) -> tuple[Outcome, BoolArray]:
-    """What the plan is with each row of a group that has so many components."""
+    """Outcomes of the plan with each row of a group that has so many components."""
     adjustment = quality.adjustment
     tangent = rotation_tangents(adjustment.problem.index, adjustment.values)
     part = linearise(group, adjustment.problem.index, adjustment.values, tangent, slice(None))
@@ -571,7 +571,7 @@ def _one_that_will_do(
 
 
 def _best(now: Ranked, found: Sequence[Ranked]) -> Ranked | None:
-    """What takes away most of the shortfall for a measurement; where none does, most of the variance."""
+    """Candidate that lowers the shortfall most per measurement; if none does, the variance."""
     if not found:
         return None
     gain = [(now.shortfall - one.shortfall) / one.unit.cost for one in found]

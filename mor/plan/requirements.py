@@ -65,7 +65,7 @@ Requirement = RequiredPrecision | RequiredControl
 
 @dataclass(frozen=True)
 class Judged:
-    """Whether a requirement is met, and how far the worst is from it."""
+    """Whether a requirement is met, and its largest excess."""
 
     requirement: Requirement
     worst: float
@@ -84,7 +84,7 @@ class Judged:
 
 
 def requirements(network: Network) -> tuple[Requirement, ...]:
-    """What the project requires, with what its names stand for. Raises :class:`InputError` for those of nothing."""
+    """Requirements of the project with their names resolved. Raises :class:`InputError` for unknown names."""
     problems: list[Message] = []
     wanted = network.project.require
     result: list[Requirement] = []
@@ -160,7 +160,7 @@ def _control(network: Network, wanted: RequiredReliability, problems: list[Messa
 
 
 def judged(requirement: Requirement, quality: Quality, absent: BoolArray | None = None) -> Judged:
-    """Whether a quality reaches a requirement; point blocks that are ``absent`` (n,) have no σ and do not."""
+    """Return whether a quality meets a requirement; point blocks that are ``absent`` (n,) have no σ and do not."""
     if isinstance(requirement, RequiredPrecision):
         return _judged_precision(requirement, quality, absent)
     return _judged_control(requirement, quality)
@@ -462,7 +462,7 @@ _SPARED = 1e-9
 
 
 class Wanted(NamedTuple):
-    """What is required, as limits of single rows."""
+    """Requirements as limits of single rows."""
 
     variance: FloatArray
     """(t,) limits of the variances of the coordinates ``rows``."""
@@ -485,7 +485,7 @@ class Wanted(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What a plan would be after each of c changes, (c,) each."""
+    """Measures of a plan after each of c changes, (c,) each."""
 
     shortfall: FloatArray
     precision: FloatArray
@@ -565,7 +565,7 @@ def solvable(R: FloatArray) -> BoolArray:
 
 
 def outcomes(interest: Interest, wanted: Wanted, units: Sequence[Unit], sign: float) -> Outcome:
-    """What becomes of the plan by adding (+1) or sparing (−1) each of some units, all of the same size k."""
+    """Outcomes of adding (+1) or removing (−1) each of some units, all of the same size k."""
     K = interest.cofactors
     index = np.stack([unit.rows for unit in units])  # (c, k)
     count, k = index.shape
@@ -595,7 +595,7 @@ def judged_outcome(
     possible: BoolArray,
     sign: float = 1.0,
 ) -> Outcome:
-    """What becomes of a plan by changes that take W Wᵀ (c, m, k) from its cofactors K, or add it."""
+    """Outcome of changes that subtract W Wᵀ (c, m, k) from its cofactors K, or add it."""
     ellipsoids = _largest_axes(K, W, wanted.ellipsoids, sign)
     return _judged(interest, wanted, diagonal, r, taking, ellipsoids, possible)
 
@@ -650,7 +650,7 @@ def _shortfall_of_precision(interest: Interest, parts: FloatArray, diagonal: Flo
 
 
 def present(interest: Interest, wanted: Wanted) -> Outcome:
-    """What the plan is as it stands; arrays of one."""
+    """Outcome of the plan as it is; arrays of one."""
     K = interest.cofactors
     diagonal = np.diagonal(K).copy()
     r = redundancies(interest, diagonal, K)
@@ -675,7 +675,7 @@ REASONS = ("seen", "range", "frame", "incidence", "hidden")
 
 
 class Sighted(NamedTuple):
-    """What a group of planned observations sees."""
+    """Things that a group of planned observations sees."""
 
     name: str
     section: str

@@ -158,7 +158,7 @@ class Systematic(NamedTuple):
 
 
 class Wishes(NamedTuple):
-    """What is planted, besides the random errors."""
+    """Mistakes to plant, besides the random errors."""
 
     gross: int = 0
     """Number of gross errors, in observations drawn at random."""

@@ -500,7 +500,7 @@ def sights(reading: Reading) -> dict[str, ObservationType]:
 
 
 def with_visible(document: Document, folder: Path) -> tuple[Document, tuple[Sighted, ...]]:
-    """The document with rows in place of every ``visible``, and what each of these sees. Raises :class:`InputError`.
+    """Replace every ``visible`` of the document by rows, and return what each sees. Raises :class:`InputError`.
 
     Where the things of the project cannot be read it comes back as it is: whoever reads it tells all mistakes.
     """
@@ -552,7 +552,7 @@ class Scene(NamedTuple):
 
 
 class Viewpoint(NamedTuple):
-    """Where sights begin."""
+    """Origin of sights."""
 
     name: str
     origin: FloatArray

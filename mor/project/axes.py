@@ -48,7 +48,7 @@ class UnitError(ValueError):
 
 
 class ImageScale(NamedTuple):
-    """How image coordinates of one camera come in: its unit inside, pixel size, origin."""
+    """Form in which image coordinates of one camera are read: internal unit, pixel size, origin."""
 
     unit: str
     pixel: float
@@ -260,7 +260,7 @@ def edge_transform(type_: ObservationType, edge: Edge) -> tuple[FloatArray, Floa
 
 
 def external_image(scale: ImageScale) -> External:
-    """How image coordinates of a camera are reported: in the unit and from the origin they are measured in."""
+    """Form in which image coordinates of a camera are reported: the unit and origin of the measurements."""
     unit = scale.coordinate_unit
     factor = scale.factor(unit)
     if not scale.corner:
@@ -271,7 +271,7 @@ def external_image(scale: ImageScale) -> External:
 
 
 def external(type_: ObservationType, edge: Edge, scale: ImageScale | None = None) -> External:
-    """How the components of a type are reported: project axes, senses and units, the camera's image unit."""
+    """Form in which the components of a type are reported: project axes, senses and units, the camera's image unit."""
     units = tuple(edge.default_unit(component.quantity, scale) for component in type_.components)
     transform, offset = edge_transform(type_, edge)
     factors = np.array(

@@ -140,7 +140,7 @@ class Document:
         return [name for name in named if isinstance(name, str) and "\0" not in name]
 
     def frame(self, name: str) -> pl.DataFrame | None:
-        """A data frame that stands in place of the file of this name, where there is one."""
+        """Data frame that replaces the file of this name, if there is one."""
         return self.frames.get(name)
 
     def file_of(self, path: KeyPath) -> str:

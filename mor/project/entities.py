@@ -249,7 +249,7 @@ class Equality(NamedTuple):
 
 
 class ContradictionError(ValueError):
-    """What is to be equal cannot be; ``number`` of the equality that contradicts, where it is one of them."""
+    """Values declared equal differ; ``number`` is that of the equality, if it is one of them."""
 
     def __init__(self, words: str, number: int | None = None) -> None:
         super().__init__(words)
@@ -494,7 +494,7 @@ class Trajectory(NamedTuple):
         return CUBIC if self.cubic else LINEAR
 
     def clock(self, times: FloatArray, later: FloatArray | None = None) -> Clock:
-        """Where times (n,) are; outside the trajectory anything finite.
+        """Places of times (n,) on the trajectory; outside of it any finite value.
 
         Where something is seen so much ``later`` (n,), or before, the knots are those about then, within the stretch.
         """
@@ -554,7 +554,7 @@ def said_time(time: float) -> str:
 
 
 def knot_name(trajectory: str, time: float) -> str:
-    """What a knot is called in reports."""
+    """Name of a knot in reports."""
     return f"{trajectory}@{time:.12g}"
 
 
@@ -579,7 +579,7 @@ def table_label(section: str, number: int, table: Table) -> str:
 
 @dataclass
 class Reading:
-    """What the steps of reading share: the project, where it stands, what was found wrong."""
+    """State shared by the steps of reading: the project, its folder, and the mistakes found."""
 
     project: Project
     place: Place

@@ -179,7 +179,7 @@ def _readout(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> 
 
 
 def phase_constants(camera: Camera, scale: ImageScale) -> tuple[float, float, float]:
-    """What of the readout passes per image unit in x and in y, and what has passed at 0, 0, less 1/2."""
+    """Return the readout per image unit in x and in y, and at 0, 0, less 1/2."""
     assert camera.image is not None
     width, height = (split(text)[0] * scale.pixel for text in (camera.image.width, camera.image.height))
     along = {"down": (0.0, -1.0 / height), "up": (0.0, 1.0 / height)}

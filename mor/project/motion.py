@@ -343,7 +343,7 @@ class _Differing(NamedTuple):
     given: IntArray
 
     def words(self, row: int) -> str:
-        """What is wrong with a row."""
+        """Words for the mistake of a row."""
         own, other = (self.motion.labels[int(epochs[row])] for epochs in (self.found, self.given))
         return f"{self.names[row]} is of epoch {own}, this row of {other}"
 

@@ -102,7 +102,7 @@ def _entries(project: Project) -> dict[str, list[Observations]]:
 
 
 def _read(entry: Observations) -> tuple[object, ...]:
-    """What an entry reads from its file: the renamed columns, and values that name what was observed."""
+    """Read an entry from its file: the renamed columns, and values that name what was observed."""
     columns = entry.columns
     if isinstance(columns, Mapping):
         renamed = {(theirs, ours) for theirs, ours in columns.items() if ours and ours != theirs}
@@ -206,7 +206,7 @@ def members_of(clusters: IntArray | SmallIntArray) -> list[IntArray]:
 
 
 def wrong_rows(given: Sequence[Sequence[float]], members: list[IntArray], names: Sequence[str]) -> str:
-    """What is wrong with the lengths of the rows of the matrices of clusters, in words; empty if nothing is."""
+    """Return words for wrong lengths of the rows of the matrices of clusters; empty if all are right."""
     count = sum(map(len, members))
     if len(given) != count:
         return f"covariance: found {len(given)} rows, expected {count}, one for each observation"
@@ -258,7 +258,7 @@ def _entries_of_correlation(groups: list[Group], number: int) -> tuple[IntArray,
 
 
 class _Inside(NamedTuple):
-    """How entries as given (same rows, project axes and units) become internal ones."""
+    """Conversion of entries as given (same rows, project axes and units) to internal ones."""
 
     order: IntArray
     """(n,) place of each entry among those given."""
@@ -272,7 +272,7 @@ class _Inside(NamedTuple):
 
 
 def _inside(groups: list[Group], where: IntArray, rows: IntArray, components: IntArray) -> _Inside:
-    """What takes entries, in the order of their groups and rows, to internal ones.
+    """Return the conversion of entries, in the order of their groups and rows, to internal ones.
 
     Where only some components of a row are observed, turned axes put them elsewhere: they keep their order as given.
     """
@@ -349,7 +349,7 @@ def _are_positive_definite(matrices: Sequence[FloatArray]) -> bool:
 
 
 def _not_positive_definite(matrix: FloatArray) -> str:
-    """What is wrong with a covariance matrix (…, n, n), or with one of several, in words; empty if nothing is."""
+    """Return words for a covariance matrix (…, n, n) that is not positive definite; empty if all are."""
     variances = np.diagonal(matrix, axis1=-2, axis2=-1)
     if not np.isfinite(matrix).all():
         return "the covariance matrix is not complete: found NaN"
@@ -561,7 +561,7 @@ def _network(
     correlated: tuple[Correlation, ...],
     datum: DatumChoice,
 ) -> Network:
-    """What was read, put together."""
+    """Assemble the network from its parts."""
     project, document = reading.project, reading.document
     stores = {key: store for key, store in reading.shop.stores.items() if store.ids}
     observed = {key: store.all_values() for key, store in stores.items()}
@@ -654,7 +654,7 @@ def _datum(reading: Reading) -> DatumChoice:
 
 
 def datum_name(datum: str | Datum) -> str:
-    """What a datum is called."""
+    """Name of a datum."""
     if datum == "fixed":
         return "fixed"
     if not isinstance(datum, Datum) or (datum.minimal is None and datum.free == "all"):

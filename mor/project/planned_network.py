@@ -90,7 +90,7 @@ def _rows_at(lines: Lines, times: FloatArray) -> FloatArray:
 
 
 class _Sight:
-    """Where n points, rows ``mine`` of a group, lie beside the line of their camera."""
+    """Places of n points, rows ``mine`` of a group, beside the line of their camera."""
 
     def __init__(
         self, group: ObservationGroup, place: Mapping[str, FloatArray], trajectory: Trajectory, mine: IntArray

@@ -176,7 +176,7 @@ def _told(reading: Reading, statuses: Statuses) -> BoolArray:
 
 
 def _of_rows(statuses: Statuses, told: BoolArray, rows: IntArray) -> Statuses:
-    """What rows (k,) say of one position: each coordinate by the first that fixes or observes it, or has a value."""
+    """Merge the rows (k,) of one position: each coordinate from the first that fixes or observes it, or has a value."""
     weight = 2 * told[rows] + np.isfinite(statuses.values[rows])
     chosen = rows[np.argmax(weight, axis=0)]
     return Statuses(*(column[chosen, np.arange(3)][None] for column in statuses))
@@ -465,7 +465,7 @@ def at_places_to_be_found(reading: Reading, ids: list[str], deflection: FloatArr
 
 
 def _of_grid(reading: Reading, key: str, name: str, read: Callable[[], _Values]) -> _Values | None:
-    """What a grid has; ``None`` if it cannot be read, which is told once."""
+    """Read a grid; ``None`` if it cannot be read, which is reported once."""
     try:
         return read()
     except GridError as error:

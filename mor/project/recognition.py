@@ -354,7 +354,7 @@ _VARIANCE = 0.01
 
 
 class CameraSettings(NamedTuple):
-    """What is known of the camera; ``None`` if nothing is."""
+    """Known settings of the camera; ``None`` if there are none."""
 
     name: str = "camera"
     constant: float | None = None
@@ -453,7 +453,7 @@ def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts:
 
 
 def _entry(target: Path, table: Found, corner: bool) -> dict[str, Any]:
-    """What the template says of a table."""
+    """Entry of the template for a table."""
     renamed = {theirs: ours for ours, theirs in table.columns.items() if ours != theirs}
     others = [name for name in table.header if name not in table.columns.values()]
     units = {**table.units, **_units_of_covariances(table)}

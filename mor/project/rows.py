@@ -99,7 +99,7 @@ class Group:
 
 
 def own_or_common(own: FloatArray, common: FloatArray) -> FloatArray:
-    """What a row says for a component, or else for all of them."""
+    """Value of a row for a component, or else for all of them."""
     return np.where(np.isnan(own), common, own)
 
 
@@ -142,7 +142,7 @@ def without_required(columns: Sequence[Column], measured: Sequence[str]) -> list
 
 
 def planned_rows(rows: Rows, measured: Sequence[str], reading: Reading, name: str) -> Rows:
-    """The rows with 0 in place of measured values that are missing; ``name`` of a table that misses some is noted.
+    """Rows with 0 for missing measured values; ``name`` of a table that misses some is noted.
 
     Where a row has no value at all, it is planned to observe what other rows of the table have; all components of the
     type where no row has any.
@@ -219,7 +219,7 @@ class Slip(NamedTuple):
 
 
 def told(slips: Sequence[Slip], count: int) -> tuple[list[Message], list[Message]]:
-    """What is a mistake, and what is noted of ``count`` points that only observations name."""
+    """Return the mistake, and the note on ``count`` points that only observations name."""
     mistakes, notes = [], []
     for one in slips:
         if one.rows == 1:
@@ -248,7 +248,7 @@ def _rows_of_points(groups: Sequence[ObservationGroup], count: int) -> np.ndarra
 
 
 def alike(names: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
-    """Of each name a declared one from which at most one character, or the case of letters, tells it apart."""
+    """Return for each name a declared one that differs by at most one character, or by the case of letters."""
     known: dict[str, str] = {}
     for name in declared:
         for rest in _without_one(name):
@@ -290,7 +290,7 @@ def instrument_blocks(reading: Reading, entry: Observations, place: Place) -> di
 
 
 class Resolved(NamedTuple):
-    """What the names of one column stand for."""
+    """Blocks that the names of one column stand for."""
 
     names: Names
     blocks: dict[str, IntArray]

@@ -133,7 +133,7 @@ def _set_ups(
 
 
 class _Said(NamedTuple):
-    """What n rows say of the components of a constant, (n, size) each; NaN if they say nothing."""
+    """Values of n rows for the components of a constant, (n, size) each; NaN where there is none."""
 
     given: FloatArray
     sigma: FloatArray
@@ -164,7 +164,7 @@ class _Said(NamedTuple):
 def _with_row(
     reading: Reading, kind: BlockKind, rows: Rows, row: int, said: _Said, before: SetUp | None
 ) -> SetUp:
-    """What all rows so far say of one shared constant: each component once, or several times the same."""
+    """Merge all rows so far of one shared constant: each component once, or several times with the same value."""
     here = said.rows(np.array([row]))
     if before is None:
         return tuple(here)
@@ -188,7 +188,7 @@ def _with_row(
 def _said(
     reading: Reading, kind: BlockKind, rows: Rows, fixed: Collection[str], free: Collection[str]
 ) -> _Said:
-    """What the rows say; σ = 0 is fixed, in a table of free ones, too."""
+    """Values of the rows; σ = 0 is fixed, also in a table of free ones."""
     names, problems = kind.names, reading.problems
     given = np.stack([rows.number(name) for name in names], axis=1)
     sigma = np.stack([rows.number(f"sigma_{name}") for name in names], axis=1)

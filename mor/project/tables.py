@@ -96,7 +96,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Place:
-    """Where a table stands in the project: its path in the document, and the folder of the project."""
+    """Place of a table in the project: its path in the document, and the folder of the project."""
 
     document: Document
     path: KeyPath
@@ -467,7 +467,7 @@ def from_file(table: Table, known: dict[str, Column], place: Place, problems: li
 
 
 def _words(error: InputError, path: Path) -> str:
-    """What is wrong with a path, after its name, and the nearest file there is."""
+    """Words for the mistake in a path, after its name, and the nearest file that exists."""
     others = [other.name for other in path.parent.iterdir()] if is_folder(path.parent) else []
     near = nearest(path.name, others) if path.name not in others else ""
     said = "; ".join(problem.message for problem in error.problems)

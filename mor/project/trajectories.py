@@ -729,7 +729,7 @@ def pose_blocks(reading: Reading, labels: list[str]) -> tuple[IntArray, IntArray
 
 
 class RowClocks(NamedTuple):
-    """Where rows of image coordinates are on their trajectories."""
+    """Places of rows of image coordinates on their trajectories."""
 
     knots: tuple[IntArray, ...]
     """Position, then rotation blocks (n,) of the knots."""

@@ -124,7 +124,7 @@ def assess(
 
 
 class Whole(NamedTuple):
-    """Of a network as a whole, where only a part of it may be at hand."""
+    """Sums over a whole network, of which only a part may be in memory."""
 
     redundancy: int
     omega: float

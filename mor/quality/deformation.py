@@ -284,7 +284,7 @@ class Tested(NamedTuple):
 
 
 class Movements(NamedTuple):
-    """What moves, and how far it has moved."""
+    """Points that may move, and their movements."""
 
     parameters: Tested
     between: Tested

@@ -255,7 +255,7 @@ _NORMAL = 1.4826
 
 
 def misfit(network: Network, values: Values, but: IntArray) -> float:
-    """How far rays pass by their points in units of σ, 1 at least: the median, made equal to σ for normal errors.
+    """Return the median distance between rays and their points in units of σ (of normal errors), at least 1.
 
     Rays to the points ``but`` (k,) have no say, for their places are in question.
     """
@@ -438,7 +438,7 @@ class Movements(NamedTuple):
 
 
 def last_movements(adjustment: Adjustment) -> Movements:
-    """What moved in further steps from the last values; where none can be taken, the step that was wanted."""
+    """Return the unknowns that moved in further steps from the last values, or else in the step that was proposed."""
     steps = _further_steps(adjustment)
     if steps.shape[1] == 0:
         wanted = adjustment.inverse.step(adjustment.normals)
@@ -571,7 +571,7 @@ EXPLAINED = 30
 
 
 class Means(NamedTuple):
-    """How a network becomes a problem and is solved, and the critical value of the test for parallel rays."""
+    """Functions that make a problem of a network and solve it, and the critical value of the test for parallel rays."""
 
     make: Callable[[Network, Values], Problem]
     solve: Callable[[Network, Values], Attempt]
@@ -715,7 +715,7 @@ def _with_far_points(
 def _from_given_places(
     network: Network, start: Values, values: Values, found: RayPoints, far: RayPoints, means: Means
 ) -> tuple[dict[str, FloatArray], RayPoints, RayPoints] | None:
-    """Where an adjustment leads in which far points with given coordinates begin there, and what is far there.
+    """Return the solution of an adjustment in which far points begin at their given coordinates, and its far points.
 
     The given values say too little of the poses to tell which points are at infinity. Points under a narrow angle do
     not carry the datum. Only points that run away are far where the adjustment leads: there, infinity is as good as any

@@ -400,7 +400,7 @@ AT_LEAST = 10
 
 
 class Effect(NamedTuple):
-    """What an observation does to the point it moves most."""
+    """Effect of an observation on the point that it moves most."""
 
     entry: Entry
     test: float

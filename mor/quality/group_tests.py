@@ -312,7 +312,7 @@ class GroupTests(NamedTuple):
 
     @property
     def rejected(self) -> list[GroupTest]:
-        """Those that reject, the worst beside all others first."""
+        """Tests that reject, the worst beside all others first."""
         return sorted((test for test in self.tests if test.rejected), key=lambda test: test.log_p_beside_rest)
 
     @property
@@ -520,7 +520,7 @@ LEVEL = 1e-3
 
 
 class Rejection(Enum):
-    """What the tests of the verdict reject at ``LEVEL``: of all, of single observations, or of groups."""
+    """Tests that reject at ``LEVEL``: of all observations, of single ones, or of groups."""
 
     NOTHING = auto()
     SMALLER = auto()
@@ -530,7 +530,7 @@ class Rejection(Enum):
 
 
 def rejection(quality: Quality, network: Network, tests: GroupTests | None = None) -> Rejection:
-    """What is rejected, and to which side; ``tests`` are those of the groups, where they are known."""
+    """Return which tests reject, and to which side; ``tests`` are those of the groups, if they are known."""
     freedom = float(quality.redundancy)
     overall = freedom > 0.0 and _two_sided(quality.omega, freedom) < np.log(LEVEL)
     if (overall and quality.omega > freedom) or _largest(quality) < np.log(LEVEL):
@@ -587,7 +587,7 @@ class CommonToFlagged(NamedTuple):
 
 
 class _Membership(NamedTuple):
-    """Which rows refer to the things of one kind."""
+    """Rows that refer to the things of one kind."""
 
     of: str
     names: Sequence[str]

@@ -84,7 +84,7 @@ def sums_of_costs(sizes: FloatArray, factor: float, count: int) -> Costs:
 
 
 def cost_of_sums(sums: Costs, factor: float) -> float:
-    """What observations cost, with the better of k = 1 and k = ``factor``."""
+    """Return the cost of observations, with the better of k = 1 and k = ``factor``."""
     if factor <= 1.0:
         return sums.plain
     return min(sums.plain, sums.scaled + 2.0 * sums.size * float(np.log(factor)))
@@ -153,7 +153,7 @@ OF_THEMSELVES = ("observed/", "coordinates", "control")
 
 
 class Starts(NamedTuple):
-    """Where points were thought to be: it tells them apart where their observations fit two places alike."""
+    """Start values of points: they decide where observations fit two places alike."""
 
     places: FloatArray
     """(k, 3) of all points."""
@@ -167,7 +167,7 @@ class Starts(NamedTuple):
 
 
 def starts_of(problem: Problem, values: Values, start: Values) -> Starts:
-    """Where points were thought to be, and how well, by where most of them are."""
+    """Return start values of points with their precision, from the distances at which most points are found."""
     off = np.abs(values["point"] - start["point"])[problem.index.columns["point"] >= 0]
     return Starts(start["point"], robust_sigma(off[np.isfinite(off)]))
 
@@ -202,7 +202,7 @@ def reintersected(
 
 
 class Among(NamedTuple):
-    """What is to be known of all observations and points to look at one."""
+    """Context in which one observation or point is examined."""
 
     observations: int
     """Their number."""
@@ -514,7 +514,7 @@ def without_suspects(
 
 
 def _led(plain: Adjustment, settings: Settings | None, watch: Watcher | None, by_parts: bool) -> Attempt:
-    """What there is where graduated weights lead; ``by_parts``: where most of every part is right."""
+    """Return the attempt that begins with graduated weights; ``by_parts``: most of every part is assumed right."""
     found = graduated_weights(plain.problem, plain.start, watch, by_parts)
     found = _with_points_moved(plain.problem, found, plain.start, watch)
     return _attempt(plain, found, settings, watch)._replace(robust=found.values)
@@ -556,7 +556,7 @@ def _attempt(
 
 
 def _with_points_moved(problem: Problem, found: Graduated, start: Values, watch: Watcher | None) -> Graduated:
-    """Where points whose sights do not fit have been intersected anew, as long as that explains all better.
+    """Return the solution with misfitting points intersected again, as long as that lowers the cost of all.
 
     A few observations of large weight may have drawn a point away from all its rays before weights told them apart.
     Each point is looked at once.
@@ -577,7 +577,7 @@ def _with_points_moved(problem: Problem, found: Graduated, start: Values, watch:
 
 
 def _cost(problem: Problem, found: Graduated, starts: Starts) -> float:
-    """What all observations cost where weights lead, and the way of the points there."""
+    """Return the cost of all observations at the solution with weights, and of the distances to the start values."""
     count = _used(problem)
     ways = starts.costs(found.values["point"], slice(None), count)
     return cost_of_residuals(found.sizes, count) + float(np.sum(ways))
@@ -599,7 +599,7 @@ def _from_near(settings: Settings | None) -> Settings:
 
 
 def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | None) -> Attempt:
-    """All observations once more, all with their weights, from where directions in place of coordinates lead.
+    """Adjust all observations with their full weights, starting from a solution by directions instead of coordinates.
 
     Where nothing is wrong but the start values, weights may lose a point for ever whose few rays were far off at first.
     The plain adjustment where that does not converge to a place that fits either.

@@ -249,7 +249,7 @@ LEVEL = 0.001
 
 
 class Misclosures(NamedTuple):
-    """Of some rows of a group, (k, m) each; NaN where something is not known."""
+    """Misclosures of some rows of a group, (k, m) each; NaN where a value is unknown."""
 
     rows: IntArray
     size: FloatArray
@@ -384,7 +384,7 @@ class _Line(NamedTuple):
 
 
 class _Way(NamedTuple):
-    """How a point is reached from the root: line, in which sense, from where, and how many lines away."""
+    """Path from the root to a point: line, sense, previous point, and number of lines."""
 
     line: int
     sense: float
@@ -761,7 +761,7 @@ def _kind(group: ObservationGroup, component: int) -> str:
 
 
 def _sizes(group: ObservationGroup, component: int, kind: str, here: BoolArray) -> FloatArray:
-    """What a σ is compared with, for each row: 1 rad, the length itself, the widest image coordinate; NaN for 0."""
+    """Return the size with which σ of each row is compared: 1 rad, length, widest image coordinate; NaN for 0."""
     observed = group.observed[here, component]
     if kind == "angle":
         return np.ones(len(observed))

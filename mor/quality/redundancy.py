@@ -169,7 +169,7 @@ OF_IMAGES = frozenset(
 
 
 class Directions(NamedTuple):
-    """What weak directions and the datum add to Q Aᵀ, (u, k) each: own (A through)ᵀ."""
+    """Contribution (u, k) of weak directions and datum to Q Aᵀ: own (A through)ᵀ."""
 
     own: FloatArray
     through: FloatArray
@@ -184,7 +184,7 @@ class Directions(NamedTuple):
 
 
 def directions(adjustment: Adjustment, datum: STransformation) -> Directions:
-    """What is missing in the cofactors of the factorisation, for the datum of the adjustment."""
+    """Return the part missing in the cofactors of the factorisation, for the datum of the adjustment."""
     weak = adjustment.inverse.weak
     return Directions(
         np.concatenate([weak, -datum.null @ datum.binding], axis=1),
@@ -377,7 +377,7 @@ def _of_columns(directions: FloatArray, columns: IntArray) -> FloatArray:
 
 
 class _Derivatives(NamedTuple):
-    """Of n clusters with k entries and c unknowns each."""
+    """Derivatives of n clusters with k entries and c unknowns each."""
 
     jacobian: FloatArray
     """(n, k, c)."""
@@ -548,7 +548,7 @@ OPERATIONS_PER_RAY = 30_000
 
 
 def effort(adjustment: Adjustment) -> int:
-    """What :func:`mor.quality.assessment.assess` tells its watcher in all."""
+    """Return the total that :func:`mor.quality.assessment.assess` reports to its watcher."""
     of_inverse = float(operations(adjustment.plan.elimination).sum())
     return len(adjustment.plan.rays.row) + int(of_inverse / OPERATIONS_PER_RAY)
 

@@ -37,7 +37,7 @@ _OF_FRAMES = ("image", "station", "system")
 
 
 class Controlled(NamedTuple):
-    """How well each of k things is controlled; (k,) arrays, of what no observation refers to NaN and −1."""
+    """Control of k things: arrays (k,), NaN and −1 for things without observations."""
 
     of: str
     """``point``, ``image``, ``station`` or ``set``."""
@@ -148,7 +148,7 @@ def _pieces(count: int) -> Iterator[slice]:
 def _gathered(
     of: str, names: tuple[str, ...], seen: Callable[[], Iterator[_Seen]], axes: FloatArray
 ) -> Controlled:
-    """What the rows say of each class, in two passes: the smallest r, then whose it is."""
+    """Return the smallest r of each class, and in a second pass the row that has it."""
     count = len(names)
     observations = np.zeros(count, dtype=np.int64)
     smallest, largest = np.full(count, np.inf), np.zeros(count)
@@ -371,7 +371,7 @@ class Further(NamedTuple):
 
 
 def best_further(quality: Quality, wanted: Sequence[tuple[Entry, list[int]]]) -> list[Further]:
-    """What raises the redundancy number of each of some observations most.
+    """Return the further observation that raises the redundancy number of each of some observations most.
 
     Each comes with the free point blocks it refers to. The same observation once more controls it, but repeats what is
     wrong with its place: it is taken where none from another place does half as much. All are looked for together: a

@@ -84,7 +84,7 @@ _FRAME = "rotation"
 
 
 class Parts(NamedTuple):
-    """Of one group: the entries that take part, and how they are divided."""
+    """Parts of one group: the entries that are used, and their division."""
 
     used: BoolArray
     """(n, m)."""
@@ -239,7 +239,7 @@ REJECTED = 3.29
 
 
 class Graduated(NamedTuple):
-    """Where graduated weights lead."""
+    """Solution with graduated weights."""
 
     values: Values
     suspects: tuple[BoolArray, ...]
@@ -287,7 +287,7 @@ def _narrowed(
     watch: Watcher | None,
     parts: tuple[Parts, ...] | None = None,
 ) -> Graduated:
-    """Where weights of shrinking width lead, from the widest to the narrowest until they have settled."""
+    """Return the solution with weights of shrinking width, from the widest to the narrowest, until they settle."""
     parts = whole(problem) if parts is None else parts
     plan = make_plan(problem, eliminable_rays(problem, start))
     place = _Place(start, _sizes(plan, start), _FIRST_DAMPING)
@@ -318,7 +318,7 @@ def _few(problem: Problem) -> BoolArray:
 
 
 class _Place(NamedTuple):
-    """Where the iteration is: values, |v|/σ there, and the damping with which it goes on."""
+    """State of the iteration: values, |v|/σ at them, and the damping of the next step."""
 
     values: Values
     sizes: tuple[FloatArray, ...]
@@ -468,7 +468,7 @@ def robust_estimate(quality: Quality, method: Method, settings: Settings | None 
 
 
 def stages_of(method: Method) -> tuple[Method, ...]:
-    """What is done one after the other: the sum of absolute residuals starts everywhere."""
+    """Return the stages in their order: the sum of absolute residuals comes first in all of them."""
     return ("l1",) if method == "l1" else ("l1", "danish")
 
 

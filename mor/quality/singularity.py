@@ -352,7 +352,7 @@ def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
 
 
 def _unsettled(solved: Solved, say: Say) -> str:
-    """That the datum coordinates do not settle all movements, and whether they are too few for that."""
+    """Say that the datum coordinates do not determine all movements, and whether they are too few for that."""
     problem, movements = solved.adjustment.problem, _movements(solved, say)
     free = problem.index.columns["point"] >= 0
     count = int(np.count_nonzero(problem.datum.mask["point"] & free))

@@ -128,7 +128,7 @@ def flagged_rows(quality: Quality) -> list[FlaggedRows]:
 
 
 def rows_of_blocks(problem: Problem) -> dict[str, IntArray]:
-    """How many rows that take part each point and frame has, by kind."""
+    """Return the number of rows used of each point and frame, by kind."""
     counts = {
         kind: np.zeros(len(columns), dtype=np.int64)
         for kind, columns in problem.index.columns.items()
@@ -148,7 +148,7 @@ def candidates(
     places: Sequence[int] | None = None,
     part: int = 0,
 ) -> list[Candidate]:
-    """What may go in a round, entries in ``cannot`` apart: nothing else has half of the largest |w| there is.
+    """Return entries that may be removed in a round, without those in ``cannot``: all above half of the largest |w|.
 
     ``places``: where each group stands among those of the whole network, of which this is a part.
     """
@@ -251,7 +251,7 @@ class Elsewhere(NamedTuple):
 
 
 def other_places(problem: Problem, values: Values, out: Masks) -> Elsewhere | None:
-    """Where points are whose observations all together put them elsewhere than the rest without ``out`` does.
+    """Return other places of points whose observations agree on one that the rest without ``out`` contradicts.
 
     ``problem``: with nothing out that may come back. Nothing where nothing is out, or no point is elsewhere.
     """
@@ -265,7 +265,7 @@ def other_places(problem: Problem, values: Values, out: Masks) -> Elsewhere | No
 
 
 def out_elsewhere(problem: Problem, values: Values, moved: Values, out: Masks) -> Elsewhere | None:
-    """What is out where points have moved: of these all that is suspect there, of the others what was out."""
+    """Return removed entries after points have moved: all suspects of these points, and those removed of the others."""
     points: BoolArray = np.asarray((moved["point"] != values["point"]).any(axis=1))
     if not points.any():
         return None
@@ -279,7 +279,7 @@ def out_elsewhere(problem: Problem, values: Values, moved: Values, out: Masks) -
 
 
 def cost_at(problem: Problem, values: Values) -> float:
-    """What all observations cost at some values, those that are out at what it takes to say so."""
+    """Return the cost of all observations at some values; removed ones count with the cost of removal."""
     return cost_of_residuals(sizes_of(problem.groups, values), problem.observations)
 
 
@@ -365,10 +365,10 @@ class Tried(Protocol):
 
     @property
     def excluded(self) -> tuple[Excluded, ...]:
-        """What is out, in order."""
+        """Removed entries, in their order."""
 
     def worst(self, cannot: Collection[Entry]) -> list[Tested]:
-        """What goes in a round, the worst first, entries in ``cannot`` apart; nothing where nothing is flagged."""
+        """Return entries to remove, the worst first, without those in ``cannot``; empty if none is flagged."""
 
     def without(self, out: Out) -> Self | None:
         """The same without other entries, or nothing where that is no solution.
@@ -384,7 +384,7 @@ T = TypeVar("T", bound=Tried)
 
 
 class Ended(NamedTuple, Generic[T]):
-    """How the rounds of data snooping ended."""
+    """End of the rounds of data snooping."""
 
     tried: T
     steps: tuple[Snooped, ...]
@@ -469,7 +469,7 @@ def _steps(number: int, changed: list[Tested], out: Out) -> list[Snooped]:
 
 
 def excluded_entries(quality: Quality, kept_out: Masks, part: int = 0) -> tuple[Excluded, ...]:
-    """What is out of an adjustment, and not kept out of it, in the order of groups and rows."""
+    """Return entries removed from an adjustment, without those kept as checks, in the order of groups and rows."""
     found: list[Excluded] = []
     for number, (group, kept) in enumerate(zip(quality.adjustment.problem.groups, kept_out, strict=True)):
         out: BoolArray = group.left_out & ~kept

@@ -108,7 +108,7 @@ _MOST_MOVEMENTS = 7
 
 
 class Explained(NamedTuple):
-    """What would bring a rejected group into line with its σ."""
+    """Change that would bring a rejected group into line with its σ."""
 
     test: GroupTest
     flagged: int
@@ -137,7 +137,7 @@ ellipsoids hold to two digits."""
 
 
 class Determined(NamedTuple):
-    """How well the result is determined, whatever the residuals are. σ are those of ``sigma_of_geometry``."""
+    """Determination of the result, independent of residuals. σ are those of ``sigma_of_geometry``."""
 
     size: float
     """Size of the network, length unit: twice the median distance of its points from their median."""
@@ -283,7 +283,7 @@ def _single_observations(quality: Quality, chosen: list[BoolArray], omega: float
 
 
 class Wanted(NamedTuple):
-    """What the project asks for."""
+    """Treatment that the project asks for."""
 
     snooping: bool = False
     robust: Method | None = None
@@ -292,7 +292,7 @@ class Wanted(NamedTuple):
 
 
 class Treatment(NamedTuple):
-    """What was done."""
+    """Treatment that was applied."""
 
     components: Components
     snooping: Snooping | None = None
@@ -380,7 +380,7 @@ class Solved:
 
     @cached_property
     def movements(self) -> Movements | None:
-        """What does not come to rest, where there is no solution; worked out once for all reports."""
+        """Unknowns that do not come to rest if there is no solution; computed once for all reports."""
         if self.adjustment.reason == REDUNDANCY_LOST:
             return None  # it did come to rest
         if self.adjustment.outcome in (Outcome.NOT_CONVERGED, Outcome.DIVERGED):
@@ -389,12 +389,12 @@ class Solved:
 
     @cached_property
     def effects(self) -> tuple[Effect, ...]:
-        """What the suspicious observations do, worked out once for all reports."""
+        """Effects of the suspicious observations; computed once for all reports."""
         return tuple(effects(self.quality)) if self.quality is not None else ()
 
     @cached_property
     def common(self) -> tuple[CommonToFlagged, ...]:
-        """What flagged observations have in common, worked out once for all reports."""
+        """Things that flagged observations have in common; computed once for all reports."""
         return common_to_flagged(self.quality, self.network) if self.quality is not None else ()
 
     @cached_property
@@ -407,7 +407,7 @@ class Solved:
 
     @cached_property
     def reliability_map(self) -> tuple[Controlled, ...]:
-        """How well points, images, stations and sets are controlled, worked out once for all reports."""
+        """Control of points, images, stations and sets; computed once for all reports."""
         return tuple(reliability_map(self.quality, self.network)) if self.quality is not None else ()
 
     @property

@@ -42,7 +42,7 @@ class Cluster:
         return self.client.submit(task, *arguments, pure=False)
 
     def result(self, submitted: Any) -> Any:
-        """What the task has returned, or raised; it is waited for as long as somebody is at work.
+        """Return the value of the task, or raise its error; waits as long as a worker is busy.
 
         Raises :class:`InputError` if the task kills its workers, where they are lost and no new ones come, where the
         scheduler is lost or gives them nothing to do.
@@ -88,7 +88,7 @@ class Cluster:
             raise InputError([Message(_IDLE[workers])])
 
     def _at_work(self) -> tuple[bool, int | None]:
-        """Whether a worker has something to do, and how many there are; ``None`` if the scheduler does not say."""
+        """Return whether a worker is busy, and the number of workers; ``None`` if the scheduler does not answer."""
         try:
             told = self.client.sync(self.client.scheduler.processing, workers=None, callback_timeout=_LOOK)
         except (TimeoutError, OSError):
@@ -196,7 +196,7 @@ def _check(client: Any, folder: Path) -> None:
 
 
 def _asked(client: Any, token: str) -> dict[str, dict[str, Any]]:
-    """What is there where the workers are; those that are lost meanwhile are asked once more, when they are back."""
+    """Return what the workers hold; results of workers that were lost are computed once more when others are there."""
     until = time.monotonic() + _PATIENCE
     while True:
         try:

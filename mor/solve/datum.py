@@ -208,7 +208,7 @@ class Defect:
 
     @cached_property
     def undetermined(self) -> tuple[Undetermined, ...]:
-        """What is not determined inside the network, each as short to tell as it can be.
+        """Return the undetermined directions inside the network, each with as few unknowns as possible.
 
         Worked out when it is asked for: of a large null space that takes much longer than an adjustment, and of most
         networks that are only tried nobody asks.
@@ -572,7 +572,7 @@ class STransformation:
         return self.null @ self.binding
 
     def correction(self, one: IntArray, other: IntArray) -> FloatArray:
-        """What S Q Sᵀ adds to the cofactors Q of the unknowns one (…, k) and other (…, l): (…, k, l).
+        """Return the part that S Q Sᵀ adds to the cofactors Q of the unknowns one (…, k) and other (…, l): (…, k, l).
 
         Negative numbers stand for fixed components and yield zeros.
         """
@@ -669,7 +669,7 @@ def into_datum(
 
 
 class _Bent(NamedTuple):
-    """What changes in the movements as the network moves."""
+    """Change of the movements with a step of the network."""
 
     derivative: FloatArray
     """(d, d) K."""
@@ -743,7 +743,7 @@ class WeakTurn(NamedTuple):
 
 
 def weak_turns(weak: FloatArray, problem: Problem, values: Values) -> tuple[WeakTurn, ...]:
-    """Those of the weak directions (u, w), scaled to one σ, that turn the whole network, the weakest first."""
+    """Weak directions (u, w), scaled to one σ, that turn the whole network, the weakest first."""
     if weak.shape[1] == 0:
         return ()
     used, _ = network_components(problem, values)

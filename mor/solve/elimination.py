@@ -217,7 +217,7 @@ def follow_directions_by_numpy(rays: Rays, directions: FloatArray, damping: floa
 
 
 def _moved(rays: Rays, directions: FloatArray) -> FloatArray:
-    """What directions (n, k) of the others change in the observations (n, 2, k)."""
+    """Return the change (n, 2, k) of the observations for directions (n, k) of the other unknowns."""
     moved = np.where((rays.columns >= 0)[:, :, None], directions[rays.columns], 0.0)
     return rays.by_others @ moved[rays.frame]
 
@@ -253,7 +253,7 @@ def cofactors_by_numpy(rays: Rays, inverse: BlockMatrix) -> tuple[FloatArray, Fl
 
 
 class _Places(NamedTuple):
-    """Where the rays of some points go: the same in every pass."""
+    """Columns of the rays of some points, the same in every pass."""
 
     points: slice
     rays: slice
@@ -384,7 +384,7 @@ _FOURS = 4
 
 
 class Eliminated(NamedTuple):
-    """What is noted of the points of a chunk while they are eliminated."""
+    """Factors of the points of a chunk, kept for the back-substitution."""
 
     held: BoolArray
     """(p, 3) whether a coordinate is left undetermined by the rays of its point, even if all else is known.
@@ -620,7 +620,7 @@ _Work = tuple[FloatArray, FloatArray, FloatArray]
 
 @dataclass(frozen=True)
 class _Place:
-    """Where the rays are linearised."""
+    """Values at which the rays are linearised."""
 
     problem: Problem
     plan: RayPlan
@@ -633,7 +633,7 @@ class _Place:
 
     @cached_property
     def frames(self) -> FrameValues:
-        """What kernels take of the frames."""
+        """Arrays of the frames, as the kernels expect them."""
         return frame_values(self.plan.frames, self.problem.groups, self.values, self.tangent)
 
 

@@ -301,7 +301,7 @@ DETERMINED = 1e-10
 
 
 class Local(NamedTuple):
-    """Of n things with up to k unknowns each."""
+    """Rows of n things with up to k unknowns each."""
 
     sigma: FloatArray
     """(n, k) σ a priori, everything else held; NaN where the own observations do not determine the thing."""

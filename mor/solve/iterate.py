@@ -106,7 +106,7 @@ SINGULAR_MINIMUM = "a movement of the network changes no observation where the s
 
 
 class Outcome(Enum):
-    """How an adjustment ended."""
+    """End of an adjustment."""
 
     CONVERGED = "converged"
     NOT_CONVERGED = "not converged"
@@ -447,7 +447,7 @@ _EPS = float(np.finfo(float).eps)
 
 
 class Iterated(Protocol):
-    """What has been iterated so far."""
+    """An iteration and its steps so far."""
 
     @property
     def iterations(self) -> tuple[Iteration, ...]:
@@ -505,7 +505,7 @@ def stands_still(iterations: tuple[Iteration, ...]) -> bool:
 
 
 def left_after(state: Iterated, change: float) -> float:
-    """What is left to do after a whole step of size ``change``, in units of σ; infinite where no rate is known."""
+    """Return the sum of all steps after one of size ``change``, in units of σ; infinite without a known rate."""
     if change <= ACCURACY:
         return change
     if not state.iterations or state.iterations[-1].damping:
@@ -658,7 +658,7 @@ _SMALL_STEP = 1e-4
 
 
 class Settings(NamedTuple):
-    """What the user may set of the solver."""
+    """Settings of the solver."""
 
     max_iterations: int = 50
     """Most iterations without progress."""
@@ -769,7 +769,7 @@ def _with_curvature(state: Adjustment, change: float) -> Taken | None:
 
 
 def _learnt(state: Adjustment, moved: Adjustment, step: FloatArray) -> Secants:
-    """What is known of the curvature after a step (u,); nothing where residuals do not stay as large as they are."""
+    """Return the curvature that a step (u,) has shown; nothing unless residuals stay as large as they are."""
     damped = moved.iterations[-1].damping > 0.0
     if damped or moved.inverse.weak.shape[1] or not residuals_stay(state, moved):
         return NOTHING_LEARNT
@@ -862,7 +862,7 @@ def _are_alike(movements: FloatArray) -> bool:
 
 
 def _at_minimum(state: Adjustment) -> Adjustment:
-    """Return the state at the end of the iteration, anchored anew if a direction has become weak on the way."""
+    """Return the state at the end of the iteration, with new anchors if a direction has become weak on the way."""
     checked = _with_checked_defect(state)
     if not checked.inverse.is_weak or checked.outcome is not Outcome.NOT_CONVERGED:
         return checked

@@ -298,7 +298,7 @@ NUMBERS_OF_ALL_LANES = 30_000_000
 
 
 def in_lanes(rays: RayPlan, numbers: int, work: Callable[[RayPlan], Found]) -> list[Found]:
-    """What the work finds in each lane, in their order.
+    """Return the results of the work of all lanes, in their order.
 
     Args:
         rays: all rays; a lane is the same with some of its chunks.

@@ -66,12 +66,12 @@ class Equations:
         return Computed(found.values[place], tuple(jacobian[place] for jacobian in found.jacobians))
 
     def computed_values(self, number: int, values: Values, rows: AnyIntArray) -> FloatArray:
-        """What they compute (n, m), without derivatives."""
+        """Return computed observations (n, m), without derivatives."""
         found, place = self._found(number, values, rows)
         return found.values[place]
 
     def _found(self, number: int, values: Values, rows: AnyIntArray) -> tuple[Computed, AnyIntArray | slice]:
-        """What was found, and where the rows are in it."""
+        """Return the linearisation, and the rows' places in it."""
         if not compilation.is_small():
             return evaluated(self._groups[number], values, rows), slice(None)
         if number not in self._together:
@@ -120,7 +120,7 @@ class Cluster(NamedTuple):
 
 
 class Datum(NamedTuple):
-    """Which components carry the datum where observations leave it open, and what they refer to.
+    """Components that carry the datum where observations leave it open, and the coordinates they refer to.
 
     ``mask[kind]`` (n, size) is true for the components whose total corrections from ``reference[kind]`` the inner
     constraints bind. ``free`` is false where the user wants no free network: then a defect is an error.
@@ -263,7 +263,7 @@ class ClusterRows(NamedTuple):
 
 
 class PartOfClusters(NamedTuple):
-    """What of alike clusters is in one group: e entries in r of its rows."""
+    """Part of clusters of one shape in one group: e entries in r of its rows."""
 
     group: int
     rows: IntArray
@@ -278,7 +278,7 @@ class PartOfClusters(NamedTuple):
     """(e, K) places of the columns of the rows among those of the cluster, −1 where fixed."""
 
     def of(self, values: FloatArray) -> FloatArray:
-        """What the entries have (e, …) of values (r, m, …) of the rows."""
+        """Return the values (e, …) of the entries from values (r, m, …) of the rows."""
         chosen: FloatArray = values[self.row, self.component]
         return chosen
 

@@ -355,7 +355,7 @@ def fill_by_interior(
 
 
 class Paths(NamedTuple):
-    """What the poses of f frames depend on whatever their time; none (0, …) where no pose is one between knots.
+    """Trajectories on which the poses of f frames depend at any time; empty (0, …) if no pose lies between knots.
 
     Attributes:
         knots: (f,) knots k of a pose, 0 for frames that have a pose of their own. That of a frame is its knot 0.

@@ -45,7 +45,7 @@ KNOT_PARTS = tuple(part for knot in FURTHER for part in knot)
 
 
 class CompiledAlong(NamedTuple):
-    """What the kernels take of the f frames of a group along trajectories."""
+    """Arguments of the kernels for the f frames of a group along trajectories."""
 
     model: int
     r0: FloatArray
@@ -91,7 +91,7 @@ def _form(group: ObservationGroup) -> tuple[int, int, int] | None:
 def compiled_along(
     group: ObservationGroup, rows: IntArray, frame: IntArray, frames: int
 ) -> CompiledAlong | None:
-    """What kernels take of a group; ``None`` where it has no compiled form, or a frame not one r0 and its weights."""
+    """Return the arguments of the kernels for a group; ``None`` without a compiled form for it."""
     form = _form(group)
     if form is None:
         return None
@@ -202,7 +202,7 @@ rotation and position of a knot. Knot 0 of a trajectory is where images have the
 
 
 class Pick(NamedTuple):
-    """Which derivatives by the block of a slot go to which columns."""
+    """Columns of the derivatives by the block of a slot."""
 
     slot: int
     components: IntArray
@@ -468,7 +468,7 @@ def _parts(
     observed: tuple[ObservationGroup, ...],
     of_blocks: Callable[[str, IntArray], FloatArray],
 ) -> dict[str, FloatArray]:
-    """What is asked of the blocks (f,) of each slot of a compiled group, by what the slot is."""
+    """Return the parts of the blocks (f,) of each slot of a compiled group, by the role of the slot."""
     slots = observed[group.group].type.slots
     return {part: of_blocks(slots[slot].kind, group.blocks[slot]) for part, slot in group.parts.items()}
 

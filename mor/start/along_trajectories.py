@@ -223,7 +223,7 @@ def without_trajectories(network: Network) -> Network:
 def seen_along_trajectories(
     network: Network, missing: tuple[Undeterminable, ...]
 ) -> tuple[Undeterminable, ...]:
-    """What has no start value, with the rays that see a point from trajectories, whose own start values are missing."""
+    """Name what has no start value, and the rays to a point from trajectories whose start values are missing."""
     rows: Counter[str] = Counter()
     for group in network.groups:
         if is_along(group.type) and is_image_point(group.type):
@@ -413,7 +413,7 @@ def _intersect(seen: list[_SeenAlong], start: dict[str, FloatArray]) -> None:
 
 
 def _met(centres: FloatArray, rays: FloatArray) -> FloatArray | None:
-    """Where rays (n, 3) come nearest to each other; ``None`` where they are parallel, or meet behind a camera."""
+    """Return the nearest point of rays (n, 3); ``None`` if they are parallel or meet behind a camera."""
     if len(rays) < 2 or np.linalg.norm(np.cross(rays[0], rays), axis=1).max() < _LEAST_ANGLE:
         return None
     point = nearest_point(centres, rays)

@@ -157,7 +157,7 @@ def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool
 
 
 def _grow_shape(part: Part, scene: Scene) -> bool:
-    """What distances alone tell; directions would take a mirrored shape for right."""
+    """Grow by distances alone, because directions would accept a mirrored shape."""
     distances = scene.distances[1]
     return grow_arcs(part, distances) if part.levelled else grow_distances(part, distances)
 
@@ -425,7 +425,7 @@ def _place_the_rest(assembly: Assembly) -> None:
 
 
 def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
-    """What ties a part to the object system at last, be it controlled or not: all observations, where these tell more.
+    """Return the last tie of a part to the object system, controlled or not; by all observations if they say more.
 
     What nothing tells of the vertical, the scale and the direction it finds as well as it can.
     """
@@ -620,7 +620,7 @@ _NEUTRAL = 0
 
 
 def to_plane(network: Network) -> Network:
-    """The network with plain observations in place of those that need the ellipsoid or the sphere."""
+    """Return the network with plain observations instead of those that need the ellipsoid or the sphere."""
     if network.sphere is not None:
         return replace(network, groups=tuple(_flat(group) for group in network.groups))
     if network.world is None:
@@ -733,7 +733,7 @@ _PLAIN_OF = {twin.key: PLAIN_TYPES[key] for key, twin in PROJECTION_CENTRE_TYPES
 
 
 def to_places(network: Network) -> Network:
-    """The network with plain observations in place of those that take projection centres.
+    """Return the network with plain observations instead of those of projection centres.
 
     An eccentricity is left to the adjustment; of a stereo follower the place is that of its leader, so its rows go.
     """
@@ -906,7 +906,7 @@ def _with_what_agrees(
 def _judged(
     assembly: Assembly, found: Approximation, moving: Network, settle: SettleNetwork | None
 ) -> Judgement:
-    """How many things have no start values, and how well the others agree, before or after an adjustment."""
+    """Count things without start values and measure the agreement of the others, before or after an adjustment."""
     network = assembly.network
     missing = sum(thing.observations > 1 for thing in found.missing)
     judgement = Judgement(missing, *disagreement(network.groups, found.start))

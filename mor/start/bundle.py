@@ -311,7 +311,7 @@ BETTER = 10.0
 
 
 class SimilarityOutcome(Enum):
-    """What became of a similarity, in words."""
+    """Outcome of a similarity transformation."""
 
     DETERMINED = "determined"
     TOO_FEW = "fewer common points than the transformation needs"

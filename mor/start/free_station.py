@@ -29,7 +29,7 @@ CANDIDATES = 6
 
 
 class Fit(NamedTuple):
-    """How well some measurements agree."""
+    """Agreement of some measurements."""
 
     sigma0: float
     """Infinite where they lead to nothing."""
@@ -62,7 +62,7 @@ def agreeing(count: int, fit: Callable[[IntArray], Fit], limit: float, least: in
 
 
 class SectionOutcome(Enum):
-    """What became of a section in the plane, in words."""
+    """Outcome of a section in the plane."""
 
     DETERMINED = "determined"
     AMBIGUOUS = "two points fit: on either side of the line of the stations"
@@ -238,7 +238,7 @@ CIRCLE = 30.0
 
 
 class StationOutcome(Enum):
-    """What became of a free station, in words."""
+    """Outcome of a free station."""
 
     DETERMINED = "determined"
     AMBIGUOUS = "several stations fit: a further direction or distance decides"
@@ -711,7 +711,7 @@ def core_of(lengths: Lengths, links: int, most: int) -> IntArray:
 
 
 def _linked(neighbours: list[set[int]], among: set[int], links: int) -> set[int]:
-    """What is left when points with fewer than ``links`` neighbours are taken out, one after the other."""
+    """Remove points with fewer than ``links`` neighbours, one after the other, and return the rest."""
     while True:
         loose = {k for k in among if len(neighbours[k] & among) < links}
         if not loose:

@@ -60,7 +60,7 @@ ACCIDENT = 12
 
 
 class Judged(NamedTuple):
-    """What the result is made of."""
+    """Parts of the result."""
 
     geometry: SceneGeometry
     """A critical surface where the linear system has lost a rank, whatever comes of it."""
@@ -146,7 +146,7 @@ def _of_plane(a: Bundle, b: Bundle, judged: Judged, chosen: Coplanarity) -> tupl
 
 
 def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Coplanarity]]:
-    """Of all that fit the one with fewest points behind beyond doubt, then of the least sum of squares; its rivals.
+    """Choose the solution with fewest points certainly behind a camera, then with the least sum of squares.
 
     A point behind within its errors could be far away in front: its parallax counts with the residuals.
 
@@ -356,7 +356,7 @@ def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
 
 
 def linear_system(a: Bundle, b: Bundle) -> LinearSolution:
-    """Rinner's linear system (5) with rows in units of σ: solved, weighted anew with its own solution,
+    """Rinner's linear system (5) with rows in units of σ: solved, reweighted with its own solution,
     solved again.
 
     The rays are scaled to length one first; ik and singular values belong to unit rays.
@@ -428,7 +428,7 @@ def _seeds(a: Bundle, b: Bundle, linear: LinearSolution) -> tuple[SceneGeometry,
 
 
 def best_of_four(a: Bundle, b: Bundle, ik: FloatArray) -> Seed:
-    """Of the four candidates of ``ik`` (3, 3) the one with most points in front of both bundles."""
+    """Return the candidate of ``ik`` (3, 3), of four, with most points in front of both bundles."""
     return facing(a, b, ik)[0]
 
 
@@ -450,7 +450,7 @@ def five_point_seeds(a: Bundle, b: Bundle) -> list[Seed]:
 
 
 def apart(a: Bundle, b: Bundle, unknowns: FloatArray, most: int) -> list[FloatArray]:
-    """Of auxiliary unknowns (k, 3, 3) the ``most`` that fit best and differ from one another."""
+    """Return the ``most`` auxiliary unknowns (k, 3, 3) that fit best and differ from one another."""
     if not len(unknowns):
         return []
     misfits = np.minimum(first_order_residuals(a, b, unknowns), 1e6)

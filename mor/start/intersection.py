@@ -27,7 +27,7 @@ WRONG = 5.0
 
 
 class IntersectionOutcome(Enum):
-    """What became of an intersection, in words."""
+    """Outcome of an intersection."""
 
     DETERMINED = "the rays meet in front of their frames"
     TOO_FEW = "fewer than two rays"
@@ -368,7 +368,7 @@ class PosedFrames(NamedTuple):
 
 
 class Meetings(NamedTuple):
-    """Where the rays to some points meet."""
+    """Intersections of the rays to some points."""
 
     X: FloatArray
     """(m, 3), not a number where they do not."""
@@ -468,7 +468,7 @@ def _forward_intersection_in_rounds(
 def _likelier_pairs(
     lines: _Lines, found: tuple[FloatArray, BoolArray, BoolArray], count: int, smallest: float
 ) -> BoolArray:
-    """(n,) rays to begin with anew: where less than half agree, the two on whose meeting more of them do; else all."""
+    """Return the rays (n,) to begin with again: all, or the two whose intersection most rays agree with."""
     use = np.ones(len(lines.point), dtype=bool)
     for point in range(count):
         rows = np.flatnonzero(lines.point == point)

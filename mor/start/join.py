@@ -179,13 +179,13 @@ def _tie_of_either_hand(target: Part, source: Part, scene: Scene) -> Movement | 
 
 
 def open_movements(target: Part, source: Part, scene: Scene) -> int:
-    """How many movements nothing determines between two parts."""
+    """Return the number of movements between two parts that nothing determines."""
     found = tie(target, source, scene)
     return ALL_OPEN if found is None else found.open
 
 
 def free_movements(target: Part, source: Part) -> int:
-    """How many movements two parts make against each other where nothing ties them."""
+    """Return the number of movements of two parts against each other if nothing ties them."""
     turns = (
         3 if not (target.levelled and source.levelled) else 0 if target.oriented and source.oriented else 1
     )
@@ -281,7 +281,7 @@ def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
 
 
 def _common_points(target: Part, source: Part, scene: Scene, both: bool) -> tuple[FloatArray, FloatArray]:
-    """Points known in both; where one part has targets in place of marks, those of the other are raised to them."""
+    """Points known in both parts; if one part has targets and the other marks, the marks are raised to targets."""
     ours, theirs = np.isfinite(source.points), np.isfinite(target.points)
     known = ours & theirs if both else theirs & np.asarray(ours.all(axis=1))[:, None]
     rows = np.flatnonzero(known.any(axis=1))
@@ -330,7 +330,7 @@ def _common_attitudes(target: Part, source: Part, scene: Scene) -> tuple[FloatAr
 
 
 def _likelier(found: Movement, source: Part, scene: Scene) -> Similarity:
-    """Of movements that fit alike the one that leaves the cameras above what they see, where no other is wanted.
+    """Return the movement, of those that fit alike, that puts the cameras above their points.
 
     Of those that leave something open the best.
     """
@@ -437,7 +437,7 @@ def place_of(frame: Frame, centre: FloatArray, rotation: FloatArray) -> FloatArr
 
 
 class _Measured(NamedTuple):
-    """What was measured in one system, from all tables."""
+    """Measurements in one local system, from all tables."""
 
     origin: int
     rotation: int
@@ -449,7 +449,7 @@ class _Measured(NamedTuple):
 
 
 def fill_systems(network: Network, start: dict[str, FloatArray]) -> None:
-    """Fill in origin, attitude, scale and offset of the systems that lack them, (X̄, Ȳ, Z̄) = λ D (X − X0) + r̄.
+    """Compute missing origin, attitude, scale and offset of local systems, (X̄, Ȳ, Z̄) = λ D (X − X0) + r̄.
 
     Of planes, lines and right angles whose points had no coordinates when the project was read, all are made anew.
     """
@@ -642,7 +642,7 @@ def _fill_pairs(network: Network, start: dict[str, FloatArray], part: Part, fram
 
 
 def _named(network: Network, part: Part) -> dict[str, Rule]:
-    """How things were obtained, by the names the project gives them."""
+    """Return the way in which things were obtained, by their names in the project."""
     ids = network.blocks["point"].ids
     named = {}
     for name, how in part.how.items():
@@ -664,7 +664,7 @@ _ENOUGH = {"image": 4, "station": 2}
 
 
 def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> tuple[Undeterminable, ...]:
-    """What still has no value, each thing once, and the likely reason."""
+    """Name each thing without a value once, with the likely reason."""
     found: dict[tuple[str, str], Undeterminable] = {}
     contradicted = _contradicted(network, start)
     for kind, values in start.items():
@@ -790,7 +790,7 @@ def agreeing_points(network: Network, system: Part, scene: Scene) -> IntArray:
 
 
 def _rays_past_points(network: Network, system: Part, scene: Scene) -> tuple[IntArray, FloatArray]:
-    """Of every ray from a posed frame to such a point: the point, and the angle (radians) by which it passes by."""
+    """Return the point of each ray from a posed frame, and the angle (radians) by which the ray misses it."""
     seen, given = scene.seen, network.start["point"]
     loose = network.blocks["point"].free & np.isnan(network.sigma["point"])
     tested = np.asarray(loose.all(axis=1) & np.isfinite(given).all(axis=1))

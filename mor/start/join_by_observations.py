@@ -72,7 +72,7 @@ class Rows(NamedTuple):
 
 
 class Known(NamedTuple):
-    """What is known of points and rotations: (n,) 0 nothing, 1 by the target, 2 by the source, 3 looked for."""
+    """Knowledge of points and rotations: (n,) 0 none, 1 by the target, 2 by the source, 3 unknown and wanted."""
 
     points: IntArray
     rotations: IntArray
@@ -361,11 +361,11 @@ States = TypeVar("States", bound=tuple[FloatArray, ...])
 
 
 class Searched(Protocol[States]):
-    """What is minimised; every unknown is of the size of one."""
+    """Function to minimise; unknowns are scaled to about one."""
 
     @property
     def unknowns(self) -> int:
-        """How many there are."""
+        """Number of unknowns."""
 
     def residuals(self, states: States) -> FloatArray:
         """(k, n) of k states."""
@@ -463,7 +463,7 @@ _SAME = 1e-6
 
 
 class Stance(NamedTuple):
-    """What the target does not know of what observations refer to: vertical and north, and the length unit."""
+    """Reference that the target lacks and observations need: vertical, north, and the length unit."""
 
     turn: Turn
     unit: bool
@@ -501,7 +501,7 @@ def sampled_turns(turn: Turn) -> FloatArray:
 
 
 def stance_of(target: Part, source: Part) -> Stance:
-    """What a target does not know; no source that it takes up knows more of directions."""
+    """Return the reference that a target lacks; no source knows more of directions."""
     turn = Turn.NONE if target.oriented else Turn.VERTICAL if target.levelled else Turn.ANY
     return Stance(turn, not (target.scaled or source.scaled), source.scaled and not target.scaled)
 
@@ -517,7 +517,7 @@ class Sight(NamedTuple):
 
 
 class Search(NamedTuple):
-    """What is looked for, and everything that tells it."""
+    """Unknowns of a search, and all observations of them."""
 
     sides: Sides
     rows: list[Rows]

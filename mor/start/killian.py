@@ -69,7 +69,7 @@ def fit_homography(a: Bundle, b: Bundle, iterations: int = 10) -> Homography:
 
 
 def _covariance(design: FloatArray, matrix: FloatArray) -> FloatArray:
-    """Of the elements of H at norm one; their common scale, which is no unknown, is held."""
+    """Covariance of the elements of H at norm one; their common scale, which is no unknown, is held."""
     scale = matrix.ravel() / np.linalg.norm(matrix)
     rows = design - np.outer(design @ scale, scale)
     normal = rows.T @ rows
@@ -263,7 +263,7 @@ UNSQUARED = 1e-5
 
 
 class Angles(NamedTuple):
-    """What one image of the quadrilateral gives."""
+    """Angles of one image of the quadrilateral."""
 
     cot_first: FloatArray
     """(2,) cot α1, cot α2 of the diagonal 12."""
@@ -499,7 +499,7 @@ CERTAIN = 5.0
 
 
 class PlaneOutcome(Enum):
-    """What became of two images of a plane object, in words."""
+    """Outcome of the orientation of two images of a plane object."""
 
     UNIQUE = "one solution is visible"
     AMBIGUOUS = "several shapes fit both images; a further image, a known angle or length ratio decides"

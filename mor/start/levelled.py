@@ -138,7 +138,7 @@ def place_as_if_level(part: Part, measured: Terrestrial, distances: Distances, c
 
 
 def _polar_backwards(part: Part, measured: Terrestrial, distances: Distances) -> bool:
-    """Where a bearing and a distance to a known point were observed."""
+    """Return places at which a bearing and a distance to a known point were observed."""
     added = False
     for sight in measured.sights if part.oriented else ():
         if not sight.oriented or _level_known(part, sight.position):
@@ -394,7 +394,7 @@ _ALIKE = 9.0
 
 
 class Surfaces(NamedTuple):
-    """What passes through a point; residuals are angles, or parts of a distance or of the size."""
+    """Surfaces through a point; residuals are angles, or relative to a distance or to the size."""
 
     planes: FloatArray
     """(n, 7) normal, place, and the length residuals count in; 0 where that is the distance from the place."""

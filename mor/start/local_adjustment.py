@@ -67,7 +67,7 @@ def pose_frame(part: Part, frame: Frame, number: int, slacks: Sequence[float] = 
 
 
 def least_agreeing(known: int) -> int:
-    """How many of so many known points must agree with a pose."""
+    """Return the least number of known points that must agree with a pose."""
     return max(4, int(np.ceil(0.6 * known)))
 
 
@@ -126,7 +126,7 @@ def observed_centre(part: Part, frame: Frame, pose: Pose, targets: FloatArray) -
 def observed_centres(
     part: Part, frames: Sequence[Frame], turns: FloatArray, targets: FloatArray
 ) -> tuple[BoolArray, FloatArray, FloatArray]:
-    """Of frames with rotations D (n, 3, 3) which have a given position, the centre it says (n, 3), and its σ (n, 3).
+    """Return the centres (n, 3) and σ (n, 3) of frames with rotations D (n, 3, 3) and a given position.
 
     O = X0 + h e_Z − Dᵀ r0*. What is given as exact is held by some part of the distance to the targets (m, 3).
     """
@@ -195,7 +195,7 @@ def settle(
 
 
 def _points(part: Part, frames: Sequence[Frame], moving: Sequence[int]) -> IntArray:
-    """Of each frame the points that come first in an order without rule, so that frames have them in common."""
+    """Return some points of each frame, the first in a random order, so that frames have them in common."""
     chosen = np.zeros(len(part.points), dtype=bool)
     for number in moving:
         points = frames[number].points
@@ -416,7 +416,7 @@ def intersect_again(part: Part, frames: Sequence[Frame], seen: Sightings, moved:
 
 
 def _seen(seen: Sightings, points: IntArray) -> IntArray:
-    """How many of the points each frame sees."""
+    """Return the number of the points that each frame sees."""
     return np.bincount(seen.frame[seen.of_points(points)], minlength=seen.frames)
 
 

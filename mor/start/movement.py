@@ -41,7 +41,7 @@ class Turn(Enum):
 
 
 class Ties(NamedTuple):
-    """What two systems have in common."""
+    """Points and directions that two systems have in common."""
 
     source: FloatArray
     """(n, 3) points in the one."""

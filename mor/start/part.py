@@ -397,7 +397,7 @@ class Part:
 
     @property
     def rank(self) -> tuple[bool, bool, bool, bool, int]:
-        """How much it knows of its place, for comparison."""
+        """Rank of a part by its knowledge of its place."""
         return self.given, self.oriented, self.levelled, self.scaled, self.size
 
     @property
@@ -600,6 +600,6 @@ class Approximation(NamedTuple):
 
 
 def untied(parts: tuple[Join, ...], given: bool) -> tuple[Join, ...]:
-    """Those that joined the object system as they lay; where nothing was ``given`` the first one became it."""
+    """Parts that joined the object system without a tie; the first one became it if nothing was ``given``."""
     into = [join for join in parts if join.into == 0]
     return tuple(join for join in into[0 if given else 1 :] if join.tie is None or join.tie.open)

@@ -125,7 +125,7 @@ UNDETERMINED = 1e-13
 
 
 class PlaneState(NamedTuple):
-    """What is adjusted: n points and m frames."""
+    """Unknowns of the adjustment: n points and m frames."""
 
     points: FloatArray
     """(n, 3); Z = 0 in the plane; not a number where nothing is known."""
@@ -544,7 +544,7 @@ def _visible_outcome(best: PlaneShape, rivals: bool, soft: bool, pairs: list[Pla
 
 
 def _soft(rays: _Rays, pairs: list[PlaneSolutions], shape: PlaneShape) -> bool:
-    """Do the σ promise more than the measurements hold?
+    """Return whether the σ promise more than the measurements hold.
 
     Where the normal is turned by three and five σ along the axes of its error ellipse, and all else is adjusted anew,
     Σ (v/σ)² must have risen by what σ promise, about 9 and 25 (see the ``nonlinearity`` of relative orientation).
@@ -730,7 +730,7 @@ ROUNDING = 1e-7
 
 
 class Length(NamedTuple):
-    """What gives the object system its origin, direction and scale."""
+    """Definition of origin, direction and scale of the object system."""
 
     first: int
     second: int

@@ -87,7 +87,7 @@ def _forget_place(part: Part, frame: Frame, before: Pose, after: Pose) -> None:
 
 
 def _agreeing(part: Part, frame: Frame, number: int, known: BoolArray, slack: float) -> int:
-    """How many rays of a posed frame go to the known points they see."""
+    """Count the rays of a posed frame that agree with the known points they see."""
     centre, D = part.poses[number]
     star = part.points[frame.points[known]] + np.outer(frame.heights[known], [0.0, 0.0, 1.0]) - centre
     star = star @ D.T

@@ -19,7 +19,7 @@ from mor.types import BoolArray, FloatArray
 
 
 class RelativeOutcome(Enum):
-    """How far the orientation is known, in words."""
+    """Outcome of a relative orientation."""
 
     DETERMINED = "one orientation fits, with all points in front of both bundles"
     AMBIGUOUS = (
@@ -47,7 +47,7 @@ class RelativeOutcome(Enum):
 
 
 class SceneGeometry(Enum):
-    """What the points are, as far as it bears on the linear system (5)."""
+    """Shape of the points, as far as it matters to the linear system (5)."""
 
     GENERAL = "points in general position"
     PLANE = "all points in one plane: the linear system loses three ranks; solved as a plane object"
@@ -451,7 +451,7 @@ def in_front(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> Bo
 
 
 def both_fronts(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> tuple[BoolArray, BoolArray]:
-    """What is in front (n, 2) with this base, and with the opposite one."""
+    """Return the points in front (n, 2) with this base, and with the opposite one."""
     turned = b.rays @ rotation
     normal = cross(a.rays, turned)
     depths = np.stack([np.einsum("ni,ni->n", cross(base, rays), normal) for rays in (turned, a.rays)], axis=1)

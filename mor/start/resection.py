@@ -140,7 +140,7 @@ HALF = 0.5
 
 
 class ResectionOutcome(Enum):
-    """What became of a resection, in words."""
+    """Outcome of a resection."""
 
     DETERMINED = "one pose fits"
     AMBIGUOUS = "several poses fit equally well; a further point, or the side it was taken from, decides"
@@ -258,7 +258,7 @@ def _covariance(bundle: Bundle, points: FloatArray, pose: Pose) -> FloatArray:
 
 
 def _outcome(bundle: Bundle, points: FloatArray, agreeing: BoolArray, poses: list[Pose]) -> ResectionOutcome:
-    """What to say of the poses that fit, the best first."""
+    """Return the outcome for the poses that fit, the best first."""
     if np.sum(agreeing) < max(3, HALF * len(points)):
         return ResectionOutcome.DOES_NOT_FIT
     weak = any(_is_weak(bundle.take(agreeing), points[agreeing], pose) for pose in poses)

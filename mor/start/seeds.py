@@ -313,7 +313,7 @@ def _part(scene: Scene, i: int, j: int, seed: Orientation, slack: float, common:
 
 
 def support(part: Part, frames: Sequence[Frame]) -> float:
-    """How much the rays of posed frames speak for a part: Σ max(0, 25 − (v/σ)²) over those to known points."""
+    """Return the support of a part by rays of posed frames: Σ max(0, 25 − (v/σ)²) over those to known points."""
     total = 0.0
     for number, (centre, D) in part.poses.items():
         frame = frames[number]
@@ -583,7 +583,7 @@ class Poses(NamedTuple):
 
 
 class Conditions(NamedTuple):
-    """What a frame sees: known points, and points on rays of posed frames. The unknowns of its pose are about 1."""
+    """Known points and points on rays of posed frames that a frame sees. The unknowns of its pose are about 1."""
 
     targets: FloatArray
     """(n, 3)"""

@@ -60,7 +60,7 @@ class Choices:
         return taken
 
     def others(self) -> list[tuple[int, ...]]:
-        """What else to want, one other answer each: where answers fit alike first, the next likely ones first."""
+        """Other answers, one changed each: first where answers fit alike, then the next likely ones."""
         before = tuple(question.taken for question in self.asked)
         found = [
             (other, not question.alike, place)
@@ -84,7 +84,7 @@ def _trimmed(wanted: tuple[int, ...]) -> tuple[int, ...]:
 
 
 class Judgement(NamedTuple):
-    """How good start values are."""
+    """Quality of start values."""
 
     missing: int
     """Things that have none."""
@@ -123,7 +123,7 @@ def likeliest(
     judged: Callable[[Found], Judgement],
     most: Callable[[], int],
 ) -> tuple[Found, Choices]:
-    """What the choices lead to that agree best: one answer after another is changed, as long as that helps.
+    """Return the start values that agree best: one answer after another is changed, as long as that helps.
 
     ``most``: attempts beside the first one, at the most; asked only where that one does not agree.
     """
@@ -149,7 +149,7 @@ def likeliest(
 
 
 def _tries(choices: Choices, judgement: Judgement, most: Callable[[], int]) -> int:
-    """How many other answers are worth a try: those that fit alike may all agree, and one of them best.
+    """Return the number of other answers to try: those that fit alike may all agree, and one of them best.
 
     Where something is missing and the rest agrees, what is missing may not be measured at all.
     """
@@ -161,7 +161,7 @@ def _tries(choices: Choices, judgement: Judgement, most: Callable[[], int]) -> i
 
 
 def _next(choices: Choices, tried: set[tuple[int, ...]], alike: bool) -> tuple[int, ...] | None:
-    """What to want next; where ``alike`` only another answer to a question of such."""
+    """Return the next answers to try; with ``alike`` only to a question whose answers fit alike."""
     for wanted in choices.others():
         place = len(wanted) - 1
         if wanted not in tried and (not alike or (place >= 0 and choices.asked[place].alike)):
@@ -261,7 +261,7 @@ KEYS = ("directions", "zenith_directions")
 
 
 class DirectionSet(NamedTuple):
-    """What one set read: horizontal and vertical directions in face one, NaN where there is none."""
+    """Readings of one set: horizontal and vertical directions in face one, NaN where there is none."""
 
     name: str
     position: int

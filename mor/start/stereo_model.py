@@ -73,7 +73,7 @@ def auxiliary_of(a: Bundle, b: Bundle, found: RelativeOrientation) -> Auxiliary:
 
 
 def _sigma(found: RelativeOrientation) -> FloatArray:
-    """Of ik = −[b]× D*ᵀ, by b and δ: D* ← exp(−[δ]×) D*."""
+    """Standard deviation of ik = −[b]× D*ᵀ, by b and δ: D* ← exp(−[δ]×) D*."""
     columns = [auxiliary_unknowns(axis, found.rotation).ravel() for axis in np.eye(3)]
     columns += [
         auxiliary_unknowns(found.base, -cross_matrix(axis) @ found.rotation).ravel() for axis in np.eye(3)
@@ -288,7 +288,7 @@ def _normals(
 
 
 def _hold(own: FloatArray) -> FloatArray:
-    """What makes (n, 3, 3) blocks of points that ran away from all rays invertible: such a step is refused."""
+    """Make (n, 3, 3) blocks of points that ran away from all rays invertible: such a step is refused."""
     trace = np.einsum("nii->n", own)
     return np.asarray(np.where(trace > 0.0, ROUND_OFF * trace, 1.0)[:, None, None] * np.eye(3))
 
