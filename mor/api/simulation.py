@@ -19,7 +19,7 @@ from mor import __version__
 from mor.api.pipeline import determinable_start, make_problem, read_document
 from mor.api.plan import at_its_place, read_plan, solve_plan
 from mor.api.workers import Done, Function, Task, done_alone
-from mor.errors import InputError, Message, MorError, NoStartValuesError
+from mor.errors import InputError, Message, NoStartValuesError
 from mor.input_files import ReadFile, files_read
 from mor.linalg.cholesky import one_thread
 from mor.linalg.compilation import chosen_by_size
@@ -151,10 +151,6 @@ def _prior(network: Network, groups: tuple[ObservationGroup, ...]) -> Mapping[st
 CHUNK = 20
 """Runs of one chunk."""
 _KEY = "key.json"
-
-
-class SingularPlanError(MorError):
-    """The network that is to be simulated cannot be adjusted."""
 
 
 class Trial(NamedTuple):

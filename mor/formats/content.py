@@ -34,10 +34,7 @@ from mor.project.tables import (
     tell_rows,
 )
 from mor.types import BoolArray, FloatArray, IntArray
-from mor.units import LENGTH, Component, Quantity
-
-PIXELS = Quantity()
-"""Image coordinates are read as plain numbers; their unit is that of the camera or the table."""
+from mor.units import LENGTH, Component
 
 
 class Things(NamedTuple):

@@ -119,11 +119,6 @@ def notes_told_by(say: Say) -> Iterator[None]:
         _say.reset(before)
 
 
-def are_loaded() -> bool:
-    """Return True if this process has taken the kernels from the cache, as a network that is large enough does."""
-    return _state == [""]
-
-
 def as_here(work: Callable[Parameters, Result]) -> Callable[Parameters, Result]:
     """Return ``work`` for another thread, with the same choice of kernels or NumPy as in this thread."""
     context = copy_context()

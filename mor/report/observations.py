@@ -205,11 +205,6 @@ def flags(rows: AssessedRows) -> IntArray:
     return said_there
 
 
-def excluded_count(quality: Quality) -> int:
-    """Number of entries kept out, checks included."""
-    return int(sum(np.count_nonzero(group.left_out) for group in quality.adjustment.problem.groups))
-
-
 # ------------------------------------------------------------
 # The residual table in long form: one row for every observation, units and all.
 # ------------------------------------------------------------

@@ -21,7 +21,6 @@ from mor.units import IMAGE
 
 NO_POINT = -1
 """Point of an image point that belongs to none."""
-CAMERA_SENSOR = 0
 
 
 class ColmapCamera(NamedTuple):
