@@ -1,7 +1,7 @@
 """Files on the way out: what may be written, and how.
 
 Every file that mor writes for its user goes through this module (folders of results through
-:mod:`mor.report.results.folder`, which asks it). The rules:
+:mod:`mor.report.output_folder`, which asks it). The rules:
 
 1. Nothing is written over, and nothing is deleted that is, an input of this run, under whatever name it is reached.
 2. An existing file is replaced only with ``--force``.

@@ -120,7 +120,7 @@ def _of_rows(
     given = _given_unit(situation.network, group)
     bad = situation.misfitting[number][rows].any(axis=1)
     spoiled = bad.any() and bad.mean() >= _BAD
-    anew = _stations(group, rows) if spoiled else {}  # else they stand where they should
+    recomputed = _stations(group, rows) if spoiled else {}  # else they stand where they should
     network, full = situation.network, 2.0 * np.pi / ANGLE_UNITS[given]
     angles = [c.name for c, wraps in zip(group.type.components, group.type.wraps, strict=True) if wraps]
     for other in _UNITS:
@@ -129,7 +129,7 @@ def _of_rows(
             yield _hypothesis(
                 "circle unit",
                 (*things, other),
-                anew,
+                recomputed,
                 number,
                 rows,
                 partial(_read_in, factor),
@@ -144,7 +144,7 @@ def _of_rows(
         yield _hypothesis(
             "circle sense",
             things,
-            anew,
+            recomputed,
             number,
             rows,
             partial(_negative, columns),
@@ -166,7 +166,7 @@ def _of_rows(
         yield _hypothesis(
             "elevation for zenith",
             things,
-            anew,
+            recomputed,
             number,
             rows,
             partial(_complement, columns),
@@ -210,7 +210,7 @@ def _given_unit(network: Network, group: ObservationGroup) -> str:
 def _hypothesis(
     cause: str,
     things: tuple[str, ...],
-    anew: dict[str, IntArray],
+    recomputed: dict[str, IntArray],
     number: int,
     rows: IntArray,
     change: Callable[[FloatArray], FloatArray],
@@ -225,7 +225,7 @@ def _hypothesis(
         line,
         len(_UNITS),
         stretch=stretch,
-        anew=anew,
+        recomputed=recomputed,
         afresh=True,
         edits=edits,
     )
@@ -521,7 +521,7 @@ def _hypothesis_of_frame(
 ) -> Hypothesis:
     blocks = _blocks_of(situation.network, pair, of, "position")
     kind = _kind(situation.network, of)
-    anew = {kind: np.array(blocks)} if blocks is not None and kind == "point" else {}
+    recomputed = {kind: np.array(blocks)} if blocks is not None and kind == "point" else {}
     return Hypothesis(
         cause,
         pair if only == ALL else (*pair, situation.network.groups[only].name),
@@ -531,6 +531,6 @@ def _hypothesis_of_frame(
         else f"{situation.network.groups[only].name}: {pair[0]} ↔ {pair[1]}",
         candidates,
         edits=edits,
-        anew=anew,
+        recomputed=recomputed,
         afresh=True,
     )

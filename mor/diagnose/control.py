@@ -299,7 +299,7 @@ def _units(situation: Situation, control: Control) -> list[Hypothesis]:
             len(LENGTHS),
             afresh=True,
             stretch=control.given.size * float(np.log(factor)) if control.observed else 0.0,
-            anew={"point": control.points},
+            recomputed={"point": control.points},
             edits=_unit_edits(situation, control, name.split()[0]),
         )
         for name, factor in LENGTHS.items()
@@ -316,7 +316,7 @@ def _axes(situation: Situation, control: Control) -> list[Hypothesis]:
             lambda network: with_points(network, control.points, lambda xyz: xyz @ swap.T),
             f"points, {control.label}: columns: {{x: y, y: x}}",
             afresh=True,
-            anew={"point": control.points},
+            recomputed={"point": control.points},
             edits=_axes_edits(situation, control),
         )
     ]
@@ -401,7 +401,7 @@ def _exchange(situation: Situation, control: Control, pair: tuple[int, int], can
         lambda network: with_points(network, points, lambda xyz: xyz[::-1]),
         f"points, {control.label}: {names[0]} ↔ {names[1]}",
         candidates,
-        anew={"point": points},
+        recomputed={"point": points},
         edits=tuple(
             CellEdit(("points",), "id", to(other), cells={"id": own})
             for own, other in zip(names, reversed(names), strict=True)

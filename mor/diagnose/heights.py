@@ -251,7 +251,7 @@ def _given(network: Network, sights: Sights) -> float:
 # Lines of levels that were booked the other way round.
 #
 # With the other sign the misclosure of a line changes by δ = −2 Δh, and vᵀPv, to first order and with all
-# else adjusted anew, by −2 δ v/σ² + δ² r/σ²: the lines for which it falls most are tried.
+# else adjusted again, by −2 δ v/σ² + δ² r/σ²: the lines for which it falls most are tried.
 # ------------------------------------------------------------
 
 _LEVELLING_TRIED = 3

@@ -410,10 +410,10 @@ class Hypothesis:
     """Σ ln |dl'/dl| of changed observations, less Σ ln (σ'/σ): densities change with the unit, as far as controlled."""
     rows: tuple[tuple[int, int], ...] = ()
     """(group, row) of the few observations it changes; none where it changes many."""
-    anew: Mapping[str, IntArray] = field(default_factory=dict)
+    recomputed: Mapping[str, IntArray] = field(default_factory=dict)
     """Blocks of each kind that begin from the given start values again; where none are given, from all else."""
     afresh: bool = False
-    """True where missing start values are worth being worked out anew."""
+    """True where missing start values are worth being worked out again."""
     edits: tuple[Edit, ...] = ()
     """Edits of the files of the project; none if it cannot be expressed by any."""
     amount: Callable[[Values], Amount] | None = None

@@ -207,9 +207,11 @@ def _mirrored(
             network = with_observed(network, number, rows, lambda xy: xy * np.array(signs))
         return network
 
-    anew = _poses(situation.network, parts) if local else {}
+    recomputed = _poses(situation.network, parts) if local else {}
     edits = _mirrored_cells(situation.network, parts, signs)
-    return Hypothesis(cause, things, change, line, candidates, anew=anew, afresh=not local, edits=edits)
+    return Hypothesis(
+        cause, things, change, line, candidates, recomputed=recomputed, afresh=not local, edits=edits
+    )
 
 
 def _mirrored_cells(

@@ -6,7 +6,7 @@ A row of a small group, such as scale bars, is judged by an adjustment without i
 
 Two wrong sights among a few leave a pose at which no row fits, so no row tells the right name. With all other unknowns
 held and only its own rows, each exchange at such a station is an adjustment of a few unknowns. The right one is the
-one with the smallest cost (``description_length.py``).
+one with the smallest cost (``quality/outliers.py``).
 """
 
 from __future__ import annotations

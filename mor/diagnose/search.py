@@ -457,7 +457,7 @@ def _beginnings(
     if situation.begun:
         here = {kind: _longer(values, network.start[kind]) for kind, values in situation.values.items()}
         open_ = dict(here)
-        for kind, blocks in hypothesis.anew.items():
+        for kind, blocks in hypothesis.recomputed.items():
             given = network.start[kind][blocks]
             told: BoolArray = np.asarray(np.isfinite(given.reshape(len(given), -1)).all(axis=1))
             here[kind], open_[kind] = here[kind].copy(), here[kind].copy()
@@ -471,7 +471,7 @@ def _beginnings(
                 yield begin
     known = all_known(network.start)
     # Of what is wrong as a whole little fits; start values of a wrong change take long, for nothing agrees. A station
-    # or an image that was placed anew needs no other ones.
+    # or an image that was placed again needs no other ones.
     afresh &= hypothesis.afresh and (
         spoken_for
         or situation.most_do_not_fit

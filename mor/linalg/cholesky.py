@@ -511,7 +511,7 @@ def _factor_front(assembled: Callable[[], _Front], tolerance: float) -> tuple[Fl
 def _room_for(plan: Elimination) -> tuple[list[FloatArray], list[FloatArray]]:
     """Return zeros for L11 and L21 of each front, as parts of two arrays.
 
-    Thousands of arrays of their own, made anew with every factorisation, leave the memory full of holes.
+    Thousands of arrays of their own, made again with every factorisation, leave the memory full of holes.
     """
     k, r = plan.pivots, np.diff(plan.row_pointers)
     return _parts(k, k), _parts(r, k)

@@ -214,7 +214,7 @@ def takes_positions(type_: ObservationType) -> bool:
 
 
 # ------------------------------------------------------------
-# Rays to points at infinity: a direction in place of a point. Shifts and scale do not change them at all.
+# Rays to points at infinity: a direction instead of a point. Shifts and scale do not change them at all.
 #
 # A point whose rays are parallel to their precision has a direction and no distance. Its coordinates would
 # grow without limit and take the datum along. The direction u = Dᵀ e_Z, D a rotation of two free turns, is
@@ -234,7 +234,7 @@ TURNED_AXIS: FloatArray = np.array([[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0
 def at_infinity(type_: ObservationType) -> ObservationType:
     """Return the observation type for a point at infinity, which is a direction; lengths of the set-up vanish.
 
-    Slots: those of ``type_`` that are no lengths, and a rotation in place of the point.
+    Slots: those of ``type_`` that are no lengths, and a rotation instead of the point.
     """
     target = target_slot(type_)
     kept = tuple(

@@ -1,6 +1,6 @@
 """Observations in plan coordinates and heights above a sphere: the twins of the plain types with `curvature`.
 
-The blocks of positions are plan coordinates x, y and the height z (:class:`mor.geometry.earth.LocalSphere`). The value
+The blocks of positions are plan coordinates x, y and the height z (:class:`mor.model.earth.LocalSphere`). The value
 of an observation is computed in three dimensions: with Cartesian positions X, the axes R of the horizon of the
 instrument and the vertical u at each end,
 

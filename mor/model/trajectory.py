@@ -18,7 +18,7 @@ from mor.units import ANGLE, LENGTH, NUMBER, SPEED, TIME, TURN_RATE, Component, 
 # ------------------------------------------------------------
 # Images on a trajectory: their pose is that of the trajectory at a time, a function of two or four knots.
 #
-# Every type of image coordinates has a twin that takes the knots in place of position and rotation; what it computes
+# Every type of image coordinates has a twin that takes the knots instead of position and rotation; what it computes
 # follows by the chain rule. The time is known. Nothing in the solver changes: such a ray has more slots.
 # ------------------------------------------------------------
 
@@ -215,7 +215,7 @@ def _by_time(pose: Pose, by_position: FloatArray, by_turn: FloatArray) -> FloatA
 #     constancy     (X₂ − X₁)/Δ₁₂                                        velocity between two knots
 #     smoothness    2 ((X₃ − X₂)/Δ₂₃ − (X₂ − X₁)/Δ₁₂)/(Δ₁₂ + Δ₂₃)        acceleration about the middle one of three
 #
-# and the same of attitudes with the small rotations θ between neighbouring knots, exp(−[θ]×) D₁ = D₂, in place of the
+# and the same of attitudes with the small rotations θ between neighbouring knots, exp(−[θ]×) D₁ = D₂, instead of the
 # differences: rates of rotation, and their changes, about the axes of the trajectory.
 # ------------------------------------------------------------
 

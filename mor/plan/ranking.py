@@ -34,13 +34,13 @@ from mor.types import BoolArray, FloatArray, IntArray
 # ------------------------------------------------------------
 # Points that are eliminated by their own rays, many at once: N⁻¹ and N⁻¹Cᵀ of each.
 #
-# As ``quality/reliability/local_influence.py`` has them one by one: N the normal equations of a point, C
+# As ``quality/external_reliability.py`` has them one by one: N the normal equations of a point, C
 # their coupling with the unknowns of its rays. Rows of all points are as long as the longest, filled up with
 # zeros.
 # ------------------------------------------------------------
 
 _RAYS = 20_000
-"""At a time: larger arrays than these make are had from the system anew each time, which clears them first."""
+"""At a time: larger arrays than these make are had from the system again each time, which clears them first."""
 _POINTS = 200
 
 
@@ -154,7 +154,7 @@ def _padded(
 # ------------------------------------------------------------
 # Candidates of large blocks, ranked without the cofactors of everything.
 #
-# As in ``interest.py``, but only three things are worked out: G = M_I Q M_jᵀ for the few rows I that can
+# As in ``requirements.py``, but only three things are worked out: G = M_I Q M_jᵀ for the few rows I that can
 # change the verdict (coordinates with a required σ, observations that are weak: r only grows by what is
 # added), K_jj of every candidate by itself, and nothing else. A point that is eliminated by its own rays, N
 # its normal equations and C their coupling with the reduced unknowns, has the cofactors N⁻¹ + N⁻¹CᵀQ_rr C
@@ -429,7 +429,7 @@ def _through_points(
 # ------------------------------------------------------------
 # Which planned observations can be spared, which candidates bring most, and a plan made of the best, one by one.
 #
-# Every figure is that of the plan with this one change, adjusted anew, to round-off (``interest.py``).
+# Every figure is that of the plan with this one change, adjusted again, to round-off (``requirements.py``).
 # ------------------------------------------------------------
 
 _CELLS = 20_000_000

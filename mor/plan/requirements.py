@@ -217,7 +217,7 @@ def _judged_control(requirement: RequiredControl, quality: Quality) -> Judged:
 #
 #     K' = K ∓ K_·j R⁻¹ K_j·,    R = I ± K_jj.
 #
-# Nothing has to be adjusted anew, however many such steps follow each other (W. Baarda's cofactors, the
+# Nothing has to be adjusted again, however many such steps follow each other (W. Baarda's cofactors, the
 # matrix inversion lemma).
 # ------------------------------------------------------------
 

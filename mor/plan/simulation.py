@@ -279,7 +279,7 @@ def with_planted(
 #
 #     A dx = l − e − f(x),  |dx| least.
 #
-# Shift and drift that an instrument has anew on every strip are observed once for all of them: they go the
+# Shift and drift that an instrument has separately on every strip are observed once for all of them: they go the
 # same way, with what was observed as l, which is 0 otherwise. Constancy and smoothness of trajectories say
 # how a flight usually is, and not where it goes: the path stays as it is planned.
 # ------------------------------------------------------------

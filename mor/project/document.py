@@ -513,7 +513,7 @@ def project_files(
 ) -> dict[Path, str]:
     """Texts by path: the project file ``target``, and its tables.
 
-    ``source`` is the folder its files are found from; ``frames`` stand in place of files of these names.
+    ``source`` is the folder its files are found from; ``frames`` replace files of these names.
     """
     texts: dict[Path, str] = {}
     written: dict[str, Any] = {}

@@ -203,7 +203,7 @@ def _gathered(own: IntArray, rays: list[tuple[FloatArray, FloatArray, IntArray]]
 # ------------------------------------------------------------
 # Solutions of the normal equations for right-hand sides that touch few points, without a pass over everything.
 #
-# As in ``local_influence.py``: only the rays of the points that are touched are looked at, b_r − A_rᵀ A_p N_pp⁻¹ b_p.
+# Only the rays of the points that are touched are looked at, b_r − A_rᵀ A_p N_pp⁻¹ b_p.
 # ------------------------------------------------------------
 
 _FEW = 2_000

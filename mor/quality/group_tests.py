@@ -258,7 +258,7 @@ def log_tail(omega: FloatArray, of: Moments) -> FloatArray:
 #
 # A few observations that are all wrong, as distances without their prism constant, hardly change vᵀPv of
 # thousands. So the part that each group has in vᵀPv is put to a two-sided test of its own
-# (``quadratic_form.py``). All these tests together reject an adjustment without errors with one level: each
+# (the distribution of a quadratic form, below). All these tests together reject an adjustment without errors with one level: each
 # takes the share of it that Šidák's inequality leaves it. Groups of the same observations are one test, the
 # only set of a station is part of that station's, and the whole has the global test.
 # ------------------------------------------------------------

@@ -128,11 +128,11 @@ def cost_of_choice(count: int, candidates: int, parameters: int, stretch: float)
 
 
 # ------------------------------------------------------------
-# Points of which some observations do not fit, intersected anew: at the place where most of them have it.
+# Points of which some observations do not fit, intersected again: at the place where most of them have it.
 #
 # An iteration that began with a wrong sight may have left the point where that one and another agree. Of all
 # places that as few observations determine as can, two sights, a sight and a distance, three distances, the
-# one at which all observations of the point cost least (``description_length.py``) is taken.
+# one at which all observations of the point cost least (:func:`cost_of_residuals`) is taken.
 # ------------------------------------------------------------
 
 SUSPECT = 4.5
@@ -545,8 +545,8 @@ def _attempt(
             ):
                 break
             mostly_lost = _are_mostly_lost(problem, suspects)
-            anew = _from_far(plain, settings, watch) if mostly_lost else Attempt(plain)
-            return anew if anew.adjustment is not plain else Attempt(rest, suspects)
+            recomputed = _from_far(plain, settings, watch) if mostly_lost else Attempt(plain)
+            return recomputed if recomputed.adjustment is not plain else Attempt(rest, suspects)
         missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
         missing = {block for block in missing if block[0] in _GIVEN_UP and block not in suspects.lost}
         if not missing:

@@ -445,7 +445,7 @@ def _joint_of_clusters(
 #     external reliability       δ̄0 = ∇ √(eᵀ P e − eᵀ P Q_vv P e),      bound of its effect on any function f of the
 #                                                                       unknowns, in units of σ_f
 #     influence on position      EP = ∇̂ · what an error of 1 carries into the points of the observation
-#   (``carried.py``)
+#   (``external_reliability.py``)
 # None of them but EP depends on the datum. Without correlations w_B is the normalised residual v/σ_v.
 # ------------------------------------------------------------
 

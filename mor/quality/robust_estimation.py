@@ -214,7 +214,7 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
 # system: it makes the robust objective smaller (majorisation). The two coordinates of a ray are one pointing
 # and share their weight.
 #
-# Images begin with directions in place of coordinates, which come to their places from farther away
+# Images begin with directions instead of coordinates, which come to their places from farther away
 # (:mod:`mor.model.images`), and at three σ: the median alone is wide enough there, and with more the wrong
 # rays bend a block that hangs on a few control points before they lose their weight. Groups of few
 # observations, which have no median of their own, begin wide all the same: a few scale bars must not be

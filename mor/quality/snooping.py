@@ -229,7 +229,7 @@ def _absorbed_of_controlled(one: ObservationQuality) -> FloatArray:
 
 
 # ------------------------------------------------------------
-# Points at which snooping may have believed the wrong observations, intersected anew once nothing else is to be done.
+# Points at which snooping may have believed the wrong observations, intersected again once nothing else is to be done.
 #
 # Observations go out one after the other, the worst at that moment: of a point with two wrong rays good ones may go
 # first, and what is left agrees because it can hardly do otherwise. No test of what is out against the rest can tell

@@ -1,6 +1,6 @@
 """The processes of a Dask cluster, and what is asked of them before they get work.
 
-A task is done anew where the worker that had it is lost: it must leave the same where it is done twice.
+A task is done again where the worker that had it is lost: it must leave the same where it is done twice.
 """
 
 from __future__ import annotations

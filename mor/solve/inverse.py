@@ -385,7 +385,7 @@ def _sigma(normal: FloatArray, used: BoolArray) -> FloatArray:
 
 
 # ------------------------------------------------------------
-# Residuals in units of σ and weights multiplied by factors, within the plan of an adjustment: nothing is sorted anew.
+# Residuals in units of σ and weights multiplied by factors, within the plan of an adjustment: nothing is sorted again.
 #
 # Factors are one array (n, m) for each observation group. Correlated observations keep their correlations: a
 # factor f on the weight divides σ by √f, so that whitening W becomes W diag(√f).

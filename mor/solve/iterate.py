@@ -652,7 +652,7 @@ def memory_of_adjustment(plan: Plan) -> float:
 # ------------------------------------------------------------
 
 _ALIKE = 10.0
-"""Condition of the movements of a network, each of length one, from which on it is anchored anew while it turns."""
+"""Condition of the movements of a network, each of length one, from which on it is anchored again while it turns."""
 _SMALL_STEP = 1e-4
 """Movement, in parts of the size of the network, by which second derivatives are taken."""
 

@@ -518,7 +518,7 @@ def _doubtful(a: Bundle, b: Bundle, adjusted: list[Coplanarity], geometry: Scene
 #
 # Samples of five pairs give compatible unknowns (also for plane scenes); each is judged by the truncated sum of
 # squared residuals of all pairs (M. A. Fischler, R. C. Bolles 1981; truncation after P. Torr, A. Zisserman
-# 2000). The best set of agreeing pairs is adjusted and drawn anew until it stands. The seed is fixed: same
+# 2000). The best set of agreeing pairs is adjusted and drawn again until it stands. The seed is fixed: same
 # input, same result.
 # ------------------------------------------------------------
 

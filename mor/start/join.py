@@ -451,19 +451,19 @@ class _Measured(NamedTuple):
 def fill_systems(network: Network, start: dict[str, FloatArray]) -> None:
     """Compute missing origin, attitude, scale and offset of local systems, (X̄, Ȳ, Z̄) = λ D (X − X0) + r̄.
 
-    Of planes, lines and right angles whose points had no coordinates when the project was read, all are made anew.
+    Of planes, lines and right angles whose points had no coordinates when the project was read, all are made again.
     """
     for one in _systems(network):
-        anew = _is_feature(network.blocks["rotation"], one) and bool(
+        recomputed = _is_feature(network.blocks["rotation"], one) and bool(
             np.isnan(network.start["point"][one.points]).any()
         )
         known = np.isfinite(start["point"][one.points]).all(axis=1)
         lacking = (
             np.isnan(start["rotation"][one.rotation]).any() or np.isnan(start["point"][one.origin]).any()
         )
-        if (lacking or anew) and np.isfinite(one.local[known]).any():
+        if (lacking or recomputed) and np.isfinite(one.local[known]).any():
             one = one._replace(points=one.points[known], local=one.local[known])
-            _fill(network, start, one, anew)
+            _fill(network, start, one, recomputed)
 
 
 def _systems(network: Network) -> Iterator[_Measured]:
@@ -482,12 +482,12 @@ def _is_feature(blocks: Blocks, one: _Measured) -> bool:
     return blocks.about_axes is not None and bool(blocks.about_axes[one.rotation])
 
 
-def _fill(network: Network, start: dict[str, FloatArray], one: _Measured, anew: bool) -> None:
+def _fill(network: Network, start: dict[str, FloatArray], one: _Measured, recomputed: bool) -> None:
     points = start["point"][one.points]
     free = bool(network.blocks["scale"].free[one.scale, 0])
     scale = 1.0 if free else float(start["scale"][one.scale, 0])
     D = start["rotation"][one.rotation]
-    if anew or np.isnan(D).any():
+    if recomputed or np.isnan(D).any():
         none = np.zeros((0, 3))
         found = movement(Ties(scale * points, one.local, none, none), Turn.ANY, not free)
         if found is None:
@@ -499,14 +499,16 @@ def _fill(network: Network, start: dict[str, FloatArray], one: _Measured, anew: 
     # Mean of what shift and offset have to make up for; a component that was not observed asks for nothing.
     seen = np.isfinite(one.local)
     away = np.where(seen, one.local - scale * points @ D.T, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
-    _put_origin(network, start, one, anew, scale * D, away, np.asarray(seen.any(axis=0)), points.mean(axis=0))
+    _put_origin(
+        network, start, one, recomputed, scale * D, away, np.asarray(seen.any(axis=0)), points.mean(axis=0)
+    )
 
 
 def _put_origin(
     network: Network,
     start: dict[str, FloatArray],
     one: _Measured,
-    anew: bool,
+    recomputed: bool,
     turned: FloatArray,
     away: FloatArray,
     seen: BoolArray,
@@ -514,11 +516,11 @@ def _put_origin(
 ) -> None:
     """Origin and offset with r̄ − λ D X0 = ``away`` in the components that were observed."""
     origin, offset = start["point"][one.origin], start["eccentricity"][one.offset]
-    missing = np.isnan(origin) | anew
+    missing = np.isnan(origin) | recomputed
     origin[missing] = centre[missing]
     gap = away - (np.nan_to_num(offset) - turned @ origin)
     gap[~seen] = 0.0
-    if missing.any() and not anew:
+    if missing.any() and not recomputed:
         origin[missing] -= rotations.lstsq(turned[np.ix_(seen, missing)], gap[seen], rcond=None)
         return
     loose = network.blocks["eccentricity"].free[one.offset]

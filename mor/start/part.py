@@ -380,7 +380,7 @@ class Part:
     joined: list[Join] = field(default_factory=list)
     """The parts it took up, in the order in which they joined it or one another."""
     placed: set[int] = field(default_factory=set)
-    """Points placed one at a time: what takes such a place away again does not have it placed anew."""
+    """Points placed one at a time: what takes such a place away again does not have it placed again."""
     asked_for_vertical: dict[int, int] = field(default_factory=dict)
     """Redundancy with which directions were asked for the vertical → directions there were."""
     asked_for_ties: dict[tuple[int, int], int] = field(default_factory=dict)

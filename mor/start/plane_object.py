@@ -546,7 +546,7 @@ def _visible_outcome(best: PlaneShape, rivals: bool, soft: bool, pairs: list[Pla
 def _soft(rays: _Rays, pairs: list[PlaneSolutions], shape: PlaneShape) -> bool:
     """Return whether the σ promise more than the measurements hold.
 
-    Where the normal is turned by three and five σ along the axes of its error ellipse, and all else is adjusted anew,
+    Where the normal is turned by three and five σ along the axes of its error ellipse, and all else is adjusted again,
     Σ (v/σ)² must have risen by what σ promise, about 9 and 25 (see the ``nonlinearity`` of relative orientation).
     Where the normal is turned by three no coordinate or flying height may have changed by five of its own σ or more.
     """

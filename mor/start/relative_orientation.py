@@ -631,7 +631,7 @@ def _map(a: Bundle, b: Bundle, turn: FloatArray, bases: FloatArray) -> tuple[Flo
 #
 # σ come from the linear terms of the estimate at the solution. An error of k σ costs k² of Σ (v/σ)², if they
 # are all; where the quadratic ones are not small beside them, Σ (v/σ)² rises otherwise. So the base is turned
-# by three and by five σ, either way along both axes of its error ellipse, all else is adjusted anew, and the
+# by three and by five σ, either way along both axes of its error ellipse, all else is adjusted again, and the
 # rise is compared with 9 and 25 (the profile of the objective: D. M. Bates, D. G. Watts, Nonlinear regression
 # analysis, 1988, chapter 6).
 # ------------------------------------------------------------

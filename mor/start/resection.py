@@ -519,7 +519,7 @@ def resect_plane(bundle: Bundle, points: FloatArray) -> tuple[FloatArray, FloatA
 #
 # Samples of three points (all of them, where they are few) give all positions that three rays allow; a plane
 # object adds the solution of its collineation. The best are refined by Gauss–Newton on the measured
-# coordinates with small rotations about the axes of the frame, and the points that agree are drawn anew until
+# coordinates with small rotations about the axes of the frame, and the points that agree are drawn again until
 # they stand. Ambiguous, mirrored, weak or wrong data are named, never guessed.
 # ------------------------------------------------------------
 
