@@ -257,8 +257,8 @@ def log_tail(omega: FloatArray, of: Moments) -> FloatArray:
 # Tests of what was observed together: of each table, image, camera, station, set, instrument, local system.
 #
 # A few observations that are all wrong, as distances without their prism constant, hardly change vᵀPv of
-# thousands. So the part that each group has in vᵀPv is put to a two-sided test of its own
-# (the distribution of a quadratic form, below). All these tests together reject an adjustment without errors with one level: each
+# thousands. So the part that each group has in vᵀPv is put to a two-sided test of its own, by the distribution of
+# a quadratic form (below). All these tests together reject an adjustment without errors with one level: each
 # takes the share of it that Šidák's inequality leaves it. Groups of the same observations are one test, the
 # only set of a station is part of that station's, and the whole has the global test.
 # ------------------------------------------------------------

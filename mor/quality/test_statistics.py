@@ -105,7 +105,7 @@ class ObservationQuality:
     absorbed: FloatArray
     """1 − r: part of an error that goes into the adjusted value; for uncorrelated entries."""
     carried: FloatArray
-    """What an error of 1 does to the points of the observation, in the datum of the adjustment: see ``external_reliability.py``."""
+    """Effect of an error of 1 on the points of the observation, in the datum of the adjustment."""
     joint_of_row: FloatArray
     """(n,) statistic of the joint test of the uncorrelated components of a row, χ² with ``freedom``."""
     freedom_of_row: SmallestIntArray
