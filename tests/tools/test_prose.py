@@ -41,7 +41,7 @@ def test_sentences_of_a_text() -> None:
 def test_measures() -> None:
     page = prose.measure(TEXT)
     assert page.words == 43
-    assert page.mean == pytest.approx(25 / 6)
+    assert page.mean == pytest.approx(4.0)
     assert prose.faults("page.md", page) == []
 
 
