@@ -62,3 +62,7 @@ def test_benchmarks_may_name_machines() -> None:
     page = prose.measure("This ran on a Xeon.")
     assert prose.faults("benchmarks.md", page) == []
     assert prose.faults("page.md", page) == ["page.md: history word 'Xeon'"]
+
+
+def test_all_pages_are_within_the_limits(capsys: pytest.CaptureFixture[str]) -> None:
+    assert prose.main() == 0, capsys.readouterr().out
