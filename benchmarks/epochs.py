@@ -1,4 +1,4 @@
-"""Time of one adjustment of many epochs, from the file to tables and pages; for docs/epochs.md.
+"""Time of one adjustment of many epochs, from the file to tables and pages.
 
     python benchmarks/epochs.py
     python benchmarks/epochs.py velocity --points 1000 --epochs 50

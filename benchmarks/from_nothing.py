@@ -1,4 +1,4 @@
-"""Start values of image blocks beside their adjustment, for docs/start-values.md.
+"""Start values of image blocks beside their adjustment.
 
     python benchmarks/from_nothing.py aerial 20 25 [--given positions|nothing|all]
     python benchmarks/from_nothing.py convergent 500 20000 30 --given nothing

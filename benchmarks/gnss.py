@@ -1,4 +1,4 @@
-"""CPU time of a large network of GNSS vectors, from the file to the tables of results; for docs/earth.md.
+"""CPU time of a large network of GNSS vectors, from the file to the tables of results.
 
 python benchmarks/gnss.py                            20 000 vectors between 5 000 points, in both forms
 python benchmarks/gnss.py sessions --session 10

@@ -46,7 +46,7 @@ def timed(work: Callable[[], Result]) -> tuple[Result, float]:
 
 
 def main() -> None:
-    """Print a row of the table of docs/convergence.md for each part."""
+    """Print a row of a table for each part."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument(
         "case", choices=[name for name, case in cases.CASES.items() if case.scene == "aerial"]

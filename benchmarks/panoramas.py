@@ -1,4 +1,4 @@
-"""Iterations of a block of panoramas, and of images along trajectories, beside those of frame images, for docs/time.md.
+"""Iterations of a block of panoramas, and of images along trajectories, beside those of frame images.
 
     python benchmarks/panoramas.py
 

@@ -1,4 +1,4 @@
-"""Times of plans: candidates of a large block ranked, and a greedy plan of many steps; for docs/planning.md.
+"""Times of plans: candidates of a large block ranked, and a greedy plan of many steps.
 
 python benchmarks/planning.py                    both
 python benchmarks/planning.py block --candidates 100000

@@ -1,4 +1,4 @@
-"""Iterations of a block of 500 images with rolling shutters beside those of frame images, for docs/time.md.
+"""Iterations of a block of 500 images with rolling shutters beside those of frame images.
 
     python benchmarks/rolling_shutters.py
 

@@ -1,4 +1,4 @@
-"""Success and error of the start values on seeded random scenes: prints the table of docs/start-values.md.
+"""Success and error of the start values on seeded random scenes: prints a table.
 
 Run as ``python benchmarks/start_values.py [scenes [first seed]]``; 1000 scenes per line take a few minutes on one core.
 """

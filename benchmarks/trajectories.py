@@ -1,4 +1,4 @@
-"""Iterations of a block of three-line strips beside those of frame images, for docs/time.md.
+"""Iterations of a block of three-line strips beside those of frame images.
 
     python benchmarks/trajectories.py
 

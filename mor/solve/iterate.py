@@ -421,7 +421,7 @@ def _led_back(state: Adjustment, tried: DampedStep) -> tuple[Mapping[str, FloatA
 # the middle term being the last digit of vᵀPv itself, the last sum over the weak directions g_k, whose part of b is a
 # difference of large numbers. Steps of that size that no longer halve are noise.
 #
-# The derivation, and what was tried, is in docs/convergence.md.
+# docs/convergence.md describes the criterion for users.
 # ------------------------------------------------------------
 
 ACCURACY = 1e-8

@@ -1,4 +1,4 @@
-"""The reference page of the project file: every example runs, every key is there."""
+"""The reference pages of the project file: every example runs, every key is there."""
 
 from __future__ import annotations
 
@@ -17,8 +17,14 @@ from mor.project.schema import Project
 from tests.scenarios.small_projects import mor
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "project-file.md").read_text(encoding="utf-8")
-EXAMPLES = re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.M | re.S)
+PAGE = "\n".join(
+    (ROOT / "docs" / name).read_text(encoding="utf-8") for name in ("project-file.md", "project-sections.md")
+)
+EPOCHS = (ROOT / "docs" / "epochs.md").read_text(encoding="utf-8")
+EXAMPLES = [
+    *re.findall(r"^```yaml\n(.*?)^```$", PAGE, re.M | re.S),
+    *re.findall(r"^```yaml\n(mor:.*?)^```$", EPOCHS, re.M | re.S),
+]
 OBSERVATION_TYPES = (ROOT / "docs" / "observation-types.md").read_text(encoding="utf-8")
 FRAGMENTS = [
     *(example for example in EXAMPLES if not example.startswith("mor:")),

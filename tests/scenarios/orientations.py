@@ -1,7 +1,7 @@
 """Relative and planar orientation of many random scenes: what is called determined, error over σ of what is told.
 
 Run ``python -m tests.scenarios.orientations --count 10000 [--first 0] [--of relative|planar]`` from the root: prints
-the tables of docs/orientation.md. The suite runs a few seeds of it.
+tables of the outcomes. The suite runs a few seeds of it.
 """
 
 from __future__ import annotations

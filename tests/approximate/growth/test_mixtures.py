@@ -1,6 +1,6 @@
 """Random mixtures start from nothing, and rough start values are told from good ones.
 
-A few seeds; ``python -m tests.scenarios.mixtures --count 1000`` runs more; docs/start-values.md has the rates.
+A few seeds; ``python -m tests.scenarios.mixtures --count 1000`` runs more.
 """
 
 from dataclasses import replace

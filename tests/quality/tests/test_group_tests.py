@@ -108,7 +108,7 @@ def test_the_tail_is_that_of_a_weighted_sum_of_squares() -> None:
 
 @pytest.mark.slow
 def test_error_free_measurements_are_rejected_at_the_level() -> None:
-    # 1 000 seeds of every sample: python -m tools.group_test_levels, docs/statistics.md
+    # 1 000 seeds of every sample: python -m tools.group_test_levels
     rejected = rejections(building(), 500).any(axis=1).sum()
     assert scipy.stats.binomtest(int(rejected), 500, 0.05).pvalue > 0.001
 

@@ -45,7 +45,7 @@ def test_every_value_is_said_to_be_given_found_or_missing(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize("seed", [3, 13])
 def test_confidence_is_that_of_the_errors(tmp_path: Path, seed: int) -> None:
-    """Errors of points against the adjusted values are of the order of what is said; docs/start-values.md has more."""
+    """Errors of points against the adjusted values are of the order of what is said."""
     nothing, _ = write_project(mixture(seed), tmp_path)
     rows, network = _rows(nothing)
     solved = solve_network(network)
