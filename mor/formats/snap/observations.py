@@ -979,6 +979,8 @@ def read_data(path: Path, data: Data) -> None:
                 numbers = Words(line.words)
                 while numbers:
                     data.covariances.append(numbers.number("a covariance"))
+                if len(data.covariances) >= _count(data):
+                    _end_of_set(data)
             else:
                 _observations(data, Words(line.words))
         except ValueError as error:
@@ -990,6 +992,8 @@ def _command(data: Data, words: Words) -> None:
     name = words.take("a command").lower()
     if name == "end_set":
         data.covariances = []
+        if not _count(data):
+            _end_of_set(data)
         return
     _end_of_set(data)
     if name == "data":
@@ -1186,6 +1190,15 @@ def _sigma(data: Data, kind: Kind, names: list[str], value: float, sigma: list[f
     if not kind.angular:
         return error.of_length(value if kind.value == "distance" else 0.0)
     return error.of_angle(*data.length(names)) if len(names) > 1 else error.seconds
+
+
+def _count(data: Data) -> int:
+    """How many numbers follow a set: a lower triangle, of correlations without the diagonal."""
+    size = 3 * len(data.members)
+    explicit = any("error" in item.fields for item in data.items)
+    if not explicit or not NUMBERS[data.vector_form][2]:
+        return 0
+    return size * (size + (1 if data.vector_form == "full" else -1)) // 2
 
 
 def _end_of_set(data: Data) -> None:

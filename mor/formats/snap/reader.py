@@ -133,6 +133,8 @@ def read_snap(path: Path) -> Document:
     for file in commands.data:
         read_data(file, data)
     _put_refraction(data, commands)
+    if commands.mode.startswith("adjust"):  # SNAP rejects stations without enough data
+        draft.put("settings", {"undetermined": "leave_out"})
     tie_recoded(data)
     put_observations(data)
     if not draft.data.get("observations") and not draft.problems:
