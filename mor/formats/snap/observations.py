@@ -354,7 +354,7 @@ def _read(found: Stations, line: Line, form: str, classes: list[str]) -> None:
         raise ValueError(f"station {name!r} is there twice")
     if form == "xyz":
         geocentric = [words.number("a geocentric coordinate") for _ in range(3)]
-        latitude, longitude, height = found.system.ellipsoid.geodetic(np.array([geocentric]))[0]
+        latitude, longitude, height = found.system.ellipsoid.geodetic(np.array([geocentric]))[0].tolist()
         place = [float(np.degrees(latitude)), float(np.degrees(longitude))]
     elif found.system.kind == "geographic":
         place = [angle(words, form, "NS"), angle(words, form, "EW")]
