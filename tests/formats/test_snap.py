@@ -13,6 +13,7 @@ from pyproj import Transformer
 from mor.api.pipeline import read_network, solve_network
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
+from mor.project.document import Document
 from mor.quality.solution import Solved
 from mor.units import ANGLE
 from tests.reference_data import missing, reference_folder
@@ -253,13 +254,13 @@ def test_mistakes_are_told_with_their_line(tmp_path: Path, old: str, new: str, s
         ),
         (STATIONS.replace("41 00 25.2", "141 00 25.2"), COMMANDS, "found the latitude -141"),
         (STATIONS, COMMANDS.replace("fix A", "fix D"), "station 'D' is not in n.crd"),
-        (STATIONS, COMMANDS.replace("fix A", "fix vertical A"), "fix vertical is not followed"),
+        (STATIONS, COMMANDS.replace("fix A", "fix automatically all"), "fix automatically is not followed"),
         (STATIONS, COMMANDS.replace("3d", "2d"), "mode 2d is not followed"),
         (STATIONS, COMMANDS.replace("n.dat", "no.dat"), "this file does not exist"),
         (
             STATIONS,
             COMMANDS + "reweight_observations 2 SD\n",
-            "command 'reweight_observations' is not followed",
+            "found 'sd', expected a criterion such as data_type=SD",
         ),
     ],
 )
@@ -273,3 +274,123 @@ def test_it_is_adjusted_by_the_command(tmp_path: Path) -> None:
     _files(tmp_path)
     assert mor("adjust", tmp_path / "n.snp", "-o", tmp_path / "out", "--no-html").code == 0
     assert json.loads((tmp_path / "out" / "results.json").read_text())["outcome"] == "converged"
+
+
+def _document(folder: Path, commands: str, measured: str = MEASURED, stations: str = STATIONS) -> Document:
+    return read_foreign(_files(folder, measured, stations, COMMANDS + commands), "snap")
+
+
+def _count(document: Document, kind: str) -> int:
+    tables = [table for table in document.data["observations"] if table["type"] == kind]
+    return sum(len(table["rows"]) for table in tables)
+
+
+@pytest.mark.parametrize(
+    ("commands", "distances"),
+    [
+        ("", 3),
+        ("ignore C", 2),
+        ("reject all\naccept A B", 2),
+        ("ignore_observations data_type=SD/ZD", 0),
+        ("reject_observations @equpt=e?m using_stations C end_stations data_type=SD", 2),
+        ("reject_observations equpt='e?m'", 3),
+        ("ignore_observations between_stations A B", 1),
+        ("ignore_observations before 2001-05-12", 3),
+        ("ignore_observations before 2001-05-13 data_type=SD", 0),
+        ("ignore_observations after 2001-05-13", 3),
+        ("ignore_observations data_type=SD data_file=o*.dat", 3),
+        ("recode C to *", 2),
+        ("recode C to * after 13-May-2001", 3),
+        ("ignore_missing_stations\nrecode C to D", 3),
+        ("classification equpt reject EDM", 0),
+        ("ignore order=3", 2),
+        ("ignore B-Z except B", 2),
+    ],
+)
+def test_commands_leave_observations_out(tmp_path: Path, commands: str, distances: int) -> None:
+    assert _count(_document(tmp_path, commands), "distance") == distances
+
+
+def test_factors_of_sigma_multiply(tmp_path: Path) -> None:
+    plain = _document(tmp_path, "")
+    twice = _document(
+        tmp_path, "reweight_observations 2 data_type=SD\nreweight_observations 3 using_stations C\n"
+    )
+
+    def sigmas(document: Document) -> list[float]:
+        tables = [table for table in document.data["observations"] if table["type"] == "distance"]
+        return [float(row[t["columns"].index("sigma")]) for t in tables for row in t["rows"]]
+
+    ratios = np.array(sigmas(twice)) / sigmas(plain)
+    assert ratios.tolist() == pytest.approx([2.0, 6.0, 2.0])
+
+
+def test_floats_and_stations_fixed_in_part(tmp_path: Path) -> None:
+    commands = (
+        "fix horizontal B\nhorizontal_float_error 0.5\nfloat C\nvertical_float_error 0.02\nfloat vertical B\n"
+    )
+    tables = _document(tmp_path, commands).data["points"]
+    found = {
+        row[0]: dict(zip(table["columns"], row, strict=True)) for table in tables for row in table["rows"]
+    }
+    names = ("sigma_east", "sigma_north", "sigma_up")
+    assert [float(found["B"][name]) for name in names] == [1e-6, 1e-6, 0.02]
+    assert [float(found["C"][name]) for name in names] == [0.5, 0.5, 1.0]
+    assert not set(names) & set(found["A"])
+
+
+def test_a_recode_with_an_error_ties_both_marks(tmp_path: Path) -> None:
+    document = _document(tmp_path, "recode C to C_1 hv_error 0.1 0.3 m after 2001-05-01\n")
+    assert "C_1" in {row[0] for table in document.data["points"] for row in table["rows"]}
+    dated = MEASURED.replace("#data LV\n", "#date unknown\n#data LV\n").replace("A 1.5 B", "C 1.5 B")
+    both = _document(tmp_path, "recode C to C_1 hv_error 0.1 0.3 m after 2001-05-01\n", dated)
+    ties = [t for t in both.data["observations"] for row in t["rows"] if row[:2] == ["C", "C_1"]]
+    assert len(ties) == 1
+    row = next(row for row in ties[0]["rows"] if row[:2] == ["C", "C_1"])
+    cell = dict(zip(ties[0]["columns"], row, strict=True))
+    trace = sum(float(cell[f"cov_{name}_{name}"]) for name in ("dx", "dy", "dz"))
+    assert trace == pytest.approx(0.1**2 + 0.1**2 + 0.3**2)
+
+
+@pytest.mark.parametrize(
+    ("system", "options"),
+    [
+        ("NZGD2000(20160701)", "options ellipsoidal_heights geoid_heights c=Order"),
+        ("ITRF2008@20150601", "options ellipsoidal_heights geoid_heights c=Order"),
+        ("NZGD2000", "ellipsoidal_heights geoid_heights station_orders"),
+    ],
+)
+def test_headers_of_stations(tmp_path: Path, system: str, options: str) -> None:
+    given = STATIONS.replace("NZGD2000", system)
+    given = given.replace("options ellipsoidal_heights no_deflections geoid_heights c=Order", options)
+    rows = [row for t in _document(tmp_path, "", stations=given).data["points"] for row in t["rows"]]
+    assert rows[0][1:4] == [repr(-(41 + 46.8 / 3600)), repr(173 + 19 / 60 + 15.6 / 3600), "150.0"]
+
+
+def test_geocentric_stations(tmp_path: Path) -> None:
+    to_xyz = Transformer.from_crs("EPSG:4959", "EPSG:4960", always_xy=True)
+    places = {"A": (-41.013, 173.321, 150.0), "B": (-41.007, 173.328, 250.0), "C": (-41.008, 173.333, 70.0)}
+    lines = ["Three stations", "NZGD2000_XYZ", "options geoid_heights"]
+    for name, (latitude, longitude, height) in places.items():
+        x, y, z = to_xyz.transform(longitude, latitude, height)
+        lines.append(f"{name} {x:.6f} {y:.6f} {z:.6f} 10.0")
+    document = _document(tmp_path, "", stations="\n".join(lines) + "\n")
+    for row in (row for table in document.data["points"] for row in table["rows"]):
+        assert np.array(row[1:4], float) == pytest.approx(places[row[0]], abs=1e-6)
+
+
+def test_included_commands_and_quoted_names(tmp_path: Path) -> None:
+    (tmp_path / "sub dir").mkdir()
+    (tmp_path / "sub dir" / "more.inc").write_text('data_file "more data.dat"\n')
+    (tmp_path / "sub dir" / "more data.dat").write_text(
+        "More\n#lv_error 5 mm\n#data LV no_heights\nA C -80\n"
+    )
+    document = _document(tmp_path, 'include "sub dir/more.inc"\n')
+    assert _count(document, "height_difference") == _count(_document(tmp_path, ""), "height_difference") + 1
+
+
+def test_sets_with_matrices_follow_each_other(tmp_path: Path) -> None:
+    one = "A -4787264.52 560595.57 -4163681.80\nB -4787842.22 560070.26 -4163244.58\n#end_set\n"
+    triangle = "\n".join(" ".join("1e-4" if i == j else "0" for j in range(i + 1)) for i in range(6))
+    measured = f"Sets\n#data GX error grouped no_heights\n{one}{triangle}\n\n{one}{triangle}\n"
+    assert _count(_document(tmp_path, "", measured), "gnss_position") == 4

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import re
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from datetime import datetime
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import NamedTuple
 
@@ -27,15 +31,23 @@ class Line(NamedTuple):
     number: int
 
 
-def lines_of(path: Path, draft: Draft) -> list[Line]:
-    """Lines without comments (!), with those that ``&`` continues in one. Raises :class:`InputError`."""
+_QUOTED = re.compile(r"(?:[^\s\"']|\"[^\"]*\"|'[^']*'|[\"'])+")
+"""A word of a command; blanks may stand between quotes."""
+
+
+def lines_of(path: Path, draft: Draft, quoted: bool = False) -> list[Line]:
+    """Lines without comments (!), with those that ``&`` continues in one. Raises :class:`InputError`.
+
+    ``quoted``: blanks between quotes belong to a word.
+    """
     if not path.is_file():
         raise InputError([Message("this file does not exist", str(path))])
     result: list[Line] = []
     words: list[str] = []
     first = 0
     for line, text in enumerate(read_lines(path, draft), start=1):
-        given, comment = _without_comment(text).split(), "!" in text
+        bare, comment = _without_comment(text), "!" in text
+        given = _QUOTED.findall(bare) if quoted else bare.split()
         if comment and not given and not words:
             continue
         first = first or line
@@ -79,6 +91,12 @@ class Words:
     def number(self, what: str) -> float:
         """The next word as a number. Raises ``ValueError``."""
         return parse_number(self.take(what))
+
+    def rest(self) -> str:
+        """All that is left of the line."""
+        rest = " ".join(self._words[self._at :])
+        self._at = len(self._words)
+        return rest
 
     def skip(self, word: str) -> bool:
         """Pass over a word where it is the next one; True if it was."""
@@ -216,9 +234,20 @@ SYSTEMS = {
     "NZMG": "EPSG:27200",
     "NZTM": "EPSG:2193",
     "WGS84": "EPSG:4326",
+    "ITRF96": "EPSG:8995",
+    "ITRF97": "EPSG:8996",
+    "ITRF2000": "EPSG:8997",
+    "ITRF2005": "EPSG:8998",
+    "ITRF2008": "EPSG:8999",
+    "ITRF2014": "EPSG:9000",
+    "ITRF2020": "EPSG:9990",
 }
 """EPSG codes of SNAP's coordinate systems."""
-_OPTIONS = ("deflections", "geoid_heights", "geoid", "station_orders")
+_OPTIONS = {
+    *("orthometric_heights", "ellipsoidal_heights", "degrees"),
+    *("deflections", "geoid_heights", "geoid", "station_orders"),
+    *("no_deflections", "no_geoid_heights", "no_geoid", "no_station_orders"),
+}
 
 
 class Station(NamedTuple):
@@ -228,6 +257,8 @@ class Station(NamedTuple):
     N: float
     deflection: tuple[float, float]
     line: int
+    classes: dict[str, str]
+    """Its order and classifications, by their names in lower case."""
 
 
 class Stations(NamedTuple):
@@ -269,13 +300,18 @@ def read_stations(path: Path, draft: Draft) -> Stations:
         words = "expected a title, a coordinate system and stations"
         raise InputError([Message(words, str(path), len(lines) or 1)])
     code = lines[1].words[0]
-    crs = _system(code, path, lines[1].number)
-    has_options = len(lines) > 2 and lines[2].words[0].lower() == "options"
-    options = [word.lower() for word in lines[2].words[1:]] if has_options else ["geoid"]
-    classes = sum(word.startswith("c=") for word in options) + ("station_orders" in options)
+    crs, frame = _system(code, path, lines[1].number)
+    given = [word.lower() for word in lines[2].words] if len(lines) > 2 else []
+    has_options = bool(given) and (given[0] == "options" or given[0] in _OPTIONS)
+    options = given[given[0] == "options" :] if has_options else ["geoid"]
+    classes = [
+        "order" if word == "station_orders" else word[2:]
+        for word in options
+        if word == "station_orders" or word.startswith("c=")
+    ]
     vertical = "/" in code
-    orthometric = "orthometric_heights" in options or (vertical and "ellipsoidal_heights" not in options)
-    orthometric = orthometric or not has_options
+    geocentric = code.partition("(")[0].partition("@")[0].upper().endswith("_XYZ")
+    orthometric = "ellipsoidal_heights" not in options and not geocentric
     geoid, deflections = (bool({"geoid", word} & set(options)) for word in ("geoid_heights", "deflections"))
     if vertical and not geoid:
         words = f"{code}: the geoid of {code.partition('/')[2]} is not in this file; add geoid_heights to it"
@@ -283,7 +319,9 @@ def read_stations(path: Path, draft: Draft) -> Stations:
     found = Stations(
         path, " ".join(lines[0].words), code, crs, reference_system(crs), orthometric, geoid, deflections, {}
     )
-    form = "deg" if "degrees" in options else "dms"
+    if frame:
+        draft.note(f"coordinate system {code}: coordinates are taken as {frame}", lines[1].number, str(path))
+    form = "xyz" if geocentric else "deg" if "degrees" in options else "dms"
     for line in lines[2 + has_options :]:
         try:
             _read(found, line, form, classes)
@@ -294,34 +332,252 @@ def read_stations(path: Path, draft: Draft) -> Stations:
     return found
 
 
-def _system(code: str, path: Path, line: int) -> str:
-    plain = code.partition("/")[0].upper()
-    known = next((name for name in SYSTEMS if plain == name or plain.startswith(f"{name}_2")), "")
+def _system(code: str, path: Path, line: int) -> tuple[str, str]:
+    """EPSG code of a coordinate system, and what a version or an epoch of it was read as, if there is one.
+
+    ``NZGD2000(20160701)`` is a version of the deformation model, ``ITRF2008@20150601`` an epoch: neither changes
+    coordinates that are used at one time.
+    """
+    plain, _, version = code.partition("/")[0].upper().replace("(", "@").partition("@")
+    name = plain.removesuffix("_XYZ")
+    known = next((system for system in SYSTEMS if name == system or name.startswith(f"{system}_2")), "")
     if not known:
         words = f"coordinate system {code!r} is not followed{nearest(plain, SYSTEMS)} (known: {', '.join(SYSTEMS)})"
         raise InputError([Message(words, str(path), line)])
-    return SYSTEMS[known]
+    return SYSTEMS[known], f"{known} of one epoch" if version else ""
 
 
-def _read(found: Stations, line: Line, form: str, classes: int) -> None:
+def _read(found: Stations, line: Line, form: str, classes: list[str]) -> None:
     words = Words(line.words)
     name = words.take("a station")
     if name.upper() in (known.upper() for known in found.by_name):
         raise ValueError(f"station {name!r} is there twice")
-    if found.system.kind == "geographic":
+    if form == "xyz":
+        geocentric = [words.number("a geocentric coordinate") for _ in range(3)]
+        latitude, longitude, height = found.system.ellipsoid.geodetic(np.array([geocentric]))[0].tolist()
+        place = [float(np.degrees(latitude)), float(np.degrees(longitude))]
+    elif found.system.kind == "geographic":
         place = [angle(words, form, "NS"), angle(words, form, "EW")]
         if abs(place[0]) > 90.0:
             raise ValueError(f"station {name!r}: found the latitude {place[0]:g}, expected -90 to 90")
     else:
-        place = [words.number("east"), words.number("north")]
-    height = words.number("a height")
+        place = [words.number("a coordinate"), words.number("a coordinate")]
+    if form != "xyz":
+        height = words.number("a height")
     deflection = (0.0, 0.0)
     if found.deflections:
         deflection = (words.number("a deflection north"), words.number("a deflection east"))
     N = words.number("a geoid height") if found.geoid else 0.0
-    found.by_name[name] = Station((place[0], place[1], height), N, deflection, line.number)
-    for _ in range(classes):
-        words.take(f"a class of station {name!r}")
+    values = {key: words.take(f"{key} of station {name!r}") for key in classes}
+    found.by_name[name] = Station((place[0], place[1], height), N, deflection, line.number, values)
+
+
+# ------------------------------------------------------------
+# Lists of stations, selections of observations and recodes: words of a command file.
+#
+# Source: the help of SNAP, *Station lists*, *The reject_observations command*, *The recode command*.
+# ------------------------------------------------------------
+
+_MISSING = ("ignore_missing", "warn_missing", "fail_missing")
+Chosen = Callable[[str], bool]
+"""Whether a station is on a list."""
+
+
+def station_list(words: Words, stations: Stations, end: str = "") -> Chosen:
+    """Stations that a list means, up to the word ``end``. Raises ``ValueError``."""
+    parts: list[list[set[str]]] = [[set()]]
+    strict = True
+    while words and not (end and words.skip(end)):
+        word = words.take("a station")
+        if word.lower() in _MISSING:
+            strict = word.lower() == "fail_missing"
+        elif word.lower() == "except":
+            parts.append([set()])
+        elif word.lower() == "and":
+            parts[-1].append(set())
+        elif word.lower() != "or":
+            parts[-1][-1] |= _stations_of(word, words, stations, strict)
+    whole = [set.intersection(*part) for part in parts]
+    chosen = whole[0].difference(*whole[1:])
+    return lambda name: name.upper() in chosen
+
+
+def _stations_of(word: str, words: Words, stations: Stations, strict: bool) -> set[str]:
+    names = {name.upper() for name in stations.by_name}
+    code = word.removeprefix("\\").upper()
+    if code in names:
+        return {code}
+    if word.lower() == "all":
+        return names
+    if word.lower() in ("inside", "outside"):
+        raise ValueError(f"the area {word} {words.peek()} is not followed, expected codes of stations")
+    if word[0] == "@" and word.partition("=")[1] == "":
+        return _stations_in_file(word[1:], stations, strict)
+    key, equals, value = word.lstrip("@").partition("=")
+    if equals:
+        values = [one.upper() for one in value.split("/")]
+        rows = stations.by_name.items()
+        return {name.upper() for name, one in rows if one.classes.get(key.lower(), "").upper() in values}
+    if "*" in code or "?" in code:
+        return {name for name in names if _fits(name, code)}
+    first, hyphen, last = code.partition("-")
+    if hyphen and first and last:
+        return {name for name in names if _rank(first) <= _rank(name) <= _rank(last)}
+    if strict:
+        raise ValueError(f"station {word!r} is not in {stations.path.name}{nearest(word, stations.by_name)}")
+    return set()
+
+
+def _stations_in_file(file: str, stations: Stations, strict: bool) -> set[str]:
+    path = stations.path.parent / file
+    path = path if path.is_file() else path.with_suffix(".stl")
+    found: set[str] = set()
+    for line in lines_of(path, Draft(str(path))):
+        words = Words(line.words if strict else ["ignore_missing", *line.words])
+        chosen = station_list(words, stations)
+        found |= {name.upper() for name in stations.by_name if chosen(name)}
+    return found
+
+
+def _fits(text: str, pattern: str) -> bool:
+    """True if a text fits a pattern of ``*`` and ``?``."""
+    return fnmatchcase(text, pattern.replace("[", "[[]"))
+
+
+def _rank(code: str) -> tuple[int, str]:
+    """Order of codes in a range: by their leading digits, then by the rest."""
+    digits = re.match(r"\d*", code)
+    assert digits is not None
+    return int(digits[0] or 0), code[digits.end() :]
+
+
+_DATES = ("%Y-%m-%d", "%Y-%b-%d", "%d-%b-%Y", "%d-%B-%Y", "%d%b%Y", "%d-%m-%Y", "%Y%m%d")
+_TIMES = ("", "%H%M%S", "-%H:%M:%S", "T%H:%M:%S", "-%H:%M", "T%H:%M")
+
+
+def date_of(text: str) -> datetime | None:
+    """The date, nothing for ``unknown``. Raises ``ValueError``."""
+    if text.lower() == "unknown":
+        return None
+    plain = re.sub(r"[\s/]+", "-", text.strip())
+    for form in (date + time for date in _DATES for time in _TIMES):
+        try:
+            return datetime.strptime(plain, form)
+        except ValueError:
+            continue
+    try:
+        return datetime.strptime(plain, "%Y")
+    except ValueError:
+        words = f"found the date {text!r}, expected one such as 2008-01-13, 13 Jan 2008 or unknown"
+        raise ValueError(words) from None
+
+
+class Period(NamedTuple):
+    """A range of dates; observations without a date are in none that has an end."""
+
+    since: datetime | None = None
+    until: datetime | None = None
+
+    def holds(self, date: datetime | None) -> bool:
+        """Return whether an observation of this date is in the range."""
+        if self.since is None and self.until is None:
+            return True
+        return date is not None and (self.since or date) <= date and not (self.until and date >= self.until)
+
+
+def period_of(words: Words) -> Period:
+    """``before``, ``after`` or ``between`` with their dates; all dates without these words. Raises ``ValueError``."""
+    if words.skip("before"):
+        return Period(None, date_of(words.take("a date")))
+    if words.skip("after"):
+        return Period(date_of(words.take("a date")), None)
+    if words.skip("between"):
+        since = date_of(words.take("a date"))
+        words.skip("and")
+        return Period(since, date_of(words.take("a date")))
+    return Period()
+
+
+class Selection(NamedTuple):
+    """Observations that a command leaves out, or whose σ it multiplies; conditions hold together."""
+
+    factor: float
+    """0 for those that are left out."""
+    classes: list[tuple[str, list[str]]]
+    """Values by the name of a classification, ``data_type`` and ``data_file`` among them; patterns in capitals."""
+    period: Period = Period()
+    undated: bool = False
+    stations: Chosen | None = None
+    all_ends: bool = False
+    """True if all ends of an observation are among ``stations``, else one suffices."""
+
+    def holds(
+        self, code: str, names: list[str], path: Path, date: datetime | None, given: dict[str, str]
+    ) -> bool:
+        """Return whether an observation is selected, by its type, stations, file, date and classifications."""
+        known = {**given, "data_type": code, "data_file": path.name}
+        for key, patterns in self.classes:
+            if not any(_fits(known.get(key, "").upper(), pattern) for pattern in patterns):
+                return False
+        if self.undated and date is not None:
+            return False
+        if not self.period.holds(date):
+            return False
+        return self.stations is None or (all if self.all_ends else any)(map(self.stations, names))
+
+
+def selection_of(words: Words, factor: float, stations: Stations) -> Selection:
+    """The observations that the rest of a command selects. Raises ``ValueError``."""
+    found = Selection(factor, [])
+    while words:
+        word = words.peek().lower()
+        if word in ("before", "after"):
+            found = found._replace(period=period_of(words))
+            continue
+        words.take("a criterion")
+        if word in ("using_stations", "between_stations"):
+            chosen = station_list(words, stations, "end_stations")
+            found = found._replace(stations=chosen, all_ends=word[0] == "b")
+        elif word == "date_unknown":
+            found = found._replace(undated=True)
+        elif "=" in word:
+            key, _, value = word.lstrip("@").partition("=")
+            found.classes.append((key, _values(key, value)))
+        elif word not in (*_MISSING, "all_observations"):
+            raise ValueError(
+                f"found {word!r}, expected a criterion such as data_type=SD, before or using_stations"
+            )
+    return found
+
+
+def _values(key: str, value: str) -> list[str]:
+    plain = value.strip("\"'")
+    if plain != value:
+        return [plain.upper().replace("*", "[*]").replace("?", "[?]")]
+    if key == "data_file":
+        return [plain.rpartition("/")[2].upper()]
+    values = plain.upper().split("/")
+    unknown = [one for one in values if _ALSO.get(one, one) not in KINDS] if key == "data_type" else []
+    if unknown:
+        raise ValueError(f"found the data type {unknown[0]!r}, expected one of {', '.join(KINDS)}")
+    return [_ALSO.get(one, one) for one in values] if key == "data_type" else values
+
+
+class Recode(NamedTuple):
+    """A code that stands for another station: none for a station whose observations are left out."""
+
+    code: str
+    new: str
+    period: Period
+    sigma: tuple[float, float] | None = None
+    """σ (m), horizontal and vertical, of the two stations being one, if they are tied to each other."""
+
+    @property
+    def narrowness(self) -> float:
+        """Order among those that hold: the range that ends first, or begins last, comes first."""
+        until, since = self.period.until, self.period.since
+        ends = [until.toordinal()] if until else []
+        return min([*ends, -since.toordinal()] if since else ends, default=float("inf"))
 
 
 # ------------------------------------------------------------
@@ -390,7 +646,8 @@ class Member(NamedTuple):
     value: list[float]
     sigma: list[float] | None
     """As its line has them; with a fourth one, −1, where they are east, north, up in place of what a command says."""
-    rejected: bool
+    factor: float
+    """Of its σ; 0 if it is left out."""
     line: int
 
 
@@ -409,10 +666,11 @@ def set_of(
     numbers: list[float] | None,
 ) -> Set | None:
     """The members that are not rejected with their covariance matrix. Raises ``ValueError``."""
-    Q = _covariance(stations, members, form, error, numbers)
-    kept = np.flatnonzero([not member.rejected for member in members])
+    kept = np.flatnonzero([member.factor > 0.0 for member in members])
     if not len(kept):
         return None
+    factors = np.repeat([member.factor for member in members], 3)
+    Q = _covariance(stations, members, form, error, numbers) * np.outer(factors, factors)
     places = (3 * kept[:, None] + np.arange(3)).ravel()
     Q = Q[np.ix_(places, places)]
     if not np.isfinite(Q).all() or np.linalg.eigvalsh(Q)[0] <= 0.0:
@@ -470,6 +728,8 @@ def _covariance(
         return _of_set(members, form, numbers)
     Q = np.zeros((3 * len(members), 3 * len(members)))
     for k, member in enumerate(members):
+        if not member.factor:
+            continue
         given = member.sigma or []
         if form == "full":
             block = _symmetric(given)
@@ -518,9 +778,9 @@ def _of_command(stations: Stations, members: list[Member], error: VectorError | 
         else:
             command = "#gps_enu_error" if vectors else "#gx_enu_error"
             raise ValueError(f"nothing says the errors: {command}, or error in #data")
-    if error.relative and sum(not member.rejected for member in members) > 1:
+    if error.relative and sum(member.factor > 0.0 for member in members) > 1:
         raise ValueError("errors of members relative to each other (mmr, ppmr) are not followed")
-    names = sorted({name for member in members for name in member.names})
+    names = sorted({name for member in members for name in member.names if name})
     axes = stations.axes(names)
     values = np.array([member.value for member in members])
     size = len(members)
@@ -586,7 +846,7 @@ _HEIGHTS = ("distance", "zenith_angle", "height_difference")
 _RAISED = ("orthometric_height", "ellipsoidal_height")
 _FIELDS = ("value", "error", "id", "date", "time")
 _CODES = ("distance_scale_error", "refraction_coefficient", "bearing_orientation_error")
-_COMMENTS = ("date", "time", "note", "classify", "bearing_orientation_error")
+_COMMENTS = ("time", "note", "bearing_orientation_error")
 DEFAULT = "DEFAULT"
 
 
@@ -612,6 +872,15 @@ class Data:
     matrices: dict[tuple[str, str], list[Set]] = field(default_factory=dict)
     """Sets with a matrix, by letters and file."""
     left_out: dict[str, tuple[int, int, str]] = field(default_factory=dict)
+    selections: list[Selection] = field(default_factory=list)
+    recodes: list[Recode] = field(default_factory=list)
+    excluded: set[str] = field(default_factory=set)
+    """Stations whose observations are left out, in capitals."""
+    missing: set[str] = field(default_factory=set)
+    """Stations that may be missing, in capitals, ``*`` for all: their observations are left out."""
+    date: datetime | None = None
+    given: dict[str, str] = field(default_factory=dict)
+    """Classifications of the observations that follow, by #classify."""
     refractions: set[str] = field(default_factory=set)
     sets: int = 0
     path: Path = Path()
@@ -625,6 +894,8 @@ class Data:
     projection: str = ""
     """EPSG code of the projection that bearings are of."""
     items: list[Item] = field(default_factory=list)
+    prefix: list[str] = field(default_factory=list)
+    """Date and classifications of a whole line, before its observations."""
     grouped: bool = False
     heights: bool = True
     header: tuple[str, float] | None = None
@@ -637,14 +908,49 @@ class Data:
         count, line, file = self.left_out.get(what, (0, self.line, str(self.path)))
         self.left_out[what] = (count + 1, line, file)
 
-    def station(self, name: str) -> str:
-        """The station as its file spells it. Raises ``ValueError``."""
+    def station(self, name: str, date: datetime | None) -> str:
+        """The station as its file spells it; empty if its observations are left out. Raises ``ValueError``."""
         known = {known.upper(): known for known in self.stations.by_name}
-        if name.upper() not in known:
+        code = name.upper()
+        for recode in sorted(self.recodes, key=lambda one: one.narrowness):
+            if recode.code == code and recode.period.holds(date):
+                if recode.new.startswith("*"):
+                    self.skip("observations of stations that are recoded to *")
+                    return ""
+                if (
+                    recode.new.upper() not in known and code in known
+                ):  # a new mark starts where the old one is
+                    self.stations.by_name[recode.new] = self.stations.by_name[known[code]]
+                    known[recode.new.upper()] = recode.new
+                code = recode.new.upper()
+                break
+        if code in self.excluded:
+            self.skip("observations of stations that are rejected or ignored")
+            return ""
+        if code not in known:
+            if self.missing & {code, "*"}:
+                self.skip(f"observations of stations that are not in {self.stations.path.name}")
+                return ""
             similar = nearest(name, self.stations.by_name)
             raise ValueError(f"station {name!r} is not in {self.stations.path.name}{similar}")
-        self.names.setdefault(known[name.upper()], (self.line, str(self.path)))
-        return known[name.upper()]
+        return known[code]
+
+    def factor(self, code: str, names: list[str], given: dict[str, str], date: datetime | None) -> float:
+        """Factor of the σ of an observation; 0 if it is left out."""
+        if "" in names:
+            return 0.0
+        factor = 1.0
+        for one in self.selections:
+            if one.holds(code, names, self.path, date, {**self.given, **given}):
+                factor *= one.factor
+        if not factor:
+            self.skip("observations that commands reject or ignore")
+        return factor
+
+    def use(self, names: list[str]) -> None:
+        """Note the stations of an observation that is used."""
+        for name in names:
+            self.names.setdefault(name, (self.line, str(self.path)))
 
     def length(self, names: list[str]) -> tuple[float, float]:
         """Slope distance and its level part between two stations by their coordinates."""
@@ -657,6 +963,7 @@ def read_data(path: Path, data: Data) -> None:
     """Read one data file. Mistakes are told in the draft."""
     data.path, data.form, data.vector_form, data.refraction = path, "dms", "full", DEFAULT
     data.errors, data.vector_errors, data.classes, data.items = {}, {}, set(), []
+    data.date, data.given = None, {}
     data.header, data.members, data.covariances, data.projection = None, [], None, ""
     for number, line in enumerate(lines_of(path, data.draft)):
         data.line = line.number
@@ -672,6 +979,8 @@ def read_data(path: Path, data: Data) -> None:
                 numbers = Words(line.words)
                 while numbers:
                     data.covariances.append(numbers.number("a covariance"))
+                if len(data.covariances) >= _count(data):
+                    _end_of_set(data)
             else:
                 _observations(data, Words(line.words))
         except ValueError as error:
@@ -683,6 +992,8 @@ def _command(data: Data, words: Words) -> None:
     name = words.take("a command").lower()
     if name == "end_set":
         data.covariances = []
+        if not _count(data):
+            _end_of_set(data)
         return
     _end_of_set(data)
     if name == "data":
@@ -696,8 +1007,8 @@ def _command(data: Data, words: Words) -> None:
         if form not in NUMBERS:
             raise ValueError(f"found {form!r}, expected {', '.join(NUMBERS)}")
         data.vector_form = form
-    elif name in ("gps_enu_error", "gx_enu_error"):
-        data.vector_errors["GB" if name[1] == "p" else "GX"] = vector_error_of(words)
+    elif name in ("gps_enu_error", "gb_enu_error", "gx_enu_error"):
+        data.vector_errors["GX" if name[1] == "x" else "GB"] = vector_error_of(words)
     elif name == "refraction_coefficient":
         data.refraction = words.take("a code").upper()
     elif name == "projection":
@@ -706,6 +1017,10 @@ def _command(data: Data, words: Words) -> None:
         data.skip(f"reference frame {words.take('a code')}: vectors are taken in the frame of the stations")
     elif name.endswith("_error") and name[:-6] in {kind.default for kind in KINDS.values()}:
         data.errors[name[:-6]] = error_of(words)
+    elif name == "date":
+        data.date = date_of(words.rest())
+    elif name == "classify":
+        data.given[words.take("the name of a classification").lower()] = words.rest()
     elif name not in _COMMENTS:
         raise ValueError(f"command #{name} is not followed")
 
@@ -713,7 +1028,7 @@ def _command(data: Data, words: Words) -> None:
 def _data(data: Data, words: Words) -> None:
     """``#data sd error ha no_heights``: what stands on the lines that follow."""
     items: list[tuple[str, list[str]]] = []
-    data.grouped, data.heights, data.header = False, True, None
+    data.grouped, data.heights, data.header, data.prefix = False, True, None, []
     while words:
         word = words.take("a data type")
         code = _ALSO.get(word.upper(), word.upper())
@@ -724,6 +1039,8 @@ def _data(data: Data, words: Words) -> None:
             items.append((code, []))
         elif word.lower() == "classification" and items:
             items[-1][1].append(words.take("the name of a classification").lower())
+        elif not items and word.lower() in ("date", *data.classes):
+            data.prefix.append(word.lower())
         elif items and word.lower() in (*_FIELDS, *_CODES, *data.classes):
             items[-1][1].append(word.lower())
         else:
@@ -742,7 +1059,7 @@ def _observations(data: Data, words: Words) -> None:
     if not data.items:
         raise ValueError("observations before a #data command that says what they are")
     rejected = words.skip("*")
-    first = (data.station(words.take("a station")), _height(data, words))
+    first = (words.take("a station"), _height(data, words))
     point = KINDS[data.items[0].code].point
     ends = [first]
     if not point and data.grouped:
@@ -755,12 +1072,11 @@ def _observations(data: Data, words: Words) -> None:
             raise ValueError("expected the station of the instrument on a line of its own before its targets")
         ends = [data.header, first]
     elif not point:
-        ends.append((data.station(words.take("a station")), _height(data, words)))
-    if len({name for name, _ in ends}) < len(ends):
-        raise ValueError(f"both ends are {ends[0][0]!r}")
+        ends.append((words.take("a station"), _height(data, words)))
+    before = {entry: words.take(entry) for entry in data.prefix}
     for item in data.items:
         if not words.skip("-"):
-            _item(data, item, ends, words, rejected)
+            _item(data, item, ends, words, rejected, before)
     if words:
         raise ValueError(f"found {words.peek()!r} behind the observations")
 
@@ -769,12 +1085,20 @@ def _height(data: Data, words: Words) -> float:
     return words.number("a height above the station") if data.heights and words else 0.0
 
 
-def _item(data: Data, item: Item, ends: list[tuple[str, float]], words: Words, rejected: bool) -> None:
+def _item(
+    data: Data,
+    item: Item,
+    ends: list[tuple[str, float]],
+    words: Words,
+    rejected: bool,
+    before: dict[str, str],
+) -> None:
     kind = KINDS[item.code]
     vector = item.code in ("GB", "GX")
     value: float | list[float] = 0.0
     sigma: list[float] | None = None
     refraction = data.refraction
+    given = dict(before)
     for entry in item.fields:
         if entry == "value":
             rejected |= words.skip("*")
@@ -788,17 +1112,27 @@ def _item(data: Data, item: Item, ends: list[tuple[str, float]], words: Words, r
         elif entry == "refraction_coefficient":
             refraction = words.take("a code").upper()
         else:
-            words.take(entry)
+            given[entry] = words.take(entry)
+    date = date_of(given["date"]) if "date" in given else data.date
+    names = [data.station(name, date) for name, _ in ends]
+    if len(names) > len(set(names)) and "" not in names:
+        raise ValueError(f"both ends are {names[0]!r}")
+    ends = [(name, height) for name, (_, height) in zip(names, ends, strict=True)]
+    if rejected:
+        data.skip("rejected observations (*)")
+    factor = 0.0 if rejected else data.factor(item.code, names, given, date)
+    rejected = not factor
+    if not rejected:
+        data.use(names)
     if vector:
-        found = Member([name for name, _ in ends], [h for _, h in ends], value, sigma, rejected, data.line)  # type: ignore[arg-type]
+        found = Member(names, [h for _, h in ends], value, sigma, factor, data.line)  # type: ignore[arg-type]
         data.members.append(found)
-        if rejected:
-            data.skip("rejected observations (*)")
         if not data.grouped:
             _end_of_set(data)
         return
     assert isinstance(value, float)
-    _scalar(data, item.code, ends, value, sigma, rejected, refraction)
+    if not rejected:
+        _scalar(data, item.code, ends, value, sigma, factor, refraction)
 
 
 def _value(data: Data, kind: Kind, words: Words) -> float:
@@ -813,15 +1147,12 @@ def _scalar(
     ends: list[tuple[str, float]],
     value: float,
     sigma: list[float] | None,
-    rejected: bool,
+    factor: float,
     refraction: str,
 ) -> None:
     kind = KINDS[code]
     names = [name for name, _ in ends]
-    if rejected:
-        data.skip("rejected observations (*)")
-        return
-    error = _sigma(data, kind, names, value, sigma)
+    error = factor * _sigma(data, kind, names, value, sigma)
     if error <= 0.0:
         raise ValueError(f"found the error {error:g}, expected one above 0")
     if kind.type in _RAISED:
@@ -861,6 +1192,15 @@ def _sigma(data: Data, kind: Kind, names: list[str], value: float, sigma: list[f
     return error.of_angle(*data.length(names)) if len(names) > 1 else error.seconds
 
 
+def _count(data: Data) -> int:
+    """How many numbers follow a set: a lower triangle, of correlations without the diagonal."""
+    size = 3 * len(data.members)
+    explicit = any("error" in item.fields for item in data.items)
+    if not explicit or not NUMBERS[data.vector_form][2]:
+        return 0
+    return size * (size + (1 if data.vector_form == "full" else -1)) // 2
+
+
 def _end_of_set(data: Data) -> None:
     """Put the vectors or positions that were read since into a table with their covariances."""
     members, numbers = data.members, data.covariances
@@ -881,6 +1221,35 @@ def _end_of_set(data: Data) -> None:
         data.matrices.setdefault((code, str(data.path)), []).append(found)
     elif found is not None:
         data.singles.setdefault((code, str(data.path)), []).append(found)
+
+
+def tie_recoded(data: Data) -> None:
+    """Tie stations that recodes with an error (hv_error) split, by vectors of length 0 between those in use.
+
+    The steps of a station from one date to the next are independent: variances of steps in a row add up.
+    """
+    known = {name.upper(): name for name in data.names}
+    for code in dict.fromkeys(recode.code for recode in data.recodes):
+        own = [recode for recode in data.recodes if recode.code == code]
+        for after in (False, True):
+            steps = [
+                one for one in own if bool(one.period.since) == after and bool(one.period.until) != after
+            ]
+            last, variances = known.get(code), np.zeros(3)
+            for step in sorted(steps, key=lambda one: one.narrowness, reverse=True):
+                name = known.get(step.new.upper())
+                if step.sigma is None:
+                    last = None
+                if last is not None and step.sigma is not None:
+                    horizontal, vertical = step.sigma
+                    variances += np.square([horizontal, horizontal, vertical])
+                    if name is None:
+                        continue
+                    axes = data.stations.axes([last])
+                    row = Row([last, name, *["0.0"] * 5], 1)
+                    one = Set([row], axes.T @ np.diag(variances) @ axes)
+                    data.singles.setdefault(("GB", str(data.stations.path)), []).append(one)
+                last, variances = name, np.zeros(3)
 
 
 def put_observations(data: Data) -> None:

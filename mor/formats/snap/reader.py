@@ -4,18 +4,24 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
-from mor.errors import InputError, Message, nearest
+from mor.errors import InputError, Message
 from mor.formats.draft import Draft, Row
 from mor.formats.snap.observations import (
     DEFAULT,
     Data,
+    Recode,
     Stations,
     Words,
     lines_of,
+    period_of,
     put_observations,
     read_data,
     read_stations,
+    selection_of,
+    station_list,
+    tie_recoded,
 )
 from mor.project.document import Document
 
@@ -28,6 +34,8 @@ _OUTPUT = (
     "add_residual_column",
     "summarize_errors_by",
     "summarise_errors_by",
+    "summarize_residuals_by",
+    "summarise_residuals_by",
     "error_type",
     "output_coordinate_file",
     "residual_format",
@@ -49,8 +57,42 @@ _OUTPUT = (
     "spec_confidence",
     "specification",
     "test_specification",
+    "reorder_stations",
+    "use_zero_inverse",
+    "station_code_width",
+    "mde_power",
+    "magic_number",
 )
-"""Commands that say what SNAP writes and when it stops."""
+"""Commands that say what SNAP writes, how it solves and when it stops."""
+_STATION_COMMANDS = ("fix", "free", "float", "reject", "ignore", "accept")
+_OBSERVATION_COMMANDS = (
+    "ignore_observations",
+    "reject_observations",
+    "reweight_observations",
+    "classification",
+)
+_REASONS = {
+    "geoid": "the grid is not part of mor; write its heights into the coordinate file (geoid_heights)",
+    "deformation": "stations that move are not read; give data of one time",
+    "reference_frame": "its parameters are not read; add a frame to the project",
+    "gps_antenna_height": "write heights of antennas into the data file",
+    "configuration": "write its commands into this file",
+    "add_coordinate_file": "put all stations into one coordinate file",
+    "station_offset_file": "give data of the mark itself",
+}
+"""What to do about commands that are known and not followed."""
+_HELD = 1e-6
+"""σ (m) of what is held in part."""
+
+
+class _Command(NamedTuple):
+    """A command that needs the stations, with the errors of float that hold for it."""
+
+    name: str
+    words: list[str]
+    line: int
+    file: str
+    float_errors: tuple[float, float]
 
 
 @dataclass
@@ -59,11 +101,14 @@ class _Commands:
     stations: Path = Path()
     data: list[Path] = field(default_factory=list)
     mode: str = "adjustment"
-    fixed: dict[str, int] = field(default_factory=dict)
-    free: dict[str, int] = field(default_factory=dict)
+    later: list[_Command] = field(default_factory=list)
+    """Commands about stations and observations, in their order."""
+    float_errors: tuple[float, float] = (1.0, 1.0)
     refraction: dict[str, tuple[float, bool]] = field(default_factory=dict)
     """Coefficients by code, and whether they are unknowns."""
     usual: float = _USUAL
+    sigmas: dict[str, tuple[float | None, float | None]] = field(default_factory=dict)
+    """σ (m) of stations, horizontal and vertical: 0 where they are fixed, nothing where they are free."""
 
 
 def read_snap(path: Path) -> Document:
@@ -80,9 +125,17 @@ def read_snap(path: Path) -> Document:
     heights = "orthometric" if stations.orthometric and stations.geoid else "ellipsoidal"
     draft.put("world", {"crs": stations.crs, "heights": heights}, 1)
     data = Data(draft, stations)
+    for command in commands.later:
+        try:
+            _follow(commands, data, command)
+        except ValueError as error:
+            draft.problem(str(error), command.line, command.file)
     for file in commands.data:
         read_data(file, data)
     _put_refraction(data, commands)
+    if commands.mode.startswith("adjust"):  # SNAP rejects stations without enough data
+        draft.put("settings", {"undetermined": "leave_out"})
+    tie_recoded(data)
     put_observations(data)
     if not draft.data.get("observations") and not draft.problems:
         draft.problem("there are no observations that are followed")
@@ -101,42 +154,63 @@ def _pair(path: Path, draft: Draft) -> _Commands:
 
 def _commands(path: Path, draft: Draft) -> _Commands:
     found = _Commands()
-    ignored: dict[str, int] = {}
-    for line in lines_of(path, draft):
-        if not line.words:
-            continue
-        words = Words(line.words)
-        name = words.take("a command").lower()
-        try:
-            if not _command(found, path, name, words, line.number) and name not in _OUTPUT:
-                ignored.setdefault(name, line.number)
-        except ValueError as error:
-            draft.problem(str(error), line.number)
-    for name, first in ignored.items():
-        draft.problem(f"command {name!r} is not followed", first)
+    ignored: dict[str, tuple[int, str]] = {}
+    _read_commands(found, path, draft, ignored, [])
+    for name, (first, file) in ignored.items():
+        reason = f": {_REASONS[name]}" if name in _REASONS else ""
+        draft.problem(f"command {name!r} is not followed{reason}", first, file)
     if found.stations == Path() or not found.data:
         words_ = "expected the commands coordinate_file and data_file"
         raise InputError([*draft.problems, Message(words_, str(path), 1)])
     return found
 
 
-def _command(found: _Commands, path: Path, name: str, words: Words, line: int) -> bool:
+def _read_commands(
+    found: _Commands, path: Path, draft: Draft, ignored: dict[str, tuple[int, str]], above: list[Path]
+) -> None:
+    """Commands of a file and of those that it includes."""
+    if path in above:
+        raise InputError([Message("this file includes itself", str(path))])
+    for line in lines_of(path, draft, quoted=True):
+        if not line.words:
+            continue
+        words = Words(line.words)
+        name = words.take("a command").lower()
+        try:
+            if name == "include":
+                file = path.parent / words.take("the name of a file").strip("\"'")
+                _read_commands(found, file, draft, ignored, [*above, path])
+            elif name in (*_STATION_COMMANDS, *_OBSERVATION_COMMANDS, "recode", "ignore_missing_stations"):
+                found.later.append(_Command(name, line.words[1:], line.number, str(path), found.float_errors))
+            elif not _command(found, path, name, words) and name not in _OUTPUT:
+                ignored.setdefault(name, (line.number, str(path)))
+        except ValueError as error:
+            draft.problem(str(error), line.number, str(path))
+
+
+def _command(found: _Commands, path: Path, name: str, words: Words) -> bool:
     """Follow a command; False if it is not one of these."""
     if name == "title":
-        while words:
-            found.title = f"{found.title} {words.take('')}".strip()
+        found.title = words.rest()
     elif name in ("coordinate_file", "data_file"):
-        file = path.parent / words.take("the name of a file")
-        while words:
-            raise ValueError(f"found {words.peek()!r} behind the name of the file, which is not followed")
+        file = path.parent / words.take("the name of a file").strip("\"'")
+        if words:
+            raise ValueError(
+                f"found {words.rest()!r} behind the name of the file: only SNAP's own form is read"
+            )
         if name == "data_file":
             found.data.append(file)
         else:
             found.stations = file
     elif name == "mode":
         _mode(found, words)
-    elif name in ("fix", "free"):
-        _fix(found, name, words, line)
+    elif name in ("horizontal_float_error", "vertical_float_error"):
+        value, (horizontal, vertical) = words.number("an error"), found.float_errors
+        if not value > 0.0:
+            raise ValueError(f"found {value:g}, expected an error above 0")
+        found.float_errors = (value, vertical) if name[0] == "h" else (horizontal, value)
+    elif name == "deformation":
+        return words.peek().lower() == "none"
     elif name in ("refraction_coefficient", "default_refraction_coefficient"):
         code = words.take("a code").upper() if name[0] == "r" else ""
         if name[0] == "r" and words.skip("calculate"):
@@ -163,16 +237,96 @@ def _mode(found: _Commands, words: Words) -> None:
             )
 
 
-def _fix(found: _Commands, name: str, words: Words, line: int) -> None:
+def _follow(commands: _Commands, data: Data, command: _Command) -> None:
+    """Follow a command about stations or observations. Raises ``ValueError``."""
+    words, name = Words(command.words), command.name
+    if name == "recode":
+        _recode(data, words)
+    elif name == "ignore_missing_stations":
+        codes = {word.upper() for word in command.words if word.lower()[:7] != "report_"}
+        if not codes or "YES" in codes:
+            codes |= {"*"}
+        data.missing = set() if codes == {"NO"} else data.missing | codes
+    elif name in _OBSERVATION_COMMANDS:
+        _select(data, name, words)
+    elif name in ("reject", "ignore", "accept"):
+        chosen = station_list(words, data.stations)
+        codes = {one.upper() for one in data.stations.by_name if chosen(one)}
+        data.excluded = data.excluded - codes if name == "accept" else data.excluded | codes
+    else:
+        _fix(commands, data, command)
+
+
+def _recode(data: Data, words: Words) -> None:
+    code = words.take("the code of a station").upper()
+    if code == "FILE":
+        raise ValueError("recode file is not followed, expected recode CODE to CODE")
+    suffix = words.take("a suffix") if code == "SUFFIX" else ""
+    if not suffix and not words.skip("to"):
+        raise ValueError(f"found {words.peek()!r}, expected to")
+    new = suffix or words.take("the new code")
+    sigma = None
+    if words.skip("hv_error"):
+        horizontal = words.number("an error")
+        vertical = horizontal if words.peek().lower() == "m" else words.number("an error")
+        if not words.skip("m") or not min(horizontal, vertical) > 0.0:
+            raise ValueError("expected one or two errors above 0 and m behind hv_error")
+        sigma = (horizontal, vertical)
+    words.skip("disconnected")
+    period = period_of(words)
+    codes = [code]
+    if suffix and words.skip("for"):
+        chosen = station_list(words, data.stations)
+        codes = [name for name in data.stations.by_name if chosen(name)]
+    if words:
+        raise ValueError(f"found {words.peek()!r}, expected before, after or between and dates")
+    for one in codes:
+        renamed = f"{one}{suffix}" if suffix else new
+        data.recodes.append(Recode(one.upper(), renamed, period, sigma))
+
+
+def _select(data: Data, name: str, words: Words) -> None:
+    if name == "classification":
+        key, factor = words.take("a classification"), 1.0
+        if words.skip("ignore") or words.skip("reject"):
+            factor = 0.0
+        criterion = Words([f"{key}={words.take('a value')}"])
+        if words.skip("error_factor"):
+            factor *= words.number("a factor")
+        data.selections.append(selection_of(criterion, factor, data.stations))
+        return
+    factor = 0.0
+    if name == "reweight_observations":
+        if words.peek().lower() in ("by_set", "offset_error", "centroid_error"):
+            raise ValueError(f"reweight_observations {words.peek()} is not followed, expected a factor")
+        factor = words.number("a factor")
+        if not factor > 0.0:
+            raise ValueError(f"found the factor {factor:g}, expected one above 0")
+    if not words:
+        raise ValueError("the line ends where a criterion is expected, e.g. data_type=SD")
+    data.selections.append(selection_of(words, factor, data.stations))
+
+
+def _fix(commands: _Commands, data: Data, command: _Command) -> None:
+    """``fix``, ``float`` and ``free``: σ of stations, horizontal and vertical."""
+    words = Words(command.words)
+    if words.skip("automatically"):
+        raise ValueError(f"{command.name} automatically is not followed, expected stations or all")
+    kept, parts = [], (True, True)
     while words:
         word = words.take("a station")
-        if word.lower() in ("automatically", "horizontal", "vertical") or "=" in word:
-            raise ValueError(f"{name} {word} is not followed, expected stations or all")
-        if word.lower() == "3d":
-            continue
-        chosen, other = (found.fixed, found.free) if name == "fix" else (found.free, found.fixed)
-        chosen[word.upper()] = line
-        other.pop(word.upper(), None)
+        if word.lower() in ("horizontal", "vertical", "3d"):
+            parts = (word.lower() != "vertical", word.lower() != "horizontal")
+        else:
+            kept.append(word)
+    chosen = station_list(Words(kept), data.stations)
+    sigma: tuple[float | None, float | None] = (None, None)
+    if command.name != "free":
+        sigma = (0.0, 0.0) if command.name == "fix" else command.float_errors
+    for name in data.stations.by_name:
+        if chosen(name):
+            old = commands.sigmas.get(name, (None, None))
+            commands.sigmas[name] = (sigma[0] if parts[0] else old[0], sigma[1] if parts[1] else old[1])
 
 
 def _put_refraction(data: Data, commands: _Commands) -> None:
@@ -192,31 +346,37 @@ def _put_refraction(data: Data, commands: _Commands) -> None:
 def _put_stations(data: Data, commands: _Commands) -> None:
     """Stations that are observed: held, or free."""
     stations, draft = data.stations, data.draft
-    known = {name.upper() for name in stations.by_name}
-    for name, line in [*commands.fixed.items(), *commands.free.items()]:
-        if name != "ALL" and name not in known:
-            draft.problem(f"station {name!r} is not in {stations.path.name}{nearest(name, known)}", line)
-    tables: dict[bool, list[Row]] = {True: [], False: []}
+    tables: dict[tuple[float | None, float | None], list[Row]] = {}
     for name in stations.by_name:
         if name in data.names:
-            tables[_held(commands, name)].append(_row(stations, name))
+            tables.setdefault(_sigma(commands, name), []).append(_row(stations, name))
     own = stations.system.coordinates
     columns = ["id", *own, "geoid", "deflection_north", "deflection_east"]
     units = {name: "deg" for name in own if name in ("latitude", "longitude")}
     units |= dict.fromkeys(columns[-2:], "arcsec") if stations.deflections else {}
-    for held, rows in tables.items():
-        if rows:
-            fixed = ["x", "y", "z"] if held else []
-            draft.table("points", columns, rows, str(stations.path), units=units or None, fixed=fixed)
+    in_part = False
+    for (horizontal, vertical), rows in tables.items():
+        held = horizontal == 0.0 and vertical == 0.0
+        observed = (
+            [] if held else [("sigma_east", horizontal), ("sigma_north", horizontal), ("sigma_up", vertical)]
+        )
+        in_part |= 0.0 in (value for _, value in observed)
+        given = [(column, repr(value or _HELD)) for column, value in observed if value is not None]
+        cells = [Row([*row.cells, *(value for _, value in given)], row.line) for row in rows]
+        names = [*columns, *(column for column, _ in given)]
+        fixed = ["x", "y", "z"] if held else []
+        draft.table("points", names, cells, str(stations.path), units=units or None, fixed=fixed)
+    if in_part:
+        words = f"coordinates that are fixed in part are observed with σ = {_HELD} m"
+        draft.note(words, 1, str(stations.path))
 
 
-def _held(commands: _Commands, name: str) -> bool:
+def _sigma(commands: _Commands, name: str) -> tuple[float | None, float | None]:
     if commands.mode == "data_check":
-        return True
+        return 0.0, 0.0
     if commands.mode.startswith("free_net"):
-        return False
-    key = name.upper()
-    return key in commands.fixed or ("ALL" in commands.fixed and key not in commands.free)
+        return None, None
+    return commands.sigmas.get(name, (None, None))
 
 
 def _row(stations: Stations, name: str) -> Row:
