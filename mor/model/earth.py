@@ -163,7 +163,8 @@ class Horizon:
         B, at_origin = self._quadric
         by_position = at_origin + position @ B
         value = np.einsum("ni,ni->n", position, by_position + at_origin)
-        foot, digits = position, 4.0 * np.finfo(float).eps * np.abs(position).max(initial=0.0)
+        largest = np.fmax.reduce(np.abs(position), axis=None, initial=0.0)  # of places that are known
+        foot, digits = position, 4.0 * np.finfo(float).eps * largest
         for _ in range(_MOST_ROUNDS):
             gradient = at_origin + foot @ B
             up = gradient / np.linalg.norm(gradient, axis=1)[:, None]

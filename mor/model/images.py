@@ -227,10 +227,14 @@ def meet(
         step = found.changed(found.projection.xy - found.xy)
         size = np.abs(step).max(axis=1, initial=0.0)
         nears = size < 0.5 * before if number >= _DOUBTFUL else np.ones(len(size), dtype=bool)
-        if not size[nears].max(initial=0.0) > _STILL_SHUTTER * np.abs(found.xy).max(initial=0.0):
+        if not _largest(size[nears]) > _STILL_SHUTTER * _largest(np.abs(found.xy)):
             break
         found, before = seen(found.xy + step), size
     return found
+
+
+def _largest(sizes: FloatArray) -> float:
+    return float(np.fmax.reduce(sizes, axis=None, initial=0.0))  # of what is known: NaN does not count
 
 
 def phases(xy: FloatArray, clock: FloatArray) -> FloatArray:
@@ -304,9 +308,7 @@ def line_scanner(model_key: str, knots: int) -> ObservationType:
         time, seen = path.time, at(path.time)
         for _ in range(_ROUNDS_OF_LINES):
             step = (measured[:, 1] - seen.projection.xy[:, 1]) / seen.drift[:, 1]
-            if not np.abs(step).max(initial=0.0) > _STILL_LINES * np.abs(rate * interior[:, 0]).max(
-                initial=0.0
-            ):
+            if not _largest(np.abs(step)) > _STILL_LINES * _largest(np.abs(rate * interior[:, 0])):
                 break
             time = time + step
             seen = at(time)

@@ -14,6 +14,7 @@ import polars as pl
 import pytest
 from pyproj import Geod, Transformer
 
+from mor.model.earth import Ellipsoid, Horizon
 from tests.scenarios.small_projects import mor, write
 
 PROJECT = """\
@@ -373,3 +374,13 @@ def test_a_project_in_latitude_and_longitude_names_the_projection_of_bearings(tm
     assert re.search(r"projected_bearing: ETRS89 \S+ is no projection; name one", found.err), found.err
     named = GEOGRAPHIC.replace("_bearing", "_bearing\n    projection: EPSG:25832")
     assert mor("check", write(tmp_path, named)).code == 0
+
+
+def test_an_unknown_place_changes_no_other_one() -> None:
+    """A point that is left out has no coordinates; the verticals of all others stay as they are."""
+    horizon = Horizon(Ellipsoid(6378388.0, 1.0 / 297.0), -0.7158, 3.025)
+    places = np.array([[-437.4, -377.6, 150.0], [151.4, 288.8, 250.0]])
+    unknown = np.full((1, 3), np.nan)
+    np.testing.assert_array_equal(
+        horizon.to_geodetic(np.concatenate([unknown, places]))[1:], horizon.to_geodetic(places)
+    )
