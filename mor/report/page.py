@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -250,8 +250,12 @@ class Statement(NamedTuple):
 
 def statements(data: PageData) -> list[Statement]:
     """The statements, the most important first."""
+    return [*_signed(_causes(data)), *judgements(data), *_signed(_rests_on(data))]
+
+
+def judgements(data: PageData) -> list[Statement]:
+    """The statements that judge the adjustment, the most important first; they name no commands."""
     parts = [
-        *_causes(data),
         _global(data),
         _groups(data),
         _worst(data),
@@ -259,9 +263,74 @@ def statements(data: PageData) -> list[Statement]:
         _checks(data),
         _points(data),
         _geometry(data),
+        *_cameras(data),
     ]
-    found = [statement for statement in [*parts, *_cameras(data), *_rests_on(data)] if statement is not None]
+    return _signed(statement for statement in parts if statement is not None)
+
+
+def _signed(found: Iterable[Statement]) -> list[Statement]:
     return [statement._replace(words=_NEGATIVE.sub("−", statement.words)) for statement in found]
+
+
+def agreement(data: PageData) -> Statement:
+    """First part of the verdict: whether the observations agree with each other and with their σ."""
+    view, say, test = data.view, data.words, data.view.summary["global_test"]
+    left_out = sentences(view.suspects, say)
+    flagged = _flagged(view.summary["flagged"], say)
+    shared = in_common(view.gross_errors.get("in_common", []), say)
+    contradicted = contradictions(view.verdict, say)
+    if view.summary["redundancy"] == 0:
+        return Statement(BAD, say("not tested"), say("The redundancy is 0: nothing is tested."))
+    tested = (
+        say("The global test accepts the adjustment.")
+        if test["accepted"]
+        else say("The global test rejects the adjustment.")
+    )
+    words = " ".join(
+        [*left_out, tested, *contradicted, flagged, *shared, *_emptied(data), *_mostly_out(data)]
+    )
+    if left_out or contradicted or not test["accepted"]:
+        smaller = test["statistic"] < test["lower"] and not (left_out or contradicted)
+        return Statement(DOUBT if smaller else BAD, say("not accepted"), words)
+    if view.summary["flagged"]:
+        return Statement(DOUBT, say("accepted, with observations to look at"), words)
+    return Statement(GOOD, say("accepted"), words)
+
+
+def determination(data: PageData) -> Statement:
+    """Second part of the verdict: whether the observations determine the result everywhere."""
+    view, say = data.view, data.words
+    found = (view.verdict or {}).get("determined")
+    things = sentences_of_things(tuple(_thing(row) for row in view.summary.get("undeterminable", [])), say)
+    open_ = ill_determined(view.verdict, view.length, say)
+    loose = view.summary.get("uncontrolled") or 0
+    words = [*open_, *things]
+    if loose:
+        words.append(
+            say(
+                "{count:observation is|observations are} uncontrolled: an error there would hardly show.",
+                count=loose,
+            )
+        )
+    if found is None:
+        return Statement(PLAIN, say("not judged"), " ".join(words))
+    if not found["as_a_whole"]:
+        return Statement(BAD, say("not determined"), " ".join(words))
+    if open_ or things:
+        return Statement(DOUBT, say("partly ill-determined"), " ".join(words))
+    unit, factor = small_unit(view.length, found["largest_sigma"])
+    words.insert(
+        0,
+        say(
+            "Every point is determined; the largest standard deviation is {sigma} {unit}.",
+            sigma=f"{found['largest_sigma'] * factor:.3g}",
+            unit=unit,
+        ),
+    )
+    state = DOUBT if loose else GOOD
+    return Statement(
+        state, say("determined, partly uncontrolled") if loose else say("determined"), " ".join(words)
+    )
 
 
 def headline(data: PageData) -> Statement:
@@ -693,7 +762,7 @@ def _content(data: PageData) -> dict[str, Any]:
         "persons": persons(view.identity, data.words),
         "headline": headline(data),
         "statements": statements(data),
-        "cameras": [_camera_of_page(camera) for camera in view.cameras],
+        "cameras": cameras_of_page(view),
         "groups": view.groups.to_dicts(),
         "gross": view.gross_errors,
         "relative": view.relative,
@@ -748,6 +817,11 @@ def sigma_words(data: PageData) -> str:
         used=f"{sigma0['used_for_sigma']:.4g}",
         datum=data.datum,
     )
+
+
+def cameras_of_page(view: View) -> list[dict[str, Any]]:
+    """Return the cameras, each with a row for every component of its interior orientation."""
+    return [_camera_of_page(camera) for camera in view.cameras]
 
 
 def _camera_of_page(camera: dict[str, Any]) -> dict[str, Any]:
