@@ -322,7 +322,7 @@ def determination(data: PageData) -> Statement:
     words.insert(
         0,
         say(
-            "Every point is determined; the largest standard deviation is {sigma} {unit}.",
+            "Every position is determined; the largest standard deviation is {sigma} {unit}.",
             sigma=f"{found['largest_sigma'] * factor:.3g}",
             unit=unit,
         ),

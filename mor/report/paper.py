@@ -12,7 +12,7 @@ import yaml
 
 from mor.errors import InputError, Message, escaped, shortened
 from mor.report.language import ENGLISH, Words
-from mor.report.layout import in_words, persons, sigma_decimals, small_unit
+from mor.report.layout import DIGITS, in_words, persons, sigma_decimals, small_unit
 from mor.report.page import agreement, cameras_of_page, determination, judgements, sigma_words
 from mor.report.page_data import PageData, checked_coordinates, control_table, deviations, page_data
 from mor.report.plots import ellipses, spell_out, style
@@ -30,8 +30,8 @@ _SIZE = 7.5
 _SMALLEST = 5.0
 """Sizes of the letters of tables, points."""
 _SERIF = {"": "DejaVuSans.ttf", "-Bold": "DejaVuSans-Bold.ttf", "-Mono": "DejaVuSansMono.ttf"}
-_PER_PIXEL = 200
-"""Dots per inch of the figure."""
+_WIDTH, _HEIGHT, _DOTS = 7.5, 4.2, 200
+"""Size of the figure in inches, and its dots per inch."""
 
 
 class Grid(NamedTuple):
@@ -45,7 +45,10 @@ class Grid(NamedTuple):
 
 
 class Writer:
-    """Collects headings, paragraphs and tables and lays them out on sheets. Raises :class:`InputError` without reportlab."""
+    """Collects headings, paragraphs and tables and lays them out on sheets.
+
+    Raises :class:`InputError` if reportlab or Matplotlib is missing.
+    """
 
     def __init__(self, head: str, paper: str, words: Words, right: str = ""):
         try:
@@ -62,10 +65,13 @@ class Writer:
         self._story: list[Any] = []
         _load_fonts()
 
-    def heading(self, text: str, level: int = 2) -> None:
-        """Add a heading, which stays with what follows it."""
+    def heading(self, text: str, level: int = 2, room: float = 80.0) -> None:
+        """Add a heading, on a new sheet if less than ``room`` points are left for what follows."""
+        from reportlab.platypus import CondPageBreak
+
         size = {1: 15.0, 2: 11.0, 3: 8.5}[level]
-        self._add(text, "mor-Bold", size, before=11.0 if level < 3 else 6.0, after=3.0, stays=True)
+        self._story.append(CondPageBreak(room))
+        self._add(text, "mor-Bold", size, before=11.0 if level < 3 else 6.0, after=3.0)
 
     def text(self, text: str, bold: bool = False) -> None:
         """Add a paragraph."""
@@ -75,17 +81,13 @@ class Writer:
         """Add a paragraph in small type."""
         self._add(text, "mor", 7.0, after=3.0)
 
-    def _add(
-        self, text: str, font: str, size: float, before: float = 0.0, after: float = 0.0, stays: bool = False
-    ) -> None:
+    def _add(self, text: str, font: str, size: float, before: float = 0.0, after: float = 0.0) -> None:
         from reportlab.platypus import Paragraph
 
         if text:
-            self._story.append(Paragraph(_marked(text), self._look(font, size, before, after, stays)))
+            self._story.append(Paragraph(_marked(text), self._look(font, size, before, after)))
 
-    def _look(
-        self, font: str, size: float, before: float = 0.0, after: float = 0.0, stays: bool = False
-    ) -> Any:
+    def _look(self, font: str, size: float, before: float = 0.0, after: float = 0.0) -> Any:
         from reportlab.lib.styles import ParagraphStyle
 
         return ParagraphStyle(
@@ -95,7 +97,6 @@ class Writer:
             leading=1.25 * size,
             spaceBefore=before,
             spaceAfter=after,
-            keepWithNext=stays,
             splitLongWords=0,
             allowWidows=0,
             allowOrphans=0,
@@ -185,7 +186,7 @@ class Writer:
 
         buffer, (wide, high) = BytesIO(), figure.get_size_inches()
         spell_out(figure)
-        figure.savefig(buffer, format="png", dpi=_PER_PIXEL, metadata={"Software": "mor"})
+        figure.savefig(buffer, format="png", dpi=_DOTS, metadata={"Software": "mor"})
         buffer.seek(0)
         self._story.append(Image(buffer, self.width, self.width * high / wide))
 
@@ -233,7 +234,7 @@ class Writer:
                 super().__init__(*given, **named)
                 self.sheets: list[dict[str, Any]] = []
 
-            def showPage(self) -> None:
+            def showPage(self) -> None:  # noqa: N802 - the name of the canvas
                 """Keep the sheet."""
                 self.sheets.append(dict(self.__dict__))
                 self._startPage()
@@ -417,9 +418,9 @@ _SIGNS = {"good": "✓", "doubt": "!", "bad": "✗", "plain": "·"}
 def _figure(to: Writer, data: PageData, folder: Path) -> None:
     if not data.view.points.height:
         return
-    to.heading(data.words("Network"))
+    to.heading(data.words("Network"), room=to.width * _HEIGHT / _WIDTH + 35.0)
     with style():
-        to.picture(ellipses(data.view, data.words))
+        to.picture(ellipses(data.view, data.words, size=(_WIDTH, _HEIGHT), effects=False))
 
 
 def _adjusted(to: Writer, data: PageData, folder: Path) -> None:
@@ -485,6 +486,12 @@ def _adjusted(to: Writer, data: PageData, folder: Path) -> None:
     bold = frozenset(
         k for k, row in enumerate(groups[:MOST_ROWS]) if (row["name"], row["observations"]) in rejected
     )
+    components = view.summary.get("variance_components") or {}
+    to.note(
+        say("The standard deviations are variance components estimated from the residuals.")
+        if components.get("iterated")
+        else say("The project gives these standard deviations; the tests of the groups judge them.")
+    )
     to.heading(say("Observation groups"), 3)
     to.table(
         Grid(
@@ -513,7 +520,9 @@ def _range(row: dict[str, Any]) -> str:
 
 def _given_as(row: dict[str, Any], say: Words) -> str:
     """Whether one σ holds for the group or each observation has its own."""
-    return say("one value for all") if "…" not in _range(row) else say("one for each observation")
+    if row["n"] == 1:
+        return ""
+    return say("one for each observation") if "…" in _range(row) else say("one value for all")
 
 
 def _datum(to: Writer, data: PageData, folder: Path) -> None:
@@ -525,7 +534,7 @@ def _datum(to: Writer, data: PageData, folder: Path) -> None:
         to.text(line)
     declared = _declared_datum(folder)
     if declared:
-        to.text(say("As the project declares it: {datum}", datum=declared))
+        to.text(say("The project declares: {datum}", datum=declared))
     held = [
         (row["point"], say("observed"), row["component"].upper(), f"{row['sigma']:.3g} {row['unit']}")
         for row in control_table(view).to_dicts()
@@ -574,10 +583,10 @@ def _cameras(to: Writer, data: PageData, folder: Path) -> None:
                 say(row["meaning"]) if row["meaning"] else "",
                 say(row["status"]),
                 row["unit"],
-                f"{row['value']:.8g}",
+                _short(row["value"], 8),
                 _short(row["sigma"], 3),
                 _fixed(row["t"], 1),
-                _fixed(row["p"], 4),
+                _p(row["p"]),
             )
             for row in camera["rows"]
             if row["sigma"] or row["value"]
@@ -613,9 +622,9 @@ def _control(to: Writer, data: PageData, folder: Path) -> None:
                     row["component"],
                     row["unit"],
                     str(row["count"]),
-                    _short(row["mean"], 3),
-                    _short(row["rms"], 3),
-                    _short(row["largest"], 3),
+                    _in(row["unit"], row["mean"]),
+                    _in(row["unit"], row["rms"]),
+                    _in(row["unit"], row["largest"]),
                 )
                 for kind, row in parts
             ],
@@ -628,7 +637,7 @@ def _control(to: Writer, data: PageData, folder: Path) -> None:
             row["component"].upper(),
             say.listed(row["flag"]),
             row["unit"],
-            f"{row['observed']:.9g}",
+            _short(row["observed"], 9),
             _short(row["v"], 3),
             _short(row["sigma"], 3),
             _fixed(row["r"], 3),
@@ -672,9 +681,9 @@ def _control(to: Writer, data: PageData, folder: Path) -> None:
                     row["component"],
                     row["unit"],
                     _fixed(row["count"], 0),
-                    _short(row["mean"], 3),
-                    _short(row["rms"], 3),
-                    _short(row["largest"], 3),
+                    _in(row["unit"], row["mean"]),
+                    _in(row["unit"], row["rms"]),
+                    _in(row["unit"], row["largest"]),
                     _fixed(row["exceeding"], 0),
                 )
                 for row in view.checks[:MOST_ROWS]
@@ -719,7 +728,7 @@ def _movements(to: Writer, data: PageData, folder: Path) -> None:
             say("moved") if row["moved"] else "–",
             *(_fixed(row[f"{s}{axis}"], places, factor) for s in ("", "s") for axis in "xyz"),
             _fixed(row["test"], 2),
-            "–" if row["p"] is None else "< 0.0001" if row["p"] < 1e-4 else f"{row['p']:.4f}",
+            _p(row["p"]),
         )
         for row in rows
     ]
@@ -930,7 +939,7 @@ def _observations(frame: pl.DataFrame, say: Words) -> Grid:
             row["component"],
             say.listed(row["flag"]),
             row["unit"],
-            f"{row['observed']:.9g}" if row["observed"] is not None else "–",
+            _short(row["observed"], 9),
             _short(row["v"], 3),
             _short(row["sigma"], 3),
             _fixed(row["r"], 3),
@@ -1042,6 +1051,15 @@ def _fixed(value: float | None, digits: int, factor: float = 1.0) -> str:
 
 def _short(value: float | None, digits: int) -> str:
     return "–" if value is None else f"{value:.{digits}g}".replace("-", "−")
+
+
+def _p(value: float | None) -> str:
+    return "–" if value is None else "< 0.0001" if value < 1e-4 else f"{value:.4f}"
+
+
+def _in(unit: str, value: float | None) -> str:
+    """A length with the decimals of its unit."""
+    return _fixed(value, DIGITS[unit]) if unit in DIGITS else _short(value, 3)
 
 
 def text_on_paper(text: str, paper: str, words: Words = ENGLISH) -> Writer:

@@ -391,8 +391,6 @@ def _lines(start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
 # ------------------------------------------------------------
 
 _MOST_RAYS = 5000
-_SHARE = 0.03
-"""Share of the extent that a large ellipse is drawn with."""
 
 
 def network(view: View, words: Words = ENGLISH) -> Figure:
@@ -419,38 +417,51 @@ CONFIDENCE = {"1": (1.0, "1σ"), "95": (2.4477, "95 %")}
 """Factor of ellipses in plan by what is asked for: the standard ellipse, or that in which 95 % lie (√χ²(2))."""
 
 
-def ellipses(view: View, words: Words = ENGLISH, confidence: str = "1") -> Figure:
-    """Error ellipses of the points, enlarged, with the bar that says how much; of heights in elevation.
+_TYPICAL, _TOO_LARGE = 0.012, 8.0
+"""Share of the extent that the median ellipse is drawn with; how many times as large an ellipse may be to be drawn."""
 
-    With the relative ellipses that the project asks for, and the external reliability of the points.
+
+def ellipses(
+    view: View,
+    words: Words = ENGLISH,
+    confidence: str = "1",
+    size: tuple[float, float] = (7.5, 5.0),
+    effects: bool = True,
+) -> Figure:
+    """Sights and error ellipses of the points, enlarged, with the bar that says how much; of heights in elevation.
+
+    With the relative ellipses that the project asks for, and the external reliability of the points. The median
+    ellipse sets the scale; ellipses that are much larger are marked instead. ``size`` is in inches.
     """
     from matplotlib.collections import LineCollection
 
-    figure = sheet()
+    figure = sheet(*size)
     heights = not (view.points.select("sx", "sy").fill_null(0.0).to_numpy() > 0.0).any()
     axes, chosen = _prepared(view, figure, upright=heights)
+    draw_sights(view, axes, chosen, words)
+    draw_paths(view, axes, chosen, words)
     _frames(view, axes, chosen, words)
     _points(view, axes, chosen, words)
+    draw_given(view, axes, chosen, words)
     covariance = covariances(view)[:, chosen][:, :, chosen]
-    size = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
+    axis = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
     extent = float(np.ptp(places(view), axis=0).max(initial=0.0)) or 1.0
-    large = float(np.quantile(size[size > 0.0], 0.9)) if (size > 0.0).any() else 0.0
-    if large > 0.0:
-        scale = round_length(_SHARE * extent / large)
+    typical = float(np.median(axis[axis > 0.0])) if (axis > 0.0).any() else 0.0
+    if typical > 0.0:
+        scale = round_length(_TYPICAL * extent / typical)
         factor, name = CONFIDENCE[confidence]
-        drawn = scale * factor
-        lines = ellipse_lines(places(view)[:, chosen], covariance, drawn)[size > 0.0]
-        axes.add_collection(
-            LineCollection(
-                list(lines),
-                colors=RED,
-                linewidths=0.8,
-                label=words("{level} ellipses × {scale}", level=name, scale=f"{scale:g}"),
-            )
-        )
+        drawn, xy = scale * factor, places(view)[:, chosen]
+        large = axis > _TOO_LARGE * typical
+        lines = ellipse_lines(xy, covariance, drawn)[(axis > 0.0) & ~large]
+        label = words("{level} ellipses × {scale}", level=name, scale=f"{scale:g}")
+        axes.add_collection(LineCollection(list(lines), colors=RED, linewidths=0.8, label=label))
+        if large.any():
+            label = words("ellipse too large to draw ({count})", count=int(large.sum()))
+            axes.plot(*xy[large].T, "x", color=RED, ms=9, mew=1.5, ls="none", label=label, zorder=5)
         draw_relative(view, axes, chosen, drawn, words)
         axes.autoscale_view()
-        draw_effects(view, axes, chosen, words)
+        if effects:
+            draw_effects(view, axes, chosen, words)
         _finish(view, axes, words)
         length = round_length(0.1 * extent / scale)
         unit, finer = small_unit(view.length, length)
