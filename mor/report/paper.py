@@ -26,7 +26,7 @@ MOST_POINTS = 150
 MOST_ROWS = 40
 """Rows of every other table."""
 _LONGEST_NAME = 36
-_SIZE = 7.5
+_SIZE = 8.25
 _SMALLEST = 5.0
 """Sizes of the letters of tables, points."""
 _SERIF = {"": "DejaVuSans.ttf", "-Bold": "DejaVuSans-Bold.ttf", "-Mono": "DejaVuSansMono.ttf"}
@@ -146,8 +146,8 @@ class Writer:
             ("VALIGN", (0, 1), (-1, -1), "TOP"),
             ("LEFTPADDING", (0, 0), (-1, -1), 0.0),
             ("RIGHTPADDING", (0, 0), (-1, -1), gap),
-            ("TOPPADDING", (0, 0), (-1, -1), 1.0),
-            ("BOTTOMPADDING", (0, 0), (-1, -1), 1.0),
+            ("TOPPADDING", (0, 0), (-1, -1), 1.5),
+            ("BOTTOMPADDING", (0, 0), (-1, -1), 1.5),
             ("LINEBELOW", (0, 0), (-1, 0), 0.6, HexColor("#444444")),
             ("LINEBELOW", (0, 1), (-1, -1), 0.2, HexColor("#cccccc")),
             *(("FONT", (0, k + 1), (-1, k + 1), "mor-Bold", size, 1.2 * size) for k in grid.bold),
@@ -552,6 +552,8 @@ def _datum(to: Writer, data: PageData, folder: Path) -> None:
         (point, "".join(dict.fromkeys(components)), how, sigma)
         for (point, how, sigma), components in rows.items()
     ]
+    if listed:
+        to.text(say("These coordinates hold the datum:"))
     to.table(Grid((say("point"), say("components"), say("held as"), say("σ given")), listed[:MOST_ROWS], 3))
     _more(to, len(listed))
 
