@@ -26,11 +26,11 @@ MOST_POINTS = 150
 MOST_ROWS = 40
 """Rows of every other table."""
 _LONGEST_NAME = 36
-_SIZE = 8.25
+_SIZE = 7.75
 _SMALLEST = 5.0
 """Sizes of the letters of tables, points."""
 _SERIF = {"": "DejaVuSans.ttf", "-Bold": "DejaVuSans-Bold.ttf", "-Mono": "DejaVuSansMono.ttf"}
-_WIDTH, _HEIGHT, _DOTS = 7.5, 4.2, 200
+_WIDTH, _HEIGHT, _DOTS = 7.5, 4.1, 200
 """Size of the figure in inches, and its dots per inch."""
 
 
@@ -113,6 +113,8 @@ class Writer:
         columns = [k for k in range(len(grid.headers)) if any(row[k] for row in grid.rows)]
         left = sum(k < grid.left for k in columns)
         lines = [[_cell(row[k]) for k in columns] for row in (grid.headers, *grid.rows)]
+        for line in lines[1:]:
+            line[left:] = [text.replace(" ", "\u00a0") for text in line[left:]]
         size, gap = _SIZE, 7.0
         while True:
             whole, least = (
@@ -146,8 +148,8 @@ class Writer:
             ("VALIGN", (0, 1), (-1, -1), "TOP"),
             ("LEFTPADDING", (0, 0), (-1, -1), 0.0),
             ("RIGHTPADDING", (0, 0), (-1, -1), gap),
-            ("TOPPADDING", (0, 0), (-1, -1), 1.5),
-            ("BOTTOMPADDING", (0, 0), (-1, -1), 1.5),
+            ("TOPPADDING", (0, 0), (-1, -1), 1.2),
+            ("BOTTOMPADDING", (0, 0), (-1, -1), 1.2),
             ("LINEBELOW", (0, 0), (-1, 0), 0.6, HexColor("#444444")),
             ("LINEBELOW", (0, 1), (-1, -1), 0.2, HexColor("#cccccc")),
             *(("FONT", (0, k + 1), (-1, k + 1), "mor-Bold", size, 1.2 * size) for k in grid.bold),
@@ -292,7 +294,7 @@ def _marked(text: str) -> str:
 
 def _cell(text: str) -> str:
     """A cell: names too long for any column are shortened, so that no word needs to be broken."""
-    return " ".join(shortened(word, _LONGEST_NAME + 28) for word in escaped(text).split())
+    return " ".join(shortened(word, _LONGEST_NAME + 28) for word in escaped(text).split(" ") if word)
 
 
 def _extents(
@@ -301,7 +303,7 @@ def _extents(
     """Widths of whole cells, and of their longest words, in bold type."""
     whole = [[width(cell, "mor-Bold", size) for cell in line] for line in lines]
     words = [
-        [max((width(word, "mor-Bold", size) for word in cell.split()), default=0.0) for cell in line]
+        [max((width(word, "mor-Bold", size) for word in cell.split(" ")), default=0.0) for cell in line]
         for line in lines
     ]
     return whole, words
@@ -469,7 +471,7 @@ def _adjusted(to: Writer, data: PageData, folder: Path) -> None:
         result = (
             "–"
             if test is None
-            else f"{say('rejected') if test['rejected'] else say('accepted')} (p = {test['p']:.2g})"
+            else f"{say('rejected') if test['rejected'] else say('accepted')} (p\u00a0=\u00a0{test['p']:.2g})"
         )
         table.append(
             (
@@ -529,7 +531,8 @@ def _datum(to: Writer, data: PageData, folder: Path) -> None:
     """Which points and components hold the datum, and how."""
     say, view = data.words, data.view
     to.heading(say("Datum"))
-    to.text(say("{datum}. Coordinates and σ refer to it.", datum=data.datum))
+    named = say("{datum}. Coordinates and σ refer to it.", datum=data.datum)
+    to.text(named[:1].upper() + named[1:])
     for line in said_conventions(view.verdict, say) if view.verdict else ():
         to.text(line)
     declared = _declared_datum(folder)
@@ -899,8 +902,9 @@ def _points(to: Writer, data: PageData, folder: Path) -> None:
 
 def _inputs(to: Writer, data: PageData) -> None:
     say, view = data.words, data.view
-    to.heading(say("Inputs"))
     files = view.identity["inputs"]
+    together = 13.0 * (len(files) + 2 * len(view.notes)) + 150.0
+    to.heading(say("Inputs"), room=min(together, 0.5 * to.size[1]))
     to.table(
         Grid(
             (say("file"), say("SHA-256"), say("bytes")),
@@ -1048,7 +1052,10 @@ def _covariances(to: Writer, data: PageData) -> None:
 
 
 def _fixed(value: float | None, digits: int, factor: float = 1.0) -> str:
-    return "–" if value is None else f"{value * factor:.{digits}f}".replace("-", "−")
+    """A number with so many decimals; zero has no sign."""
+    if value is None:
+        return "–"
+    return f"{round(value * factor, digits) + 0.0:.{digits}f}".replace("-", "−")
 
 
 def _short(value: float | None, digits: int) -> str:
