@@ -24,7 +24,7 @@ from mor.model.parameters import INTERIORS
 from mor.quality.solution import Solved
 from mor.report.figures import camera_figures, overlap, overlap_map, test_figures
 from mor.report.language import ENGLISH, Words
-from mor.report.layout import DIGITS, component_of, fixed, persons, short, small_unit
+from mor.report.layout import DIGITS, component_of, fixed, in_words, persons, short, small_unit
 from mor.report.page_data import (
     MOST_ROWS,
     MOST_VECTORS,
@@ -192,13 +192,29 @@ def epoch_in_words(data: PageData) -> str:
     )
 
 
-def help_in_words(data: PageData) -> str:
-    """Suggest what to measure next: the least precise point, and uncontrolled observations."""
-    view, say, parts = data.view, data.words, []
+def next_steps(data: PageData) -> list[str]:
+    """The three things to do next, the most urgent first."""
+    view, say = data.view, data.words
+    steps = [f"{one.title}: {one.words}" for one in _causes(data)]
+    flagged = [row for row in view.gross_errors.get("suspicious", []) if row["flagged"]]
+    if flagged:
+        steps.append(
+            say(
+                "Look at the observation {place} (w = {w}, estimated error {error} {unit}).",
+                place=in_words(flagged[0], say),
+                w=f"{flagged[0]['w']:.2f}".replace("-", "−"),
+                error=short(flagged[0]["error"], 3),
+                unit=flagged[0]["unit"],
+            )
+        )
+    free = (view.reliability or {}).get("observations", [])[:_NAMED]
+    if free:
+        names = "; ".join(f"{row['type']} {', '.join(row['names'].values())}" for row in free)
+        steps.append(say("A second observation beside what nothing controls: {names}.", names=names))
     if "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():
         worst = data.points.sort("ellipsoid_a", descending=True, nulls_last=True).row(0, named=True)
         unit, factor = small_unit(view.length, worst["ellipsoid_a"])
-        parts.append(
+        steps.append(
             say(
                 "Point {point} is the least precise one (semi-axis {size} {unit}): further observations to it.",
                 point=worst["id"],
@@ -206,12 +222,9 @@ def help_in_words(data: PageData) -> str:
                 unit=unit,
             )
         )
-    free = (view.reliability or {}).get("observations", [])[:_NAMED]
-    if free:
-        names = "; ".join(f"{row['type']} {', '.join(row['names'].values())}" for row in free)
-        parts.append(say("A second observation beside what nothing controls: {names}.", names=names))
-    parts.append(say("mor design adjusted.yaml --rank tells what each further observation is worth."))
-    return " ".join(parts)
+    steps.append(say("mor design adjusted.yaml --rank tells what each further observation is worth."))
+    steps.append(say("mor report prints the report to sign (--pdf)."))
+    return steps[:3]
 
 
 def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, Any]:
@@ -392,7 +405,6 @@ def _rests_on(data: PageData) -> list[Statement]:
         Statement(PLAIN, say("Datum"), datum_in_words(data), "key-figures"),
         _another_epoch(data),
         Statement(PLAIN, say("What was used"), used_in_words(data), "files"),
-        Statement(PLAIN, say("What would help"), help_in_words(data), "points"),
     ]
 
 
@@ -762,6 +774,11 @@ def _content(data: PageData) -> dict[str, Any]:
         "persons": persons(view.identity, data.words),
         "headline": headline(data),
         "statements": statements(data),
+        "parts": [
+            (data.words("Agreement"), agreement(data)),
+            (data.words("Determination"), determination(data)),
+        ],
+        "steps": next_steps(data),
         "cameras": cameras_of_page(view),
         "groups": view.groups.to_dicts(),
         "gross": view.gross_errors,
