@@ -33,6 +33,10 @@ if TYPE_CHECKING:
     from mor.report.results import Choice
 
 
+MOST_NOTES = 3
+"""Notes that are shown unless all are asked for."""
+
+
 class Asked(NamedTuple):
     """What was asked for on the command line: an option each."""
 
@@ -153,7 +157,12 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
 )
 @kernels_option
 @quiet_option
-@click.option("-v", "--verbose", is_flag=True, help="Tell the phases, keep every iteration in view.")
+@click.option(
+    "-v",
+    "--verbose",
+    is_flag=True,
+    help="Tell the phases, all notes and the groups; keep every iteration in view.",
+)
 def command(**given: Any) -> int:
     """Adjust PROJECT, write reports, results and tables.
 
@@ -194,7 +203,8 @@ def run(asked: Asked) -> int:
     with ExitStack() as held:
         files = held.enter_context(files_read())
         events = held.enter_context(lines_into(asked.events, asked.force))
-        say = held.enter_context(progress(asked.quiet, asked.verbose, events, words))
+        most = None if asked.verbose else MOST_NOTES
+        say = held.enter_context(progress(asked.quiet, asked.verbose, events, words, most))
         held.enter_context(notes_told_by(say.note))
         say.phase("reading")
         document = read_document(project, asked.source_format or "")
@@ -210,6 +220,9 @@ def run(asked: Asked) -> int:
         said = on_screen(asked, solved, words)
         if place is not None:
             write_results(solved, document, of, place, chosen(asked, solved, say))
+        if say.told > MOST_NOTES and said and not asked.verbose:
+            more = say.told - MOST_NOTES
+            said += "\n" + words("and {count:more note|more notes}; --verbose shows all", count=more)
         code = exit_code(solved, asked.strict)
         written = str(folder) if asked.writes else None
         say.event("done", outcome=solved.adjustment.outcome.value, exit_code=int(code), folder=written)
@@ -224,20 +237,23 @@ def on_screen(asked: Asked, solved: Solved, words: Words) -> str:
     if asked.quiet and solved.quality is not None:
         return ""
     told = [
-        screen(solved, words),
+        screen(solved, words, asked.verbose),
         *([words("results in {place}", place=asked.folder)] if asked.writes else []),
     ]
     return "\n".join(told)
 
 
 def show(asked: Asked, solved: Solved, of: Identity, said: str) -> None:
-    """What goes to standard output and to the terminal at the end."""
+    """What goes to standard output and to the terminal at the end; the outcome has a colour on a terminal."""
     from mor.report.results import results_text
 
     if asked.as_json:
         click.echo(results_text(solved, of), nl=False)
     if said:
-        click.echo(said, err=True)
+        first, *rest = said.split("\n")
+        good = exit_code(solved, strict=False) is ExitCode.DONE and solved.accepted
+        outcome = click.style(first, bold=True, fg="green" if good else "red")
+        click.echo("\n".join([outcome, *rest]), err=True)
 
 
 @contextmanager

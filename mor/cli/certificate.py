@@ -107,9 +107,9 @@ def _certified(results: Path, camera: str, target: Path, paper: str, lang: str) 
     if suffix == ".txt":
         return text
     if program is None:
-        from mor.report.plots import write_text_pages
+        from mor.report.paper import text_on_paper
 
         tell("note: no browser was found: the PDF has the text, without the curve")
-        return lambda path: write_text_pages(text, text.split("\n", 1)[0], path, paper, words_of_page(lang))
+        return text_on_paper(text, paper, words_of_page(lang)).write
     page = certificate_page(one, words_of_page(lang))
     return lambda path: print_page(program, page, path, paper)

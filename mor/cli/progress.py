@@ -97,6 +97,10 @@ class Progress:
     """Iterations of this phase."""
     words: Words = ENGLISH
     """What people are told in; events are the same in every language."""
+    most_notes: int | None = None
+    """Notes that are shown."""
+    told: int = 0
+    """Notes there were."""
 
     def event(self, kind: str, /, **data: object) -> None:
         """Tell a watching program what happened: one line, at once."""
@@ -134,7 +138,7 @@ class Progress:
                     shown = share
                     left = f"{(time.monotonic() - begun) * (total - done) / done:.0f}"
                     told = self.words("{name}: {share} %, {left} s left", name=name, share=share, left=left)
-                    self.status.update(told)
+                    self.status.update(f"{told}  {'━' * (share // 5)}{'╌' * (20 - share // 5)}")
 
         return more
 
@@ -153,14 +157,17 @@ class Progress:
         told = list(notes)
         for note in told:
             self.event("note", message=note.message, file=note.file, line=note.line)
-        for note in () if self.quiet else screenful(told, "--events FILE"):
+        shown = told if self.most_notes is None else told[: max(0, self.most_notes - self.told)]
+        self.told += len(told)
+        for note in () if self.quiet else screenful(shown, "--events FILE"):
             said = note._replace(message=self.words.told(note.message))
             click.echo(self.words("note: {text}", text=said), err=True)
 
     def note(self, words: str, /, **values: object) -> None:
         """Something the user should know, with values for the places in braces."""
         self.event("note", message=words.format(**values), file="", line=0)
-        if not self.quiet:
+        self.told += 1
+        if not self.quiet and (self.most_notes is None or self.told <= self.most_notes):
             click.echo(self.words("note: {text}", text=self.words(words, **values)), err=True)
 
     def iteration(self, step: Iteration) -> None:
@@ -180,24 +187,27 @@ class Progress:
             click.echo(iteration_line(step, self.words), err=True)
 
     def _leave_iterations(self) -> None:
-        """The live table of the phase that ends stays on the terminal."""
-        if self.status is not None and self.steps:
-            most = {} if not self.verbose else {"most": None}
-            self.status.console.print(
-                iteration_table(self.steps, self.words("adjusted"), **most, words=self.words)
-            )
+        """The live table of the phase that ends stays on the terminal where every iteration was asked for."""
+        if self.status is not None and self.steps and self.verbose:
+            table = iteration_table(self.steps, self.words("adjusted"), most=None, words=self.words)
+            self.status.console.print(table)
         self.steps.clear()
 
 
 @contextmanager
 def progress(
-    quiet: bool, verbose: bool, events: Lines | None = None, words: Words = ENGLISH
+    quiet: bool,
+    verbose: bool,
+    events: Lines | None = None,
+    words: Words = ENGLISH,
+    most_notes: int | None = None,
 ) -> Iterator[Progress]:
     """Progress of one command; a live line only on a terminal."""
+    said = Progress(quiet, verbose, events=events, words=words, most_notes=most_notes)
     if quiet or not sys.stderr.isatty():
-        yield Progress(quiet, verbose, events=events, words=words)
+        yield said
         return
     from rich.console import Console
 
-    with Console(stderr=True).status(f"{words('starting')} …") as status:
-        yield Progress(quiet, verbose, status, events=events, words=words)
+    with Console(stderr=True).status(f"{words('starting')} …") as said.status:
+        yield said

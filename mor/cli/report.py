@@ -3,16 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
 
-from mor.cli.console import language_option, tell
+from mor.cli.console import language_option
 from mor.cli.options import InputPath, OutputPath
-
-if TYPE_CHECKING:
-    from mor.output_files import Writer
-    from mor.report.language import Words
 
 
 @click.command(name="report")
@@ -34,18 +29,26 @@ if TYPE_CHECKING:
     help="The file that is written.",
 )
 @click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
-@language_option("the page; a PDF has that of the report it is made of")
-def command(results: Path, pdf: bool, paper: str, output: Path | None, force: bool, lang: str) -> None:
+@click.option(
+    "--appendix",
+    metavar="NAMES",
+    help="Add appendices to the PDF: residuals, images, covariances (separated by commas).",
+)
+@language_option("the PDF or the page")
+def command(
+    results: Path, pdf: bool, paper: str, output: Path | None, force: bool, appendix: str | None, lang: str
+) -> None:
     """Print the report in RESULTS as PDF, or write its page anew in another language.
 
     \b
     Examples:
       mor report project.results --pdf
       mor report project.results --pdf --paper Letter -o signed.pdf
+      mor report project.results --appendix residuals,images
       mor report project.results --lang de -o bericht.html
 
-    RESULTS is a folder of results. The PDF is printed by the first browser that is found (Chromium, Chrome, Edge;
-    MOR_BROWSER names another); without one it has the text of report.txt, for which matplotlib is needed.
+    RESULTS is a folder of results. The PDF has a few pages to sign; it needs the extra plot
+    (pip install 'mor-adjustment[plot]').
 
     \b
     Exit codes: 0 done; 2 input.
@@ -53,60 +56,24 @@ def command(results: Path, pdf: bool, paper: str, output: Path | None, force: bo
     from mor.errors import InputError
     from mor.errors import Message as Problem
     from mor.output_files import check_file, listed_files, write_file
+    from mor.report.language import words_of_page
+    from mor.report.view import view_of_folder
 
+    pdf = pdf or appendix is not None
     name = "report.pdf" if pdf else "report.html"
     target = output or results / name
     if not (results / "results.json").is_file():
         raise InputError([Problem("there is no results.json in this folder", str(results))])
     force = force or (output is None and name in listed_files(results))
     check_file(target, force)
-    write_file(target, _printed(results, paper) if pdf else _page(results, lang), force)
+    view, words = view_of_folder(results), words_of_page(lang)
+    if pdf:
+        from mor.report.paper import report_on_paper
+
+        names = [part.strip() for part in (appendix or "").split(",") if part.strip()]
+        write_file(target, report_on_paper(view, results, names, paper, words).write, force)
+    else:
+        from mor.report.page import page
+
+        write_file(target, page(view, words), force)
     click.echo(str(target), err=True)
-
-
-def _printed(results: Path, paper: str) -> Writer:
-    """What writes the PDF: of the page where a browser is found, of the text otherwise."""
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
-    from mor.input_files import TABLE, read_text
-    from mor.report.page import browser, print_page
-
-    page, program = results / "report.html", browser()
-    if program is not None and page.is_file():
-        content = read_text(page, TABLE)
-        return lambda path: print_page(program, content, path, paper)
-    text = results / "report.txt"
-    if not text.is_file():
-        raise InputError(
-            [Problem("there is neither report.html nor report.txt in this folder", str(results))]
-        )
-    why = "there is no report.html" if program is not None else "no browser was found"
-    tell(f"note: {why}: the PDF has the text of report.txt, without pictures")
-    return _text_printed(text, paper)
-
-
-def _text_printed(text: Path, paper: str) -> Writer:
-    from mor.input_files import TABLE, read_text
-    from mor.report.language import words_of_page
-    from mor.report.plots import write_text_pages
-
-    said = read_text(text, TABLE)
-    words = words_of_page(_language(said))
-    return lambda path: write_text_pages(said, said.split("\n", 1)[0], path, paper, words)
-
-
-def _language(report: str) -> str:
-    """Language of a text report, by the heading of its last section."""
-    from mor.report.language import LANGUAGES, words_of
-
-    title = "About this report"
-    return next((name for name in LANGUAGES if f"\n{words_of(name)(title)}\n" in report), LANGUAGES[0])
-
-
-def _page(results: Path, lang: str) -> str:
-    from mor.report.language import words_of_page
-    from mor.report.page import page
-    from mor.report.view import view_of_folder
-
-    words: Words = words_of_page(lang)
-    return page(view_of_folder(results), words)

@@ -150,8 +150,8 @@ def _of_table(
             for reference, column in zip(group.type.references, group.references, strict=True)
         )
         return (
-            f"{group.type.name} {names}: {size[row] / float(np.median(size[used])):.0f} times as far from the given "
-            "coordinates as the other rows of the table; a name or a sign?"
+            f"{group.type.name} {names}: {size[row] / (np.median(size[used]) or noise[row]):.0f} times as far from "
+            "the given coordinates as the other rows of the table; a name or a sign?"
         )
 
     yield from noted(group, np.flatnonzero(beyond), said)

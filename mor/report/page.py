@@ -8,7 +8,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -24,7 +24,7 @@ from mor.model.parameters import INTERIORS
 from mor.quality.solution import Solved
 from mor.report.figures import camera_figures, overlap, overlap_map, test_figures
 from mor.report.language import ENGLISH, Words
-from mor.report.layout import DIGITS, component_of, fixed, persons, short, small_unit
+from mor.report.layout import DIGITS, component_of, fixed, in_words, persons, short, small_unit
 from mor.report.page_data import (
     MOST_ROWS,
     MOST_VECTORS,
@@ -192,13 +192,29 @@ def epoch_in_words(data: PageData) -> str:
     )
 
 
-def help_in_words(data: PageData) -> str:
-    """Suggest what to measure next: the least precise point, and uncontrolled observations."""
-    view, say, parts = data.view, data.words, []
+def next_steps(data: PageData) -> list[str]:
+    """The three things to do next, the most urgent first."""
+    view, say = data.view, data.words
+    steps = [f"{one.title}: {one.words}" for one in _causes(data)]
+    flagged = [row for row in view.gross_errors.get("suspicious", []) if row["flagged"]]
+    if flagged:
+        steps.append(
+            say(
+                "Look at the observation {place} (w = {w}, estimated error {error} {unit}).",
+                place=in_words(flagged[0], say),
+                w=f"{flagged[0]['w']:.2f}".replace("-", "−"),
+                error=short(flagged[0]["error"], 3),
+                unit=flagged[0]["unit"],
+            )
+        )
+    free = (view.reliability or {}).get("observations", [])[:_NAMED]
+    if free:
+        names = "; ".join(f"{row['type']} {', '.join(row['names'].values())}" for row in free)
+        steps.append(say("A second observation beside what nothing controls: {names}.", names=names))
     if "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():
         worst = data.points.sort("ellipsoid_a", descending=True, nulls_last=True).row(0, named=True)
         unit, factor = small_unit(view.length, worst["ellipsoid_a"])
-        parts.append(
+        steps.append(
             say(
                 "Point {point} is the least precise one (semi-axis {size} {unit}): further observations to it.",
                 point=worst["id"],
@@ -206,12 +222,9 @@ def help_in_words(data: PageData) -> str:
                 unit=unit,
             )
         )
-    free = (view.reliability or {}).get("observations", [])[:_NAMED]
-    if free:
-        names = "; ".join(f"{row['type']} {', '.join(row['names'].values())}" for row in free)
-        parts.append(say("A second observation beside what nothing controls: {names}.", names=names))
-    parts.append(say("mor design adjusted.yaml --rank tells what each further observation is worth."))
-    return " ".join(parts)
+    steps.append(say("mor design adjusted.yaml --rank tells what each further observation is worth."))
+    steps.append(say("mor report prints the report to sign (--pdf)."))
+    return steps[:3]
 
 
 def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, Any]:
@@ -250,8 +263,12 @@ class Statement(NamedTuple):
 
 def statements(data: PageData) -> list[Statement]:
     """The statements, the most important first."""
+    return [*_signed(_causes(data)), *judgements(data), *_signed(_rests_on(data))]
+
+
+def judgements(data: PageData) -> list[Statement]:
+    """The statements that judge the adjustment, the most important first; they name no commands."""
     parts = [
-        *_causes(data),
         _global(data),
         _groups(data),
         _worst(data),
@@ -259,9 +276,74 @@ def statements(data: PageData) -> list[Statement]:
         _checks(data),
         _points(data),
         _geometry(data),
+        *_cameras(data),
     ]
-    found = [statement for statement in [*parts, *_cameras(data), *_rests_on(data)] if statement is not None]
+    return _signed(statement for statement in parts if statement is not None)
+
+
+def _signed(found: Iterable[Statement]) -> list[Statement]:
     return [statement._replace(words=_NEGATIVE.sub("−", statement.words)) for statement in found]
+
+
+def agreement(data: PageData) -> Statement:
+    """First part of the verdict: whether the observations agree with each other and with their σ."""
+    view, say, test = data.view, data.words, data.view.summary["global_test"]
+    left_out = sentences(view.suspects, say)
+    flagged = _flagged(view.summary["flagged"], say)
+    shared = in_common(view.gross_errors.get("in_common", []), say)
+    contradicted = contradictions(view.verdict, say)
+    if view.summary["redundancy"] == 0:
+        return Statement(BAD, say("not tested"), say("The redundancy is 0: nothing is tested."))
+    tested = (
+        say("The global test accepts the adjustment.")
+        if test["accepted"]
+        else say("The global test rejects the adjustment.")
+    )
+    words = " ".join(
+        [*left_out, tested, *contradicted, flagged, *shared, *_emptied(data), *_mostly_out(data)]
+    )
+    if left_out or contradicted or not test["accepted"]:
+        smaller = test["statistic"] < test["lower"] and not (left_out or contradicted)
+        return Statement(DOUBT if smaller else BAD, say("not accepted"), words)
+    if view.summary["flagged"]:
+        return Statement(DOUBT, say("accepted, with observations to look at"), words)
+    return Statement(GOOD, say("accepted"), words)
+
+
+def determination(data: PageData) -> Statement:
+    """Second part of the verdict: whether the observations determine the result everywhere."""
+    view, say = data.view, data.words
+    found = (view.verdict or {}).get("determined")
+    things = sentences_of_things(tuple(_thing(row) for row in view.summary.get("undeterminable", [])), say)
+    open_ = ill_determined(view.verdict, view.length, say)
+    loose = view.summary.get("uncontrolled") or 0
+    words = [*open_, *things]
+    if loose:
+        words.append(
+            say(
+                "{count:observation is|observations are} uncontrolled: an error there would hardly show.",
+                count=loose,
+            )
+        )
+    if found is None:
+        return Statement(PLAIN, say("not judged"), " ".join(words))
+    if not found["as_a_whole"]:
+        return Statement(BAD, say("not determined"), " ".join(words))
+    if open_ or things:
+        return Statement(DOUBT, say("partly ill-determined"), " ".join(words))
+    unit, factor = small_unit(view.length, found["largest_sigma"])
+    words.insert(
+        0,
+        say(
+            "Every position is determined; the largest standard deviation is {sigma} {unit}.",
+            sigma=f"{found['largest_sigma'] * factor:.3g}",
+            unit=unit,
+        ),
+    )
+    state = DOUBT if loose else GOOD
+    return Statement(
+        state, say("determined, partly uncontrolled") if loose else say("determined"), " ".join(words)
+    )
 
 
 def headline(data: PageData) -> Statement:
@@ -323,7 +405,6 @@ def _rests_on(data: PageData) -> list[Statement]:
         Statement(PLAIN, say("Datum"), datum_in_words(data), "key-figures"),
         _another_epoch(data),
         Statement(PLAIN, say("What was used"), used_in_words(data), "files"),
-        Statement(PLAIN, say("What would help"), help_in_words(data), "points"),
     ]
 
 
@@ -693,7 +774,12 @@ def _content(data: PageData) -> dict[str, Any]:
         "persons": persons(view.identity, data.words),
         "headline": headline(data),
         "statements": statements(data),
-        "cameras": [_camera_of_page(camera) for camera in view.cameras],
+        "parts": [
+            (data.words("Agreement"), agreement(data)),
+            (data.words("Determination"), determination(data)),
+        ],
+        "steps": next_steps(data),
+        "cameras": cameras_of_page(view),
         "groups": view.groups.to_dicts(),
         "gross": view.gross_errors,
         "relative": view.relative,
@@ -748,6 +834,11 @@ def sigma_words(data: PageData) -> str:
         used=f"{sigma0['used_for_sigma']:.4g}",
         datum=data.datum,
     )
+
+
+def cameras_of_page(view: View) -> list[dict[str, Any]]:
+    """Return the cameras, each with a row for every component of its interior orientation."""
+    return [_camera_of_page(camera) for camera in view.cameras]
 
 
 def _camera_of_page(camera: dict[str, Any]) -> dict[str, Any]:

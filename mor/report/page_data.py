@@ -296,7 +296,7 @@ KINDS = {
 def sights(view: View) -> pl.DataFrame:
     """Pairs of places by kind, once each: numbers of points, of stations behind them; at most so many of each kind.
 
-    In a block of images a distance between two points is a scale bar.
+    A distance between two points that images see is a scale bar.
     """
     places = pl.concat(
         [
@@ -327,10 +327,9 @@ def sights(view: View) -> pl.DataFrame:
         for kind, types in KINDS.items()
     ]
     found = pl.concat(parts)
-    if not view.images.height:
-        return found
-    last = view.points.height
-    is_bar = (pl.col("kind") == "distance") & (pl.col("a") < last) & (pl.col("b") < last)
+    seen = places.filter(pl.col("name").is_in(view.rays["to"].unique().implode()))["number"].cast(pl.Int32)
+    both = pl.col("a").is_in(seen.implode()) & pl.col("b").is_in(seen.implode())
+    is_bar = (pl.col("kind") == "distance") & both
     return found.with_columns(pl.when(is_bar).then(pl.lit("scale")).otherwise(pl.col("kind")).alias("kind"))
 
 

@@ -391,8 +391,6 @@ def _lines(start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
 # ------------------------------------------------------------
 
 _MOST_RAYS = 5000
-_SHARE = 0.03
-"""Share of the extent that a large ellipse is drawn with."""
 
 
 def network(view: View, words: Words = ENGLISH) -> Figure:
@@ -419,38 +417,51 @@ CONFIDENCE = {"1": (1.0, "1σ"), "95": (2.4477, "95 %")}
 """Factor of ellipses in plan by what is asked for: the standard ellipse, or that in which 95 % lie (√χ²(2))."""
 
 
-def ellipses(view: View, words: Words = ENGLISH, confidence: str = "1") -> Figure:
-    """Error ellipses of the points, enlarged, with the bar that says how much; of heights in elevation.
+_TYPICAL, _TOO_LARGE = 0.012, 8.0
+"""Share of the extent that the median ellipse is drawn with; how many times as large an ellipse may be to be drawn."""
 
-    With the relative ellipses that the project asks for, and the external reliability of the points.
+
+def ellipses(
+    view: View,
+    words: Words = ENGLISH,
+    confidence: str = "1",
+    size: tuple[float, float] = (7.5, 5.0),
+    effects: bool = True,
+) -> Figure:
+    """Sights and error ellipses of the points, enlarged, with the bar that says how much; of heights in elevation.
+
+    With the relative ellipses that the project asks for, and the external reliability of the points. The median
+    ellipse sets the scale; ellipses that are much larger are marked instead. ``size`` is in inches.
     """
     from matplotlib.collections import LineCollection
 
-    figure = sheet()
+    figure = sheet(*size)
     heights = not (view.points.select("sx", "sy").fill_null(0.0).to_numpy() > 0.0).any()
     axes, chosen = _prepared(view, figure, upright=heights)
+    draw_sights(view, axes, chosen, words)
+    draw_paths(view, axes, chosen, words)
     _frames(view, axes, chosen, words)
     _points(view, axes, chosen, words)
+    draw_given(view, axes, chosen, words)
     covariance = covariances(view)[:, chosen][:, :, chosen]
-    size = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
+    axis = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
     extent = float(np.ptp(places(view), axis=0).max(initial=0.0)) or 1.0
-    large = float(np.quantile(size[size > 0.0], 0.9)) if (size > 0.0).any() else 0.0
-    if large > 0.0:
-        scale = round_length(_SHARE * extent / large)
+    typical = float(np.median(axis[axis > 0.0])) if (axis > 0.0).any() else 0.0
+    if typical > 0.0:
+        scale = round_length(_TYPICAL * extent / typical)
         factor, name = CONFIDENCE[confidence]
-        drawn = scale * factor
-        lines = ellipse_lines(places(view)[:, chosen], covariance, drawn)[size > 0.0]
-        axes.add_collection(
-            LineCollection(
-                list(lines),
-                colors=RED,
-                linewidths=0.8,
-                label=words("{level} ellipses × {scale}", level=name, scale=f"{scale:g}"),
-            )
-        )
+        drawn, xy = scale * factor, places(view)[:, chosen]
+        large = axis > _TOO_LARGE * typical
+        lines = ellipse_lines(xy, covariance, drawn)[(axis > 0.0) & ~large]
+        label = words("{level} ellipses × {scale}", level=name, scale=f"{scale:g}")
+        axes.add_collection(LineCollection(list(lines), colors=RED, linewidths=0.8, label=label))
+        if large.any():
+            label = words("ellipse too large to draw ({count})", count=int(large.sum()))
+            axes.plot(*xy[large].T, "x", color=RED, ms=9, mew=1.5, ls="none", label=label, zorder=5)
         draw_relative(view, axes, chosen, drawn, words)
         axes.autoscale_view()
-        draw_effects(view, axes, chosen, words)
+        if effects:
+            draw_effects(view, axes, chosen, words)
         _finish(view, axes, words)
         length = round_length(0.1 * extent / scale)
         unit, finer = small_unit(view.length, length)
@@ -677,60 +688,3 @@ def _dress(axes: Axes, name: str, unit: str, wide: bool) -> None:
     axes.set_yticks([])
     for spine in axes.spines.values():
         spine.set_visible(False)
-
-
-# ------------------------------------------------------------
-# A text on pages of paper, as PDF: what is left where no browser prints the page.
-# ------------------------------------------------------------
-
-PAPERS = {"A4": (8.27, 11.69), "Letter": (8.5, 11.0)}
-"""Inches."""
-_MARGIN = 0.75
-_LINE = 0.142
-"""Height of a line, inches."""
-_TEXT_PAGES_SIZE = 7.2
-"""Points: 100 signs of DejaVu Sans Mono are 6.0 inches."""
-
-
-def write_text_pages(text: str, head: str, target: Path, paper: str, words: Words = ENGLISH) -> None:
-    """Write a text as PDF, ``head`` and the number above and below each page: same text, same bytes.
-
-    A heading (a line with a line of dashes below it) never stands last on a page. Raises :class:`mor.errors.InputError`
-    where matplotlib is missing.
-    """
-    with style():
-        from matplotlib.backends.backend_pdf import PdfPages
-        from matplotlib.figure import Figure
-
-        width, height = PAPERS[paper]
-        lines = int((height - 2 * _MARGIN - 2 * _LINE) / _LINE)
-        pages = paged(text.split("\n"), lines)
-        metadata = {"CreationDate": None, "ModDate": None, "Creator": "mor", "Producer": "mor"}
-        with PdfPages(target, metadata=metadata) as document:
-            for number, page in enumerate(pages, 1):
-                figure = Figure(figsize=(width, height))
-                top, left = 1 - _MARGIN / height, _MARGIN / width
-                small: dict[str, Any] = {"fontsize": _TEXT_PAGES_SIZE, "color": "#444444"}
-                figure.text(left, top + _LINE / height, head, **small)
-                below = f"{words('page')} {number} / {len(pages)}"
-                figure.text(1 - left, 0.55 * _MARGIN / height, below, ha="right", **small)
-                for k, line in enumerate(page):
-                    y = top - (k + 1.5) * _LINE / height
-                    figure.text(left, y, line, fontsize=_TEXT_PAGES_SIZE, family="DejaVu Sans Mono")
-                document.savefig(figure)
-
-
-def paged(lines: list[str], most: int) -> list[list[str]]:
-    """Lines cut into pages of at most so many; a heading goes with at least three lines of what it heads."""
-    pages, first = [], 0
-    while first < len(lines):
-        last = min(first + most, len(lines))
-        if last < len(lines):
-            for k in range(max(last - 5, first + 1), last):
-                is_heading = set(lines[k + 1]) == {"-"} if k + 1 < len(lines) else False
-                if is_heading and lines[k].strip():
-                    last = k
-                    break
-        pages.append(lines[first:last])
-        first = last
-    return pages

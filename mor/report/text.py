@@ -200,35 +200,43 @@ def _multiplied(solved: Solved, words: Words) -> str:
 # ------------------------------------------------------------
 
 WIDTH = 100
-LINES = 24
-"""Lines that a screen has at least."""
-WORST, CAMERAS, CHECKS, GROUPS = 3, 2, 2, 6
+LINES = 15
+"""Lines of the summary; notes and the place of the results bring them to 20."""
+WORST, CAMERAS, CHECKS, GROUPS = 3, 2, 2, 40
 """Observations, cameras, checks and groups that are shown."""
 
 
-def screen(solved: Solved, words: Words = ENGLISH) -> str:
-    """Return the outcome for the terminal; control characters in names are escaped."""
-    return escaped(_screen(solved, words))
+def screen(solved: Solved, words: Words = ENGLISH, verbose: bool = False) -> str:
+    """Return the outcome for the terminal, with a table of groups if ``verbose``.
+
+    Control characters in names are escaped.
+    """
+    return escaped(_screen(solved, words, verbose))
 
 
-def _screen(solved: Solved, words: Words) -> str:
-    """At most 24 lines, of 100 columns but for the verdict; without a solution the report's words on the reason."""
+def _screen(solved: Solved, words: Words, verbose: bool) -> str:
+    """At most 15 lines, of 100 columns but for the verdict; without a solution the report's words on the reason."""
     if solved.quality is None:
         said = [*verdict(solved, words), *undetermined_section(solved, words).splitlines()]
-        told = [line for line in said if line]
-        if len(told) > LINES:
-            rest = words("… and {count} more lines in the report", count=len(told) - LINES + 1)
-            told = [*told[: LINES - 1], rest]
-        return "\n".join(told)
+        return "\n".join(_fewer([line for line in said if line], LINES, words))
     lines = [
         *_figures(solved, words),
         *_worst(solved, words),
         *_points(solved, words),
         *_cameras(solved, words),
         *_checks(solved, words),
-        *_groups(solved, words),
     ]
-    return "\n".join([*verdict(solved, words), *map(_cut, lines)])
+    head = "\n".join(verdict(solved, words)).split("\n")
+    if verbose:
+        return "\n".join([*head, *map(_cut, [*lines, *_groups(solved, words)])])
+    return "\n".join([*_fewer(head, LINES - len(lines), words), *map(_cut, lines)])
+
+
+def _fewer(lines: list[str], most: int, words: Words) -> list[str]:
+    """The first lines, and how many more there are."""
+    if len(lines) <= most:
+        return lines
+    return [*lines[: most - 1], words("… and {count} more lines in the report", count=len(lines) - most + 1)]
 
 
 def _cut(line: str) -> str:

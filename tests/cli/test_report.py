@@ -1,4 +1,4 @@
-"""``mor report``: a PDF by a browser or of the text, and the page in another language."""
+"""``mor report``: a PDF to sign, its appendices, and the page in another language."""
 
 from __future__ import annotations
 
@@ -8,9 +8,12 @@ from pathlib import Path
 
 import pytest
 
-from mor.report import page as paper
-from mor.report.page import browser
+from mor.report.language import words_of_page
+from mor.report.paper import Grid, Writer, _shared, report_on_paper
+from mor.report.view import view_of_folder
 from tests.scenarios.small_projects import LEVELLING, mor, write
+
+SAMPLES = Path(__file__).parents[2] / "sample_projects"
 
 
 @pytest.fixture(scope="module")
@@ -34,18 +37,12 @@ def pages(path: Path) -> tuple[int, list[tuple[float, float]]]:
     return len(re.findall(rb"/Type\s*/Page\b", data)), [(float(a), float(b)) for a, b in boxes]
 
 
-def test_text_where_there_is_no_browser(
-    results: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    pytest.importorskip("matplotlib")
-    monkeypatch.setenv("MOR_BROWSER", "no-such-program")
+def test_pdf_on_both_papers_the_same_bytes_each_time(results: Path, tmp_path: Path) -> None:
     for name, (width, height) in {"A4": (595, 842), "Letter": (612, 792)}.items():
         target = tmp_path / f"{name}.pdf"
-        run = mor("report", results, "--pdf", "--paper", name, "-o", target)
-        assert run.code == 0
-        assert "no browser was found" in run.err
+        assert mor("report", results, "--pdf", "--paper", name, "-o", target).code == 0
         count, sizes = pages(target)
-        assert count >= 1
+        assert 1 <= count <= 6
         assert all(size == pytest.approx((width, height), abs=1.0) for size in sizes)
     first = target.read_bytes()
     assert mor("report", results, "--pdf", "--paper", "Letter", "-o", target).code == 2
@@ -53,22 +50,64 @@ def test_text_where_there_is_no_browser(
     assert target.read_bytes() == first
 
 
-@pytest.mark.browser
-def test_page_where_there_is_one(results: Path) -> None:
-    if browser() is None:
-        pytest.skip("no browser was found")
-    assert mor("report", results, "--pdf", "--paper", "Letter").code == 0
-    count, sizes = pages(results / "report.pdf")
-    assert count >= 3
-    assert {tuple(map(round, size)) for size in sizes} == {(612, 792), (792, 612)}
+def test_only_appendices_that_are_there(results: Path, tmp_path: Path) -> None:
+    short, long = tmp_path / "short.pdf", tmp_path / "long.pdf"
+    assert mor("report", results, "--pdf", "-o", short).code == 0
+    assert mor("report", results, "--appendix", "residuals,covariances", "-o", long).code == 0
+    assert pages(long)[0] == pages(short)[0] + 2
+    for name in ("images", "residual"):  # a levelling network has no images
+        run = mor("report", results, "--appendix", name, "-o", tmp_path / "none.pdf")
+        assert run.code == 2
+        assert run.err == f"no appendix {name!r} of these results (known: residuals, covariances)\n"
 
 
-def test_a_browser_that_prints_nothing_is_told(results: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(paper, "BROWSERS", ("false",))
-    monkeypatch.setattr(paper, "_APPLICATIONS", ())
-    run = mor("report", results, "--pdf")
-    assert run.code == 2
-    assert "the browser made no PDF" in run.err
+@pytest.mark.parametrize(("sample", "most"), [("facade", 10), ("dam_epochs", 14)])
+def test_a_report_one_signs(sample: str, most: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Few pages with every section, no commands, and no word broken: each cell is as wide as its longest word."""
+    folder = tmp_path / "results"
+    source = next((SAMPLES / sample).glob("*.yaml"))
+    assert mor("adjust", source, "-o", folder, "--no-html").code == 0
+    said: list[str] = []
+    words = words_of_page("en")
+    for name in ("heading", "text", "note"):
+        original = getattr(Writer, name)
+
+        def kept(
+            self: Writer, text: str, *given: object, original: object = original, **named: object
+        ) -> None:
+            said.append(text)
+            original(self, text, *given, **named)  # type: ignore[operator]
+
+        monkeypatch.setattr(Writer, name, kept)
+    tables: list[Grid] = []
+    table = Writer.table
+    monkeypatch.setattr(Writer, "table", lambda self, grid: (tables.append(grid), table(self, grid))[1])
+    target = tmp_path / "report.pdf"
+    report_on_paper(view_of_folder(folder), folder, (), "A4", words).write(target)
+    assert 4 <= pages(target)[0] <= most
+    sections = {
+        "Verdict",
+        "Network",
+        "What was adjusted",
+        "Datum",
+        "Cameras",
+        "Weakest spots",
+        "Points",
+        "Inputs",
+    }
+    assert sections <= set(said)
+    cells = [cell for grid in tables for row in grid.rows for cell in row]
+    assert not [
+        text for text in [*said, *cells] if re.search(r"\bmor [a-z]+\b(?!\s*0)", text) and "model" not in text
+    ]
+
+
+def test_cells_are_wrapped_between_words_only() -> None:
+    whole, least = [300.0, 40.0], [90.0, 40.0]
+    assert _shared(whole, least, 500.0) == whole
+    narrow = _shared(whole, least, 200.0)
+    assert sum(narrow) == pytest.approx(200.0)
+    assert all(width >= low for width, low in zip(narrow, least, strict=True))
 
 
 def test_page_in_the_other_language(results: Path, tmp_path: Path) -> None:

@@ -7,7 +7,6 @@ import random
 import pytest
 
 from mor.report.layout import WIDTH, drawn, paragraphs
-from mor.report.plots import paged
 
 
 def rows_of(seed: int) -> tuple[list[str], list[list[str]], set[int]]:
@@ -63,10 +62,3 @@ def test_paragraphs_keep_what_belongs_together() -> None:
     pair = "datum    " + "free " * 30
     assert paragraphs(pair).split("\n")[1].startswith(" " * 9 + "free")
     assert paragraphs("x" * 150) == "x" * 150
-
-
-def test_headings_go_with_what_they_head() -> None:
-    lines = [*("text",) * 7, "Points", "------", "point", "-----", "P1", "P2", *("text",) * 5]
-    pages = paged(lines, 10)
-    assert [line for page in pages for line in page] == lines
-    assert pages[1][0] == "Points"
