@@ -29,22 +29,7 @@ NOT_SAID = {
 }
 SCHEMAS = ("schema.py",)
 """Modules that describe keys to editors, or write a project file: English, as the keys are."""
-INTERNAL = (
-    "solve/rays",
-    "solve/elimination",
-    "solve/normals",
-    "project/recognition",
-    "report/page",
-    "report/figures",
-    "report/batch",
-    "report/epochs",
-)
-"""What is told there is a mistake of the program, or written in a language of its own."""
-MODULES = [
-    path
-    for path in sorted(ROOT.rglob("*.py"))
-    if not path.name.startswith(SCHEMAS) and not path.relative_to(ROOT).as_posix().startswith(INTERNAL)
-]
+MODULES = [path for path in sorted(ROOT.rglob("*.py")) if not path.name.startswith(SCHEMAS)]
 ROOMS = sorted({path.parent for path in MODULES})
 
 
