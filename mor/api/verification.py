@@ -52,7 +52,6 @@ from mor.start.resection import resect
 from mor.types import FloatArray
 from mor.units import NUMBER, Component
 
-
 Number = tuple[str, float, float, float]
 """Place, value found, reference value, limit of the difference."""
 
@@ -65,8 +64,8 @@ class _About(NamedTuple):
     def check(self, quantity: str, numbers: Iterable[Number]) -> Iterator[Check]:
         """One check of all numbers; none if there are no numbers."""
         found = [
-            Check(self.group, self.name, quantity, self.source, place, 0, reference, value, limit)
-            for place, value, reference, limit in numbers
+            Check(self.group, self.name, quantity, self.source, place, 0, *map(float, (wanted, value, limit)))
+            for place, value, wanted, limit in numbers
         ]
         if found:
             yield max(found, key=lambda one: one.share)._replace(count=len(found))

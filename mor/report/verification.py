@@ -19,7 +19,7 @@ from mor import __version__
 from mor.errors import escaped
 from mor.report.identity import EPOCH
 from mor.report.language import Words
-from mor.report.layout import WIDTH, table
+from mor.report.layout import table
 
 SCHEMA = "mor-verification"
 SCHEMA_VERSION = 1
