@@ -13,7 +13,7 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from threadpoolctl import threadpool_info
+from threadpoolctl import threadpool_info  # type: ignore[import-untyped]
 
 from mor import __version__
 from mor.errors import escaped
@@ -35,7 +35,7 @@ class Check(NamedTuple):
     source: str
     place: str
     """Which of the numbers is given here, or why the check could not be carried out."""
-    count: int
+    numbers: int
     """Numbers that were compared."""
     reference: float
     found: float
@@ -87,7 +87,7 @@ def verification_data(checks: Iterable[Check]) -> dict[str, Any]:
         "processor": _processor(),
         "processors": os.cpu_count(),
         "count": len(rows),
-        "compared": sum(row["count"] for row in rows),
+        "compared": sum(row["numbers"] for row in rows),
         "failed": sum(not row["passed"] for row in rows),
         "checks": rows,
     }
@@ -150,7 +150,7 @@ def _groups(data: dict[str, Any], words: Words) -> list[list[str]]:
         shares = [row["share_of_limit"] for row in checks]
         failed = sum(not row["passed"] for row in checks)
         largest = None if None in shares else max(shares)
-        numbers = (len(checks), sum(row["count"] for row in checks), failed)
+        numbers = (len(checks), sum(row["numbers"] for row in checks), failed)
         rows.append([words.listed(name), *map(str, numbers), _short(largest, 2)])
     return rows
 
@@ -162,7 +162,7 @@ _HEADERS = ("quantity", "numbers", "reference", "found", "difference", "limit", 
 def _row(row: dict[str, Any], words: Words) -> list[str]:
     return [
         words.listed(row["quantity"]),
-        str(row["count"]),
+        str(row["numbers"]),
         _short(row["reference"], 12),
         _short(row["found"], 12),
         _short(row["difference"], 2),
