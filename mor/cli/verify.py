@@ -22,7 +22,7 @@ FILES = ("verification.txt", "verification.html", "verification.json")
 )
 @force_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
-@language_option("the text and the page")
+@language_option("the page and of what the terminal says")
 @quiet_option
 def command(output: Path | None, force: bool, as_json: bool, lang: str, quiet: bool) -> int:
     """Check that this installation computes correctly, and write a report.

@@ -155,7 +155,7 @@ def _groups(data: dict[str, Any], words: Words) -> list[list[str]]:
     return rows
 
 
-_GROUP_HEADERS = ("checks", "count", "numbers", "failed", "largest share of the limit")
+_GROUP_HEADERS = ("kind of check", "count", "numbers", "failed", "largest share of the limit")
 _HEADERS = ("quantity", "numbers", "reference", "found", "difference", "limit", "where", "result")
 
 

@@ -38,6 +38,8 @@ INTERNAL = (
     "report/figures",
     "report/batch",
     "report/epochs",
+    "report/verification",
+    "api/verification",  # tests/api/test_verification.py looks its words up
 )
 """What is told there is a mistake of the program, or written in a language of its own."""
 MODULES = [
