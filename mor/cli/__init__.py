@@ -33,6 +33,7 @@ COMMANDS = {
     "explain": "Say what a term, a column or an exit code means, and what to do.",
     "examples": "List the sample projects, copy one.",
     "compile": "Compile the kernels for large projects ahead of their first use.",
+    "verify": "Check that this installation computes correctly, and write a report.",
     "schema": "Print the JSON Schema of project files, or of results.json.",
 }
 

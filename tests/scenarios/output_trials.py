@@ -67,6 +67,7 @@ RECIPES: dict[str, tuple[Recipe, ...]] = {
         Recipe(("histogram", "block/project.yaml"), _PROJECT, ".png"),
     ),
     "examples": (Recipe(("facade",), ()),),
+    "verify": (Recipe((), ()),),
 }
 """Every command that has an output; the tests ask for a recipe where one is missing."""
 WAYS = ("itself", "symbolic link", "hard link", "by a linked folder", "another spelling")
@@ -218,6 +219,7 @@ def against_file(scene: Scene, output: Output, recipe: Recipe) -> Trial:
             "results.json",
             "batch.txt",
             "montecarlo.txt",
+            "verification.txt",
         ):
             (place / name).write_text("mine")
     else:
