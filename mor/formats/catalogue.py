@@ -82,7 +82,6 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.bal", "read_bal"),
         Code("mor.formats.bal", "write_bal"),
         suffixes=(".bal",),
-        untried="no file of the BAL collection could be had: this reader was tried on files of its own writer",
     ),
     "bundler": Format(
         "Bundler (bundle.out)",
