@@ -26,6 +26,7 @@ html_static_path = ["site_style"]
 html_css_files = ["wide.css"]
 
 CHAPTERS = {
+    "Samples": ("gallery",),
     "Tutorials": (
         "tutorials/calibration-field",
         "tutorials/facade",
