@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import shutil
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import pytest
 
@@ -17,12 +19,12 @@ __all__ = ["tutorials"]
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs" / "how-to").glob("*.md"))
 RUN = [path for path in PAGES if path.stem not in ("batch", "python")]
-"""Pages whose commands are run here; batch.md and python.md have code, which is run below or in test_batch_page."""
+"""Pages whose commands are run here; test_batch_page and the test below run the code of the others."""
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("path", RUN, ids=lambda path: path.stem)
-def test_page_shows_what_the_program_says(tutorials, path: Path, tmp_path: Path) -> None:
+def test_page_shows_what_the_program_says(tutorials: ModuleType, path: Path, tmp_path: Path) -> None:
     page = path.read_text(encoding="utf-8")
     assert "```console" in page
     for name in re.findall(r"\(\.\./formats/([\w-]+)\.md\)", page):
@@ -38,7 +40,7 @@ def test_code_of_the_python_page_runs(tmp_path: Path, monkeypatch: pytest.Monkey
     (code,) = re.findall(
         r"^```python\n(.*?)^```", (ROOT / "docs" / "how-to" / "python.md").read_text("utf-8"), re.M | re.S
     )
-    names: dict[str, object] = {}
+    names: dict[str, Any] = {}
     exec(code, names)
     assert len(names["weakest"]) == 5
     assert set(names["flagged"]["flag"]) == {"gross"}
