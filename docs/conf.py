@@ -26,6 +26,23 @@ html_static_path = ["site_style"]
 html_css_files = ["wide.css"]
 
 CHAPTERS = {
+    "Samples": ("gallery",),
+    "How to": tuple(
+        f"how-to/{page}"
+        for page in (
+            "field-book",
+            "find-a-mistake",
+            "datum",
+            "control-points",
+            "no-start-values",
+            "stereo-rig",
+            "rolling-shutter",
+            "large-blocks",
+            "batch",
+            "colmap-and-metashape",
+            "python",
+        )
+    ),
     "Tutorials": (
         "tutorials/calibration-field",
         "tutorials/facade",
@@ -80,7 +97,7 @@ CHAPTERS = {
             )
         ),
     ),
-    "Before the measurement": ("planning", "batch"),
+    "Before the measurement": ("planning",),
     "Results": ("reports", "results", "statistics", "reliability"),
     "Scripts and developers": (
         "python",

@@ -1,4 +1,4 @@
-"""The examples of docs/batch.md do what the page says, in a shell and step by step as a CI runs them."""
+"""The examples of docs/how-to/batch.md do what the page says, in a shell and step by step as a CI runs them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import yaml
 from tests.scenarios.small_projects import LEVELLING
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "batch.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to" / "batch.md").read_text(encoding="utf-8")
 PLAN = LEVELLING.replace("[from, to, dz, sigma]", "[from, to, sigma]")
 PLAN = re.sub(r", -?\d\.\d+, 0\.001\]", ", 0.001]", PLAN)
 
