@@ -12,7 +12,7 @@ import numpy as np
 
 from mor.diagnose.hypothesis import NOTHING_FOUND, Diagnosis, GoOn
 from mor.errors import InputError, Message, NoStartValuesError, Undeterminable, mistakes_in
-from mor.input_files import is_folder, note_input, read_text
+from mor.input_files import is_folder, note_input, read_text, standard_input
 from mor.linalg.cholesky import NotFiniteError, one_thread
 from mor.linalg.compilation import chosen_by_size
 from mor.model.contract import with_sigma_model
@@ -223,7 +223,8 @@ def _document(path: Path, form: str) -> Document:
 
         if form or is_folder(path) or is_foreign(path):
             return read_foreign(path, form)
-    if path.suffix.lower() not in _OWN_SUFFIXES and path.is_file() and not _names_mor(path):
+    present = path.is_file() or standard_input(path) is not None
+    if path.suffix.lower() not in _OWN_SUFFIXES and present and not _names_mor(path):
         return read_foreign(path)
     if path.suffix.lower() in (".csv", ".parquet") and path.is_file():
         words = "this is a table, expected a project file; mor new begins one from tables"

@@ -34,7 +34,7 @@ from mor.formats.draft import (
     read_lines,
     usable,
 )
-from mor.input_files import PROJECT, TABLE, check_size, is_folder, read_bytes, read_text
+from mor.input_files import PROJECT, TABLE, check_size, is_folder, read_bytes, read_text, standard_input
 from mor.project.document import Document
 from mor.types import FloatArray, IntArray
 
@@ -1075,6 +1075,9 @@ def _nearest(sample: Sample) -> list[Candidate]:
 
 
 def _sample(path: Path) -> Sample:
+    given = standard_input(path)
+    if given is not None:
+        return Sample(path, given[:_RECOGNITION_HEAD])
     if is_folder(path):
         return Sample(path, names=frozenset(_names(path)))
     try:
