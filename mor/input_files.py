@@ -62,7 +62,7 @@ def files_read() -> Iterator[dict[Path, ReadFile]]:
 _INPUTS: ContextVar[set[object] | None] = ContextVar("inputs", default=None)
 STDIN = Path("stdin")
 """Name of standard input in messages and results, once :func:`keep_standard_input` has read it."""
-_STDIN: ContextVar[bytes | None] = ContextVar("standard input", default=None)
+_STDIN: ContextVar[bytes | None] = ContextVar("stdin", default=None)
 
 
 @contextmanager

@@ -201,7 +201,7 @@ _OWN_SUFFIXES = (".yaml", ".yml", ".csv", ".parquet")
 
 def _names_mor(path: Path) -> bool:
     """Return whether a file of any suffix is a project file: its key ``mor`` begins a line."""
-    return any(line.startswith("mor:") for line in read_text(path).splitlines())
+    return any(line.startswith("mor:") for line in read_text(path, errors="replace").splitlines())
 
 
 def read_document(path: Path, form: str = "") -> Document:
