@@ -1069,6 +1069,14 @@ _NOT_READ = (
         re.compile(r"^00..SC V"),
         "this is a Trimble DC file (Survey Controller), which is not read; export the job as JobXML (.jxl)",
     ),
+    (
+        re.compile(r"_\+?\S+_ \?[+-]\d{8}m"),
+        "this is a Topcon GTS-6 file (FC-4, FC-5), which is not read; export the job as GTS-7",
+    ),
+    (
+        re.compile(r"For R[45]\|"),
+        "this is a Zeiss Elta file (R4, R5), which is not read; export the job as M5",
+    ),
     (re.compile(r"RINEX VERSION / TYPE"), "this is a RINEX file; GNSS receivers' raw data are not read"),
 )
 """Formats that are known and not read."""
@@ -1293,7 +1301,12 @@ def _gcp(sample: Sample) -> bool:
 
 
 _RECORD_FORMATS: tuple[tuple[str, re.Pattern[str], int, str], ...] = (
-    ("gsi", re.compile(r"\s*\*?\d{2}[\d.]{4}[+-]"), 1, "blocks of words as in 110001+00000001"),
+    (
+        "gsi",
+        re.compile(r"\s*\*?\d{2}[\d.]{4}[+-][^_\s]+(?:\s+\d{2}\S{4}[+-]|\s*$)"),
+        1,
+        "blocks of words as in 110001+00000001",
+    ),
     ("sdr", re.compile(r"00..SDR"), 1, "the head of an SDR33 file"),
     ("m5", re.compile(r"For M5\|Adr"), 1, "records For M5|Adr"),
     (
