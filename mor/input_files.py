@@ -6,6 +6,8 @@ import codecs
 import gzip
 import hashlib
 import os
+import sys
+import time
 import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -58,18 +60,38 @@ def files_read() -> Iterator[dict[Path, ReadFile]]:
 
 
 _INPUTS: ContextVar[set[object] | None] = ContextVar("inputs", default=None)
+STDIN = Path("stdin")
+"""Name of standard input in messages and results, once :func:`keep_standard_input` has read it."""
+_STDIN: ContextVar[bytes | None] = ContextVar("stdin", default=None)
 
 
 @contextmanager
 def inputs_of_run(paths: Iterable[Path] = ()) -> Iterator[None]:
     """Remember inputs for :func:`is_input`: ``paths``, all that is noted inside, and those of a run around it."""
-    token = _INPUTS.set(set(_INPUTS.get() or ()))
+    token, outer = _INPUTS.set(set(_INPUTS.get() or ())), _STDIN.set(_STDIN.get())
     try:
         for path in paths:
             note_input(path)
         yield
     finally:
         _INPUTS.reset(token)
+        _STDIN.reset(outer)
+
+
+def keep_standard_input() -> Path:
+    """Read standard input to its end, and return the path under which this run finds it.
+
+    Raises :class:`InputError` if it is larger than the limit of project files.
+    """
+    content = sys.stdin.buffer.read(limit(PROJECT) * _MB + 1)
+    check_size(len(content), STDIN, PROJECT)
+    _STDIN.set(content)
+    return STDIN
+
+
+def standard_input(path: Path) -> bytes | None:
+    """Return what standard input held if the path stands for it, ``None`` for files."""
+    return _STDIN.get() if path == STDIN else None
 
 
 def note_input(path: Path) -> None:
@@ -107,6 +129,9 @@ def note_file(path: Path, content: bytes | None = None) -> None:
     files, place = _READ.get(), path.resolve()
     if files is None or place in files:
         return
+    if content is not None and standard_input(path) is content:
+        files[place] = ReadFile(path, len(content), hashlib.sha256(content).hexdigest(), time.time())
+        return
     status = path.stat()
     if content is not None:
         sha256 = hashlib.sha256(content).hexdigest()
@@ -138,6 +163,10 @@ def read_bytes(path: Path, most: str = TABLE) -> bytes:
     Raises :class:`InputError` if it does not exist, is no regular file (a pipe, a device), cannot be read or is
     larger than the limit.
     """
+    given = standard_input(path)
+    if given is not None:
+        note_file(path, given)
+        return given
     check_regular(path)
     try:
         packed = path.suffix.lower() == ".gz"

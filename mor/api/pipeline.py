@@ -12,7 +12,7 @@ import numpy as np
 
 from mor.diagnose.hypothesis import NOTHING_FOUND, Diagnosis, GoOn
 from mor.errors import InputError, Message, NoStartValuesError, Undeterminable, mistakes_in
-from mor.input_files import is_folder, note_input, read_text
+from mor.input_files import is_folder, note_input, read_text, standard_input
 from mor.linalg.cholesky import NotFiniteError, one_thread
 from mor.linalg.compilation import chosen_by_size
 from mor.model.contract import with_sigma_model
@@ -201,7 +201,7 @@ _OWN_SUFFIXES = (".yaml", ".yml", ".csv", ".parquet")
 
 def _names_mor(path: Path) -> bool:
     """Return whether a file of any suffix is a project file: its key ``mor`` begins a line."""
-    return any(line.startswith("mor:") for line in read_text(path).splitlines())
+    return any(line.startswith("mor:") for line in read_text(path, errors="replace").splitlines())
 
 
 def read_document(path: Path, form: str = "") -> Document:
@@ -223,7 +223,8 @@ def _document(path: Path, form: str) -> Document:
 
         if form or is_folder(path) or is_foreign(path):
             return read_foreign(path, form)
-    if path.suffix.lower() not in _OWN_SUFFIXES and path.is_file() and not _names_mor(path):
+    present = path.is_file() or standard_input(path) is not None
+    if path.suffix.lower() not in _OWN_SUFFIXES and present and not _names_mor(path):
         return read_foreign(path)
     if path.suffix.lower() in (".csv", ".parquet") and path.is_file():
         words = "this is a table, expected a project file; mor new begins one from tables"

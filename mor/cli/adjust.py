@@ -174,9 +174,11 @@ def command(**given: Any) -> int:
       mor adjust project.yaml --strict --quiet || echo "look at the report"
       mor adjust project.yaml --json --quiet | jq .sigma0.aposteriori
       mor adjust network.dat --from starnet --memory 4GB
+      mor adjust - < project.yaml
 
     PROJECT is a project file (.yaml), a foreign file that mor convert knows, or a folder with one project file in it;
-    without it, the folder is the current one. Missing start values are worked out.
+    without it, the folder is the current one. - is standard input: the names of tables count from the current folder,
+    and results go to stdin.results. Missing start values are worked out.
 
     \b
     Exit codes: 0 done; 1 rejected (--strict), or suspects left out; 2 input; 3 not converged;

@@ -25,6 +25,7 @@ def command(project: Path, everything: bool, source_format: str | None, quiet: b
       mor check project.yaml
       mor check project.yaml --quiet && echo "fine"
       mor check project.yaml --all
+      mor check - < project.yaml
 
     Mistakes are told at once, with file and line: a screenful of them, or all.
 

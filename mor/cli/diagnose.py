@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli.console import language_option
-from mor.cli.options import InputPath, format_option, kernels_option, quiet_option
+from mor.cli.options import InputPath, format_option, kernels_option, only_project, quiet_option
 from mor.errors import ExitCode
 
 if TYPE_CHECKING:
@@ -58,7 +58,7 @@ def command(
     from mor.report.observations import diagnosis, possible_causes
     from mor.report.text_findings import diagnosed, scored, tried
 
-    words = words_of(lang)
+    project, words = only_project(project, source_format), words_of(lang)
     with progress(quiet, False, None, words) as say:
         say.phase("reading")
         document = read_document(project, source_format or "")

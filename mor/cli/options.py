@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 import click
 
 from mor.errors import InputError, Message
-from mor.input_files import is_folder, note_input
+from mor.input_files import is_folder, keep_standard_input, note_input
 from mor.linalg.compilation import ASKED, WAYS
 from mor.machine import processors
 
@@ -112,8 +112,11 @@ format_option = click.option(
 def only_project(path: Path, source_format: str | None = None) -> Path:
     """Return the only project file of a folder; any other path, and a folder in a foreign format, as it is.
 
-    Raises :class:`InputError` for a folder with several project files, and lists them.
+    ``-`` is standard input, which is read here. Raises :class:`InputError` for a folder with several project files,
+    and lists them.
     """
+    if str(path) == "-":
+        return keep_standard_input()
     if source_format or not is_folder(path):
         return path
     from mor.formats import is_foreign

@@ -12,6 +12,7 @@ from mor.errors import InputError, Message, nearest
 from mor.formats.catalogue import FORMATS
 from mor.formats.draft import Writer, Written
 from mor.formats.recognition import explain_unknown, format_of, is_stem
+from mor.input_files import standard_input
 from mor.project.document import Document
 
 Reader = Callable[[Path], Document]
@@ -28,7 +29,7 @@ def read_foreign(path: Path, key: str = "", beside: bool = False) -> Document:
 
     ``beside``: the file is put together with others. Raises :class:`InputError` with every mistake found.
     """
-    if not path.exists() and not is_stem(path):
+    if standard_input(path) is None and not path.exists() and not is_stem(path):
         raise InputError([Message(f"this file does not exist{_suffix_hint(path)}", str(path))])
     key = key or format_of(path) or ""
     form = FORMATS.get(key)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import gzip
 import io
 import re
@@ -10,6 +11,7 @@ import zipfile
 import zlib
 from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass, field
+from difflib import SequenceMatcher
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -34,7 +36,7 @@ from mor.formats.draft import (
     read_lines,
     usable,
 )
-from mor.input_files import PROJECT, TABLE, check_size, is_folder, read_bytes, read_text
+from mor.input_files import PROJECT, TABLE, check_size, is_folder, read_bytes, read_text, standard_input
 from mor.project.document import Document
 from mor.types import FloatArray, IntArray
 
@@ -989,6 +991,24 @@ class Sample:
         lines = lines[:-1] if len(self.head) == _RECOGNITION_HEAD else lines
         return [bare for line in lines if (bare := line.strip("\0\1\2\3\4\x1a\r")).strip()][:_RECORDS]
 
+    @cached_property
+    def kind(self) -> str:
+        """xml, json or text."""
+        return (
+            "xml"
+            if self.root
+            else "json"
+            if self.text.lstrip()[:1] in ("{", "[") and '":' in self.text
+            else "text"
+        )
+
+    @cached_property
+    def binary(self) -> str:
+        """What a file is that is no text, told by its first bytes; empty for text."""
+        known = (words for begins, words in _BINARY if re.match(begins, self.head, re.DOTALL))
+        wide = self.head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
+        return next(known, "a binary file of an unknown kind" if b"\0" in self.head and not wide else "")
+
 
 class Candidate(NamedTuple):
     """A format that an input may have, and why."""
@@ -1010,7 +1030,8 @@ def format_of(path: Path) -> str | None:
     if suffix == ".csv":
         return "metashape-reference" if _reference_pane(sample) else None
     found = candidates(sample)
-    return found[0].key if len(found) == 1 else _by_suffix(path) if not found else None
+    by_suffix = not found and sample.head and not sample.binary
+    return found[0].key if len(found) == 1 else _by_suffix(path) if by_suffix else None
 
 
 def candidates(sample: Sample) -> list[Candidate]:
@@ -1023,7 +1044,7 @@ def candidates(sample: Sample) -> list[Candidate]:
 
 
 def explain_unknown(path: Path) -> str:
-    """Say which formats a file is nearest to, and why, if none or several of them can be meant."""
+    """Say what a file looks like, and which formats it is nearest to, if none or several of them can be meant."""
     sample = _sample(path)
     found = candidates(sample)
     if len(found) > 1:
@@ -1032,49 +1053,95 @@ def explain_unknown(path: Path) -> str:
     for pattern, words in _NOT_READ:
         if any(pattern.search(line) for line in sample.records[:3]):
             return words
-    if b"\0" in sample.head:
-        return "this is a binary file of no format that is read; --from tells the format if it has one"
+    kind = sample.binary
+    if kind:
+        return f"this is {kind}, in no format that is read; {_TELL}"
     if not sample.text.strip():
         return "this file is empty"
-    near = _nearest(sample)
-    if near:
-        said = "; ".join(f"{c.key} ({c.reason})" for c in near)
-        return f"the format of this file is unknown; the nearest are {said}; --from tells the format"
-    if sample.root:
-        return f"the root element <{sample.root}> is that of no format that is read"
-    return "this text has no records of a format that is read; mor new begins a project from tables"
+    said = "; ".join(f"{c.key} ({c.reason})" for c in _nearest(sample))
+    return f"this is {_looks(sample)}, in no format that is read; the nearest are {said}; {_TELL}"
 
+
+_TELL = "--from tells the format, mor new begins a project from tables (CSV, Parquet, spreadsheets)"
 
 _NOT_READ = (
     (
         re.compile(r"^00..SC V"),
         "this is a Trimble DC file (Survey Controller), which is not read; export the job as JobXML (.jxl)",
     ),
+    (
+        re.compile(r"_\+?\S+_ \?[+-]\d{8}m"),
+        "this is a Topcon GTS-6 file (FC-4, FC-5), which is not read; export the job as GTS-7",
+    ),
+    (
+        re.compile(r"For R[45]\|"),
+        "this is a Zeiss Elta file (R4, R5), which is not read; export the job as M5",
+    ),
     (re.compile(r"RINEX VERSION / TYPE"), "this is a RINEX file; GNSS receivers' raw data are not read"),
 )
 """Formats that are known and not read."""
+_BINARY = (
+    (b"%PDF", "a PDF document"),
+    (
+        b"\x89PNG|\xff\xd8\xff|II\\*\0|MM\0\\*|GIF8|BM.{4}\0\0\0\0|RIFF.{4}WEBP|.{4}ftyp(?:heic|mif1|avif)|8BPS",
+        "an image",
+    ),
+    (
+        b"PK\3\4.*?(?:xl/|opendocument\\.spreadsheet)",
+        "a spreadsheet",
+    ),
+    (b"PK\3\4.*?(?:word/|opendocument\\.text)", "a text document"),
+    (b"PK[\3\5]", "a ZIP archive"),
+    (b"\xd0\xcf\x11\xe0", "a spreadsheet or document of Microsoft Office"),
+    (b"\x1f\x8b|7z\xbc\xaf|Rar!|BZh|\xfd7zXZ|\\(\xb5/\xfd", "a compressed file"),
+    (b"SQLite format 3\0", "an SQLite database"),
+    (b"PAR1", "a Parquet table"),
+    (b"\x89HDF|CDF[\1\2\5]", "a file of scientific arrays (HDF5, NetCDF)"),
+    (b"LASF", "a point cloud (LAS, LAZ)"),
+    (b"AC10\\d\\d\0", "an AutoCAD drawing"),
+    (b"\x7fELF|MZ.*?\0|\xca\xfe\xba\xbe", "a program"),
+)
+"""First bytes of files that are no text, and what they are."""
+
+
+def _looks(sample: Sample) -> str:
+    """What a text is: XML, JSON, a table or lines that begin with something."""
+    if sample.root:
+        return f"XML with the root element <{sample.root}>"
+    if sample.kind == "json":
+        return "JSON"
+    first = sample.records[0].strip()
+    for sign, name in ((";", "semicolons"), ("\t", "tabs"), (",", "commas")):
+        counts = {line.count(sign) for line in sample.records[:5]}
+        if len(counts) == 1 and min(counts) and len(sample.records) > 1:
+            return f"a table of {min(counts) + 1} columns between {name}"
+    return f"text that begins with {first[:_SHOWN]!r}"
+
+
+_SHOWN = 40
+"""Letters of an unknown file that its message repeats."""
 
 
 def _nearest(sample: Sample) -> list[Candidate]:
-    """At most three formats of records that some lines look like, or whose suffix the file has."""
-    scores: list[tuple[float, Candidate]] = []
-    for key, pattern, _, form in _RECORD_FORMATS:
-        count = sum(pattern.match(line) is not None for line in sample.records)
-        if count:
-            words = f"{count} of its first {len(sample.records)} lines look like {form}"
-            scores.append((count / len(sample.records), Candidate(key, words)))
-    suffix = sample.path.suffix.lower()
-    for key, known in FORMATS.items():
-        if suffix and suffix in known.suffixes and known.read is not None:
-            scores.append((0.5 if suffix not in _VAGUE else 0.01, Candidate(key, f"the suffix {suffix}")))
-    scores.sort(key=lambda scored: -scored[0])
-    best: dict[str, Candidate] = {}
-    for _, candidate in scores:
-        best.setdefault(candidate.key, candidate)
-    return list(best.values())[:3]
+    """The three formats that a text comes nearest to: by its lines, its root element or its suffix, and what lacks."""
+    scored: dict[str, tuple[float, Candidate]] = {}
+    for rule in _RULES:
+        if FORMATS[rule.key].read is None or rule.kind != sample.kind:
+            continue
+        pattern = re.compile(_SIMILAR.get(rule.key, "$"), re.IGNORECASE)
+        score = sum(pattern.match(line) is not None for line in sample.records) / max(len(sample.records), 1)
+        if sample.root:
+            score = SequenceMatcher(None, sample.root.lower(), rule.expected.lower()).ratio()
+        score += 0.5 * (sample.path.suffix.lower() in FORMATS[rule.key].suffixes)
+        scored.setdefault(rule.key, (score, Candidate(rule.key, f"expected {rule.expected}")))
+    usual = [key for key in _SIMILAR if key in scored] or list(scored)
+    return [scored[key][1] for key in sorted(usual, key=lambda key: -scored[key][0])[:3]]
 
 
 def _sample(path: Path) -> Sample:
+    given = standard_input(path)
+    if given is not None:
+        return Sample(path, given[:_RECOGNITION_HEAD])
     if is_folder(path):
         return Sample(path, names=frozenset(_names(path)))
     try:
@@ -1159,7 +1226,14 @@ def _idx(sample: Sample) -> bool:
 
 
 def _sections(sample: Sample) -> bool:
-    return not sample.root and any(len(words) > 0 and words[0].startswith("[") for words in sample.lines)
+    """A section that a network has, in brackets: an INI file has others."""
+    return not sample.root and _SECTION.search(sample.text) is not None
+
+
+_SECTION = re.compile(
+    r"^\s*\[\s*(?:project|coordinates|datum|sigma0|\w*(?:distance|bearing|angle|direction|difference)s)\b",
+    re.MULTILINE | re.IGNORECASE,
+)
 
 
 def _bal(sample: Sample) -> bool:
@@ -1227,7 +1301,12 @@ def _gcp(sample: Sample) -> bool:
 
 
 _RECORD_FORMATS: tuple[tuple[str, re.Pattern[str], int, str], ...] = (
-    ("gsi", re.compile(r"\s*\*?\d{2}[\d.]{4}[+-]"), 1, "blocks of words as in 110001+00000001"),
+    (
+        "gsi",
+        re.compile(r"\s*\*?\d{2}[\d.]{4}[+-][^_\s]+(?:\s+\d{2}\S{4}[+-]|\s*$)"),
+        1,
+        "blocks of words as in 110001+00000001",
+    ),
     ("sdr", re.compile(r"00..SDR"), 1, "the head of an SDR33 file"),
     ("m5", re.compile(r"For M5\|Adr"), 1, "records For M5|Adr"),
     (
@@ -1255,10 +1334,41 @@ _RECORD_FORMATS: tuple[tuple[str, re.Pattern[str], int, str], ...] = (
 """Formats of records: key, a line, how many such lines there are at least, and what they look like."""
 
 
+_PLAIN = r"\s*(?:[-+\d.]+[\s,]+){%d,}[-+\d.]+\s*$"
+_SIMILAR = {
+    "starnet": _STARNET.pattern,
+    "gsi": r"\s*\*?\d{2}\S{4}[+-]|\*?\d{6}",
+    "sdr": r"[01]\d[A-Z]{2}",
+    "m5": r"For\b|(?:[^|]*\|){3}",
+    "rw5": r"[A-Z]{2},[A-Z]{2}|--",
+    "nikon": r"[A-Z]{2},[^,]*,",
+    "sokkia-scr": r"A,|\w+,E[ae],",
+    "topcon": r"(?:TopSURV|GTS-7|JOB|UNITS|STN|BKB|[BFS]S|SD|HV|XYZ)\s",
+    "geodimeter": r"\s*\d{1,3}\s*=",
+    "idx": r"\s*(?:[A-Z_]+\s+|\d+,).*;|HEADER|DATABASE|THEODOLITE",
+    "snap": r"\s*(?:#?data|coordinate|title|[a-z_]+_file|[a-z_]+_error)",
+    "sinex": r"[%+*-][A-Z=/_]{3}",
+    "dynadjust": r"!#=|[A-Z]\s.*[A-Z]{3} (?:LLH|XYZ|UTM)",
+    "textbook": r"\s*\[",
+    "gcp": r"\s*(?:[-+\d.]+\s+){5}\S+",
+    "bal": _PLAIN % 2,
+    "pat-b": r"\s*\S+(?:\s+[-+\d.]+){2}\s*$|\s*-99",
+    "photomodeler": _PLAIN % 4,
+    "pix4d-cam": r"(?:F|Px|Py|K\d|T\d) [-\d.]",
+    "bundler": r"# Bundle",
+    "metashape-reference": r"#|[^,]*,(?:[-\d.]*,){3}",
+    "jag3d-script": r"(?:CREATE|INSERT|SET) ",
+}
+"""How lines of each format of text begin, less strict than its rule, the usual formats first: for unknown files."""
+
+
 class _Rule(NamedTuple):
     key: str
     reason: Callable[[Sample], str]
     certain: bool
+    expected: str
+    kind: str = "text"
+    """text, json, xml, or files for rules on names."""
 
 
 def _root(key: str, name: str, words: str = "") -> _Rule:
@@ -1267,7 +1377,7 @@ def _root(key: str, name: str, words: str = "") -> _Rule:
     def reason(sample: Sample) -> str:
         return f"its root element is <{name}>" if sample.root == name and words in sample.text else ""
 
-    return _Rule(key, reason, True)
+    return _Rule(key, reason, True, f"the root element <{name}>", "xml")
 
 
 def _records(key: str, pattern: re.Pattern[str], least: int, form: str) -> _Rule:
@@ -1279,24 +1389,36 @@ def _records(key: str, pattern: re.Pattern[str], least: int, form: str) -> _Rule
         count = sum(pattern.match(line) is not None for line in sample.records)
         return f"lines look like {form}" if count >= min(least, len(sample.records)) else ""
 
-    return _Rule(key, reason, False)
+    return _Rule(key, reason, False, form if least == 1 else f"{least} lines or more like {form}")
 
 
-def _if(key: str, holds: Callable[[Sample], bool], said: str, certain: bool = True) -> _Rule:
-    return _Rule(key, lambda sample: said if holds(sample) else "", certain)
+def _if(
+    key: str, holds: Callable[[Sample], bool], said: str, certain: bool = True, kind: str = "text"
+) -> _Rule:
+    return _Rule(key, lambda sample: said if holds(sample) else "", certain, said, kind)
 
 
 _RULES: tuple[_Rule, ...] = (
-    _if("colmap", _colmap, "the files of a COLMAP model"),
-    _if("jag3d", _jag3d, "the file names of a JAG3D project"),
-    _if("pix4d", _pix4d, "the file names of Pix4Dmapper"),
-    _if("bingo", lambda sample: is_bingo(sample.names, sample.path), "the file names of BINGO"),
-    _if("openmvg", lambda sample: '"sfm_data_version"' in sample.text, "JSON with sfm_data_version"),
-    _if("alicevision", _alicevision, "JSON with views and intrinsics"),
-    _if("opensfm", _opensfm, "a reconstruction with shots"),
-    _if("aicon", _aicon, "the file names of AICON 3D Studio"),
+    _if("colmap", _colmap, "the files of a COLMAP model", kind="files"),
+    _if("jag3d", _jag3d, "the file names of a JAG3D project", kind="files"),
+    _if("pix4d", _pix4d, "the file names of Pix4Dmapper", kind="files"),
+    _if("bingo", lambda sample: is_bingo(sample.names, sample.path), "the file names of BINGO", kind="files"),
+    _if(
+        "openmvg",
+        lambda sample: '"sfm_data_version"' in sample.text,
+        "JSON with sfm_data_version",
+        kind="json",
+    ),
+    _if("alicevision", _alicevision, "JSON with views and intrinsics", kind="json"),
+    _if("opensfm", _opensfm, "a reconstruction with shots", kind="json"),
+    _if("aicon", _aicon, "the file names of AICON 3D Studio", kind="files"),
     _root("dbat", "document", "dbat_script_version"),
-    _if("metashape", lambda sample: is_project(sample.path) and bool(sample.head), "a Metashape project"),
+    _if(
+        "metashape",
+        lambda sample: is_project(sample.path) and bool(sample.head),
+        "a Metashape project",
+        kind="files",
+    ),
     _root("metashape", "document", "<chunk"),
     _root("metashape", "chunk", "<chunk"),
     _if("metashape-reference", _reference_pane, "the columns of a reference pane"),
@@ -1316,6 +1438,6 @@ _RULES: tuple[_Rule, ...] = (
     _if("pat-b", _patb, "photos that end with -99", certain=False),
     _if("starnet", _starnet, "the codes and names of STAR*NET", certain=False),
     _if("photomodeler", _photomodeler, "the head of a PhotoModeler export", certain=False),
-    _if("textbook", _sections, "sections in brackets", certain=False),
+    _if("textbook", _sections, "sections as in [Coordinates]", certain=False),
 )
 """What tells each format."""

@@ -19,7 +19,7 @@ from typing import Any, NamedTuple
 
 from mor import __version__
 from mor.errors import InputError, Message
-from mor.input_files import holds_input
+from mor.input_files import holds_input, standard_input
 from mor.output_files import (
     MANIFEST,
     MANIFESTS,
@@ -381,6 +381,9 @@ def _is_of(files: Sequence[dict[str, Any]], project: Path) -> bool:
 
 def _unchanged(file: dict[str, Any], project: Path) -> bool:
     path = project.parent / file["file"]
+    given = standard_input(path)
+    if given is not None:
+        return bool(hashlib.sha256(given).hexdigest() == file["sha256"])
     if not path.is_file() or path.stat().st_size != file["bytes"]:  # a pipe would be waited for
         return False
     with path.open("rb") as content:

@@ -7,6 +7,8 @@ The outputs of all commands are found by the types of their options and argument
 
 from __future__ import annotations
 
+import io
+import json
 import os
 import random
 import signal
@@ -34,7 +36,7 @@ from tests.scenarios.output_trials import (
     parameters,
     within,
 )
-from tests.scenarios.small_projects import LEVELLING, mor, write
+from tests.scenarios.small_projects import LEVELLING, Run, mor, write
 
 
 @pytest.fixture(scope="module")
@@ -173,6 +175,58 @@ def _made(file: Path, what: str) -> str:
     else:
         file.symlink_to("/dev/zero")
     return file.name
+
+
+class TestStandardInput:
+    """``-`` reads the project from standard input; tables and results count from the current folder."""
+
+    @staticmethod
+    def run(monkeypatch: pytest.MonkeyPatch, text: str, *arguments: object) -> Run:
+        monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(text.encode())))
+        return mor(*arguments)
+
+    @pytest.mark.parametrize("foreign", [False, True])
+    def test_is_adjusted_as_the_file_is(
+        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, foreign: bool
+    ) -> None:
+        text = LEVELLING.replace(
+            "columns: [from, to, dz, sigma]\n    rows: [[A, B, 1.001, 0.001], [B, C, 1.002, 0.001], "
+            "[C, A, -2.001, 0.001]]",
+            "file: dz.csv",
+        )
+        rows = "from,to,dz,sigma\nA,B,1.001,0.001\nB,C,1.002,0.001\nC,A,-2.001,0.001\n"
+        project = write(tmp_path, text, dz=rows)
+        if foreign:
+            project = tmp_path / "net.gkf"
+            assert mor("convert", tmp_path / "project.yaml", project).code == 0
+        with within(tmp_path):
+            assert mor("adjust", project.name, "--no-html").code == 0
+            assert mor("check", "-").code == 2  # standard input of the tests is closed or empty
+            for _ in range(2):  # the same input again replaces its results
+                run = self.run(monkeypatch, project.read_text(), "adjust", "-", "--no-html")
+                assert run.code == 0, run.err
+            assert self.run(monkeypatch, project.read_text() + "\n", "adjust", "-").code == 2
+            assert self.run(monkeypatch, project.read_text(), "check", "-").code == 0
+        results = [
+            json.loads((tmp_path / name / "results.json").read_text())
+            for name in (f"{project.stem}.results", "stdin.results")
+        ]
+        assert results[0]["points"] == results[1]["points"]
+        assert results[1]["identity"]["inputs"][0]["file"] == "stdin"
+
+    def test_mistakes_have_their_line(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        with within(tmp_path):
+            run = self.run(monkeypatch, LEVELLING.replace("height_difference", "hight"), "check", "-")
+            assert run.code == 2
+            assert run.err.startswith("stdin:7: ")
+            assert "this file is empty" in self.run(monkeypatch, "", "adjust", "-").err
+            (tmp_path / "stdin").write_text(LEVELLING)
+            assert mor("check", "stdin").code == 0, "a file of that name is read as a file"
+
+    def test_more_than_the_limit_is_refused(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+        monkeypatch.setenv("MOR_MAX_PROJECT_MB", "1")
+        run = self.run(monkeypatch, "#" * 1_000_001, "check", "-")
+        assert (run.code, run.err[:31]) == (2, "stdin: found more than 1 MB; a ")
 
 
 class TestTheOnlyProjectOfAFolder:

@@ -147,6 +147,11 @@ def test_what_the_files_say(tmp_path: Path) -> None:
             "MSR    13.12.2018       GDA1966",
             r"n\.msr:1: found the reference frame",
         ),
+        (
+            "MSR    13.12.2018       GDA2020    01.01.2020",
+            "MSR    13.12.2018",
+            r"n\.msr:1: found no reference frame, expected one of GDA94",
+        ),
         ("24 31.0", "64 31.0", r"n\.msr:\d+: found the angle 90 64 31"),
         ("0 00 01.0", "0 61 01.0", r"n\.msr:\d+: found the angle 10 61 01"),
         (

@@ -283,6 +283,11 @@ def test_readings_that_are_no_angles_are_left_out() -> None:
         ("a.gsi", "110001+00000001 21.109+10000000", r"a\.gsi:1: word 21: found unit '9'"),
         ("a.sdr", "00NMSDR33 V04 25-Nov-15 12:33 911111", r"a\.sdr:1: found angles of kind 9"),
         ("a.m5", "For M5|Adr 1|PI1   2|SD 1.2 ft|Hz 12.6101 DMS|", r"a\.m5:1: found SD in 'ft'"),
+        (
+            "a.m5",
+            "For M5|Adr 1|TO  Start-Line  BF  1|    |    |    |\nFor M5|Adr 2|KD1  B1  1|Rb 1.5 m |HD 25.3 m |  |",
+            "level readings: books of levels are not read",
+        ),
         ("a.job", "5=P1\nfive=3", r"a\.job:2: found 'five=3'"),
         ("a.job", "9=3", "neither a point nor a reading"),
     ],
@@ -292,6 +297,18 @@ def test_mistakes_have_their_line(tmp_path: Path, name: str, text: str, words: s
     path.write_text(text)
     with pytest.raises(InputError, match=words):
         read_foreign(path, "geodimeter" if path.suffix == ".job" else "")
+
+
+def test_m5_may_have_the_names_and_the_gon_of_zeiss(tmp_path: Path) -> None:
+    """D is the slope distance, E the horizontal distance, grd the gon."""
+    documents = []
+    for changes in ((), (("SD ", "D  "), (" gon", " grd"))):
+        text = BOOKS["b.m5"]
+        for old, new in changes:
+            text = text.replace(old, new)
+        (tmp_path / "b.m5").write_text(text)
+        documents.append(read_foreign(tmp_path / "b.m5").data)
+    assert documents[0] == documents[1]
 
 
 def test_readings_match_the_network(tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ METRES = {"meter": 1.0, "foot": 0.3048, "USSurveyFoot": 1200 / 3937, "millimeter
 
 
 def _angle(gon: float, unit: str) -> str:
-    if unit != "decimal dd.mm.ss":
+    if not unit.endswith("dd.mm.ss"):
         return repr(float(gon) * {"radians": np.pi / 200, "grads": 1.0, "decimal degrees": 0.9}[unit])
     micro = round(gon * 0.9 * 3600e6)
     degrees, rest = divmod(micro, 3600_000_000)
@@ -60,6 +60,7 @@ def survey(length: str = "meter", angle: str = "decimal dd.mm.ss") -> str:
     ("length", "angle"),
     [
         ("meter", "decimal dd.mm.ss"),
+        ("meter", "decimal  dd.mm.ss"),
         ("foot", "decimal degrees"),
         ("USSurveyFoot", "radians"),
         ("millimeter", "grads"),

@@ -61,18 +61,39 @@ def test_records_tell_the_format_whatever_the_name(tmp_path: Path, key: str, suf
 @pytest.mark.parametrize(
     ("name", "text", "words"),
     [
-        ("a.txt", "hello world\nthis is text\n", "this text has no records of a format that is read"),
+        (
+            "a.txt",
+            "hello world\nthis is text\n",
+            "this is text that begins with 'hello world', in no format that is read; the nearest are "
+            "starnet (expected the codes and names of STAR*NET); gsi (expected blocks of words",
+        ),
+        ("a.txt", "a: [b\nc: }\n", "this is text that begins with 'a: [b'"),
+        ("a.ini", "[core]\nkey = 1\n", "this is text that begins with '[core]'"),
+        ("a.txt", "id;x;y\nA;1;2\n", "this is a table of 3 columns between semicolons"),
+        ("a.txt", '{"a": 1}', "this is JSON, in no format that is read; the nearest are openmvg"),
+        ("b.gsi", "", "this file is empty"),
         ("a.gsi", "hello\nworld\n", "expected words like 21.322"),
-        ("a.xml", "<html><body/></html>", "the root element <html> is that of no format that is read"),
-        ("a.dat", "x\0y", "this is a binary file"),
+        (
+            "a.xml",
+            "<html><body/></html>",
+            "XML with the root element <html>, in no format that is read; the nearest are jobxml",
+        ),
+        ("a.dat", "x\0y", "this is a binary file of an unknown kind"),
         ("a.txt", "", "this file is empty"),
+        (
+            "a.txt",
+            "_'A_(_)1.540_+1_ ?+00043575m0970930+1317260g+00043530t**+00+00111_*_,1.500_+2_ ?+00064702m0968990+136"
+            "0970g\n_,1.500_+3_ ?+00070501m096\n087110+00070412t**+00+00101_*_,1.500_+4_\n",
+            "a Topcon GTS-6 file",
+        ),
+        ("a.txt", "For R5|Adr 0001|TR OR.COOR|          |          |          |\n", "a Zeiss Elta file"),
         ("a.dc", "00TMSC V10-70       0   10/01/2021 13:52113111\n", "a Trimble DC file"),
         (
             "a.txt",
             "JOB     A\nsome\nother\nlines\n",
-            "the nearest are topcon (1 of its first 4 lines look like the records STN, JOB, UNITS)",
+            "the nearest are topcon (expected 2 lines or more like the records STN, JOB, UNITS); ",
         ),
-        ("a.txt", "10 8 3\n1 2 3 4\n[section]\n", "this file may have several formats (bal: three counts"),
+        ("a.txt", "10 8 3\n1 2 3 4\n[Datum]\n", "this file may have several formats (bal: three counts"),
     ],
 )
 def test_unknown_files_are_answered_with_what_they_look_like(
@@ -84,6 +105,48 @@ def test_unknown_files_are_answered_with_what_they_look_like(
         read_document(path)
     assert words in str(error.value)
     assert "YAML" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["a.pdf", "a", "a.txt", "a.gsi", "a.dat"])
+@pytest.mark.parametrize(
+    ("begin", "words"),
+    [
+        (b"%PDF-1.7\n%\xe2\xe3", "a PDF document"),
+        (b"\x89PNG\r\n\x1a\n", "an image"),
+        (b"\xff\xd8\xff\xe0\0\x10JFIF", "an image"),
+        (b"II*\0\x08\0", "an image"),
+        (b"PK\3\4\x14\0[Content_Types].xml..PK\3\4xl/workbook.xml", "a spreadsheet"),
+        (b"PK\3\4\0mimetypeapplication/vnd.oasis.opendocument.spreadsheet", "a spreadsheet"),
+        (b"PK\3\4\0a.txt", "a ZIP archive"),
+        (b"\xd0\xcf\x11\xe0\xa1\xb1", "a spreadsheet or document of Microsoft Office"),
+        (b"(\xb5/\xfd", "a compressed file"),
+        (b"SQLite format 3\0", "an SQLite database"),
+        (b"abc\0\1", "a binary file of an unknown kind"),
+    ],
+)
+def test_binary_files_are_named_by_their_first_bytes(
+    tmp_path: Path, name: str, begin: bytes, words: str
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(begin + bytes(range(256)))
+    with pytest.raises(InputError, match=f"this is {words}, in no format that is read") as error:
+        read_document(path)
+    assert len(error.value.problems) == 1
+
+
+@pytest.mark.parametrize("seed", range(60))
+def test_any_text_is_answered_with_one_message_and_three_formats(tmp_path: Path, seed: int) -> None:
+    random = np.random.default_rng(seed)
+    letters = np.array(list("abcdeXYZ0123456789 .,;:-+'\"{}[]()<>#%*\t\n\u00fc"))
+    path = tmp_path / "file"
+    path.write_text(
+        "q" + "".join(random.choice(letters, 300)), encoding=("utf-8", "latin-1", "utf-16")[seed % 3]
+    )
+    with pytest.raises(InputError) as error:
+        read_document(path)
+    (message,) = error.value.problems
+    assert "YAML" not in str(message)
+    assert str(message).count(" (expected ") == 3
 
 
 def test_a_project_file_may_have_any_suffix(tmp_path: Path) -> None:

@@ -123,7 +123,8 @@ def marked_lines(path: Path, draft: Draft) -> list[str]:
         )
     lines = read_lines(path, draft)
     words = (lines[0] if lines else "").split()
-    if not lines or not lines[0].startswith(_MARK) or len(words) < 2 or words[1].split(".")[0] != "3":
+    version = words[1].partition(".")[0] if len(words) > 1 else ""
+    if not lines or not lines[0].startswith(_MARK) or version not in ("3", "300", "301"):
         said = lines[0][:30] if lines else ""
         raise InputError([Message(f"found {said!r}, expected {_MARK} 3 in the first line", str(path), 1)])
     return lines
@@ -609,15 +610,17 @@ def _system(code: int) -> ReferenceSystem:
 
 def frame_of(lines: list[str], draft: Draft) -> str:
     """The frame that the first line names. Raises :class:`InputError` if it is none that is known."""
-    words = lines[0].split()
-    frame = next((word.upper() for word in words[3:] if word.upper() in SYSTEMS), "")
-    return known_frame(frame or (words[4] if len(words) > 4 else lines[0]), 1, draft)
+    words = [
+        word for word in lines[0].split()[2:] if word[0].isalpha() and word.upper() not in ("STN", "MSR")
+    ]
+    return known_frame(next((word for word in words if word.upper() in SYSTEMS), (*words, "")[0]), 1, draft)
 
 
 def known_frame(name: str, line: int, draft: Draft) -> str:
     """A frame by its name. Raises :class:`InputError` if it is none that is known."""
     if name.upper() not in SYSTEMS:
-        words = f"found the reference frame {name!r}, expected one of {', '.join(SYSTEMS)}"
+        found = f"the reference frame {name!r}" if name else "no reference frame"
+        words = f"found {found}, expected one of {', '.join(SYSTEMS)}"
         draft.problem(words, line)
         raise InputError(draft.problems)
     return name.upper()

@@ -40,6 +40,7 @@ CIRCLE_SET = 1e-4
 """Part of the full circle (2 arcmin) within which a sight reads what the circle was set to."""
 COMPUTED = "coordinates that the instrument computed from its readings"
 _ZERO = "coordinates that are all 0"
+LEVEL = "level readings: books of levels are not read"
 
 
 class Sight(NamedTuple):

@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mor.formats.draft import Draft
-from mor.formats.fieldbook.book import FieldBook, Place, Sight, records, sexagesimal
+from mor.formats.fieldbook.book import LEVEL, FieldBook, Place, Sight, records, sexagesimal
 from mor.project.document import Document
 
 _WORD = re.compile(r"^(\d\d)([\d.]{4})([+-])(.+)$")
@@ -30,7 +30,6 @@ _NAMES = {
     "51": "ppm and prism constant",
     "58": "prism constant",
 }
-_LEVEL = "level readings: books of levels are not read"
 _STATION_CODES = ("2", "21")
 """Codes of set-ups that programs of many offices share: 42 point, 43 instrument height (mm), 44 target height."""
 _TARGET_CODE = "3"
@@ -148,7 +147,7 @@ class _Reader:
         elif "11" not in words:
             self.book.leave_out(_NAMES.get(next(iter(words)), f"word {next(iter(words))}"), line)
         elif block.level or (self.levels and not block.readings):
-            self.book.leave_out(_LEVEL, line)
+            self.book.leave_out(LEVEL, line)
         else:
             name = _plain(words["11"][1])
             if block.readings:

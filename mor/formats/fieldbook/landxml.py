@@ -120,9 +120,10 @@ def _units(root: Element, draft: Draft) -> tuple[float, str, str]:
     found = []
     for name in ("angularUnit", "directionUnit"):
         unit = inner.attributes.get(name, "radians")
-        if unit.lower() not in _ANGLES:
+        known = _ANGLES.get(" ".join(unit.lower().split()))
+        if known is None:
             draft.problem(f"found the {name} {unit!r}, expected one of {', '.join(_ANGLES)}", inner.line)
-        found.append(_ANGLES.get(unit.lower(), "rad"))
+        found.append(known or "rad")
     return _METRES.get(given.lower(), 1.0), found[0], found[1]
 
 

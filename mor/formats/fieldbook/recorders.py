@@ -8,7 +8,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from mor.formats.draft import Draft, parse_number
-from mor.formats.fieldbook.book import FieldBook, Sight, records, sexagesimal
+from mor.formats.fieldbook.book import LEVEL, FieldBook, Sight, records, sexagesimal
 from mor.project.document import Document
 
 # ------------------------------------------------------------
@@ -242,8 +242,8 @@ class _Reader:
 # ------------------------------------------------------------
 # Zeiss and Trimble M5: an address, a point or text, and three values with their units, in columns between bars.
 #
-# SD slope distance, HD horizontal distance, Hz circle, V1 zenith angle, Y east, X north, Z height, th and ih
-# heights of target and instrument (Trimble, "M5 data format").
+# SD (Zeiss: D) slope distance, HD (E) horizontal distance, Hz circle, V1 zenith angle, Y east, X north, Z height,
+# th and ih heights of target and instrument (Trimble, "M5 data format").
 #
 # A stationing (TI … STAT) is recorded as its sights, then the station (PI1 S name), then the turn of the
 # circle (Om) and the instrument height; the sights that follow read the turned circle. Coordinates of a point
@@ -252,6 +252,9 @@ class _Reader:
 
 _VALUE = re.compile(r"^(\S+?)_?\s+(-?[\d.]+)\s*(\S*)$")
 _KNOWN = ("SD", "HD", "Hz", "V1", "Y", "X", "Z", "th", "ih")
+_ALIASES = {"D": "SD", "E": "HD"}
+"""Names of Zeiss instruments."""
+_M5_UNITS = {"gon": "gon", "grd": "gon", "grad": "gon", "deg": "deg", "m": "m"}
 
 
 def read_m5(path: Path) -> Document:
@@ -288,7 +291,11 @@ class _M5Reader:
         """One line."""
         values = self._values(cells, line)
         kind, *words = what.split()
-        if kind.startswith("TI"):
+        if kind.startswith("KD"):
+            self.book.leave_out(LEVEL, line)
+        elif kind == "TO":
+            self.book.leave_out("texts of the program", line)
+        elif kind.startswith("TI"):
             self._text(words, values, line)
         elif kind.startswith("PI"):
             self._point(words, values, line)
@@ -303,11 +310,11 @@ class _M5Reader:
                 if cell.strip():
                     self.book.leave_out(f"value {cell.split()[0]}", line)
                 continue
-            name, text, unit = match[1], match[2], match[3]
-            if unit == "DMS":
+            name, text, unit = _ALIASES.get(match[1], match[1]), match[2], match[3].lower()
+            if unit == "dms":
                 values[name] = sexagesimal(text), "deg"
-            elif unit.lower() in ("gon", "deg", "m"):
-                values[name] = parse_number(text), unit.lower()
+            elif unit in _M5_UNITS:
+                values[name] = parse_number(text), _M5_UNITS[unit]
             elif name in _KNOWN:
                 raise ValueError(f"found {name} in {unit!r}, expected m, gon, deg or DMS")
             else:
