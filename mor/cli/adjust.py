@@ -352,18 +352,18 @@ def chosen(asked: Asked, solved: Solved, say: Progress) -> Choice:
 
 def has_library(say: Progress) -> bool:
     """Return whether the chart library of the page is installed, and note if it is not."""
-    from mor.errors import Message as Problem
+    from mor.errors import Message
     from mor.report.page_data import library_path
 
     if library_path() is None:
-        say.notes([Problem("no report.html: the Python package plotly is missing (pip install plotly)")])
+        say.notes([Message("no report.html: the Python package plotly is missing (pip install plotly)")])
         return False
     return True
 
 
 def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Message]:
     """What is not written of a large project because nobody asked for it."""
-    from mor.errors import Message as Problem
+    from mor.errors import Message
     from mor.report.results import WORST, is_large
 
     if not is_large(solved) or solved.quality is None:
@@ -371,10 +371,10 @@ def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Mess
     notes = []
     if tables is None:
         notes.append(
-            Problem(f"of very many residuals the {WORST} worst are written; --tables all writes all")
+            Message(f"of very many residuals the {WORST} worst are written; --tables all writes all")
         )
     if html is None:
-        notes.append(Problem("no report.html of very many observations; --html writes it all the same"))
+        notes.append(Message("no report.html of very many observations; --html writes it all the same"))
     return notes
 
 

@@ -74,8 +74,7 @@ def command(
     Exit codes: 0 done; 2 input, or values stay missing and undetermined: leave_out is not set.
     """
     from mor.api.pipeline import read_document, read_network
-    from mor.errors import ExitCode, InputError
-    from mor.errors import Message as Problem
+    from mor.errors import ExitCode, InputError, Message
     from mor.output_files import check_file
     from mor.quality.determinability import AT_INFINITY
     from mor.report.adjusted_project import Placed
@@ -96,7 +95,7 @@ def command(
         missing = [thing for thing in approximation.missing if thing.treatment != AT_INFINITY]
         if missing and network.project.settings.undetermined == "refuse":
             count = counted(len(missing), "thing stays", "things stay")
-            raise InputError([Problem(f"{count} without start values, as the report says", str(project))])
+            raise InputError([Message(f"{count} without start values, as the report says", str(project))])
         write_project(Placed(network, approximation.start), document, project.parent, place)
     if not quiet:
         tell(f"project with start values in {folder}")

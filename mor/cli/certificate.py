@@ -77,21 +77,19 @@ def _name(camera: str, form: str | None) -> str:
 
 def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
     from mor.api.pipeline import read_document
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
     from mor.formats.calibration import write_calibration
 
     adjusted = results / "adjusted.yaml"
     if not adjusted.is_file():
         words = "no adjusted.yaml in this folder; expected the results of mor adjust"
-        raise InputError([Problem(words, str(results))])
+        raise InputError([Message(words, str(results))])
     return write_calibration(read_document(adjusted), results, camera, form, target)
 
 
 def _certified(results: Path, camera: str, target: Path, paper: str, lang: str) -> Content:
     """The certificate, or what writes it as PDF."""
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
     from mor.report.certificate import certificate, certificate_page, certificate_text
     from mor.report.language import words_of, words_of_page
     from mor.report.page import browser, print_page
@@ -99,7 +97,7 @@ def _certified(results: Path, camera: str, target: Path, paper: str, lang: str) 
 
     suffix = target.suffix.lower()
     if suffix not in (".html", ".txt", ".pdf"):
-        raise InputError([Problem("expected a name that ends in .html, .txt or .pdf", str(target))])
+        raise InputError([Message("expected a name that ends in .html, .txt or .pdf", str(target))])
     one = certificate(view_of_folder(results), camera)
     if suffix == ".html":
         return certificate_page(one, words_of_page(lang))

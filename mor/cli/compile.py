@@ -33,13 +33,12 @@ def command(quiet: bool) -> int:
     """
     from mor.cli.examples import sample_projects
     from mor.cli.progress import progress
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
     from mor.linalg import compilation
     from mor.report.language import words_of
 
     if not compilation.available:
-        raise InputError([Problem(compilation.MISSING)])
+        raise InputError([Message(compilation.MISSING)])
     words = words_of(language_of_command())
     with TemporaryDirectory() as folder, progress(quiet, False, words=words) as say:
         steps = [
@@ -51,7 +50,7 @@ def command(quiet: bool) -> int:
         try:
             kept = compilation.compile_all(steps, partial(more, 1))
         except Exception as error:
-            raise InputError([Problem(compilation.reason_of(error))]) from error
+            raise InputError([Message(compilation.reason_of(error))]) from error
     if not quiet:
         tell(f"kernels in {kept}")
     return ExitCode.DONE

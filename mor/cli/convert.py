@@ -66,15 +66,14 @@ def command(
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
     from mor.formats import format_to_write
     from mor.input_files import note_input
     from mor.output_files import write_files
 
     sources, place = (paths, output) if output is not None else (paths[:-1], paths[-1] if paths else None)
     if place is None or not sources:
-        raise InputError([Problem("give a SOURCE, and one TARGET, the file or folder to write")])
+        raise InputError([Message("give a SOURCE, and one TARGET, the file or folder to write")])
     for source in sources:
         note_input(source)
     source = sources[0]
@@ -84,7 +83,7 @@ def command(
         words = (
             "nothing in this name tells a format; give it the suffix .yaml for a project file, or --to FORMAT"
         )
-        raise InputError([Problem(words, str(place))])
+        raise InputError([Message(words, str(place))])
     files, notes = (
         _own_files(document, source, place) if not key else _foreign_files(document, source, place, key)
     )

@@ -85,8 +85,7 @@ def command(
     Exit codes: 0 done; 2 input, or no solution.
     """
     from mor.api.result import in_datum, reopen, solve
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
     from mor.linalg.compilation import chosen_by_size
     from mor.output_files import check_file, write_file
     from mor.report.covariance import check_covariance
@@ -94,12 +93,12 @@ def command(
     named = (points, images, cameras)
     if sum((named != (None, None, None), full, blocks, bool(relative), bool(relative_pose))) != 1:
         words = "choose --points, --images, --cameras together, or one of --full, --blocks, --relative, --relative-pose"
-        raise InputError([Problem(words)])
+        raise InputError([Message(words)])
     check_covariance(output)
     check_file(output, force)
     if (blocks or relative or relative_pose) and output.suffix != ".csv":
         raise InputError(
-            [Problem("--blocks, --relative and --relative-pose are written as .csv", str(output))]
+            [Message("--blocks, --relative and --relative-pose are written as .csv", str(output))]
         )
     project = reopen(results)
     solved = in_datum(project, target, "--to")[1] if target is not None else solve(project)
@@ -140,20 +139,18 @@ def _write(
 
 def _names(text: str | None, option: str, kind: str) -> list[str]:
     """Names in an option, none if it was not given."""
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
 
     names = [name.strip() for name in (text or "").split(",") if name.strip()]
     if text is not None and not names:
-        raise InputError([Problem(f"{option}: found {text!r}, expected names of {kind} A,B,…")])
+        raise InputError([Message(f"{option}: found {text!r}, expected names of {kind} A,B,…")])
     return names
 
 
 def _pair(text: str, option: str, kind: str) -> tuple[str, str]:
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
 
     names = [name.strip() for name in text.split(",")]
     if len(names) != 2 or names[0] == names[1]:
-        raise InputError([Problem(f"{option}: found {text!r}, expected two {kind} A,B")])
+        raise InputError([Message(f"{option}: found {text!r}, expected two {kind} A,B")])
     return names[0], names[1]

@@ -47,14 +47,13 @@ def command(name: str | None, output: Path | None) -> None:
 def sample_projects() -> list[Path]:
     """Folders of the sample projects: of the installed package, or of the source tree."""
     import mor
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
 
     package = Path(mor.__file__).parent
     for place in (package / "examples", package.parent / "sample_projects"):
         if found := sorted(path.parent for path in place.glob("*/project.yaml")):
             return found
-    raise InputError([Problem("this installation came without its sample projects")])
+    raise InputError([Message("this installation came without its sample projects")])
 
 
 def title(folder: Path) -> str:
@@ -68,14 +67,13 @@ def copy_sample(name: str, target: Path) -> None:
 
     Raises :class:`mor.errors.InputError`.
     """
-    from mor.errors import InputError, nearest
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message, nearest
     from mor.output_files import named, write_files
 
     known = {folder.name: folder for folder in sample_projects()}
     if name not in known:
         words = f"unknown sample project {name!r}{nearest(name, known)} (known: {', '.join(known)})"
-        raise InputError([Problem(words)])
+        raise InputError([Message(words)])
     ignored = ("__pycache__", "expected.json", "*.results")
     sample = known[name]
     with named(target):
@@ -83,7 +81,7 @@ def copy_sample(name: str, target: Path) -> None:
             return
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
             words = "this exists and is not an empty folder; -o names another"
-            raise InputError([Problem(words, str(target))])
+            raise InputError([Message(words, str(target))])
         write_files(
             {target / name: (sample / name).read_bytes() for name in _names(sample, ignored)},
             False,

@@ -73,8 +73,7 @@ def command(
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.errors import InputError, counted, nearest
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message, counted, nearest
     from mor.formats.exif import is_photograph
     from mor.output_files import write_files
     from mor.project.recognition import CameraSettings, begin, recognise, told_apart
@@ -84,7 +83,7 @@ def command(
     for unit, known in ((length, LENGTH_UNITS), (angle, ANGLE_UNITS)):
         if unit not in known:
             raise InputError(
-                [Problem(f"unknown unit {unit!r}{nearest(unit, known)} (known: {', '.join(known)})")]
+                [Message(f"unknown unit {unit!r}{nearest(unit, known)} (known: {', '.join(known)})")]
             )
     if tables and all(map(is_photograph, tables)):
         _begin_from_photographs(project, tables, force)

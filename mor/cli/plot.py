@@ -79,8 +79,7 @@ def command(
 def view_of_source(source: Path) -> View:
     """The view of results on disk, or of a project adjusted here. Raises :class:`mor.errors.InputError`."""
     from mor.api.result import adjust
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
     from mor.report.observations import observation_table
     from mor.report.view import view_of, view_of_folder
 
@@ -90,7 +89,7 @@ def view_of_source(source: Path) -> View:
     if solved.quality is None:
         reason = solved.adjustment.reason or solved.adjustment.outcome.value
         raise InputError(
-            [Problem(f"the adjustment has no solution ({reason}): nothing to draw", str(source))]
+            [Message(f"the adjustment has no solution ({reason}): nothing to draw", str(source))]
         )
     return view_of(solved, observation_table(solved))
 

@@ -53,8 +53,8 @@ def command(
     \b
     Exit codes: 0 done; 2 input.
     """
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
+    from mor.input_files import note_input
     from mor.output_files import check_file, listed_files, write_file
     from mor.report.language import words_of_page
     from mor.report.view import view_of_folder
@@ -63,8 +63,12 @@ def command(
     name = "report.pdf" if pdf else "report.html"
     target = output or results / name
     if not (results / "results.json").is_file():
-        raise InputError([Problem("there is no results.json in this folder", str(results))])
-    force = force or (output is None and name in listed_files(results))
+        raise InputError([Message("there is no results.json in this folder", str(results))])
+    listed = listed_files(results)
+    for file in listed:
+        if file != name:
+            note_input(results / file)  # a report replaces no other file of the results
+    force = force or (output is None and name in listed)
     check_file(target, force)
     view, words = view_of_folder(results), words_of_page(lang)
     if pdf:

@@ -192,12 +192,11 @@ def _one(
 
 def _refuse_with_runs(gross: int, drop: float, systematic: Sequence[Systematic], noise_free: bool) -> None:
     """Refuse options that plant errors in one simulated project together with ``--runs``."""
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
 
     given = {"--gross": gross, "--drop": drop, "--offset or --ppm": systematic, "--noise-free": noise_free}
     problems = [
-        Problem("this goes with one simulated project, not with --runs", key) for key, v in given.items() if v
+        Message("this goes with one simulated project, not with --runs", key) for key, v in given.items() if v
     ]
     if problems:
         raise InputError(problems)
@@ -205,11 +204,10 @@ def _refuse_with_runs(gross: int, drop: float, systematic: Sequence[Systematic],
 
 def _refuse_without_runs(cluster: str | None) -> None:
     """One simulated project is made here."""
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
 
     if cluster is not None:
-        raise InputError([Problem("this goes with --runs, not with one simulated project", "--cluster")])
+        raise InputError([Message("this goes with --runs, not with one simulated project", "--cluster")])
 
 
 def _many(
@@ -282,8 +280,7 @@ _REPORTS = ("montecarlo.txt", "montecarlo.json")
 
 def _check_folder(folder: Path, force: bool) -> None:
     """A folder of earlier runs goes on; any other one that is not empty needs ``--force``."""
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
     from mor.output_files import check_folder, check_names
 
     runs = folder / "runs"
@@ -293,12 +290,11 @@ def _check_folder(folder: Path, force: bool) -> None:
     check_folder(folder, force, _REPORTS)
     if runs.is_dir() and any(runs.iterdir()):
         words = "this folder holds no runs of mor, and is not empty; choose another folder with -o"
-        raise InputError([Problem(words, str(runs))])
+        raise InputError([Message(words, str(runs))])
 
 
 def _systematic(given: tuple[str, ...], is_ppm: bool) -> list[Systematic]:
-    from mor.errors import InputError
-    from mor.errors import Message as Problem
+    from mor.errors import InputError, Message
     from mor.plan.simulation import Systematic
 
     found, problems = [], []
@@ -310,7 +306,7 @@ def _systematic(given: tuple[str, ...], is_ppm: bool) -> list[Systematic]:
                 raise ValueError
         except ValueError:
             words = f"found {text!r}, expected GROUP=AMOUNT, e.g. distances.csv=0.003"
-            problems.append(Problem(words, "--ppm" if is_ppm else "--offset"))
+            problems.append(Message(words, "--ppm" if is_ppm else "--offset"))
     if problems:
         raise InputError(problems)
     return found
