@@ -1007,7 +1007,10 @@ class Sample:
         """What a file is that is no text, told by its first bytes; empty for text."""
         known = (words for begins, words in _BINARY if re.match(begins, self.head, re.DOTALL))
         wide = self.head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-        return next(known, "a binary file of an unknown kind" if b"\0" in self.head and not wide else "")
+        strange = sum(byte < 32 and byte not in b"\t\n\v\f\r\x1a" for byte in self.head)
+        return next(
+            known, "a binary file of an unknown kind" if strange * 50 > len(self.head) and not wide else ""
+        )
 
 
 class Candidate(NamedTuple):
