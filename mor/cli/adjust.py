@@ -38,7 +38,7 @@ MOST_NOTES = 3
 
 
 class Asked(NamedTuple):
-    """What was asked for on the command line: an option each."""
+    """Options of the command line."""
 
     project: Path
     output: Path | None

@@ -640,13 +640,7 @@ def _control(to: Writer, data: PageData, folder: Path) -> None:
         (
             row["point"],
             row["component"].upper(),
-            say.listed(row["flag"]),
-            row["unit"],
-            _short(row["observed"], 9),
-            _short(row["v"], 3),
-            _short(row["sigma"], 3),
-            _fixed(row["r"], 3),
-            _fixed(row["w"], 2),
+            *_residual(row, say),
         )
         for row in control.to_dicts()
     ]
@@ -943,13 +937,7 @@ def _observations(frame: pl.DataFrame, say: Words) -> Grid:
             row["type"],
             " – ".join(part for part in (row["at"], row["from"], row["to"]) if part),
             row["component"],
-            say.listed(row["flag"]),
-            row["unit"],
-            _short(row["observed"], 9),
-            _short(row["v"], 3),
-            _short(row["sigma"], 3),
-            _fixed(row["r"], 3),
-            _fixed(row["w"], 2),
+            *_residual(row, say),
         )
         for row in frame.iter_rows(named=True)
     ]
@@ -1049,6 +1037,18 @@ def _covariances(to: Writer, data: PageData) -> None:
                 2,
             )
         )
+
+
+def _residual(row: dict[str, Any], say: Words) -> tuple[str, ...]:
+    return (
+        say.listed(row["flag"]),
+        row["unit"],
+        _short(row["observed"], 9),
+        _short(row["v"], 3),
+        _short(row["sigma"], 3),
+        _fixed(row["r"], 3),
+        _fixed(row["w"], 2),
+    )
 
 
 def _fixed(value: float | None, digits: int, factor: float = 1.0) -> str:
