@@ -10,7 +10,10 @@ import pytest
 from mor.linalg import compilation
 from tests.reference_data import MISSING, missing, reference_folder
 
-compilation.elsewhere = True  # tests of single steps compare kernels with the plain form
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let the tests of single steps use kernels, and with them the tests that compare kernels with plain NumPy."""
+    parser.addoption("--kernels", action="store_true", help="single steps use compiled kernels")
 
 
 @pytest.fixture(scope="session")
@@ -37,15 +40,21 @@ def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.Tes
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Register the marker that this file sets."""
+    """Register the markers, and let kernels be used if they are asked for."""
+    compilation.elsewhere = config.getoption("kernels")
     config.addinivalue_line(
         "markers", "shared_data: uses the reference data beside the repository, if present"
     )
+    config.addinivalue_line("markers", "kernels: needs compiled kernels (pytest --kernels)")
 
 
 @pytest.hookimpl(tryfirst=True)
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Mark tests that need a browser as slow, and tests of modules that look for reference data as ``shared_data``."""
+def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
+    """Mark tests by what they need, and leave those of kernels out where kernels are not used."""
+    if not compilation.wanted():
+        of_kernels = [item for item in items if item.get_closest_marker("kernels")]
+        config.hook.pytest_deselected(items=of_kernels)
+        items[:] = [item for item in items if not item.get_closest_marker("kernels")]
     finders = {"reference_files", "reference_folder"}
     for item in items:
         if item.get_closest_marker("browser"):

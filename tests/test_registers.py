@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.linalg import compilation
 from mor.linalg.compilation import compile_kernel
 from mor.linalg.registers import each, fetch, four, put, same, total
 
@@ -18,7 +17,7 @@ def _of_all_operations(array, place, into):
     return total(numbers * numbers)
 
 
-@pytest.mark.skipif(not compilation.available, reason="compares the compiled form with the plain one")
+@pytest.mark.kernels
 @pytest.mark.parametrize("whole", [np.int64, np.int32])
 def test_kernels_do_with_fours_what_python_does(whole):
     array = np.random.default_rng(1).standard_normal(12)

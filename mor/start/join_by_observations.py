@@ -655,9 +655,10 @@ def _drawn(search: Search, draw: np.random.Generator, turns: FloatArray) -> Move
     if fixed.any():
         turned = search.own[fixed].mean(axis=0) @ np.swapaxes(turns, 1, 2)
         shift = search.goal[fixed].mean(axis=0) - scale[:, None] * turned
-    else:
-        about = theirs.mean(axis=0) if len(theirs) else np.zeros(3)
-        shift = about + reach * draw.uniform(0.0, 1.0, (k, 1)) * draw.standard_normal((k, 3))
+    elif len(theirs):
+        shift = theirs.mean(axis=0) + reach * draw.uniform(0.0, 1.0, (k, 1)) * draw.standard_normal((k, 3))
+    else:  # nothing is there that it could be away from
+        shift = np.tile(search.middle, (k, 1))
     wanted = len(search.sides.places)
     away = reach[:, None] * draw.uniform(0.2, 2.0, (k, 1, 1)) * draw.standard_normal((k, wanted, 3))
     kappas = np.zeros((k, len(search.sides.sets)))

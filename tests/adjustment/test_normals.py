@@ -44,7 +44,7 @@ def system(request):
     return make_plan(problem), values, dense_system(problem, values)
 
 
-@pytest.mark.parametrize("way", ["compiled", "plain"])
+@pytest.mark.parametrize("way", [pytest.param("compiled", marks=pytest.mark.kernels), "plain"])
 def test_normal_equations_against_dense_ones(system, way, monkeypatch):
     if way == "plain":
         monkeypatch.setattr(compilation, "available", False)

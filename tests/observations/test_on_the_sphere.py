@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.linalg.compilation import available, kernels_used
+from mor.linalg.compilation import kernels_used
 from mor.model.contract import ObservationGroup
 from mor.model.images import on_the_sphere
 from mor.model.observation_types import ALL_TYPES
@@ -84,7 +84,7 @@ def test_directions_lead_from_where_coordinates_do_not(seed: int) -> None:
     assert found.normals.objective == pytest.approx(expected.normals.objective, rel=1e-9)
 
 
-@pytest.mark.skipif(not available, reason="nothing is compiled")
+@pytest.mark.kernels
 @pytest.mark.parametrize("far", [0.0, 0.4])
 def test_the_kernel_has_the_directions_of_the_equation(far: float) -> None:
     """Compiled from stereographic coordinates of the rays, in numpy from the rays themselves."""

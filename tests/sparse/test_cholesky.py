@@ -82,6 +82,7 @@ def test_solution_equals_the_dense_one(name, columns):
     np.testing.assert_array_equal(right, kept)
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", ["grid with ties", "arrow", "random"])
 def test_plain_numpy_gives_the_same_as_compiled_kernels(name, monkeypatch):
     matrix, dense = normal_matrix(*SYSTEMS[name])

@@ -85,6 +85,7 @@ def test_unknowns_set_aside_have_zero_cofactors_and_the_others_those_of_the_rest
     assert (inverse.diagonal()[factor.set_aside] == 0.0).all()
 
 
+@pytest.mark.kernels
 def test_plain_numpy_gives_the_same_as_compiled_kernels(monkeypatch):
     matrix, _ = _normal_matrix(*SYSTEMS["grid with ties"])
     factor = factorise(matrix, analyse(matrix.structure))

@@ -159,7 +159,7 @@ def linearised(problem, values):
     return [np.concatenate(parts) for parts in zip(*rows, strict=True)]
 
 
-@pytest.mark.skipif(not compilation.available, reason="there is no compiler")
+@pytest.mark.kernels
 @pytest.mark.parametrize("name", EVERY_NAME)
 def test_compiled_rays_are_those_of_the_equations(name, monkeypatch):
     scene = scene_of(name)
@@ -209,11 +209,9 @@ def test_rays_make_up_the_dense_system(name):
     assert ray_objective(problem, rays, values) == pytest.approx(normals.objective, rel=1e-12)
 
 
-@pytest.mark.parametrize("available", [True, False])
+@pytest.mark.parametrize("available", [pytest.param(True, marks=pytest.mark.kernels), False])
 @pytest.mark.parametrize("name", EVERY_NAME)
 def test_points_that_follow_a_step_are_those_of_back_substitution(name, available, monkeypatch):
-    if not compilation.available:
-        pytest.skip("there is no compiler")
     monkeypatch.setattr(compilation, "available", available)
     scene = scene_of(name)
     problem, values = scene.problem(np.random.default_rng(3)), scene.start(1e-3)
@@ -245,10 +243,9 @@ def many_points(free_position: bool, free_interior: bool) -> Scene:
     return scene
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize(("free_position", "free_interior"), [(True, True), (True, False)])
 def test_pieces_of_a_chunk_give_what_the_plain_form_gives(free_position, free_interior, monkeypatch):
-    if not compilation.available:
-        pytest.skip("there is no compiler")
     scene = many_points(free_position, free_interior)
     problem, values = scene.problem(np.random.default_rng(5)), scene.start(1e-3)
     plan = make_plan(problem, eliminable_rays(problem, values))
@@ -312,9 +309,7 @@ def test_many_chunks_give_what_one_gives(monkeypatch):
         np.testing.assert_allclose(one.r, other.r, atol=1e-10)
 
 
-@pytest.mark.skipif(
-    not compilation.available, reason="numpy adds up in an order that depends on where arrays begin"
-)
+@pytest.mark.kernels  # numpy adds up in an order that depends on where arrays begin
 def test_the_number_of_processors_changes_not_a_digit(monkeypatch):
     """Chunks shared out to lanes: the same bits whoever works on them, and what one lane gives."""
     scene = scene_of("two cameras")

@@ -102,7 +102,7 @@ def without_compiler(monkeypatch):
     monkeypatch.setattr(compilation, "available", False)
 
 
-@pytest.fixture(params=["compiled", "numpy"])
+@pytest.fixture(params=[pytest.param("compiled", marks=pytest.mark.kernels), "numpy"])
 def either_form(request, monkeypatch):
     if request.param == "numpy":
         without_compiler(monkeypatch)
@@ -231,6 +231,7 @@ def test_points_with_a_single_ray_have_one_coordinate_held():
     assert np.array_equal(held.sum(axis=1), single.astype(int))
 
 
+@pytest.mark.kernels
 @pytest.mark.parametrize("images", [4, 20])
 def test_compiled_and_plain_form_agree(images, monkeypatch):
     """With four images many points share their unknowns; with twenty hardly any do."""
@@ -256,7 +257,7 @@ def test_compiled_and_plain_form_agree(images, monkeypatch):
         np.testing.assert_allclose(one, other, rtol=1e-9, atol=1e-9 * max(1.0, abs(other).max()))
 
 
-@pytest.mark.skipif(not compilation.available, reason="only the compiled form adds columns up by eights")
+@pytest.mark.kernels
 @pytest.mark.parametrize("width", [1, 3, 6])
 def test_rays_of_few_columns(width, monkeypatch):
     rays, structure = simulate(seed=3)
@@ -271,7 +272,7 @@ def test_rays_of_few_columns(width, monkeypatch):
         np.testing.assert_allclose(one, other, rtol=1e-10, atol=1e-10 * abs(other).max())
 
 
-@pytest.mark.skipif(not compilation.available, reason="only the compiled form has a store")
+@pytest.mark.kernels
 def test_more_points_than_the_store_holds_give_what_small_chunks_give(monkeypatch):
     """The large call fills the store and several strips of the reduced system, the small ones never do."""
     rays, structure = simulate(points=6_000, images=150, seed=8)
@@ -389,9 +390,7 @@ def test_places_that_are_kept_serve_the_next_pass():
         np.testing.assert_array_equal(system.right_hand_side, alone.right_hand_side)
 
 
-@pytest.mark.skipif(
-    not compilation.available, reason="only the compiled form leaves pairs of blocks to the frames"
-)
+@pytest.mark.kernels
 @pytest.mark.parametrize("camera_last", [True, False])
 @pytest.mark.parametrize("camera_behind", [True, False])
 def test_what_images_share_may_stand_anywhere(camera_behind, camera_last, monkeypatch):

@@ -155,7 +155,7 @@ def _carried(problem, values, number, row, component, moved):  # type: ignore[no
     return total
 
 
-@pytest.mark.parametrize("form", ["compiled", "numpy"])
+@pytest.mark.parametrize("form", [pytest.param("compiled", marks=pytest.mark.kernels), "numpy"])
 @pytest.mark.parametrize("name", SCENES)
 def test_influence_is_the_movement_of_the_points_by_the_estimated_error(name, form, monkeypatch):
     adjustment = SCENES[name]()

@@ -5,12 +5,11 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.linalg import compilation
 from mor.quality.redundancy import fill
 from mor.quality.test_statistics import CONTROLLED, joint_statistic
 
 
-@pytest.mark.skipif(not compilation.available, reason="compares the compiled form with the plain one")
+@pytest.mark.kernels
 def test_joint_tests_of_rays_whatever_controls_them():
     random = np.random.default_rng(1)
     n = 400
