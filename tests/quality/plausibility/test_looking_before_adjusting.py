@@ -30,7 +30,7 @@ def changed(tmp_path: Path) -> Callable[[str, str, Callable[[Rows], object]], Pa
 
     def change(sample: str, table: str, mistake: Callable[[Rows], object]) -> Path:
         folder = tmp_path / sample
-        shutil.copytree(SAMPLES / sample, folder)
+        shutil.copytree(SAMPLES / sample, folder, ignore=shutil.ignore_patterns("*.results"))
         with (folder / table).open(newline="") as file:
             rows = list(csv.DictReader(file))
         mistake(rows)
