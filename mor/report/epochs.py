@@ -13,14 +13,14 @@ from markupsafe import Markup, escape
 from scipy.special import chdtri
 
 from mor.input_files import note_input
-from mor.quality.deformation import Epochs, MovementTest, Tested, blocks_of
+from mor.quality.deformation import Epochs, MovementTest, blocks_of
 from mor.quality.solution import Solved
-from mor.report.estimates import found_movements, movement_rows
+from mor.report.estimates import movement_rows, point_table
 from mor.report.identity import Identity, identity_of
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import DIGITS, fixed, placed, round_length, small_unit
 from mor.report.page import asset, environment, running_heads
-from mor.report.page_data import drawn_axes
+from mor.report.page_data import covariances, drawn_axes
 from mor.report.summary import summary
 from mor.report.text_tables import listed_movements, listed_parameters, statements
 from mor.types import BoolArray, FloatArray
@@ -103,6 +103,10 @@ _LETTER, _LINE = 6.6, 13.0
 _AROUND = float(np.sqrt(chdtri(2, 0.05)))
 """Semi-axes of an ellipse of 95 % in units of those of 1σ."""
 _MOST_LABELS = 400
+_TIP = (
+    '<defs><marker id="tip" viewBox="0 0 8 8" refX="6" refY="4" markerWidth="4.5" markerHeight="4.5" orient="auto">'
+    '<path class="tip" d="M0 0 8 4 0 8z"/></marker></defs>'
+)
 
 
 class Moved(NamedTuple):
@@ -144,7 +148,7 @@ def movement_drawing(found: Moved, words: Words = ENGLISH) -> Markup:
     label = escape(words("Movements between the epochs"))
     return Markup(
         f'<svg class="drawing" viewBox="0 0 {DRAWING_WIDTH} {height:.0f}" role="img" aria-label="{label}">'
-        f"{''.join(parts)}</svg>"
+        f"{_TIP}{''.join(parts)}</svg>"
     )
 
 
@@ -234,6 +238,8 @@ def _axes(axes: tuple[int, int], signs: FloatArray, factor: float, unit: str, he
 WIDTH, HEIGHT = 300, 170
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44, 12, 24, 22
 _AXES = ("x", "y", "z")
+_MARKS = ("M-2.5 0 0-2.5 2.5 0 0 2.5z", "M-2-2H2V2H-2z", "M0-3 2.8 2H-2.8z")
+"""Marks of the coordinates, told apart without colours: diamond, square, triangle."""
 
 
 def series_drawing(
@@ -265,13 +271,14 @@ def series_drawing(
         parts.append(f'<polyline class="{axis}" points="{points}"/>')
         parts += [
             f'<line class="{axis}" x1="{a + k - 1:.1f}" x2="{a + k - 1:.1f}" y1="{b - s:.1f}" y2="{b + s:.1f}"/>'
-            f'<circle class="{axis}" cx="{a + k - 1:.1f}" cy="{b:.1f}" r="2"/>'
+            f'<path class="{axis}" transform="translate({a + k - 1:.1f} {b:.1f})" d="{_MARKS[k]}"/>'
             for a, b, s in zip(x, y, 2.0 * sigma[:, k] * per, strict=True)
         ]
     shown = WIDTH - _RIGHT
     for k, axis in reversed(list(enumerate(_AXES))):
         parts.append(f'<text class="{axis}" x="{shown}" y="14" text-anchor="end">{escape(labels[k])}</text>')
-        shown -= 24
+        parts.append(f'<path class="{axis}" transform="translate({shown - 13} 10.5)" d="{_MARKS[k]}"/>')
+        shown -= 28
     about = escape(f"{name} [{unit}]")
     return Markup(
         f'<svg class="series" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{about}">{"".join(parts)}</svg>'
@@ -414,11 +421,10 @@ MOST_ROWS = 300
 
 def movements_page(solved: Solved, of: Identity, words: Words) -> str:
     """Verdict, drawing of the movements from the first to the last epoch, curves against time, tables."""
-    found = found_movements(solved)
-    assert found is not None
     identity = identity_of(solved.network.project, of)
     title = solved.network.project.title or words("Movements of points")
-    last = movement_rows(solved).group_by("point", maintain_order=True).last()
+    frame, project = movement_rows(solved), solved.network.project
+    last = frame.group_by("point", maintain_order=True).last()
     moved = int(last["moved"].sum()) if last.height else 0
     return (
         environment()
@@ -430,11 +436,15 @@ def movements_page(solved: Solved, of: Identity, words: Words) -> str:
             else words("Nothing has moved"),
             state="bad" if moved else "good",
             statements=statements(solved, words),
-            drawing=movement_drawing(_moved(solved, found.between, last), words) if last.height else "",
+            drawing=movement_drawing(
+                moved_points(point_table(solved), last, project.axes.xy, project.units.length), words
+            )
+            if last.height
+            else "",
             series=_series(solved, last),
             shown=MOST_SERIES,
             parameters=listed_parameters(solved, words, MOST_ROWS),
-            movements=listed_movements(solved, words, MOST_ROWS),
+            movements=listed_movements(frame, project.units.length, words, MOST_ROWS),
             say=words,
             style=Markup(asset("page.css") + asset("certificate.css") + asset("epochs.css")),
             running=running_heads(title, identity, words),
@@ -442,27 +452,25 @@ def movements_page(solved: Solved, of: Identity, words: Words) -> str:
     )
 
 
-def _moved(solved: Solved, between: Tested, last: pl.DataFrame) -> Moved:
-    """Movements of the points from their first to their last epoch, in project axes."""
-    network, quality = solved.network, solved.quality
-    assert quality is not None
-    M = network.edge.matrix
-    row_of = {name: k for k, name in enumerate(between.names)}  # the last of each
-    rows = [row_of[name] for name in last["point"]]
-    blocks = [network.things["point"].part(name, "position") for name in last["point"]]
-    drawn = drawn_axes(network.project.axes.xy)
-    right = "xy".index(drawn["right"])
-    backwards = [False, False, False]
-    backwards[right], backwards[1 - right] = drawn["right_reversed"], drawn["up_reversed"]
+def moved_points(points: pl.DataFrame, last: pl.DataFrame, xy: str, unit: str) -> Moved:
+    """Movements of points to their last epoch, ``last``, at the places of the table of points; ``xy``: the axes."""
+    placed = last.join(
+        points.select(pl.col("id").cast(pl.String), *(pl.col(a).alias(f"at_{a}") for a in "xyz")),
+        left_on="point",
+        right_on="id",
+        maintain_order="left",
+    )
+    drawn = drawn_axes(xy)
+    backwards = {drawn["right"]: drawn["right_reversed"], drawn["up"]: drawn["up_reversed"]}
     return Moved(
-        names=tuple(last["point"]),
-        places=solved.adjustment.values["point"][blocks] @ M,
-        movements=between.tests.vectors[rows, :3] @ M,
-        covariances=quality.sigma_factor**2 * (M.T @ between.tests.cofactors[rows][:, :3, :3] @ M),
-        moved=last["moved"].to_numpy(),
-        unit=network.project.units.length,
-        reversed=(backwards[0], backwards[1], backwards[2]),
-        right=right,
+        names=tuple(placed["point"]),
+        places=placed.select("at_x", "at_y", "at_z").to_numpy(),
+        movements=placed.select("x", "y", "z").to_numpy(),
+        covariances=covariances(placed),
+        moved=placed["moved"].to_numpy(),
+        unit=unit,
+        reversed=(backwards["x"], backwards["y"], False),
+        right="xy".index(drawn["right"]),
     )
 
 

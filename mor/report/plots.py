@@ -443,7 +443,7 @@ def ellipses(
     _frames(view, axes, chosen, words)
     _points(view, axes, chosen, words)
     draw_given(view, axes, chosen, words)
-    covariance = covariances(view)[:, chosen][:, :, chosen]
+    covariance = covariances(view.points)[:, chosen][:, :, chosen]
     axis = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
     extent = float(np.ptp(places(view), axis=0).max(initial=0.0)) or 1.0
     typical = float(np.median(axis[axis > 0.0])) if (axis > 0.0).any() else 0.0
