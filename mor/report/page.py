@@ -25,6 +25,7 @@ from mor.quality.solution import Solved
 from mor.report.figures import camera_figures, overlap, overlap_map, test_figures
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import DIGITS, component_of, fixed, in_words, persons, short, small_unit
+from mor.report.movements import moved_points, movement_drawing
 from mor.report.page_data import (
     MOST_ROWS,
     MOST_VECTORS,
@@ -820,9 +821,6 @@ def _content(data: PageData) -> dict[str, Any]:
 
 def _moved_points(data: PageData) -> dict[str, Any] | None:
     """Drawing and table of the movements from the first to the last epoch, or nothing."""
-    from mor.report.epochs import MOST_ROWS as MOST_MOVEMENTS
-    from mor.report.epochs import moved_points, movement_drawing
-
     view = data.view
     if not view.movements.height:
         return None
@@ -832,7 +830,7 @@ def _moved_points(data: PageData) -> dict[str, Any] | None:
         "moved": int(last["moved"].sum()),
         "all": last.height,
         "drawing": movement_drawing(found, data.words),
-        "table": listed_movements(last.sort("p", nulls_last=True), view.length, data.words, MOST_MOVEMENTS),
+        "table": listed_movements(last.sort("p", nulls_last=True), view.length, data.words, MOST_LISTED),
     }
 
 
