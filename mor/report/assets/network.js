@@ -207,7 +207,7 @@ function space() {
   const axis = (name, side, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", range: reversed ? [side.high, side.low] : [side.low, side.high] });
   const aspectratio = { x: across * box.x.size, y: across * box.y.size, z: across * box.z.size };
   const scene = { aspectmode: "manual", aspectratio, xaxis: axis(x, box.x, axes.right_reversed), yaxis: axis(y, box.y, axes.up_reversed), zaxis: axis("z", box.z), camera: { eye: { x: 1.1, y: -1.75, z: 1 }, center: { x: 0, y: 0, z: -0.1 } } };
-  return { data, layout: { scene, margin: { l: 0, r: window.innerWidth > 700 ? 190 : 0, t: 30, b: 0 }, uirevision: "space" } };
+  return { data, layout: { scene, margin: { l: 0, r: window.innerWidth > 1000 ? 190 : 0, t: 30, b: 0 }, uirevision: "space" } };
 }
 
 // What is drawn lies in this box, one scale for its sides. Flat and straight networks get some room on either side.
