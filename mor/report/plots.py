@@ -241,6 +241,8 @@ def draw_names(view: View, axes: Axes, chosen: list[int]) -> None:
     names, xy = _candidates(view, chosen)
     if not names or len(names) > _MOST:
         return
+    from matplotlib.patheffects import withStroke
+
     figure = cast("Figure", axes.figure)
     spell_out(figure)
     figure.draw_without_rendering()  # from here on the picture keeps its layout
@@ -258,6 +260,7 @@ def draw_names(view: View, axes: Axes, chosen: list[int]) -> None:
             ha="center",
             va="center",
             zorder=6,
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
         ).set_in_layout(False)
 
 
