@@ -189,6 +189,8 @@ class ObservationType(NamedTuple):
     """True if marks are observed (levelling, satellites), not sights of an instrument that stands over one."""
     through_air: bool = False
     """True if a length is measured by the time that light takes: the air makes it longer."""
+    drawn: str = ""
+    """Line of a network figure between its places: direction, distance, levelling, vector, or none."""
     still: ObservationType | None = None
     """Of points that move, the same observation of points that do not."""
     flat: ObservationType | None = None

@@ -169,6 +169,7 @@ def _type(
 ) -> ObservationType:
     return ObservationType(
         key=key,
+        drawn="distance",
         components=(Component("distance", LENGTH),),
         references=FROM_TO,
         slots=_SLOTS,
@@ -350,6 +351,7 @@ def gnss_vector(horizon: Horizon) -> ObservationType:
 
     return ObservationType(
         key="gnss_vector",
+        drawn="vector",
         components=(Component("dx", LENGTH), Component("dy", LENGTH), Component("dz", LENGTH)),
         references=FROM_TO,
         slots=(*BETWEEN_SLOTS, _FRAME_SLOT),
@@ -396,6 +398,7 @@ def ellipsoidal_height_difference(horizon: Horizon) -> ObservationType:
 
     return ObservationType(
         key="ellipsoidal_height_difference",
+        drawn="levelling",
         components=(Component("dz", LENGTH),),
         references=FROM_TO,
         slots=BETWEEN_SLOTS,
@@ -416,6 +419,7 @@ def height_difference(horizon: Horizon) -> ObservationType:
 
     return ObservationType(
         key="height_difference",
+        drawn=plain.drawn,
         components=plain.components,
         references=plain.references,
         slots=plain.slots,

@@ -42,6 +42,7 @@ def angle_equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Compu
 
 ANGLE_TYPE = ObservationType(
     key="angle",
+    drawn="direction",
     components=(Component("angle", ANGLE),),
     references=(Reference("at", POSITIONS), Reference("from", POSITIONS), Reference("to", POSITIONS)),
     slots=(
@@ -91,6 +92,7 @@ def _towards(sight: FloatArray, normal: FloatArray, size: FloatArray) -> FloatAr
 
 SPATIAL_ANGLE = ObservationType(
     key="spatial_angle",
+    drawn="direction",
     components=(Component("angle", ANGLE),),
     references=tuple(Reference(name, POSITIONS) for name in _REFERENCES),
     slots=tuple(
@@ -116,6 +118,7 @@ def bearing_equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Com
 
 BEARING = ObservationType(
     key="bearing",
+    drawn="direction",
     components=(Component("bearing", ANGLE),),
     references=FROM_TO,
     slots=BETWEEN_SLOTS,
@@ -157,6 +160,7 @@ def distance_type(key: str, length: Length, through_air: bool = False) -> Observ
 
     return ObservationType(
         key=key,
+        drawn="distance",
         components=(Component("distance", LENGTH),),
         references=FROM_TO,
         slots=(*BETWEEN_SLOTS, Slot("distance meter", "instrument", "distance meter")),
@@ -185,6 +189,7 @@ DISTANCE = distance_type("distance", spatial_length, through_air=True)
 HORIZONTAL_DISTANCE = distance_type("horizontal_distance", horizontal_distance)
 DISTANCE_RATIO = ObservationType(
     key="distance_ratio",
+    drawn="distance",
     components=(Component("ratio", NUMBER),),
     references=tuple(Reference(name, POSITIONS) for name in _REFERENCES),
     slots=tuple(
@@ -245,6 +250,7 @@ def face_of_zenith(zenith: FloatArray) -> FloatArray:
 
 VERTICAL_DIRECTION = ObservationType(
     key="vertical_direction",
+    drawn="direction",
     components=(Component("vertical_direction", ANGLE),),
     references=FROM_TO,
     slots=(*BETWEEN_SLOTS, REFRACTION_SLOT),
@@ -254,6 +260,7 @@ VERTICAL_DIRECTION = ObservationType(
 )
 ZENITH_ANGLE = ObservationType(
     key="zenith_angle",
+    drawn="direction",
     components=(Component("zenith_angle", ANGLE),),
     references=FROM_TO,
     slots=(*BETWEEN_SLOTS, REFRACTION_SLOT),
@@ -330,6 +337,7 @@ def face_of_vertical(vertical: FloatArray) -> FloatArray:
 def _direction_type(key: str, vertical: str, zenith: bool) -> ObservationType:
     return ObservationType(
         key=key,
+        drawn="direction",
         components=(Component("horizontal", ANGLE), Component(vertical, ANGLE)),
         references=(Reference("station", ("station",)), Reference("to", POSITIONS)),
         slots=SLOTS,
@@ -367,6 +375,7 @@ def height_equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Comp
 
 VECTOR = ObservationType(
     key="vector",
+    drawn="vector",
     components=(Component("dx", LENGTH), Component("dy", LENGTH), Component("dz", LENGTH)),
     references=FROM_TO,
     slots=BETWEEN_SLOTS,
@@ -377,6 +386,7 @@ VECTOR = ObservationType(
 )
 HEIGHT_DIFFERENCE = ObservationType(
     key="height_difference",
+    drawn="levelling",
     components=(Component("dz", LENGTH),),
     references=FROM_TO,
     slots=BETWEEN_SLOTS,

@@ -33,7 +33,6 @@ from mor.quality.reliability_map import detectable
 from mor.quality.solution import Solved
 from mor.report import layout, text_findings, text_tables
 from mor.report import verdict as words_of_reliability
-from mor.report.epochs import widest_view
 from mor.report.estimates import image_table, point_table, station_table
 from mor.report.identity import Identity, identity_of
 from mor.report.language import Words, datum_name
@@ -50,6 +49,7 @@ from mor.report.layout import (
     table,
 )
 from mor.report.layout import WIDTH as COLUMNS_WIDTH
+from mor.report.movements import widest_view
 from mor.report.observations import named_places, observation_table
 from mor.report.output_folder import Reservation, write_folder
 from mor.report.page import asset, environment, running_heads

@@ -9,21 +9,21 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
-from markupsafe import Markup, escape
-from scipy.special import chdtri
+from markupsafe import Markup
 
 from mor.input_files import note_input
-from mor.quality.deformation import Epochs, MovementTest, Tested, blocks_of
+from mor.quality.deformation import Epochs, MovementTest, blocks_of
 from mor.quality.solution import Solved
-from mor.report.estimates import found_movements, movement_rows
+from mor.report.estimates import movement_rows, point_table
 from mor.report.identity import Identity, identity_of
 from mor.report.language import ENGLISH, Words
-from mor.report.layout import DIGITS, fixed, placed, round_length, small_unit
+from mor.report.layout import DIGITS, fixed, small_unit
+from mor.report.movements import Moved, moved_points, movement_drawing, series_drawing
 from mor.report.page import asset, environment, running_heads
 from mor.report.page_data import drawn_axes
 from mor.report.summary import summary
 from mor.report.text_tables import listed_movements, listed_parameters, statements
-from mor.types import BoolArray, FloatArray
+from mor.types import FloatArray
 
 # ------------------------------------------------------------
 # Movements between epochs as a table, in project axes.
@@ -88,194 +88,6 @@ def verdict(epochs: Epochs, level: float, known: bool, words: Words = ENGLISH) -
     if moved:
         lines.append(words("Taken out of the datum as moved: {names}.", names=", ".join(moved)))
     return lines
-
-
-# ------------------------------------------------------------
-# Movements between two epochs as a drawing (SVG): vectors from ellipses of confidence, labels that do not overlap.
-# ------------------------------------------------------------
-
-DRAWING_WIDTH = 960
-_LEAST, _MOST = 260, 560
-"""Heights between which the drawing has that of its network."""
-_MARGIN, _LEGEND = 60, 30
-_LETTER, _LINE = 6.6, 13.0
-"""Width of a letter and height of a line of a label."""
-_AROUND = float(np.sqrt(chdtri(2, 0.05)))
-"""Semi-axes of an ellipse of 95 % in units of those of 1σ."""
-_MOST_LABELS = 400
-
-
-class Moved(NamedTuple):
-    """Points of both epochs: names, places, movements (n, 3) and their covariances (n, 3, 3), in project axes."""
-
-    names: tuple[str, ...]
-    places: FloatArray
-    movements: FloatArray
-    covariances: FloatArray
-    moved: BoolArray
-    unit: str
-    reversed: tuple[bool, bool, bool]
-    """Axes that count to the left or downwards in a plan."""
-    right: int
-    """Which axis is drawn to the right in a plan: 0 or 1."""
-
-
-def widest_view(places: FloatArray, right: int) -> tuple[int, int]:
-    """Axes to the right and upwards: in plan, or in elevation where that shows more of the network."""
-    up = 1 - right
-    extent = np.ptp(places, axis=0) if len(places) else np.zeros(3)
-    if extent[2] <= min(extent[right], extent[up]):
-        return right, up
-    return (right if extent[right] >= extent[up] else up), 2
-
-
-def movement_drawing(found: Moved, words: Words = ENGLISH) -> Markup:
-    """Points, their movements and ellipses at one scale, with a bar for it; what has moved thick, with its name."""
-    axes = widest_view(found.places, found.right)
-    xy, factor, height = _on_paper(found, axes)
-    signs = np.array([-1.0 if found.reversed[k] else 1.0 for k in axes]) * (1.0, -1.0)
-    vectors = found.movements[:, axes] * signs
-    covariances = found.covariances[:, axes][:, :, axes] * np.outer(signs, signs)
-    scale = _scale(vectors, covariances)
-    parts = [_ellipse(p, c * scale**2) for p, c in zip(xy, covariances, strict=True)]
-    parts += [_vector(p, p + scale * v, m) for p, v, m in zip(xy, vectors, found.moved, strict=True)]
-    parts += _labels(found, xy, xy + scale * vectors, height)
-    parts += [_bar(scale, found.unit, height, words), *_axes(axes, signs, factor, found.unit, height)]
-    label = escape(words("Movements between the epochs"))
-    return Markup(
-        f'<svg class="drawing" viewBox="0 0 {DRAWING_WIDTH} {height:.0f}" role="img" aria-label="{label}">'
-        f"{''.join(parts)}</svg>"
-    )
-
-
-def _on_paper(found: Moved, axes: tuple[int, int]) -> tuple[FloatArray, float, float]:
-    """Places on the drawing (n, 2), its units per unit of the project, and its height."""
-    signs = np.array([-1.0 if found.reversed[k] else 1.0 for k in axes]) * (1.0, -1.0)
-    xy = found.places[:, axes] * signs
-    low, high = xy.min(axis=0), xy.max(axis=0)
-    room = np.array([DRAWING_WIDTH - 2 * _MARGIN, _MOST - 2 * _MARGIN - _LEGEND], dtype=float)
-    extent = np.where(high > low, high - low, 1e-300)
-    factor = float((room / extent).min()) if (high > low).any() else 1.0
-    height = max(float(high[1] - low[1]) * factor + 2 * _MARGIN + _LEGEND, _LEAST)
-    middle = np.array([DRAWING_WIDTH / 2.0, (height - _LEGEND) / 2.0])
-    placed: FloatArray = (xy - (low + high) / 2.0) * factor + middle
-    return placed, factor, height
-
-
-def _scale(vectors: FloatArray, covariances: FloatArray) -> float:
-    """Units of the drawing per unit of movement: the longest of nearly all is a tenth of the drawing."""
-    around = _AROUND * np.sqrt(np.maximum(np.trace(covariances, axis1=1, axis2=2), 0.0))
-    sizes = np.maximum(np.hypot(vectors[:, 0], vectors[:, 1]), around)
-    largest = float(np.quantile(sizes, 0.95)) if len(sizes) else 0.0
-    return 0.1 * _MOST / largest if largest > 0.0 else 1.0
-
-
-def _ellipse(centre: FloatArray, covariance: FloatArray) -> str:
-    values, axes = np.linalg.eigh(covariance)
-    a, b = _AROUND * np.sqrt(np.maximum(values[::-1], 0.0))
-    turn = np.degrees(np.arctan2(axes[1, 1], axes[0, 1]))
-    return (
-        f'<ellipse cx="{centre[0]:.1f}" cy="{centre[1]:.1f}" rx="{a:.2f}" ry="{b:.2f}" '
-        f'transform="rotate({turn:.1f} {centre[0]:.1f} {centre[1]:.1f})"/>'
-    )
-
-
-def _vector(start: FloatArray, end: FloatArray, moved: bool) -> str:
-    kind = "moved" if moved else "stable"
-    dot = f'<circle class="{kind}" cx="{start[0]:.1f}" cy="{start[1]:.1f}" r="2.2"/>'
-    line = f'<line class="{kind}" x1="{start[0]:.1f}" y1="{start[1]:.1f}" x2="{end[0]:.1f}" y2="{end[1]:.1f}"'
-    return dot + line + (' marker-end="url(#tip)"/>' if moved else "/>")
-
-
-def _labels(found: Moved, xy: FloatArray, tips: FloatArray, height: float) -> list[str]:
-    """Names, those of moved points first, each where nothing else is; none where there is no such place."""
-    order = np.argsort(~found.moved, kind="stable")[:_MOST_LABELS].tolist()
-    size = np.array([(_LETTER * len(found.names[k]), _LINE) for k in order]).reshape(-1, 2)
-    edge = np.array([0.0, 0.0, DRAWING_WIDTH, height - _LEGEND])
-    others = np.concatenate([np.delete(xy, order, axis=0), tips[found.moved]])
-    said = []
-    for number, offset in placed(xy[order], size, edge, others):
-        k = order[number]
-        (x, y), weight = xy[k] + offset, ' class="strong"' if found.moved[k] else ""
-        said.append(
-            f'<text{weight} x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{escape(found.names[k])}</text>'
-        )
-    return said
-
-
-def _bar(scale: float, unit: str, height: float, words: Words) -> str:
-    length = round_length(0.12 * DRAWING_WIDTH / scale)
-    said, factor = small_unit(unit, length)
-    y = height - _LEGEND / 2
-    text = escape(words("{length} in movements and ellipses (95 %)", length=f"{length * factor:g} {said}"))
-    return (
-        f'<line class="bar" x1="{_MARGIN}" y1="{y}" x2="{_MARGIN + scale * length:.1f}" y2="{y}"/>'
-        f'<text x="{_MARGIN + scale * length + 8:.1f}" y="{y + 4}">{text}</text>'
-    )
-
-
-def _axes(axes: tuple[int, int], signs: FloatArray, factor: float, unit: str, height: float) -> list[str]:
-    """A cross with the names of the axes and a bar of the network in the lower right corner."""
-    length = round_length(0.2 * DRAWING_WIDTH / factor)
-    x, y = DRAWING_WIDTH - _MARGIN - factor * length, height - _LEGEND / 2
-    names = ["XYZ"[k] for k in axes]
-    arrows = ("→" if signs[0] > 0 else "←"), ("↑" if signs[1] < 0 else "↓")
-    return [
-        f'<line class="bar" x1="{x:.1f}" y1="{y}" x2="{DRAWING_WIDTH - _MARGIN}" y2="{y}"/>',
-        f'<text x="{x - 8:.1f}" y="{y + 4}" text-anchor="end">{names[0]} {arrows[0]} {names[1]} {arrows[1]}, '
-        f"{length:g} {unit}</text>",
-    ]
-
-
-# ------------------------------------------------------------
-# Movements of a point against time as a small drawing (SVG): its coordinates since the first epoch, with σ.
-# ------------------------------------------------------------
-
-WIDTH, HEIGHT = 300, 170
-_LEFT, _RIGHT, _TOP, _BOTTOM = 44, 12, 24, 22
-_AXES = ("x", "y", "z")
-
-
-def series_drawing(
-    name: str, years: FloatArray, moved: FloatArray, sigma: FloatArray, unit: str, labels: Sequence[str]
-) -> Markup:
-    """Movements (n, 3) with σ (n, 3) at years (n,), in ``unit``; ``labels`` of the three coordinates."""
-    reach = np.nan_to_num(np.abs(moved) + 2.0 * sigma)
-    most = float(reach.max(initial=0.0)) or 1.0
-    first, last = float(years.min()), float(years.max())
-    x = _LEFT + (years - first) / max(last - first, 1e-9) * (WIDTH - _LEFT - _RIGHT)
-    middle = (_TOP + HEIGHT - _BOTTOM) / 2.0
-    per = (HEIGHT - _BOTTOM - _TOP) / 2.0 / most
-    parts = [
-        f'<line class="zero" x1="{_LEFT}" y1="{middle:.1f}" x2="{WIDTH - _RIGHT}" y2="{middle:.1f}"/>',
-        f'<text class="title" x="{_LEFT}" y="14">{escape(name)}</text>',
-        *(
-            f'<text x="{_LEFT - 5}" y="{middle - sign * most * per + 4:.1f}" text-anchor="end">'
-            f"{'−' if sign < 0 else ''}{most if sign else 0:.2g}</text>"
-            for sign in (1, 0, -1)
-        ),
-        f'<text x="{_LEFT}" y="{HEIGHT - 6}">{first:.1f}</text>',
-        f'<text x="{WIDTH - _RIGHT}" y="{HEIGHT - 6}" text-anchor="end">{last:.1f}</text>',
-    ]
-    for k, axis in enumerate(_AXES):
-        if not (sigma[:, k] > 0.0).any():
-            continue
-        y = middle - moved[:, k] * per
-        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(x, y, strict=True))
-        parts.append(f'<polyline class="{axis}" points="{points}"/>')
-        parts += [
-            f'<line class="{axis}" x1="{a + k - 1:.1f}" x2="{a + k - 1:.1f}" y1="{b - s:.1f}" y2="{b + s:.1f}"/>'
-            f'<circle class="{axis}" cx="{a + k - 1:.1f}" cy="{b:.1f}" r="2"/>'
-            for a, b, s in zip(x, y, 2.0 * sigma[:, k] * per, strict=True)
-        ]
-    shown = WIDTH - _RIGHT
-    for k, axis in reversed(list(enumerate(_AXES))):
-        parts.append(f'<text class="{axis}" x="{shown}" y="14" text-anchor="end">{escape(labels[k])}</text>')
-        shown -= 24
-    about = escape(f"{name} [{unit}]")
-    return Markup(
-        f'<svg class="series" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{about}">{"".join(parts)}</svg>'
-    )
 
 
 # ------------------------------------------------------------
@@ -414,11 +226,10 @@ MOST_ROWS = 300
 
 def movements_page(solved: Solved, of: Identity, words: Words) -> str:
     """Verdict, drawing of the movements from the first to the last epoch, curves against time, tables."""
-    found = found_movements(solved)
-    assert found is not None
     identity = identity_of(solved.network.project, of)
     title = solved.network.project.title or words("Movements of points")
-    last = movement_rows(solved).group_by("point", maintain_order=True).last()
+    frame, project = movement_rows(solved), solved.network.project
+    last = frame.group_by("point", maintain_order=True).last()
     moved = int(last["moved"].sum()) if last.height else 0
     return (
         environment()
@@ -430,39 +241,19 @@ def movements_page(solved: Solved, of: Identity, words: Words) -> str:
             else words("Nothing has moved"),
             state="bad" if moved else "good",
             statements=statements(solved, words),
-            drawing=movement_drawing(_moved(solved, found.between, last), words) if last.height else "",
+            drawing=movement_drawing(
+                moved_points(point_table(solved), last, project.axes.xy, project.units.length), words
+            )
+            if last.height
+            else "",
             series=_series(solved, last),
             shown=MOST_SERIES,
             parameters=listed_parameters(solved, words, MOST_ROWS),
-            movements=listed_movements(solved, words, MOST_ROWS),
+            movements=listed_movements(frame, project.units.length, words, MOST_ROWS),
             say=words,
             style=Markup(asset("page.css") + asset("certificate.css") + asset("epochs.css")),
             running=running_heads(title, identity, words),
         )
-    )
-
-
-def _moved(solved: Solved, between: Tested, last: pl.DataFrame) -> Moved:
-    """Movements of the points from their first to their last epoch, in project axes."""
-    network, quality = solved.network, solved.quality
-    assert quality is not None
-    M = network.edge.matrix
-    row_of = {name: k for k, name in enumerate(between.names)}  # the last of each
-    rows = [row_of[name] for name in last["point"]]
-    blocks = [network.things["point"].part(name, "position") for name in last["point"]]
-    drawn = drawn_axes(network.project.axes.xy)
-    right = "xy".index(drawn["right"])
-    backwards = [False, False, False]
-    backwards[right], backwards[1 - right] = drawn["right_reversed"], drawn["up_reversed"]
-    return Moved(
-        names=tuple(last["point"]),
-        places=solved.adjustment.values["point"][blocks] @ M,
-        movements=between.tests.vectors[rows, :3] @ M,
-        covariances=quality.sigma_factor**2 * (M.T @ between.tests.cofactors[rows][:, :3, :3] @ M),
-        moved=last["moved"].to_numpy(),
-        unit=network.project.units.length,
-        reversed=(backwards[0], backwards[1], backwards[2]),
-        right=right,
     )
 
 

@@ -764,7 +764,16 @@ def movement_rows(solved: Solved) -> pl.DataFrame:
         return pl.DataFrame()
     tested = found.between
     begins = {"point": list(tested.names), "from": list(tested.begin), "to": list(tested.end)}
-    return _with_tests(solved, tested, begins, 3)
+    M = solved.network.edge.matrix
+    Q = M.T @ tested.tests.cofactors[:, :3, :3] @ M
+    s = np.sqrt(np.maximum(np.diagonal(Q, axis1=1, axis2=2), 0.0))
+    with np.errstate(divide="ignore", invalid="ignore"):
+        shares = {
+            f"r{'xyz'[i]}{'xyz'[j]}": Q[:, i, j] / (s[:, i] * s[:, j]) for i, j in ((0, 1), (0, 2), (1, 2))
+        }
+    return _with_tests(solved, tested, begins, 3).with_columns(
+        pl.Series(name, values).fill_nan(None) for name, values in shares.items()
+    )
 
 
 def _with_tests(solved: Solved, tested: Tested, begins: dict[str, Any], size: int) -> pl.DataFrame:

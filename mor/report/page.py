@@ -25,6 +25,7 @@ from mor.quality.solution import Solved
 from mor.report.figures import camera_figures, overlap, overlap_map, test_figures
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import DIGITS, component_of, fixed, in_words, persons, short, small_unit
+from mor.report.movements import moved_points, movement_drawing
 from mor.report.page_data import (
     MOST_ROWS,
     MOST_VECTORS,
@@ -47,6 +48,7 @@ from mor.report.text_findings import (
     sentences_of_things,
     undetermined_section,
 )
+from mor.report.text_tables import listed_movements
 from mor.report.verdict import (
     contradictions,
     ill_determined,
@@ -732,7 +734,7 @@ def page(view: View, words: Words = ENGLISH) -> str:
         overlap=covered is not None,
         payload=Markup(payload(data, figures, covered)),
         library=Markup(chart_library()),
-        style=Markup(asset("page.css")),
+        style=Markup(asset("page.css") + (asset("epochs.css") if data.view.movements.height else "")),
         running=running_heads(
             data.view.summary["title"] or data.words("Adjustment"), data.view.identity, data.words
         ),
@@ -809,10 +811,26 @@ def _content(data: PageData) -> dict[str, Any]:
         "angle_unit": data.angle_unit,
         "sigma_words": sigma_words(data),
         "datum": data.datum,
+        "moved_points": _moved_points(data),
         "movements": [data.words(name) for name in view.summary["movements"]],
         "say": data.words,
         "language": data.words.language,
         **_movement(view),
+    }
+
+
+def _moved_points(data: PageData) -> dict[str, Any] | None:
+    """Drawing and table of the movements from the first to the last epoch, or nothing."""
+    view = data.view
+    if not view.movements.height:
+        return None
+    last = view.movements.group_by("point", maintain_order=True).last()
+    found = moved_points(view.points, last, view.summary["axes"]["xy"], view.length)
+    return {
+        "moved": int(last["moved"].sum()),
+        "all": last.height,
+        "drawing": movement_drawing(found, data.words),
+        "table": listed_movements(last.sort("p", nulls_last=True), view.length, data.words, MOST_LISTED),
     }
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import json
 import zlib
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -13,6 +14,8 @@ import numpy as np
 import polars as pl
 
 from mor.errors import InputError, Message
+from mor.model.earth import GRS80, Ellipsoid, Horizon
+from mor.model.observation_types import ALL_TYPES, earth_types
 from mor.project.axes import Edge
 from mor.project.schema import Axes, Units
 from mor.quality.precision import error_ellipsoids
@@ -284,13 +287,13 @@ def angle_unit_of_rays(view: View) -> str:
 MOST_SIGHTS = 20_000
 _SHARE = 0.06
 """Share of the extent that large vectors are drawn with."""
-KINDS = {
-    "direction": "directions|^bearing$|angle|vertical_direction",
-    "distance": "distance",
-    "levelling": "^height_difference$",
-    "vector": "^vector$",
-}
-"""Types of observations of each kind, as expressions of their names."""
+
+
+@cache
+def _drawn_kinds() -> dict[str, str]:
+    """How each type of observation is drawn, by its name; types of the earth do so at any place."""
+    anywhere = earth_types(Horizon(Ellipsoid(*GRS80), 0.0, 0.0))
+    return {kind.name: kind.drawn for kind in (*ALL_TYPES.values(), *anywhere.values()) if kind.drawn}
 
 
 def sights(view: View) -> pl.DataFrame:
@@ -307,10 +310,13 @@ def sights(view: View) -> pl.DataFrame:
         or [pl.DataFrame({"name": []}, {"name": pl.String})]
     ).with_row_index("number")
     numbers = places.unique("name", keep="first", maintain_order=True)
-    used = view.used.filter(pl.col("type") != "image").select("type", "at", "from", "to")
+    kinds = _drawn_kinds()
+    used = view.used.filter(pl.col("type").is_in(list(kinds))).select(
+        pl.col("type").replace_strict(kinds, return_dtype=pl.String).alias("kind"), "at", "from", "to"
+    )
     ends = pl.concat(
         [
-            used.select("type", pl.col(one).alias("start"), pl.col(other).alias("end"))
+            used.select("kind", pl.col(one).alias("start"), pl.col(other).alias("end"))
             for one, other in (("from", "to"), ("at", "from"), ("at", "to"))
         ]
     )
@@ -319,14 +325,12 @@ def sights(view: View) -> pl.DataFrame:
         .join(numbers.rename({"name": "start", "number": "a"}), on="start", maintain_order="left")
         .join(numbers.rename({"name": "end", "number": "b"}), on="end", maintain_order="left")
     )
-    parts = [
-        pairs.filter(pl.col("type").str.contains(types))
-        .select(pl.lit(kind).alias("kind"), pl.col("a").cast(pl.Int32), pl.col("b").cast(pl.Int32))
+    found = (
+        pairs.select("kind", pl.col("a").cast(pl.Int32), pl.col("b").cast(pl.Int32))
         .unique(maintain_order=True)
+        .group_by("kind", maintain_order=True)
         .head(MOST_SIGHTS)
-        for kind, types in KINDS.items()
-    ]
-    found = pl.concat(parts)
+    )
     seen = places.filter(pl.col("name").is_in(view.rays["to"].unique().implode()))["number"].cast(pl.Int32)
     both = pl.col("a").is_in(seen.implode()) & pl.col("b").is_in(seen.implode())
     is_bar = (pl.col("kind") == "distance") & both
@@ -461,9 +465,9 @@ DIRECTIONS = tuple(f"ellipsoid_{which}_{axis}" for axis in "abc" for which in ("
 """Columns of the directions, a semi-axis after the other."""
 
 
-def covariances(view: View) -> FloatArray:
-    """(n, 3, 3) covariance matrices of the table of points, project axes."""
-    points = view.points.fill_null(0.0)
+def covariances(table: pl.DataFrame) -> FloatArray:
+    """(n, 3, 3) covariance matrices of a table of points or movements, project axes."""
+    points = table.fill_null(0.0)
     sigma = points.select("sx", "sy", "sz").to_numpy()
     matrix = np.tile(np.eye(3), (points.height, 1, 1))
     for name, (i, j) in {"rxy": (0, 1), "rxz": (0, 2), "ryz": (1, 2)}.items():
@@ -480,7 +484,7 @@ def directions_of_semi_axes(view: View) -> pl.DataFrame:
     """
     edge = Edge(Units(**view.summary["units"]), Axes(**view.summary["axes"]))
     unit = edge.units.angle
-    inside = edge.matrix @ covariances(view) @ edge.matrix.T
+    inside = edge.matrix @ covariances(view.points) @ edge.matrix.T
     space = error_ellipsoids(np.nan_to_num(inside))
     there = space.axes > _FLAT * space.axes[:, :1]
     columns = {}

@@ -694,22 +694,10 @@ def _control(to: Writer, data: PageData, folder: Path) -> None:
 
 def _movements(to: Writer, data: PageData, folder: Path) -> None:
     """Movements of every point from its first to its last epoch, those that moved most significantly first."""
-    say, name = data.words, data.view.summary["tables"].get("movements")
-    if not name or not (folder / name).is_file():
+    say, frame = data.words, data.view.movements
+    if not frame.height:
         return
-    path = folder / name
-    frame = (
-        pl.read_parquet(path)
-        if path.suffix == ".parquet"
-        else pl.read_csv(
-            path,
-            schema_overrides={"point": pl.String, "from": pl.String, "to": pl.String},
-            infer_schema_length=None,
-        )
-    )
     last = frame.group_by("point", maintain_order=True).last().sort("p", nulls_last=True, maintain_order=True)
-    if not last.height:
-        return
     sizes = [abs(value) for axis in "xyz" for value in last[axis].drop_nulls()]
     unit, factor = small_unit(data.view.length, max(sizes, default=1.0))
     places = sigma_decimals(last.select("sx", "sy", "sz").drop_nulls().to_numpy().ravel() * factor)

@@ -241,6 +241,8 @@ def draw_names(view: View, axes: Axes, chosen: list[int]) -> None:
     names, xy = _candidates(view, chosen)
     if not names or len(names) > _MOST:
         return
+    from matplotlib.patheffects import withStroke
+
     figure = cast("Figure", axes.figure)
     spell_out(figure)
     figure.draw_without_rendering()  # from here on the picture keeps its layout
@@ -258,6 +260,7 @@ def draw_names(view: View, axes: Axes, chosen: list[int]) -> None:
             ha="center",
             va="center",
             zorder=6,
+            path_effects=[withStroke(linewidth=2.0, foreground="white")],
         ).set_in_layout(False)
 
 
@@ -443,7 +446,7 @@ def ellipses(
     _frames(view, axes, chosen, words)
     _points(view, axes, chosen, words)
     draw_given(view, axes, chosen, words)
-    covariance = covariances(view)[:, chosen][:, :, chosen]
+    covariance = covariances(view.points)[:, chosen][:, :, chosen]
     axis = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
     extent = float(np.ptp(places(view), axis=0).max(initial=0.0)) or 1.0
     typical = float(np.median(axis[axis > 0.0])) if (axis > 0.0).any() else 0.0

@@ -609,8 +609,12 @@ def motion_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN_MO
     """Return the motion models of the points and the estimated movements as text."""
     if found_movements(solved) is None:
         return ""
+    length = solved.network.project.units.length
     lines = [heading(words("Movements of points")), *statements(solved, words)]
-    for part in (listed_parameters(solved, words, shown), listed_movements(solved, words, shown)):
+    for part in (
+        listed_parameters(solved, words, shown),
+        listed_movements(movement_rows(solved), length, words, shown),
+    ):
         if part.rows:
             lines += ["", table(part.headers, part.rows, part.left, words, last_left=True)]
             lines += [part.left_out] if part.left_out else []
@@ -684,7 +688,7 @@ def listed_parameters(solved: Solved, words: Words, shown: int) -> Listed:
     ]
     if frame.height == 0:
         return Listed(headers, [], 3, "")
-    said, factor = _unit(solved, frame)
+    said, factor = _unit(solved.network.project.units.length, frame)
     rows = []
     for row in _most_first(frame, shown):
         waves = row["parameter"] == "annual oscillation"
@@ -699,13 +703,12 @@ def listed_parameters(solved: Solved, words: Words, shown: int) -> Listed:
     return Listed(headers, rows, 3, _left_out(frame.height, shown, "motions", words))
 
 
-def listed_movements(solved: Solved, words: Words, shown: int) -> Listed:
-    """A line for each point: its movement from its first to its last epoch."""
-    frame = movement_rows(solved)
+def listed_movements(frame: pl.DataFrame, length: str, words: Words, shown: int) -> Listed:
+    """A line for each point of the table of movements: from its first to its last epoch."""
     if frame.height == 0:
         return Listed([], [], 3, "")
     last = frame.group_by("point", maintain_order=True).last()
-    said, factor = _unit(solved, last)
+    said, factor = _unit(length, last)
     rows = []
     for row in _most_first(last, shown):
         tests = [fixed(row["test"], 2), _p(row["p"]), words("moved") if row["moved"] else ""]
@@ -728,10 +731,10 @@ def _most_first(frame: pl.DataFrame, shown: int) -> list[dict[str, Any]]:
     return frame.sort("p", nulls_last=True, maintain_order=True).head(shown).to_dicts()
 
 
-def _unit(solved: Solved, frame: pl.DataFrame) -> tuple[str, float]:
+def _unit(length: str, frame: pl.DataFrame) -> tuple[str, float]:
     """Unit that movements are said in, and how many of it are in one of the project."""
     sizes = [float(frame[name].abs().max() or 0.0) for name in ("x", "y", "z")]  # type: ignore[arg-type]
-    said, factor = small_unit(solved.network.project.units.length, max(sizes) or 1.0)
+    said, factor = small_unit(length, max(sizes) or 1.0)
     return said.replace("µ", "u"), factor
 
 

@@ -22,6 +22,7 @@ from mor.report.estimates import (
     image_table,
     interior_rows,
     knot_table,
+    movement_rows,
     point_table,
     relative_rows,
     station_table,
@@ -65,6 +66,8 @@ class View:
     """External reliability of points, see :func:`mor.report.verdict.external_reliability`."""
     trajectories: pl.DataFrame = field(default_factory=pl.DataFrame)
     """Knots of trajectories, see :func:`mor.report.estimates.knot_table`; none is written by itself."""
+    movements: pl.DataFrame = field(default_factory=pl.DataFrame)
+    """Movements of points, see :func:`mor.report.estimates.movement_rows`."""
 
     @property
     def length(self) -> str:
@@ -125,6 +128,7 @@ def view_of(
         residuals_file=file,
         external=external_reliability(solved),
         trajectories=knot_table(solved),
+        movements=movement_rows(solved),
     )
 
 
@@ -158,6 +162,9 @@ def _view(data: dict[str, Any], folder: Path) -> View:
     view = view_of_rows(data, points, images, _residuals(data, folder))
     if (folder / FILE).is_file():
         view = replace(view, external=_read(folder / FILE, "external reliability", EXTERNAL))
+    if "movements" in data["tables"]:
+        kinds: dict[str, type[pl.DataType]] = dict.fromkeys(("point", "from", "to"), pl.String)
+        view = replace(view, movements=_read(folder / data["tables"]["movements"], "movements", kinds))
     if "trajectories" not in data["tables"]:
         return view
     knots = _read(folder / data["tables"]["trajectories"], "trajectories", {"trajectory": pl.String})

@@ -8,6 +8,8 @@ import scipy.stats
 
 from mor.quality.deformation import compare_within, movements, noncentrality_of, vector_tests
 from mor.quality.singularity import explain_singularity
+from mor.report.estimates import movement_rows
+from mor.report.page_data import covariances
 from tests.scenarios.motion_scenes import Scene, project, scene, solve, values
 
 ALL = "  - {model: epochs, points: ['D*']}"
@@ -102,6 +104,20 @@ def test_what_does_not_move_is_told_from_what_does() -> None:
     of_d4 = [s for n, s in zip(found.between.names, found.between.significant, strict=True) if n == "D4"]
     assert len(of_d4) == 6
     assert not any(of_d4)
+
+
+def test_the_table_of_movements_has_their_covariances() -> None:
+    truth, motions = moving_scene()
+    solved = solve(project(truth, motions, np.random.default_rng(3)))
+    rows, found = movement_rows(solved), movements(solved).between
+    M = solved.network.edge.matrix
+    expected = solved.quality.sigma_factor**2 * (M.T @ found.tests.cofactors[:, :3, :3] @ M)
+    assert np.abs(covariances(rows) - expected).max() < 1e-9 * np.abs(expected).max()
+    for m, T, h, Q in zip(
+        rows.select("x", "y", "z").to_numpy(), rows["test"], rows["freedom"], expected, strict=True
+    ):
+        if h == 3:
+            assert m @ np.linalg.solve(Q, m) / h == pytest.approx(T, rel=1e-6)
 
 
 def test_congruence_of_two_epochs_finds_who_moved() -> None:

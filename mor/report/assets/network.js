@@ -1,6 +1,8 @@
 "use strict";
 // The network in space and in plan: points, frames, ellipsoids, and the rays of what was picked.
 const MOST_POINTS = 40000, MOST_ELLIPSOIDS = 400, MOST_ELLIPSES = 2000;
+// As in a picture of mor plot: share of the extent that the median ellipse is drawn with; how many times as large one may be to be drawn.
+const TYPICAL = 0.012, TOO_LARGE = 8;
 const network = { picked: null, colour: "", confidence: "1", scale: 1 };
 const FACTORS = { 2: { 1: 1, 95: 2.4477 }, 3: { 1: 1, 95: 2.7955 } };
 
@@ -32,7 +34,8 @@ function prepareNetwork() {
   }
   network.extent = extent([points, images, stations]);
   const axes = Array.from({ length: points.rows }, (_, k) => value(points, "ellipsoid_a", k)).filter((a) => a > 0).sort((a, b) => a - b);
-  network.scale = axes.length ? roundLength(0.03 * network.extent / axes[Math.floor(0.9 * (axes.length - 1))]) : 1;
+  network.typical = axes.length ? axes[Math.floor((axes.length - 1) / 2)] : 0;
+  network.scale = axes.length ? roundLength((TYPICAL * network.extent) / network.typical) : 1;
   network.colours = [
     ["", say("nothing"), ""], ["ellipsoid_a", say("longest semi-axis"), report.meta.length], ["mean_r", say("mean r"), "1"], ["smallest_r", say("smallest r"), "1"],
     ["largest_w", say("largest |w|"), "1"], ["angle", say("best intersection"), report.meta.meeting], ["rays", say("rays"), "1"],
@@ -122,9 +125,19 @@ function rayTraces(keys) {
   return [lines, ring];
 }
 
+function tooLarge(row) { return value(report.points, "ellipsoid_a", row) > TOO_LARGE * network.typical; }
+
+// Points whose ellipse would hide the others.
+function outlierTraces(keys) {
+  const rows = network.confidence === "0" ? [] : network.shown.filter(tooLarge);
+  if (!rows.length) return [];
+  const lists = keys.map((key) => rows.map((k) => report.points.columns[key].values[k]));
+  return [{ mode: "markers", name: say("ellipse too large to draw ({count})", { count: rows.length }), meta: "outliers", ...along(keys, lists), marker: { symbol: "x", size: keys.length === 3 ? 6 : 12, color: PALETTE.red }, hoverinfo: "skip" }];
+}
+
 function withEllipses(most) {
   if (network.confidence === "0" || !has(report.points, "sx")) return [];
-  const rows = network.shown.filter((k) => value(report.points, "ellipsoid_a", k) > 0);
+  const rows = network.shown.filter((k) => value(report.points, "ellipsoid_a", k) > 0 && !tooLarge(k));
   if (rows.length <= most) return rows;
   return rows.sort((a, b) => value(report.points, "ellipsoid_a", b) - value(report.points, "ellipsoid_a", a)).slice(0, most);
 }
@@ -188,13 +201,13 @@ function space() {
   const { axes, length } = report.meta;
   const [x, y] = [axes.right, axes.up];
   const keys = [x, y, "z"];
-  const data = [...sightTraces(keys), ...pathTraces(keys), pointTrace(x, y, "z"), ...frameTraces(x, y, "z"), ...givenTraces(keys), ...effectTraces(keys), ...rayTraces(keys)].map((trace) => ({ type: "scatter3d", ...trace }));
+  const data = [...sightTraces(keys), ...pathTraces(keys), pointTrace(x, y, "z"), ...frameTraces(x, y, "z"), ...givenTraces(keys), ...outlierTraces(keys), ...effectTraces(keys), ...rayTraces(keys)].map((trace) => ({ type: "scatter3d", ...trace }));
   for (const shape of ellipsoids()) data.push({ type: "scatter3d", ...shape, x: shape[x], y: shape[y] });
   const box = boxOf(data), across = Math.min(2.4 / Math.hypot(box.x.size, box.y.size), 1.1 / box.z.size);
   const axis = (name, side, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", range: reversed ? [side.high, side.low] : [side.low, side.high] });
   const aspectratio = { x: across * box.x.size, y: across * box.y.size, z: across * box.z.size };
   const scene = { aspectmode: "manual", aspectratio, xaxis: axis(x, box.x, axes.right_reversed), yaxis: axis(y, box.y, axes.up_reversed), zaxis: axis("z", box.z), camera: { eye: { x: 1.1, y: -1.75, z: 1 }, center: { x: 0, y: 0, z: -0.1 } } };
-  return { data, layout: { scene, margin: { l: 0, r: 0, t: 30, b: 0 }, uirevision: "space" } };
+  return { data, layout: { scene, margin: { l: 0, r: window.innerWidth > 1000 ? 190 : 0, t: 30, b: 0 }, uirevision: "space" } };
 }
 
 // What is drawn lies in this box, one scale for its sides. Flat and straight networks get some room on either side.
@@ -217,7 +230,7 @@ const PLANES = { plan: null, front: ["x", "z"], side: ["y", "z"] };
 function plan() {
   const { axes, length } = report.meta;
   const chosen = document.getElementById("plane").value, [x, y] = PLANES[chosen] || [axes.right, axes.up];
-  const data = [...sightTraces([x, y]), ...pathTraces([x, y]), ...ellipses(x, y), ...relativeTraces(x, y), ...effectTraces([x, y]), ...rayTraces([x, y]), ...frameTraces(x, y), pointTrace(x, y), ...givenTraces([x, y]), labelTrace()].map((trace) => ({ type: report.points.rows > 5000 ? "scattergl" : "scatter", ...trace }));
+  const data = [...sightTraces([x, y]), ...pathTraces([x, y]), ...ellipses(x, y), ...relativeTraces(x, y), ...effectTraces([x, y]), ...rayTraces([x, y]), ...frameTraces(x, y), pointTrace(x, y), ...givenTraces([x, y]), ...outlierTraces([x, y]), labelTrace()].map((trace) => ({ type: report.points.rows > 5000 ? "scattergl" : "scatter", ...trace }));
   const reversed = (name) => (name === axes.right && axes.right_reversed) || (name === axes.up && axes.up_reversed);
   const axis = (name) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", ...(reversed(name) ? { autorange: "reversed" } : {}) });
   return { data, layout: { xaxis: axis(x), yaxis: { ...axis(y), scaleanchor: "x", scaleratio: 1 }, ...scaleBar(), hovermode: "closest", uirevision: chosen } };

@@ -10,8 +10,16 @@ import polars as pl
 import pytest
 
 from mor.errors import Message
+from mor.model.observation_types import PLAIN_TYPES
 from mor.report.identity import note_rows
-from mor.report.page_data import _to_sigma, detectable_effects, deviations, scale_of_effects, sights
+from mor.report.page_data import (
+    _drawn_kinds,
+    _to_sigma,
+    detectable_effects,
+    deviations,
+    scale_of_effects,
+    sights,
+)
 from mor.report.view import View
 from tests.scenarios.small_projects import LEVELLING, mor, write
 
@@ -59,6 +67,17 @@ def test_scale_bars_of_a_block_are_told_from_distances(building_view: View) -> N
     count = dict(kinds.iter_rows())
     assert count["scale"] >= 2
     assert count["distance"] > 0
+
+
+def test_every_observation_between_places_is_drawn() -> None:
+    drawn = _drawn_kinds()
+    between = {kind.name for kind in PLAIN_TYPES.values() if kind.distances or len(kind.references) == 3}
+    assert between <= set(drawn)
+    assert drawn["gnss_vector"] == "vector"
+    assert drawn["ellipsoidal_height_difference"] == drawn["height_difference"] == "levelling"
+    assert drawn["azimuth"] == drawn["zenith_directions"] == "direction"
+    assert drawn["mean_sea_level_distance"] == "distance"
+    assert "gnss_position" not in drawn
 
 
 def test_rounding_is_far_below_sigma() -> None:

@@ -33,7 +33,7 @@ def test_semi_axes_make_the_covariance(building_view: View, xy: str, angles: str
         along = np.stack([compass[xy[0]], compass[xy[1]], np.sin(elevation)], axis=-1)
         length = view.points[f"ellipsoid_{axis}"].fill_null(0.0).to_numpy()
         total += length[:, None, None] ** 2 * along[:, :, None] * along[:, None]
-    expected = covariances(view)
+    expected = covariances(view.points)
     size = np.linalg.norm(expected, axis=(1, 2)).max()
     np.testing.assert_allclose(total, expected, atol=5e-3 * size)
 
