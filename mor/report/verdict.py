@@ -33,7 +33,6 @@ from mor.report.layout import fixed, heading, in_words, short, table
 from mor.report.observations import place
 from mor.report.units import ends_of_group, once, said_differences, said_sizes
 from mor.types import BoolArray, IntArray
-from mor.units import LENGTH_UNITS
 
 # ------------------------------------------------------------
 # External reliability as vectors: where an error that stays unseen moves each point.
@@ -113,7 +112,6 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
         uncontrolled_count(solved.quality),
         explanations,
         solved.adjustment.defect.movements,
-        LENGTH_UNITS[solved.network.project.units.length],
     )
 
 
@@ -129,9 +127,8 @@ def rows_of_verdict(
     uncontrolled: int,
     explanations: list[dict[str, Any]],
     movements: Sequence[str],
-    length: float = 1.0,
 ) -> dict[str, Any]:
-    """A verdict with its explanations; ``accepted`` is nothing without redundancy, ``length`` the unit of lengths."""
+    """A verdict with its explanations; ``accepted`` is nothing without redundancy."""
     tests = judged.tests
     listed = tests.tests if len(tests.tests) <= MOST_GROUPS else tuple(tests.rejected)
     found = judged.determined
@@ -151,24 +148,21 @@ def rows_of_verdict(
             "scale": "scale" in movements,
             "fixed_coordinates_uncontrolled": judged.chosen_only,
         },
-        "determined": _determined(found, length) if found is not None else None,
+        "determined": _determined(found) if found is not None else None,
     }
 
 
-def _determined(found: Determined, length: float) -> dict[str, Any]:
-    """Determination of the result, lengths in units of the project."""
+def _determined(found: Determined) -> dict[str, Any]:
     return {
         "as_a_whole": found.as_a_whole,
         "everywhere": found.everywhere,
-        "size": found.size / length,
+        "size": found.size,
         "limit": LARGEST_SIGMA,
         "points": found.points,
-        "largest_sigma": found.largest / length,
-        "median_sigma": found.median / length,
+        "largest_sigma": found.largest,
+        "median_sigma": found.median,
         "beyond": len(found.beyond),
-        "worst": [
-            {"kind": kind, "id": name, "sigma": sigma / length} for kind, name, sigma in found.beyond[:NAMED]
-        ],
+        "worst": [{"kind": kind, "id": name, "sigma": sigma} for kind, name, sigma in found.beyond[:NAMED]],
         "directions": found.directions,
     }
 
