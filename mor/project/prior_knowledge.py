@@ -150,12 +150,27 @@ _BESIDE = 0.01
 """Distance from a line, in parts of the extent, from which on a point is beside it."""
 
 
+class _System(NamedTuple):
+    """The local system of a feature that was read: blocks of position, rotation and offset."""
+
+    type: str
+    position: int
+    rotation: int
+    offset: int
+    shape: int = -1
+
+
 def feature_groups(reading: Reading) -> list[ObservationGroup]:
-    """One group of observed local coordinates for every feature."""
-    groups = []
+    """One group of observed local coordinates, or distances from a shape, for every feature."""
+    groups: list[ObservationGroup] = []
+    systems: dict[str, _System] = {}
     for number, feature in enumerate(reading.project.features):
-        group = _feature_group(reading, feature, number)
+        group = _feature_group(reading, feature, number, systems)
         groups += [group] if group is not None else []
+    if len(systems) < len(reading.project.features):
+        reading.broken.add("feature")
+    shapes = np.array([system.shape for system in systems.values()], dtype=np.int64)
+    reading.shop.things["feature"] = entities(systems, {SHAPE.key: shapes})
     return groups
 
 
@@ -164,14 +179,19 @@ def feature_label(feature: Feature) -> str:
     return f"{feature.type} {feature.id}"
 
 
-def _feature_group(reading: Reading, feature: Feature, number: int) -> ObservationGroup | None:
+def _feature_group(
+    reading: Reading, feature: Feature, number: int, systems: dict[str, _System]
+) -> ObservationGroup | None:
     place = reading.at("features", number)
     points = reading.shop.things["point"]
     problems: list[Message] = []
     for name in (*feature.points, *feature.other):
         if name not in points.numbers:
             problems.append(place.problem(unknown_name("point", name, points.ids), "points"))
-    needed = NEEDED[feature.type]
+    if feature.id in systems:
+        problems.append(place.problem(f"id: there are two features {feature.id!r}", "id"))
+    problems += _wrong_keys(feature, place, systems)
+    needed = NEEDED[feature.type] if feature.type in NEEDED else _needed(feature)
     if len(set(feature.points)) < needed:
         words = (
             f"a {feature.type} says nothing with {len(set(feature.points))} points; it needs {needed} or more"
@@ -192,11 +212,124 @@ def _feature_group(reading: Reading, feature: Feature, number: int) -> Observati
         return None
     first = np.array([points.part(name, "position") for name in feature.points], dtype=np.int64)
     other = np.array([points.part(name, "position") for name in feature.other], dtype=np.int64)
-    return _observed_zero(reading, feature, first, other, sigma)
+    if feature.type in FREEDOM:
+        return _on_shape(reading, feature, number, first, sigma, systems)
+    return _observed_zero(reading, feature, first, other, sigma, systems)
+
+
+def _wrong_keys(feature: Feature, place: Place, systems: dict[str, _System]) -> list[Message]:
+    """Sizes that a feature does not have, and features that its axis cannot come from."""
+    problems = []
+    free = FREEDOM[feature.type].shape if feature.type in FREEDOM else np.zeros(SHAPE.size, dtype=bool)
+    for name, has in zip(SHAPE.names, free.tolist(), strict=True):
+        if getattr(feature, name) is not None and not has:
+            problems.append(place.problem(f"{name}: a {feature.type} has none", name))
+    if feature.parallel is not None and feature.coaxial is not None:
+        problems.append(place.problem("give either parallel or coaxial", "coaxial"))
+    for key in ("parallel", "coaxial"):
+        name = getattr(feature, key)
+        if name is None:
+            continue
+        if feature.type not in (*_WITH_AXIS, *(("plane",) if key == "parallel" else ())):
+            problems.append(place.problem(f"{key}: a {feature.type} cannot have it", key))
+        if name not in systems:
+            problems.append(place.problem(f"{key}: no feature {name!r} stands above this one", key))
+        elif systems[name].type == "sphere" or (key == "coaxial" and systems[name].type not in _WITH_AXIS):
+            problems.append(place.problem(f"{key}: the {systems[name].type} {name!r} has no axis", key))
+    return problems
+
+
+_WITH_AXIS = ("line", "circle", "cylinder", "cone", "torus")
+
+
+def _needed(feature: Feature) -> int:
+    """Points from which on a shape has redundancy, if all its parameters are its own unknowns."""
+    free = FREEDOM[feature.type]
+    own = free.count
+    if feature.parallel is not None:
+        own -= int(np.count_nonzero(free.turns))
+    if feature.coaxial is not None:
+        own -= int(np.count_nonzero(free.turns)) + int(np.count_nonzero(free.offset[:2]))
+    given = (getattr(feature, name) for name in SHAPE.names)
+    own -= sum(isinstance(one, str) or (one is not None and one.free is None) for one in given)
+    return own // len(SHAPE_TYPES[feature.type].components) + 1
+
+
+def _on_shape(
+    reading: Reading,
+    feature: Feature,
+    number: int,
+    points: IntArray,
+    sigma: float,
+    systems: dict[str, _System],
+) -> ObservationGroup:
+    """Distances from a circle, sphere, cylinder, cone or torus, observed as zero.
+
+    Parallel shapes share the rotation of the local system; coaxial ones its origin and the offset across the axis, too.
+    """
+    shop, label, free = reading.shop, feature_label(feature), FREEDOM[feature.type]
+    shop.begin(label)
+    given = {name: one for name in SHAPE.names if (one := getattr(feature, name)) is not None}
+    place = reading.at("features", number)
+    size = settings(given, SHAPE.components, reading.edge, place, ("features", number), reading.problems)
+    open_ = free.shape & np.array([name not in given for name in SHAPE.names])
+    size.values[0, open_], size.free[0, open_] = np.nan, True
+    known = np.where(np.isnan(size.start), size.values, size.start)[0]
+    other = systems.get(feature.coaxial or feature.parallel or "")
+    axis = None
+    if other is not None:
+        D = rotation_from_angles(shop.store("rotation").all_values()[other.rotation][None])[0]
+        axis = (D, shop.store("point").all_values()[other.position] if feature.coaxial else None)
+    coordinates = shop.store("point").all_values()[points]
+    whole = np.isfinite(coordinates).all()
+    fit = fit_shape(feature.type, coordinates, known, axis) if whole else None
+    D, origin, offset, shape = fit or (np.eye(3), np.zeros(3), np.zeros(3), known)
+    if fit is not None:
+        free_start = size.free & np.isnan(size.values)
+        size.values[free_start] = shape[free_start[0]]
+    none, offsets = np.full((1, 3), np.nan), free.offset[None].copy()
+    if other is None or not feature.coaxial:
+        position = shop.store("point").add_fixed(label, origin.tolist())
+        eccentricity = int(shop.store("eccentricity").add([label], offset[None], offsets, none)[0])
+    else:
+        store = shop.store("eccentricity")
+        position, shared = other.position, store.merged()
+        offsets[:, :2] = shared.free[other.offset, :2]
+        offset[:2] = shared.values[other.offset, :2]
+        eccentricity = int(store.add([label], offset[None], offsets, none)[0])
+        store.shared |= {(eccentricity, k): store.shared.get((other.offset, k), other.offset) for k in (0, 1)}
+    if other is None:
+        angles = angles_from_rotation(D[None])
+        rotation = int(shop.store("rotation").add([label], angles, free.turns[None], none)[0])
+        shop.store("rotation").about_axes.add(rotation)
+    else:
+        rotation = other.rotation
+    block = int(shop.store(SHAPE.key).add([f"feature {feature.id}"], *size)[0])
+    systems[feature.id] = _System(feature.type, position, rotation, eccentricity, block)
+    type_ = SHAPE_TYPES[feature.type]
+    if reading.sphere is not None:
+        from mor.model.curvature import on_sphere  # most projects need nothing of it
+
+        type_ = on_sphere(type_, reading.sphere, reading.edge.metres)
+    count, components = len(points), len(type_.components)
+    return ObservationGroup(
+        name=label,
+        type=type_,
+        blocks=(*(np.full(count, one) for one in (position, rotation, eccentricity, block)), points),
+        observed=np.zeros((count, components)),
+        sigma=np.full((count, components), sigma),
+        constants=np.zeros((count, 0)),
+        references=(one_name(label, count), names_of(feature.points)),
+    )
 
 
 def _observed_zero(
-    reading: Reading, feature: Feature, first: IntArray, other: IntArray, sigma: float
+    reading: Reading,
+    feature: Feature,
+    first: IntArray,
+    other: IntArray,
+    sigma: float,
+    systems: dict[str, _System],
 ) -> ObservationGroup:
     """The local system of a feature, and zeros for the coordinates its points have in it.
 
@@ -396,6 +529,7 @@ PARTS = {
     "station": ("position", "rotation", "height"),
     "system": ("position", "rotation", "scale", "offset"),
     "pair": ("base", "rotation"),
+    "feature": ("shape",),
     "knot": ("position", "rotation"),
     "point": ("position", "velocity", "sine", "cosine"),
     "instrument": ("distance meter", "refraction", "gnss frame", "lever arm", "boresight", "time offset"),
