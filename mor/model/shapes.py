@@ -84,7 +84,9 @@ def _one(
     return distance[:, None], by_local[:, None, :], by_shape[:, None, :]
 
 
-def _shape_type(key: str, distances: _Distances, components: tuple[str, ...] = ("distance",)) -> ObservationType:
+def _shape_type(
+    key: str, distances: _Distances, components: tuple[str, ...] = ("distance",)
+) -> ObservationType:
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
         origin, rotation, offset, shape, point = blocks
         turned = np.einsum("nij,nj->ni", rotation, point - origin)

@@ -16,14 +16,16 @@ from mor.model.observation_types import (
     PLAIN_TYPES,
     ObservationGroup,
 )
-from mor.model.parameters import INTERIORS, KINDS, MOTIONS, BlockKind
-from mor.model.rotations import angles_from_rotation, rotate
+from mor.model.parameters import INTERIORS, KINDS, MOTIONS, SHAPE, BlockKind
+from mor.model.rotations import angles_from_rotation, rotate, rotation_from_angles
+from mor.model.shapes import SHAPE_TYPES
 from mor.project.axes import SMALLEST_SIGMA, ImageScale, UnitError
 from mor.project.entities import (
     BlockStore,
     ContradictionError,
     Equality,
     Reading,
+    entities,
     said_thing,
     settle_equalities,
     table_label,
@@ -31,7 +33,8 @@ from mor.project.entities import (
 )
 from mor.project.rows import group_name, without_required
 from mor.project.schema import Feature, Observations
-from mor.project.tables import MOST_TOLD, Column, Rows, read_table
+from mor.project.shapes import FREEDOM, Fit, fit_shape
+from mor.project.tables import MOST_TOLD, Column, Place, Rows, read_table, settings
 from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.units import ANGLE, LENGTH
 
@@ -230,7 +233,7 @@ def _wrong_keys(feature: Feature, place: Place, systems: dict[str, _System]) -> 
         name = getattr(feature, key)
         if name is None:
             continue
-        if feature.type not in (*_WITH_AXIS, *(("plane",) if key == "parallel" else ())):
+        if feature.type not in _CAN_SHARE or (key, feature.type) in _MEANINGLESS:
             problems.append(place.problem(f"{key}: a {feature.type} cannot have it", key))
         if name not in systems:
             problems.append(place.problem(f"{key}: no feature {name!r} stands above this one", key))
@@ -240,12 +243,14 @@ def _wrong_keys(feature: Feature, place: Place, systems: dict[str, _System]) -> 
 
 
 _WITH_AXIS = ("line", "circle", "cylinder", "cone", "torus")
+_CAN_SHARE = (*FREEDOM, "plane")
+_MEANINGLESS = (("parallel", "sphere"), ("coaxial", "plane"))
 
 
 def _needed(feature: Feature) -> int:
     """Points from which on a shape has redundancy, if all its parameters are its own unknowns."""
     free = FREEDOM[feature.type]
-    own = free.count
+    own = free.unknowns
     if feature.parallel is not None:
         own -= int(np.count_nonzero(free.turns))
     if feature.coaxial is not None:
@@ -283,29 +288,12 @@ def _on_shape(
     coordinates = shop.store("point").all_values()[points]
     whole = np.isfinite(coordinates).all()
     fit = fit_shape(feature.type, coordinates, known, axis) if whole else None
-    D, origin, offset, shape = fit or (np.eye(3), np.zeros(3), np.zeros(3), known)
-    if fit is not None:
-        free_start = size.free & np.isnan(size.values)
-        size.values[free_start] = shape[free_start[0]]
-    none, offsets = np.full((1, 3), np.nan), free.offset[None].copy()
-    if other is None or not feature.coaxial:
-        position = shop.store("point").add_fixed(label, origin.tolist())
-        eccentricity = int(shop.store("eccentricity").add([label], offset[None], offsets, none)[0])
-    else:
-        store = shop.store("eccentricity")
-        position, shared = other.position, store.merged()
-        offsets[:, :2] = shared.free[other.offset, :2]
-        offset[:2] = shared.values[other.offset, :2]
-        eccentricity = int(store.add([label], offset[None], offsets, none)[0])
-        store.shared |= {(eccentricity, k): store.shared.get((other.offset, k), other.offset) for k in (0, 1)}
-    if other is None:
-        angles = angles_from_rotation(D[None])
-        rotation = int(shop.store("rotation").add([label], angles, free.turns[None], none)[0])
-        shop.store("rotation").about_axes.add(rotation)
-    else:
-        rotation = other.rotation
+    fit = fit or Fit(np.eye(3), np.zeros(3), np.zeros(3), size.values[0])
+    unknown = size.free & np.isnan(size.values)
+    size.values[unknown] = fit.shape[unknown[0]]
+    system = _add_system(reading, feature, systems, fit, free.turns, free.offset)
     block = int(shop.store(SHAPE.key).add([f"feature {feature.id}"], *size)[0])
-    systems[feature.id] = _System(feature.type, position, rotation, eccentricity, block)
+    systems[feature.id] = system._replace(shape=block)
     type_ = SHAPE_TYPES[feature.type]
     if reading.sphere is not None:
         from mor.model.curvature import on_sphere  # most projects need nothing of it
@@ -315,7 +303,7 @@ def _on_shape(
     return ObservationGroup(
         name=label,
         type=type_,
-        blocks=(*(np.full(count, one) for one in (position, rotation, eccentricity, block)), points),
+        blocks=(*(np.full(count, one) for one in (*system[1:4], block)), points),
         observed=np.zeros((count, components)),
         sigma=np.full((count, components), sigma),
         constants=np.zeros((count, 0)),
@@ -359,12 +347,16 @@ def _observed_zero(
         observed[: len(first), 2] = 0.0
         observed[len(first) :, 0] = 0.0
     label = feature_label(feature)
-    system = _add_system(reading, label, centre, D, turns, offsets)
+    fit = Fit(D, centre, np.zeros(3), np.zeros(3))
+    systems[feature.id] = system = _add_system(reading, feature, systems, fit, turns, offsets)
     count = len(members)
     return ObservationGroup(
         name=label,
         type=reading.types["local"],
-        blocks=(*(np.full(count, block) for block in system), members),
+        blocks=(
+            *(np.full(count, one) for one in (system.position, system.rotation, 0, system.offset)),
+            members,
+        ),
         observed=observed,
         sigma=np.where(np.isfinite(observed), sigma, np.nan),
         constants=np.zeros((count, 0)),
@@ -373,15 +365,35 @@ def _observed_zero(
 
 
 def _add_system(
-    reading: Reading, label: str, centre: FloatArray, D: FloatArray, turns: BoolArray, offsets: BoolArray
-) -> tuple[int, int, int, int]:
-    """Position, rotation, scale and offset blocks of the system of a feature."""
-    shop, none = reading.shop, np.full((1, 3), np.nan)
-    position = shop.store("point").add_fixed(label, centre.tolist())
-    rotation = int(shop.store("rotation").add([label], angles_from_rotation(D)[None], turns, none)[0])
-    shop.store("rotation").about_axes.add(rotation)
-    offset = int(shop.store("eccentricity").add([label], np.zeros((1, 3)), offsets, none)[0])
-    return position, rotation, 0, offset
+    reading: Reading,
+    feature: Feature,
+    systems: dict[str, _System],
+    fit: Fit,
+    turns: BoolArray,
+    offsets: BoolArray,
+) -> _System:
+    """The local system of a feature, with the blocks that it shares with a parallel or coaxial one."""
+    shop, none, label = reading.shop, np.full((1, 3), np.nan), feature_label(feature)
+    other = systems.get(feature.coaxial or feature.parallel or "")
+    coaxial = other if feature.coaxial is not None else None
+    position = coaxial.position if coaxial else shop.store("point").add_fixed(label, fit.origin.tolist())
+    if other is not None:
+        rotation = other.rotation
+    else:
+        angles = angles_from_rotation(fit.rotation)[None]
+        rotation = int(shop.store("rotation").add([label], angles, turns[None], none)[0])
+        shop.store("rotation").about_axes.add(rotation)
+    store = shop.store("eccentricity")
+    offset = int(store.add([label], fit.offset[None].copy(), offsets[None].copy(), none)[0])
+    if coaxial:
+        table = store.merged()
+        table.values[offset, :2], table.free[offset, :2] = (
+            table.values[coaxial.offset, :2],
+            table.free[coaxial.offset, :2],
+        )
+        for k in (0, 1):
+            store.shared[offset, k] = store.shared.get((coaxial.offset, k), coaxial.offset)
+    return _System(feature.type, position, rotation, offset)
 
 
 def _point_beside(
@@ -416,13 +428,13 @@ def turned_towards(direction: FloatArray, D: FloatArray) -> FloatArray:
 
 
 def _freedom(type_: str) -> tuple[BoolArray, BoolArray]:
-    """(1, 3) free offsets and free turns about the axes of the system."""
+    """(3,) free offsets and free turns about the axes of the system."""
     offsets, turns = {
         "plane": ([False, False, True], [True, True, False]),
         "line": ([True, True, False], [True, True, False]),
         "right angle": ([True, False, True], [True, True, True]),
     }[type_]
-    return np.array([offsets]), np.array([turns])
+    return np.array(offsets), np.array(turns)
 
 
 def _start(

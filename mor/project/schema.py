@@ -737,7 +737,8 @@ class Feature(Strict):
         default=None, description="Angle between axis and surface of a cone; an unknown if not given"
     )
     parallel: Name | None = Field(
-        default=None, description="Feature above whose axis or normal is exactly parallel to the axis of this one"
+        default=None,
+        description="Feature above whose axis or normal is exactly parallel to the axis of this one",
     )
     coaxial: Name | None = Field(
         default=None, description="Feature above that has exactly the same axis as this one"
@@ -919,7 +920,7 @@ class Project(Strict):
     stations: list[Stations] = Field(default_factory=list, description="Tables of theodolite stations")
     systems: list[Systems] = Field(default_factory=list, description="Tables of local systems")
     features: list[Feature] = Field(
-        default_factory=list, description="Planes, lines, right angles, circles, spheres, cylinders, cones and tori that points lie on"
+        default_factory=list, description="Planes, lines, right angles and other shapes that points lie on"
     )
     epochs: Epochs = Field(
         default=Epochs.model_construct(), description="Times of what is measured at several of them"

@@ -23,7 +23,7 @@ class Freedom(NamedTuple):
     shape: BoolArray
 
     @property
-    def count(self) -> int:
+    def unknowns(self) -> int:
         """Number of unknowns."""
         return int(sum(np.count_nonzero(part) for part in self))
 
@@ -65,7 +65,10 @@ class Fit(NamedTuple):
 
 
 def fit_shape(
-    type_: str, points: FloatArray, shape: FloatArray, axis: tuple[FloatArray, FloatArray | None] | None = None
+    type_: str,
+    points: FloatArray,
+    shape: FloatArray,
+    axis: tuple[FloatArray, FloatArray | None] | None = None,
 ) -> Fit | None:
     """Fit a shape to points (n, 3) by least squares; ``None`` if they are too few or lie on no such shape.
 
@@ -152,12 +155,10 @@ def _refined(type_: str, q: FloatArray, guesses: list[Fit], free: Freedom) -> Fi
     from scipy.optimize import least_squares
 
     def adjusted(fit: Fit) -> Fit:
-        found = least_squares(
-            lambda x: _distances(type_, q, _moved(fit, x, free)),
-            np.zeros(free.count),
-            x_scale="jac",
-            max_nfev=_STEPS,
-        )
+        def distances(step: FloatArray) -> FloatArray:
+            return _distances(type_, q, _moved(fit, step, free))
+
+        found = least_squares(distances, np.zeros(free.unknowns), x_scale="jac", max_nfev=_STEPS)
         return _moved(fit, found.x, free)
 
     promising = sorted(guesses, key=lambda guess: _squares(type_, q, guess))[:_REFINED]
@@ -168,7 +169,10 @@ def _moved(fit: Fit, step: FloatArray, free: Freedom) -> Fit:
     whole = np.zeros(9)
     whole[np.concatenate(free)] = step
     return Fit(
-        rotate(fit.rotation[None], whole[None, 3:6])[0], fit.origin, fit.offset + whole[:3], fit.shape + whole[6:]
+        rotate(fit.rotation[None], whole[None, 3:6])[0],
+        fit.origin,
+        fit.offset + whole[:3],
+        fit.shape + whole[6:],
     )
 
 
