@@ -1,0 +1,145 @@
+"""Circles, spheres, cylinders, cones and tori against an orthogonal distance regression that is written without mor.
+
+The independent model has the axis by two angles about an arbitrary axis and a point on it, distances by cross products,
+and is solved by ``scipy.optimize.least_squares`` with differences for derivatives.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares
+
+import mor
+from tests.selection import slow_after
+
+SIGMA = 0.02
+SETS_OF_A_SHAPE = 200
+"""1 000 sets in all; a few of them in the default run."""
+SIZES = {
+    "circle": ("radius",),
+    "sphere": ("radius",),
+    "cylinder": ("radius",),
+    "cone": ("semi_angle",),
+    "torus": ("radius", "minor_radius"),
+}
+
+
+class Scene:
+    """Points near a shape, with the frame (rows x, y, z of the axes) and the origin they were made in."""
+
+    def __init__(self, shape: str, seed: int) -> None:
+        random = np.random.default_rng([list(SIZES).index(shape), seed])
+        count = int(random.integers(12, 60))
+        arc = random.uniform(0.35, 1.0) * 2.0 * np.pi
+        u, v = random.uniform(0.0, arc, count), random.uniform(0.0, 1.0, count)
+        radius, self.tube, self.angle = random.uniform(20, 80), random.uniform(5, 15), random.uniform(0.15, 0.9)
+        x, y, one = np.cos(u), np.sin(u), np.ones(count)
+        if shape == "circle":
+            local = radius * np.stack([x, y, 0 * one], axis=1)
+        elif shape == "sphere":
+            polar = np.arccos(1.0 - v * (1.0 - np.cos(0.5 * arc)))
+            local = radius * np.stack([np.sin(polar) * x, np.sin(polar) * y, np.cos(polar)], axis=1)
+        elif shape == "cylinder":
+            local = np.stack([radius * x, radius * y, 2.0 * radius * v], axis=1)
+        elif shape == "cone":
+            z = radius * (0.5 + v)
+            local = np.stack([z * np.tan(self.angle) * x, z * np.tan(self.angle) * y, z], axis=1)
+        else:
+            w = random.uniform(0.0, 2.0 * np.pi, count)
+            away = radius + self.tube * np.cos(w)
+            local = np.stack([away * x, away * y, self.tube * np.sin(w)], axis=1)
+        self.shape, self.radius = shape, radius
+        self.axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+        self.origin = random.uniform(-300.0, 300.0, 3)
+        self.points = local @ self.axes + self.origin + random.normal(0.0, SIGMA, (count, 3))
+
+    def project(self) -> dict:
+        """The points as constants, so that the distances are all that is adjusted."""
+        names = [f"P{k}" for k in range(len(self.points))]
+        rows = [[name, *point] for name, point in zip(names, self.points.tolist(), strict=True)]
+        return {
+            "mor": 1,
+            "units": {"length": "mm", "angle": "deg"},
+            "points": [{"columns": ["id", "x", "y", "z"], "rows": rows, "fixed": ["x", "y", "z"]}],
+            "features": [{"type": self.shape, "id": "F", "points": names, "sigma": SIGMA}],
+            "settings": {"sigma": "apriori"},
+        }
+
+    def distances(self, unknowns: np.ndarray) -> np.ndarray:
+        """Distances over σ from the shape with a place (3), two turns of the axis, and sizes."""
+        place, (p, q), sizes = unknowns[:3], unknowns[3:5], unknowns[5:]
+        axis = self.axis(p, q)
+        away = self.points - (self.origin + place)
+        along = away @ axis
+        rho = np.linalg.norm(np.cross(away, axis), axis=1)
+        if self.shape == "circle":
+            found = np.concatenate([rho - sizes[0], along])
+        elif self.shape == "sphere":
+            found = np.linalg.norm(away, axis=1) - sizes[0]
+        elif self.shape == "cylinder":
+            found = rho - sizes[0]
+        elif self.shape == "cone":
+            found = rho * np.cos(sizes[0]) - along * np.sin(sizes[0])
+        else:
+            found = np.sqrt((rho - sizes[0]) ** 2 + along**2) - sizes[1]
+        return found / SIGMA
+
+    def axis(self, p: float, q: float) -> np.ndarray:
+        """The unit vector of the axis turned by p and q."""
+        x, y, z = self.axes
+        return np.sin(p) * x + np.cos(p) * (np.sin(q) * y + np.cos(q) * z)
+
+    def regression(self) -> tuple[dict[str, float], dict[str, float]]:
+        """Sizes, axis and place by name, and σ of sizes and place (of a cylinder across its axis, in no project axis)."""
+        start = [*np.zeros(5), *{"cone": [self.angle], "torus": [self.radius, self.tube]}.get(self.shape, [self.radius])]
+        free = np.ones(len(start), dtype=bool)
+        free[2] = self.shape != "cylinder"  # the place along its axis; the other two are in its plane
+        free[3:5] = self.shape != "sphere"
+        turn = np.eye(len(start))
+        turn[:3, :3] = self.axes.T if self.shape == "cylinder" else np.eye(3)
+
+        def residuals(some: np.ndarray) -> np.ndarray:
+            whole = np.array(start)
+            whole[free] = some
+            return self.distances(turn @ whole)
+
+        found = least_squares(
+            residuals, np.array(start)[free], jac="3-point", x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15
+        )
+        whole = np.array(start)
+        whole[free] = found.x
+        inverse = np.zeros((len(start), len(start)))
+        inverse[np.ix_(free, free)] = np.linalg.inv(found.jac.T @ found.jac)
+        whole, covariance = turn @ whole, turn @ inverse @ turn.T
+        sigma = np.sqrt(np.diag(covariance))
+        sizes = dict(zip(SIZES[self.shape], whole[5:], strict=True))
+        values = {**sizes, "axis": self.axis(*whole[3:5]), "place": self.origin + whole[:3]}
+        return values, {**dict(zip(SIZES[self.shape], sigma[5:], strict=True)), "place": sigma[:3]}
+
+
+@pytest.mark.parametrize("shape", SIZES)
+@pytest.mark.parametrize("block", slow_after(1, range(10)))
+def test_parameters_and_sigma_are_those_of_an_independent_regression(shape: str, block: int) -> None:
+    first = 4 if block == 0 else SETS_OF_A_SHAPE // 10
+    for seed in range(block * 20, block * 20 + first):
+        scene = Scene(shape, seed)
+        values, sigma = scene.regression()
+        result = mor.adjust(scene.project())
+        feature = result.to_dict()["features"][0]
+        sizes = result.to_dict()["others"][0]["components"]
+        extent = float(np.ptp(scene.points, axis=0).max())
+        for name in SIZES[shape]:
+            unit, size = (np.pi / 180.0, 1.0) if name == "semi_angle" else (1.0, extent)
+            assert abs(sizes[name]["value"] * unit - values[name]) < 1e-9 * size, (shape, seed, name)
+            assert abs(sizes[name]["sigma"] * unit / sigma[name] - 1.0) < 1e-6, (shape, seed, name)
+        place = np.array([feature[axis] for axis in "xyz"])
+        if shape != "sphere":
+            direction = np.array([feature[f"d{axis}"] for axis in "xyz"])
+            assert np.linalg.norm(np.cross(direction, values["axis"])) < 1e-9, (shape, seed)
+        if shape == "cylinder":
+            assert np.linalg.norm(np.cross(place - values["place"], values["axis"])) < 1e-9 * extent, seed
+        else:
+            assert np.abs(place - values["place"]).max() < 1e-9 * extent, (shape, seed)
+            found = np.array([feature[f"s{axis}"] for axis in "xyz"])
+            assert np.abs(found / sigma["place"] - 1.0).max() < 1e-6, (shape, seed)
