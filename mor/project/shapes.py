@@ -50,6 +50,8 @@ _DIRECTIONS = 100
 """Directions of the axis that are tried."""
 _REFINED, _STEPS = 8, 30
 """Fits that are refined, those with the smallest Σ v², and steps of each."""
+_AGREEING, _SAME = 3, 1e-3
+"""Refined fits that must lead to the same, smallest Σ v² to try no other, and the relative difference allowed."""
 _MOST = 400
 """Points that a fit takes; of more, evenly chosen ones."""
 
@@ -161,8 +163,13 @@ def _refined(type_: str, q: FloatArray, guesses: list[Fit], free: Freedom) -> Fi
         found = least_squares(distances, np.zeros(free.unknowns), x_scale="jac", max_nfev=_STEPS)
         return _moved(fit, found.x, free)
 
-    promising = sorted(guesses, key=lambda guess: _squares(type_, q, guess))[:_REFINED]
-    return min(map(adjusted, promising), key=lambda fit: _squares(type_, q, fit), default=None)
+    fits: list[tuple[float, Fit]] = []
+    for guess in sorted(guesses, key=lambda guess: _squares(type_, q, guess))[:_REFINED]:
+        fit = adjusted(guess)
+        fits = sorted([*fits, (_squares(type_, q, fit), fit)], key=lambda one: one[0])
+        if len(fits) >= _AGREEING and fits[_AGREEING - 1][0] <= (1.0 + _SAME) * fits[0][0]:
+            break
+    return fits[0][1] if fits else None
 
 
 def _moved(fit: Fit, step: FloatArray, free: Freedom) -> Fit:
