@@ -254,11 +254,11 @@ def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
     ]
     lengths = [f"{name} [{unit}]" for name in ("distance", "X", "Y", "Z")]
     headers = ["feature", *(f"{n} [1]" for n in ("dX", "dY", "dZ")), *lengths, "points"]
-    headers += [f"{name} [{unit}]" for name in ("rms", "form")]
+    headers += [f"rms [{unit}]", f"form [{unit}]"]
     note = words(
         "d: normal of a plane, direction of a line or axis; X Y Z: centre, apex, or mean of the points on it"
     )
-    return f"{heading(words('Planes and lines'))}\n{table(headers, rows, words=words)}\n{note}"
+    return f"{heading(words('Planes, lines and shapes'))}\n{table(headers, rows, words=words)}\n{note}"
 
 
 # ------------------------------------------------------------
