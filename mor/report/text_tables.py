@@ -246,15 +246,12 @@ def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
             f"{words.listed(row['type'])} {row['id']}"
             + (f", {words.listed(row['part'])}" if row["part"] else ""),
             *(fixed(row[name], 7) for name in ("dx", "dy", "dz")),
-            *(fixed(row[name], d) for name in ("distance", "x", "y", "z")),
-            str(row["points"]),
-            *(fixed(row[name], d) for name in ("rms", "form")),
+            *(fixed(row[name], d) for name in ("distance", "x", "y", "z", "rms", "form")),
         ]
         for row in frame.to_dicts()
     ]
-    lengths = [f"{name} [{unit}]" for name in ("distance", "X", "Y", "Z")]
-    headers = ["feature", *(f"{n} [1]" for n in ("dX", "dY", "dZ")), *lengths, "points"]
-    headers += [f"rms [{unit}]", f"form [{unit}]"]
+    lengths = [f"{name} [{unit}]" for name in ("distance", "X", "Y", "Z", "rms", "form")]
+    headers = ["feature", *(f"{n} [1]" for n in ("dX", "dY", "dZ")), *lengths]
     note = words(
         "d: normal of a plane, direction of a line or axis; X Y Z: centre, apex, or mean of the points on it"
     )
