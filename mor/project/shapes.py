@@ -50,7 +50,7 @@ _DIRECTIONS = 100
 """Directions of the axis that are tried."""
 _REFINED, _STEPS = 8, 30
 """Fits that are refined, those with the smallest Σ v², and steps of each."""
-_AGREEING, _SAME = 3, 1e-3
+_AGREEING, _SAME = 5, 1e-3
 """Refined fits that must lead to the same, smallest Σ v² to try no other, and the relative difference allowed."""
 _MOST = 400
 """Points that a fit takes; of more, evenly chosen ones."""
