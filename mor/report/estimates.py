@@ -13,13 +13,14 @@ from mor.errors import Undeterminable
 from mor.model.cameras import CAMERA_MODELS
 from mor.model.contract import places_of
 from mor.model.observation_types import is_image_point
-from mor.model.parameters import INTERIORS
+from mor.model.parameters import INTERIORS, SHAPE
 from mor.model.rotations import cross_matrix
 from mor.model.shapes import SHAPE_TYPES
 from mor.project.axes import Edge, split
 from mor.project.prior_knowledge import feature_label
 from mor.project.reference_system import World
 from mor.project.schema import Axes, Feature
+from mor.project.shapes import FREEDOM
 from mor.quality.assessment import Quality, joint_cofactors
 from mor.quality.deformation import Movements, Tested, movements
 from mor.quality.precision import error_ellipses, error_ellipsoids, follower_blocks, follower_poses, of_images
@@ -626,6 +627,7 @@ FEATURE_SCHEMA: dict[str, type[pl.DataType]] = {
     "sx": pl.Float64,
     "sy": pl.Float64,
     "sz": pl.Float64,
+    **{f"{s}{size}": pl.Float64 for size in SHAPE.names for s in ("", "s")},
     "points": pl.Int64,
     "rms": pl.Float64,
     "form": pl.Float64,
@@ -641,8 +643,8 @@ def feature_table(solved: Solved) -> pl.DataFrame:
     (dx, dy, dz) is the unit normal of a plane or the unit direction of a line or an axis, with the largest standard
     deviation ``sd`` of the direction in the project's unit of angles; (x, y, z) the mean of the points, put on the
     plane, line or axis of a cylinder, or else the centre or apex; ``distance`` of a plane that from the origin,
-    dx x + dy y + dz z; ``rms`` the root mean square distance of the points and ``form`` the largest residual minus the
-    smallest.
+    dx x + dy y + dz z; ``rms`` the root mean square distance of the points and ``form`` the largest residual minus
+    the smallest. Sizes are null if a feature has none.
     """
     rows = [row for feature in solved.network.project.features for row in _rows(solved, feature)]
     return pl.DataFrame(rows, schema=FEATURE_SCHEMA)
@@ -657,8 +659,13 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
     values, M = solved.adjustment.values, solved.network.edge.matrix
     D, offset = values["rotation"][rotation], values["eccentricity"][eccentricity]
     local = (values["point"][points] - values["point"][origin]) @ D.T + offset
-    off = local
+    off, sizes = local, dict[str, float | None]()
     if feature.type in SHAPE_TYPES:
+        for name, size in component_rows(
+            solved, SHAPE.key, int(part_of["shape"][0]), SHAPE.components
+        ).items():
+            if FREEDOM[feature.type].shape[SHAPE.names.index(name)]:
+                sizes |= {name: size["value"], f"s{name}": size["sigma"]}
         blocks = [
             values[slot.kind][numbers] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
         ]
@@ -692,6 +699,7 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
                 else None,
                 **dict(zip("xyz", place.tolist(), strict=True)),
                 **dict(zip(("sx", "sy", "sz"), sigma, strict=True)),
+                **sizes,
                 "points": int(np.count_nonzero(chosen)),
                 "rms": float(np.sqrt(np.mean(np.sum(away**2, axis=1)))),
                 "form": float(np.ptp(away, axis=0).max()),

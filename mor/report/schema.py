@@ -256,7 +256,7 @@ class Camera(Part):
 
 
 class Feature(Part):
-    """A plane, a line or another shape. Its sizes are among the other blocks."""
+    """A plane, a line or another shape."""
 
     id: str = Field(description="Its name")
     type: Literal["plane", "line", "right angle", "circle", "sphere", "cylinder", "cone", "torus"] = Field(
@@ -274,6 +274,14 @@ class Feature(Part):
     sx: Number = Field(description="σ of x; that along a plane, line or cylinder is 0")
     sy: Number = Field(description="σ of y")
     sz: Number = Field(description="σ of z")
+    radius: Number = Field(
+        description="Radius of a circle, sphere or cylinder, or of the centre line of a torus"
+    )
+    sradius: Number = Field(description="σ of the radius")
+    minor_radius: Number = Field(description="Radius of the tube of a torus")
+    sminor_radius: Number = Field(description="σ of this radius")
+    semi_angle: Number = Field(description="Angle between the axis and the surface of a cone")
+    ssemi_angle: Number = Field(description="σ of this angle")
     points: int = Field(description="Number of points on it")
     rms: float = Field(description="Root mean square of their distances from it")
     form: float = Field(description="Form deviation: the largest of their residuals minus the smallest")

@@ -133,13 +133,12 @@ def test_parameters_and_sigma_are_those_of_an_independent_regression(shape: str,
         scene = Scene(shape, seed)
         values, sigma = scene.regression()
         result = mor.adjust(scene.project())
-        feature = result.to_dict()["features"][0]
-        sizes = result.to_dict()["others"][0]["components"]
+        feature = result.features.frame.row(0, named=True)
         extent = float(np.ptp(scene.points, axis=0).max())
         for name in SIZES[shape]:
             unit, size = (np.pi / 180.0, 1.0) if name == "semi_angle" else (1.0, extent)
-            assert abs(sizes[name]["value"] * unit - values[name]) < 1e-9 * size, (shape, seed, name)
-            assert abs(sizes[name]["sigma"] * unit / sigma[name] - 1.0) < 1e-6, (shape, seed, name)
+            assert abs(feature[name] * unit - values[name]) < 1e-9 * size, (shape, seed, name)
+            assert abs(feature[f"s{name}"] * unit / sigma[name] - 1.0) < 1e-6, (shape, seed, name)
         place = np.array([feature[axis] for axis in "xyz"])
         if shape != "sphere":
             direction = np.array([feature[f"d{axis}"] for axis in "xyz"])
@@ -224,18 +223,21 @@ def test_rays_directions_and_distances_refer_to_points_of_shapes() -> None:
     result = mor.adjust(project)
     assert result.converged
     tube, rim = result.to_dict()["features"]
-    sizes = {row["id"]: row["components"]["radius"] for row in result.to_dict()["others"]}
-    assert sizes["feature tube"]["value"] == pytest.approx(1.5, abs=1e-8)
-    assert sizes["feature rim"]["value"] == pytest.approx(0.8, abs=1e-8)
-    assert 0.0 < sizes["feature tube"]["sigma"] < 1e-3
+    assert tube["radius"] == pytest.approx(1.5, abs=1e-8)
+    assert rim["radius"] == pytest.approx(0.8, abs=1e-8)
+    assert result.features.units["radius"] == "m"
     for feature in (tube, rim):
         assert np.linalg.norm(np.cross([feature[f"d{a}"] for a in "xyz"], axes[2])) < 1e-8
     np.testing.assert_allclose([rim[a] for a in "xyz"], 2.5 * axes[2], atol=1e-8)
     assert tube["form"] < 1e-8
-    project["features"] = []
-    without = mor.adjust(project)
+    without = mor.adjust(project | {"features": []})
     # twelve distances and eight pairs of them, less axis (4), two radii and the place of the circle
     assert result.redundancy - without.redundancy == 12 + 16 - 7
+    del project["points"][0]["fixed"], project["stations"][0]["fixed"]
+    free = mor.adjust(project | {"datum": "free"})
+    assert free.features.row("tube")["sradius"] / free.sigma0 == pytest.approx(
+        tube["sradius"] / result.sigma0, rel=1e-6
+    )
 
 
 def test_equal_and_observed_sizes() -> None:
