@@ -284,3 +284,37 @@ def test_mistakes(keys: dict, words: str) -> None:
     project["features"][0] |= keys
     with pytest.raises(mor.InputError, match=words):
         mor.adjust(project)
+
+
+def test_place_and_sigma_of_a_coaxial_circle() -> None:
+    """A rotation axis: two circles about it, the second one far from the origin of the common system."""
+    first = Scene("circle", 3)
+    x, y, z = first.axes
+    random = np.random.default_rng(8)
+    u = random.uniform(0.0, 4.0, (15, 1))
+    points = first.origin + 30.0 * (np.cos(u) * x + np.sin(u) * y) + 200.0 * z
+    points += random.normal(0.0, SIGMA, points.shape)
+    project = first.project()
+    names = [f"Q{k}" for k in range(len(points))]
+    project["points"][0]["rows"] += [[n, *p] for n, p in zip(names, points.tolist(), strict=True)]
+    second = {"type": "circle", "id": "G", "points": names, "sigma": SIGMA, "coaxial": "F"}
+    project["features"].append(second)
+    found = mor.adjust(project).features.row("G")
+
+    def centre(some: np.ndarray) -> np.ndarray:
+        return some[:3] + some[6] * first.axis(*some[3:5])
+
+    def residuals(some: np.ndarray) -> np.ndarray:
+        away = points - first.origin - centre(some)
+        along = away @ first.axis(*some[3:5])
+        rho = np.linalg.norm(np.cross(away, first.axis(*some[3:5])), axis=1)
+        return np.concatenate([first.distances(some[:6]), (rho - some[7]) / SIGMA, along / SIGMA])
+
+    start = np.array([0.0, 0.0, 0.0, 0.0, 0.0, first.radius, 200.0, 30.0])
+    best = least_squares(residuals, start, jac="3-point", x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15)
+    step = 1e-5 * np.eye(8)
+    by = np.stack([(centre(best.x + h) - centre(best.x - h)) / 2e-5 for h in step], axis=1)
+    sigma = np.sqrt(np.diag(by @ np.linalg.inv(best.jac.T @ best.jac) @ by.T))
+    np.testing.assert_allclose([found[a] for a in "xyz"], first.origin + centre(best.x), atol=1e-7)
+    np.testing.assert_allclose([found[f"s{a}"] for a in "xyz"], sigma, rtol=1e-6)
+    assert found["radius"] == pytest.approx(best.x[7], abs=1e-7)
