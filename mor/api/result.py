@@ -294,6 +294,17 @@ class Result:
         return Table(pl.DataFrame(rows, infer_schema_length=None), units)
 
     @cached_property
+    def features(self) -> Table:
+        """Planes, lines and other shapes: direction, place and sizes with σ, mean distance, form deviation."""
+        from mor.report.estimates import feature_table
+        from mor.report.units import angle_unit
+
+        table = self._table(feature_table(self._solution))
+        lengths = ("distance", "radius", "sradius", "minor_radius", "sminor_radius", "rms", "form")
+        angles = dict.fromkeys(("sd", "semi_angle", "ssemi_angle"), angle_unit(self.solved))
+        return Table(table.frame, {**table.units, **dict.fromkeys(lengths, self._length), **angles})
+
+    @cached_property
     def groups(self) -> Table:
         """Groups of observations: number, Σ r, part of vᵀPv, σ0 of the group."""
         from mor.report.estimates import group_table

@@ -200,7 +200,7 @@ def workshop() -> Workshop:
     return Workshop(stores, {})
 
 
-FRAMES = ("image", "station", "system", "pair", "knot")
+FRAMES = ("image", "station", "system", "feature", "pair", "knot")
 """Namespaces whose things have blocks that are called after them: ``image 1``."""
 
 

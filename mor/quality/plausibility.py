@@ -15,6 +15,7 @@ from mor.model.curvature import on_sphere
 from mor.model.earth import EARTH_RADIUS, LocalSphere
 from mor.model.observation_types import ObservationGroup, some_rows, wrap
 from mor.model.parameters import Values
+from mor.model.shapes import SHAPE_TYPES
 from mor.project.axes import split
 from mor.project.earth import median_origin
 from mor.project.network import Network
@@ -861,7 +862,7 @@ _LOOKED_AT = {
     "horizontal_distance": 0,
 }
 """Component of each type that the curvature changes without regard to the coordinates that are chosen."""
-_STRAIGHT = ("vector", "local", "image/", "follower/", "moving")
+_STRAIGHT = ("vector", "local", *SHAPE_TYPES, "image/", "follower/", "moving")
 
 
 class Effect(NamedTuple):

@@ -235,7 +235,7 @@ def _explained(solved: Solved, words: Words) -> str:
 
 
 def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
-    """One line for each plane and line."""
+    """One line for each feature, two for a right angle."""
     frame = feature_table(solved)
     if frame.height == 0 or solved.quality is None:
         return ""
@@ -246,16 +246,16 @@ def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
             f"{words.listed(row['type'])} {row['id']}"
             + (f", {words.listed(row['part'])}" if row["part"] else ""),
             *(fixed(row[name], 7) for name in ("dx", "dy", "dz")),
-            *(fixed(row[name], d) for name in ("distance", "x", "y", "z")),
-            str(row["points"]),
-            fixed(row["rms"], d),
+            *(fixed(row[name], d) for name in ("distance", "x", "y", "z", "rms", "form")),
         ]
         for row in frame.to_dicts()
     ]
-    lengths = [f"{name} [{unit}]" for name in ("distance", "X", "Y", "Z")]
-    headers = ["feature", *(f"{n} [1]" for n in ("dX", "dY", "dZ")), *lengths, "points", f"rms [{unit}]"]
-    note = words("d: normal of a plane, direction of a line; X Y Z: mean of the points on it")
-    return f"{heading(words('Planes and lines'))}\n{table(headers, rows, words=words)}\n{note}"
+    lengths = [f"{name} [{unit}]" for name in ("distance", "X", "Y", "Z", "rms", "form")]
+    headers = ["feature", *(f"{n} [1]" for n in ("dX", "dY", "dZ")), *lengths]
+    note = words(
+        "d: normal of a plane, direction of a line or axis; X Y Z: centre, apex, or mean of the points on it"
+    )
+    return f"{heading(words('Planes, lines and shapes'))}\n{table(headers, rows, words=words)}\n{note}"
 
 
 # ------------------------------------------------------------
