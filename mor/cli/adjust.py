@@ -92,39 +92,39 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
     metavar="FOLDER",
     type=OutputPath(),
     show_default="PROJECT.results",
-    help="Folder of the results.",
+    help="Folder for the results.",
 )
 @click.option(
     "-f",
     "--force",
     is_flag=True,
-    help="Replace results of other input or options that are there already.",
+    help="Replace existing results of other input or options.",
 )
 @format_option
 @click.option(
     "--json", "as_json", is_flag=True, help="Print results.json on standard output; write files only with -o."
 )
 @click.option(
-    "--strict", is_flag=True, help="Exit with 1 where the global test rejects or an observation is flagged."
+    "--strict", is_flag=True, help="Exit with 1 if the global test rejects or an observation is flagged."
 )
 @click.option(
     "--snoop",
     is_flag=True,
-    help="Data snooping: take flagged observations out one by one until the rest is clean.",
+    help="Data snooping: exclude flagged observations one by one until none is flagged.",
 )
-@language_option("report.txt, report.html and of what the terminal says")
-@click.option("--full", is_flag=True, help="Leave nothing out of report.txt: all points, all observations.")
+@language_option("report.txt, report.html and the terminal")
+@click.option("--full", is_flag=True, help="List all points and all observations in report.txt.")
 @click.option(
     "--html/--no-html",
     default=None,
-    show_default="html, up to 2 million observations",
-    help="Write report.html, the page to look at.",
+    show_default="html up to 2 million observations",
+    help="Write report.html, the report for the browser.",
 )
 @click.option(
     "--tables",
     type=click.Choice(["none", "worst", "all"]),
-    show_default="all, beyond 2 million observations worst",
-    help="Tables of results: none, points, images and the worst residuals, or all.",
+    show_default="all; worst above 2 million observations",
+    help="Tables of results: none; points, images and the largest residuals (worst); or all.",
 )
 @click.option(
     "--table-format",
@@ -137,8 +137,8 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
     "--memory",
     metavar="SIZE",
     type=Amount(),
-    show_default="what there is",
-    help="Memory that mor may take, e.g. 4GB; if it does not suffice, long arrays are kept in files.",
+    show_default="the available memory",
+    help="Memory that mor may use, e.g. 4GB; if it is not enough, long arrays are kept in files.",
 )
 @click.option(
     "--scratch",
@@ -153,7 +153,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
     "--events",
     metavar="FILE",
     type=OutputPath(),
-    help="Write phases and iterations as JSON Lines while they happen; - is standard output.",
+    help="Write phases and iterations as JSON Lines while mor works; - is standard output.",
 )
 @kernels_option
 @quiet_option
@@ -161,10 +161,10 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
     "-v",
     "--verbose",
     is_flag=True,
-    help="Tell the phases, all notes and the groups; keep every iteration in view.",
+    help="Print the phases, all notes, the groups and every iteration.",
 )
 def command(**given: Any) -> int:
-    """Adjust PROJECT, write reports, results and tables.
+    """Adjust PROJECT and write reports, results and tables.
 
     \b
     Examples:
@@ -176,12 +176,12 @@ def command(**given: Any) -> int:
       mor adjust network.dat --from starnet --memory 4GB
       mor adjust - < project.yaml
 
-    PROJECT is a project file (.yaml), a foreign file that mor convert knows, or a folder with one project file in it;
-    without it, the folder is the current one. - is standard input: the names of tables count from the current folder,
-    and results go to stdin.results. Missing start values are worked out.
+    PROJECT is a project file (.yaml), a file of another program that mor convert can read, or a folder with one
+    project file; the default is the current folder. - is standard input: paths of tables are relative to the current
+    folder, and results go to stdin.results. Missing start values are computed.
 
     \b
-    Exit codes: 0 done; 1 rejected (--strict), or suspects left out; 2 input; 3 not converged;
+    Exit codes: 0 done; 1 rejected (--strict), or suspects excluded; 2 input; 3 not converged;
     4 singular; 5 memory.
     """
     return run(Asked(**given))

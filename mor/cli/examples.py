@@ -19,10 +19,10 @@ from mor.cli.options import OutputPath
     metavar="FOLDER",
     type=OutputPath(),
     show_default="NAME",
-    help="Folder to copy it to; new, or empty.",
+    help="Folder for the copy; it must be new or empty.",
 )
 def command(name: str | None, output: Path | None) -> None:
-    """List the sample projects, or copy the one called NAME.
+    """List the sample projects, or copy the one named NAME.
 
     \b
     Examples:

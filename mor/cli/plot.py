@@ -28,28 +28,28 @@ KINDS = ("network", "ellipses", "residuals", "camera", "histogram", "overlap")
     metavar="FILE",
     type=OutputPath(),
     required=True,
-    help="Picture to write: .svg, .png or .pdf.",
+    help="File to write: .svg, .png or .pdf.",
 )
 @click.option(
     "--of",
     "name",
     metavar="NAME",
     show_default="all images; the first camera",
-    help="Image (of residuals) or camera (of camera) to draw.",
+    help="Image (for residuals) or camera (for camera) to plot.",
 )
 @click.option(
     "--confidence",
     type=click.Choice(["1", "95"]),
     default="1",
     show_default=True,
-    help="Ellipses: 1 for one sigma, 95 for those in which 95 % lie.",
+    help="Ellipses: 1 for one sigma, 95 for 95 % confidence.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
+@click.option("-f", "--force", is_flag=True, help="Replace an existing file.")
 @language_option("the picture")
 def command(
     kind: str, source: Path, output: Path, name: str | None, confidence: str, force: bool, lang: str
 ) -> None:
-    """Draw a picture of SOURCE: network, ellipses, residuals, camera, histogram or overlap.
+    """Plot SOURCE: network, ellipses, residuals, camera, histogram or overlap.
 
     \b
     Examples:
