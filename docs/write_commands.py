@@ -62,7 +62,8 @@ def command_page() -> str:
     """The page of all commands: what ``--help`` says."""
     parts = [
         "# Commands",
-        "The help text of each command, as printed by `--help` and `man mor`. `mor explain TERM` explains a term of a report.",
+        "The help text of each command, as printed by `--help` and `man mor`. `mor "
+        "explain TERM` explains a term of a report.",
     ]
     for context, command in all_commands():
         parts += [f"## {context.command_path}", f"```text\n{command.get_help(context)}\n```"]

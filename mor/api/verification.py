@@ -141,7 +141,7 @@ def reference_data() -> Path:
     for folder in (package / "verification", package.parent / "tests" / "reference" / "networks"):
         if (folder / "nist").is_dir():
             return folder
-    raise InputError([Message("this installation came without its reference data")])
+    raise InputError([Message("this installation does not include the reference data")])
 
 
 # ------------------------------------------------------------

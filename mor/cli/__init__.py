@@ -136,7 +136,8 @@ def _out_of_memory(error: MemoryError) -> str:
 
 
 OUT_OF_MEMORY = (
-    "What helps: --no-html and --tables worst, fewer observations at a time, a machine with more memory."
+    "Use --no-html and --tables worst, adjust fewer observations at a time, "
+    "or use a machine with more memory."
 )
 
 
@@ -148,7 +149,7 @@ def _tell(error: MorError, language: str) -> None:
     more = len(lines) - MOST_TOLD
     if more > 0:
         words = (
-            f"… and {more} more mistakes; {getattr(error, 'told_by', 'mor check --all')} tells all of them"
+            f"… and {more} more mistakes; {getattr(error, 'told_by', 'mor check --all')} lists all of them"
         )
         lines = [*lines[: MOST_TOLD - 1], told(words, language), lines[-1]]
     for line in lines:

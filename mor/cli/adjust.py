@@ -270,7 +270,7 @@ def named_in_full(place: Reservation | None) -> Iterator[None]:
             from mor.report.results import write_undeterminable
 
             write_undeterminable(error.things, place)
-            tell(f"all of them are named in {place.folder / 'undetermined.csv'}:")
+            tell(f"all of them are listed in {place.folder / 'undetermined.csv'}:")
         raise
 
 
@@ -371,10 +371,12 @@ def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Mess
     notes = []
     if tables is None:
         notes.append(
-            Message(f"of very many residuals the {WORST} worst are written; --tables all writes all")
+            Message(
+                f"only the {WORST} worst residuals are written because of their number; --tables all writes all"
+            )
         )
     if html is None:
-        notes.append(Message("no report.html of very many observations; --html writes it all the same"))
+        notes.append(Message("no report.html because of the number of observations; --html writes it anyway"))
     return notes
 
 

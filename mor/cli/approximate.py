@@ -94,7 +94,7 @@ def command(
         _report(network, approximation, as_json, plot, force, lang)
         missing = [thing for thing in approximation.missing if thing.treatment != AT_INFINITY]
         if missing and network.project.settings.undetermined == "refuse":
-            count = counted(len(missing), "thing stays", "things stay")
+            count = counted(len(missing), "object stays", "objects stay")
             raise InputError([Message(f"{count} without start values, as the report says", str(project))])
         write_project(Placed(network, approximation.start), document, project.parent, place)
     if not quiet:

@@ -80,9 +80,7 @@ def command(
     key = target_format or ("" if place.suffix.lower() in _OWN else format_to_write(place))
     document = _read(sources, source_formats, bool(key))
     if not key and place.suffix.lower() not in _OWN:
-        words = (
-            "nothing in this name tells a format; give it the suffix .yaml for a project file, or --to FORMAT"
-        )
+        words = "this name has no suffix of a known format; use the suffix .yaml for a project file, or --to FORMAT"
         raise InputError([Message(words, str(place))])
     files, notes = (
         _own_files(document, source, place) if not key else _foreign_files(document, source, place, key)

@@ -54,7 +54,7 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
     project, solved = in_datum(project, target, "--to")
     if not solved.adjustment.defect.datum.size:
         words = (
-            "the observations settle the datum by themselves (defect 0): it is the same, whatever --to says"
+            "the observations define the datum themselves (defect 0): it stays the same whatever --to says"
         )
         click.echo(words_of(lang)("note: {text}", text=words_of(lang)(words)), err=True)
     if output is not None:

@@ -99,7 +99,7 @@ def command(
         tell(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}")
     for path, unused in {table.path: table.unused for table in found if table.unused}.items():
         tell(f"note: {path}: columns not used: {', '.join(unused)}")
-    tell(f"{project} is there: look at the lines marked CHECK, then mor check {project}")
+    tell(f"{project} is written: look at the lines marked CHECK, then run mor check {project}")
 
 
 def _has_content(path: Path, text: str) -> bool:
@@ -118,4 +118,4 @@ def _begin_from_photographs(project: Path, photographs: tuple[Path, ...], force:
     write_files(project_files(document.data, project.parent, project), force, makes_folders=True)
     for note in document.notes:
         tell(f"note: {note.message}")
-    tell(f"{project} is there: add observations, then mor check {project}")
+    tell(f"{project} is written: add observations, then run mor check {project}")

@@ -29,7 +29,7 @@ class _NamedPath(click.Path):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path. A name with a null byte is refused: no system has a file that is called so."""
         if "\0" in str(value):
-            self.fail(f"{str(value)!r} is no name of a file", param, ctx)
+            self.fail(f"{str(value)!r} is not a file name", param, ctx)
         return super().convert(value, param, ctx)
 
 

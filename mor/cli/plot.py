@@ -89,7 +89,7 @@ def view_of_source(source: Path) -> View:
     if solved.quality is None:
         reason = solved.adjustment.reason or solved.adjustment.outcome.value
         raise InputError(
-            [Message(f"the adjustment has no solution ({reason}): nothing to draw", str(source))]
+            [Message(f"the adjustment has no solution ({reason}): there is nothing to plot", str(source))]
         )
     return view_of(solved, observation_table(solved))
 
@@ -99,9 +99,7 @@ def drawn(kind: str, view: View, name: str | None, words: Words, confidence: str
     from mor.report.plots import camera, ellipses, histogram, network, overlap_and_rays, residuals
 
     if name is not None and kind not in ("residuals", "camera"):
-        raise click.UsageError(
-            f"--of names an image or a camera; a picture of kind {kind!r} shows everything"
-        )
+        raise click.UsageError(f"--of names an image or a camera; a plot of kind {kind!r} shows everything")
     if kind == "residuals":
         return residuals(view, name, words)
     if kind == "camera":

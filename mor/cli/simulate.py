@@ -289,7 +289,7 @@ def _check_folder(folder: Path, force: bool) -> None:
         return
     check_folder(folder, force, _REPORTS)
     if runs.is_dir() and any(runs.iterdir()):
-        words = "this folder holds no runs of mor, and is not empty; choose another folder with -o"
+        words = "this folder is not empty and contains no runs of mor; choose another folder with -o"
         raise InputError([Message(words, str(runs))])
 
 

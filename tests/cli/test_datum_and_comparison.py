@@ -440,7 +440,7 @@ def test_a_check_of_what_nothing_determines_is_a_mistake(tmp_path: Path) -> None
     )
     run = mor("adjust", write_block(tmp_path, text))
     assert run.code == 2
-    assert "'Z' is to be checked, but nothing determines it" in run.err
+    assert "'Z' is a check point, but nothing determines it" in run.err
 
 
 def _spoiled(folder: Path) -> Path:

@@ -66,7 +66,7 @@ class TestOverwriting:
         assert mor("adjust", project).code == 0
         assert mor("adjust", project, "-o", folder).code == 0
         written = content(folder)
-        assert written["README.txt"].startswith(b"What is in this folder")
+        assert written["README.txt"].startswith(b"Contents of this folder")
         assert all(
             name.encode() in written["README.txt"] for name in set(written) - {"README.txt", "notes.txt"}
         )
@@ -128,7 +128,7 @@ class TestOverwriting:
         run = mor("adjust", project, "-o", tmp_path, "--force")
         assert run.code == 2
         assert run.err.splitlines() == [
-            f"{tmp_path}/{name}: results would overwrite this file, which the project is read from; "
+            f"{tmp_path}/{name}: results would overwrite this file, from which the project is read; "
             "choose another folder"
             for name in ("images.csv", "points.csv")
         ]

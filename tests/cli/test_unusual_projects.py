@@ -143,7 +143,9 @@ def test_a_turn_that_is_known_well_is_not_called_hardly_determined(
 
 
 def test_lines_of_a_loop_in_german() -> None:
-    said = words_of("de").told("levelling A - B: the loop misses by 0.1 m (5 sigma); its lines: 7, 9")
+    said = words_of("de").told(
+        "levelling A - B: the loop has a misclosure of 0.1 m (5 sigma); its lines: 7, 9"
+    )
     assert said == "Nivellement A - B: der Schleifenschluss ist 0.1 m (5 Sigma); ihre Zeilen: 7, 9"
 
 

@@ -467,7 +467,7 @@ def test_tie_points_where_poses_are_worked_out_anew(tmp_path: Path) -> None:
             r"points0.ply: found \d+ bytes of vertices, expected 31",
         ),
         (b"property int id", b"property int no", "points0.ply: found no property id"),
-        (b"property float z", b"property list z", "points0.ply: found a property that is no plain number"),
+        (b"property float z", b"property list z", "points0.ply: found a property that is not a plain number"),
         (b"end_header", b"end_headex", "points0.ply: found no head of a PLY file"),
     ],
 )

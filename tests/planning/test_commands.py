@@ -97,7 +97,7 @@ def test_a_plan_that_leaves_something_open_has_no_solution(tmp_path, capfd):
         ('points: ["*"]', "points: [E]", "no point is called 'E'"),
         ("xy: 3 mm", "xy: 3 kg", "unit 'kg' does not fit a length"),
         ("r: LIMIT", "r: 1.5", "expected a number below 1"),
-        ("r: LIMIT", "r: 0.1, groups: [distanc]", "no group of observations is called 'distanc'"),
+        ("r: LIMIT", "r: 0.1, groups: [distanc]", "there is no group of observations 'distanc'"),
         ("[D, 55, 30, 1]", '[D, 55, 30, ""]', "point D: no place"),
         (
             "candidates: [again]",

@@ -157,7 +157,7 @@ class TestFeatures:
     def test_too_few_points(self, tmp_path: Path) -> None:
         text = TRIANGLE + "features: [{type: plane, id: wall, points: [A, B, C], sigma: 0.001}]\n"
         assert mistakes(write(tmp_path, text)) == [
-            "project.yaml:7: a plane says nothing with 3 points; it needs 4 or more"
+            "project.yaml:7: a plane observes nothing with 3 points; it needs 4 or more"
         ]
 
     def test_unknown_point(self, tmp_path: Path) -> None:

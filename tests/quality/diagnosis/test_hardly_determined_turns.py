@@ -124,7 +124,7 @@ def _names(scene):
 def test_the_user_reads_which_turn_it_is_and_what_would_help(tmp_path):
     run = mor("adjust", _project(tmp_path, 0.0))
     assert run.code == 4
-    assert "a turn of the whole network is not determined in any useful way" in run.err
+    assert "a rotation of the whole network is not usefully determined" in run.err
     assert "The turn of the whole network about Z is hardly determined: its standard deviation is" in run.err
     assert "(of an angle that nobody has observed it is 115 gon)" in run.err
     assert "Observe them as level" in run.err
