@@ -165,7 +165,7 @@ def used_in_words(data: PageData) -> str:
     out = view.residuals.height - view.used.height
     parts = [
         say(
-            "{files:file|files} read, {count:observation|observations} adjusted, {out} excluded.",
+            "{files:file|files} read, {count:observation|observations} adjusted, {out} not used.",
             files=len(view.identity["inputs"]),
             count=view.used.height,
             out=out,

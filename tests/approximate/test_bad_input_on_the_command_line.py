@@ -12,7 +12,7 @@ from tests.selection import slow_but
 
 WORDS = {
     "four": ("fewer than eight homologous points", "share 4 points, relative orientation needs 8"),
-    "collinear": ("the points lie in one line", "the points lie in one line"),
+    "collinear": ("the points are collinear", "the points are collinear"),
     "identical": ("the same image twice", "the same image twice"),
     "mirrored": ("one bundle is mirrored", "one bundle is mirrored"),
     "mismatched": (
@@ -193,6 +193,6 @@ observations:
 """)
     assert run(["adjust", str(project)]) == 2
     said = capsys.readouterr().err
-    assert "station S: what it sees contradicts the places of its points" in said
+    assert "station S: its observations contradict the known coordinates of its points" in said
     assert "too few points" not in said
     assert "mor diagnose searches for mistakes" in said

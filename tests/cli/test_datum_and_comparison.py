@@ -74,7 +74,7 @@ def test_another_datum_never_overwrites_the_files_it_is_read_from(tmp_path: Path
     assert run.code == 2
     for name in ("adjusted.yaml", "reference.csv"):
         assert (
-            f"{results / name}: results would overwrite this file, which the project is read from" in run.err
+            f"{results / name}: results would overwrite this file, from which the project is read" in run.err
         )
     assert {path.name: path.read_bytes() for path in results.iterdir()} == before
     # a project whose table bears the name of a result

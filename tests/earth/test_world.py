@@ -147,11 +147,11 @@ def test_heights_above_a_geoid_of_a_grid(tmp_path: Path) -> None:
         ),
         (
             [(", heights: ellipsoidal", "")],
-            r"project.yaml:4: ETRS89 / UTM zone 32N .* does not say what heights are",
+            r"project.yaml:4: ETRS89 / UTM zone 32N .* does not say what heights refer to",
         ),
         (
             [("EPSG:25832", "EPSG:25832+7837"), (", heights: ellipsoidal", "")],
-            r"heights of these points are above the geoid, and",
+            r"heights of these points are above the geoid, but",
         ),
         (
             [("EPSG:25832", "EPSG:25832+7837")],
@@ -195,7 +195,7 @@ def test_heights_above_a_geoid_of_a_grid(tmp_path: Path) -> None:
         ([("type: gnss_vector", "type: vector")], r"vector does not say .* expected gnss_vector"),
         (
             [("type: distance", "type: mean_sea_level_distance")],
-            r"'B': its height above the geoid is meant, and nothing says",
+            r"'B': its height is above the geoid, but the geoid is unknown",
         ),
         (
             [('world: {crs: "EPSG:25832", heights: ellipsoidal}\n', "")],

@@ -50,8 +50,8 @@ def test_a_plan_is_said_to_be_one_and_judged(tmp_path, capfd):
     assert run(["design", _plan(tmp_path), "--rank", "--greedy", "8"]) == 1
     folder = tmp_path / "plan.design"
     text = (folder / "design.txt").read_text(encoding="utf-8")
-    assert "PLAN: nothing of this is measured" in text
-    assert "IT DOES NOT REACH 1 of 2 requirements." in text
+    assert "PLAN: nothing has been measured" in text
+    assert "IT DOES NOT MEET 1 of 2 requirements." in text
     assert "sigma0 a posteriori" not in text
     assert "vTPv" not in text
     assert max(map(len, text.splitlines())) <= 100
@@ -72,14 +72,14 @@ def test_a_plan_is_said_to_be_one_and_judged(tmp_path, capfd):
     last = ranking.filter(pl.col("kind") == "greedy").tail(1)
     assert float(last["shortfall"][0]) == 0.0
     assert float(last["smallest_r"][0]) >= 0.1
-    assert "IT DOES NOT REACH" in capfd.readouterr().err
+    assert "IT DOES NOT MEET" in capfd.readouterr().err
 
 
 def test_exit_code_says_whether_all_is_reached(tmp_path, capfd):
     assert run(["design", _plan(tmp_path, 0.001), "--json", "--lang", "de"]) == 0
     printed = capfd.readouterr()
     assert json.loads(printed.out)["fulfilled"]
-    assert "Sie erreicht alles Geforderte (2)." in printed.err
+    assert "Sie erfüllt alle Forderungen (2)." in printed.err
     assert not (tmp_path / "plan.design").exists()
 
 

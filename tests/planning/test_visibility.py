@@ -270,7 +270,7 @@ def test_a_longer_lens_sees_less(tmp_path):
     _hall(tmp_path, project=text)
     assert mor("design", tmp_path / "project.yaml", "--lang", "de").code == 0
     report = (tmp_path / "project.design" / "design.txt").read_text(encoding="utf-8")
-    assert "Wer was sieht" in report
+    assert "Sichtbarkeit" in report
     data = json.loads((tmp_path / "project.design" / "design.json").read_text(encoding="utf-8"))
     plain, longer = data["variants"]
     assert longer["observations"] < plain["observations"]

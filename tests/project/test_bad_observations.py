@@ -36,7 +36,7 @@ class TestObservations:
         entry = "  - {type: zenith_directions, columns: [station, to, zenith, sigma], rows: [[A, C, 96, 1]]}"
         found = with_observations(tmp_path, entry)
         assert len(found) == 1
-        assert "zenith angles alone are of type zenith_angle" in found[0]
+        assert "use type zenith_angle for zenith angles alone" in found[0]
 
     def test_nothing_observed_in_a_row(self, tmp_path: Path) -> None:
         entry = "  - {type: vector, columns: [from, to, dx, dy, dz, sigma], rows: [[A, C, '', '', '', 1]]}"

@@ -50,7 +50,7 @@ def test_nothing_is_said_of_a_sample(name: str) -> None:
         "twice",
         "than that of any",
         "beside what",
-        "the loop misses",
+        "the loop has a misclosure",
         "the given coordinates",
         "the height is",
         "are they",

@@ -19,7 +19,7 @@ ANSWERS = {
     "which datum?": ("Datum", r"Coordinates and σ refer to it"),
     "what is uncontrolled?": ("Reliability", r"observations have r < 0\.1"),
     "what would help?": (None, r"mor design adjusted\.yaml --rank"),
-    "was everything used?": ("Input", r"\d+ observations adjusted, \d+ kept out"),
+    "was everything used?": ("Input", r"\d+ observations adjusted, \d+ not used"),
     "from which files?": ("Input", r"\d+ files? read"),
     "may it be compared?": ("Another epoch", r"mor compare OTHER THIS --epochs"),
 }

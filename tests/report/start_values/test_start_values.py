@@ -94,7 +94,7 @@ def test_what_is_missing_stands_in_the_report_and_the_rest_is_written_where_want
         file.write("settings: {undetermined: leave_out}\n")
     done = mor("approximate", nothing, "-o", tmp_path / "o", "--lang", "de", "--quiet")
     assert done.code == 0
-    assert "Was ohne Näherungswerte bleibt" in done.out
+    assert "Fehlende Näherungswerte" in done.out
     assert (tmp_path / "o" / "project.yaml").is_file()
 
 
