@@ -57,7 +57,7 @@ Number = tuple[str, float, float, float]
 
 
 class About(NamedTuple):
-    """What a data set or scene is called, and where its reference values come from."""
+    """Name of the data set or scene, and the source of its reference values."""
 
     group: str
     name: str

@@ -246,7 +246,7 @@ def on_screen(asked: Asked, solved: Solved, words: Words) -> str:
 
 
 def show(asked: Asked, solved: Solved, of: Identity, said: str) -> None:
-    """What goes to standard output and to the terminal at the end; the outcome has a colour on a terminal."""
+    """Print the results to standard output and the summary to the terminal, with the outcome in colour there."""
     from mor.report.results import results_text
 
     if asked.as_json:
@@ -275,7 +275,7 @@ def named_in_full(place: Reservation | None) -> Iterator[None]:
 
 
 def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> Solved:
-    """What becomes of a project; its tables are found from the folder."""
+    """Solve a project whose tables are in the folder."""
     from mor.api.pipeline import read_network
     from mor.api.project import Project
     from mor.api.result import adjust
@@ -332,7 +332,7 @@ def look_ahead(document: Document, folder: Path) -> None:
 
 
 def chosen(asked: Asked, solved: Solved, say: Progress) -> Choice:
-    """What is written of a result, as asked for, or as its size lets it be; notes what is left out."""
+    """Choose the files to write, by the options or the size of the result, and add notes about omitted ones."""
     from mor.machine import check_room
     from mor.report.results import FEWER, Choice, entries, is_large, memory_of_reports, tables_by_size
 
@@ -362,7 +362,7 @@ def has_library(say: Progress) -> bool:
 
 
 def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Message]:
-    """What is not written of a large project because nobody asked for it."""
+    """Notes about files that are omitted because the project is large."""
     from mor.errors import Message
     from mor.report.results import WORST, is_large
 

@@ -109,7 +109,7 @@ def chosen_names(
     for pattern in patterns:
         here = [k for k, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
         if not here:
-            words = f"no {what} is called {pattern!r}{nearest(pattern, names)}"
+            words = f"there is no {what} {pattern!r}{nearest(pattern, names)}"
             problems.append(Message(words, file))
         found.update(here)
     return sorted(found)

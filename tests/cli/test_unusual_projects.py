@@ -42,7 +42,7 @@ def test_a_table_of_which_everything_is_left_out(tmp_path: Path) -> None:
     project = write(tmp_path, HEIGHTS)
     run = mor("adjust", project, "-o", tmp_path / "one")
     assert run.code == 0, run.err
-    assert "4 things are LEFT OUT" in run.err
+    assert "4 objects are LEFT OUT" in run.err
     assert "residuals are smaller" in run.err
 
 

@@ -94,7 +94,7 @@ def test_a_plan_that_leaves_something_open_has_no_solution(tmp_path, capfd):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('points: ["*"]', "points: [E]", "no point is called 'E'"),
+        ('points: ["*"]', "points: [E]", "there is no point 'E'"),
         ("xy: 3 mm", "xy: 3 kg", "unit 'kg' does not fit a length"),
         ("r: LIMIT", "r: 1.5", "expected a number below 1"),
         ("r: LIMIT", "r: 0.1, groups: [distanc]", "there is no group of observations 'distanc'"),
@@ -102,9 +102,9 @@ def test_a_plan_that_leaves_something_open_has_no_solution(tmp_path, capfd):
         (
             "candidates: [again]",
             "candidates: [agan]",
-            "no table of candidates is called 'agan'; did you mean",
+            "there is no table of candidates 'agan'; did you mean",
         ),
-        ("points: [D]", "points: [F]", "no point is called 'F'"),
+        ("points: [D]", "points: [F]", "there is no point 'F'"),
         ("  name: again\n", "  name: again\n  cluster: x\n", "candidates are uncorrelated"),
     ],
 )

@@ -187,7 +187,7 @@ LEFT_OUT = {
     "P": "geodetic latitudes",
     "Q": "geodetic longitudes",
 }
-"""What is not supported, in DynAdjust's letters."""
+"""Unsupported measurement types, by the letters of DynAdjust."""
 
 
 def read_line(found: Measurements, code: str) -> None:

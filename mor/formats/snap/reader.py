@@ -80,7 +80,7 @@ _REASONS = {
     "add_coordinate_file": "put all stations into one coordinate file",
     "station_offset_file": "give data of the mark itself",
 }
-"""What to do about commands that are known and not followed."""
+"""Hints for commands that are known but not supported."""
 _HELD = 1e-6
 """σ (m) of what is held in part."""
 
