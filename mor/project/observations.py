@@ -630,7 +630,7 @@ def _constants_of_group(
 
 
 _NO_LENGTH = (
-    "found ppm for observations of type {}, ppm needs lengths between two points, as of type distance, "
+    "found ppm for observations of type {}; ppm needs lengths between two points, as of type distance, "
     "height_difference or coordinate_difference: σ grows with the distance between them"
 )
 

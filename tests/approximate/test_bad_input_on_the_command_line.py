@@ -138,7 +138,7 @@ def test_bad_plane_objects_are_named(scenes, tmp_path, capsys, name):
     a, b = made.rays
     rays, words = {
         "three": ((a[:3], b[:3]), "fewer than four points"),
-        "collinear": (bad(scenes, "collinear"), "lie in one line"),
+        "collinear": (bad(scenes, "collinear"), "are collinear"),
         "identical": ((a, a), "no base"),
         "mismatched": ((a, b[np.random.default_rng(1).permutation(12)]), "mismatched"),
     }[name]
