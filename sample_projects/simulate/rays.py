@@ -1,4 +1,4 @@
-"""Visibility: image points of a set of images, with dropped rays and noise."""
+"""Who sees what: image points of a set of images, with dropped rays and noise."""
 
 from __future__ import annotations
 
