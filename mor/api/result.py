@@ -62,7 +62,7 @@ class Table:
 
         found = self.frame.filter(self.frame["id"] == name)
         if found.height == 0:
-            raise KeyError(f"nothing here is called {name!r}{nearest(name, self.frame['id'].to_list())}")
+            raise KeyError(f"unknown name {name!r}{nearest(name, self.frame['id'].to_list())}")
         return found.row(0, named=True)
 
     def to_pandas(self) -> Any:
@@ -488,7 +488,7 @@ def adjust(
 
     Args:
         source: a :class:`Project`, or what :func:`read` takes.
-        snoop: take flagged observations out one by one until the rest is clean (data snooping).
+        snoop: take flagged observations out one by one until nothing else is flagged (data snooping).
         watch: called after every iteration.
         assessing: called between the solution and its statistics with the effort ahead; what it returns is told how
             much more is done.

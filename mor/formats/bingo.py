@@ -101,7 +101,7 @@ def agreeing(
         return known
     if float(np.median(angles)) < _WIDEST:
         return known
-    words = "orientations and image points contradict each other: orientations and points are worked out anew"
+    words = "orientations and image points contradict each other: orientations and points are computed again"
     draft.note(words, file=known.file)
     return Orientations(file=known.file)
 

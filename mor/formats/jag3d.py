@@ -229,7 +229,7 @@ def _put_observations(script: Script, draft: Draft) -> None:
     for type_, rows in tables.items():
         draft.table("observations", _COLUMNS[type_], rows, type=type_)
     if not tables:
-        draft.problem("there are no observations that are followed")
+        draft.problem("there are no supported observations")
     if off:
         draft.note(f"{counted(off, 'observation')} switched off, or of a type that is not read")
     if without:

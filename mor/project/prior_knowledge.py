@@ -196,9 +196,7 @@ def _feature_group(
     problems += _wrong_keys(feature, place, systems)
     needed = NEEDED[feature.type] if feature.type in NEEDED else _needed(feature)
     if len(set(feature.points)) < needed:
-        words = (
-            f"a {feature.type} says nothing with {len(set(feature.points))} points; it needs {needed} or more"
-        )
+        words = f"a {feature.type} observes nothing with {len(set(feature.points))} points; it needs {needed} or more"
         problems.append(place.problem(words, "points"))
     if (feature.type == "right angle") != bool(feature.other):
         problems.append(
@@ -500,13 +498,11 @@ def check_feasible(reading: Reading, groups: Iterable[ObservationGroup], carries
     if not groups:
         reading.problems.append(reading.at("observations").problem("there are no observations"))
     elif not reading.shop.store("point").ids:
-        reading.problems.append(
-            reading.at("points").problem("there are no points, and nothing that has a place")
-        )
+        reading.problems.append(reading.at("points").problem("there are no points, images or stations"))
     for group in groups:
         _check_sigma(reading, group)
     if groups and not any(store.all_free().any() for store in reading.shop.stores.values() if store.ids):
-        words = "there is nothing to adjust: every coordinate and every parameter is fixed, or not estimated"
+        words = "there is nothing to adjust: all coordinates and parameters are fixed or not estimated"
         reading.problems.append(reading.at("points").problem(words))
     if not carries_datum:
         none = "" if reading.shop.things["point"].ids else ": there are no points"
@@ -758,8 +754,8 @@ def _refuse_constant(reading: Reading, row: _Row) -> None:
     names = " and ".join(row.rows.series(name)[known.row] for name in row.names)
     verb = "is" if len(row.names) == 1 else "are"
     words = (
-        f"{row.rows.series('component')[known.row]} of {names} {verb} fixed: to observe it says nothing; make it "
-        "free where it is declared, or give it its value and σ there"
+        f"{row.rows.series('component')[known.row]} of {names} {verb} fixed: observing it has no effect; make it "
+        "free where it is declared, or give its value and σ there"
     )
     reading.problems.append(row.problem(words))
 

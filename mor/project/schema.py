@@ -51,7 +51,7 @@ def one_sign(sign: str) -> str:
     """A sign that can stand between the cells of a table; ValueError where it cannot."""
     if not re.fullmatch(r"[\t !$%&'()*,/:;<=>?@\[\\\]^_`{|}~]", sign):
         raise ValueError(
-            f"found {sign!r}, expected one sign that is in no number and no name, such as ; or a tab"
+            f"found {sign!r}, expected a character that no number or name contains, such as ; or a tab"
         )
     return sign
 
@@ -124,7 +124,7 @@ class Table(Strict):
             raise ValueError("decimal and sheet belong to a file")
         if self.decimal == "," and self.delimiter in (None, ","):
             raise ValueError(
-                "numbers with a decimal comma need another delimiter than a comma: say delimiter: ;"
+                "numbers with a decimal comma need another delimiter than a comma: set delimiter: ;"
             )
         return self
 
@@ -850,7 +850,7 @@ class Settings(Strict):
         default="aposteriori", description="Which σ0 the reported standard deviations are multiplied with"
     )
     snooping: bool = Field(
-        default=False, description="Take flagged observations out one by one until the rest is clean"
+        default=False, description="Take flagged observations out one by one until nothing else is flagged"
     )
     robust: Literal["l1", "danish"] | None = Field(
         default=None, description="Robust solution to compare with, and to start data snooping from"

@@ -413,7 +413,7 @@ def _arguments(one: _Observed, values: Values, places: FloatArray) -> tuple[list
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
-LARGEST_WEIGHT = "what is observed of it contradicts the rest or itself"
+LARGEST_WEIGHT = "its observations contradict each other or the rest"
 """Reason why a thing is left out."""
 _SAME = 1e-6
 """Part of vᵀPv by which two minima that are one may differ."""
@@ -429,11 +429,11 @@ _FROM_NEAR = 15
 """Iterations of all observations from where most of them fit: a solution, if there is one, is not far from there."""
 BY_WEIGHTS = (
     "the start values lead to no solution, or to one that fits badly; "
-    "all observations were adjusted from where graduated weights lead"
+    "all observations were adjusted again from a solution with graduated weights"
 )
 BY_DIRECTIONS = (
     "the start values lead to no solution, or to one that fits badly; "
-    "all observations were adjusted from where directions instead of image coordinates lead"
+    "all observations were adjusted again from a solution that uses directions instead of image coordinates"
 )
 """Notes on how the start values were repaired."""
 _GIVEN_UP = ("point", "rotation")

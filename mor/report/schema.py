@@ -869,7 +869,7 @@ class Results(Part):
     unknowns: int = Field(description="u")
     defect: int = Field(description="d, number of movements the observations leave open")
     movements: list[str] = Field(description="These movements in words")
-    undetermined: list[Direction] = Field(description="What is not determined inside the network")
+    undetermined: list[Direction] = Field(description="Not determined inside the network")
     undeterminable: list[Undeterminable] = Field(
         default_factory=list, description="Things that nothing determines, and what was done about them"
     )

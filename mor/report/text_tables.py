@@ -113,7 +113,7 @@ def section_of(checks: list[dict[str, Any]], unit: str, words: Words) -> str:
         return ""
     headers = ["checks", "component", "unit", "n", "mean", "rms", "largest", "beyond test"]
     lines = [
-        heading(words("Checks, kept out of the adjustment (adjusted - known)")),
+        heading(words("Checks, not used in the adjustment (adjusted - known)")),
         table(headers, rows, 3, words),
     ]
     error = largest_length_error(checks)
@@ -660,8 +660,8 @@ def statements(solved: Solved, words: Words) -> list[str]:
     if found.unlisted:
         lines.append(
             words(
-                "Movements of {count:point|points} with coordinates of each epoch are not worked out here; "
-                "mor compare --between does so for two epochs.",
+                "Movements of {count:point|points} with coordinates of each epoch are not computed here; "
+                "mor compare --between computes them for two epochs.",
                 count=found.unlisted,
             )
         )

@@ -500,7 +500,7 @@ def ill_determined(data: dict[str, Any] | None, unit: str, words: Words) -> list
     if not found["beyond"]:
         return [
             words(
-                "ILL-DETERMINED: {count:direction is|directions are} hardly determined; the report lists what moves "
+                "ILL-DETERMINED: {count:direction is|directions are} poorly determined; the report lists what moves "
                 "together, and what would help.",
                 count=found["directions"],
             )
@@ -522,7 +522,7 @@ def ill_determined(data: dict[str, Any] | None, unit: str, words: Words) -> list
             words(
                 "ILL-DETERMINED: {count} of {all:point|points} with a standard deviation of more than {percent} % of "
                 "the size of the network ({size} {unit}), the largest {sigma} {unit}: {names}. Observe them from "
-                "further places, or fix or observe their coordinates.",
+                "more stations, or fix or observe their coordinates.",
                 **numbers,
             )
         ]
@@ -604,7 +604,7 @@ def said_conventions(data: dict[str, Any], words: Words) -> list[str]:
         lines.append(words("The scale is arbitrary: no observation contains a length."))
     if found["fixed_coordinates_uncontrolled"]:
         lines.append(
-            words("The fixed coordinates only settle the datum: nothing would show an error in them.")
+            words("The fixed coordinates only define the datum: nothing would show an error in them.")
         )
     return lines
 
@@ -687,13 +687,13 @@ def uncontrolled_sentence(row: dict[str, Any], words: Words) -> str:
         left = len(row["carries"]) - POINTS
         if left > 0:
             names = words("{names} and {count} more", names=names, count=left)
-        said += words("; carries {names}", names=names)
+        said += words("; supports {names}", names=names)
     cure = row["cure"]
     if cure is None:
         return said
     if cure["again"]:
-        return said + words("; measured once more it would have r = {r}", r=short(cure["r"], 2))
+        return said + words("; measured twice it would have r = {r}", r=short(cure["r"], 2))
     place = in_words({**cure, "component": cure["type"]}, words)
     return said + words(
-        "; with a further observation, {place}, it would have r = {r}", place=place, r=short(cure["r"], 2)
+        "; with one more observation, {place}, it would have r = {r}", place=place, r=short(cure["r"], 2)
     )

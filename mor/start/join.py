@@ -687,10 +687,10 @@ def _named(network: Network, part: Part) -> dict[str, Rule]:
 
 
 _REASONS = {
-    "point": "seen from too few known places: it needs two rays, or a direction and a distance",
-    "image": "it shares too few points with others whose place is known",
-    "station": "too few points whose place is known are sighted from it",
-    "system": "too few points whose place is known have coordinates in it",
+    "point": "seen from too few known stations: it needs two rays, or a direction and a distance",
+    "image": "it shares too few points with others that have coordinates",
+    "station": "too few points with coordinates are sighted from it",
+    "system": "too few points with known coordinates have coordinates in it",
     "feature": "too few of its points are known, or they lie on no such shape",
     "pair": "one of its two images could not be oriented",
 }

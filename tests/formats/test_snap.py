@@ -226,7 +226,7 @@ def test_generated_networks_come_back(tmp_path: Path) -> None:
     [
         ("A 1.5 B 1.5 100.0", "A 1.5 D 1.5 100.0", "station 'D' is not in n.crd"),
         ("#lv_error 5 mm", "#lv_error 5 inch", "found the unit 'inch'"),
-        ("#hp_angles", "#gon_angles", "command #gon_angles is not followed"),
+        ("#hp_angles", "#gon_angles", "command #gon_angles is not supported"),
         ("A B 41.28158 4", "A B 41.78158 4", "expected degrees, minutes, seconds"),
         ("A B 41.28158 4", "A A 41.28158 4", "both ends are 'A'"),
         ("#ds_error 3 mm 2 ppm", "", "nothing says the error: #ds_error"),
@@ -246,7 +246,7 @@ def test_mistakes_are_told_with_their_line(tmp_path: Path, old: str, new: str, s
 @pytest.mark.parametrize(
     ("stations", "commands", "said"),
     [
-        (STATIONS.replace("NZGD2000", "ED50"), COMMANDS, "coordinate system 'ED50' is not followed"),
+        (STATIONS.replace("NZGD2000", "ED50"), COMMANDS, "coordinate system 'ED50' is not supported"),
         (
             STATIONS.replace("NZGD2000", "NZGD2000/NZVD2016").replace(" geoid_heights", ""),
             COMMANDS,
@@ -254,8 +254,8 @@ def test_mistakes_are_told_with_their_line(tmp_path: Path, old: str, new: str, s
         ),
         (STATIONS.replace("41 00 25.2", "141 00 25.2"), COMMANDS, "found the latitude -141"),
         (STATIONS, COMMANDS.replace("fix A", "fix D"), "station 'D' is not in n.crd"),
-        (STATIONS, COMMANDS.replace("fix A", "fix automatically all"), "fix automatically is not followed"),
-        (STATIONS, COMMANDS.replace("3d", "2d"), "mode 2d is not followed"),
+        (STATIONS, COMMANDS.replace("fix A", "fix automatically all"), "fix automatically is not supported"),
+        (STATIONS, COMMANDS.replace("3d", "2d"), "mode 2d is not supported"),
         (STATIONS, COMMANDS.replace("n.dat", "no.dat"), "this file does not exist"),
         (
             STATIONS,

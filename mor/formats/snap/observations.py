@@ -342,7 +342,7 @@ def _system(code: str, path: Path, line: int) -> tuple[str, str]:
     name = plain.removesuffix("_XYZ")
     known = next((system for system in SYSTEMS if name == system or name.startswith(f"{system}_2")), "")
     if not known:
-        words = f"coordinate system {code!r} is not followed{nearest(plain, SYSTEMS)} (known: {', '.join(SYSTEMS)})"
+        words = f"coordinate system {code!r} is not supported{nearest(plain, SYSTEMS)} (known: {', '.join(SYSTEMS)})"
         raise InputError([Message(words, str(path), line)])
     return SYSTEMS[known], f"{known} of one epoch" if version else ""
 
@@ -410,7 +410,7 @@ def _stations_of(word: str, words: Words, stations: Stations, strict: bool) -> s
     if word.lower() == "all":
         return names
     if word.lower() in ("inside", "outside"):
-        raise ValueError(f"the area {word} {words.peek()} is not followed, expected codes of stations")
+        raise ValueError(f"the area {word} {words.peek()} is not supported, expected codes of stations")
     if word[0] == "@" and word.partition("=")[1] == "":
         return _stations_in_file(word[1:], stations, strict)
     key, equals, value = word.lstrip("@").partition("=")
@@ -677,7 +677,7 @@ def set_of(
         raise ValueError("the covariance matrix is not positive definite")
     vector = len(members[0].names) == 2
     if not vector and any(member.heights[0] for member in members):
-        raise ValueError("heights of antennas above observed positions (GX) are not followed")
+        raise ValueError("heights of antennas above observed positions (GX) are not supported")
     rows = [
         Row([*m.names, *map(repr, m.value), *(map(repr, m.heights) if vector else [])], m.line)
         for m in (members[k] for k in kept)
@@ -779,7 +779,7 @@ def _of_command(stations: Stations, members: list[Member], error: VectorError | 
             command = "#gps_enu_error" if vectors else "#gx_enu_error"
             raise ValueError(f"nothing says the errors: {command}, or error in #data")
     if error.relative and sum(member.factor > 0.0 for member in members) > 1:
-        raise ValueError("errors of members relative to each other (mmr, ppmr) are not followed")
+        raise ValueError("errors of members relative to each other (mmr, ppmr) are not supported")
     names = sorted({name for member in members for name in member.names if name})
     axes = stations.axes(names)
     values = np.array([member.value for member in members])
@@ -1022,7 +1022,7 @@ def _command(data: Data, words: Words) -> None:
     elif name == "classify":
         data.given[words.take("the name of a classification").lower()] = words.rest()
     elif name not in _COMMENTS:
-        raise ValueError(f"command #{name} is not followed")
+        raise ValueError(f"command #{name} is not supported")
 
 
 def _data(data: Data, words: Words) -> None:
