@@ -679,6 +679,8 @@ def _with_far_points(
         blind = found.points[found.from_one_place()]
         reduced, attempt = _adjusted(network, values, far, blind, means)
         adjustment = attempt.adjustment
+        if attempt.stayed_plain:
+            means = means._replace(solve=means.plainly)
         there = _values_of(network, adjustment.values, far.points)
         found = nearly_parallel(network, there)
         if adjustment.outcome.is_solution:
