@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli.console import language_option, tell
-from mor.cli.options import InputPath, OutputPath
+from mor.cli.options import InputPath, OutputPath, coverage_option
 
 if TYPE_CHECKING:
     from mor.output_files import Content
@@ -34,10 +34,18 @@ FORMS = ("opencv", "metashape", "colmap", "aicon", "photomodeler")
 @click.option(
     "--paper", type=click.Choice(["A4", "Letter"]), default="A4", show_default=True, help="Paper of a PDF."
 )
+@coverage_option
 @click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
 @language_option("the certificate")
 def command(
-    results: Path, camera: str, output: Path | None, form: str | None, paper: str, force: bool, lang: str
+    results: Path,
+    camera: str,
+    output: Path | None,
+    form: str | None,
+    paper: str,
+    coverage: float | None,
+    force: bool,
+    lang: str,
 ) -> None:
     """Write the certificate of one CAMERA in RESULTS on one page, or its calibration for another program.
 
@@ -45,6 +53,7 @@ def command(
     Examples:
       mor certificate project.results D7
       mor certificate project.results D7 -o d7.pdf --lang de
+      mor certificate project.results D7 --coverage 2
       mor certificate project.results D7 --to metashape -o d7.xml
 
     RESULTS is a folder of results. The certificate has parameters with sigma, correlations, distortion, how far out it
@@ -60,7 +69,7 @@ def command(
     if form is not None:
         content: Content = _exported(results, camera, form, target)
     else:
-        content = _certified(results, camera, target, paper, lang)
+        content = _certified(results, camera, target, paper, coverage, lang)
     write_file(target, content, force)
     click.echo(str(target), err=True)
 
@@ -87,7 +96,9 @@ def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
     return write_calibration(read_document(adjusted), results, camera, form, target)
 
 
-def _certified(results: Path, camera: str, target: Path, paper: str, lang: str) -> Content:
+def _certified(
+    results: Path, camera: str, target: Path, paper: str, coverage: float | None, lang: str
+) -> Content:
     """The certificate, or what writes it as PDF."""
     from mor.errors import InputError, Message
     from mor.report.certificate import certificate, certificate_page, certificate_text
@@ -98,7 +109,7 @@ def _certified(results: Path, camera: str, target: Path, paper: str, lang: str) 
     suffix = target.suffix.lower()
     if suffix not in (".html", ".txt", ".pdf"):
         raise InputError([Message("expected a name that ends in .html, .txt or .pdf", str(target))])
-    one = certificate(view_of_folder(results), camera)
+    one = certificate(view_of_folder(results), camera, coverage)
     if suffix == ".html":
         return certificate_page(one, words_of_page(lang))
     text, program = certificate_text(one, words_of(lang)), browser()

@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mor.errors import MOST_TOLD, escaped
+from mor.quality.test_statistics import coverage_probability
 from mor.report.language import ENGLISH, Words
 from mor.types import FloatArray
 
@@ -204,6 +205,18 @@ def sigma_decimals(sigmas: FloatArray, digits: int = 2) -> int:
 def short(value: float | None, digits: int = 6) -> str:
     """A number with significant digits; a dash where there is none."""
     return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
+
+
+def coverage_words(factor: float, freedom: float, words: Words) -> str:
+    """What an expanded uncertainty is: factor, probability and distribution; ``freedom`` of σ0, infinite a priori."""
+    return words(
+        "U = k sigma, k = {k}: coverage probability {p} % ({distribution}; JCGM 100:2008)",
+        k=f"{factor:g}",
+        p=f"{100.0 * coverage_probability(factor, freedom):.2f}",
+        distribution=words("normal distribution")
+        if math.isinf(freedom)
+        else words("Student's t, {freedom:degree|degrees} of freedom", freedom=int(freedom)),
+    )
 
 
 def in_words(row: dict[str, Any], words: Words) -> str:
