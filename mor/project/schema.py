@@ -1014,7 +1014,7 @@ def _without_empty(data: Any, path: KeyPath) -> Any:
         ]
     if not isinstance(data, dict):
         return data
-    known = set(_known_keys(path))
+    known = set(_known_keys(path, Project))
     kept = {key: value for key, value in data.items() if value is not None or key not in known}
     return {key: _without_empty(value, (*path, key)) for key, value in kept.items()}
 
@@ -1079,6 +1079,7 @@ def _words(detail: ErrorDetails, path: KeyPath, where: str, whole: type[BaseMode
 _EXPECTED = {
     "bool_parsing": "true or false",
     "bool_type": "true or false",
+    "date_from_datetime_parsing": "a date such as 2026-03-01",
     "dict_type": "keys and values",
     "finite_number": "a finite number",
     "float_parsing": "a number",

@@ -14,7 +14,7 @@ from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
 import numpy as np
-from pydantic import Field, StringConstraints
+from pydantic import AfterValidator, Field, StringConstraints
 from scipy.special import chdtri, fdtri
 
 from mor import __version__
@@ -36,7 +36,15 @@ _PREFIXES = {"dcc": _DCC, "si": _SI, "xsi": "http://www.w3.org/2001/XMLSchema-in
 # ------------------------------------------------------------
 
 Name = Annotated[str, StringConstraints(min_length=1)]
-Country = Annotated[str, StringConstraints(min_length=2, max_length=2, to_upper=True)]
+
+
+def _country(text: str) -> str:
+    if not re.fullmatch("[A-Z]{2}", text):
+        raise ValueError(f"found {text!r}, expected two capital letters by ISO 3166-1, such as DE")
+    return text
+
+
+Country = Annotated[str, AfterValidator(_country)]
 
 
 class Contact(Strict):
@@ -55,7 +63,8 @@ class Contact(Strict):
 class Laboratory(Contact):
     """The calibration laboratory."""
 
-    code: Name | None = Field(default=None, description="Of its accreditation")
+    code: Name | None = None
+    """Of its accreditation."""
 
 
 class Person(Strict):
@@ -63,7 +72,8 @@ class Person(Strict):
 
     name: Name
     role: Name | None = None
-    signs: bool = Field(default=False, description="Whether this person is the main signer")
+    signs: bool = False
+    """True for the main signer."""
 
 
 class Item(Strict):
@@ -72,13 +82,13 @@ class Item(Strict):
     name: Name
     manufacturer: Name
     model: Name | None = None
-    serial: Name = Field(description="Serial number by the manufacturer")
+    serial: Name
 
 
 class Administration(Strict):
     """Administrative data of a certificate."""
 
-    identifier: Name = Field(description="Unique identifier of the certificate")
+    identifier: Name
     country: Country
     begin: date
     end: date
@@ -259,7 +269,8 @@ def _results(parent: Element, one: Certificate, words: Words) -> None:
     if free:
         _parameters(_quantity(data, words("Parameters"), language), one, free, words)
     for name in (name for name in rows if name not in free):
-        real = _add(_quantity(data, f"{name}: {words(meaning('', name))}", language), "si:real")
+        status = words.listed(rows[name]["status"])
+        real = _add(_quantity(data, f"{name}: {words(meaning('', name))} ({status})", language), "si:real")
         _given(
             real,
             [
@@ -276,6 +287,9 @@ def _results(parent: Element, one: Certificate, words: Words) -> None:
     ratio = one.view.summary["sigma0"]["ratio_of_sigmas"]
     if ratio is not None:
         _real(_quantity(data, words("sigma0 a posteriori / a priori"), language), ratio, "1")
+    accepted = one.view.summary["global_test"]["accepted"]
+    verdict = words("accepted") if accepted else words("rejected")
+    _text(data, "dcc:text", f"{words('global test')}: {verdict}", language)
     _real(_quantity(data, words("redundancy"), language), one.view.summary["redundancy"], "1")
     valid = _add(_add(parent, "dcc:measurementMetaData"), "dcc:metaData", refType="basic_validityRange")
     said = words("Points were measured up to this distance from the principal point.")

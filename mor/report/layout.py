@@ -11,7 +11,6 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mor.errors import MOST_TOLD, escaped
-from mor.quality.test_statistics import coverage_probability
 from mor.report.language import ENGLISH, Words
 from mor.types import FloatArray
 
@@ -209,6 +208,8 @@ def short(value: float | None, digits: int = 6) -> str:
 
 def coverage_words(factor: float, freedom: float, words: Words) -> str:
     """What an expanded uncertainty is: factor, probability and distribution; ``freedom`` of σ0, infinite a priori."""
+    from mor.quality.test_statistics import coverage_probability
+
     return words(
         "U = k sigma, k = {k}: coverage probability {p} % ({distribution}; JCGM 100:2008)",
         k=f"{factor:g}",
