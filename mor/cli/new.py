@@ -41,8 +41,8 @@ from mor.cli.options import InputPath, OutputPath, force_option
 )
 @click.option(
     "--protocol",
-    type=click.Choice(["iso17123-4"]),
-    help="Begin the full test of a distance meter by ISO 17123-4 instead, with a table to fill in.",
+    type=click.Choice(["iso17123-3", "iso17123-4"]),
+    help="Begin the full test of directions or of a distance meter by ISO 17123 instead, with a table to fill in.",
 )
 @force_option
 def command(
@@ -83,16 +83,16 @@ def command(
     from mor.errors import InputError, Message, counted, nearest
     from mor.formats.exif import is_photograph
     from mor.output_files import write_files
-    from mor.project.recognition import CameraSettings, begin, begin_line_test, recognise, told_apart
+    from mor.project.recognition import CameraSettings, begin, begin_test, recognise, told_apart
     from mor.project.schema import project_schema
     from mor.units import ANGLE_UNITS, LENGTH_UNITS
 
     if protocol is not None:
         if tables:
             raise InputError([Message("a protocol takes no tables", "--protocol")])
-        texts = begin_line_test(project, title or project.stem)
+        texts = begin_test(project, title or project.stem, protocol)
         write_files(texts, force, makes_folders=True)
-        tell(f"fill in {project.with_name('distances.csv')}, then mor adjust {project}")
+        tell(f"fill in {list(texts)[1]}, then mor adjust {project}")
         return
     for unit, known in ((length, LENGTH_UNITS), (angle, ANGLE_UNITS)):
         if unit not in known:

@@ -36,7 +36,7 @@ from mor.cli.options import InputPath, OutputPath
 )
 @click.option(
     "--protocol",
-    type=click.Choice(["iso17123-4"]),
+    type=click.Choice(["iso17123-3", "iso17123-4"]),
     help="Write the protocol of a test by this standard, as text.",
 )
 @click.option(
@@ -97,7 +97,7 @@ def command(
         from mor.report.protocol import protocol_text
 
         other = None if against is None else view_of_folder(against)
-        write_file(target, protocol_text(view, other, words_of(lang)), force)
+        write_file(target, protocol_text(view, other, protocol, words_of(lang)), force)
     elif pdf:
         from mor.report.paper import report_on_paper
 

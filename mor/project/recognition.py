@@ -6,7 +6,7 @@ import csv
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import combinations
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -412,11 +412,26 @@ def _rendered(template: str, content: dict[str, Any]) -> str:
     return environment.get_template(template).render(content)
 
 
-def begin_line_test(target: Path, title: str) -> dict[Path, str]:
-    """Texts by path: the project of a test by ISO 17123-4, and its table of distances to fill in."""
-    rows = "".join(f"{one},{other},\n" for one, other in combinations(range(1, 8), 2))
-    text = _rendered("iso17123-4.yaml.j2", {"name": target.name, "title": _quoted(title)})
-    return {target: text, target.with_name("distances.csv"): f"from,to,distance\n{rows}"}
+def begin_test(target: Path, title: str, protocol: str) -> dict[Path, str]:
+    """Texts by path: the project of a test by ISO 17123, part 3 or 4, and its table to fill in."""
+    content = {"name": target.name, "title": _quoted(title)}
+    if protocol == "iso17123-4":
+        table, header = "distances.csv", "from,to,distance"
+        pairs = [(str(one), str(other)) for one, other in combinations(range(1, 8), 2)]
+    else:
+        table, header = "directions.csv", "station,to,horizontal"
+        sets, targets = list(product(range(1, 5), range(1, 4))), list(product(range(1, 5), range(2, 6)))
+        pairs = [(f"S{series}-{k}", f"T{series}-{t}") for series, k in sets for t in range(1, 6)]
+        content |= {
+            "stations": ", ".join(f"[S{series}-{k}, S]" for series, k in sets),
+            "targets": ", ".join(f"[T{series}-{t}]" for series, t in targets),
+            "distances": ", ".join(f"[S, T{series}-{t}]" for series, t in targets),
+        }
+    rows = "".join(f"{one},{other},\n" for one, other in pairs)
+    return {
+        target: _rendered(f"{protocol}.yaml.j2", content),
+        target.with_name(table): f"{header}\n{rows}",
+    }
 
 
 def _camera(settings: CameraSettings, corner: bool) -> dict[str, Any]:

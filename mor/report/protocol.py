@@ -1,8 +1,4 @@
-"""The test of a distance meter by the full procedure of ISO 17123-4:2012: the protocol.
-
-Seven points in a line, all 21 distances between them: six coordinates and the zero offset are unknown, and 14 degrees
-of freedom remain.
-"""
+"""Tests of instruments by the full procedures of ISO 17123-3:2001 and ISO 17123-4:2012: the protocol."""
 
 from __future__ import annotations
 
@@ -15,54 +11,87 @@ from mor.errors import InputError, Message
 from mor.report.language import Words
 from mor.report.layout import LINE, WIDTH, fixed, heading, paragraphs, persons, short, table
 from mor.report.view import View
-from mor.units import LENGTH_UNITS
+from mor.units import ANGLE_UNITS, LENGTH_UNITS
 
-POINTS, FREEDOM, LEVEL = 7, 14, 0.05
+LEVEL = 0.05
 
 
-class Line(NamedTuple):
-    """Results of one test line. Lengths in metres."""
+class Procedure(NamedTuple):
+    """A full test procedure: what is observed, and the degrees of freedom that remain."""
+
+    title: str
+    type: str
+    observations: int
+    freedom: int
+    unit: str
+    per_unit: float
+    """Internal units in one of ``unit``."""
+
+
+PROCEDURES = {
+    "iso17123-3": Procedure(
+        "Test of horizontal directions by ISO 17123-3:2001, full procedure",
+        "directions",
+        60,
+        32,
+        "mgon",
+        1e-3 * ANGLE_UNITS["gon"],
+    ),
+    "iso17123-4": Procedure(
+        "Test of a distance meter by ISO 17123-4:2012, full procedure", "distance", 21, 14, "mm", 1e-3
+    ),
+}
+"""Four series of three sets to five targets; seven points in a line, with all distances and an unknown zero offset."""
+
+
+class Figures(NamedTuple):
+    """Results of a test, in the unit of its procedure."""
 
     s: float
-    """Experimental standard deviation of a distance."""
+    """Experimental standard deviation of an observation."""
     sigma: float
     """The standard deviation to test."""
-    offset: float
-    sigma_offset: float
+    offset: float | None
+    """Zero offset of a distance meter."""
+    sigma_offset: float | None
     """From s."""
 
 
-def line_of(view: View) -> Line:
-    """Return the results of a test line. Raises :class:`InputError` if they are not of the full procedure."""
-    summary = view.summary
-    meters = [one["components"].get("offset") for one in summary["others"] if one["kind"] == "distance meter"]
-    sigmas = view.used["sigma"].unique().to_list()
+def figures(view: View, protocol: str) -> Figures:
+    """Return the results of a test. Raises :class:`InputError` if they are not of the full procedure."""
+    procedure, summary = PROCEDURES[protocol], view.summary
+    used = view.used.filter(view.used["type"] == procedure.type)
+    sigmas = used["sigma"].unique().to_list()
+    offsets = [
+        one["components"]["offset"]
+        for one in summary["others"]
+        if one["kind"] == "distance meter" and one["components"].get("offset", {}).get("status") == "free"
+    ]
     wrong = {
-        "redundancy": (summary["redundancy"], FREEDOM),
-        "observations": (view.residuals.height, POINTS * (POINTS - 1) // 2),
-        "distance meters with a free offset": (
-            sum(o is not None and o["status"] == "free" for o in meters),
-            1,
-        ),
+        "redundancy": (summary["redundancy"], procedure.freedom),
+        "observations": (used.height, procedure.observations),
+        "distance meters with a free offset": (len(offsets), int(procedure.type == "distance")),
         "standard deviations of observations": (len(sigmas), 1),
     }
     problems = [
-        Message(f"no full procedure of ISO 17123-4: found {found} {name}, expected {expected}")
+        Message(f"no full procedure of {protocol}: found {found} {name}, expected {expected}")
         for name, (found, expected) in wrong.items()
         if found != expected
     ]
-    if problems or set(view.used["type"]) != {"distance"}:
-        raise InputError(problems or [Message("no full procedure of ISO 17123-4: expected distances only")])
-    sigma0, offset = summary["sigma0"], next(o for o in meters if o is not None)
-    metre = LENGTH_UNITS[view.length]
-    sigma = float(sigmas[0]) * LENGTH_UNITS[str(view.used["unit"][0])]
-    used = sigma0["used_for_sigma"] / sigma0["apriori"]
+    if problems:
+        raise InputError(problems)
+    sigma0, unit = summary["sigma0"], str(used["unit"][0])
+    sigma = float(sigmas[0]) * (LENGTH_UNITS | ANGLE_UNITS)[unit] / procedure.per_unit
     ratio = sigma0["ratio_of_sigmas"]
-    return Line(ratio * sigma, sigma, offset["value"] * metre, offset["sigma"] * metre * ratio / used)
+    if not offsets:
+        return Figures(ratio * sigma, sigma, None, None)
+    scale = LENGTH_UNITS[view.length] / procedure.per_unit
+    from_s = offsets[0]["sigma"] * ratio * sigma0["apriori"] / sigma0["used_for_sigma"]
+    return Figures(ratio * sigma, sigma, offsets[0]["value"] * scale, from_s * scale)
 
 
 class StatisticalTest(NamedTuple):
-    """One statistical test of the standard, passed if found lies within the limits."""
+    """One statistical test, passed if the figure lies within the limits."""
 
     name: str
     found: float
@@ -76,42 +105,41 @@ class StatisticalTest(NamedTuple):
         return (self.low is None or self.low <= self.found) and self.found <= self.high
 
 
-def statistical_tests(line: Line, other: Line | None) -> list[StatisticalTest]:
-    """Return the tests of ISO 17123-4:2012 at 95 %: χ² of s, F of two lines, Student's t of the offset."""
-    high = line.sigma * np.sqrt(chdtri(FREEDOM, LEVEL) / FREEDOM)
-    tests = [StatisticalTest("a) standard deviation s", 1e3 * line.s, None, 1e3 * float(high), "mm")]
+def statistical_tests(one: Figures, other: Figures | None, protocol: str) -> list[StatisticalTest]:
+    """Return the tests of the standards at 95 %: χ² of s, F of two tests, Student's t of the zero offset."""
+    freedom, unit = PROCEDURES[protocol].freedom, PROCEDURES[protocol].unit
+    high = one.sigma * float(np.sqrt(chdtri(freedom, LEVEL) / freedom))
+    tests = [StatisticalTest("a) standard deviation s", one.s, None, high, unit)]
     if other is not None:
-        bound = float(fdtri(FREEDOM, FREEDOM, 1.0 - 0.5 * LEVEL))
-        tests.append(
-            StatisticalTest("b) s² / s² of the other test", (line.s / other.s) ** 2, 1.0 / bound, bound, "1")
-        )
-    t = float(stdtrit(FREEDOM, 1.0 - 0.5 * LEVEL))
-    return [
-        *tests,
-        StatisticalTest(
-            "c) zero offset, absolute", 1e3 * abs(line.offset), None, 1e3 * t * line.sigma_offset, "mm"
-        ),
-    ]
+        bound = float(fdtri(freedom, freedom, 1.0 - 0.5 * LEVEL))
+        ratio = (one.s / other.s) ** 2
+        tests.append(StatisticalTest("b) s² / s² of the other test", ratio, 1.0 / bound, bound, "1"))
+    if one.offset is not None and one.sigma_offset is not None:
+        t = float(stdtrit(freedom, 1.0 - 0.5 * LEVEL))
+        limit = t * one.sigma_offset
+        tests.append(StatisticalTest("c) zero offset, absolute", abs(one.offset), None, limit, unit))
+    return tests
 
 
-def protocol_text(view: View, other: View | None, words: Words) -> str:
-    """Return the protocol of a test line, and of its comparison with another one, on one page."""
-    line = line_of(view)
-    tests = statistical_tests(line, None if other is None else line_of(other))
-    title = words("Test of a distance meter by ISO 17123-4:2012, full procedure")
+def protocol_text(view: View, other: View | None, protocol: str, words: Words) -> str:
+    """Return the protocol of a test, and of its comparison with another one, on one page."""
+    procedure, one = PROCEDURES[protocol], figures(view, protocol)
+    tests = statistical_tests(one, None if other is None else figures(other, protocol), protocol)
+    title = words(procedure.title)
 
-    def mm(value: float) -> str:
-        return words.number(fixed(1e3 * value, 3)) + " mm"
+    def said(value: float | None) -> str:
+        return f"{words.number(fixed(value, 3))} {procedure.unit}"
 
+    offset = [(words("zero offset"), f"{said(one.offset)}, sigma {said(one.sigma_offset)}")]
     facts: list[tuple[str, Any]] = [
         (words("project"), view.summary["title"] or "–"),
         *persons(view.identity, words),
         (
             words("standard deviation s"),
-            words("{s}, {freedom} degrees of freedom", s=mm(line.s), freedom=FREEDOM),
+            words("{s}, {freedom} degrees of freedom", s=said(one.s), freedom=procedure.freedom),
         ),
-        (words("to be tested"), mm(line.sigma)),
-        (words("zero offset"), f"{mm(line.offset)}, sigma {mm(line.sigma_offset)}"),
+        (words("to be tested"), said(one.sigma)),
+        *(offset if one.offset is not None else []),
         (words("program"), view.identity["program"]),
     ]
     width = max(len(name) for name, _ in facts)

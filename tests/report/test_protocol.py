@@ -1,4 +1,4 @@
-"""The test of a distance meter by ISO 17123-4, against a linear adjustment written out in NumPy and tables of SciPy."""
+"""Tests by ISO 17123-3 and -4, against their formulas written out in NumPy and quantiles of SciPy."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mor.report.protocol import line_of, statistical_tests
+from mor.report.protocol import figures, statistical_tests
 from mor.report.view import view_of_folder
 from tests.scenarios.small_projects import mor
 
@@ -52,9 +52,9 @@ def test_figures_and_verdicts(tmp_path: Path, seed: int, offset: float) -> None:
     s, delta, s_delta = by_hand(measured(one, seed, offset, 0.001))
     other = by_hand(measured(two, seed + 10, 0.0, 0.003))[0]
     assert s_delta == pytest.approx(s / np.sqrt(5.0), rel=1e-12)  # as the standard says
-    line, second = (line_of(view_of_folder(folder / "line.results")) for folder in (one, two))
-    np.testing.assert_allclose(line, [s, 0.002, delta, s_delta], rtol=1e-7)
-    tests = statistical_tests(line, second)
+    line, second = (figures(view_of_folder(folder / "line.results"), "iso17123-4") for folder in (one, two))
+    np.testing.assert_allclose(line, np.array([s, 0.002, delta, s_delta]) * 1e3, rtol=1e-7)
+    tests = statistical_tests(line, second, "iso17123-4")
     expected = [
         (s * 1e3, None, 2.0 * np.sqrt(stats.chi2.ppf(0.95, 14) / 14)),
         ((s / other) ** 2, stats.f.ppf(0.025, 14, 14), stats.f.ppf(0.975, 14, 14)),
@@ -67,7 +67,7 @@ def test_figures_and_verdicts(tmp_path: Path, seed: int, offset: float) -> None:
         assert test.passed == ((low is None or low <= found) and found <= high)
     assert tests[0].high / 2.0 == pytest.approx(1.30, abs=0.005)  # factors that the standard prints
     assert [tests[1].low, tests[1].high] == pytest.approx([0.34, 2.98], abs=0.005)
-    assert tests[2].high / (1e3 * line.sigma_offset) == pytest.approx(2.14, abs=0.006)
+    assert tests[2].high / line.sigma_offset == pytest.approx(2.14, abs=0.006)
 
 
 @pytest.mark.parametrize("language", ["en", "de"])
@@ -84,6 +84,36 @@ def test_page(tmp_path: Path, language: str) -> None:
     assert re.search(r"b\).* (angenommen|accepted)", text)
     assert ("Nullpunktabweichung" in text) == (language == "de")
     assert len(text.splitlines()) < 40
+
+
+def test_directions(tmp_path: Path) -> None:
+    """s by the sums of the standard: residuals of directions reduced to the first target, less their mean in a set."""
+    assert mor("new", tmp_path / "test.yaml", "--protocol", "iso17123-3").code == 0
+    table, random = tmp_path / "directions.csv", np.random.default_rng(8)
+    bearings = np.array([0.0, 71.3, 155.2, 238.9, 330.4])
+    values = bearings + random.uniform(0.0, 400.0, (4, 3, 1)) + random.normal(0.0, 0.0006, (4, 3, 5))
+    values = np.round(values % 400.0, 5)
+    lines = table.read_text().splitlines()
+    assert len(lines) == 61
+    rows = [line + repr(v) for line, v in zip(lines[1:], values.ravel().tolist(), strict=True)]
+    table.write_text("\n".join([lines[0], *rows]) + "\n")
+    assert mor("adjust", tmp_path / "test.yaml", "--no-html").code == 0
+    reduced = (values - values[:, :, :1]) % 400.0
+    difference = reduced.mean(axis=1, keepdims=True) - reduced
+    residual = difference - difference.mean(axis=2, keepdims=True)
+    s = float(np.sqrt((residual**2).sum() / 32)) * 1e3
+    found = figures(view_of_folder(tmp_path / "test.results"), "iso17123-3")
+    assert found[:2] == pytest.approx((s, 0.5), rel=1e-8)
+    (test,) = statistical_tests(found, None, "iso17123-3")
+    assert test.high == pytest.approx(0.5 * np.sqrt(stats.chi2.ppf(0.95, 32) / 32), rel=1e-12)
+    assert test.high == pytest.approx(0.5 * 1.20, abs=0.003)  # the factor that the standard prints
+    assert test.passed == (s <= test.high)
+    run = mor("report", tmp_path / "test.results", "--protocol", "iso17123-3", "--lang", "de")
+    assert run.code == 0, run.err
+    text = (tmp_path / "test.results" / "protocol.txt").read_text(encoding="utf-8")
+    assert f"{s:.3f} mgon, 32 Freiheitsgrade".replace(".", ",") in text
+    run = mor("report", tmp_path / "test.results", "--protocol", "iso17123-4", "-o", tmp_path / "x.txt")
+    assert (run.code, "found 32 redundancy, expected 14" in run.err) == (2, True)
 
 
 def test_other_results_are_refused(tmp_path: Path) -> None:
