@@ -209,7 +209,7 @@ def test_tables_of_positions_become_one_solution(tmp_path: Path) -> None:
     notes = " / ".join(
         n.message for n in write_foreign(document, tmp_path, tmp_path / "o.snx", "sinex").notes
     )
-    assert "SINEX has no place for: observations gnss_vector" in notes
+    assert "SINEX cannot store: observations gnss_vector" in notes
     found = read_foreign(_written(document, tmp_path, tmp_path / "o.snx"))
     Q = np.array(found.data["observations"][0]["covariance"])
     expected = np.zeros((12, 12))

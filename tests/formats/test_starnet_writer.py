@@ -36,7 +36,7 @@ def test_real_networks_adjust_to_the_same(path: Path, tmp_path: Path) -> None:
     except InputError as error:
         _said_rightly(source, str(error))
         return
-    if any("has no place for" in note for note in notes):
+    if any("cannot store" in note for note in notes):
         assert {entry["type"] for entry in source.data["observations"]} & {"vector", "coordinates"}
         return
     theirs = read_foreign(again, "starnet")
