@@ -1,4 +1,4 @@
-"""What the advice of ``mor design --greedy`` is worth in weak random networks.
+"""Measure the benefit of ``mor design --greedy`` in weak random networks.
 
 python benchmarks/advice.py --count 200
 

@@ -1,4 +1,4 @@
-"""What is measured: one line for every case. Nothing heavy is imported here, see ``run.py``."""
+"""The measured cases, one line each. Nothing heavy is imported here, see ``run.py``."""
 
 from __future__ import annotations
 

@@ -40,7 +40,7 @@ def exchanged(problem: Problem, part: float, seed: int) -> tuple[Problem, BoolAr
 
 
 def timed(work: Callable[[], Result]) -> tuple[Result, float]:
-    """What the work returns, and its CPU seconds."""
+    """Return the result of the work and its CPU seconds."""
     begun = time.process_time()
     return work(), time.process_time() - begun
 

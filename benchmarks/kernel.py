@@ -121,7 +121,7 @@ def sizes_of(problem: Problem, scene: scenes.Scene) -> dict[str, int]:
 
 
 def outcome_of(quality: Quality) -> dict[str, float]:
-    """What peers must agree with, and the check of all redundancy numbers."""
+    """Reference values for peers, and the check of all redundancy numbers."""
     result = {
         "objective": quality.omega,
         "sigma0": quality.sigma0,
@@ -135,7 +135,7 @@ def outcome_of(quality: Quality) -> dict[str, float]:
 
 
 def dgemm_gflops(order: int = 1500) -> float:
-    """What the machine reaches in a matrix product, by CPU time, in 1e9 flop/s."""
+    """Speed of a matrix product on this machine, by CPU time, in 1e9 flop/s."""
     matrix = np.random.default_rng(1).standard_normal((order, order))
     return 2.0 * order**3 / fastest(lambda: matrix @ matrix, 4).cpu / 1e9
 

@@ -24,7 +24,7 @@ def now() -> Seconds:
 
 
 def since(start: Seconds) -> Seconds:
-    """What has passed."""
+    """Return the elapsed time."""
     end = now()
     return Seconds(end.cpu - start.cpu, end.wall - start.wall)
 

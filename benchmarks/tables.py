@@ -184,7 +184,7 @@ def _wall_cpu_peak(done: dict[str, Any]) -> tuple[str, str, str]:
 
 
 def judged_figures(cases: Cases) -> Table:
-    """What was aimed at, and what this run measured."""
+    """Targets, and the values measured in this run."""
     rows = [(one.what, one.aim, one.measured, "yes" if one.reached else "no") for one in judged(cases)]
     return Table("What was aimed at", ("What", "aim", "measured", "reached"), rows)
 

@@ -103,6 +103,7 @@ CHAPTERS = {
         "exit-codes",
         "architecture",
         "adding-an-observation-type",
+        "how-to/add-a-format",
         "benchmarks",
     ),
 }

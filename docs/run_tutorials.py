@@ -42,7 +42,7 @@ class Mismatch(NamedTuple):
 
 
 class Outcome(NamedTuple):
-    """What a tutorial came to."""
+    """Outcome of a tutorial."""
 
     mismatches: list[Mismatch]
     page: str
@@ -96,7 +96,7 @@ def commands(lines: list[str]) -> list[tuple[str, list[str]]]:
 
 
 def run_command(command: str, folder: Path) -> str:
-    """What a command prints, words and data together; ``mor`` runs in this process."""
+    """Output of a command, messages and data together; ``mor`` runs in this process."""
     if not command.startswith("mor ") or re.search(r"[|>]", command):
         done = subprocess.run(
             command, shell=True, cwd=folder, text=True, stdout=subprocess.PIPE, stderr=subprocess.STDOUT

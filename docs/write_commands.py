@@ -21,9 +21,9 @@ FILES = (
     ("project.results/", "report.txt and report.html for people, results.json and tables for programs"),
 )
 ENVIRONMENT = (
-    ("MOR_LANG", "language of what people read, en or de, where --lang does not tell it"),
-    ("MOR_KERNELS", "auto, numpy or numba, where --kernels does not tell it"),
-    ("NUMBA_CACHE_DIR", "folder for compiled kernels, in place of the cache of the user"),
+    ("MOR_LANG", "language of reports and messages, en or de, unless --lang is given"),
+    ("MOR_KERNELS", "auto, numpy or numba, unless --kernels is given"),
+    ("NUMBA_CACHE_DIR", "folder for compiled kernels instead of the cache of the user"),
     ("MOR_DEBUG", "1 shows where an internal error happened"),
 )
 
@@ -62,7 +62,8 @@ def command_page() -> str:
     """The page of all commands: what ``--help`` says."""
     parts = [
         "# Commands",
-        "What `--help` says of each; `man mor` says the same. `mor explain TERM` explains a word of a report.",
+        "The help text of each command, as printed by `--help` and `man mor`. `mor "
+        "explain TERM` explains a term of a report.",
     ]
     for context, command in all_commands():
         parts += [f"## {context.command_path}", f"```text\n{command.get_help(context)}\n```"]

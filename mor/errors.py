@@ -74,11 +74,11 @@ MOST_TOLD = 20
 
 
 def screenful(notes: Sequence[Message], told_by: str) -> Sequence[Message]:
-    """Notes that a terminal is given: all, or the first ones, how many more there are, and what tells all of them."""
+    """Notes that a terminal is given: all, or the first ones, how many more there are, and what lists all of them."""
     more = len(notes) - MOST_TOLD
     if more <= 0:
         return notes
-    return [*notes[:MOST_TOLD], Message(f"… and {more} more notes; {told_by} tells all of them")]
+    return [*notes[:MOST_TOLD], Message(f"… and {more} more notes; {told_by} lists all of them")]
 
 
 class Undeterminable(NamedTuple):
@@ -96,7 +96,7 @@ class Undeterminable(NamedTuple):
         return f"{self.kind} {self.name}: {self.reason}"
 
 
-CONTRADICTED = "what it sees contradicts the places of its points, which are known, or leaves it open"
+CONTRADICTED = "its observations contradict the known coordinates of its points, or do not determine it"
 """Why a thing stays without start values where the places of its points are known."""
 
 
@@ -159,7 +159,7 @@ class NoStartValuesError(InputError):
     ):
         self.things = tuple(things)
         self.remarks = tuple(remarks)
-        count = f"{len(self.things)} things have" if len(self.things) != 1 else "one thing has"
+        count = f"{len(self.things)} objects have" if len(self.things) != 1 else "one object has"
         advice = (
             f"{count} no start values; settings: {{undetermined: leave_out}} adjusts the rest without them"
             if not self.things or any(thing.treatment != "left out" for thing in self.things)

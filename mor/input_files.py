@@ -142,7 +142,7 @@ def note_file(path: Path, content: bytes | None = None) -> None:
 
 
 def limit(name: str) -> int:
-    """A limit, as the environment has it or by default. Raises :class:`InputError` if that is no number."""
+    """A limit, as the environment has it or by default. Raises :class:`InputError` if that is not a number."""
     given = os.environ.get(name, "")
     if not given:
         return LIMITS[name]
@@ -207,7 +207,7 @@ def check_regular(path: Path) -> None:
         raise InputError([Message(f"this file cannot be read: {error.strerror}", str(path))]) from None
     except (OSError, ValueError) as error:
         words = getattr(error, "strerror", None) or str(error)
-        raise InputError([Message(f"this is no name of a file: {words}", str(path))]) from None
+        raise InputError([Message(f"this is not a file name: {words}", str(path))]) from None
     if S_ISREG(mode):
         return
     words = "folder" if S_ISDIR(mode) else "pipe or a device"

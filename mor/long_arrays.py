@@ -97,7 +97,7 @@ def limited_memory(size: float | None, folder: Path) -> Iterator[None]:
         return
     if not is_folder(folder):
         raise InputError(
-            [Message("this is no folder, expected one for the files of long arrays", str(folder))]
+            [Message("this is not a folder; expected a folder for the files of long arrays", str(folder))]
         )
     scratch, over = _Scratch(folder), Event()
 

@@ -37,7 +37,7 @@ MANIFESTS = {"results.json": "mor-results", MANIFEST: "mor-files"}
 """Files that list what mor has written into their folder, and the schema that each of them names."""
 _OVER_INPUT = "this file is an input of the same command, and nothing is written over it; choose another file"
 _RESULTS_OVER_INPUT = (
-    "results would overwrite this file, which the project is read from; choose another folder"
+    "results would overwrite this file, from which the project is read; choose another folder"
 )
 _NOT_LISTED = (
     "this file exists, and no earlier results in this folder list it, so not even --force replaces it; "
@@ -135,7 +135,7 @@ def named(path: Path) -> Iterator[None]:
     except ValueError as error:
         if "null" not in str(error):  # "embedded null byte"
             raise
-        raise InputError([Message("this is no name of a file", str(path))]) from None
+        raise InputError([Message("this is not a file name", str(path))]) from None
 
 
 def _is_stream(mode: int) -> bool:

@@ -48,8 +48,8 @@ def test_other_versions_and_no_common_files_are_told_at_once(tmp_path: Path) -> 
     [
         ({}, "all workers are lost"),
         ({"tcp://a:1": ()}, "gives them nothing to do"),
-        (TimeoutError(), "does not answer any more"),
-        (OSError(), "does not answer any more"),
+        (TimeoutError(), "has stopped answering"),
+        (OSError(), "has stopped answering"),
     ],
 )
 def test_where_nobody_is_at_work_it_is_said(

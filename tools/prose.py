@@ -1,4 +1,4 @@
-"""Measure the documentation: words per page, lengths of sentences, history words and private words.
+"""Measure the documentation: words per page, lengths of sentences, history words, private words, terms.
 
 Run ``python tools/prose.py`` from the root of the repository. The script prints one line per page and every
 fault it finds, and ends with exit code 1 if a limit is exceeded. Code blocks and the output of programs in them are
@@ -30,6 +30,24 @@ PRIVATE = re.compile(
     re.IGNORECASE,
 )
 """Wordings that VOCABULARY.md and STYLE.md replace by the terms of the field."""
+OTHER_TERMS = {
+    "blunder": "gross error",
+    "initial value": "approximate value",
+    "starting value": "approximate value",
+    "perspective centre": "projection centre",
+    "exposure station": "projection centre",
+    "inner orientation": "interior orientation",
+    "outer orientation": "exterior orientation",
+    "mutual orientation": "relative orientation",
+    "pass point": "tie point",
+    "fiducial point": "control point",
+    "partial redundancy": "redundancy number",
+    "rank defect": "datum defect",
+    "vertical deflection": "deflection of the vertical",
+    "geoid undulation": "geoid height",
+    "horizontal bearing": "bearing",
+}
+"""Terms that are not in the glossary, with the term of the glossary for each."""
 ABBREVIATIONS = re.compile(r"\b(e\.g|i\.e|cf|vs|approx|no|nos|fig|eq|p|pp|et al|ed|vol)\.", re.IGNORECASE)
 
 
@@ -115,7 +133,13 @@ def faults(name: str, page: Page) -> list[str]:
     ]
     if name not in FIGURES:
         found += [f"{name}: history word {word!r}" for word in page.history]
-    return found + [f"{name}: private word {word!r}" for word in page.private]
+    found += [f"{name}: private word {word!r}" for word in page.private]
+    said = "\n".join(page.sentences).lower()
+    return found + [
+        f"{name}: term {word!r}, the glossary has {term!r}"
+        for word, term in OTHER_TERMS.items()
+        if re.search(rf"\b{word}s?\b", said)
+    ]
 
 
 def main() -> int:

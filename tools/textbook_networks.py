@@ -217,7 +217,9 @@ def _complete(rows: list[list[str]], line: int, draft: Draft) -> list[list[str]]
     if lower or lengths == list(range(size, 0, -1)):
         at = (lambda i, k: rows[i][k]) if lower else (lambda i, k: rows[k][i - k])
         return [[at(max(i, k), min(i, k)) for k in range(size)] for i in range(size)]
-    words = f"expected of {size} observed coordinates a σ each, a covariance matrix {size} × {size} or a triangle of it"
+    words = (
+        f"{size} observed coordinates need a σ each, a {size} × {size} covariance matrix or a triangle of it"
+    )
     draft.problem(f"found rows of {', '.join(map(str, lengths))} numbers, {words}", line)
     return []
 

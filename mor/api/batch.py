@@ -44,7 +44,7 @@ def cases(patterns: Iterable[str], output: Path) -> list[Case]:
         paths = [Path(path) for path in sorted(glob(pattern, recursive=True))]
         here = [path for path in paths if path.is_file() and there not in path.resolve().parents]
         if not here:
-            problems.append(Message("no project file is called so", pattern))
+            problems.append(Message("no project file matches this name", pattern))
         found |= dict.fromkeys(here)
     if problems:
         raise InputError(problems)
@@ -54,7 +54,7 @@ def cases(patterns: Iterable[str], output: Path) -> list[Case]:
         name = _name(path.resolve().relative_to(common))
         if name in named:
             problems.append(
-                Message(f"two projects would be called {name!r}: this and {named[name]}", str(path))
+                Message(f"two projects would have the name {name!r}: this and {named[name]}", str(path))
             )
         named[name] = path
     if problems:

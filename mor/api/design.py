@@ -104,7 +104,7 @@ def ranking(solved: Solved, required: Sequence[Requirement], most: int) -> Ranki
         count = network.observations + sum(int(group.mask.sum()) for group in network.candidates)
         if count + 3 * len(blocks) > MOST_ROWS:
             if most:
-                words = f"greedy plans are made of up to {MOST_ROWS} observations, found {count}"
+                words = f"greedy plans choose up to {MOST_ROWS} observations, found {count}"
                 raise InputError([Message(words, "--greedy")])
             return _of_large_block(solved, required, blocks if limited else every[:0], names)
         interest = interest_of(quality, network.candidates, blocks)
@@ -284,7 +284,7 @@ class Design(NamedTuple):
     solved: Solved
     judged: tuple[Judged, ...]
     sighted: tuple[Sighted, ...] = ()
-    """Who sees what, where the project leaves that open."""
+    """Visibility, where the project leaves that open."""
     variants: tuple[Named, ...] = ()
     ranking: Ranking | None = None
 

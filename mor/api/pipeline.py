@@ -99,21 +99,19 @@ def determinable_start(
     from mor.start.part import with_lines_turned
 
     found = (work_out or worked_out)(network)
-    replaced = tuple(
-        Message(f"start value of {words}; another one takes its place") for words in found.replaced
-    )
+    replaced = tuple(Message(f"start value of {words}; it was replaced") for words in found.replaced)
     ambiguous = tuple(
         Message(
             f"start values: the part that began with {join.began} fits in {join.tie.alternatives + 1} ways; "
-            "the likeliest one is taken"
+            "the most likely one is used"
         )
         for join in found.parts
         if join.tie is not None and join.tie.alternatives and not join.tie.open
     )
     untied = tuple(
         Message(
-            f"start values: the part that began with {join.began} ({len(join.points)} points) was put anywhere: "
-            "nothing was found that ties it to the rest"
+            f"start values: the part that began with {join.began} ({len(join.points)} points) has an arbitrary "
+            "position: nothing was found that ties it to the rest"
         )
         for join in found.untied
     )
@@ -427,16 +425,16 @@ def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Messag
                 f"{reference.name} {names[row]!r}"
                 for reference, names in zip(group.type.references, group.references, strict=True)
             )
-            words = f"{group.type.name}, {names}: no value or no derivative where the adjustment starts"
+            words = f"{group.type.name}, {names}: no value or no derivative at the start values"
             line = int(group.lines[row]) if len(group.lines) > row else 0
             angles = all(slot.kind == ROTATION.key for slot in group.type.slots)
             asked = (
                 f"{words}; is phi ±100 gon there?"
                 if angles
-                else f"{words}; do two of its places coincide there?"
+                else f"{words}; do two of its points coincide there?"
             )
             mistakes.append(Message(asked, group.file, line))
-    return mistakes or [Message("observations have no value or no derivative where the iteration has got to")]
+    return mistakes or [Message("observations have no value or no derivative at the last iteration")]
 
 
 def snooped(network: Network) -> Network:

@@ -32,8 +32,8 @@ from mor.quality.test_statistics import critical_value
 from mor.solve.iterate import Settings, adjust
 from mor.types import FloatArray
 
-NO_PLACE = "a plan needs start values of everything: coordinates of points, poses of images"
-MEASURED = "the place of what the project gives no start values of is worked out from its measured values"
+NO_PLACE = "a plan needs all start values: coordinates of points and poses of images"
+MEASURED = "missing start values are computed from the measured values"
 
 
 class Plan(NamedTuple):
@@ -43,7 +43,7 @@ class Plan(NamedTuple):
     document: Document
     """The project, with the rows of what is visible."""
     sighted: tuple[Sighted, ...]
-    """Who sees what, where that was worked out."""
+    """Visibility, where that was worked out."""
 
 
 def read_plan(document: Document, folder: Path) -> Plan:

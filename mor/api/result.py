@@ -62,7 +62,7 @@ class Table:
 
         found = self.frame.filter(self.frame["id"] == name)
         if found.height == 0:
-            raise KeyError(f"nothing here is called {name!r}{nearest(name, self.frame['id'].to_list())}")
+            raise KeyError(f"unknown name {name!r}{nearest(name, self.frame['id'].to_list())}")
         return found.row(0, named=True)
 
     def to_pandas(self) -> Any:
@@ -294,6 +294,17 @@ class Result:
         return Table(pl.DataFrame(rows, infer_schema_length=None), units)
 
     @cached_property
+    def features(self) -> Table:
+        """Planes, lines and other shapes: direction, place and sizes with σ, mean distance, form deviation."""
+        from mor.report.estimates import feature_table
+        from mor.report.units import angle_unit
+
+        table = self._table(feature_table(self._solution))
+        lengths = ("distance", "radius", "sradius", "minor_radius", "sminor_radius", "rms", "form")
+        angles = dict.fromkeys(("sd", "semi_angle", "ssemi_angle"), angle_unit(self.solved))
+        return Table(table.frame, {**table.units, **dict.fromkeys(lengths, self._length), **angles})
+
+    @cached_property
     def groups(self) -> Table:
         """Groups of observations: number, Σ r, part of vᵀPv, σ0 of the group."""
         from mor.report.estimates import group_table
@@ -477,7 +488,7 @@ def adjust(
 
     Args:
         source: a :class:`Project`, or what :func:`read` takes.
-        snoop: take flagged observations out one by one until the rest is clean (data snooping).
+        snoop: take flagged observations out one by one until nothing else is flagged (data snooping).
         watch: called after every iteration.
         assessing: called between the solution and its statistics with the effort ahead; what it returns is told how
             much more is done.

@@ -57,7 +57,7 @@ from mor.types import FloatArray
 # Simulated measurements of a project: the project again, with values that its instruments might have shown.
 # ------------------------------------------------------------
 
-LEFT_OUT = "something of the network has no place; a simulation needs one for everything"
+LEFT_OUT = "a part of the network has no coordinates; a simulation needs coordinates of all points, images and stations"
 USUAL_FILES = (PROJECT, "truth.csv", "planted.csv")
 """Files that every simulated project has."""
 
@@ -313,9 +313,7 @@ def _check_key(folder: Path, trial: Trial, files: Mapping[Any, ReadFile]) -> Non
     }
     path = folder / _KEY
     if path.is_file() and json.loads(path.read_text(encoding="utf-8")) != key:
-        words = (
-            "the runs that are here are of other input or another seed; choose another folder, or remove them"
-        )
+        words = "this folder contains runs of other input or of another seed; choose another folder, or remove them"
         raise InputError([Message(words, str(folder))])
     write_file(path, json.dumps(key) + "\n", True)
 
@@ -350,9 +348,7 @@ def tasks_on_cluster(
 
 def _alone(function: Function, number: int, task: Task, folder: Path, most_seconds: float | None) -> Done:
     if not folder.is_dir():
-        words = (
-            "workers do not see this folder: it has to be on a file system that all machines have in common"
-        )
+        words = "workers do not see this folder: it has to be on a file system that all machines share"
         raise InputError([Message(words, str(folder))])
     return done_alone(function, number, task, folder, most_seconds)
 

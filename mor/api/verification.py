@@ -57,7 +57,7 @@ Number = tuple[str, float, float, float]
 
 
 class About(NamedTuple):
-    """What a data set or scene is called, and where its reference values come from."""
+    """Name of the data set or scene, and the source of its reference values."""
 
     group: str
     name: str
@@ -141,7 +141,7 @@ def reference_data() -> Path:
     for folder in (package / "verification", package.parent / "tests" / "reference" / "networks"):
         if (folder / "nist").is_dir():
             return folder
-    raise InputError([Message("this installation came without its reference data")])
+    raise InputError([Message("this installation does not include the reference data")])
 
 
 # ------------------------------------------------------------

@@ -14,25 +14,25 @@ from mor.errors import ExitCode, MorError
 from mor.input_files import inputs_of_run
 
 COMMANDS = {
-    "adjust": "Adjust a project, write reports, results and tables.",
+    "adjust": "Adjust a project and write reports, results and tables.",
     "diagnose": "Search for mistakes in a rejected project by trying hypotheses.",
-    "check": "Read and check a project, adjust nothing.",
-    "new": "Begin a commented project file from tables.",
-    "convert": "Write a foreign file as a project file.",
-    "approximate": "Find start values, write a project that has them.",
+    "check": "Read and check a project without adjusting it.",
+    "new": "Create a commented project file from tables.",
+    "convert": "Convert files of other programs to projects, and back.",
+    "approximate": "Compute start values and write a project with them.",
     "orient": "Orient images without start values: two images (Rinner), a plane object (Killian).",
-    "design": "Say what a project would give before it is measured; rank observations.",
-    "simulate": "Measure a project by numbers: simulated observations, or Monte Carlo.",
-    "batch": "Adjust many projects: one table of verdicts.",
-    "report": "Print the report of results as PDF, or write its page in another language.",
-    "certificate": "Write the certificate of one camera, or its calibration for another program.",
-    "plot": "Draw a picture of results: network, ellipses, residuals, camera, histogram.",
-    "datum": "Carry results into another datum, without a new adjustment.",
+    "design": "Predict precision and reliability of a planned project; rank observations.",
+    "simulate": "Simulate the observations of a project once, or many times (Monte Carlo).",
+    "batch": "Adjust many projects and write one table of verdicts.",
+    "report": "Print the report as PDF, or write report.html in another language.",
+    "certificate": "Write the certificate of a camera, or its calibration for another program.",
+    "plot": "Plot results: network, ellipses, residuals, camera, histogram or overlap.",
+    "datum": "Transform results to another datum without a new adjustment.",
     "covariance": "Write covariances of points, or of all unknowns, with labels.",
-    "compare": "Compare two results number by number, as two epochs, or pairs of points.",
-    "explain": "Say what a term, a column or an exit code means, and what to do.",
-    "examples": "List the sample projects, copy one.",
-    "compile": "Compile the kernels for large projects ahead of their first use.",
+    "compare": "Compare two results: number by number, as epochs, or by pairs of points.",
+    "explain": "Explain a term, a column or an exit code, and what to do about it.",
+    "examples": "List the sample projects, or copy one of them.",
+    "compile": "Compile the kernels for large projects before they are first used.",
     "verify": "Check that this installation computes correctly, and write a report.",
     "schema": "Print the JSON Schema of project files, or of results.json.",
 }
@@ -92,8 +92,8 @@ def group() -> None:
 
     \b
     Exit codes: 0 done; 1 rejected or different; 2 input; 3 not converged; 4 singular; 5 memory;
-    70 internal (MOR_DEBUG=1 shows where); 130 interrupted, 143 ended.
-    Data go to standard output, words to standard error.
+    70 internal (MOR_DEBUG=1 shows where); 130 interrupted, 143 terminated.
+    Data go to standard output, messages to standard error.
     """
 
 
@@ -136,7 +136,8 @@ def _out_of_memory(error: MemoryError) -> str:
 
 
 OUT_OF_MEMORY = (
-    "What helps: --no-html and --tables worst, fewer observations at a time, a machine with more memory."
+    "Use --no-html and --tables worst, adjust fewer observations at a time, "
+    "or use a machine with more memory."
 )
 
 
@@ -148,7 +149,7 @@ def _tell(error: MorError, language: str) -> None:
     more = len(lines) - MOST_TOLD
     if more > 0:
         words = (
-            f"… and {more} more mistakes; {getattr(error, 'told_by', 'mor check --all')} tells all of them"
+            f"… and {more} more mistakes; {getattr(error, 'told_by', 'mor check --all')} lists all of them"
         )
         lines = [*lines[: MOST_TOLD - 1], told(words, language), lines[-1]]
     for line in lines:

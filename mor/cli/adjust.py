@@ -92,39 +92,39 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
     metavar="FOLDER",
     type=OutputPath(),
     show_default="PROJECT.results",
-    help="Folder of the results.",
+    help="Folder for the results.",
 )
 @click.option(
     "-f",
     "--force",
     is_flag=True,
-    help="Replace results of other input or options that are there already.",
+    help="Replace existing results of other input or options.",
 )
 @format_option
 @click.option(
     "--json", "as_json", is_flag=True, help="Print results.json on standard output; write files only with -o."
 )
 @click.option(
-    "--strict", is_flag=True, help="Exit with 1 where the global test rejects or an observation is flagged."
+    "--strict", is_flag=True, help="Exit with 1 if the global test rejects or an observation is flagged."
 )
 @click.option(
     "--snoop",
     is_flag=True,
-    help="Data snooping: take flagged observations out one by one until the rest is clean.",
+    help="Data snooping: exclude flagged observations one by one until none is flagged.",
 )
-@language_option("report.txt, report.html and of what the terminal says")
-@click.option("--full", is_flag=True, help="Leave nothing out of report.txt: all points, all observations.")
+@language_option("report.txt, report.html and the terminal")
+@click.option("--full", is_flag=True, help="List all points and all observations in report.txt.")
 @click.option(
     "--html/--no-html",
     default=None,
-    show_default="html, up to 2 million observations",
-    help="Write report.html, the page to look at.",
+    show_default="html up to 2 million observations",
+    help="Write report.html, the report for the browser.",
 )
 @click.option(
     "--tables",
     type=click.Choice(["none", "worst", "all"]),
-    show_default="all, beyond 2 million observations worst",
-    help="Tables of results: none, points, images and the worst residuals, or all.",
+    show_default="all; worst above 2 million observations",
+    help="Tables of results: none; points, images and the largest residuals (worst); or all.",
 )
 @click.option(
     "--table-format",
@@ -137,8 +137,8 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
     "--memory",
     metavar="SIZE",
     type=Amount(),
-    show_default="what there is",
-    help="Memory that mor may take, e.g. 4GB; if it does not suffice, long arrays are kept in files.",
+    show_default="the available memory",
+    help="Memory that mor may use, e.g. 4GB; if it is not enough, long arrays are kept in files.",
 )
 @click.option(
     "--scratch",
@@ -153,7 +153,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
     "--events",
     metavar="FILE",
     type=OutputPath(),
-    help="Write phases and iterations as JSON Lines while they happen; - is standard output.",
+    help="Write phases and iterations as JSON Lines while mor works; - is standard output.",
 )
 @kernels_option
 @quiet_option
@@ -161,10 +161,10 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
     "-v",
     "--verbose",
     is_flag=True,
-    help="Tell the phases, all notes and the groups; keep every iteration in view.",
+    help="Print the phases, all notes, the groups and every iteration.",
 )
 def command(**given: Any) -> int:
-    """Adjust PROJECT, write reports, results and tables.
+    """Adjust PROJECT and write reports, results and tables.
 
     \b
     Examples:
@@ -176,12 +176,12 @@ def command(**given: Any) -> int:
       mor adjust network.dat --from starnet --memory 4GB
       mor adjust - < project.yaml
 
-    PROJECT is a project file (.yaml), a foreign file that mor convert knows, or a folder with one project file in it;
-    without it, the folder is the current one. - is standard input: the names of tables count from the current folder,
-    and results go to stdin.results. Missing start values are worked out.
+    PROJECT is a project file (.yaml), a file of another program that mor convert can read, or a folder with one
+    project file; the default is the current folder. - is standard input: paths of tables are relative to the current
+    folder, and results go to stdin.results. Missing start values are computed.
 
     \b
-    Exit codes: 0 done; 1 rejected (--strict), or suspects left out; 2 input; 3 not converged;
+    Exit codes: 0 done; 1 rejected (--strict), or suspects excluded; 2 input; 3 not converged;
     4 singular; 5 memory.
     """
     return run(Asked(**given))
@@ -246,7 +246,7 @@ def on_screen(asked: Asked, solved: Solved, words: Words) -> str:
 
 
 def show(asked: Asked, solved: Solved, of: Identity, said: str) -> None:
-    """What goes to standard output and to the terminal at the end; the outcome has a colour on a terminal."""
+    """Print the results to standard output and the summary to the terminal, with the outcome in colour there."""
     from mor.report.results import results_text
 
     if asked.as_json:
@@ -270,12 +270,12 @@ def named_in_full(place: Reservation | None) -> Iterator[None]:
             from mor.report.results import write_undeterminable
 
             write_undeterminable(error.things, place)
-            tell(f"all of them are named in {place.folder / 'undetermined.csv'}:")
+            tell(f"all of them are listed in {place.folder / 'undetermined.csv'}:")
         raise
 
 
 def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> Solved:
-    """What becomes of a project; its tables are found from the folder."""
+    """Solve a project whose tables are in the folder."""
     from mor.api.pipeline import read_network
     from mor.api.project import Project
     from mor.api.result import adjust
@@ -332,7 +332,7 @@ def look_ahead(document: Document, folder: Path) -> None:
 
 
 def chosen(asked: Asked, solved: Solved, say: Progress) -> Choice:
-    """What is written of a result, as asked for, or as its size lets it be; notes what is left out."""
+    """Choose the files to write, by the options or the size of the result, and add notes about omitted ones."""
     from mor.machine import check_room
     from mor.report.results import FEWER, Choice, entries, is_large, memory_of_reports, tables_by_size
 
@@ -362,7 +362,7 @@ def has_library(say: Progress) -> bool:
 
 
 def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Message]:
-    """What is not written of a large project because nobody asked for it."""
+    """Notes about files that are omitted because the project is large."""
     from mor.errors import Message
     from mor.report.results import WORST, is_large
 
@@ -371,10 +371,12 @@ def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Mess
     notes = []
     if tables is None:
         notes.append(
-            Message(f"of very many residuals the {WORST} worst are written; --tables all writes all")
+            Message(
+                f"only the {WORST} worst residuals are written because of their number; --tables all writes all"
+            )
         )
     if html is None:
-        notes.append(Message("no report.html of very many observations; --html writes it all the same"))
+        notes.append(Message("no report.html because of the number of observations; --html writes it anyway"))
     return notes
 
 

@@ -33,7 +33,7 @@ if TYPE_CHECKING:
     metavar="FOLDER",
     type=OutputPath(),
     show_default="PROJECT.start",
-    help="Folder of the project with start values.",
+    help="Folder for the project with start values.",
 )
 @force_option
 @format_option
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     "--plot",
     metavar="FILE",
     type=OutputPath(),
-    help="Draw a plan of what was found, coloured by part: .svg, .png or .pdf.",
+    help="Plot a plan of the start values, coloured by part: .svg, .png or .pdf.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 @language_option("the report and the picture")
@@ -57,7 +57,7 @@ def command(
     lang: str,
     quiet: bool,
 ) -> int:
-    """Find start values for PROJECT and write a project that has them.
+    """Compute start values for PROJECT and write a project with them.
 
     \b
     Examples:
@@ -66,12 +66,12 @@ def command(
       mor approximate project.yaml --plot parts.svg --lang de
       mor approximate project.yaml --json | jq .parts
 
-    Given values stay as they are; those that are start values and no more are replaced where the observations
-    contradict them. The report on standard output says of every value whether it was given, found or replaced, by which
-    rule, in which part, with which sigma, and what is missing why. mor adjust does the same by itself.
+    Fixed and observed values stay as they are. Given start values are replaced if the observations contradict them.
+    The report on standard output says for every value whether it was given, found or replaced, by which method, in
+    which part and with which sigma, and why a value is missing. mor adjust does the same by itself.
 
     \b
-    Exit codes: 0 done; 2 input, or values stay missing and undetermined: leave_out is not set.
+    Exit codes: 0 done; 2 input, or values are missing and undetermined: leave_out is not set.
     """
     from mor.api.pipeline import read_document, read_network
     from mor.errors import ExitCode, InputError, Message
@@ -94,7 +94,7 @@ def command(
         _report(network, approximation, as_json, plot, force, lang)
         missing = [thing for thing in approximation.missing if thing.treatment != AT_INFINITY]
         if missing and network.project.settings.undetermined == "refuse":
-            count = counted(len(missing), "thing stays", "things stay")
+            count = counted(len(missing), "object stays", "objects stay")
             raise InputError([Message(f"{count} without start values, as the report says", str(project))])
         write_project(Placed(network, approximation.start), document, project.parent, place)
     if not quiet:

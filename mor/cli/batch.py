@@ -39,18 +39,20 @@ _TABLES = ("batch.txt", "batch.json", "batch.html", "junit.xml")
     type=OutputPath(),
     default="batch.results",
     show_default=True,
-    help="Folder of the tables, with a folder of results for each project in it.",
+    help="Folder for the tables, with a subfolder of results for each project.",
 )
-@jobs_option("Processes that share the projects.")
+@jobs_option("Number of processes that share the projects.")
 @cluster_option
-@click.option("--strict", is_flag=True, help="A project that is rejected or has flagged observations fails.")
+@click.option(
+    "--strict", is_flag=True, help="Let projects fail that are rejected or have flagged observations."
+)
 @click.option("--snoop", is_flag=True, help="Data snooping in every project.")
-@click.option("--html", is_flag=True, help="Write the page of each project as well.")
+@click.option("--html", is_flag=True, help="Also write report.html of each project.")
 @click.option(
     "--against",
     metavar="FOLDER",
     type=InputPath(),
-    help="A batch kept from an earlier run: projects whose numbers differ from it fail.",
+    help="Folder of an earlier batch: projects whose numbers differ from it fail.",
 )
 @click.option(
     "--tol",
@@ -58,13 +60,13 @@ _TABLES = ("batch.txt", "batch.json", "batch.html", "junit.xml")
     default=1e-6,
     show_default=True,
     type=click.FloatRange(min=0.0),
-    help="Numbers are equal within this times max(1, |number|).",
+    help="Tolerance: numbers are equal within this times max(1, |number|).",
 )
 @click.option(
     "--timeout",
     metavar="SECONDS",
     type=click.FloatRange(min=0.0, min_open=True),
-    help="End a project that takes longer.",
+    help="Terminate projects that take longer.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print batch.json on standard output.")
 @language_option("the tables and reports")
@@ -85,7 +87,7 @@ def command(
     lang: str,
     quiet: bool,
 ) -> int:
-    """Adjust many PROJECTS, and say of all in one table what became of them.
+    """Adjust many PROJECTS and write the outcome of all of them in one table.
 
     \b
     Examples:
@@ -95,14 +97,14 @@ def command(
       mor batch *.dat --json --quiet | jq .failed
       mor batch 'blocks/**/project.yaml' --cluster tcp://host:8786
 
-    PROJECTS are files, or patterns in quotes, in which ** stands for any number of folders. The folder has batch.txt,
-    batch.json, batch.html, junit.xml, and for each project results.json, report.txt and log.txt. A project that crashes
-    or takes too long fails by itself alone.
+    PROJECTS are files, or patterns in quotes, in which ** stands for any number of folders. The folder gets
+    batch.txt, batch.json, batch.html, junit.xml, and for each project results.json, report.txt and log.txt. A project
+    that crashes or takes too long does not stop the others.
 
     \b
-    Exit codes: 0 none fails; 1 some fail; 2 input: nothing is called so.
-    A project fails where mor adjust exits with another code than 0, or where it differs from what
-    was kept.
+    Exit codes: 0 none fails; 1 some fail; 2 input, or no project matches.
+    A project fails if mor adjust would not exit with 0, or if it differs from
+    --against.
     """
     from mor.api.batch import LOG, cases
     from mor.input_files import note_input

@@ -26,20 +26,24 @@ FORMS = ("opencv", "metashape", "colmap", "aicon", "photomodeler")
     metavar="FILE",
     type=OutputPath(),
     show_default="certificate_CAMERA.html in RESULTS",
-    help="The file that is written: .html, .txt or .pdf, or the calibration of --to.",
+    help="File to write: .html, .txt or .pdf, or the calibration of --to.",
 )
 @click.option(
     "--to", "form", type=click.Choice(FORMS), help="Write the calibration for another program instead."
 )
 @click.option(
-    "--paper", type=click.Choice(["A4", "Letter"]), default="A4", show_default=True, help="Paper of a PDF."
+    "--paper",
+    type=click.Choice(["A4", "Letter"]),
+    default="A4",
+    show_default=True,
+    help="Paper size of a PDF.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
+@click.option("-f", "--force", is_flag=True, help="Replace an existing file.")
 @language_option("the certificate")
 def command(
     results: Path, camera: str, output: Path | None, form: str | None, paper: str, force: bool, lang: str
 ) -> None:
-    """Write the certificate of one CAMERA in RESULTS on one page, or its calibration for another program.
+    """Write the one-page certificate of a CAMERA in RESULTS, or its calibration for another program.
 
     \b
     Examples:
@@ -47,8 +51,9 @@ def command(
       mor certificate project.results D7 -o d7.pdf --lang de
       mor certificate project.results D7 --to metashape -o d7.xml
 
-    RESULTS is a folder of results. The certificate has parameters with sigma, correlations, distortion, how far out it
-    was measured, datum and test. A calibration is refused where the other program cannot say the same.
+    RESULTS is a folder of results. The certificate contains the parameters with sigma, correlations, the distortion
+    and the radius up to which it was measured, datum and test. mor refuses to write a calibration that the other
+    program's camera model cannot represent.
 
     \b
     Exit codes: 0 done; 2 input.

@@ -13,12 +13,12 @@ from mor.cli.options import InputPath, format_option, only_project, quiet_option
 @click.command(name="check")
 @click.argument("project", type=InputPath())
 @click.option(
-    "-a", "--all", "everything", is_flag=True, help="Tell all mistakes and notes, not only a screenful."
+    "-a", "--all", "everything", is_flag=True, help="List all mistakes and notes, not only the first twenty."
 )
 @format_option
 @quiet_option
 def command(project: Path, everything: bool, source_format: str | None, quiet: bool) -> int:
-    """Read and check PROJECT, say what it contains, adjust nothing.
+    """Read and check PROJECT and list its contents, without adjusting it.
 
     \b
     Examples:
@@ -27,7 +27,7 @@ def command(project: Path, everything: bool, source_format: str | None, quiet: b
       mor check project.yaml --all
       mor check - < project.yaml
 
-    Mistakes are told at once, with file and line: a screenful of them, or all.
+    All mistakes are reported in one run, with file and line; the terminal shows the first twenty.
 
     \b
     Exit codes: 0 done; 2 input.

@@ -36,22 +36,20 @@ SCHEMA = "mor-results"
     default=1e-9,
     show_default=True,
     metavar="NUMBER",
-    help="Difference allowed: absolute, for numbers beyond 1 relative.",
+    help="Allowed difference: absolute, or relative for numbers above 1.",
 )
-@click.option(
-    "--epochs", is_flag=True, help="Take the two as epochs: congruence test over their common points."
-)
+@click.option("--epochs", is_flag=True, help="Compare two epochs: congruence test over their common points.")
 @click.option(
     "--pairs",
     metavar="FILE",
     type=InputPath(),
-    help="CSV with a header and two columns of points: have the pairs of one adjustment moved apart?",
+    help="CSV with a header and two columns of points: test whether these pairs of one adjustment have moved apart.",
 )
 @click.option(
     "--between",
     nargs=2,
     metavar="EPOCH EPOCH",
-    help="Two epochs of one adjustment: congruence test over the points that move and were seen in both.",
+    help="Two epochs of one adjustment: congruence test over the moving points seen in both.",
 )
 @click.option(
     "--level", default=0.001, show_default=True, metavar="NUMBER", help="Level α of the tests of movements."
@@ -61,10 +59,13 @@ SCHEMA = "mor-results"
     "--page",
     metavar="FILE",
     type=OutputPath(),
-    help="With --epochs or --between: write a page, both epochs side by side, movements with ellipses and tests.",
+    help=(
+        "With --epochs or --between: write a page with both epochs side by side and "
+        "the movements with ellipses and tests."
+    ),
 )
-@click.option("-f", "--force", is_flag=True, help="Replace a page that is there already.")
-@language_option("the page and of what the terminal says")
+@click.option("-f", "--force", is_flag=True, help="Replace an existing page.")
+@language_option("the page and the messages")
 @kernels_option
 @quiet_option
 def command(
@@ -90,8 +91,8 @@ def command(
       mor compare both.results --pairs pairs.csv
       mor compare dam.results --between 2015-04 2024-04
 
-    RESULTS are folders of results; number by number also results.json files. All others print the movements as CSV
-    on standard output, in the length unit of the project.
+    RESULTS are folders of results; for the comparison number by number also results.json files. The other comparisons
+    print movements as CSV on standard output, in the length unit of the project.
 
     \b
     Exit codes: 0 equal, nothing moved; 1 different, something moved; 2 input.

@@ -16,17 +16,17 @@ from mor.errors import ExitCode
 @click.command(name="compile")
 @quiet_option
 def command(quiet: bool) -> int:
-    """Compile the kernels for large projects ahead of their first use.
+    """Compile the kernels for large projects before they are first used.
 
     \b
     Examples:
       mor compile
       NUMBA_CACHE_DIR=/opt/mor/cache mor compile --quiet
 
-    The sample projects are adjusted with compiled kernels, and the machine code is kept in the cache of the user, or in
-    the folder that NUMBA_CACHE_DIR names. From then on projects of 20 000 observations and more use it. Without it they
-    are adjusted in NumPy, with the same results, until one is so large that compiling is sooner done. A cache that is
-    there already is replaced.
+    mor adjusts the sample projects with compiled kernels and keeps the machine code in the cache of the user, or in
+    the folder NUMBA_CACHE_DIR. Projects with 20 000 observations or more then use it. Without it they are adjusted in
+    NumPy, with the same results, unless a project is so large that compiling first is faster. An existing cache is
+    replaced.
 
     \b
     Exit codes: 0 done; 2 Numba is missing or does not compile, or the cache cannot be written.

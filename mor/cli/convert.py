@@ -32,10 +32,10 @@ _OWN = (".yaml", ".yml")
     "source_formats",
     metavar="FORMAT",
     multiple=True,
-    help="Format of SOURCE, where its content shall not tell; once for each of several, in their order.",
+    help="Format of SOURCE; by default found from its content. Repeat it for several files, in their order.",
 )
 @click.option(
-    "--to", "target_format", metavar="FORMAT", help="Format of TARGET, where its suffix does not tell."
+    "--to", "target_format", metavar="FORMAT", help="Format of TARGET, if its suffix does not determine it."
 )
 @force_option
 @quiet_option
@@ -47,7 +47,7 @@ def command(
     force: bool,
     quiet: bool,
 ) -> None:
-    """Write the project in SOURCE in another format: from a foreign one as a project file, or the other way round.
+    """Convert SOURCE, a file or folder of another program, to a project file, or a project to another format.
 
     \b
     Examples:
@@ -57,11 +57,11 @@ def command(
       mor convert block.results/adjusted.yaml model --to colmap
       mor convert sparse/0 markers.csv block.yaml
 
-    The content of a file or folder tells its format. TARGET is a project file (.yaml) whose long tables are written
-    beside it, or what its suffix or --to says. What a reader leaves out, and what a format has no place for, is noted.
-    Several foreign files become one project: points and images of the same name are the same, and what is held or
-    observed goes before. mor adjust and mor check read foreign files directly, too. The manual has a page for each
-    format.
+    mor recognises the format of SOURCE by its content. TARGET is a project file (.yaml), with long tables beside it,
+    or a file in the format of its suffix or of --to. Notes list what was not read, and what TARGET cannot hold.
+    Several files become one project: points and images of the same name are the same, and fixed or observed values
+    take precedence over start values. mor adjust and mor check also read files of other programs directly. The manual
+    has a page for each format.
 
     \b
     Exit codes: 0 done; 2 input.
@@ -80,9 +80,7 @@ def command(
     key = target_format or ("" if place.suffix.lower() in _OWN else format_to_write(place))
     document = _read(sources, source_formats, bool(key))
     if not key and place.suffix.lower() not in _OWN:
-        words = (
-            "nothing in this name tells a format; give it the suffix .yaml for a project file, or --to FORMAT"
-        )
+        words = "this name has no suffix of a known format; use the suffix .yaml for a project file, or --to FORMAT"
         raise InputError([Message(words, str(place))])
     files, notes = (
         _own_files(document, source, place) if not key else _foreign_files(document, source, place, key)

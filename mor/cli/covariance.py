@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     flag_value="",
     help="Interior orientations of these cameras, or of all, together.",
 )
-@click.option("--full", is_flag=True, help="All unknowns together, where they fit into memory.")
+@click.option("--full", is_flag=True, help="All unknowns together, if they fit into memory.")
 @click.option("--blocks", is_flag=True, help="The 3 × 3 block of every point, as .csv.")
 @click.option(
     "--relative",
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
     "target",
     metavar="DATUM",
     show_default="that of the results",
-    help='Datum, as the project file writes it: free, or "free: [1, 2]".',
+    help='Datum, as in the project file: free, or "free: [1, 2]".',
 )
 @click.option(
     "-o",
@@ -53,7 +53,7 @@ if TYPE_CHECKING:
     required=True,
     help="File to write: .npz, .csv or .mtx (Matrix Market).",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
+@click.option("-f", "--force", is_flag=True, help="Replace an existing file.")
 def command(
     results: Path,
     points: str | None,

@@ -13,19 +13,19 @@ from mor.cli.options import InputPath, OutputPath
 @click.command(name="datum")
 @click.argument("results", type=InputPath())
 @click.option(
-    "--to", "target", metavar="DATUM", required=True, help="The other datum, as the project file writes it."
+    "--to", "target", metavar="DATUM", required=True, help="The other datum, as in the project file."
 )
 @click.option(
     "-o",
     "--output",
     metavar="FOLDER",
     type=OutputPath(),
-    help="Folder of all results in that datum; without it the points are printed as CSV.",
+    help="Folder for all results in that datum; by default the points are printed as CSV.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace results that are there already.")
+@click.option("-f", "--force", is_flag=True, help="Replace existing results.")
 @language_option("report.txt and report.html")
 def command(results: Path, target: str, output: Path | None, force: bool, lang: str) -> None:
-    """Carry RESULTS into another datum by S-transformation, without a new adjustment.
+    """Transform RESULTS to another datum by an S-transformation, without a new adjustment.
 
     \b
     Examples:
@@ -35,7 +35,7 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
       mor datum project.results --to "minimal: {xyz: 1, xy: 2, z: 5}"
 
     RESULTS is a folder of results, or a project. Residuals and redundancy stay as they are; coordinates and their
-    covariances change. Coordinates held fixed may take part where they do not strain the network.
+    covariances change. Fixed coordinates may belong to the datum if they do not constrain the network.
 
     \b
     Exit codes: 0 done; 2 input, or no solution.
@@ -54,7 +54,7 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
     project, solved = in_datum(project, target, "--to")
     if not solved.adjustment.defect.datum.size:
         words = (
-            "the observations settle the datum by themselves (defect 0): it is the same, whatever --to says"
+            "the observations define the datum themselves (defect 0): it stays the same whatever --to says"
         )
         click.echo(words_of(lang)("note: {text}", text=words_of(lang)(words)), err=True)
     if output is not None:

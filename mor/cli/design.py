@@ -31,19 +31,19 @@ if TYPE_CHECKING:
     metavar="FOLDER",
     type=OutputPath(),
     show_default="PROJECT.design",
-    help="Folder of the plan.",
+    help="Folder for the plan.",
 )
 @force_option
 @format_option
-@click.option("--rank", is_flag=True, help="Rank planned observations and candidates by what they are worth.")
+@click.option("--rank", is_flag=True, help="Rank planned observations and candidates by their contribution.")
 @click.option(
     "--greedy",
     metavar="N",
     type=click.IntRange(min=1),
-    help="Choose up to N candidates, one after the other, until all that is required is reached.",
+    help="Choose up to N candidates, one after another, until all requirements are met.",
 )
 @click.option(
-    "--json", "as_json", is_flag=True, help="Print design.json on standard output; files only with -o."
+    "--json", "as_json", is_flag=True, help="Print design.json on standard output; write files only with -o."
 )
 @language_option("the report")
 @kernels_option
@@ -59,7 +59,7 @@ def command(
     lang: str,
     quiet: bool,
 ) -> int:
-    """Say what PROJECT would give, before anything of it is measured.
+    """Predict precision and reliability of PROJECT before it is measured.
 
     \b
     Examples:
@@ -68,12 +68,12 @@ def command(
       mor design project.yaml --json --quiet | jq .fulfilled
       mor design project.results/adjusted.yaml -o plan_of_next_epoch
 
-    Measured values may be missing, and are ignored where they are there: expected sigmas, redundancy numbers,
-    detectable errors, weak directions at the place of the start values. What has to be reached stands in the project
-    file under require, what-if variants under variants, observations one might add under candidates.
+    The plan has expected sigmas, redundancy numbers, detectable errors and weak directions, computed at the start
+    values. Measured values are not needed and are ignored. The project file lists requirements under require, what-if
+    variants under variants, and possible additional observations under candidates.
 
     \b
-    Exit codes: 0 done, all that is required is reached; 1 something is not reached; 2 input;
+    Exit codes: 0 done, all requirements are met; 1 a requirement is not met; 2 input;
     4 singular: the plan leaves something undetermined.
     """
     from mor.api.design import designed

@@ -25,18 +25,18 @@ if TYPE_CHECKING:
     type=click.FloatRange(min=0.0),
     default=60.0,
     show_default=True,
-    help="Time for the trials; checked between two of them.",
+    help="Time limit for all trials, checked after each.",
 )
 @format_option
 @click.option("--json", "as_json", is_flag=True, help="Print the result as JSON on standard output.")
 @click.option("--table", is_flag=True, help="Print all hypotheses that were tried.")
-@language_option("what is printed")
+@language_option("the output")
 @kernels_option
 @quiet_option
 def command(
     project: Path, limit: float, source_format: str | None, as_json: bool, table: bool, lang: str, quiet: bool
 ) -> int:
-    """Search for mistakes in PROJECT by adjusting it under one hypothesis after the other.
+    """Search for mistakes in PROJECT by adjusting it under one hypothesis after another.
 
     \b
     Examples:
@@ -44,9 +44,9 @@ def command(
       mor diagnose project.yaml --limit 300 --table
       mor diagnose network.gkf --json | jq '.offered[0]'
 
-    Hypotheses are mistakes that people make: exchanged names, a forgotten height, another unit, the other sense of a
-    circle. Each is tried in an adjustment of its own. No file is written and no hypothesis is applied. The edit of the
-    project that a hypothesis needs is printed as a diff, if it can be expressed by one.
+    Hypotheses are mistakes that people make: exchanged names, a forgotten height, a wrong unit, a circle that counts
+    the other way. Each is tried in an adjustment of its own. No file is written and no hypothesis is applied. If a
+    change of the project file expresses the hypothesis, it is printed as a diff.
 
     \b
     Exit codes: 0 nothing is rejected; 1 something is rejected, explained or not; 2 input.

@@ -19,10 +19,10 @@ from mor.cli.options import OutputPath
     metavar="FOLDER",
     type=OutputPath(),
     show_default="NAME",
-    help="Folder to copy it to; new, or empty.",
+    help="Folder for the copy; it must be new or empty.",
 )
 def command(name: str | None, output: Path | None) -> None:
-    """List the sample projects, or copy the one called NAME.
+    """List the sample projects, or copy the one named NAME.
 
     \b
     Examples:
@@ -53,7 +53,7 @@ def sample_projects() -> list[Path]:
     for place in (package / "examples", package.parent / "sample_projects"):
         if found := sorted(path.parent for path in place.glob("*/project.yaml")):
             return found
-    raise InputError([Message("this installation came without its sample projects")])
+    raise InputError([Message("this installation does not include the sample projects")])
 
 
 def title(folder: Path) -> str:
@@ -80,7 +80,7 @@ def copy_sample(name: str, target: Path) -> None:
         if _is_copy(target, sample, ignored):
             return
         if target.exists() and (not target.is_dir() or any(target.iterdir())):
-            words = "this exists and is not an empty folder; -o names another"
+            words = "this exists and is not an empty folder; choose another one with -o"
             raise InputError([Message(words, str(target))])
         write_files(
             {target / name: (sample / name).read_bytes() for name in _names(sample, ignored)},

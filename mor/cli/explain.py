@@ -18,7 +18,7 @@ _WIDTH = 100
 @click.argument("term", nargs=-1)
 @language_option("the explanation")
 def command(term: tuple[str, ...], lang: str) -> None:
-    """Say what TERM means: a statistic, a column, an exit code; and what to do.
+    """Explain TERM, a statistic, a column or an exit code, and what to do about it.
 
     \b
     Examples:
@@ -27,7 +27,7 @@ def command(term: tuple[str, ...], lang: str) -> None:
       mor explain exit code 4
       mor explain Redundanzanteil --lang de
 
-    Without TERM all are listed. Names are found in English and in German.
+    Without TERM, all terms are listed. English and German names are found.
 
     \b
     Exit codes: 0 done; 2 unknown term.

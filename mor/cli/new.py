@@ -53,7 +53,7 @@ def command(
     datum: str,
     force: bool,
 ) -> None:
-    """Begin PROJECT, a commented project file, from TABLES (CSV, spreadsheets), or from photographs.
+    """Create PROJECT, a commented project file, from TABLES (CSV, spreadsheets) or from photographs.
 
     \b
     Examples:
@@ -63,12 +63,12 @@ def command(
       mor new field.yaml image_points.csv scale_bars.csv --length mm -c 35 --datum free
       mor new wall.yaml photos/*.jpg
 
-    The names of its columns, also German and usual other ones, tell what a table is: image points (image, point, x,
-    y), distances (from, to, distance), directions (station, to, horizontal, zenith), points (id, x, y, z), images
-    (id, x, y, z, omega, phi, kappa) and more. A list id, x, y, z whose names are images has their projection
-    centres. Points and images that only observations name are listed; no start values are needed. mor.schema.json
-    beside it is that of this version. Photographs alone say their camera, size, focal length and GNSS position
-    themselves (EXIF; extra formats).
+    mor recognises a table by its column names, including German and other usual ones: image points (image, point, x,
+    y), distances (from, to, distance), directions (station, to, horizontal, zenith), points (id, x, y, z), images (id,
+    x, y, z, omega, phi, kappa) and more. If the names of a list id, x, y, z are those of images, it contains their
+    projection centres. Points and images that only observations name are listed; no start values are needed. The schema
+    of this version, mor.schema.json, is written beside it. Photographs contain their camera, size, focal length
+    and GNSS position (EXIF; extra formats).
 
     \b
     Exit codes: 0 done; 2 input.
@@ -99,7 +99,7 @@ def command(
         tell(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}")
     for path, unused in {table.path: table.unused for table in found if table.unused}.items():
         tell(f"note: {path}: columns not used: {', '.join(unused)}")
-    tell(f"{project} is there: look at the lines marked CHECK, then mor check {project}")
+    tell(f"{project} is written: look at the lines marked CHECK, then run mor check {project}")
 
 
 def _has_content(path: Path, text: str) -> bool:
@@ -118,4 +118,4 @@ def _begin_from_photographs(project: Path, photographs: tuple[Path, ...], force:
     write_files(project_files(document.data, project.parent, project), force, makes_folders=True)
     for note in document.notes:
         tell(f"note: {note.message}")
-    tell(f"{project} is there: add observations, then mor check {project}")
+    tell(f"{project} is written: add observations, then run mor check {project}")

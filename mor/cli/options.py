@@ -29,7 +29,7 @@ class _NamedPath(click.Path):
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path. A name with a null byte is refused: no system has a file that is called so."""
         if "\0" in str(value):
-            self.fail(f"{str(value)!r} is no name of a file", param, ctx)
+            self.fail(f"{str(value)!r} is not a file name", param, ctx)
         return super().convert(value, param, ctx)
 
 
@@ -82,7 +82,7 @@ def _ask_for_kernels(ctx: click.Context, param: click.Parameter, value: str) -> 
     os.environ[ASKED] = value
 
 
-force_option = click.option("-f", "--force", is_flag=True, help="Replace files that are there already.")
+force_option = click.option("-f", "--force", is_flag=True, help="Replace existing files.")
 kernels_option = click.option(
     "--kernels",
     type=click.Choice(WAYS),
@@ -91,9 +91,9 @@ kernels_option = click.option(
     show_default=f"{ASKED}, or auto",
     expose_value=False,
     callback=_ask_for_kernels,
-    help="Work in NumPy or by compiled kernels; auto takes what is sooner done, below 20 000 observations NumPy.",
+    help="Compute with NumPy or with compiled kernels; auto takes the faster one: NumPy below 20 000 observations.",
 )
-quiet_option = click.option("-q", "--quiet", is_flag=True, help="Say nothing but mistakes.")
+quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 
 
 # ------------------------------------------------------------
@@ -104,7 +104,7 @@ format_option = click.option(
     "--from",
     "source_format",
     metavar="FORMAT",
-    help="Format of a foreign PROJECT, where its content shall not tell.",
+    help="Format of PROJECT if it is a file of another program; by default found from its content.",
 )
 """``--from`` of the commands that read one project."""
 
@@ -167,7 +167,7 @@ def jobs_option(words: str) -> Callable[[F], F]:
 cluster_option = click.option(
     "--cluster",
     metavar="ADDRESS",
-    help="Have it done by the workers of a Dask scheduler, e.g. tcp://host:8786 (needs mor-adjustment[dask]).",
+    help="Address of a Dask scheduler whose workers do the work, e.g. tcp://host:8786 (needs mor-adjustment[dask]).",
 )
 
 

@@ -20,7 +20,7 @@ _SIGMA = click.option(
 )  # fmt: skip
 _UNIT = click.option(
     "--angles", type=click.Choice(["gon", "deg", "rad"]), default="gon", show_default=True,
-    help="Unit of the angles that are told.",
+    help="Unit of the printed angles.",
 )  # fmt: skip
 _JSON = click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 _LANGUAGE = language_option("the text")
@@ -51,7 +51,7 @@ def command() -> None:
     "--attitude",
     type=(float, float, float),
     metavar="OMEGA PHI KAPPA",
-    help="Attitude of the first image, in the unit of --angles: the model stands in the object system.",
+    help="Attitude of the first image, in the unit of --angles; the model is then in the object system.",
 )
 @_LANGUAGE
 @_JSON
@@ -74,8 +74,8 @@ def relative_command(
       mor orient relative pairs.csv -c 28.8 --json | jq .
 
     PAIRS has the columns id, x1, y1, x2, y2 (x3, y3 …): image coordinates relative to the principal point, x right, y
-    up, in the unit of the camera constant; empty if a point is not seen. Each image is oriented to the one before;
-    common points carry the scale on, then all is adjusted together. Degenerate data are named.
+    up, in the unit of the camera constant; leave cells of unseen points empty. Each image is oriented relative to
+    the previous one, common points transfer the scale, and a joint adjustment follows. Degenerate data are reported.
 
     \b
     Exit codes: 0 done; 2 input; 4 no solution.
@@ -111,16 +111,19 @@ def relative_command(
     "--length",
     type=(str, str, float),
     metavar="A B LENGTH",
-    help="Two points and the distance between them: gives the scale.",
+    help="Two points and the distance between them, which gives the scale.",
 )
 @click.option(
     "--length-sigma", metavar="NUMBER", type=click.FloatRange(min=0.0), default=0.0, show_default=True,
     help="σ of that distance.",
 )  # fmt: skip
 @click.option(
-    "--off", metavar="ID", multiple=True, help="A point off the plane; without it they are looked for."
+    "--off",
+    metavar="ID",
+    multiple=True,
+    help="A point off the plane; by default such points are searched for.",
 )
-@click.option("--wall", is_flag=True, help="The plane is a wall; without it, a level plane.")
+@click.option("--wall", is_flag=True, help="The plane is a wall; the default is a level plane.")
 @_LANGUAGE
 @_JSON
 def planar_command(
@@ -143,8 +146,8 @@ def planar_command(
       mor orient planar corners.csv -c 50 --length A B 2.500 --wall
       mor orient planar corners.csv -c 50 --length A B 2.500 --length-sigma 0.002 --off TOWER
 
-    POINTS has the columns id, x1, y1, x2, y2 (x3, y3 …), as for relative orientation; empty if a point is not seen.
-    Points off the plane get heights. All admissible solutions are given.
+    POINTS has the columns id, x1, y1, x2, y2 (x3, y3 …), as for relative orientation; leave cells of unseen points
+    empty. Points off the plane get heights. All admissible solutions are printed.
 
     \b
     Exit codes: 0 done; 2 input; 4 no solution.

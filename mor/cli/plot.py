@@ -28,28 +28,28 @@ KINDS = ("network", "ellipses", "residuals", "camera", "histogram", "overlap")
     metavar="FILE",
     type=OutputPath(),
     required=True,
-    help="Picture to write: .svg, .png or .pdf.",
+    help="File to write: .svg, .png or .pdf.",
 )
 @click.option(
     "--of",
     "name",
     metavar="NAME",
     show_default="all images; the first camera",
-    help="Image (of residuals) or camera (of camera) to draw.",
+    help="Image (for residuals) or camera (for camera) to plot.",
 )
 @click.option(
     "--confidence",
     type=click.Choice(["1", "95"]),
     default="1",
     show_default=True,
-    help="Ellipses: 1 for one sigma, 95 for those in which 95 % lie.",
+    help="Ellipses: 1 for one sigma, 95 for 95 % confidence.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
+@click.option("-f", "--force", is_flag=True, help="Replace an existing file.")
 @language_option("the picture")
 def command(
     kind: str, source: Path, output: Path, name: str | None, confidence: str, force: bool, lang: str
 ) -> None:
-    """Draw a picture of SOURCE: network, ellipses, residuals, camera, histogram or overlap.
+    """Plot SOURCE: network, ellipses, residuals, camera, histogram or overlap.
 
     \b
     Examples:
@@ -89,7 +89,7 @@ def view_of_source(source: Path) -> View:
     if solved.quality is None:
         reason = solved.adjustment.reason or solved.adjustment.outcome.value
         raise InputError(
-            [Message(f"the adjustment has no solution ({reason}): nothing to draw", str(source))]
+            [Message(f"the adjustment has no solution ({reason}): there is nothing to plot", str(source))]
         )
     return view_of(solved, observation_table(solved))
 
@@ -99,9 +99,7 @@ def drawn(kind: str, view: View, name: str | None, words: Words, confidence: str
     from mor.report.plots import camera, ellipses, histogram, network, overlap_and_rays, residuals
 
     if name is not None and kind not in ("residuals", "camera"):
-        raise click.UsageError(
-            f"--of names an image or a camera; a picture of kind {kind!r} shows everything"
-        )
+        raise click.UsageError(f"--of names an image or a camera; a plot of kind {kind!r} shows everything")
     if kind == "residuals":
         return residuals(view, name, words)
     if kind == "camera":

@@ -96,7 +96,7 @@ class Progress:
     steps: list[Iteration] = field(default_factory=list)
     """Iterations of this phase."""
     words: Words = ENGLISH
-    """What people are told in; events are the same in every language."""
+    """Language of the messages; events are the same in every language."""
     most_notes: int | None = None
     """Notes that are shown."""
     told: int = 0

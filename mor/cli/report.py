@@ -18,7 +18,7 @@ from mor.cli.options import InputPath, OutputPath
     type=click.Choice(["A4", "Letter"]),
     default="A4",
     show_default=True,
-    help="Paper of the PDF.",
+    help="Paper size of the PDF.",
 )
 @click.option(
     "-o",
@@ -26,9 +26,9 @@ from mor.cli.options import InputPath, OutputPath
     metavar="FILE",
     type=OutputPath(),
     show_default="report.pdf or report.html in RESULTS",
-    help="The file that is written.",
+    help="File to write.",
 )
-@click.option("-f", "--force", is_flag=True, help="Replace a file that is there already.")
+@click.option("-f", "--force", is_flag=True, help="Replace an existing file.")
 @click.option(
     "--appendix",
     metavar="NAMES",
@@ -38,7 +38,7 @@ from mor.cli.options import InputPath, OutputPath
 def command(
     results: Path, pdf: bool, paper: str, output: Path | None, force: bool, appendix: str | None, lang: str
 ) -> None:
-    """Print the report in RESULTS as PDF, or write its page anew in another language.
+    """Print the report in RESULTS as PDF, or write report.html in another language.
 
     \b
     Examples:
@@ -47,7 +47,7 @@ def command(
       mor report project.results --appendix residuals,images
       mor report project.results --lang de -o bericht.html
 
-    RESULTS is a folder of results. The PDF has a few pages to sign; it needs the extra plot
+    RESULTS is a folder of results. The PDF is a short report to sign; it needs the extra plot
     (pip install 'mor-adjustment[plot]').
 
     \b

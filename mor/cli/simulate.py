@@ -40,8 +40,8 @@ if TYPE_CHECKING:
     "--output",
     metavar="FOLDER",
     type=OutputPath(),
-    show_default="PROJECT.simulated, with --runs PROJECT.montecarlo",
-    help="Folder of the simulated project, or of the report of many runs.",
+    show_default="PROJECT.simulated; PROJECT.montecarlo with --runs",
+    help="Folder for the simulated project, or for the report of many runs.",
 )
 @force_option
 @format_option
@@ -51,9 +51,9 @@ if TYPE_CHECKING:
     default=1,
     show_default=True,
     type=click.IntRange(min=0),
-    help="Seed of all that is drawn.",
+    help="Seed of the random numbers.",
 )
-@click.option("--noise-free", is_flag=True, help="No random errors: only those that are planted.")
+@click.option("--noise-free", is_flag=True, help="Draw no random errors; only planted ones remain.")
 @click.option(
     "--gross",
     default=0,
@@ -76,7 +76,7 @@ if TYPE_CHECKING:
     show_default=True,
     metavar="SHARE",
     type=click.FloatRange(min=0.0, max=1.0, max_open=True),
-    help="Lose this share of the rows of tables, e.g. 0.1.",
+    help="Drop this share of the rows of tables, e.g. 0.1.",
 )
 @click.option(
     "--offset",
@@ -90,22 +90,22 @@ if TYPE_CHECKING:
     "scales",
     multiple=True,
     metavar="GROUP[:COMPONENT]=PPM",
-    help="Add parts per million of the values of a group.",
+    help="Add parts per million to the values of a group.",
 )
 @click.option(
     "--runs",
     metavar="N",
     type=click.IntRange(min=2),
-    help="Monte Carlo: N simulated measurements, adjusted one by one, against what the adjustment says of itself.",
+    help="Monte Carlo: adjust N simulated sets of observations and compare the results with theory.",
 )
-@jobs_option("Processes that runs are shared among.")
+@jobs_option("Number of processes that share the runs.")
 @cluster_option
 @click.option(
     "--starts",
     is_flag=True,
-    help="Work out start values anew in every run of --runs.",
+    help="Compute start values again in every run of --runs.",
 )
-@click.option("--json", "as_json", is_flag=True, help="Print montecarlo.json on standard output as well.")
+@click.option("--json", "as_json", is_flag=True, help="Also print montecarlo.json on standard output.")
 @language_option("the report of many runs")
 @kernels_option
 @quiet_option
@@ -129,7 +129,7 @@ def command(
     lang: str,
     quiet: bool,
 ) -> int:
-    """Measure PROJECT by numbers: the same project with simulated observations, ready to be adjusted.
+    """Simulate the observations of PROJECT and write a project with them, ready to be adjusted.
 
     \b
     Examples:
@@ -139,11 +139,11 @@ def command(
       mor simulate project.yaml --runs 2000 --jobs 4
       mor simulate project.yaml --runs 20000 --cluster tcp://host:8786
 
-    The place of everything is that of the start values; measured values are ignored. Errors are drawn from the sigmas
-    and covariances of the project; prior knowledge, as control points with a sigma, gets its error as well. truth.csv
-    has what is true, planted.csv what was planted on purpose. With --runs nothing is written but a report: bias,
-    coverage of confidence regions, levels and power of the tests, against the analytic values; the same bytes for a
-    seed whatever the number of jobs, and a run that was interrupted goes on where it stood.
+    The start values are the true values; measured values are ignored. Errors are drawn from the sigmas and
+    covariances of the project; observed parameters, such as control points with a sigma, get errors too. truth.csv
+    contains the true values, and planted.csv the errors planted on purpose. --runs writes only a report: bias,
+    coverage of confidence regions, levels and power of the tests, compared with theory. A seed gives the same bytes
+    for any number of jobs, and an interrupted run continues when it is started again.
 
     \b
     Exit codes: 0 done; 1 simulation and theory disagree (--runs); 2 input; 4 singular (--runs).
@@ -289,7 +289,7 @@ def _check_folder(folder: Path, force: bool) -> None:
         return
     check_folder(folder, force, _REPORTS)
     if runs.is_dir() and any(runs.iterdir()):
-        words = "this folder holds no runs of mor, and is not empty; choose another folder with -o"
+        words = "this folder is not empty and contains no runs of mor; choose another folder with -o"
         raise InputError([Message(words, str(runs))])
 
 

@@ -18,11 +18,11 @@ FILES = ("verification.txt", "verification.html", "verification.json")
     "--output",
     metavar="FOLDER",
     type=OutputPath(),
-    help="Folder of the full report: text, page and JSON.",
+    help="Folder for the full report: text, page and JSON.",
 )
 @force_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
-@language_option("the page and of what the terminal says")
+@language_option("the page and the messages")
 @quiet_option
 def command(output: Path | None, force: bool, as_json: bool, lang: str, quiet: bool) -> int:
     """Check that this installation computes correctly, and write a report.

@@ -63,7 +63,7 @@ def write_foreign(document: Document, folder: Path, target: Path, key: str) -> W
     form = FORMATS.get(key)
     if form is None or form.write is None:
         writable = {name: form for name, form in FORMATS.items() if form.write is not None}
-        words = f"{key!r} is no format that is written{nearest(key, writable)} (known: {', '.join(writable)})"
+        words = f"{key!r} is not an output format{nearest(key, writable)} (known: {', '.join(writable)})"
         raise InputError([Message(words)])
     if document.data.get("motions"):
         words = f"the points of this project move; {key} has points that stand still"

@@ -85,7 +85,7 @@ class Block:
         if camera not in self.cameras:
             raise Wrong(f"image {name!r}: camera {camera!r} is not among the cameras")
         if not np.allclose(R @ R.T, np.eye(3), atol=1e-4) or np.linalg.det(R) < 0.0:
-            raise Wrong(f"image {name!r}: its rotation is no rotation")
+            raise Wrong(f"image {name!r}: its rotation matrix is not a rotation")
         own = name if name not in self.images.values() else f"{name} ({view})"
         self.images[view] = own
         numbers = [*centre, *angles_from_rotation(_FLIP @ R)]

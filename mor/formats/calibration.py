@@ -148,7 +148,7 @@ def _photomodeler(document: Document, folder: Path, target: Path) -> bytes:
     scale = image_scale(camera, content.project.units)
     values = interior_values(camera, content.edge, scale)
     if values.get("b2"):
-        raise ValueError("PhotoModeler has no place for its shear (b2)")
+        raise ValueError("PhotoModeler cannot store its shear (b2)")
     ratio = 1.0 + values.get("b1", 0.0)
     width, height = (split(text)[0] * scale.pixel for text in (camera.image.width, camera.image.height))
     rows = {

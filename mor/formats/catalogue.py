@@ -58,19 +58,19 @@ FORMATS: dict[str, Format] = {
         "AliceVision, Meshroom (.sfm)",
         Code("mor.formats.alicevision", "read_alicevision"),
         suffixes=(".sfm",),
-        untried="of a real file only cameras and poses could be tried; image points were written from the source",
+        untried="with a real file only cameras and poses were tested; image points follow the source",
     ),
     "metashape": Format(
         "Metashape cameras.xml, markers.xml; projects .psz and .psx with tie points",
         Code("mor.formats.metashape", "read_metashape"),
         Code("mor.formats.metashape", "write_metashape"),
-        untried="tried on a project of PhotoScan, its own output and excerpts of files of Metashape; "
-        "no .psx and no tie points could be had",
+        untried="tested on a project of PhotoScan, on mor's own output and on excerpts of files of Metashape; "
+        "no .psx and no tie points were available",
     ),
     "metashape-reference": Format(
         "Metashape reference pane as text: markers or cameras",
         Code("mor.formats.metashape", "read_reference"),
-        untried="no export of the reference pane could be had: this reader was written from the manual",
+        untried="no export of the reference pane was available: this reader follows the manual",
     ),
     "bal": Format(
         "BAL, bundle adjustment in the large",
@@ -82,7 +82,7 @@ FORMATS: dict[str, Format] = {
         "Bundler (bundle.out)",
         Code("mor.formats.bal", "read_bundler"),
         suffixes=(".out",),
-        untried="no file of Bundler could be had: this reader was written from its manual",
+        untried="no file of Bundler was available: this reader follows its manual",
     ),
     "gkf": Format(
         "GNU Gama network",
@@ -109,13 +109,13 @@ FORMATS: dict[str, Format] = {
         "Trimble JobXML",
         _book("landxml", "read_jobxml"),
         suffixes=(".jxl",),
-        untried="of real jobs only GNSS surveys could be tried; total-station records were written from the schema",
+        untried="with real jobs only GNSS surveys were tested; total-station records follow the schema",
     ),
     "starnet": Format(
         "STAR*NET input data",
         Code("mor.formats.starnet", "read_starnet"),
         Code("mor.formats.starnet", "write_starnet"),
-        untried="no file of STAR*NET users could be had: this reader was written from the manual",
+        untried="no file of STAR*NET users was available: this reader follows the manual",
     ),
     "dynadjust": Format(
         "DynAdjust DNA files (.stn with .msr, and .geo): networks on the earth",
@@ -139,14 +139,14 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.sinex", "read_sinex"),
         Code("mor.formats.sinex", "write_sinex"),
         suffixes=(".snx",),
-        untried="no file of a processing centre could be had: this reader was written from the format description",
+        untried="no file of a processing centre was available: this reader follows the format description",
     ),
     "jag3d": Format(
         "JAG3D column text (folder, names of files tell their kinds)",
         Code("mor.formats.jag3d", "read_jag3d"),
         Code("mor.formats.jag3d", "write_jag3d"),
         folder=True,
-        untried="no project of JAG3D could be had: this was written from its wiki and the source of its import",
+        untried="no project of JAG3D was available: this follows its wiki and the source of its import",
     ),
     "photomodeler": Format(
         "PhotoModeler text export",
@@ -157,19 +157,19 @@ FORMATS: dict[str, Format] = {
         "Pix4Dmapper parameters (folder params, or …_calibrated_camera_parameters.txt)",
         Code("mor.formats.pix4d", "read_pix4d"),
         folder=True,
-        untried="of real files cameras and poses could be tried; image points and control were written from readers "
-        "of others and the manual",
+        untried="with real files only cameras and poses were tested; image points and control points follow the manual "
+        "and other programs",
     ),
     "pix4d-cam": Format(
         "Pix4D camera file (.cam)",
         Code("mor.formats.recognition", "read_camera_file"),
         suffixes=(".cam",),
-        untried="tried on the lines of one public file",
+        untried="tested on the lines of one public file",
     ),
     "pix4d-gcp": Format(
         "Pix4D ground control (name, X, Y, Z, accuracies)",
         Code("mor.formats.pix4d", "read_control"),
-        untried="no file of users could be had: this reader was written from the manual",
+        untried="no file of users was available: this reader follows the manual",
     ),
     "aicon": Format(
         "AICON 3D Studio flat files",
@@ -186,8 +186,8 @@ FORMATS: dict[str, Format] = {
         _book("landxml", "read_landxml"),
         Code("mor.formats.drawing", "write_landxml"),
         suffixes=(".landxml",),
-        untried="tried on excerpts of a cadastral plan and of a converted field book; no survey of an instrument could "
-        "be had",
+        untried="tested on excerpts of a cadastral plan and of a converted field book; no survey of an instrument was "
+        "available",
     ),
     "opencv": Format("OpenCV camera files", write=Code("mor.formats.calibration", "write_opencv")),
 }

@@ -143,7 +143,7 @@ def _without_coordinates(project: _Project) -> None:
                 table["rows"] = [[row[k] for k in kept] for row in table["rows"]]
     if lost:
         project.note(
-            "coordinates and poses, in a system of their own, are not taken: they are worked out anew"
+            "coordinates and poses, in a system of their own, are not taken: they are computed again"
         )
 
 

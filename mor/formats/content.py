@@ -437,7 +437,7 @@ def not_carried(
     if project.curvature:
         notes.append("curvature (coordinates are plan coordinates and heights above a sphere)")
     notes += [f"{key} ({counted(count, 'value')})" for key, count in content.unread.items()]
-    return [Message(f"{what} has no place for: {', '.join(notes)}", file)] if notes else []
+    return [Message(f"{what} cannot store: {', '.join(notes)}", file)] if notes else []
 
 
 def interior_values(camera: Camera, edge: Edge, scale: ImageScale) -> dict[str, float]:

@@ -362,7 +362,7 @@ def table_of(
     if wrong or missing:
         words = f"found the format {given.attributes.get('format', '')!r}: "
         if wrong:
-            words += f"{wrong[0]!r} is no column{nearest(wrong[0], known)} (known: {', '.join(known)})"
+            words += f"{wrong[0]!r} is not a column{nearest(wrong[0], known)} (known: {', '.join(known)})"
         else:
             words += f"expected {', '.join(missing)} in it"
         draft.problem(words, given.line)

@@ -251,7 +251,7 @@ def write_dxf(document: Document, folder: Path, target: Path) -> Written:
     said = (
         f"error ellipses are enlarged {scale:.3g} times"
         if scale
-        else "there are no results, hence no ellipses"
+        else "there are no results, and therefore no error ellipses"
     )
     words = f"DXF has no observed values; {said}"
     return Written({target: text.getvalue().encode()}, [*shown.notes, Message(words, str(target))])

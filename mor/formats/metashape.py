@@ -633,7 +633,7 @@ def write_metashape(document: Document, folder: Path, target: Path) -> Written:
         "</chunk>", "</document>",
     ]  # fmt: skip
     notes = not_carried(content, ("image",), (), "Metashape's XML")
-    notes.append(Message("points are written as markers; σ of image points have no place", str(target)))
+    notes.append(Message("points are written as markers, and σ of image points are lost", str(target)))
     return Written({target: ("\n".join(lines) + "\n").encode()}, notes)
 
 

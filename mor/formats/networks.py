@@ -381,7 +381,7 @@ class SetUps:
         """The point of a station. Raises :class:`InputError` if it stands on none."""
         point = self._under.get(station, station)
         if point not in self._points:
-            words = f"station {station!r} stands on no point"
+            words = f"station {station!r} has no point"
             raise InputError([Message(words, self._content.document.file)])
         return point
 

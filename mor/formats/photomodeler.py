@@ -123,7 +123,7 @@ def read_export(path: Path, draft: Draft) -> Export:
     """The parts of an export. Raises :class:`InputError` if its head is none."""
     lines = read_lines(path, draft)
     if len(lines) < 6:
-        words = "this is no PhotoModeler text export: found fewer than 6 lines"
+        words = "this is not a PhotoModeler text export: found fewer than 6 lines"
         raise InputError([Message(words, draft.file, max(len(lines), 1))])
     general = _numbers(
         lines, 1, 2, "tolerance, iterations and, where known, image width and height in px", draft

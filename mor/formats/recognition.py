@@ -220,7 +220,7 @@ def read_tie_points(cloud: Element, path: Path) -> TiePoints:
     projections = [Projections(camera, _column(one, "id"), _coordinates(one, "xy")) for camera, one in seen]
     numbers_, first = np.unique(numbers, return_index=True)
     if not usable(xyz) or not all(usable(one.xy) for one in projections):
-        raise InputError([Message("a coordinate of a tie point is no number up to 1e30", str(archive))])
+        raise InputError([Message("a coordinate of a tie point is not a number up to 1e30", str(archive))])
     return TiePoints(numbers_, xyz[first], projections)
 
 
@@ -262,7 +262,7 @@ def _ply(content: bytes, needed: tuple[str, ...]) -> np.ndarray:
     ):
         raise ValueError("expected vertices and nothing else")
     if not properties or not all(len(words) == 2 and words[0] in _TYPES for words in properties):
-        raise ValueError("found a property that is no plain number")
+        raise ValueError("found a property that is not a plain number")
     names = [words[1] for words in properties]
     if len(set(names)) < len(names):
         raise ValueError("found a property twice")
@@ -580,7 +580,7 @@ def _latitude_first(lines: list[str], path: Path, draft: Draft) -> bool:
         except ValueError:
             continue
         if second > _POLE >= first:
-            draft.note(f"{words[1]} is no latitude: latitude is read as the first number", line, str(path))
+            draft.note(f"{words[1]} is not a latitude: latitude is read as the first number", line, str(path))
             return True
     return False
 
@@ -853,7 +853,7 @@ def _photo(block: list[tuple[int, list[str]]]) -> Photo:
     if K[0, 0] <= 0.0 or abs(K[0, 0] - K[1, 1]) > 1e-9 * K[0, 0] or K[0, 1] or min(size) < 1.0:
         raise ValueError(f"image {head[0]}: expected K = (f 0 cx, 0 f cy, 0 0 1) with f above 0, and a size")
     if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0.0:
-        raise ValueError(f"image {head[0]}: the last three lines are no rotation")
+        raise ValueError(f"image {head[0]}: the last three lines are not a rotation matrix")
     camera = (K[0, 0], K[0, 2], K[1, 2], *rows[3], *rows[4])
     name = " ".join(head[:-2])
     return Photo(name, (size[0], size[1]), tuple(map(float, camera)), np.array(rows[5]), R, line)

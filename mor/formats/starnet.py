@@ -641,7 +641,7 @@ def _notes(content: Content, target: Path, guessed: int) -> list[Message]:
     if content.project.images or content.project.cameras:
         notes.append(Message("STAR*NET has no images", str(target)))
     if any(e.instrument or e.centring for e in entries):
-        words = "scales, offsets, refraction and σ of centring stand in STAR*NET's project options, not in this file"
+        words = "scales, offsets, refraction and σ of centring belong to STAR*NET's project options, not to this file"
         notes.append(Message(words, str(target)))
     if any(e.ppm for e in entries):
         words = "σ that grow with the distance are written as they are at the observed one"

@@ -44,8 +44,8 @@ ASKED = "MOR_KERNELS"
 MISSING = (
     "the Python package numba is missing: same results, but much slower (pip install 'mor-adjustment[large]')"
 )
-COMPILING = "compiling the kernels, which takes some minutes, this once"
-FAILED = "the kernels cannot be used, NumPy does their work, same results but slower: {reason}"
+COMPILING = "compiling the kernels, which takes some minutes, once only"
+FAILED = "the compiled kernels cannot be used; NumPy gives the same results but is slower: {reason}"
 DAMAGED = "the cache of kernels is damaged, mor compile renews it: {file}"
 
 # Sums may be reordered and multiply-adds fused, so that inner products use vector registers; infinities and

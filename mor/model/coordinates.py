@@ -169,8 +169,8 @@ _ARM = (("rotation", "rotation"), ("eccentricity", "eccentricity"), ("base", "ba
 def to_projection_centres(type_: ObservationType) -> ObservationType:
     """The twin of a type whose positions may be projection centres.
 
-    Its slots are those of the type, then for each end rotation, eccentricity and base (neutral where the end is no
-    projection centre), and the height where the type itself knows none.
+    Its slots are those of the type, then for each end rotation, eccentricity and base (neutral where the end is not
+    a projection centre), and the height where the type itself knows none.
     """
     ends = [reference.name for reference in type_.references if reference.among == POSITIONS]
     at = {end: _slot_of(type_, end, "position") for end in ends}

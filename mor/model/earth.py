@@ -159,7 +159,7 @@ class Horizon:
         return np.stack([latitude, np.remainder(longitude + np.pi, 2.0 * np.pi) - np.pi, foot.height], axis=1)
 
     def foot(self, position: FloatArray) -> Foot:
-        """Feet of the normals through positions (n, 3)."""
+        """Feet of the normals through positions (n, 3); NaN from about 10⁹ m on, where the iteration diverges."""
         B, at_origin = self._quadric
         by_position = at_origin + position @ B
         value = np.einsum("ni,ni->n", position, by_position + at_origin)
@@ -170,7 +170,8 @@ class Horizon:
             up = gradient / np.linalg.norm(gradient, axis=1)[:, None]
             slope = np.einsum("ni,ni->n", up, by_position)
             bend = np.einsum("ni,ni->n", up, up @ B)
-            height = value / (slope + np.sqrt(slope**2 - bend * value))
+            with np.errstate(invalid="ignore"):  # a line from so far away passes by the Earth
+                height = value / (slope + np.sqrt(slope**2 - bend * value))
             before, foot = foot, position - height[:, None] * up
             if not np.any(np.abs(foot - before) > digits):
                 break

@@ -41,6 +41,7 @@ from mor.model.geodetic import (
     projected_position,
 )
 from mor.model.images import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, is_image_point, read_out_at_once
+from mor.model.shapes import SHAPE_TYPES
 from mor.model.terrestrial import (
     ANGLE_TYPE,
     BEARING,
@@ -95,6 +96,7 @@ ALL_TYPES = {
         *MOVING_TYPES.values(),
         *PLAIN_TYPES.values(),
         *PROJECTION_CENTRE_TYPES.values(),
+        *SHAPE_TYPES.values(),
         *OBSERVED_PARAMETERS.values(),
         *OBSERVED_DIFFERENCES.values(),
     )

@@ -91,6 +91,10 @@ ATTITUDE_SHIFT = BlockKind(
 """By what the attitudes of an inertial system are off, about its axes, and how that grows."""
 TIME_OFFSET = BlockKind("time offset", (Component("time_offset", TIME),))
 """What is to be added to the times of an instrument."""
+SHAPE = BlockKind(
+    "shape", (Component("radius", LENGTH), Component("minor_radius", LENGTH), Component("semi_angle", ANGLE))
+)
+"""Size of a circle, sphere, cylinder, cone or torus; components that a shape does not have are fixed at 0."""
 VELOCITY = BlockKind("velocity", tuple(Component(f"v{axis}", LENGTH) for axis in "xyz"))
 """Movement of a point in a year."""
 SINE = BlockKind("sine", tuple(Component(f"sin_{axis}", LENGTH) for axis in "xyz"))
@@ -126,6 +130,7 @@ KINDS = {
         ROTATION_RATE,
         ECCENTRICITY,
         BASE,
+        SHAPE,
         *MOTIONS,
         ROTATION,
         POINT,

@@ -66,7 +66,7 @@ def _check(mesh: Mesh) -> None:
     if not mesh.faces:
         raise _MeshError("the mesh has no faces: a cloud of points hides nothing")
     if not np.isfinite(mesh.vertices).all():
-        raise _MeshError("a vertex has a coordinate that is no finite number")
+        raise _MeshError("a vertex has a coordinate that is not a finite number")
     count = len(mesh.vertices)
     for number, face in enumerate(mesh.faces, start=1):
         if len(face) < 3 or face.min() < 0 or face.max() >= count:

@@ -247,7 +247,7 @@ def _check_size(looked_at: int, reduced: int) -> None:
     """Raise :class:`InputError` where there are too many rows, or too many images: before anything is held of them."""
     if looked_at > MOST_LOOKED_AT or reduced > MOST_REDUCED:
         words = (
-            f"ranking looks at {looked_at} coordinates and weak observations in {reduced} unknowns of images "
+            f"ranking considers {looked_at} coordinates and weak observations in {reduced} unknowns of images "
             f"and stations, expected {MOST_LOOKED_AT} in {MOST_REDUCED} at most; require σ of fewer points, or less r"
         )
         raise InputError([Message(words)])

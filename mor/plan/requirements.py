@@ -109,7 +109,7 @@ def chosen_names(
     for pattern in patterns:
         here = [k for k, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
         if not here:
-            words = f"no {what} is called {pattern!r}{nearest(pattern, names)}"
+            words = f"there is no {what} {pattern!r}{nearest(pattern, names)}"
             problems.append(Message(words, file))
         found.update(here)
     return sorted(found)
@@ -313,7 +313,7 @@ def interest_of(quality: Quality, candidates: Sequence[ObservationGroup], blocks
     M = rows.matrix()
     if len(M) > MOST_ROWS:
         words = (
-            f"ranking looks at {len(M)} observations and coordinates together, expected {MOST_ROWS} at most"
+            f"ranking considers {len(M)} observations and coordinates together, expected {MOST_ROWS} at most"
         )
         raise InputError([Message(f"{words}; require less, or rank a part of the plan")])
     K = M @ adjustment.inverse.solve(np.ascontiguousarray(M.T))

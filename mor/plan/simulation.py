@@ -235,7 +235,7 @@ def systematic_errors(problem: Problem, wishes: Wishes) -> dict[int, list[tuple[
         pattern, _, component = wish.pattern.partition(":")
         here = [k for k in measured_groups(problem) if fnmatchcase(problem.groups[k].name, pattern)]
         if not here:
-            words = f"no group of observations is called {pattern!r}{nearest(pattern, names)}"
+            words = f"there is no group of observations {pattern!r}{nearest(pattern, names)}"
             problems.append(Message(words, "--ppm" if wish.is_ppm else "--offset"))
         for k in here:
             group = problem.groups[k]

@@ -248,7 +248,7 @@ def _put_normals(
         _put(normals, chosen, np.broadcast_to(direction, (len(chosen), 3)), reading, place, targets)
     elif given.surface is not None:
         if given.surface not in by_name:
-            words = f"no surface is called {given.surface!r}{nearest(given.surface, by_name)}"
+            words = f"there is no surface {given.surface!r}{nearest(given.surface, by_name)}"
             reading.problems.append(place.problem(words, "surface"))
             return
         chosen = targets_named(given.points, targets, place, "points", reading.problems)
@@ -295,7 +295,7 @@ def _put(
     """Write normals (k, 3) of any length, axes of the project; on the earth east, north, up of their points."""
     length = np.linalg.norm(values, axis=1)
     if not ((length > 0.0) & np.isfinite(length)).all():
-        reading.problems.append(place.problem("a normal is 0 or no number, expected a direction"))
+        reading.problems.append(place.problem("a normal is 0 or not a number, expected a direction"))
         return
     axes = local_axes(reading, targets.positions[chosen])
     normals[chosen] = np.einsum("nij,ni->nj", axes, values / length[:, None])

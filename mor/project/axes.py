@@ -44,7 +44,7 @@ _SQUARE = 2
 
 
 class UnitError(ValueError):
-    """A text that is no number, or a unit that does not fit; the words say which."""
+    """A text that is not a number, or a unit that does not fit; the words say which."""
 
 
 class ImageScale(NamedTuple):

@@ -169,11 +169,11 @@ def read_yaml(text: str, file: str) -> Document:
 _BROKEN = (
     ("plain scalar", "a blank is missing after a colon, or this text needs quotes"),
     ("quoted scalar", "the quote that opens here is not closed"),
-    ("flow", "the bracket that opens here is not closed, or a comma is missing in it"),
+    ("flow", "the bracket that opens here is not closed, or a comma is missing inside it"),
     ("simple key", "expected key: value, found no colon"),
     (
         "cannot start any token",
-        "this cannot stand here: indent with blanks, not with tabs; quote texts that begin with @, ` or %",
+        "this is not allowed here: indent with blanks, not with tabs, and quote texts that begin with @, ` or %",
     ),
     ("block", "the indentation does not fit the lines above"),
     (

@@ -33,7 +33,9 @@ from mor.units import ANGLE, LENGTH
 
 PLANE = ("east", "north")
 """Columns of the place at which angles refer to the axes of a projection."""
-MEANT = "its height above the geoid is meant, and nothing says where that is: column geoid, or world: {geoid: FILE}"
+MEANT = (
+    "its height is above the geoid, but the geoid is unknown: give a column geoid, or world: {geoid: FILE}"
+)
 
 
 def known_at(
@@ -136,7 +138,7 @@ def plane_of(
         there, expected = _projected(system, world, middle, half, between)
         if np.abs(found.at(there * half + middle)[0] + whole - expected).max() * world.metres < _CLOSE:
             return found
-    raise PlaneError(f"{system.name} is no polynomial over the area of the network")
+    raise PlaneError(f"{system.name} is not a polynomial over the area of the network")
 
 
 def _projected(
@@ -156,13 +158,13 @@ def in_its_projection(reading: Reading, entry: Observations, place: Place) -> Ob
     world = reading.world
     assert world is not None
     if entry.projection is None and world.system.kind != "projected":
-        words = f"{entry.type}: {world.system.name} is no projection; name one (projection: EPSG:25832)"
+        words = f"{entry.type}: {world.system.name} is not a projection; name one (projection: EPSG:25832)"
         reading.problems.append(place.problem(words, "type"))
         return None
     try:
         system = world.system if entry.projection is None else reference_system(entry.projection)
         if system.kind != "projected":
-            raise ReferenceSystemError(f"{system.name} is no projection")
+            raise ReferenceSystemError(f"{system.name} is not a projection")
         ours, theirs = world.system.ellipsoid, system.ellipsoid
         if abs(ours.a - theirs.a) > _CLOSE or abs(ours.f - theirs.f) * ours.a > _CLOSE:
             raise ReferenceSystemError(f"{system.name} is of another ellipsoid than {world.system.name}")
@@ -331,16 +333,16 @@ _ORIENTED = "observed/rotation"
 _FRAMES = ("station", "image", "system")
 _KAPPA = 2
 _LIES = (
-    "datum: on the earth levelled instruments and heights leave neither free nor determined where the network lies, "
-    "for verticals differ from place to place; fix or observe a point"
+    "datum: on the earth levelled instruments and heights neither determine the position of the network nor leave it "
+    "free, because verticals differ from place to place; fix or observe a point"
 )
 _TURNS = (
-    "datum: on the earth levelled instruments leave the turn about the vertical neither free nor determined, for "
-    "verticals differ from place to place; fix or observe two points, or one point and an azimuth"
+    "datum: on the earth levelled instruments neither determine the rotation about the vertical nor leave it free, "
+    "because verticals differ from place to place; fix or observe two points, or one point and an azimuth"
 )
 _TURNS_ABOUT = (
-    "datum: on the earth levelled instruments leave the turn about the only point that is held neither free nor "
-    "determined, for verticals differ from place to place; fix or observe a second point, or an azimuth"
+    "datum: on the earth levelled instruments neither determine the rotation about the only fixed point nor leave "
+    "it free, because verticals differ from place to place; fix or observe a second point, or an azimuth"
 )
 
 

@@ -200,7 +200,7 @@ def workshop() -> Workshop:
     return Workshop(stores, {})
 
 
-FRAMES = ("image", "station", "system", "pair", "knot")
+FRAMES = ("image", "station", "system", "feature", "pair", "knot")
 """Namespaces whose things have blocks that are called after them: ``image 1``."""
 
 
@@ -326,7 +326,7 @@ def _settle(store: BlockStore, members: list[tuple[Node, float]], full: float) -
     for node, value in known[1:]:
         if not _nothing(value - known[0][1], value, full):
             names = f"{store.ids[known[0][0][0]]} and {store.ids[node[0]]}"
-            raise ContradictionError(f"this contradicts what {names} are fixed at")
+            raise ContradictionError(f"this contradicts the fixed values of {names}")
     starts = [
         (table.values[node] if np.isnan(table.start[node]) else table.start[node]) - apart
         for node, apart in members
@@ -336,7 +336,7 @@ def _settle(store: BlockStore, members: list[tuple[Node, float]], full: float) -
         observed = np.isfinite(table.sigma[node])
         if known and observed:
             fixed, seen = store.ids[known[0][0][0]], store.ids[node[0]]
-            raise ContradictionError(f"{fixed} is fixed; {seen}, the same but for that, cannot be observed")
+            raise ContradictionError(f"{fixed} is fixed; {seen}, which equals it, cannot be observed")
         (table.start if observed else table.values)[node] = value + apart
         table.free[node] = not known
         if not observed:

@@ -459,7 +459,7 @@ def _motions(
     labels = [f"image {name}" for name in names]
     follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
     moving = (readout >= 0) & ~follows & ~on_trajectory
-    words = "image {0!r} follows another one; a stereo follower with a readout time is not provided for"
+    words = "image {0!r} follows another one; a stereo follower with a readout time is not supported"
     tell_rows(reading.problems, (readout >= 0) & follows, rows, lambda row: words.format(names[row]))
     still = np.flatnonzero(readout < 0)
     given = [c for kind in _MOTION for c in kind.names if np.isfinite(rows.number(c)[still]).any()]
@@ -504,7 +504,9 @@ def _follow(reading: Reading, leaders: list[tuple[int, str, str, str, int]]) -> 
                 )
             )
         elif images.numbers[leader] in followers:
-            words = f"leader {leader!r} is itself a follower; a leader must be an image of its own"
+            words = (
+                f"leader {leader!r} is itself a follower; a leader must have its own position and attitude"
+            )
             reading.problems.append(Message(words, file, line))
         else:
             if leader in reading.image_times:

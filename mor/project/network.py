@@ -522,11 +522,12 @@ def build_network(
     problems = reading.problems
     refuse_files_named_twice(reading)
     read_in = read_groups(reading)
+    features = feature_groups(reading)
     parameters = [(entry, _said_outside(reading, group)) for entry, group in parameter_groups(reading)]
     plain, where = _in_order(read_in, parameters)
     drop_unused_orientations(reading, plain)
     others = [
-        *feature_groups(reading),
+        *features,
         *level_groups(reading),
         *variant_groups(reading, reading.variants),
         *prior_groups(reading),

@@ -102,7 +102,7 @@ def raw_image(name: str, required: bool = False) -> Column:
         except ValueError:
             value = float("nan")
         if not np.isfinite(value):
-            raise UnitError(f"found {text!r}, expected a number (units are said for the column: units: …)")
+            raise UnitError(f"found {text!r}, expected a number (give units for the whole column: units: …)")
         if abs(value) > LARGEST:
             raise UnitError(beyond(text, value))
         return value
@@ -630,8 +630,8 @@ def _constants_of_group(
 
 
 _NO_LENGTH = (
-    "found ppm for observations of type {}, expected it where lengths are measured between two points, "
-    "as of type distance, height_difference or coordinate_difference: σ grows with the distance between them"
+    "found ppm for observations of type {}; ppm needs lengths between two points, as of type distance, "
+    "height_difference or coordinate_difference: σ grows with the distance between them"
 )
 
 
@@ -693,12 +693,12 @@ def check_direction_sets(reading: Reading, groups: Sequence[ObservationGroup]) -
 
 
 _NO_TARGET = (
-    "station {} has no horizontal direction that would orient its circle; zenith angles alone are of type "
-    "zenith_angle, vertical directions alone of type vertical_direction"
+    "station {} has no horizontal direction to orient its circle; use type zenith_angle for zenith angles "
+    "alone, and vertical_direction for vertical directions alone"
 )
 _ONE_TARGET = (
-    "the set of directions at {} has a single horizontal target: it only finds its own orientation and says nothing "
-    "about the points"
+    "the set of directions at {} has only one horizontal target: it determines its own orientation and nothing "
+    "else"
 )
 
 
@@ -767,6 +767,6 @@ def _refuse_unobserved(
             if slot.kind != "point":
                 continue
             for row in np.flatnonzero(free[blocks] & ~seen[blocks]):
-                words = f"point {points.ids[blocks[row]]!r} is to be checked, but nothing determines it"
+                words = f"point {points.ids[blocks[row]]!r} is a check point, but nothing determines it"
                 line = int(group.lines[row]) if len(group.lines) else 0
                 reading.problems.append(Message(words, group.file, line))

@@ -91,7 +91,7 @@ def start_places(reading: Reading, rows: Rows, plain: Statuses) -> Statuses:
     tell_rows(reading.problems, observed, rows, _OBSERVED)
     given = plain.values
     if world.system.kind != "geocentric":
-        words = f"x, y, z of its own have no place in the world; expected {names}"
+        words = f"x, y, z of its own are not possible on the earth; expected {names}"
         tell_rows(reading.problems, np.any(np.isfinite(given), axis=1), rows, words)
         given = np.stack([rows.number(name) for name in place_names(world)], axis=1)
     some, whole = np.any(np.isfinite(given), axis=1), np.all(np.isfinite(given), axis=1)
@@ -118,8 +118,8 @@ def _geoid(reading: Reading, world: World, rows: Rows, given: FloatArray) -> Flo
         except GridError:  # told with the points
             return N
     words = (
-        "height above the geoid, and nothing says where that is: a column geoid, or world: {geoid: FILE} that "
-        "reaches there"
+        "height above the geoid, but the geoid is unknown: give a column geoid, or world: {geoid: FILE} that "
+        "covers this place"
     )
     tell_rows(reading.problems, np.isnan(N) & placed, rows, words)
     return N
@@ -209,7 +209,7 @@ def _check_shared(
         reading.problems,
         wrong,
         rows,
-        lambda row: f"{column}: {names[row]!r} has another value or σ where it stands first",
+        lambda row: f"{column}: {names[row]!r} has another value or σ in its first row",
     )
 
 
@@ -415,7 +415,7 @@ def geoid_of_table(
         N = np.where(np.isnan(N), found / reading.edge.metres, N)
         _tell_uncovered(reading, f"the geoid {file}", table, geodetic, missing & np.isnan(N))
     elif orthometric and missing.any():
-        words = "above the geoid, and nothing says where that is: a column geoid, or world: {geoid: FILE}"
+        words = "above the geoid, but the geoid is unknown: give a column geoid, or world: {geoid: FILE}"
         if missing.all():
             reading.problems.append(place.problem(f"heights of these points are {words}"))
         else:
@@ -544,7 +544,7 @@ def _orthometric(reading: Reading, section: WorldSection, system: ReferenceSyste
     if section.heights is None and not system.vertical and system.kind != "geocentric":
         if system.kind == "geographic" and len(system.crs.axis_info) == 3:
             return False
-        words = f"{system.name} does not say what heights are above; heights: ellipsoidal, or orthometric"
+        words = f"{system.name} does not say what heights refer to; set heights: ellipsoidal, or orthometric"
         reading.problems.append(place.problem(words))
     if system.kind == "geocentric" and section.heights == "orthometric":
         reading.problems.append(place.problem("heights: geocentric coordinates have none", "heights"))
@@ -572,7 +572,7 @@ def _world(
     everything = np.concatenate([*geodetic, np.zeros((0, 3))])
     known = np.isfinite(everything).all(axis=1)
     if not known.any():
-        words = "no point has coordinates: nothing says where on the earth the network lies"
+        words = "no point has coordinates: the position of the network on the earth is unknown"
         reading.problems.append(reading.at("world").problem(words))
         return None
     placed = list(zip(tables, geodetic, strict=True))

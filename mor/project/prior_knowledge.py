@@ -16,14 +16,16 @@ from mor.model.observation_types import (
     PLAIN_TYPES,
     ObservationGroup,
 )
-from mor.model.parameters import INTERIORS, KINDS, MOTIONS, BlockKind
-from mor.model.rotations import angles_from_rotation, rotate
+from mor.model.parameters import INTERIORS, KINDS, MOTIONS, SHAPE, BlockKind
+from mor.model.rotations import angles_from_rotation, rotate, rotation_from_angles
+from mor.model.shapes import SHAPE_TYPES
 from mor.project.axes import SMALLEST_SIGMA, ImageScale, UnitError
 from mor.project.entities import (
     BlockStore,
     ContradictionError,
     Equality,
     Reading,
+    entities,
     said_thing,
     settle_equalities,
     table_label,
@@ -31,7 +33,8 @@ from mor.project.entities import (
 )
 from mor.project.rows import group_name, without_required
 from mor.project.schema import Feature, Observations
-from mor.project.tables import MOST_TOLD, Column, Rows, read_table
+from mor.project.shapes import FREEDOM, Fit, fit_shape
+from mor.project.tables import MOST_TOLD, Column, Place, Rows, read_table, settings
 from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.units import ANGLE, LENGTH
 
@@ -150,12 +153,27 @@ _BESIDE = 0.01
 """Distance from a line, in parts of the extent, from which on a point is beside it."""
 
 
+class _System(NamedTuple):
+    """The local system of a feature that was read: blocks of position, rotation and offset."""
+
+    type: str
+    position: int
+    rotation: int
+    offset: int
+    shape: int = -1
+
+
 def feature_groups(reading: Reading) -> list[ObservationGroup]:
-    """One group of observed local coordinates for every feature."""
-    groups = []
+    """One group of observed local coordinates, or distances from a shape, for every feature."""
+    groups: list[ObservationGroup] = []
+    systems: dict[str, _System] = {}
     for number, feature in enumerate(reading.project.features):
-        group = _feature_group(reading, feature, number)
+        group = _feature_group(reading, feature, number, systems)
         groups += [group] if group is not None else []
+    if len(systems) < len(reading.project.features):
+        reading.broken.add("feature")
+    shapes = np.array([system.shape for system in systems.values()], dtype=np.int64)
+    reading.shop.things["feature"] = entities(systems, {SHAPE.key: shapes})
     return groups
 
 
@@ -164,18 +182,21 @@ def feature_label(feature: Feature) -> str:
     return f"{feature.type} {feature.id}"
 
 
-def _feature_group(reading: Reading, feature: Feature, number: int) -> ObservationGroup | None:
+def _feature_group(
+    reading: Reading, feature: Feature, number: int, systems: dict[str, _System]
+) -> ObservationGroup | None:
     place = reading.at("features", number)
     points = reading.shop.things["point"]
     problems: list[Message] = []
     for name in (*feature.points, *feature.other):
         if name not in points.numbers:
             problems.append(place.problem(unknown_name("point", name, points.ids), "points"))
-    needed = NEEDED[feature.type]
+    if feature.id in systems:
+        problems.append(place.problem(f"id: there are two features {feature.id!r}", "id"))
+    problems += _wrong_keys(feature, place, systems)
+    needed = NEEDED[feature.type] if feature.type in NEEDED else _needed(feature)
     if len(set(feature.points)) < needed:
-        words = (
-            f"a {feature.type} says nothing with {len(set(feature.points))} points; it needs {needed} or more"
-        )
+        words = f"a {feature.type} observes nothing with {len(set(feature.points))} points; it needs {needed} or more"
         problems.append(place.problem(words, "points"))
     if (feature.type == "right angle") != bool(feature.other):
         problems.append(
@@ -192,11 +213,109 @@ def _feature_group(reading: Reading, feature: Feature, number: int) -> Observati
         return None
     first = np.array([points.part(name, "position") for name in feature.points], dtype=np.int64)
     other = np.array([points.part(name, "position") for name in feature.other], dtype=np.int64)
-    return _observed_zero(reading, feature, first, other, sigma)
+    if feature.type in FREEDOM:
+        return _on_shape(reading, feature, number, first, sigma, systems)
+    return _observed_zero(reading, feature, first, other, sigma, systems)
+
+
+def _wrong_keys(feature: Feature, place: Place, systems: dict[str, _System]) -> list[Message]:
+    """Sizes that a feature does not have, and features that its axis cannot come from."""
+    problems = []
+    free = FREEDOM[feature.type].shape if feature.type in FREEDOM else np.zeros(SHAPE.size, dtype=bool)
+    for name, has in zip(SHAPE.names, free.tolist(), strict=True):
+        if getattr(feature, name) is not None and not has:
+            problems.append(place.problem(f"{name}: a {feature.type} has none", name))
+    if feature.parallel is not None and feature.coaxial is not None:
+        problems.append(place.problem("give either parallel or coaxial", "coaxial"))
+    for key in ("parallel", "coaxial"):
+        name = getattr(feature, key)
+        if name is None:
+            continue
+        if feature.type not in _CAN_SHARE or (key, feature.type) in _MEANINGLESS:
+            problems.append(place.problem(f"{key}: a {feature.type} cannot have it", key))
+        if name not in systems:
+            problems.append(place.problem(f"{key}: no feature {name!r} stands above this one", key))
+        elif systems[name].type == "sphere" or (key == "coaxial" and systems[name].type not in _WITH_AXIS):
+            problems.append(place.problem(f"{key}: the {systems[name].type} {name!r} has no axis", key))
+    return problems
+
+
+_WITH_AXIS = ("line", "circle", "cylinder", "cone", "torus")
+_CAN_SHARE = (*FREEDOM, "plane")
+_MEANINGLESS = (("parallel", "sphere"), ("coaxial", "plane"))
+
+
+def _needed(feature: Feature) -> int:
+    """Points from which on a shape has redundancy, if all its parameters are its own unknowns."""
+    free = FREEDOM[feature.type]
+    own = free.unknowns
+    if feature.parallel is not None:
+        own -= int(np.count_nonzero(free.turns))
+    if feature.coaxial is not None:
+        own -= int(np.count_nonzero(free.turns)) + int(np.count_nonzero(free.offset[:2]))
+    given = (getattr(feature, name) for name in SHAPE.names)
+    own -= sum(isinstance(one, str) or (one is not None and one.free is None) for one in given)
+    return own // len(SHAPE_TYPES[feature.type].components) + 1
+
+
+def _on_shape(
+    reading: Reading,
+    feature: Feature,
+    number: int,
+    points: IntArray,
+    sigma: float,
+    systems: dict[str, _System],
+) -> ObservationGroup:
+    """Distances from a circle, sphere, cylinder, cone or torus, observed as zero.
+
+    Parallel shapes share the rotation of the local system; coaxial ones its origin and the offset across the axis, too.
+    """
+    shop, label, free = reading.shop, feature_label(feature), FREEDOM[feature.type]
+    shop.begin(label)
+    given = {name: one for name in SHAPE.names if (one := getattr(feature, name)) is not None}
+    place = reading.at("features", number)
+    size = settings(given, SHAPE.components, reading.edge, place, ("features", number), reading.problems)
+    open_ = free.shape & np.array([name not in given for name in SHAPE.names])
+    size.values[0, open_], size.free[0, open_] = np.nan, True
+    known = np.where(np.isnan(size.start), size.values, size.start)[0]
+    other = systems.get(feature.coaxial or feature.parallel or "")
+    axis = None
+    if other is not None:
+        D = rotation_from_angles(shop.store("rotation").all_values()[other.rotation][None])[0]
+        axis = (D, shop.store("point").all_values()[other.position] if feature.coaxial else None)
+    coordinates = shop.store("point").all_values()[points]
+    whole = np.isfinite(coordinates).all()
+    fit = fit_shape(feature.type, coordinates, known, axis) if whole else None
+    fit = fit or Fit(np.eye(3), np.zeros(3), np.zeros(3), size.values[0])
+    unknown = size.free & np.isnan(size.values)
+    size.values[unknown] = fit.shape[unknown[0]]
+    system = _add_system(reading, feature, systems, fit, free.turns, free.offset)
+    block = int(shop.store(SHAPE.key).add([f"feature {feature.id}"], *size)[0])
+    systems[feature.id] = system._replace(shape=block)
+    type_ = SHAPE_TYPES[feature.type]
+    if reading.sphere is not None:
+        from mor.model.curvature import on_sphere  # most projects need nothing of it
+
+        type_ = on_sphere(type_, reading.sphere, reading.edge.metres)
+    count, components = len(points), len(type_.components)
+    return ObservationGroup(
+        name=label,
+        type=type_,
+        blocks=(*(np.full(count, one) for one in (*system[1:4], block)), points),
+        observed=np.zeros((count, components)),
+        sigma=np.full((count, components), sigma),
+        constants=np.zeros((count, 0)),
+        references=(one_name(label, count), names_of(feature.points)),
+    )
 
 
 def _observed_zero(
-    reading: Reading, feature: Feature, first: IntArray, other: IntArray, sigma: float
+    reading: Reading,
+    feature: Feature,
+    first: IntArray,
+    other: IntArray,
+    sigma: float,
+    systems: dict[str, _System],
 ) -> ObservationGroup:
     """The local system of a feature, and zeros for the coordinates its points have in it.
 
@@ -226,12 +345,16 @@ def _observed_zero(
         observed[: len(first), 2] = 0.0
         observed[len(first) :, 0] = 0.0
     label = feature_label(feature)
-    system = _add_system(reading, label, centre, D, turns, offsets)
+    fit = Fit(D, centre, np.zeros(3), np.zeros(3))
+    systems[feature.id] = system = _add_system(reading, feature, systems, fit, turns, offsets)
     count = len(members)
     return ObservationGroup(
         name=label,
         type=reading.types["local"],
-        blocks=(*(np.full(count, block) for block in system), members),
+        blocks=(
+            *(np.full(count, one) for one in (system.position, system.rotation, 0, system.offset)),
+            members,
+        ),
         observed=observed,
         sigma=np.where(np.isfinite(observed), sigma, np.nan),
         constants=np.zeros((count, 0)),
@@ -240,15 +363,35 @@ def _observed_zero(
 
 
 def _add_system(
-    reading: Reading, label: str, centre: FloatArray, D: FloatArray, turns: BoolArray, offsets: BoolArray
-) -> tuple[int, int, int, int]:
-    """Position, rotation, scale and offset blocks of the system of a feature."""
-    shop, none = reading.shop, np.full((1, 3), np.nan)
-    position = shop.store("point").add_fixed(label, centre.tolist())
-    rotation = int(shop.store("rotation").add([label], angles_from_rotation(D)[None], turns, none)[0])
-    shop.store("rotation").about_axes.add(rotation)
-    offset = int(shop.store("eccentricity").add([label], np.zeros((1, 3)), offsets, none)[0])
-    return position, rotation, 0, offset
+    reading: Reading,
+    feature: Feature,
+    systems: dict[str, _System],
+    fit: Fit,
+    turns: BoolArray,
+    offsets: BoolArray,
+) -> _System:
+    """The local system of a feature, with the blocks that it shares with a parallel or coaxial one."""
+    shop, none, label = reading.shop, np.full((1, 3), np.nan), feature_label(feature)
+    other = systems.get(feature.coaxial or feature.parallel or "")
+    coaxial = other if feature.coaxial is not None else None
+    position = coaxial.position if coaxial else shop.store("point").add_fixed(label, fit.origin.tolist())
+    if other is not None:
+        rotation = other.rotation
+    else:
+        angles = angles_from_rotation(fit.rotation)[None]
+        rotation = int(shop.store("rotation").add([label], angles, turns[None], none)[0])
+        shop.store("rotation").about_axes.add(rotation)
+    store = shop.store("eccentricity")
+    offset = int(store.add([label], fit.offset[None].copy(), offsets[None].copy(), none)[0])
+    if coaxial:
+        table = store.merged()
+        table.values[offset, :2], table.free[offset, :2] = (
+            table.values[coaxial.offset, :2],
+            table.free[coaxial.offset, :2],
+        )
+        for k in (0, 1):
+            store.shared[offset, k] = store.shared.get((coaxial.offset, k), coaxial.offset)
+    return _System(feature.type, position, rotation, offset)
 
 
 def _point_beside(
@@ -283,13 +426,13 @@ def turned_towards(direction: FloatArray, D: FloatArray) -> FloatArray:
 
 
 def _freedom(type_: str) -> tuple[BoolArray, BoolArray]:
-    """(1, 3) free offsets and free turns about the axes of the system."""
+    """(3,) free offsets and free turns about the axes of the system."""
     offsets, turns = {
         "plane": ([False, False, True], [True, True, False]),
         "line": ([True, True, False], [True, True, False]),
         "right angle": ([True, False, True], [True, True, True]),
     }[type_]
-    return np.array([offsets]), np.array([turns])
+    return np.array(offsets), np.array(turns)
 
 
 def _start(
@@ -355,13 +498,11 @@ def check_feasible(reading: Reading, groups: Iterable[ObservationGroup], carries
     if not groups:
         reading.problems.append(reading.at("observations").problem("there are no observations"))
     elif not reading.shop.store("point").ids:
-        reading.problems.append(
-            reading.at("points").problem("there are no points, and nothing that has a place")
-        )
+        reading.problems.append(reading.at("points").problem("there are no points, images or stations"))
     for group in groups:
         _check_sigma(reading, group)
     if groups and not any(store.all_free().any() for store in reading.shop.stores.values() if store.ids):
-        words = "there is nothing to adjust: every coordinate and every parameter is fixed, or not estimated"
+        words = "there is nothing to adjust: all coordinates and parameters are fixed or not estimated"
         reading.problems.append(reading.at("points").problem(words))
     if not carries_datum:
         none = "" if reading.shop.things["point"].ids else ": there are no points"
@@ -396,6 +537,7 @@ PARTS = {
     "station": ("position", "rotation", "height"),
     "system": ("position", "rotation", "scale", "offset"),
     "pair": ("base", "rotation"),
+    "feature": ("shape",),
     "knot": ("position", "rotation"),
     "point": ("position", "velocity", "sine", "cosine"),
     "instrument": ("distance meter", "refraction", "gnss frame", "lever arm", "boresight", "time offset"),
@@ -612,8 +754,8 @@ def _refuse_constant(reading: Reading, row: _Row) -> None:
     names = " and ".join(row.rows.series(name)[known.row] for name in row.names)
     verb = "is" if len(row.names) == 1 else "are"
     words = (
-        f"{row.rows.series('component')[known.row]} of {names} {verb} fixed: to observe it says nothing; make it "
-        "free where it is declared, or give it its value and σ there"
+        f"{row.rows.series('component')[known.row]} of {names} {verb} fixed: observing it has no effect; make it "
+        "free where it is declared, or give its value and σ there"
     )
     reading.problems.append(row.problem(words))
 

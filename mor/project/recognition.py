@@ -189,7 +189,11 @@ def recognise(path: Path) -> list[Found]:
     kinds = _kinds(named)
     if not kinds:
         raise InputError(
-            [Message(f"what is this? found the columns {', '.join(header)}; {_known()}", str(path), 1)]
+            [
+                Message(
+                    f"unknown kind of table: found the columns {', '.join(header)}; {_known()}", str(path), 1
+                )
+            ]
         )
     used = {cell for columns in kinds.values() for cell in columns.values()}
     unused = tuple(cell for cell in header if cell not in used)
@@ -232,7 +236,7 @@ def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
     of_images, of_points = ([name for name in ids if name in known] for known in (images, points))
     if of_images and of_points:
         words = (
-            f"image {of_images[0]!r} and point {of_points[0]!r} stand in one list; make two tables of it, "
+            f"image {of_images[0]!r} and point {of_points[0]!r} are in one list; split it into two tables, "
             "positions of images and points"
         )
         raise InputError([Message(words, str(table.path))])
@@ -252,7 +256,7 @@ def _cells(path: Path) -> tuple[str, tuple[tuple[str, ...], ...]]:
     try:
         return delimiter, tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
     except csv.Error as error:
-        words = f"this is no table: {error}; is a quote not closed?"
+        words = f"this is not a table: {error}; is a quote not closed?"
         raise InputError([Message(words, str(path))]) from None
 
 

@@ -85,7 +85,7 @@ def read_gsb(file: Path) -> list[Subgrid]:
         (sign for sign in "<>" if content[:12] == b"NUM_OREC" + struct.pack(sign + "i", _RECORDS)), ""
     )
     if not order or len(content) < _RECORDS * RECORD:
-        raise GridError("this is no binary grid of the format NTv2 (GSB)")
+        raise GridError("this is not a binary grid of the format NTv2 (GSB)")
     count = struct.unpack_from(order + "i", content, 2 * RECORD + 8)[0]
     unit = _UNITS.get(content[3 * RECORD + 8 : 4 * RECORD].decode("latin-1").strip("\0 "))
     if unit is None:
@@ -109,7 +109,7 @@ def _subgrid(content: bytes, start: int, order: str, unit: float) -> tuple[Subgr
     if not np.isfinite([south, north, east, west, step, step_west]).all() or not (
         step > 0.0 and step_west > 0.0
     ):
-        raise GridError("its limits are no numbers, or its steps (LAT_INC, LONG_INC) not above 0")
+        raise GridError("its limits are not numbers, or its steps (LAT_INC, LONG_INC) not above 0")
     with np.errstate(over="ignore"):
         sizes = np.array([north - south, west - east]) / [step, step_west]
     if not (np.abs(sizes) < _MOST_STEPS).all():

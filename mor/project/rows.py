@@ -122,7 +122,7 @@ def _wrong_sigma(value: float) -> str:
     if np.isnan(value):
         return "no σ in this row"
     if value == 0.0:
-        return "found σ = 0, expected σ > 0 (what is exactly known is fixed, not observed)"
+        return "found σ = 0, expected σ > 0 (fix exact values instead of observing them)"
     return "found a negative σ, expected σ > 0"
 
 
@@ -224,12 +224,12 @@ def told(slips: Sequence[Slip], count: int) -> tuple[list[Message], list[Message
     for one in slips:
         if one.rows == 1:
             words = (
-                f"point {one.name!r} is named by this row only, and no table of points has it; "
-                f"did you mean {one.near!r}? If not, declare it among the points"
+                f"point {one.name!r} occurs only in this row and in no table of points; "
+                f"did you mean {one.near!r}? If not, add it to the points"
             )
             mistakes.append(Message(words, one.file, one.line))
         else:
-            words = f"point {one.name!r} is in no table of points and therefore free; {one.near!r} is"
+            words = f"point {one.name!r} is in no table of points and is therefore free; {one.near!r} is"
             notes.append(Message(words, one.file, one.line))
     if len(notes) > MOST_TOLD:
         notes[MOST_TOLD:] = [Message(f"{len(notes) - MOST_TOLD} more points like these")]
@@ -351,9 +351,7 @@ def _refuse_followers(reading: Reading, resolved: Resolved, rows: Rows) -> None:
     if "base" not in resolved.blocks:
         return
     wrong = (resolved.blocks["base"] >= 0) & ~resolved.at_centre
-    words = (
-        "image {0!r} follows another one and is no position of its own; centre:{0} is its projection centre"
-    )
+    words = "image {0!r} follows another one and is not a position of its own; centre:{0} is its projection centre"
     tell_rows(reading.problems, wrong, rows, lambda row: words.format(resolved.names[row]))
 
 
@@ -665,8 +663,8 @@ def refuse_fixed(reading: Reading, groups: Iterable[ObservationGroup]) -> None:
             names = ", ".join(group.type.components[k].name for k in said)
             of = f"{group.type.references[0].name} {group.references[0][row]!r}"
             words = (
-                f"{names} of {of} {'is' if len(said) == 1 else 'are'} fixed: to observe it says nothing; make it "
-                "free where it is declared, or give it its value and σ there"
+                f"{names} of {of} {'is' if len(said) == 1 else 'are'} fixed: observing it has no effect; make it "
+                "free where it is declared, or give its value and σ there"
             )
             line = int(group.lines[row]) if len(group.lines) > row else 0
             reading.problems.append(Message(words, group.file or reading.document.file, line))

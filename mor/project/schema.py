@@ -51,7 +51,7 @@ def one_sign(sign: str) -> str:
     """A sign that can stand between the cells of a table; ValueError where it cannot."""
     if not re.fullmatch(r"[\t !$%&'()*,/:;<=>?@\[\\\]^_`{|}~]", sign):
         raise ValueError(
-            f"found {sign!r}, expected one sign that is in no number and no name, such as ; or a tab"
+            f"found {sign!r}, expected a character that no number or name contains, such as ; or a tab"
         )
     return sign
 
@@ -124,7 +124,7 @@ class Table(Strict):
             raise ValueError("decimal and sheet belong to a file")
         if self.decimal == "," and self.delimiter in (None, ","):
             raise ValueError(
-                "numbers with a decimal comma need another delimiter than a comma: say delimiter: ;"
+                "numbers with a decimal comma need another delimiter than a comma: set delimiter: ;"
             )
         return self
 
@@ -718,13 +718,31 @@ class Systems(Table):
 
 
 class Feature(Strict):
-    """A plane, a line or a right angle that points lie on, with the σ of their distances from it."""
+    """A geometric element that points lie on, with the σ of their distances from it."""
 
-    type: Literal["plane", "line", "right angle"] = Field(description="What the points lie on")
+    type: Literal["plane", "line", "right angle", "circle", "sphere", "cylinder", "cone", "torus"] = Field(
+        description="What the points lie on"
+    )
     id: Name = Field(description="Its name")
-    points: list[Name] = Field(description="Points on the plane, on the line, or on the first plane")
+    points: list[Name] = Field(description="Points on it, or on the first plane of a right angle")
     other: list[Name] = Field(default_factory=list, description="Points on the second plane of a right angle")
     sigma: Measure = Field(description="σ of the distances of the points from it")
+    radius: Setting | None = Field(
+        default=None, description="Radius; of a torus that of its centre line; an unknown if not given"
+    )
+    minor_radius: Setting | None = Field(
+        default=None, description="Radius of the tube of a torus; an unknown if not given"
+    )
+    semi_angle: Setting | None = Field(
+        default=None, description="Angle between axis and surface of a cone; an unknown if not given"
+    )
+    parallel: Name | None = Field(
+        default=None,
+        description="Feature above whose axis or normal is exactly parallel to the axis of this one",
+    )
+    coaxial: Name | None = Field(
+        default=None, description="Feature above that has exactly the same axis as this one"
+    )
 
 
 class Pairs(Table):
@@ -832,7 +850,7 @@ class Settings(Strict):
         default="aposteriori", description="Which σ0 the reported standard deviations are multiplied with"
     )
     snooping: bool = Field(
-        default=False, description="Take flagged observations out one by one until the rest is clean"
+        default=False, description="Take flagged observations out one by one until nothing else is flagged"
     )
     robust: Literal["l1", "danish"] | None = Field(
         default=None, description="Robust solution to compare with, and to start data snooping from"
@@ -902,7 +920,7 @@ class Project(Strict):
     stations: list[Stations] = Field(default_factory=list, description="Tables of theodolite stations")
     systems: list[Systems] = Field(default_factory=list, description="Tables of local systems")
     features: list[Feature] = Field(
-        default_factory=list, description="Planes, lines and right angles that points lie on"
+        default_factory=list, description="Planes, lines, right angles and other shapes that points lie on"
     )
     epochs: Epochs = Field(
         default=Epochs.model_construct(), description="Times of what is measured at several of them"

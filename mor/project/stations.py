@@ -305,7 +305,7 @@ def _places(
             )
             reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
         elif place or rows.text("point")[i]:
-            words = f"set {rows.text('set')[i]!r} of station {station!r} stands where its station stands"
+            words = f"set {rows.text('set')[i]!r} of station {station!r} has the position of its station"
             reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
         else:
             position[i], height[i] = known[station]

@@ -388,7 +388,7 @@ def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
         raise InputError([Message(words, str(path))])
     if sheet is None and len(filled) != 1:
         words = (
-            f"found {len(filled)} sheets with content ({', '.join(filled)}), expected one; say sheet: NAME"
+            f"found {len(filled)} sheets with content ({', '.join(filled)}), expected one; set sheet: NAME"
         )
         raise InputError([Message(words, str(path))])
     rows = [

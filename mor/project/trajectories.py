@@ -190,7 +190,7 @@ def _refused(reading: Reading) -> bool:
     project, place = reading.project, reading.at("trajectories")
     words = [
         (reading.edge.axes.xy != "en", "trajectories need axes: {xy: en}"),
-        (project.world is not None, "trajectories in the world are not provided for: give plane coordinates"),
+        (project.world is not None, "trajectories on the earth are not supported: give plane coordinates"),
         (project.settings.dimensions != "xyz", "trajectories need settings: {dimensions: xyz}"),
     ]
     told = [place.problem(said) for wrong, said in words if wrong]

@@ -197,8 +197,10 @@ def standard_deviations(quality: Quality, kind: str) -> FloatArray:
 # means nothing.
 # ------------------------------------------------------------
 
-REDUNDANCY_LOST = "the sum of the redundancy numbers is not the redundancy: round-off has eaten the solution"
-BEYOND_USE = "the standard deviations of unknowns are beyond any use"
+REDUNDANCY_LOST = (
+    "the sum of the redundancy numbers is not the redundancy: round-off errors have destroyed the solution"
+)
+BEYOND_USE = "the standard deviations of unknowns are too large to be useful"
 """Reasons of outcomes."""
 _SUM = 1e-3
 """Σ r − (n − u + d) that is no longer round-off of exact cofactors, and 10⁻⁶ of it in large systems."""

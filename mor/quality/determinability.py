@@ -124,9 +124,9 @@ def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[Part, 
 OPEN = "unknowns are not determined by the observations"
 """Reason of an outcome."""
 NO_OBSERVATION = "no observation refers to it"
-TOO_FEW = "fewer observations refer to it than it has unknowns"
-LOOSE = "its observations leave a direction of it open"
-HANGS_ON = "it hangs on other things that are not determined"
+TOO_FEW = "it has fewer observations than unknowns"
+LOOSE = "its observations do not determine one of its directions"
+HANGS_ON = "it depends on other objects that are not determined"
 NOT_CONNECTED = "no observation connects it with the larger part of the network"
 MOVES_TOGETHER = "it can move together with others, and no observation changes"
 
@@ -406,14 +406,12 @@ def _by_point(group: ObservationGroup, values: Values, rows: IntArray) -> FloatA
 # system is singular beside them as well.
 # ------------------------------------------------------------
 
-UNSETTLED = "the datum points do not settle the datum"
+UNSETTLED = "the datum points do not define the datum"
 NO_DATUM = "the datum is not defined"
-AT_THE_START = (
-    "singular at the start values, not by the observations: at other values they determine everything"
-)
+AT_THE_START = "singular at the start values only: at other values the observations determine everything"
 PUT_ANYWHERE = (
-    "but parts of the network were put anywhere, for want of start values: "
-    "observations may determine it all the same"
+    "but parts of the network have arbitrary positions because start values "
+    "are missing: the observations may still determine it"
 )
 """Reasons of outcomes."""
 OF_THE_START = (AT_THE_START, PUT_ANYWHERE)
@@ -554,9 +552,9 @@ def _diagonal(problem: Problem, values: Values) -> FloatArray:
 # directions; whether their rays are parallel is asked again at the solution, where the poses are known better.
 # ------------------------------------------------------------
 
-ONE_PLACE = "all its rays come from one place: it is anywhere along them"
+ONE_PLACE = "all its rays come from one place: its distance is undetermined"
 AT_INFINITY: Final = "at infinity"
-PARALLEL = "its rays are parallel to their precision: it has a direction, and no distance"
+PARALLEL = "its rays are parallel within their precision: it has a direction but no distance"
 NARROW_ANGLE = "its rays meet at a narrow angle"
 ROUNDS = 6
 """Adjustments at most, until what is at infinity and what is left out stays the same."""
@@ -681,6 +679,8 @@ def _with_far_points(
         blind = found.points[found.from_one_place()]
         reduced, attempt = _adjusted(network, values, far, blind, means)
         adjustment = attempt.adjustment
+        if attempt.stayed_plain:
+            means = means._replace(solve=means.plainly)
         there = _values_of(network, adjustment.values, far.points)
         found = nearly_parallel(network, there)
         if adjustment.outcome.is_solution:
@@ -799,7 +799,7 @@ def _adjusted(
 def _check_something_left(network: Network) -> None:
     """Raise :class:`NoStartValuesError` where nothing of the network is determined."""
     if not any(group.count for group in network.groups):
-        raise NoStartValuesError(network.undeterminable, ["nothing is left that could be adjusted"])
+        raise NoStartValuesError(network.undeterminable, ["nothing is left to adjust"])
 
 
 def _without_far(

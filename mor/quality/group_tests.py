@@ -66,7 +66,7 @@ def partitions(problem: Problem, network: Network) -> list[Partition]:
         _partition("instrument", things["instrument"].ids, groups, _by_instrument(things["instrument"])),
         _partition("system", things["system"].ids, groups, _named("system", things["system"].numbers)),
     ]
-    return [one for one in found if any(numbers is not None for numbers in one.numbers)]
+    return [one for one in found if one.names and any(numbers is not None for numbers in one.numbers)]
 
 
 _Told = tuple[AnyIntArray, IntArray]

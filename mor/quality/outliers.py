@@ -413,7 +413,7 @@ def _arguments(one: _Observed, values: Values, places: FloatArray) -> tuple[list
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
-LARGEST_WEIGHT = "what is observed of it contradicts the rest or itself"
+LARGEST_WEIGHT = "its observations contradict each other or the rest"
 """Reason why a thing is left out."""
 _SAME = 1e-6
 """Part of vᵀPv by which two minima that are one may differ."""
@@ -429,11 +429,11 @@ _FROM_NEAR = 15
 """Iterations of all observations from where most of them fit: a solution, if there is one, is not far from there."""
 BY_WEIGHTS = (
     "the start values lead to no solution, or to one that fits badly; "
-    "all observations were adjusted from where graduated weights lead"
+    "all observations were adjusted again from a solution with graduated weights"
 )
 BY_DIRECTIONS = (
     "the start values lead to no solution, or to one that fits badly; "
-    "all observations were adjusted from where directions instead of image coordinates lead"
+    "all observations were adjusted again from a solution that uses directions instead of image coordinates"
 )
 """Notes on how the start values were repaired."""
 _GIVEN_UP = ("point", "rotation")
@@ -474,6 +474,11 @@ class Attempt(NamedTuple):
         """True for a solution of all observations."""
         return self.adjustment.outcome.is_solution and self.suspects is None
 
+    @property
+    def stayed_plain(self) -> bool:
+        """True for a plain solution that graduated weights led to nothing better than."""
+        return self.is_complete and self.robust is not None and not self.note
+
 
 def may_be_absurd(adjustment: Adjustment) -> bool:
     """True where a converged solution fits so badly, half of its residuals beyond 3 σ, that another one might exist."""
@@ -504,25 +509,30 @@ def without_suspects(
         return Attempt(plain)
     if plain.outcome in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(plain):
         return Attempt(plain)
-    first = _led(plain, settings, watch, by_parts=True)
+    found = _by_weights(plain, watch, by_parts=True)
+    first = _attempt(plain, found, settings, watch) or _from_far(plain, settings, watch)
+    first = first._replace(robust=found.values)
     if first.adjustment.outcome is Outcome.CONVERGED or not any(
         is_image_point(group.type) for group in plain.problem.groups
     ):
         return first
-    other = _led(plain, settings, watch, by_parts=False)
-    return other if other.adjustment.outcome is Outcome.CONVERGED else first
+    other = _by_weights(plain, watch, by_parts=False)
+    if all(map(np.array_equal, found.suspects, other.suspects)):
+        return first
+    second = _attempt(plain, other, settings, watch)
+    return first if second is None else second._replace(robust=other.values)
 
 
-def _led(plain: Adjustment, settings: Settings | None, watch: Watcher | None, by_parts: bool) -> Attempt:
-    """Return the attempt that begins with graduated weights; ``by_parts``: most of every part is assumed right."""
+def _by_weights(plain: Adjustment, watch: Watcher | None, by_parts: bool) -> Graduated:
+    """Return the solution with graduated weights; ``by_parts``: most of every part is assumed right."""
     found = graduated_weights(plain.problem, plain.start, watch, by_parts)
-    found = _with_points_moved(plain.problem, found, plain.start, watch)
-    return _attempt(plain, found, settings, watch)._replace(robust=found.values)
+    return _with_points_moved(plain.problem, found, plain.start, watch)
 
 
 def _attempt(
     plain: Adjustment, found: Graduated, settings: Settings | None, watch: Watcher | None
-) -> Attempt:
+) -> Attempt | None:
+    """Return the adjustment of all observations, or of those that fit the weights; ``None`` if neither converges."""
     problem = plain.problem
     scale = robust_scales(problem, found.sizes).overall
     if plain.outcome is Outcome.CONVERGED and not _overall(plain) > _WORSE * scale:
@@ -552,7 +562,7 @@ def _attempt(
         if not missing:
             break
         suspects = _enough_left(problem, _without(problem, suspects, missing))
-    return _from_far(plain, settings, watch)
+    return None
 
 
 def _with_points_moved(problem: Problem, found: Graduated, start: Values, watch: Watcher | None) -> Graduated:

@@ -15,6 +15,7 @@ from mor.model.curvature import on_sphere
 from mor.model.earth import EARTH_RADIUS, LocalSphere
 from mor.model.observation_types import ObservationGroup, some_rows, wrap
 from mor.model.parameters import Values
+from mor.model.shapes import SHAPE_TYPES
 from mor.project.axes import split
 from mor.project.earth import median_origin
 from mor.project.network import Network
@@ -85,7 +86,7 @@ def _component(group: ObservationGroup, component: int) -> Iterator[Message]:
         name, of = group.type.components[component].name, np.count_nonzero(here)
         said = (
             f"{group.type.name}, {name}: {np.count_nonzero(beyond)} of {of} angles are larger than a full circle; "
-            "their unit?"
+            "check their unit"
         )
         yield Message(said, group.file, line_of(group, int(np.argmax(beyond))))
 
@@ -136,8 +137,8 @@ def _of_table(
         ratio = float(np.median(ratios))
         if abs(ratio) > np.log(_FACTOR) and float(np.median(np.abs(ratios - ratio))) < _ALIKE:
             words = (
-                f"{group.type.name}: the observations are {np.exp(ratio):.3g} times what the given coordinates say; "
-                "their unit?"
+                f"{group.type.name}: the observations are {np.exp(ratio):.3g} times as large as computed from the "
+                "given coordinates; check their unit"
             )
             yield Message(words, group.file, line_of(group, int(np.argmax(used))))
             return
@@ -151,7 +152,7 @@ def _of_table(
         )
         return (
             f"{group.type.name} {names}: {size[row] / (np.median(size[used]) or noise[row]):.0f} times as far from "
-            "the given coordinates as the other rows of the table; a name or a sign?"
+            "the given coordinates as the other rows of the table; check names and signs"
         )
 
     yield from noted(group, np.flatnonzero(beyond), said)
@@ -290,8 +291,8 @@ def _sentence(group: ObservationGroup, row: int, component: int, size: float, si
         outside = int(np.argmax(np.abs(group.external.transform[component])))
         factor, unit = float(group.external.factors[outside]), group.external.units[outside]
     return (
-        f"{group.type.name} {names}, {group.type.components[component].name}: {size / factor:.4g} {unit} beside what "
-        f"known coordinates say ({abs(size) / sigma:.0f} sigma)"
+        f"{group.type.name} {names}, {group.type.components[component].name}: {size / factor:.4g} {unit} off the known "
+        f"coordinates ({abs(size) / sigma:.0f} sigma)"
     )
 
 
@@ -480,7 +481,7 @@ def _note(
     closing = own[0]
     unit = network.project.units.length
     where = f"; its lines: {places}" if len(own) > 1 and places.strip("0, ") else ""
-    words = f"levelling {names}: the loop misses by {total:.4g} {unit} ({size:.0f} sigma){where}"
+    words = f"levelling {names}: the loop has a misclosure of {total:.4g} {unit} ({size:.0f} sigma){where}"
     file, line = (closing.group.file, line_of(closing.group, closing.row)) if closing.group else ("", 0)
     return Message(words, file, line)
 
@@ -598,7 +599,7 @@ def _note_on_repeated_rows(
     observations = int(np.count_nonzero(other.mask[second]))
     return Message(
         f"{len(second)} of {other.count} rows repeat rows of {one.file} with the same value and sigma (line "
-        f"{where[1]} repeats line {where[0]}). Perhaps they were exported twice: then leave them out, for they add "
+        f"{where[1]} repeats line {where[0]}). If they were exported twice, remove them: they add "
         f"{observations} to the redundancy and make standard deviations too small",
         other.file,
         where[1],
@@ -640,10 +641,13 @@ def implausible_heights(network: Network) -> Iterator[Message]:
                 height = float(network.start["height"][own[row], 0])
                 unit = network.project.units.length
                 if abs(height) > _HIGHEST / network.edge.metres:
-                    return f"{of} {column[row]}: the height is {height:.6g} {unit}, more than {_HIGHEST:g} m; its unit?"
+                    return (
+                        f"{of} {column[row]}: the height is {height:.6g} {unit}, more than "
+                        f"{_HIGHEST:g} m; check its unit"
+                    )
                 return (
                     f"{of} {column[row]}: the height is {height:.6g} {unit}, more than {_TIMES:g} times the median of "
-                    "all heights; its unit?"
+                    "all heights; check its unit"
                 )
 
             if fresh.any():
@@ -734,7 +738,10 @@ def _component_of_sigma(group: ObservationGroup, sigma: FloatArray, component: i
     if sign:
         words = "smaller" if sign > 0 else "larger"
         name = group.type.components[component].name
-        said = f"{group.type.name}, {name}: the standard deviation is {words} than that of any instrument; its unit?"
+        said = (
+            f"{group.type.name}, {name}: the standard deviation is {words} than that "
+            f"of any instrument; check its unit"
+        )
         yield Message(said, group.file, line_of(group, row))
 
 
@@ -861,7 +868,7 @@ _LOOKED_AT = {
     "horizontal_distance": 0,
 }
 """Component of each type that the curvature changes without regard to the coordinates that are chosen."""
-_STRAIGHT = ("vector", "local", "image/", "follower/", "moving")
+_STRAIGHT = ("vector", "local", *SHAPE_TYPES, "image/", "follower/", "moving")
 
 
 class Effect(NamedTuple):

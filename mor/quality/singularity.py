@@ -177,9 +177,10 @@ def held_by_an_angle(solved: Solved, say: Say = english) -> list[str]:
         across = _across_a_line(solved, points) / LENGTH_UNITS[length]
         lines.append(
             say(
-                "The fixed {components} of system {id} opposes it; the points of this system lie within "
-                "{across} {unit} of one line. Where they are meant to lie on it, describe it as features: "
-                "type: line, which needs no angle.",
+                "Only the fixed {components} of system {id} prevents it; the points of this system lie "
+                "within {across} {unit} of one line. If they are meant to lie on it, use "
+                "features: type: line, which needs no "
+                "angle.",
                 components=", ".join(np.array(KINDS["rotation"].names)[fixed]),
                 id=name,
                 across=f"{across:.2g}",
@@ -302,7 +303,7 @@ _CURES = {
     "velocity": "observe the point in a second epoch, hold points that do not move, or fix or observe the velocity",
     "sine": "observe the point at other times of the year, or fix or observe the oscillation",
     "cosine": "observe the point at other times of the year, or fix or observe the oscillation",
-    "readout": "fix or observe the readout time, or the motion of an image: points tell only their product",
+    "readout": "fix or observe the readout time, or the motion of an image: points determine only their product",
     "image velocity": "fix or observe the velocity, or the readout time if that is unknown too",
     "position shift": "fix or observe the component, or points that the images see: a strip is shifted as a whole",
     "attitude shift": "fix or observe the component or the boresight: both turn the attitudes of a strip alike",
@@ -347,7 +348,7 @@ def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
         return _open_datum(solved, say)
     return [
         _unsettled(solved, say),
-        say("Let more points, or more of their components, carry the datum."),
+        say("Add points, or more of their components, to the datum."),
     ]
 
 
@@ -366,7 +367,7 @@ def _unsettled(solved: Solved, say: Say) -> str:
             movements=movements,
         )
     return say(
-        "The chosen datum coordinates do not settle all of these movements: {movements}.", movements=movements
+        "The chosen datum coordinates do not define all of these movements: {movements}.", movements=movements
     )
 
 
@@ -390,8 +391,8 @@ def turned_about(solved: Solved, say: Say = english) -> list[str]:
         line = "(" + ", ".join(f"{x:.3f}" for x in turn.axis) + ")"
         lines.append(
             say(
-                "The turn of the whole network about {axis} is hardly determined: its standard deviation is "
-                "{sigma} {angle} (of an angle that nobody has observed it is {nothing} {angle}).",
+                "The rotation of the whole network about {axis} is poorly determined: its standard deviation "
+                "is {sigma} {angle} (that of an unobserved angle is {nothing} {angle}).",
                 axis="XYZ"[along] if abs(turn.axis[along]) > _ALONG_AXIS else line,
                 sigma=f"{turn.sigma / unit:.3g}",
                 nothing=f"{NOTHING_KNOWN / unit:.3g}",
@@ -403,8 +404,8 @@ def turned_about(solved: Solved, say: Say = english) -> list[str]:
         advice = say("Observe a bearing or a direction beside this axis, or fix a second point.")
         return [*lines, advice] if lines else []
     advice = say(
-        "Tilts observed as angles omega, phi tell it by their small size only. Observe them as level, then the turn "
-        "is free and the datum settles it; or observe a bearing, or fix a second point."
+        "Tilts observed as angles omega, phi determine it only because they are small. Observe them as level, so that "
+        "the rotation is free and the datum defines it; or observe a bearing, or fix a second point."
     )
     return [*lines, advice] if lines else []
 
@@ -428,7 +429,7 @@ def _open_datum(solved: Solved, say: Say) -> list[str]:
         )
     ]
     if any("combination" in name for name in solved.adjustment.defect.movements):
-        lines.append(say("What moves is {names}.", names=_moved(solved, say)))
+        lines.append(say("The movement concerns {names}.", names=_moved(solved, say)))
     about = tilt(solved.adjustment, say)
     lines += [about] if about else []
     return [
@@ -455,8 +456,8 @@ def _separated(parts: list[Part], say: Say) -> list[str]:
             for number, part in enumerate(parts, start=1)
         ),
         say(
-            "To cure it: observe points of one part from the other, or points that both have in common, "
-            "or adjust the parts one by one."
+            "Remedy: observe points of one part from the other, or points that both have in common, or "
+            "adjust the parts separately."
         ),
     ]
 
@@ -591,7 +592,7 @@ def _together(direction: Undetermined, blocks: list[tuple[str, str]], say: Say) 
     names = enumerated(named, _SINGULARITIES_SHOWN, say)
     return [
         say("These cannot be separated from each other: {names}.", names=names),
-        say("To cure it, one of: {cures}.", cures=cures),
+        say("Remedies, one of: {cures}.", cures=cures),
     ]
 
 

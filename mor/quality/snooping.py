@@ -292,7 +292,7 @@ def _of(group: ObservationGroup, points: BoolArray) -> BoolArray:
 
 
 # ------------------------------------------------------------
-# Data snooping (W. Baarda): the worst observation is taken out, the rest adjusted again, until the rest is clean.
+# Data snooping (W. Baarda): the worst observation is taken out, the rest adjusted again, until nothing else is flagged.
 #
 # Several are taken out at once where none of them may be flagged for another one's error alone: where they
 # share neither a point nor a frame, or are so well controlled that it shows but little in each other's
@@ -340,7 +340,7 @@ class Snooping(NamedTuple):
     """Quality of the adjustment without the excluded ones."""
     steps: tuple[Snooped, ...]
     clean: bool
-    """False where something flagged could not be taken out."""
+    """False where a flagged observation could not be excluded."""
 
     def after(self, earlier: Snooping) -> Snooping:
         """Both together, this one being the later."""

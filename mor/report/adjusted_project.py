@@ -500,7 +500,7 @@ def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
 
 
 def _empty_places_of_sets(columns: dict[str, Any]) -> None:
-    """A further set stands where its station stands: it has no position and height of its own."""
+    """A further set has the position of its station: it has no position and height of its own."""
     is_set = np.array([bool(name) for name in columns["set"]])
     names = ("point", shared_column(HEIGHT))
     for key, column in columns.items():

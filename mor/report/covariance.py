@@ -97,7 +97,7 @@ def covariance_of_everything(solved: Solved) -> Labelled:
     index = solved.adjustment.problem.index
     if index.count > LARGEST:
         words = (
-            f"{index.count} unknowns: the full matrix is given up to {LARGEST}; choose --points or --blocks"
+            f"{index.count} unknowns: the full matrix is written up to {LARGEST}; choose --points or --blocks"
         )
         raise InputError([Message(words)])
     blocks = [
@@ -243,7 +243,7 @@ def _image_unit(solved: Solved) -> str:
 
 def _quality(solved: Solved) -> Quality:
     if solved.quality is None:
-        raise InputError([Message("there is no solution, hence no covariance")])
+        raise InputError([Message("there is no solution, and therefore no covariance matrix")])
     return solved.quality
 
 

@@ -404,7 +404,7 @@ def _number(value: float) -> float | None:
 def ranking_text(frame: pl.DataFrame, now: Outcome, network: Network, unestimable: int, words: Words) -> str:
     """Return the changes that lose least, those that gain most, and the greedy plan as text."""
     lines = [
-        heading(words("What observations are worth")),
+        heading(words("Value of single observations")),
         words(
             "As it is: shortfall {shortfall}, {name} {sigma}, worst / limit {ratio}, smallest r {r}.",
             shortfall=short(float(now.shortfall[0]), 4),
@@ -414,14 +414,14 @@ def ranking_text(frame: pl.DataFrame, now: Outcome, network: Network, unestimabl
             r=short(float(now.smallest_r[0]), 4),
         ),
         words(
-            "The shortfall is 0 where all that is required is reached. Each line tells what the plan is with this "
-            "one change; ranking.csv has all of them."
+            "The shortfall is 0 if all requirements are met. Each line describes the plan with this one change; "
+            "ranking.csv lists all of them."
         ),
     ]
     for kind, title in (
         ("spare", "Without it (the most easily spared first)"),
-        ("add", "With it besides (the most useful first)"),
-        ("greedy", "Chosen one after the other, with all before it"),
+        ("add", "With it in addition (the most useful first)"),
+        ("greedy", "Chosen one after another, each with those before it"),
     ):
         some = frame.filter(pl.col("kind") == kind)
         shown = some if kind == "greedy" else some.head(SHOWN)
@@ -433,14 +433,14 @@ def ranking_text(frame: pl.DataFrame, now: Outcome, network: Network, unestimabl
         lines += ["", words(said, count=lost)]
     beyond = frame.filter(~pl.col("possible") & (pl.col("kind") == "add")).height
     if beyond:
-        said = "Of {count:candidate|candidates} nothing can be said: such a sight is far outside of any measurement."
+        said = "{count:candidate|candidates} could not be assessed: the line of sight is far beyond any measurement."
         lines += ["", words(said, count=beyond)]
     if not frame.filter(pl.col("kind") == "spare").height:
-        lines += ["", words("In so large a block candidates alone are ranked.")]
+        lines += ["", words("In a block of this size only candidates are ranked.")]
     if unestimable:
         said = (
-            "{count:candidate is|candidates are} not ranked: it would settle a free movement of the network, "
-            "so that the datum would be another one."
+            "{count:candidate is|candidates are} not ranked: it would determine a free movement of the network "
+            "and so change the datum."
         )
         lines += ["", words(said, count=unestimable)]
     return "\n".join(lines)
@@ -524,10 +524,10 @@ def _verdict(solved: Solved, judged: Sequence[Judged], words: Words) -> list[str
         return [words("THE PLAN HAS NO SOLUTION: {reason}.", reason=reason)]
     failing = [one for one in judged if not one.met]
     if not judged:
-        return [words("Nothing is required of it (require: … in the project file).")]
+        return [words("The project file has no requirements (require: …).")]
     if not failing:
-        return [words("It reaches all that is required ({count}).", count=len(judged))]
-    return [words("IT DOES NOT REACH {count} of {all} requirements.", count=len(failing), all=len(judged))]
+        return [words("It meets all requirements ({count}).", count=len(judged))]
+    return [words("IT DOES NOT MEET {count} of {all} requirements.", count=len(failing), all=len(judged))]
 
 
 def head(
@@ -536,7 +536,7 @@ def head(
     """Return title, verdict and key figures."""
     data = summary(solved)
     title = data["title"] or words("Adjustment")
-    plan = words("PLAN: nothing of this is measured; σ are those expected, a priori.")
+    plan = words("PLAN: nothing has been measured; σ are expected values, a priori.")
     lines = [title, "=" * min(len(title), COLUMNS_WIDTH), "", plan, *verdict(solved, judged, words), ""]
     movements = ", ".join(words.listed(name) for name in data["movements"])
     rows = [
@@ -564,7 +564,7 @@ def requirement_section(solved: Solved, judged: Sequence[Judged], words: Words) 
     if not judged:
         return ""
     rows = [requirement_row(one, solved) for one in judged]
-    return "\n".join([heading(words("What is required")), *(_sentence(row, words) for row in rows)])
+    return "\n".join([heading(words("Requirements")), *(_sentence(row, words) for row in rows)])
 
 
 def _sentence(row: dict[str, Any], words: Words) -> str:
@@ -706,7 +706,7 @@ def _reached(row: dict[str, Any], words: Words) -> str:
 
 
 # ------------------------------------------------------------
-# Who sees what: how many sights there are, and what keeps the others from being made.
+# Visibility: how many sights there are, and what keeps the others from being made.
 # ------------------------------------------------------------
 
 _VISIBLE_NAMED = 12
@@ -733,7 +733,7 @@ def visible_section(sighted: Sequence[Sighted], words: Words) -> str:
     rows = [[one.name, str(sum(one.counts)), *map(str, one.counts)] for one in sighted]
     headers = ["group", "sights", "seen", "out of range", "off format", "slanting", "hidden"]
     lines = [
-        heading(words("Who sees what")),
+        heading(words("Visibility")),
         table(headers, rows, 1, words),
         words(
             "A sight counts where it fails first: range; format, or steepness; incidence; surfaces in its way."
@@ -741,7 +741,7 @@ def visible_section(sighted: Sequence[Sighted], words: Words) -> str:
     ]
     for one in sighted:
         for names, said in (
-            (one.unseen, "{id}: {count:target is|targets are} seen from nowhere: {names}."),
+            (one.unseen, "{id}: {count:target is|targets are} not seen from anywhere: {names}."),
             (one.once, "{id}: {count:target is|targets are} seen from one place only: {names}."),
         ):
             if names:

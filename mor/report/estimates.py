@@ -13,11 +13,14 @@ from mor.errors import Undeterminable
 from mor.model.cameras import CAMERA_MODELS
 from mor.model.contract import places_of
 from mor.model.observation_types import is_image_point
-from mor.model.parameters import INTERIORS
+from mor.model.parameters import INTERIORS, SHAPE
+from mor.model.rotations import cross_matrix
+from mor.model.shapes import SHAPE_TYPES
 from mor.project.axes import Edge, split
 from mor.project.prior_knowledge import feature_label
 from mor.project.reference_system import World
 from mor.project.schema import Axes, Feature
+from mor.project.shapes import FREEDOM
 from mor.quality.assessment import Quality, joint_cofactors
 from mor.quality.deformation import Movements, Tested, movements
 from mor.quality.precision import error_ellipses, error_ellipsoids, follower_blocks, follower_poses, of_images
@@ -606,7 +609,7 @@ def _directions(solved: Solved) -> dict[str, dict[str, float | None]]:
 
 
 # ------------------------------------------------------------
-# Planes, lines and right angles as they came out: where they lie, and how well their points fit.
+# Planes, lines and other shapes as they came out: where they lie, and how well their points fit.
 # ------------------------------------------------------------
 
 FEATURE_SCHEMA: dict[str, type[pl.DataType]] = {
@@ -616,22 +619,32 @@ FEATURE_SCHEMA: dict[str, type[pl.DataType]] = {
     "dx": pl.Float64,
     "dy": pl.Float64,
     "dz": pl.Float64,
+    "sd": pl.Float64,
     "distance": pl.Float64,
     "x": pl.Float64,
     "y": pl.Float64,
     "z": pl.Float64,
+    "sx": pl.Float64,
+    "sy": pl.Float64,
+    "sz": pl.Float64,
+    **{f"{s}{size}": pl.Float64 for size in SHAPE.names for s in ("", "s")},
     "points": pl.Int64,
     "rms": pl.Float64,
+    "form": pl.Float64,
 }
 _X, _Z = np.eye(3)[[0, 2]]
+_LINES = ("line", "cylinder")
+"""Features that have no centre: the place of one is the mean of its points, put on the axis."""
 
 
 def feature_table(solved: Solved) -> pl.DataFrame:
-    """One row for every plane and line, two for a right angle, in project axes and length unit.
+    """One row for every feature, two for a right angle, in project axes and length unit.
 
-    (dx, dy, dz) is the unit normal of a plane or the unit direction of a line; (x, y, z) the mean of its points, put on
-    it; ``distance`` of a plane that from the origin, dx x + dy y + dz z; ``rms`` the root mean square distance of the
-    points from it.
+    (dx, dy, dz) is the unit normal of a plane or the unit direction of a line or an axis, with the largest standard
+    deviation ``sd`` of the direction in the project's unit of angles; (x, y, z) the mean of the points, put on the
+    plane, line or axis of a cylinder, or else the centre or apex; ``distance`` of a plane that from the origin,
+    dx x + dy y + dz z; ``rms`` the root mean square distance of the points and ``form`` the largest residual minus
+    the smallest. Sizes are null if a feature has none.
     """
     rows = [row for feature in solved.network.project.features for row in _rows(solved, feature)]
     return pl.DataFrame(rows, schema=FEATURE_SCHEMA)
@@ -639,32 +652,79 @@ def feature_table(solved: Solved) -> pl.DataFrame:
 
 def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
     label = feature_label(feature)
-    group = next(g for g in solved.adjustment.problem.groups if g.name == label and g.type.key == "local")
-    position, rotation, _, eccentricity, points = group.blocks
+    group = next(g for g in solved.adjustment.problem.groups if g.name == label and len(g.type.slots) == 5)
+    part_of = {slot.part: numbers for slot, numbers in zip(group.type.slots, group.blocks, strict=True)}
+    rotation, eccentricity = int(part_of["rotation"][0]), int(part_of["offset"][0])
+    origin, points = int(group.blocks[0][0]), group.blocks[-1]
     values, M = solved.adjustment.values, solved.network.edge.matrix
-    D, offset = values["rotation"][rotation[0]], values["eccentricity"][eccentricity[0]]
-    local = (values["point"][points] - values["point"][position[0]]) @ D.T + offset
+    D, offset = values["rotation"][rotation], values["eccentricity"][eccentricity]
+    local = (values["point"][points] - values["point"][origin]) @ D.T + offset
+    off, sizes = local, dict[str, float | None]()
+    if feature.type in SHAPE_TYPES:
+        for name, size in component_rows(
+            solved, SHAPE.key, int(part_of["shape"][0]), SHAPE.components
+        ).items():
+            if FREEDOM[feature.type].shape[SHAPE.names.index(name)]:
+                sizes |= {name: size["value"], f"s{name}": size["sigma"]}
+        blocks = [
+            values[slot.kind][numbers] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
+        ]
+        off = group.type.equation(blocks, group.constants).values
     rows = []
     for part, axis, chosen in _parts(feature, len(points)):
         on = local[chosen].mean(axis=0)
-        off = local[chosen][:, :2] if feature.type == "line" else local[chosen] @ axis[:, None]
-        on[:2] = 0.0 if feature.type == "line" else on[:2]
-        on = on if feature.type == "line" else on * (1.0 - axis)
-        place = ((on - offset) @ D + values["point"][position[0]]) @ M
-        direction = _upright(axis @ D @ M)
+        if feature.type in ("plane", "right angle"):
+            on, away = on * (1.0 - axis), off[chosen] @ axis[:, None]
+        else:
+            on = on * axis if feature.type in _LINES else np.zeros(3)
+            away = off[chosen][:, :2]
+        place = ((on - offset) @ D + values["point"][origin]) @ M
+        direction = None if feature.type == "sphere" else _upright(axis @ D @ M)
+        sd, sigma = _feature_sigma(solved, rotation, eccentricity, on - offset, axis)
         rows.append(
             {
                 "id": feature.id,
                 "type": feature.type,
                 "part": part,
-                **dict(zip(("dx", "dy", "dz"), direction.tolist(), strict=True)),
-                "distance": None if feature.type == "line" else float(direction @ place),
+                **dict(
+                    zip(
+                        ("dx", "dy", "dz"),
+                        (None,) * 3 if direction is None else direction.tolist(),
+                        strict=True,
+                    )
+                ),
+                "sd": None if direction is None else sd,
+                "distance": float(direction @ place)
+                if direction is not None and feature.type in ("plane", "right angle")
+                else None,
                 **dict(zip("xyz", place.tolist(), strict=True)),
+                **dict(zip(("sx", "sy", "sz"), sigma, strict=True)),
+                **sizes,
                 "points": int(np.count_nonzero(chosen)),
-                "rms": float(np.sqrt(np.mean(np.sum(off**2, axis=1)))),
+                "rms": float(np.sqrt(np.mean(np.sum(away**2, axis=1)))),
+                "form": float(np.ptp(away, axis=0).max()),
             }
         )
     return rows
+
+
+def _feature_sigma(
+    solved: Solved, rotation: int, eccentricity: int, lever: FloatArray, axis: FloatArray
+) -> tuple[float | None, list[float | None]]:
+    """σ of the direction of an axis, project unit, and σ (3,) of the place X0 + Dᵀ p, ``lever`` p (3,)."""
+    quality = solved.quality
+    if quality is None:
+        return None, [None] * 3
+    columns = quality.adjustment.problem.index.columns
+    used = np.concatenate([columns["rotation"][rotation], columns["eccentricity"][eccentricity]])
+    covariance = joint_cofactors(quality, used) * quality.sigma_factor**2
+    across = covariance[:3, :3][np.ix_(axis == 0.0, axis == 0.0)]
+    by_unknowns = np.concatenate([-cross_matrix(lever), -np.eye(3)], axis=1)
+    turned = solved.network.edge.matrix.T @ solved.adjustment.values["rotation"][rotation].T @ by_unknowns
+    variances = np.einsum("ij,jk,ik->i", turned, covariance, turned)
+    largest = max(float(np.linalg.eigvalsh(across)[-1]), 0.0)
+    sigma = [float(s) for s in np.sqrt(np.maximum(variances, 0.0))]
+    return float(np.sqrt(largest)) / ANGLE_UNITS[angle_unit(solved)], list(sigma)
 
 
 def _parts(feature: Feature, count: int) -> list[tuple[str, FloatArray, np.ndarray]]:

@@ -94,8 +94,8 @@ def note_rows(notes: Iterable[Message], folder: Path) -> list[dict[str, Any]]:
 
 FILE = "README.txt"
 MEANINGS = {
-    "report.html": "the report to look at and to print, in a browser: verdict, pictures, tables; needs no network",
-    "report.txt": "the report as text, for the file: verdict first; last what it was read from, and who signs",
+    "report.html": "the report for the browser, to read and print: verdict, pictures, tables; works offline",
+    "report.txt": "the report as text, for your records: the verdict first; input files and signature last",
     "results.json": "all results for programs; mor schema results describes every key",
     "points.*": "coordinates of the points with sigma, correlations and error ellipsoids",
     "places.*": "the points in their reference system, above ellipsoid and geoid, and geocentric",
@@ -105,8 +105,8 @@ MEANINGS = {
     "images.*": "places and rotation angles of the images with sigma",
     "residuals.*": "every observation: observed, adjusted, residual v, redundancy number r, test w, reliability",
     "residuals_worst.*": "the observations with the largest test values",
-    "undetermined.csv": "what nothing determines, and why",
-    "external_reliability.csv": "where an error that stays unseen moves each point, of many those controlled least",
+    "undetermined.csv": "undetermined objects, and why",
+    "external_reliability.csv": "how far an undetected error moves each point; of many points the least controlled",
     "adjusted.yaml": "the project with the adjusted values as start values: mor adjust, datum, covariance and "
     "compare read it",
     "reference.csv": "the coordinates that the datum refers to",
@@ -114,7 +114,7 @@ MEANINGS = {
     "given_*.csv": "tables of adjusted.yaml",
 }
 """What each file is, by its name or a pattern of names, in the order they are listed."""
-_FIRST = "What is in this folder"
+_FIRST = "Contents of this folder"
 _WIDTH = 100
 
 
@@ -131,7 +131,8 @@ def readme(names: Collection[str], words: Words = ENGLISH) -> str:
         "",
         *textwrap.wrap(
             words(
-                "The same command with the same input makes these files anew, to the byte. Where input or options have "
+                "The same command with the same input writes these files again, byte "
+                "for byte. If input or options have "
                 "changed, mor adjust asks for --force before it replaces them. Other files in this folder stay."
             ),
             _WIDTH,

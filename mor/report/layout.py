@@ -301,7 +301,7 @@ def section(
         lines += ["", f"{words('Notes on what was read')}:", *(_note(row, words) for row in notes[:shown])]
     if len(notes) > shown:
         more = len(notes) - shown
-        lines.append(words("{count:more note stands|more notes stand} in results.json.", count=more))
+        lines.append(words("{count:more note is|more notes are} in results.json.", count=more))
     lines += [
         "",
         "",

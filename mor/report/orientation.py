@@ -238,7 +238,7 @@ def _tie(measured: Measured, shape: PlaneShape, wanted: Wanted) -> Length:
     apart = np.linalg.norm(shape.points[second] - shape.points[first])
     if not known[first] or not known[second] or not apart > 0.0:
         raise InputError(
-            [Message("the points of the length have no place in the plane, or stand above each other")]
+            [Message("the points of the length have no coordinates in the plane, or coincide in it")]
         )
     return Length(first, second, wanted.length[2], wanted.length_sigma)
 
@@ -567,8 +567,8 @@ def _text_of_pair(pair: dict[str, Any], many: bool, words: Words) -> str:
     if 10 * pair["used"] < 9 * pair["points"] and pair["usable"]:
         lines.append(
             words(
-                "{count:point does|points do} not agree: more than a few wrong pairs can be a wrong camera constant, "
-                "image coordinates not relative to the principal point, or mismatched identities.",
+                "{count:point does|points do} not agree: many wrong pairs may be caused by a wrong camera constant, "
+                "image coordinates that do not refer to the principal point, or mismatched identities.",
                 count=pair["points"] - pair["used"],
             )
         )
@@ -581,7 +581,8 @@ def _text_of_pair(pair: dict[str, Any], many: bool, words: Words) -> str:
     if pair["alternatives"]:
         lines.append(
             words(
-                "{count:other orientation fits|other orientations fit} about as well; a further image decides.",
+                "{count:other orientation fits|other orientations fit} about as well; "
+                "another image decides between them.",
                 count=len(pair["alternatives"]),
             )
         )
@@ -712,10 +713,10 @@ def _decided(rivals: int, words: Words) -> str:
     if rivals:
         return words(
             "With other orientations of the ambiguous pairs all images fit together as well: "
-            "{count:further model|further models}.",
+            "{count:other model|other models}.",
             count=rivals,
         )
-    return words("Of the orientations of ambiguous pairs only those told first fit the other images.")
+    return words("For ambiguous pairs, only the orientations listed first fit the other images.")
 
 
 def _remark(point: dict[str, Any], words: Words) -> str:
@@ -746,7 +747,8 @@ def planar_text(data: dict[str, Any], words: Words = ENGLISH) -> str:
     if data["outcome"] == "not_plane":
         lines.append(
             words(
-                "Points off the plane are found where five or more, and half of all, lie in it; else name them: --off."
+                "Points off the plane are found if at least five points, and half of all, lie in "
+                "the plane; otherwise name them with --off."
             )
         )
     if not data["solutions"]:
@@ -763,7 +765,9 @@ def planar_text(data: dict[str, Any], words: Words = ENGLISH) -> str:
         lines.append(words("No length is given: the first two points are one unit of length apart."))
     if data["outcome"] == "base_along_normal":
         lines.append(
-            words("No standard deviations: to first order they mean nothing on the dangerous locus.")
+            words(
+                "No standard deviations: to first order they are meaningless at the critical configuration."
+            )
         )
     count = len(data["solutions"])
     for number, solution in enumerate(data["solutions"], start=1):

@@ -167,7 +167,7 @@ def used_in_words(data: PageData) -> str:
     out = view.residuals.height - view.used.height
     parts = [
         say(
-            "{files:file|files} read, {count:observation|observations} adjusted, {out} kept out.",
+            "{files:file|files} read, {count:observation|observations} adjusted, {out} not used.",
             files=len(view.identity["inputs"]),
             count=view.used.height,
             out=out,
@@ -175,7 +175,7 @@ def used_in_words(data: PageData) -> str:
     ]
     things = len(view.summary.get("undeterminable", []))
     if things:
-        parts.append(say("{count:thing is|things are} not determined.", count=things))
+        parts.append(say("{count:object is|objects are} not determined.", count=things))
     if view.notes:
         parts.append(say("{count:note|notes} under Files.", count=len(view.notes)))
     return " ".join(parts)
@@ -189,8 +189,8 @@ def datum_in_words(data: PageData) -> str:
 def epoch_in_words(data: PageData) -> str:
     """State how the result can be compared with another epoch."""
     return data.words(
-        "mor compare OTHER THIS --epochs carries both into the datum of their common points and tests the movements; "
-        "bare differences of coordinates of two datums are no movements."
+        "mor compare OTHER THIS --epochs transforms both to the datum of their common points and tests the movements; "
+        "differences of coordinates in two datums are not movements."
     )
 
 
@@ -212,19 +212,19 @@ def next_steps(data: PageData) -> list[str]:
     free = (view.reliability or {}).get("observations", [])[:_NAMED]
     if free:
         names = "; ".join(f"{row['type']} {', '.join(row['names'].values())}" for row in free)
-        steps.append(say("A second observation beside what nothing controls: {names}.", names=names))
+        steps.append(say("Measure a second observation for the uncontrolled ones: {names}.", names=names))
     if "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():
         worst = data.points.sort("ellipsoid_a", descending=True, nulls_last=True).row(0, named=True)
         unit, factor = small_unit(view.length, worst["ellipsoid_a"])
         steps.append(
             say(
-                "Point {point} is the least precise one (semi-axis {size} {unit}): further observations to it.",
+                "Point {point} is the least precise one (semi-axis {size} {unit}): observe it more often.",
                 point=worst["id"],
                 size=f"{worst['ellipsoid_a'] * factor:.3g}",
                 unit=unit,
             )
         )
-    steps.append(say("mor design adjusted.yaml --rank tells what each further observation is worth."))
+    steps.append(say("mor design adjusted.yaml --rank shows the effect of each additional observation."))
     steps.append(say("mor report prints the report to sign (--pdf)."))
     return steps[:3]
 
@@ -406,7 +406,7 @@ def _rests_on(data: PageData) -> list[Statement]:
     return [
         Statement(PLAIN, say("Datum"), datum_in_words(data), "key-figures"),
         _another_epoch(data),
-        Statement(PLAIN, say("What was used"), used_in_words(data), "files"),
+        Statement(PLAIN, say("Input"), used_in_words(data), "files"),
     ]
 
 
@@ -415,7 +415,7 @@ def _another_epoch(data: PageData) -> Statement:
     say, accepted = data.words, data.view.summary["global_test"]["accepted"]
     if accepted and headline(data).state != BAD:
         return Statement(PLAIN, say("Another epoch"), epoch_in_words(data))
-    first = say("Not yet: this one is not accepted, and movements would be tested with σ that do not hold.")
+    first = say("Not yet: this adjustment is not accepted, so movements would be tested with wrong σ.")
     return Statement(DOUBT, say("Another epoch"), f"{first} {epoch_in_words(data)}")
 
 
@@ -444,7 +444,7 @@ def _emptied(data: PageData) -> list[str]:
     """Groups of which nothing takes part any more: what tests accept then says nothing about them."""
     return [
         data.words(
-            "Nothing is left of {group}: all of it was taken out ({count}).",
+            "Nothing is left of {group}: all its observations were excluded ({count}).",
             count=row["excluded"],
             group=row["name"],
         )
@@ -589,7 +589,7 @@ def _checks(data: PageData) -> Statement | None:
         unit=worst["unit"],
         beyond=beyond,
     )
-    return Statement(DOUBT if beyond else GOOD, say("Checks kept out"), words, "control")
+    return Statement(DOUBT if beyond else GOOD, say("Checks"), words, "control")
 
 
 def _points(data: PageData) -> Statement | None:

@@ -428,7 +428,7 @@ def _figure(to: Writer, data: PageData, folder: Path) -> None:
 def _adjusted(to: Writer, data: PageData, folder: Path) -> None:
     """Groups with their σ a priori, where these come from, and what became of them."""
     say, view = data.words, data.view
-    to.heading(say("What was adjusted"))
+    to.heading(say("Summary of the adjustment"))
     counts = (
         (view.points.height, "{count:point|points}"),
         (view.images.height, "{count:image|images}"),
@@ -907,7 +907,7 @@ def _inputs(to: Writer, data: PageData) -> None:
 
 def _more(to: Writer, count: int) -> None:
     if count > MOST_ROWS:
-        to.note(to.words("{count:more stands|more stand} in the results.", count=count - MOST_ROWS))
+        to.note(to.words("{count:more is|more are} in the results.", count=count - MOST_ROWS))
 
 
 # ------------------------------------------------------------

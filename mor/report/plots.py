@@ -152,7 +152,7 @@ def camera(view: View, name: str | None = None, words: Words = ENGLISH) -> Figur
 def _chosen(view: View, name: str | None) -> dict[str, Any]:
     names = [camera["id"] for camera in view.cameras]
     if not names:
-        raise InputError([Message("there is no camera to draw")])
+        raise InputError([Message("there is no camera to plot")])
     if name is not None and name not in names:
         raise InputError([Message(f"unknown camera {name!r}{nearest(name, names)}")])
     return view.cameras[names.index(name) if name else 0]
@@ -550,7 +550,7 @@ def overlap_and_rays(view: View, words: Words = ENGLISH) -> Figure:
     """Images over each cell, and points by the number of their rays. Raises :class:`InputError` without images."""
     found = overlap(view, rays_of(view))
     if found is None:
-        raise InputError([Message("what images measured spans no area, so there is no overlap to draw")])
+        raise InputError([Message("cannot plot overlap: the image points lie on a line")])
     figure = sheet(9.0, 4.6)
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     _map(left, found, words)
@@ -618,7 +618,7 @@ def residuals(view: View, image: str | None = None, words: Words = ENGLISH) -> F
     """Residual vectors, all at one scale. Raises :class:`InputError` for an unknown image, or without images."""
     measured = image_points(view)
     if measured.height == 0:
-        raise InputError([Message("there are no images, so there are no residual vectors to draw")])
+        raise InputError([Message("cannot plot residual vectors: there are no images")])
     names = _residuals_chosen(view, measured, image)
     columns = min(_COLUMNS, len(names))
     rows = -(-len(names) // columns)

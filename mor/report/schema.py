@@ -256,20 +256,35 @@ class Camera(Part):
 
 
 class Feature(Part):
-    """A plane or a line."""
+    """A plane, a line or another shape."""
 
     id: str = Field(description="Its name")
-    type: Literal["plane", "line", "right angle"] = Field(description="What kind of feature it is")
-    part: str = Field(description="plane or line; of a right angle which of its planes")
-    dx: float = Field(description="Direction of the line, or normal of the plane: x")
-    dy: float = Field(description="y of the same")
-    dz: float = Field(description="z of the same")
+    type: Literal["plane", "line", "right angle", "circle", "sphere", "cylinder", "cone", "torus"] = Field(
+        description="What kind of feature it is"
+    )
+    part: str = Field(description="Of a right angle which of its planes")
+    dx: Number = Field(description="Direction of the line or axis, or normal of the plane: x")
+    dy: Number = Field(description="y of the same")
+    dz: Number = Field(description="z of the same")
+    sd: Number = Field(description="Largest σ of this direction, unit of angles")
     distance: Number = Field(description="Distance of the plane from the origin")
-    x: float = Field(description="Mean of the points on it: x")
+    x: float = Field(description="Centre, apex of a cone, or mean of the points on it: x")
     y: float = Field(description="y of the same")
     z: float = Field(description="z of the same")
+    sx: Number = Field(description="σ of x; that along a plane, line or cylinder is 0")
+    sy: Number = Field(description="σ of y")
+    sz: Number = Field(description="σ of z")
+    radius: Number = Field(
+        description="Radius of a circle, sphere or cylinder, or of the centre line of a torus"
+    )
+    sradius: Number = Field(description="σ of the radius")
+    minor_radius: Number = Field(description="Radius of the tube of a torus")
+    sminor_radius: Number = Field(description="σ of this radius")
+    semi_angle: Number = Field(description="Angle between the axis and the surface of a cone")
+    ssemi_angle: Number = Field(description="σ of this angle")
     points: int = Field(description="Number of points on it")
     rms: float = Field(description="Root mean square of their distances from it")
+    form: float = Field(description="Form deviation: the largest of their residuals minus the smallest")
 
 
 class Other(Part):
@@ -854,7 +869,7 @@ class Results(Part):
     unknowns: int = Field(description="u")
     defect: int = Field(description="d, number of movements the observations leave open")
     movements: list[str] = Field(description="These movements in words")
-    undetermined: list[Direction] = Field(description="What is not determined inside the network")
+    undetermined: list[Direction] = Field(description="Not determined inside the network")
     undeterminable: list[Undeterminable] = Field(
         default_factory=list, description="Things that nothing determines, and what was done about them"
     )
@@ -896,7 +911,7 @@ class Results(Part):
     stations: list[Station] = Field(description="Theodolite stations and further sets of directions")
     systems: list[System] = Field(description="Local systems")
     pairs: list[Pair] = Field(description="Relative orientations of stereo images")
-    features: list[Feature] = Field(description="Planes, lines and right angles")
+    features: list[Feature] = Field(description="Planes, lines, right angles and other shapes")
     others: list[Other] = Field(description="Unknowns of instruments, heights, eccentricities and offsets")
     groups: list[Group] = Field(description="Groups of observations, in the order of the input")
     variance_components: VarianceComponents | None = Field(

@@ -360,7 +360,7 @@ def planted_table(network: Network, errors: Sequence[Planted]) -> pl.DataFrame:
 SCHEMA = "mor-montecarlo"
 SCHEMA_VERSION = 1
 _NAMES = {
-    "solutions": "runs that lead to a solution",
+    "solutions": "runs with a solution",
     "variance": "mean of vTPv / redundancy",
     "global": "runs that the global test rejects",
     "flagged": "observations without error that are flagged",
@@ -391,7 +391,7 @@ def monte_carlo_data(
         "runs": int(tally.runs),
         "solved": int(tally.solved),
         "seed": seed,
-        "start_values": "worked out in every run" if starts else "true",
+        "start_values": "computed in every run" if starts else "true",
         "confidence": CONFIDENCE,
         "level": LEVEL,
         "redundancy": truth.quality.redundancy,
@@ -431,7 +431,7 @@ def monte_carlo_text(
     """The report of a simulation."""
     found = findings(truth, tally)
     title = network.project.title or words("Adjustment")
-    begun = words("worked out in every run") if starts else words("the true values")
+    begun = words("computed in every run") if starts else words("the true values")
     lines = [
         title,
         "=" * min(len(title), WIDTH),

@@ -306,9 +306,10 @@ def _value(row: StartValue) -> dict[str, Any]:
 SHOWN = 1000
 """Values of a kind that the text lists; JSON has all."""
 _EXPLAINED = (
-    "misfit: root mean square of observed - computed of its own observations at the start values, in units of sigma.",
+    "misfit: root mean square of observed - computed, from its own observations "
+    "at the start values, in units of sigma.",
     "sigma: largest component, from these observations with all else held, times the misfit where that exceeds 1;",
-    "what the neighbours are wrong by is not in it. A dash: its own observations do not determine it alone.",
+    "it does not contain the errors of the neighbours. A dash: its own observations alone do not determine it.",
 )
 STATUSES = ("given", "found", "replaced", "missing")
 
@@ -384,7 +385,7 @@ def _tied(join: Join, words: Words) -> str:
         said += "; " + words("{count:movement stays open|movements stay open}", count=tie.open)
     if tie.alternatives:
         said += "; " + words(
-            "{count:other movement fits|other movements fit} as well: the likeliest one is taken",
+            "{count:other movement fits|other movements fit} as well: the most likely one is used",
             count=tie.alternatives,
         )
     return said
@@ -408,7 +409,7 @@ def _values(rows: Sequence[StartValue], words: Words) -> list[str]:
     ]
     parts = [heading(words("Values")), table(headers, lines, 4, words, True)]
     if len(rows) > SHOWN:
-        parts.append(words("{count} more stand in the JSON report.", count=len(rows) - SHOWN))
+        parts.append(words("{count} more are in the JSON report.", count=len(rows) - SHOWN))
     parts += [words(line) for line in _EXPLAINED]
     return ["\n".join(parts)]
 
@@ -449,8 +450,8 @@ def _missing(approximation: Approximation, words: Words) -> str:
         [words.listed(thing.kind), thing.name, str(thing.observations), words.told(thing.reason)]
         for thing in approximation.missing
     ]
-    lines = [heading(words("What stays without start values"))]
-    lines.append(table(["thing", "id", "observations", "reason"], rows, 2, words, True))
+    lines = [heading(words("Missing start values"))]
+    lines.append(table(["object", "id", "observations", "reason"], rows, 2, words, True))
     lines += [sentence(remark, words) for remark in approximation.remarks]
     return "\n".join(lines)
 

@@ -134,7 +134,7 @@ def _emptied(solved: Solved, words: Words) -> list[str]:
     """Groups of which nothing takes part any more: what tests accept then says nothing about them."""
     return [
         words(
-            "Nothing is left of {group}: all of it was taken out ({count}).",
+            "Nothing is left of {group}: all its observations were excluded ({count}).",
             count=row["excluded"],
             group=row["name"],
         )
@@ -155,7 +155,7 @@ def _advice(solved: Solved, words: Words) -> list[str]:
     if solved.adjustment.outcome is Outcome.NOT_CONVERGED and not solved.adjustment.reason:
         return [
             words(
-                "{count:iteration was|iterations were} not enough; settings: {{max_iterations: …}} allows more, "
+                "{count:iteration was|iterations were} not enough. settings: {{max_iterations: …}} allows more; "
                 "better start values need fewer.",
                 count=count,
             )
@@ -170,8 +170,8 @@ def _advice(solved: Solved, words: Words) -> list[str]:
     if any(not thing.treatment for thing in things):
         return [
             words(
-                "settings: {{undetermined: leave_out}} adjusts the rest without what nothing determines "
-                "({count:thing|things}, in undetermined.csv).",
+                "settings: {{undetermined: leave_out}} adjusts the rest without undetermined objects "
+                "({count:object|objects}, in undetermined.csv).",
                 count=len(things),
             )
         ]

@@ -22,11 +22,11 @@ from mor.solve.iterate import Outcome
 SENTENCES = {
     "names exchanged": "two names may be exchanged ({names})",
     "wrong name": "a point may have the name of another one ({names})",
-    "wrong station": "a row may be booked at another station or image ({names})",
+    "wrong station": "a row may belong to another station or image ({names})",
     "control exchanged": "the coordinates of two control points may be exchanged ({names})",
     "control unit": "the coordinates of control points may be in another unit ({names})",
     "axes exchanged": "x and y of control points may be exchanged ({names})",
-    "distance offset": "all distances of an instrument may have a common offset, a prism constant say ({names})",
+    "distance offset": "all distances of an instrument may have a common offset, such as a prism constant ({names})",
     "distance scale": "all distances of an instrument may have a common scale ({names})",
     "slope distance": "horizontal distances may be slope distances ({names})",
     "horizontal distance": "slope distances may be horizontal distances ({names})",
@@ -116,8 +116,8 @@ def diagnosed(data: dict[str, Any], words: Words = ENGLISH) -> str:
     if data["untried"]:
         lines.append(
             words(
-                "{count:hypothesis was|hypotheses were} not tried because the time was over; "
-                "--limit allows more.",
+                "{count:hypothesis was|hypotheses were} not tried because the time limit was "
+                "reached; --limit raises it.",
                 count=data["untried"],
             )
         )
@@ -191,8 +191,9 @@ def suspect_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) 
     lines = [
         heading(words("Left out: suspects of gross errors")),
         words(
-            "Found with weights that fall to zero (graduated, to 3 sigma). This report is the plain adjustment of all "
-            "other observations; data snooping (--snoop) begins from here and puts back what fits."
+            "Found with weights that fall to zero (gradually, down to 3 sigma). This "
+            "report is the plain adjustment of all "
+            "other observations; data snooping (--snoop) starts from it and puts back observations that fit."
         ),
         table(["observation", "|v| [sigma]"], rows, 1, words),
     ]
@@ -209,7 +210,7 @@ def sentences(data: dict[str, Any] | None, words: Words = ENGLISH) -> list[str]:
     if data["outcome"] == Outcome.CONVERGED.value:
         return [
             words(
-                "LANDS where half of all residuals are beyond 3 sigma, with all observations (sigma0 ratio {ratio} "
+                "ENDS with half of all residuals beyond 3 sigma if all observations are used (sigma0 ratio {ratio} "
                 "after {count:iteration|iterations}).",
                 ratio=words.number(short(data["sigma0_ratio"], 4)),
                 count=data["iterations"],
@@ -276,7 +277,7 @@ def reliability_section(solved: Solved, words: Words = ENGLISH, shown: int = SHO
 def _sentence(row: dict[str, Any], unit: str, words: Words) -> str:
     if row["point"] is not None and row["movement"] is None:
         return words(
-            "{place}: w = {w}, r = {r}: so little else controls it that nothing can be said of an error in it",
+            "{place}: w = {w}, r = {r}: it is controlled too weakly to say anything about an error in it",
             place=in_words(row, words),
             w=fixed(row["w"], 2),
             r=short(row["r"], 2),
@@ -339,7 +340,7 @@ def snooped_in_words(data: dict[str, Any] | None, words: Words, shown: int = SHO
     back = len(data["steps"]) - out
     lines = [heading(words("Data snooping: {out} excluded, {back} put back", out=out, back=back))]
     if not data["clean"]:
-        lines.append(words("NOT CLEAN: something is still flagged that was not excluded."))
+        lines.append(words("NOT CLEAN: flagged observations remain that were not excluded."))
     lines += mostly_out_in_words(data["mostly_out"], words, shown)
     rows = [
         [str(step["round"]), step["action"], in_words(step, words), fixed(step["w"], 2)]
@@ -371,8 +372,9 @@ def mostly_out_in_words(rows: list[dict[str, Any]], words: Words, shown: int) ->
         named = words("{names} and {count} more", names=named, count=left)
     return [
         words(
-            "Most observations were taken out of {things}: is not rather the whole wrong (name, given values, a frame "
-            "that moved) than each of them?",
+            "Most observations of {things} were excluded: check whether the whole is "
+            "wrong (name, given values, a moved "
+            "instrument) rather than each observation.",
             things=named,
         )
     ]
@@ -415,15 +417,15 @@ def undetermined_section(solved: Solved, words: Words = ENGLISH) -> str:
     """Explanation of a singular system, or of directions that are hardly determined; nothing otherwise."""
     weak = weakness(solved, words)
     if weak:
-        return "\n".join([heading(words("What is hardly determined")), *weak])
+        return "\n".join([heading(words("Poorly determined")), *weak])
     if solved.adjustment.reason in OF_THE_START:
         return ""  # what is singular there is so because of where things were put
     if solved.adjustment.outcome is not Outcome.SINGULAR:
         turned = [] if solved.quality is not None else turned_about(solved, words)
-        return "\n".join([heading(words("What is hardly determined")), *turned]) if turned else ""
+        return "\n".join([heading(words("Poorly determined")), *turned]) if turned else ""
     return "\n".join(
         [
-            heading(words("What is not determined")),
+            heading(words("Not determined")),
             *(_named(solved, words) or explain_singularity(solved, words)),
         ]
     )
@@ -454,10 +456,10 @@ def listed(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN_UNDETERMIN
         ]
         for thing in things[:shown]
     ]
-    headers = ["thing", "id", "treatment", "reason"]
-    lines = [heading(words("What nothing determines")), table(headers, rows, 4, words)]
+    headers = ["object", "id", "treatment", "reason"]
+    lines = [heading(words("Undetermined objects")), table(headers, rows, 4, words)]
     if len(things) > shown:
-        lines.append(words("{count} more stand in undetermined.csv.", count=len(things) - shown))
+        lines.append(words("{count} more are in undetermined.csv.", count=len(things) - shown))
     return "\n".join(lines)
 
 
@@ -469,7 +471,7 @@ def sentences_of_things(things: Sequence[Undeterminable], words: Words = ENGLISH
     if left:
         lines.append(
             words(
-                "{count:thing is|things are} LEFT OUT, because nothing determines them: {names} (undetermined.csv).",
+                "{count:object is|objects are} LEFT OUT because nothing determines them: {names} (undetermined.csv).",
                 count=len(left),
                 names=_names(left, words),
             )
@@ -536,7 +538,7 @@ def _moving(solved: Solved, words: Words) -> str:
     if not rows:
         return ""
     headers = ["unknown", "component", "unit", "way", "last steps"]
-    return "\n".join([heading(words("What does not come to rest")), table(headers, rows, 4, words)])
+    return "\n".join([heading(words("Unknowns that do not settle")), table(headers, rows, 4, words)])
 
 
 def _worst(solved: Solved, words: Words, shown: int) -> str:
@@ -556,7 +558,7 @@ def _worst(solved: Solved, words: Words, shown: int) -> str:
     if not rows:
         return ""
     headers = ["type", "between", "component", "unit", "observed", "v", "sigma", "|v|/sigma"]
-    title = heading(words("What fits worst at the last values (no solution: v is no residual of one)"))
+    title = heading(words("Largest misfits at the last values (no solution, so v is not a residual)"))
     return "\n".join([title, table(headers, rows, 4, words)])
 
 

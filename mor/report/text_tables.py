@@ -113,7 +113,7 @@ def section_of(checks: list[dict[str, Any]], unit: str, words: Words) -> str:
         return ""
     headers = ["checks", "component", "unit", "n", "mean", "rms", "largest", "beyond test"]
     lines = [
-        heading(words("Checks, kept out of the adjustment (adjusted - known)")),
+        heading(words("Checks, not used in the adjustment (adjusted - known)")),
         table(headers, rows, 3, words),
     ]
     error = largest_length_error(checks)
@@ -235,7 +235,7 @@ def _explained(solved: Solved, words: Words) -> str:
 
 
 def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
-    """One line for each plane and line."""
+    """One line for each feature, two for a right angle."""
     frame = feature_table(solved)
     if frame.height == 0 or solved.quality is None:
         return ""
@@ -246,16 +246,16 @@ def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
             f"{words.listed(row['type'])} {row['id']}"
             + (f", {words.listed(row['part'])}" if row["part"] else ""),
             *(fixed(row[name], 7) for name in ("dx", "dy", "dz")),
-            *(fixed(row[name], d) for name in ("distance", "x", "y", "z")),
-            str(row["points"]),
-            fixed(row["rms"], d),
+            *(fixed(row[name], d) for name in ("distance", "x", "y", "z", "rms", "form")),
         ]
         for row in frame.to_dicts()
     ]
-    lengths = [f"{name} [{unit}]" for name in ("distance", "X", "Y", "Z")]
-    headers = ["feature", *(f"{n} [1]" for n in ("dX", "dY", "dZ")), *lengths, "points", f"rms [{unit}]"]
-    note = words("d: normal of a plane, direction of a line; X Y Z: mean of the points on it")
-    return f"{heading(words('Planes and lines'))}\n{table(headers, rows, words=words)}\n{note}"
+    lengths = [f"{name} [{unit}]" for name in ("distance", "X", "Y", "Z", "rms", "form")]
+    headers = ["feature", *(f"{n} [1]" for n in ("dX", "dY", "dZ")), *lengths]
+    note = words(
+        "d: normal of a plane, direction of a line or axis; X Y Z: centre, apex, or mean of the points on it"
+    )
+    return f"{heading(words('Planes, lines and shapes'))}\n{table(headers, rows, words=words)}\n{note}"
 
 
 # ------------------------------------------------------------
@@ -660,8 +660,8 @@ def statements(solved: Solved, words: Words) -> list[str]:
     if found.unlisted:
         lines.append(
             words(
-                "Movements of {count:point|points} with coordinates of each epoch are not worked out here; "
-                "mor compare --between does so for two epochs.",
+                "Movements of {count:point|points} with coordinates of each epoch are not computed here; "
+                "mor compare --between computes them for two epochs.",
                 count=found.unlisted,
             )
         )

@@ -218,6 +218,7 @@ def other_rows(solved: Solved) -> list[dict[str, Any]]:
         "gnss frame",
         "height",
         "eccentricity",
+        "shape",
         "readout",
         "position shift",
         "attitude shift",

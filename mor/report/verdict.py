@@ -33,7 +33,6 @@ from mor.report.layout import fixed, heading, in_words, short, table
 from mor.report.observations import place
 from mor.report.units import ends_of_group, once, said_differences, said_sizes
 from mor.types import BoolArray, IntArray
-from mor.units import LENGTH_UNITS
 
 # ------------------------------------------------------------
 # External reliability as vectors: where an error that stays unseen moves each point.
@@ -113,7 +112,6 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
         uncontrolled_count(solved.quality),
         explanations,
         solved.adjustment.defect.movements,
-        LENGTH_UNITS[solved.network.project.units.length],
     )
 
 
@@ -129,9 +127,8 @@ def rows_of_verdict(
     uncontrolled: int,
     explanations: list[dict[str, Any]],
     movements: Sequence[str],
-    length: float = 1.0,
 ) -> dict[str, Any]:
-    """A verdict with its explanations; ``accepted`` is nothing without redundancy, ``length`` the unit of lengths."""
+    """A verdict with its explanations; ``accepted`` is nothing without redundancy."""
     tests = judged.tests
     listed = tests.tests if len(tests.tests) <= MOST_GROUPS else tuple(tests.rejected)
     found = judged.determined
@@ -151,24 +148,21 @@ def rows_of_verdict(
             "scale": "scale" in movements,
             "fixed_coordinates_uncontrolled": judged.chosen_only,
         },
-        "determined": _determined(found, length) if found is not None else None,
+        "determined": _determined(found) if found is not None else None,
     }
 
 
-def _determined(found: Determined, length: float) -> dict[str, Any]:
-    """Determination of the result, lengths in units of the project."""
+def _determined(found: Determined) -> dict[str, Any]:
     return {
         "as_a_whole": found.as_a_whole,
         "everywhere": found.everywhere,
-        "size": found.size / length,
+        "size": found.size,
         "limit": LARGEST_SIGMA,
         "points": found.points,
-        "largest_sigma": found.largest / length,
-        "median_sigma": found.median / length,
+        "largest_sigma": found.largest,
+        "median_sigma": found.median,
         "beyond": len(found.beyond),
-        "worst": [
-            {"kind": kind, "id": name, "sigma": sigma / length} for kind, name, sigma in found.beyond[:NAMED]
-        ],
+        "worst": [{"kind": kind, "id": name, "sigma": sigma} for kind, name, sigma in found.beyond[:NAMED]],
         "directions": found.directions,
     }
 
@@ -506,7 +500,7 @@ def ill_determined(data: dict[str, Any] | None, unit: str, words: Words) -> list
     if not found["beyond"]:
         return [
             words(
-                "ILL-DETERMINED: {count:direction is|directions are} hardly determined; the report lists what moves "
+                "ILL-DETERMINED: {count:direction is|directions are} poorly determined; the report lists what moves "
                 "together, and what would help.",
                 count=found["directions"],
             )
@@ -528,7 +522,7 @@ def ill_determined(data: dict[str, Any] | None, unit: str, words: Words) -> list
             words(
                 "ILL-DETERMINED: {count} of {all:point|points} with a standard deviation of more than {percent} % of "
                 "the size of the network ({size} {unit}), the largest {sigma} {unit}: {names}. Observe them from "
-                "further places, or fix or observe their coordinates.",
+                "more stations, or fix or observe their coordinates.",
                 **numbers,
             )
         ]
@@ -610,7 +604,7 @@ def said_conventions(data: dict[str, Any], words: Words) -> list[str]:
         lines.append(words("The scale is arbitrary: no observation contains a length."))
     if found["fixed_coordinates_uncontrolled"]:
         lines.append(
-            words("The fixed coordinates only settle the datum: nothing would show an error in them.")
+            words("The fixed coordinates only define the datum: nothing would show an error in them.")
         )
     return lines
 
@@ -693,13 +687,13 @@ def uncontrolled_sentence(row: dict[str, Any], words: Words) -> str:
         left = len(row["carries"]) - POINTS
         if left > 0:
             names = words("{names} and {count} more", names=names, count=left)
-        said += words("; carries {names}", names=names)
+        said += words("; supports {names}", names=names)
     cure = row["cure"]
     if cure is None:
         return said
     if cure["again"]:
-        return said + words("; measured once more it would have r = {r}", r=short(cure["r"], 2))
+        return said + words("; measured twice it would have r = {r}", r=short(cure["r"], 2))
     place = in_words({**cure, "component": cure["type"]}, words)
     return said + words(
-        "; with a further observation, {place}, it would have r = {r}", place=place, r=short(cure["r"], 2)
+        "; with one more observation, {place}, it would have r = {r}", place=place, r=short(cure["r"], 2)
     )

@@ -141,15 +141,22 @@ def view_of_folder(folder: Path) -> View:
     except FileNotFoundError:
         raise InputError([Message("there is no results.json in this folder", str(folder))]) from None
     except (ValueError, RecursionError):
-        raise InputError([Message("this is no results.json of mor", str(path))]) from None
+        raise InputError([Message("this is not a results.json of mor", str(path))]) from None
     if isinstance(data, dict) and (version := data.get("schema_version")) != SCHEMA_VERSION:
         words = (
             f"these results are of version {version}, this program reads version {SCHEMA_VERSION}; "
-            "mor adjust --force writes them anew"
+            "mor adjust --force writes them again"
         )
         raise InputError([Message(words, str(path))])
     if not isinstance(data, dict) or data.get("global_test") is None:
-        raise InputError([Message("these results tell of no solution: there is nothing to draw", str(path))])
+        raise InputError(
+            [
+                Message(
+                    "these results contain no solution (the adjustment did not converge); there is nothing to plot",
+                    str(path),
+                )
+            ]
+        )
     try:
         return _view(data, folder)
     except (KeyError, TypeError, pl.exceptions.PolarsError):

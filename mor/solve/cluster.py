@@ -66,8 +66,8 @@ class Cluster:
             raise InputError(
                 [
                     Message(
-                        "workers died one after the other at the same task; "
-                        f"have they less memory than they were told? {said}"
+                        "workers died one after another at the same task; do "
+                        f"they have less memory than they are configured for? {said}"
                     )
                 ]
             ) from None
@@ -97,9 +97,9 @@ class Cluster:
 
 
 _IDLE = {
-    0: "all workers are lost, and no new ones come",
+    0: "all workers are lost, and no new ones have joined",
     1: "the scheduler has tasks and workers, and gives them nothing to do",
-    None: "the scheduler does not answer any more",
+    None: "the scheduler has stopped answering",
 }
 """What is said where nobody has been at work, by whether there are workers."""
 
@@ -188,7 +188,7 @@ def _check(client: Any, folder: Path) -> None:
         if other:
             problems.append(Message(f"another version: {'; '.join(other)}", worker))
         if found["word"] != word:
-            words = f"does not see {folder}: it has to be on a file system that all machines have in common"
+            words = f"does not see {folder}: it has to be on a file system that all machines share"
             problems.append(Message(words, worker))
     token.unlink()
     if problems:
@@ -203,7 +203,7 @@ def _asked(client: Any, token: str) -> dict[str, dict[str, Any]]:
             return dict(client.run(_what_is_there, token))
         except OSError:  # a worker was lost while it was asked
             if time.monotonic() > until:
-                raise InputError([Message("workers are lost as soon as they are asked")]) from None
+                raise InputError([Message("workers are lost as soon as they get a task")]) from None
             time.sleep(0.5)
         except Exception as error:  # noqa: BLE001 - whatever a worker without mor makes of the question
             reason = str(error).splitlines()[0] if str(error) else type(error).__name__

@@ -98,10 +98,10 @@ NOTHING_LEARNT = Secants()
 _SHORTEST = 0.02
 """Part of a step along weak directions that is taken at least."""
 
-A_WEAK_TURN = "a turn of the whole network is not determined in any useful way"
-RAN_AWAY = "the iteration ran away from the start values to where unknowns are not determined"
-STANDS_STILL = "the iteration stands still"
-SINGULAR_MINIMUM = "a movement of the network changes no observation where the sum of squares is smallest"
+A_WEAK_TURN = "a rotation of the whole network is not usefully determined"
+RAN_AWAY = "the iteration moved away from the start values to a place where unknowns are not determined"
+STANDS_STILL = "the iteration makes no progress"
+SINGULAR_MINIMUM = "at the minimum of the sum of squares, a movement of the network changes no observation"
 """Reasons of outcomes."""
 
 
@@ -616,7 +616,7 @@ def _of_rays(rays: Rays, weight: FloatArray, sizes: FloatArray, of_points: Float
 # points and networks of 625 to 10 000 points with up to 2 000 long ties (``python -m tests.memory``).
 # ------------------------------------------------------------
 
-LESS = "fewer observations at a time, or parts of the network by themselves"
+LESS = "adjust fewer observations at a time, or parts of the network separately"
 """Advice."""
 _NUMBER = 8
 _FACTORS = 2
@@ -725,7 +725,7 @@ def _judge_defect(state: Adjustment) -> Adjustment:
     if defect.datum.shape[1] and not datum.free:
         return state._replace(outcome=Outcome.SINGULAR, reason="the datum is not defined")
     if not binds(defect.datum, state.constraint, state.problem.index):
-        return state._replace(outcome=Outcome.SINGULAR, reason="the datum points do not settle the datum")
+        return state._replace(outcome=Outcome.SINGULAR, reason="the datum points do not define the datum")
     return state
 
 

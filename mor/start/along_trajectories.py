@@ -187,7 +187,7 @@ def _rms(wrong: FloatArray) -> float:
 _LEAST_ANGLE = 1e-3
 """Radians between two rays of a point, from which on it starts at their intersection."""
 
-_FROM_NOWHERE = "seen along trajectories that have no start values there"
+_FROM_NOWHERE = "seen from trajectories without start values at that time"
 
 
 def along_trajectories(network: Network) -> Network:

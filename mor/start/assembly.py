@@ -502,7 +502,10 @@ def from_random_places(
     return None
 
 
-_WORDS = "random places: {ends} of {tries} adjustments from such led to a solution, two of them to this one"
+_WORDS = (
+    "random positions: {ends} of {tries} adjustments from such positions led to "
+    "a solution, two of them to this one"
+)
 
 
 def _has_lines(network: Network) -> bool:

@@ -315,9 +315,9 @@ class SimilarityOutcome(Enum):
 
     DETERMINED = "determined"
     TOO_FEW = "fewer common points than the transformation needs"
-    INVALID = "a coordinate is no number, or the sets differ in size"
-    COINCIDENT = "the points of one set all lie at one place"
-    COLLINEAR = "the points lie in one line: the turn about it is open"
+    INVALID = "a coordinate is not a number, or the sets differ in size"
+    COINCIDENT = "all points of one set coincide"
+    COLLINEAR = "the points are collinear: the rotation about their line is undetermined"
     MIRRORED = "one set is the mirror image of the other: a left-handed system, or exchanged axes"
 
     @property

@@ -67,14 +67,12 @@ class SectionOutcome(Enum):
     DETERMINED = "determined"
     AMBIGUOUS = "two points fit: on either side of the line of the stations"
     TOO_FEW = "fewer than two bearings or distances"
-    INVALID = "a value is no number or a distance not positive"
+    INVALID = "a value is not a number, or a distance is not positive"
     SAME_PLACE = "the stations coincide"
-    PARALLEL = "the bearings are parallel, or all but: they meet at no determined distance"
-    BEHIND = "the bearings meet behind a station: a bearing is reversed or wrong"
-    TOUCHING = (
-        "the arcs touch, or all but: the point lies on the line of the stations and is badly determined"
-    )
-    APART = "the arcs do not meet: a distance is wrong, or the scale"
+    PARALLEL = "the bearings are nearly parallel: the distance of their intersection is undetermined"
+    BEHIND = "the bearings intersect behind a station: a bearing is reversed or wrong"
+    TOUCHING = "the arcs are nearly tangent: the point is close to the line through the stations and poorly determined"
+    APART = "the arcs do not intersect: a distance or the scale is wrong"
 
 
 class Section(NamedTuple):
@@ -241,10 +239,10 @@ class StationOutcome(Enum):
     """Outcome of a free station."""
 
     DETERMINED = "determined"
-    AMBIGUOUS = "several stations fit: a further direction or distance decides"
+    AMBIGUOUS = "several stations fit: another direction or distance decides between them"
     TOO_FEW = "too few measurements: three directions, or two distances, or both to two points"
     DANGEROUS_CIRCLE = "station and sighted points lie on one circle: directions alone do not determine it"
-    DOES_NOT_FIT = "no station fits the measurements: wrong points, or a distance that reaches nowhere"
+    DOES_NOT_FIT = "no station fits the measurements: wrong points or a wrong distance"
 
     @property
     def usable(self) -> bool:

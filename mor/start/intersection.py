@@ -31,7 +31,7 @@ class IntersectionOutcome(Enum):
 
     DETERMINED = "the rays meet in front of their frames"
     TOO_FEW = "fewer than two rays"
-    PARALLEL = "the rays are parallel, or all but: their intersection is at no determined distance"
+    PARALLEL = "the rays are nearly parallel: the distance of their intersection is undetermined"
     BEHIND = "the rays meet behind a frame"
     DOES_NOT_MEET = "the rays do not meet within their precision"
 

@@ -13,8 +13,10 @@ from mor.model import rotations
 from mor.model.observation_types import target_slot
 from mor.model.parameters import Blocks
 from mor.model.rotations import angles_from_rotation, nearest_rotation, rotation_from_angles
+from mor.model.shapes import SHAPE_TYPES
 from mor.project.entities import thing_of
 from mor.project.network import Network
+from mor.project.shapes import fit_shape
 from mor.start.bundle import Similarity, SimilarityOutcome, congruence, similarity
 from mor.start.intersection import posed_frames
 from mor.start.movement import OPEN, PRECISION, Movement, Ties, Turn, movement
@@ -451,8 +453,9 @@ class _Measured(NamedTuple):
 def fill_systems(network: Network, start: dict[str, FloatArray]) -> None:
     """Compute missing origin, attitude, scale and offset of local systems, (X̄, Ȳ, Z̄) = λ D (X − X0) + r̄.
 
-    Of planes, lines and right angles whose points had no coordinates when the project was read, all are made again.
+    Of features whose points had no coordinates when the project was read, all are made again.
     """
+    turned: set[int] = set()
     for one in _systems(network):
         recomputed = _is_feature(network.blocks["rotation"], one) and bool(
             np.isnan(network.start["point"][one.points]).any()
@@ -463,7 +466,35 @@ def fill_systems(network: Network, start: dict[str, FloatArray]) -> None:
         )
         if (lacking or recomputed) and np.isfinite(one.local[known]).any():
             one = one._replace(points=one.points[known], local=one.local[known])
-            _fill(network, start, one, recomputed)
+            _fill(network, start, one, recomputed, one.rotation in turned)
+        turned.add(one.rotation)
+    _fill_shapes(network, start, turned)
+
+
+def _fill_shapes(network: Network, start: dict[str, FloatArray], turned: set[int]) -> None:
+    """The local systems and sizes of shapes whose points had no coordinates when the project was read.
+
+    ``turned`` are attitudes that are known already: those of features to which shapes are parallel.
+    """
+    placed: set[int] = set()
+    for group in network.groups:
+        if group.type.key not in SHAPE_TYPES:
+            continue
+        position, rotation, offset, shape = (int(block[0]) for block in group.blocks[:4])
+        points = group.blocks[4]
+        if np.isnan(network.start["point"][points]).any():
+            axis = None
+            if rotation in turned:
+                D = start["rotation"][rotation]
+                axis = (D, start["point"][position] if position in placed else None)
+            known = network.start["shape"][shape]
+            fit = fit_shape(group.type.key, start["point"][points], known, axis)
+            if fit is None:
+                continue
+            start["rotation"][rotation], start["point"][position] = fit.rotation, fit.origin
+            start["eccentricity"][offset], start["shape"][shape] = fit.offset, fit.shape
+        turned.add(rotation)
+        placed.add(position)
 
 
 def _systems(network: Network) -> Iterator[_Measured]:
@@ -472,8 +503,8 @@ def _systems(network: Network) -> Iterator[_Measured]:
         return
     blocks = [np.concatenate([group.blocks[slot] for group in groups]).astype(np.int64) for slot in range(5)]
     local = np.concatenate([group.observed for group in groups])
-    for rotation in np.unique(blocks[1]):
-        rows = np.flatnonzero(blocks[1] == rotation)
+    for rotation, own in np.unique(np.stack([blocks[1], blocks[3]]), axis=1).T:
+        rows = np.flatnonzero((blocks[1] == rotation) & (blocks[3] == own))
         origin, _, scale, offset = (int(blocks[slot][rows[0]]) for slot in range(4))
         yield _Measured(origin, int(rotation), scale, offset, blocks[4][rows], local[rows])
 
@@ -482,12 +513,14 @@ def _is_feature(blocks: Blocks, one: _Measured) -> bool:
     return blocks.about_axes is not None and bool(blocks.about_axes[one.rotation])
 
 
-def _fill(network: Network, start: dict[str, FloatArray], one: _Measured, recomputed: bool) -> None:
+def _fill(
+    network: Network, start: dict[str, FloatArray], one: _Measured, recomputed: bool, turned: bool
+) -> None:
     points = start["point"][one.points]
     free = bool(network.blocks["scale"].free[one.scale, 0])
     scale = 1.0 if free else float(start["scale"][one.scale, 0])
     D = start["rotation"][one.rotation]
-    if recomputed or np.isnan(D).any():
+    if not turned and (recomputed or np.isnan(D).any()):
         none = np.zeros((0, 3))
         found = movement(Ties(scale * points, one.local, none, none), Turn.ANY, not free)
         if found is None:
@@ -654,10 +687,11 @@ def _named(network: Network, part: Part) -> dict[str, Rule]:
 
 
 _REASONS = {
-    "point": "seen from too few known places: it needs two rays, or a direction and a distance",
-    "image": "it shares too few points with others whose place is known",
-    "station": "too few points whose place is known are sighted from it",
-    "system": "too few points whose place is known have coordinates in it",
+    "point": "seen from too few known stations: it needs two rays, or a direction and a distance",
+    "image": "it shares too few points with others that have coordinates",
+    "station": "too few points with coordinates are sighted from it",
+    "system": "too few points with known coordinates have coordinates in it",
+    "feature": "too few of its points are known, or they lie on no such shape",
     "pair": "one of its two images could not be oriented",
 }
 """Why things stay without start values."""

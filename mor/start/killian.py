@@ -502,19 +502,22 @@ class PlaneOutcome(Enum):
     """Outcome of the orientation of two images of a plane object."""
 
     UNIQUE = "one solution is visible"
-    AMBIGUOUS = "several shapes fit both images; a further image, a known angle or length ratio decides"
+    AMBIGUOUS = (
+        "several shapes fit both images; another image, a known angle or a length ratio decides between them"
+    )
     TOO_FEW = "fewer than four points"
     INVALID = "a ray is zero or not a number"
-    COLLINEAR = "three of four points, or all, lie in one line"
+    COLLINEAR = "three of four points, or all points, are collinear"
     WEAK = (
-        "one solution is visible, but so loosely determined that its standard deviations do not hold: a longer base, "
-        "more points, or a further image"
+        "one solution is visible, but so weakly determined that its standard deviations do not hold: use a longer "
+        "base, more points or another image"
     )
     NO_BASE = (
         "no base: the second image is the first one turned, to its precision; the shape of the plane is open"
     )
     BASE_ALONG_NORMAL = (
-        "dangerous locus: both projection centres lie on one normal of the plane, or the measurements cannot tell; "
+        "critical configuration: both projection centres lie on one normal of the "
+        "plane, or the measurements cannot exclude it; "
         "the two solutions coincide and errors of the image coordinates enter with their square root"
     )
     NOT_VISIBLE = (

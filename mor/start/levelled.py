@@ -388,7 +388,7 @@ SAME = 0.02
 SMALLEST = 1e-3
 """Least singular value of the surfaces, relative to the largest, at which they meet in a point."""
 ONE_PLACE = "meeting of {count} surfaces"
-SEVERAL_PLACES = "meeting of {count} surfaces: one of {of} places that fit alike"
+SEVERAL_PLACES = "meeting of {count} surfaces: one of {of} positions that fit equally well"
 _STEPS = 25
 _ALIKE = 9.0
 

@@ -5,7 +5,7 @@ directions known in both (verticals, axes of frames). Given R the rest is linear
 attitudes, about the vertical, or not at all, whatever the systems are free to do, and the best are adjusted
 (Gauss-Newton). Further starts come from the closed form over points known in all three components.
 
-What is not determined stays as near as possible to where it was, and is counted. Coordinates are taken relative to
+Not determined stays as near as possible to where it was, and is counted. Coordinates are taken relative to
 their centre, so the distance from the origin does not matter.
 """
 

@@ -23,15 +23,16 @@ class RelativeOutcome(Enum):
 
     DETERMINED = "one orientation fits, with all points in front of both bundles"
     AMBIGUOUS = (
-        "several orientations fit equally well; a further image, a distance or a known attitude decides"
+        "several orientations fit equally well; another image, a distance or a known attitude decides "
+        "between them"
     )
     WEAK = (
-        "the orientation fits, but so loosely that its standard deviations do not hold: more base, or points better "
-        "spread"
+        "the orientation fits, but so weakly that its standard deviations do not hold: use a longer base or better "
+        "distributed points"
     )
     TOO_FEW = "fewer than eight homologous points"
     INVALID = "a ray is zero or not a number, or the bundles differ in length"
-    COLLINEAR = "the points lie in one line, in one of the bundles or both"
+    COLLINEAR = "the points are collinear in one or both of the bundles"
     IDENTICAL = "the two bundles are identical: the same image twice"
     NO_BASE = "no base: the second bundle is the first one turned; its attitude is known, the base is open"
     BEHIND = "no orientation has the points in front of both bundles: wrong pairs, or a camera looking away"

@@ -143,17 +143,21 @@ class ResectionOutcome(Enum):
     """Outcome of a resection."""
 
     DETERMINED = "one pose fits"
-    AMBIGUOUS = "several poses fit equally well; a further point, or the side it was taken from, decides"
-    AMBIGUOUS_AND_WEAK = (
-        "several poses fit, and at least one of them is hardly determined: near the dangerous cylinder over the "
-        "circle of the points, or points too close together; further points decide"
+    AMBIGUOUS = (
+        "several poses fit equally well; another point, or the side from which the "
+        "image was taken, decides between them"
     )
-    WEAK = "a pose fits but is hardly determined: points too close together or a dangerous position"
+    AMBIGUOUS_AND_WEAK = (
+        "several poses fit, and at least one of them is poorly determined: near the critical cylinder over the "
+        "circle of the points, or points too close together; more points decide between them"
+    )
+    WEAK = "a pose fits but is poorly determined: points too close together, or a critical configuration"
     TOO_FEW = "fewer than three points"
-    INVALID = "a ray or a point is no number, or a ray is zero, or their numbers differ"
-    COLLINEAR = "the points lie in one line, in the object or as seen"
+    INVALID = "a ray or a point is not a number, a ray is zero, or there are not as many rays as points"
+    COLLINEAR = "the points are collinear, in the object or in the image"
     DOES_NOT_FIT = (
-        "no pose fits half of the points within their precision: wrong identities or wrong interior"
+        "no pose fits half of the points within their precision: wrong "
+        "identities or wrong interior orientation orientation"
     )
 
     @property

@@ -302,7 +302,8 @@ def _part(scene: Scene, i: int, j: int, seed: Orientation, slack: float, common:
     part.slack = slack
     part.poses[i], part.poses[j] = (np.zeros(3), np.eye(3)), (seed.base, seed.rotation)
     part.began = rule(
-        "relative orientation of {one} and {other}, {count} points, one of {of} that fit: most rays agree with it",
+        "relative orientation of {one} and {other}, {count} points, one of {of} that "
+        "fit, chosen because most rays agree with it",
         one=one,
         other=other,
         count=common,
@@ -466,10 +467,12 @@ def seed_plan(
     names = {"one": sights[0].name, "two": sights[1].name, "three": sights[2].name}
     if not ranked or not np.isfinite(ranked[0][0]):
         return None, rule(
-            "directions of {one}, {two} and {three}: no shape in plan has all points in front", **names
+            "directions of {one}, {two} and {three}: no solution in plan has all points in front", **names
         )
     if len(ranked) > 1 and ranked[1][0] < CLEARLY * ranked[0][0]:
-        return None, rule("directions of {one}, {two} and {three}: two shapes in plan fit alike", **names)
+        return None, rule(
+            "directions of {one}, {two} and {three}: two solutions in plan fit equally well", **names
+        )
     return _seed_plan_part(chosen, sights, common, shapes[ranked[0][1]], points), None
 
 

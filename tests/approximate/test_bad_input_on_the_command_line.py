@@ -12,7 +12,7 @@ from tests.selection import slow_but
 
 WORDS = {
     "four": ("fewer than eight homologous points", "share 4 points, relative orientation needs 8"),
-    "collinear": ("the points lie in one line", "the points lie in one line"),
+    "collinear": ("the points are collinear", "the points are collinear"),
     "identical": ("the same image twice", "the same image twice"),
     "mirrored": ("one bundle is mirrored", "one bundle is mirrored"),
     "mismatched": (
@@ -138,7 +138,7 @@ def test_bad_plane_objects_are_named(scenes, tmp_path, capsys, name):
     a, b = made.rays
     rays, words = {
         "three": ((a[:3], b[:3]), "fewer than four points"),
-        "collinear": (bad(scenes, "collinear"), "lie in one line"),
+        "collinear": (bad(scenes, "collinear"), "are collinear"),
         "identical": ((a, a), "no base"),
         "mismatched": ((a, b[np.random.default_rng(1).permutation(12)]), "mismatched"),
     }[name]
@@ -193,6 +193,6 @@ observations:
 """)
     assert run(["adjust", str(project)]) == 2
     said = capsys.readouterr().err
-    assert "station S: what it sees contradicts the places of its points" in said
+    assert "station S: its observations contradict the known coordinates of its points" in said
     assert "too few points" not in said
     assert "mor diagnose searches for mistakes" in said

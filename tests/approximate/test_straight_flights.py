@@ -74,5 +74,5 @@ def test_without_enough_control_the_knots_are_named() -> None:
     with pytest.raises(NoStartValuesError, match="knot S0@0") as raised:
         mor.adjust(data)
     points = {thing.reason for thing in raised.value.things if thing.kind == "point"}
-    assert points == {"seen along trajectories that have no start values there"}
+    assert points == {"seen from trajectories without start values at that time"}
     assert all(thing.observations for thing in raised.value.things if thing.kind == "point")

@@ -74,7 +74,7 @@ def test_another_datum_never_overwrites_the_files_it_is_read_from(tmp_path: Path
     assert run.code == 2
     for name in ("adjusted.yaml", "reference.csv"):
         assert (
-            f"{results / name}: results would overwrite this file, which the project is read from" in run.err
+            f"{results / name}: results would overwrite this file, from which the project is read" in run.err
         )
     assert {path.name: path.read_bytes() for path in results.iterdir()} == before
     # a project whose table bears the name of a result
@@ -440,7 +440,7 @@ def test_a_check_of_what_nothing_determines_is_a_mistake(tmp_path: Path) -> None
     )
     run = mor("adjust", write_block(tmp_path, text))
     assert run.code == 2
-    assert "'Z' is to be checked, but nothing determines it" in run.err
+    assert "'Z' is a check point, but nothing determines it" in run.err
 
 
 def _spoiled(folder: Path) -> Path:

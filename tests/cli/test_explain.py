@@ -45,7 +45,7 @@ def test_no_name_stands_twice_and_nothing_is_empty() -> None:
 
 def test_words_of_a_term(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["explain", "exit", "code", "4"]) == 0
-    assert "leave something open" in capsys.readouterr().out
+    assert "do not determine some unknowns" in capsys.readouterr().out
     assert run(["explain", "redundanzanteil"]) == 0
     assert capsys.readouterr().out.startswith(
         "r, redundancy number, redundancy numbers (German: Redundanzanteil)"

@@ -120,4 +120,4 @@ def test_a_datum_that_the_observations_settle(here: Path) -> None:
     assert mor("adjust", write(here / "observed", observed), "--quiet", "--no-html").code == 0
     run = mor("datum", "observed/project.results", "--to", "free: {z: [A, B]}")
     assert run.code == 0
-    assert run.err.startswith("note: the observations settle the datum by themselves (defect 0)")
+    assert run.err.startswith("note: the observations define the datum themselves (defect 0)")

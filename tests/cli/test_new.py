@@ -123,7 +123,7 @@ def test_what_a_table_is(tmp_path: Path, header: str, kind: str | None) -> None:
     path = tmp_path / "t.csv"
     path.write_text(f"{header}\n", encoding="utf-8")
     if kind is None:
-        with pytest.raises(InputError, match="what is this"):
+        with pytest.raises(InputError, match="unknown kind of table"):
             recognise(path)
     else:
         assert recognise(path)[0].kind == kind
@@ -233,7 +233,11 @@ def test_sheets_of_a_spreadsheet_must_be_named_if_missing(tmp_path: Path) -> Non
 
 @pytest.mark.parametrize(
     ("content", "words"),
-    [("a,b,c\n1,2,3\n", "what is this?"), ("1,2,3\n", "expected a header"), ("", "expected a header")],
+    [
+        ("a,b,c\n1,2,3\n", "unknown kind of table"),
+        ("1,2,3\n", "expected a header"),
+        ("", "expected a header"),
+    ],
 )
 def test_tables_nobody_knows(
     tmp_path: Path, content: str, words: str, capsys: pytest.CaptureFixture[str]
@@ -278,7 +282,7 @@ def test_images_and_points_in_one_list(tmp_path: Path, capsys: pytest.CaptureFix
     tables = [str(tmp_path / name) for name in ("rays.csv", "mixed.csv")]
     assert run(["new", str(tmp_path / "p.yaml"), *tables]) == 2
     said = capsys.readouterr().err
-    assert "image 'I1' and point 'P1' stand in one list; make two tables of it" in said
+    assert "image 'I1' and point 'P1' are in one list; split it into two tables" in said
     assert not (tmp_path / "p.yaml").exists()
 
 

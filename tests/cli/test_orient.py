@@ -212,7 +212,7 @@ def test_the_nine_unknowns_and_their_conditions(tmp_path: Path, capsys: pytest.C
     assert run(["orient", "relative", str(table), "-c", "30", "--sigma", "0.005", "--lang", "de"]) == 0
     german = capsys.readouterr().out
     assert "Hilfsunbekannte ik (Rinner)" in german
-    assert "Gegenseitige Orientierung: eine Orientierung passt" in german
+    assert "Relative Orientierung: eine Orientierung passt" in german
 
 
 def test_both_orientations_of_a_plane_are_told(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

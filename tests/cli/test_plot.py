@@ -177,6 +177,6 @@ def test_results_of_another_version_are_called_that(tmp_path):
     (tmp_path / "results.json").write_text('{"schema_version": 1, "global_test": {}, "points": []}')
     run = mor("plot", "network", tmp_path, "-o", tmp_path / "network.svg")
     words = (
-        "these results are of version 1, this program reads version 2; mor adjust --force writes them anew"
+        "these results are of version 1, this program reads version 2; mor adjust --force writes them again"
     )
     assert (run.code, run.err) == (2, f"{tmp_path / 'results.json'}: {words}\n")

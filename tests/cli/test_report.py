@@ -88,7 +88,7 @@ def test_a_report_one_signs(sample: str, most: int, tmp_path: Path, monkeypatch:
     sections = {
         "Verdict",
         "Network",
-        "What was adjusted",
+        "Summary of the adjustment",
         "Datum",
         "Cameras",
         "Weakest spots",

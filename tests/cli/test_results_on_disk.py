@@ -62,11 +62,11 @@ class TestOverwriting:
         assert mor("adjust", project, "--lang", "de").code == 0
         folder = tmp_path / "project.results"
         (folder / "notes.txt").write_text("mine")
-        assert "Was in diesem Ordner liegt" in (folder / "README.txt").read_text(encoding="utf-8")
+        assert "Inhalt dieses Ordners" in (folder / "README.txt").read_text(encoding="utf-8")
         assert mor("adjust", project).code == 0
         assert mor("adjust", project, "-o", folder).code == 0
         written = content(folder)
-        assert written["README.txt"].startswith(b"What is in this folder")
+        assert written["README.txt"].startswith(b"Contents of this folder")
         assert all(
             name.encode() in written["README.txt"] for name in set(written) - {"README.txt", "notes.txt"}
         )
@@ -128,7 +128,7 @@ class TestOverwriting:
         run = mor("adjust", project, "-o", tmp_path, "--force")
         assert run.code == 2
         assert run.err.splitlines() == [
-            f"{tmp_path}/{name}: results would overwrite this file, which the project is read from; "
+            f"{tmp_path}/{name}: results would overwrite this file, from which the project is read; "
             "choose another folder"
             for name in ("images.csv", "points.csv")
         ]
@@ -308,7 +308,7 @@ def test_start_values_never_overwrite_the_project_they_are_found_for(tmp_path: P
     before = {path.name: path.read_bytes() for path in tmp_path.iterdir()}
     run = mor("approximate", project, "-o", tmp_path, "--force")
     assert run.code == 2
-    assert run.err.count("which the project is read from; choose another folder") == 1
+    assert run.err.count("from which the project is read; choose another folder") == 1
     assert {path.name: path.read_bytes() for path in tmp_path.iterdir()} == before
 
 

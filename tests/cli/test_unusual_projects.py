@@ -42,7 +42,7 @@ def test_a_table_of_which_everything_is_left_out(tmp_path: Path) -> None:
     project = write(tmp_path, HEIGHTS)
     run = mor("adjust", project, "-o", tmp_path / "one")
     assert run.code == 0, run.err
-    assert "4 things are LEFT OUT" in run.err
+    assert "4 objects are LEFT OUT" in run.err
     assert "residuals are smaller" in run.err
 
 
@@ -143,7 +143,9 @@ def test_a_turn_that_is_known_well_is_not_called_hardly_determined(
 
 
 def test_lines_of_a_loop_in_german() -> None:
-    said = words_of("de").told("levelling A - B: the loop misses by 0.1 m (5 sigma); its lines: 7, 9")
+    said = words_of("de").told(
+        "levelling A - B: the loop has a misclosure of 0.1 m (5 sigma); its lines: 7, 9"
+    )
     assert said == "Nivellement A - B: der Schleifenschluss ist 0.1 m (5 Sigma); ihre Zeilen: 7, 9"
 
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 
+import mor
 from tests.docs.test_formats_pages import DOCS as FORMAT_PAGES
 from tests.docs.test_formats_pages import _files
 from tests.docs.test_tutorials import tutorials
@@ -18,7 +19,7 @@ from tools.prose import measure
 __all__ = ["tutorials"]
 ROOT = Path(__file__).parents[2]
 PAGES = sorted((ROOT / "docs" / "how-to").glob("*.md"))
-RUN = [path for path in PAGES if path.stem not in ("batch", "python")]
+RUN = [path for path in PAGES if path.stem not in ("add-a-format", "batch", "python")]
 """Pages whose commands are run here; test_batch_page and the test below run the code of the others."""
 
 
@@ -45,6 +46,22 @@ def test_code_of_the_python_page_runs(tmp_path: Path, monkeypatch: pytest.Monkey
     assert len(names["weakest"]) == 5
     assert set(names["flagged"]["flag"]) == {"gross"}
     assert (tmp_path / "python.results" / "results.json").is_file()
+
+
+def test_reader_of_the_format_page_reads(tmp_path: Path) -> None:
+    (code,) = re.findall(
+        r"^```python\n(.*?)^```",
+        (ROOT / "docs" / "how-to" / "add-a-format.md").read_text("utf-8"),
+        re.M | re.S,
+    )
+    names: dict[str, Any] = {}
+    exec(code, names)
+    (tmp_path / "good.txt").write_text("P1 1 2 3\nP2 4 5 6\n", encoding="utf-8")
+    (tmp_path / "bad.txt").write_text("P1 1 2 3\nP2 4 5\n", encoding="utf-8")
+    (table,) = names["read_points"](tmp_path / "good.txt").data["points"]
+    assert table["rows"] == [["P1", "1", "2", "3"], ["P2", "4", "5", "6"]]
+    with pytest.raises(mor.InputError, match=r"bad\.txt:2: found 3 words"):
+        names["read_points"](tmp_path / "bad.txt")
 
 
 @pytest.mark.parametrize("path", [p for p in PAGES if p.stem != "batch"], ids=lambda path: path.stem)

@@ -259,14 +259,18 @@ def test_an_adjusted_block_begins_where_it_ended(
         (
             "x, y, z",
             "1, 2, 3",
-            "x, y, z of its own have no place in the world; expected east, north, elevation",
+            "x, y, z of its own are not possible on the earth; expected east, north, elevation",
         ),
         (
             "east, north",
             "690000, 5340200",
             "a position on the earth needs all of east, north, elevation, or none",
         ),
-        ("east, north, elevation", "690000, 5340200, 1300", "height above the geoid, and nothing says where"),
+        (
+            "east, north, elevation",
+            "690000, 5340200, 1300",
+            "height above the geoid, but the geoid is unknown",
+        ),
         ("east, north, elevation, sigma_x", "690000, 5340200, 1300, 1", "place of a frame is a start value"),
     ],
 )

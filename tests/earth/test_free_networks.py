@@ -104,11 +104,11 @@ def test_a_free_network_has_the_residuals_of_one_that_is_held_in_a_point(
     [
         (
             "d",
-            "neither free nor determined, for verticals differ from place to place; fix or observe two points",
+            "nor leave it free, because verticals differ from place to place; fix or observe two points",
         ),
         ("ds", "fix or observe two points, or one point and an azimuth"),
         ("dsh", "fix or observe two points, or one point and an azimuth"),
-        ("dsvh", "where the network lies, for verticals differ from place to place; fix or observe a point"),
+        ("dsvh", "nor leave it free, because verticals differ from place to place; fix or observe a point"),
     ],
 )
 @pytest.mark.parametrize("command", ["check", "adjust", "design"])
@@ -128,7 +128,7 @@ def test_one_point_does_not_hold_the_turn(tmp_path: Path, kinds: str, size: floa
     """It was iterated without an end, and the observations were blamed."""
     told = mor("adjust", write(tmp_path, json.dumps(survey(size, kinds, held=1))))
     assert told.code == 2
-    assert "the turn about the only point that is held" in told.err
+    assert "the rotation about the only fixed point" in told.err
     assert "fix or observe a second point, or an azimuth" in told.err
 
 

@@ -189,7 +189,7 @@ def test_a_grid_and_columns_of_the_same_values_give_the_same(tmp_path: Path) -> 
         ("geoid: g.gsb, deflections: none.gsb", "deflections: none.gsb: this file does not exist"),
         ("geoid: g.gsb, deflections: n.gtx", "deflections: n.gtx: only a GSB grid holds both deflections"),
         ("geoid: g.gsb, deflections: far.gsb", "the grid of deflections far.gsb covers none of these points"),
-        ("geoid: bad.gsb", "geoid: bad.gsb: this is no binary grid of the format NTv2"),
+        ("geoid: bad.gsb", "geoid: bad.gsb: this is not a binary grid of the format NTv2"),
         ("geoid: short.gsb", "geoid: short.gsb: it ends before its 12 nodes do"),
         ("geoid: g.gsb, deflections: {north: n.gtx}", "east"),
     ],

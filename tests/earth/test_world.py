@@ -147,11 +147,11 @@ def test_heights_above_a_geoid_of_a_grid(tmp_path: Path) -> None:
         ),
         (
             [(", heights: ellipsoidal", "")],
-            r"project.yaml:4: ETRS89 / UTM zone 32N .* does not say what heights are",
+            r"project.yaml:4: ETRS89 / UTM zone 32N .* does not say what heights refer to",
         ),
         (
             [("EPSG:25832", "EPSG:25832+7837"), (", heights: ellipsoidal", "")],
-            r"heights of these points are above the geoid, and",
+            r"heights of these points are above the geoid, but",
         ),
         (
             [("EPSG:25832", "EPSG:25832+7837")],
@@ -195,7 +195,7 @@ def test_heights_above_a_geoid_of_a_grid(tmp_path: Path) -> None:
         ([("type: gnss_vector", "type: vector")], r"vector does not say .* expected gnss_vector"),
         (
             [("type: distance", "type: mean_sea_level_distance")],
-            r"'B': its height above the geoid is meant, and nothing says",
+            r"'B': its height is above the geoid, but the geoid is unknown",
         ),
         (
             [('world: {crs: "EPSG:25832", heights: ellipsoidal}\n', "")],
@@ -357,7 +357,7 @@ observations:
             "type: distance\n    projection: EPSG:25832",
             r"projection: distance refers to none",
         ),
-        ("_bearing", "_bearing\n    projection: EPSG:4258", r"projection: ETRS89 \S+ is no projection"),
+        ("_bearing", "_bearing\n    projection: EPSG:4258", r"projection: ETRS89 \S+ is not a projection"),
         ("_bearing", "_bearing\n    projection: EPSG:31467", r"is of another ellipsoid than ETRS89"),
     ],
 )
@@ -371,7 +371,7 @@ def test_mistakes_of_projections_are_told(tmp_path: Path, old: str, new: str, wo
 def test_a_project_in_latitude_and_longitude_names_the_projection_of_bearings(tmp_path: Path) -> None:
     found = mor("check", write(tmp_path, GEOGRAPHIC))
     assert found.code == 2
-    assert re.search(r"projected_bearing: ETRS89 \S+ is no projection; name one", found.err), found.err
+    assert re.search(r"projected_bearing: ETRS89 \S+ is not a projection; name one", found.err), found.err
     named = GEOGRAPHIC.replace("_bearing", "_bearing\n    projection: EPSG:25832")
     assert mor("check", write(tmp_path, named)).code == 0
 

@@ -135,7 +135,7 @@ def test_what_is_left_out_is_told(tmp_path: Path) -> None:
         ("<sensor>auto,24</sensor>", "", "wall.xml:9: camera 1: found no <sensor>"),
         ("-1e-4,2e-7", "1,2,3,4", "wall.xml:11: camera 1: found 4 coefficients K"),
         ('"id,im,x,y"', '"id,im,x"', "wall.xml:8: found the format 'id,im,x': expected y in it"),
-        ('"id,im,x,y"', '"id,img,x,y"', "'img' is no column"),
+        ('"id,im,x,y"', '"id,img,x,y"', "'img' is not a column"),
         (">marks.txt<", ">mark.txt<", "wall.xml:8: the file mark.txt does not exist"),
         ("<skew>false", "<skew>perhaps", "wall.xml:15: found 'perhaps' in <skew>"),
         (">remove<", ">drop<", "wall.xml:4: found the filter 'drop'"),

@@ -153,5 +153,5 @@ def test_directions_of_set_ups_and_in_face_two(tmp_path: Path, key: str) -> None
     found = [parse_dms(row[2]) for row in table["rows"]]
     np.testing.assert_allclose(found, [9.0, 45.0, 2.7], atol=1e-11)
     set_ups[0]["rows"][1][1] = None
-    with pytest.raises(InputError, match="station 'S2' stands on no point"):
+    with pytest.raises(InputError, match="station 'S2' has no point"):
         write_foreign(document, tmp_path, tmp_path / "n.msr", key)

@@ -114,7 +114,7 @@ def test_other_texts_are_refused(tmp_path):
         read_foreign(path, "photomodeler")
     assert {problem.line for problem in error.value.problems} == {2, 3, 4, 6}
     path.write_text("short")
-    with pytest.raises(InputError, match="no PhotoModeler text export"):
+    with pytest.raises(InputError, match="not a PhotoModeler text export"):
         read_foreign(path, "photomodeler")
 
 

@@ -240,7 +240,7 @@ def test_a_resection_of_sdr_precedes_its_station(tmp_path: Path) -> None:
     assert _station_of_lines(document) == {7: "S", 8: "S", 11: "S"}
     circle = {row["to"]: float(row["horizontal"]) for row in _rows(document, "zenith_directions")}
     assert circle == {"A": pytest.approx(270.0), "B": pytest.approx(90.0), "D": pytest.approx(270.0)}
-    assert "sights of a resection that was begun anew (1 record, lines 5)" in _notes(document)
+    assert "sights of a resection that was started again (1 record, lines 5)" in _notes(document)
     assert "was turned when its station was recorded" in _notes(document)
 
 

@@ -172,6 +172,21 @@ def test_errors_of_a_set_are_those_between_any_two_of_its_stations(tmp_path: Pat
     np.testing.assert_allclose(np.linalg.eigvalsh(between) * 1e6, np.sort(expected), rtol=1e-9)
 
 
+def test_positions_of_a_set_have_the_covariances_of_its_command(tmp_path: Path) -> None:
+    positions = "A -4787264.52 560595.57 -4163681.80\nB -4787842.22 560070.26 -4163244.58\n"
+    data = (
+        f"Set\n#gx_enu_error 40 60 120 mm 20 30 50 mmr 2 5 10 ppmr\n#data GX grouped no_heights\n{positions}"
+    )
+    document = _document(tmp_path, "", data)
+    Q = next(np.array(t["covariance"]) for t in document.data["observations"]) * 1e6
+    distance = np.linalg.norm([577.70, 525.31, 437.22]) * 1e-3
+    expected = np.array([20.0, 30.0, 50.0]) ** 2 + (distance * np.array([2.0, 5.0, 10.0])) ** 2
+    np.testing.assert_allclose(np.linalg.eigvalsh(Q[:3, 3:]), np.sort(expected), rtol=1e-9)
+    np.testing.assert_allclose(np.linalg.eigvalsh(Q[:3, :3]), np.square([40.0, 60.0, 120.0]), rtol=1e-9)
+    with pytest.raises(InputError, match="found the unit 'mmr', expected mm, m, ppm"):
+        _document(tmp_path, "", data.replace("gx_enu", "gps_enu"))
+
+
 def _text(random: np.random.Generator) -> tuple[str, str, np.ndarray]:
     """A network of 2 km with errors of its σ, as SNAP reads it; its true places."""
     places = np.column_stack(
@@ -226,7 +241,7 @@ def test_generated_networks_come_back(tmp_path: Path) -> None:
     [
         ("A 1.5 B 1.5 100.0", "A 1.5 D 1.5 100.0", "station 'D' is not in n.crd"),
         ("#lv_error 5 mm", "#lv_error 5 inch", "found the unit 'inch'"),
-        ("#hp_angles", "#gon_angles", "command #gon_angles is not followed"),
+        ("#hp_angles", "#gon_angles", "command #gon_angles is not supported"),
         ("A B 41.28158 4", "A B 41.78158 4", "expected degrees, minutes, seconds"),
         ("A B 41.28158 4", "A A 41.28158 4", "both ends are 'A'"),
         ("#ds_error 3 mm 2 ppm", "", "nothing says the error: #ds_error"),
@@ -246,7 +261,7 @@ def test_mistakes_are_told_with_their_line(tmp_path: Path, old: str, new: str, s
 @pytest.mark.parametrize(
     ("stations", "commands", "said"),
     [
-        (STATIONS.replace("NZGD2000", "ED50"), COMMANDS, "coordinate system 'ED50' is not followed"),
+        (STATIONS.replace("NZGD2000", "ED50"), COMMANDS, "coordinate system 'ED50' is not supported"),
         (
             STATIONS.replace("NZGD2000", "NZGD2000/NZVD2016").replace(" geoid_heights", ""),
             COMMANDS,
@@ -254,8 +269,8 @@ def test_mistakes_are_told_with_their_line(tmp_path: Path, old: str, new: str, s
         ),
         (STATIONS.replace("41 00 25.2", "141 00 25.2"), COMMANDS, "found the latitude -141"),
         (STATIONS, COMMANDS.replace("fix A", "fix D"), "station 'D' is not in n.crd"),
-        (STATIONS, COMMANDS.replace("fix A", "fix automatically all"), "fix automatically is not followed"),
-        (STATIONS, COMMANDS.replace("3d", "2d"), "mode 2d is not followed"),
+        (STATIONS, COMMANDS.replace("fix A", "fix automatically all"), "fix automatically is not supported"),
+        (STATIONS, COMMANDS.replace("3d", "2d"), "mode 2d is not supported"),
         (STATIONS, COMMANDS.replace("n.dat", "no.dat"), "this file does not exist"),
         (
             STATIONS,

@@ -182,7 +182,7 @@ def test_the_scratch_folder_must_exist(tmp_path: Path) -> None:
     project = write_block(tmp_path / "block", Kind())
     done = command("adjust", project, "--memory", "8GB", "--scratch", tmp_path / "nowhere")
     assert done.exit_code == 2
-    assert "this is no folder" in done.stderr
+    assert "this is not a folder" in done.stderr
 
 
 @pytest.mark.parametrize("option", ["--workers", "--cluster"])

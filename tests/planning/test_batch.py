@@ -78,4 +78,4 @@ def test_what_differs_from_what_was_kept_fails_and_the_jobs_change_nothing(batch
 
 def test_a_pattern_of_nothing_is_a_mistake(tmp_path, capfd):
     assert run(["batch", str(tmp_path / "*.yaml")]) == 2
-    assert "no project file is called so" in capfd.readouterr().err
+    assert "no project file matches this name" in capfd.readouterr().err

@@ -50,8 +50,8 @@ def test_a_plan_is_said_to_be_one_and_judged(tmp_path, capfd):
     assert run(["design", _plan(tmp_path), "--rank", "--greedy", "8"]) == 1
     folder = tmp_path / "plan.design"
     text = (folder / "design.txt").read_text(encoding="utf-8")
-    assert "PLAN: nothing of this is measured" in text
-    assert "IT DOES NOT REACH 1 of 2 requirements." in text
+    assert "PLAN: nothing has been measured" in text
+    assert "IT DOES NOT MEET 1 of 2 requirements." in text
     assert "sigma0 a posteriori" not in text
     assert "vTPv" not in text
     assert max(map(len, text.splitlines())) <= 100
@@ -72,14 +72,14 @@ def test_a_plan_is_said_to_be_one_and_judged(tmp_path, capfd):
     last = ranking.filter(pl.col("kind") == "greedy").tail(1)
     assert float(last["shortfall"][0]) == 0.0
     assert float(last["smallest_r"][0]) >= 0.1
-    assert "IT DOES NOT REACH" in capfd.readouterr().err
+    assert "IT DOES NOT MEET" in capfd.readouterr().err
 
 
 def test_exit_code_says_whether_all_is_reached(tmp_path, capfd):
     assert run(["design", _plan(tmp_path, 0.001), "--json", "--lang", "de"]) == 0
     printed = capfd.readouterr()
     assert json.loads(printed.out)["fulfilled"]
-    assert "Sie erreicht alles Geforderte (2)." in printed.err
+    assert "Sie erfüllt alle Forderungen (2)." in printed.err
     assert not (tmp_path / "plan.design").exists()
 
 
@@ -94,17 +94,17 @@ def test_a_plan_that_leaves_something_open_has_no_solution(tmp_path, capfd):
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
-        ('points: ["*"]', "points: [E]", "no point is called 'E'"),
+        ('points: ["*"]', "points: [E]", "there is no point 'E'"),
         ("xy: 3 mm", "xy: 3 kg", "unit 'kg' does not fit a length"),
         ("r: LIMIT", "r: 1.5", "expected a number below 1"),
-        ("r: LIMIT", "r: 0.1, groups: [distanc]", "no group of observations is called 'distanc'"),
+        ("r: LIMIT", "r: 0.1, groups: [distanc]", "there is no group of observations 'distanc'"),
         ("[D, 55, 30, 1]", '[D, 55, 30, ""]', "point D: no place"),
         (
             "candidates: [again]",
             "candidates: [agan]",
-            "no table of candidates is called 'agan'; did you mean",
+            "there is no table of candidates 'agan'; did you mean",
         ),
-        ("points: [D]", "points: [F]", "no point is called 'F'"),
+        ("points: [D]", "points: [F]", "there is no point 'F'"),
         ("  name: again\n", "  name: again\n  cluster: x\n", "candidates are uncorrelated"),
     ],
 )

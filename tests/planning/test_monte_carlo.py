@@ -108,7 +108,7 @@ def test_runs_of_something_else_are_never_mixed_in(trial, tmp_path):
     ready, alone = prepared(trial), partial(by_processes, jobs=1)
     run_trial(ready, 2, alone, tmp_path / "runs", {}, _told)
     other = ready._replace(trial=trial._replace(seed=2))
-    with pytest.raises(InputError, match="of other input or another seed"):
+    with pytest.raises(InputError, match="of other input or of another seed"):
         run_trial(other, 2, alone, tmp_path / "runs", {}, _told)
 
 

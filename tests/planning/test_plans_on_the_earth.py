@@ -110,6 +110,6 @@ observations:
     (tmp_path / "project.yaml").write_text(text)
     found = mor("design", tmp_path / "project.yaml", "-o", tmp_path / "out")
     assert found.code == 2
-    assert "'B': its height above the geoid is meant, and nothing says where that is" in found.err
+    assert "'B': its height is above the geoid, but the geoid is unknown" in found.err
     (tmp_path / "project.yaml").write_text(text.replace("sigma: 0.03", "sigma: 0.03, geoid: 47"))
     assert "above the geoid" not in mor("design", tmp_path / "project.yaml", "-o", tmp_path / "out").err

@@ -154,7 +154,7 @@ def test_large_blocks_are_ranked_like_small_ones(monkeypatch, name, points, unit
     monkeypatch.setattr(wide, "MOST_LOOKED_AT", 30)
     with pytest.raises(InputError, match="expected 30 in"):
         ranking(solved, required, 0)
-    with pytest.raises(InputError, match="--greedy: greedy plans are made of up to 100"):
+    with pytest.raises(InputError, match="--greedy: greedy plans choose up to 100"):
         ranking(solved, required, 5)
 
 

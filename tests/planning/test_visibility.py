@@ -1,4 +1,4 @@
-"""Who sees what, against a ray-casting that shares nothing with the program: volumes of tetrahedra, one by one."""
+"""Visibility, against a ray-casting that shares nothing with the program: volumes of tetrahedra, one by one."""
 
 from __future__ import annotations
 
@@ -270,7 +270,7 @@ def test_a_longer_lens_sees_less(tmp_path):
     _hall(tmp_path, project=text)
     assert mor("design", tmp_path / "project.yaml", "--lang", "de").code == 0
     report = (tmp_path / "project.design" / "design.txt").read_text(encoding="utf-8")
-    assert "Wer was sieht" in report
+    assert "Sichtbarkeit" in report
     data = json.loads((tmp_path / "project.design" / "design.json").read_text(encoding="utf-8"))
     plain, longer = data["variants"]
     assert longer["observations"] < plain["observations"]
@@ -330,8 +330,8 @@ def test_mistakes_are_told_with_their_place(tmp_path):
     assert run.code == 2
     for words in (
         "clearance: found -2 mm, expected a length",
-        "no surface is called 'blok'; did you mean 'block'?",
-        "a normal is 0 or no number, expected a direction",
+        "there is no surface 'blok'; did you mean 'block'?",
+        "a normal is 0 or not a number, expected a direction",
         "visible: at: no image is called 'J*'",
         "visible: steepest is for instruments",
         "visible: nearest: unit 'gon' does not fit a length",

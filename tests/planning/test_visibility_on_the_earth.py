@@ -1,4 +1,4 @@
-"""Who sees what on the earth: the horizon of each place, its curvature, surfaces in national coordinates."""
+"""Visibility on the earth: the horizon of each place, its curvature, surfaces in national coordinates."""
 
 from __future__ import annotations
 

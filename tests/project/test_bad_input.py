@@ -97,7 +97,7 @@ class TestSigma:
     def test_zero_is_for_what_is_fixed(self, tmp_path: Path) -> None:
         found = wrong(tmp_path, "1.002, 0.001", "1.002, 0")
         assert found == [
-            "project.yaml:9: found σ = 0, expected σ > 0 (what is exactly known is fixed, not observed)"
+            "project.yaml:9: found σ = 0, expected σ > 0 (fix exact values instead of observing them)"
         ]
 
     def test_none_at_all_is_said_once(self, tmp_path: Path) -> None:
@@ -219,8 +219,8 @@ class TestStereoPairs:
     def test_followers_of_each_other(self, tmp_path: Path) -> None:
         rows = ("010,K,,,,,,,no,R", "no,K,,,,,,,010,R", "1e3,K,0,0,0,0,0,0,,", "12:30,K,0,0,0,0,0,0,,")
         assert self.found(tmp_path, *rows) == [
-            "images.csv:2: leader 'no' is itself a follower; a leader must be an image of its own",
-            "images.csv:3: leader '010' is itself a follower; a leader must be an image of its own",
+            "images.csv:2: leader 'no' is itself a follower; a leader must have its own position and attitude",
+            "images.csv:3: leader '010' is itself a follower; a leader must have its own position and attitude",
         ]
 
     def test_missing_references(self, tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ class TestObservations:
         entry = "  - {type: zenith_directions, columns: [station, to, zenith, sigma], rows: [[A, C, 96, 1]]}"
         found = with_observations(tmp_path, entry)
         assert len(found) == 1
-        assert "zenith angles alone are of type zenith_angle" in found[0]
+        assert "use type zenith_angle for zenith angles alone" in found[0]
 
     def test_nothing_observed_in_a_row(self, tmp_path: Path) -> None:
         entry = "  - {type: vector, columns: [from, to, dx, dy, dz, sigma], rows: [[A, C, '', '', '', 1]]}"
@@ -157,7 +157,7 @@ class TestFeatures:
     def test_too_few_points(self, tmp_path: Path) -> None:
         text = TRIANGLE + "features: [{type: plane, id: wall, points: [A, B, C], sigma: 0.001}]\n"
         assert mistakes(write(tmp_path, text)) == [
-            "project.yaml:7: a plane says nothing with 3 points; it needs 4 or more"
+            "project.yaml:7: a plane observes nothing with 3 points; it needs 4 or more"
         ]
 
     def test_unknown_point(self, tmp_path: Path) -> None:

@@ -200,5 +200,5 @@ def test_what_is_known_of_one_is_known_of_all() -> None:
 
 def test_two_fixed_components_must_agree() -> None:
     store = heights(1.0, 2.0, 3.0, free=(False, False, True))
-    with pytest.raises(ContradictionError, match="a and b are fixed at"):
+    with pytest.raises(ContradictionError, match="the fixed values of a and b"):
         settle_equalities(store, [Equality(0, 0, 1, 0.5)])

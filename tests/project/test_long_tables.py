@@ -47,7 +47,7 @@ def test_comments_and_empty_lines_change_nothing_but_lines(tmp_path: Path, end: 
 def test_the_line_of_a_mistake_behind_comments(tmp_path: Path) -> None:
     text = described(rays()).splitlines()
     assert mistakes(write_block(tmp_path, rays="\n".join([*text, "# end", "010,P0,1,twice"]))) == [
-        f"rays.csv:{len(text) + 2}: y: found 'twice', expected a number (units are said for the column: units: …)"
+        f"rays.csv:{len(text) + 2}: y: found 'twice', expected a number (give units for the whole column: units: …)"
     ]
 
 
@@ -127,7 +127,7 @@ def test_of_very_many_mistakes_the_first_are_told_and_the_rest_counted(tmp_path:
     found = [str(problem) for problem in caught.value.problems]
     assert len(found) == 101
     assert found[0].endswith(
-        "rays.csv:2: y: found 'none', expected a number (units are said for the column: units: …)"
+        "rays.csv:2: y: found 'none', expected a number (give units for the whole column: units: …)"
     )
     assert "rays.csv:102: 4900 more rows like these" in found[-1]
 

@@ -128,6 +128,6 @@ def test_a_follower_is_no_position(tmp_path: Path) -> None:
     run: Run = mor("check", write(tmp_path, text(row("distance", "from, to, distance", ["A", "R", 5.0]))))
     assert run.code == 2
     assert (
-        "image 'R' follows another one and is no position of its own; centre:R is its projection centre"
+        "image 'R' follows another one and is not a position of its own; centre:R is its projection centre"
         in run.err
     )

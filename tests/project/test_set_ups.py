@@ -327,9 +327,9 @@ def test_any_row_may_observe_the_position_that_several_share(which: str, tmp_pat
 
 
 def test_rows_that_contradict_the_position_they_share(tmp_path: Path) -> None:
-    another = "'stand' has another value or σ where it stands first"
+    another = "'stand' has another value or σ in its first row"
     for other_row in (STAND.replace("1.21", "1.22"), STAND.replace("0.8, 7.55, 0.01", "0.8, 7.55, 0.02")):
         text = rows(PLACE, [STAND, *[SOMEWHERE] * 3, other_row])
         assert another in refused(project(tmp_path, CAMERA, text))
     text = rows(PLACE, [STAND.replace("stand", "T")] * 5)
-    assert "'T' has another value or σ where it stands first" in refused(project(tmp_path, CAMERA, text))
+    assert "'T' has another value or σ in its first row" in refused(project(tmp_path, CAMERA, text))

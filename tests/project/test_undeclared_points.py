@@ -73,7 +73,7 @@ def test_tie_points_of_a_block_and_a_free_station(tmp_path: Path) -> None:
     assert run.code == 0, run.err
     assert len(json.loads(run.out)["points"]) == 12
     assert "8 points that only observations name" in run.err
-    assert "point 'P4' is in no table of points and therefore free; 'P0' is" in run.err
+    assert "point 'P4' is in no table of points and is therefore free; 'P0' is" in run.err
 
 
 def test_a_slip_of_the_pen_stays_a_mistake(tmp_path: Path) -> None:
@@ -83,9 +83,7 @@ def test_a_slip_of_the_pen_stays_a_mistake(tmp_path: Path) -> None:
     declared = "  - {columns: [id, x, y, z], rows: [[Q7, 50, 50, 12]]}\nobservations:"
     run = mor("check", write(tmp_path, text.replace("observations:", declared)))
     assert run.code == 2
-    assert (
-        "point 'Q8' is named by this row only, and no table of points has it; did you mean 'Q7'?" in run.err
-    )
+    assert "point 'Q8' occurs only in this row and in no table of points; did you mean 'Q7'?" in run.err
 
 
 def test_a_prefix_says_what_a_name_is(tmp_path: Path) -> None:

@@ -164,7 +164,7 @@ def test_a_screenful_of_mistakes_and_all_of_them(tmp_path: Path) -> None:
     project = table(tmp_path, f"id,x,y,z\n{rows}".encode())
     told = mor("adjust", project).err.splitlines()
     assert len(told) == 21
-    assert told[-2] == "… and 60 more mistakes; mor check --all tells all of them"
+    assert told[-2] == "… and 60 more mistakes; mor check --all lists all of them"
     everything = mor("check", project, "--all")
     assert (everything.code, len(everything.err.splitlines())) == (2, 80)
 
@@ -184,7 +184,7 @@ def test_a_screenful_of_notes_and_all_of_them(tmp_path: Path) -> None:
     assert len(few) == 21
     assert len(everything) >= 30
     assert few[:20] == everything[:20]
-    assert few[-1] == f"note: … and {len(everything) - 20} more notes; mor check --all tells all of them"
+    assert few[-1] == f"note: … and {len(everything) - 20} more notes; mor check --all lists all of them"
 
 
 @pytest.mark.parametrize("delimiter", ['"', "\n", "#", "5", ".", "-", "ä", ""])

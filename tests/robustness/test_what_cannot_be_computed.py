@@ -185,7 +185,7 @@ def test_a_screen_of_what_is_not_determined(tmp_path: Path) -> None:
 def test_ppm_where_no_length_is_measured_between_two_places(tmp_path: Path) -> None:
     text = TRIANGLE.replace("{type: zenith_angle,", "{type: zenith_angle, ppm: 2,")
     said = refused(write(tmp_path, text), 7)
-    assert said.startswith("found ppm for observations of type zenith_angle, expected it where lengths")
+    assert said.startswith("found ppm for observations of type zenith_angle; ppm needs lengths")
 
 
 def test_a_standard_deviation_of_a_datum_whose_square_is_no_number(tmp_path: Path) -> None:

@@ -52,6 +52,7 @@ def test_measures() -> None:
         ("word " * 41 + ".", "sentence of 41 words"),
         ("A point is no longer fixed.", "history word 'no longer'"),
         ("The file is said to be wrong.", "private word 'is said to'"),
+        ("Two blunders are in it.", "term 'blunder', the glossary has 'gross error'"),
     ],
 )
 def test_faults(text: str, fault: str) -> None:
@@ -62,6 +63,14 @@ def test_benchmarks_may_name_machines() -> None:
     page = prose.measure("This ran on a Xeon.")
     assert prose.faults("benchmarks.md", page) == []
     assert prose.faults("page.md", page) == ["page.md: history word 'Xeon'"]
+
+
+def test_terms_to_use_are_in_the_glossary() -> None:
+    glossary = (prose.ROOT / "docs" / "glossary.md").read_text("utf-8")
+    english = [line.split("|")[1] for line in glossary.splitlines() if line.startswith("| ")]
+    for word, term in prose.OTHER_TERMS.items():
+        assert any(term in cell for cell in english), term
+        assert not any(word in cell for cell in english), word
 
 
 def test_all_pages_are_within_the_limits(capsys: pytest.CaptureFixture[str]) -> None:

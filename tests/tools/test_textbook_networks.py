@@ -184,9 +184,7 @@ def test_standard_deviations_of_a_dynamic_datum(tmp_path):
 def test_rows_of_a_dynamic_datum_that_are_neither(tmp_path):
     path = tmp_path / "net.dat"
     path.write_text(DYNAMIC.format(datum="A 1 2 3\nB 1"))
-    with pytest.raises(
-        InputError, match="found rows of 3, 1 numbers, expected of 2 observed coordinates a σ each"
-    ):
+    with pytest.raises(InputError, match="found rows of 3, 1 numbers, 2 observed coordinates need a σ each"):
         read_krumm(path)
 
 

@@ -1,4 +1,4 @@
-"""What nothing determines is named, left out on request, and changes nothing of the rest; far points are directions."""
+"""Undetermined objects is named, left out on request, and changes nothing of the rest; far points are directions."""
 
 from __future__ import annotations
 

@@ -255,7 +255,7 @@ def _as_mor(camera: Camera, values: dict[str, float], edge: Edge, scale: ImageSc
         names = {"K1": "A1", "K2": "A2", "K3": "A3", "P1": "B1", "P2": "B2"}
         return {names.get(k, k): -v if k in names else v for k, v in values.items()}
     if values.get("C1") or values.get("C2"):
-        raise ValueError("COLMAP has no place for its affinity (C1, C2)")
+        raise ValueError("COLMAP cannot store its affinity (C1, C2)")
     r0 = edge.number(camera.r0 or "0", IMAGE, "", scale)
     f = 1.0 - sum(values.get(f"A{k}", 0.0) * r0 ** (2 * k) for k in (1, 2, 3))
     powers = {"c": -1, "A1": 3, "A2": 5, "A3": 7, "B1": 2, "B2": 2}

@@ -469,12 +469,12 @@ def _check(model: ColmapModel, draft: Draft) -> None:
             )
             draft.problem(words, camera.line)
         if not usable(camera.parameters) or not 0 < min(camera.width, camera.height) < 1 << 31:
-            draft.problem(f"camera {camera.id}: its size or a parameter is no usable number", camera.line)
+            draft.problem(f"camera {camera.id}: its size or a parameter is not a usable number", camera.line)
         elif abs(camera.parameters[0]) < 1e-9 or abs(camera.parameters[0]) > 1e12:
             words = f"camera {camera.id}: found the focal length {camera.parameters[0]:g}, expected px"
             draft.problem(words, camera.line)
     if not usable(model.point_xyz):
-        draft.problem("a coordinate of a point is no number up to 1e30")
+        draft.problem("a coordinate of a point is not a number up to 1e30")
     for image in model.images:
         words = _wrong(image, cameras)
         if words:
@@ -489,9 +489,9 @@ def _wrong(image: ColmapImage, cameras: set[int]) -> str:
         return f"camera {image.camera} is not among the cameras"
     numbers = [*image.pose.quaternion, *image.pose.translation]
     if not usable(numbers) or np.linalg.norm(image.pose.quaternion) < 1e-6:
-        return "its pose is no pose: found a number beyond 1e30, or no rotation"
+        return "its pose is invalid: found a number beyond 1e30, or a matrix that is not a rotation"
     if not usable(image.xy):
-        return "an image coordinate is no number up to 1e30"
+        return "an image coordinate is not a number up to 1e30"
     return ""
 
 

@@ -75,14 +75,14 @@ def _written(files: dict[Path, bytes], content: Content, model: Model, target: P
     statuses = model.points.statuses
     if np.isfinite(statuses.sigma).any() or not statuses.free.all():
         notes.append(
-            Message("that points are fixed or observed, and their σ, has no place in COLMAP", str(target))
+            Message("COLMAP cannot store which points are fixed or observed, nor their σ", str(target))
         )
     alone = int(np.count_nonzero(model.point_of_ray < 0))
     if alone:
         words = f"{counted(alone, 'image point')} of points without coordinates: written without a point"
         notes.append(Message(words, content.document.file))
     if not np.all(model.rays.sigma == 1.0):
-        notes.append(Message("σ of image points have no place in COLMAP", str(target)))
+        notes.append(Message("COLMAP cannot store σ of image points", str(target)))
     if list(model.point_numbers) != [str(number) for number in model.point_numbers.values()]:
         names = pl.DataFrame(
             {"point3D": list(model.point_numbers.values()), "name": list(model.point_numbers)}

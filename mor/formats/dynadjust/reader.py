@@ -187,7 +187,7 @@ LEFT_OUT = {
     "P": "geodetic latitudes",
     "Q": "geodetic longitudes",
 }
-"""What is not followed, in DynAdjust's letters."""
+"""Unsupported measurement types, by the letters of DynAdjust."""
 
 
 def read_line(found: Measurements, code: str) -> None:
@@ -408,7 +408,7 @@ def scale_of(scales: list[float]) -> float:
         said = " ".join(f"{scale:g}" for scale in scales)
         raise ValueError(f"found {said!r}, expected four scales above 0")
     if any(scale != 1.0 for scale in scales[1:]):
-        raise ValueError("scales of the covariances in latitude, longitude and height are not followed")
+        raise ValueError("scales of the covariances in latitude, longitude and height are not supported")
     return scales[0]
 
 
@@ -568,7 +568,7 @@ def _sigmas(held: str, kind: str) -> list[str | None]:
     if held in ("CCC", "FFF"):
         return [None] * 3
     if kind == "XYZ":
-        raise ValueError(f"{held} in XYZ holds a geocentric axis; only CCC and FFF can be followed")
+        raise ValueError(f"{held} in XYZ holds a geocentric axis; only CCC and FFF are supported")
     order = (0, 1, 2) if kind == "UTM" else (1, 0, 2)
     return [_HELD if held[k] == "C" else None for k in order]
 
@@ -749,7 +749,7 @@ def _read_cluster(found: Collected, element: Element, code: str) -> None:
         _covariances(member, Q, k)
     factor = scale_of([parse_number(_text(element, name) or "1") for name in _SCALES])
     if not isfinite(factor * float(np.abs(Q).max())):
-        raise ValueError("found a covariance that is no finite number after scaling")
+        raise ValueError("found a covariance that is not a finite number after scaling")
     words = f"{_text(element, 'ReferenceFrame')} {_text(element, 'Epoch')}".strip()
     found.frames.setdefault(words, element.line)
     put_cluster(found, code, form, rows, Q * factor)
@@ -856,7 +856,7 @@ def _finish(found: Collected, file: Path, stations: Iterable[Station], frame: st
     put_directions(found)
     put_lines(found)
     if not found.draft.data.get("observations"):
-        found.draft.problem("there are no observations that are followed")
+        found.draft.problem("there are no supported observations")
     put_stations(file, stations, found, frame)
     _tell(found, found.draft)
     return found.draft.finish()

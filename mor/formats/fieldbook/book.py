@@ -515,7 +515,8 @@ def _put_points(book: FieldBook, occupied: Sequence[SetUp]) -> None:
         draft.note(words, known[0].line)
     elif known and occupied:
         draft.note(
-            "coordinates of the book are start values: one point of a network is no datum", known[0].line
+            "coordinates of the book are start values: one point does not define the datum of a network",
+            known[0].line,
         )
     if not sigma:
         draft.put("datum", "free")

@@ -254,7 +254,7 @@ def _length(words: Words, index: str, line: int, book: FieldBook) -> float | Non
         )
     digits = _digits(words, index)
     if digits is None:
-        book.leave_out(f"word {index} that is no number", line)
+        book.leave_out(f"word {index} that is not a number", line)
         return None
     if unit in "068":
         return digits / {"0": 1e3, "6": 1e4, "8": 1e5}[unit]

@@ -106,7 +106,7 @@ class _Nikon:
         if height and not self.book.set_ups:
             self.book.unnamed_height = parse_number(height[1])
         if "resection" in text.lower():
-            self.book.forget_waiting("sights of a resection that was begun anew")
+            self.book.forget_waiting("sights of a resection that was started again")
             self.resection = line
         self.book.leave_out("comments", line)
 

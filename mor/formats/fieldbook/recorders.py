@@ -323,7 +323,7 @@ class _M5Reader:
 
     def _text(self, words: list[str], values: dict[str, tuple[float, str]], line: int) -> None:
         if "STAT" in words:
-            self.book.forget_waiting("sights of a stationing that was begun anew")
+            self.book.forget_waiting("sights of a stationing that was started again")
             self.stationing = True
         self.target = values.get("th", (self.target, ""))[0]
         if "ih" in values:
@@ -636,7 +636,7 @@ class _SDRReader:
             self.book.leave_out(_REDUCED, line)
         else:
             if kind == "13" and "resection" in text.lower():
-                self.book.forget_waiting("sights of a resection that was begun anew")
+                self.book.forget_waiting("sights of a resection that was started again")
                 self.resection = line
             self.book.leave_out(_LEFT_OUT.get(kind, f"records {kind}"), line)
 

@@ -56,7 +56,7 @@ def _notes(content: Content, target: Path) -> list[Message]:
     entries = content.project.observations
     if any(e.instrument or e.centring for e in entries):
         notes.append(
-            Message("scales, offsets, refraction and σ of centring have no place in GNU Gama", str(target))
+            Message("GNU Gama cannot store scales, offsets, refraction and σ of centring", str(target))
         )
     if any(e.ppm for e in entries):
         notes.append(
@@ -181,7 +181,7 @@ def _observations(cluster: list[Group], known: dict[str, tuple[str, float]], met
         sections = _merged(sections)
     if given is not None and len(sections) > 1:
         words = f"observations {given.entry.name or given.entry.type}: one covariance over several sets"
-        raise InputError([Message(f"{words} has no place in GNU Gama", given.rows.file)])
+        raise InputError([Message(f"GNU Gama cannot store {words}", given.rows.file)])
     matrix = [] if given is None else [_matrix(given, np.array(units), np.array(factors))]
     lines = []
     for name, elements in sections.items():

@@ -80,7 +80,7 @@ _REASONS = {
     "add_coordinate_file": "put all stations into one coordinate file",
     "station_offset_file": "give data of the mark itself",
 }
-"""What to do about commands that are known and not followed."""
+"""Hints for commands that are known but not supported."""
 _HELD = 1e-6
 """σ (m) of what is held in part."""
 
@@ -138,7 +138,7 @@ def read_snap(path: Path) -> Document:
     tie_recoded(data)
     put_observations(data)
     if not draft.data.get("observations") and not draft.problems:
-        draft.problem("there are no observations that are followed")
+        draft.problem("there are no supported observations")
     _put_stations(data, commands)
     for what, (count, line, file_name) in data.left_out.items():
         draft.note(f"not read: {what} ({count})", line, file_name)
@@ -158,7 +158,7 @@ def _commands(path: Path, draft: Draft) -> _Commands:
     _read_commands(found, path, draft, ignored, [])
     for name, (first, file) in ignored.items():
         reason = f": {_REASONS[name]}" if name in _REASONS else ""
-        draft.problem(f"command {name!r} is not followed{reason}", first, file)
+        draft.problem(f"command {name!r} is not supported{reason}", first, file)
     if found.stations == Path() or not found.data:
         words_ = "expected the commands coordinate_file and data_file"
         raise InputError([*draft.problems, Message(words_, str(path), 1)])
@@ -233,7 +233,7 @@ def _mode(found: _Commands, words: Words) -> None:
             found.mode = word
         elif word != "3d":
             raise ValueError(
-                f"mode {word} is not followed, expected 3d with adjustment, data_check or free_net"
+                f"mode {word} is not supported, expected 3d with adjustment, data_check or free_net"
             )
 
 
@@ -260,7 +260,7 @@ def _follow(commands: _Commands, data: Data, command: _Command) -> None:
 def _recode(data: Data, words: Words) -> None:
     code = words.take("the code of a station").upper()
     if code == "FILE":
-        raise ValueError("recode file is not followed, expected recode CODE to CODE")
+        raise ValueError("recode file is not supported, expected recode CODE to CODE")
     suffix = words.take("a suffix") if code == "SUFFIX" else ""
     if not suffix and not words.skip("to"):
         raise ValueError(f"found {words.peek()!r}, expected to")
@@ -298,7 +298,7 @@ def _select(data: Data, name: str, words: Words) -> None:
     factor = 0.0
     if name == "reweight_observations":
         if words.peek().lower() in ("by_set", "offset_error", "centroid_error"):
-            raise ValueError(f"reweight_observations {words.peek()} is not followed, expected a factor")
+            raise ValueError(f"reweight_observations {words.peek()} is not supported, expected a factor")
         factor = words.number("a factor")
         if not factor > 0.0:
             raise ValueError(f"found the factor {factor:g}, expected one above 0")
@@ -311,7 +311,7 @@ def _fix(commands: _Commands, data: Data, command: _Command) -> None:
     """``fix``, ``float`` and ``free``: σ of stations, horizontal and vertical."""
     words = Words(command.words)
     if words.skip("automatically"):
-        raise ValueError(f"{command.name} automatically is not followed, expected stations or all")
+        raise ValueError(f"{command.name} automatically is not supported, expected stations or all")
     kept, parts = [], (True, True)
     while words:
         word = words.take("a station")

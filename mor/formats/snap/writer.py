@@ -299,7 +299,7 @@ def _notes(content: Content, found: list[Group], target: Path) -> list[Message]:
     if any(group.entry.ppm for group in found):
         words.append("σ that grow with the distance are written as they are at the observed one")
     if content.project.datum != "fixed":
-        words.append("the datum of the free network has no place in SNAP's files")
+        words.append("SNAP's files cannot store the datum of a free network")
     return [*notes, *(Message(text, str(target)) for text in words)]
 
 

@@ -116,7 +116,7 @@ def test_datum_points_that_do_not_settle_the_datum():
     scene, points = photo_block()
     adjustment = defect_of(scene, points[:1])
     assert adjustment.outcome is Outcome.SINGULAR
-    assert adjustment.reason == "the datum points do not settle the datum"
+    assert adjustment.reason == "the datum points do not define the datum"
 
 
 @pytest.mark.parametrize("free_datum", [True, False])

@@ -187,7 +187,7 @@ def test_the_datum_may_be_carried_by_chosen_components():
     adjustment = adjust(problem, scene.start(1e-3))
     # x and y of all points do not settle a translation in z
     assert adjustment.outcome is Outcome.SINGULAR
-    assert adjustment.reason == "the datum points do not settle the datum"
+    assert adjustment.reason == "the datum points do not define the datum"
     mask = {"point": problem.datum.mask["point"].copy()}
     mask["point"][:3, 2] = True
     adjustment = adjust(replace(problem, datum=problem.datum._replace(mask=mask)), scene.start(1e-3))

@@ -10,6 +10,7 @@ import pytest
 
 import mor
 from mor.errors import NoStartValuesError
+from sample_projects.expected import ROOT
 from tests.scenarios.seeded_networks import KINDS, OPEN, RELATIVE, drawn
 from tests.scenarios.small_projects import mor as command
 
@@ -46,6 +47,16 @@ def test_result_with_sigma_of_metres_is_not_accepted(tmp_path: Path) -> None:
     verdict = result.to_dict()["verdict"]
     assert verdict["says"] == "not determined"
     assert verdict["determined"]["largest_sigma"] > 10.0
+
+
+def test_sizes_are_told_in_the_unit_of_the_project() -> None:
+    result = mor.adjust(ROOT / "machine_part" / "project.yaml")
+    told = result.to_dict()["verdict"]["determined"]
+    points = result.solved.adjustment.values["point"]
+    assert told["size"] == pytest.approx(
+        2.0 * np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1)), rel=0.5
+    )
+    assert told["largest_sigma"] < 1.0
 
 
 def test_sigma_of_one_for_every_observation_says_nothing_about_the_geometry() -> None:

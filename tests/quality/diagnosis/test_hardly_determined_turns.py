@@ -124,12 +124,14 @@ def _names(scene):
 def test_the_user_reads_which_turn_it_is_and_what_would_help(tmp_path):
     run = mor("adjust", _project(tmp_path, 0.0))
     assert run.code == 4
-    assert "a turn of the whole network is not determined in any useful way" in run.err
-    assert "The turn of the whole network about Z is hardly determined: its standard deviation is" in run.err
-    assert "(of an angle that nobody has observed it is 115 gon)" in run.err
+    assert "a rotation of the whole network is not usefully determined" in run.err
+    assert (
+        "The rotation of the whole network about Z is poorly determined: its standard deviation is" in run.err
+    )
+    assert "(that of an unobserved angle is 115 gon)" in run.err
     assert "Observe them as level" in run.err
     report = (tmp_path / "project.results" / "report.txt").read_text()
-    assert "The turn of the whole network about Z is hardly determined" in report
+    assert "The rotation of the whole network about Z is poorly determined" in report
 
 
 def test_what_helps_does_help(tmp_path):
@@ -140,4 +142,4 @@ def test_what_helps_does_help(tmp_path):
     )
     run = mor("adjust", project, "-o", tmp_path / "results")
     assert run.code == 0, run.err
-    assert "hardly determined" not in (tmp_path / "results" / "report.txt").read_text()
+    assert "oorly determined" not in (tmp_path / "results" / "report.txt").read_text()

@@ -20,6 +20,6 @@ def test_a_line_through_a_free_system_leaves_a_turn_that_is_named() -> None:
     assert turns[0].sigma > NOTHING_KNOWN
     assert result.outcome == "singular"
     assert "turn of the whole network" in result.reason
-    assert "The turn of the whole network about" in str(result)
+    assert "The rotation of the whole network about" in str(result)
     assert "The fixed kappa of system L opposes it" in str(result)
     assert "of one line" in str(result)

@@ -50,7 +50,7 @@ def test_nothing_is_said_of_a_sample(name: str) -> None:
         "twice",
         "than that of any",
         "beside what",
-        "the loop misses",
+        "the loop has a misclosure",
         "the given coordinates",
         "the height is",
         "are they",
@@ -129,16 +129,16 @@ observations:
 @pytest.mark.parametrize(("closing", "misses"), [("-1.5003", False), ("-1.5200", True)])
 def test_a_levelling_loop_that_does_not_close(tmp_path: Path, closing: str, misses: bool) -> None:
     project = write(tmp_path, LEVELLING.replace("BAD", closing))
-    found = [note for note in notes_of(project) if "the loop misses by" in note]
+    found = [note for note in notes_of(project) if "the loop has a misclosure of" in note]
     assert bool(found) == misses
     if misses:  # A - B - C - A, and the way to E by that line
         (loop,) = (note for note in found if note.endswith("its lines: 17, 18, 16"))
-        assert "project.yaml:17: levelling B - C - A: the loop misses by -0.0199 m" in loop
+        assert "project.yaml:17: levelling B - C - A: the loop has a misclosure of -0.0199 m" in loop
 
 
 def test_levelling_between_known_heights_that_contradict_it(tmp_path: Path) -> None:
     text = LEVELLING.replace("BAD", "-1.5003").replace("[[E, 101.700]]", "[[E, 101.750]]")
-    assert [note for note in notes_of(write(tmp_path, text)) if "the loop misses by" in note]
+    assert [note for note in notes_of(write(tmp_path, text)) if "the loop has a misclosure of" in note]
 
 
 KNOWN = """mor: 1

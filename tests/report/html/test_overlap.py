@@ -36,7 +36,7 @@ def test_no_map_where_images_span_no_area(building_view: View) -> None:
         points=building_view.points.with_columns(pl.lit(0.0).alias("y"), pl.lit(0.0).alias("z")),
     )
     assert overlap(line, rays_of(line)) is None
-    with style(), pytest.raises(InputError, match="no overlap"):
+    with style(), pytest.raises(InputError, match="cannot plot overlap"):
         overlap_and_rays(line)
 
 

@@ -19,12 +19,12 @@ ANSWERS = {
     "which datum?": ("Datum", r"Coordinates and σ refer to it"),
     "what is uncontrolled?": ("Reliability", r"observations have r < 0\.1"),
     "what would help?": (None, r"mor design adjusted\.yaml --rank"),
-    "was everything used?": ("What was used", r"\d+ observations adjusted, \d+ kept out"),
-    "from which files?": ("What was used", r"\d+ files? read"),
+    "was everything used?": ("Input", r"\d+ observations adjusted, \d+ not used"),
+    "from which files?": ("Input", r"\d+ files? read"),
     "may it be compared?": ("Another epoch", r"mor compare OTHER THIS --epochs"),
 }
 """Statement that answers, and what it says; of None the verdict."""
-BEHIND = {"Single observations": "table-residuals", "Points": "table-points", "What was used": "signature"}
+BEHIND = {"Single observations": "table-residuals", "Points": "table-points", "Input": "signature"}
 """What stands in the section behind the link of a statement."""
 
 

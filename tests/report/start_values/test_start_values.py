@@ -94,7 +94,7 @@ def test_what_is_missing_stands_in_the_report_and_the_rest_is_written_where_want
         file.write("settings: {undetermined: leave_out}\n")
     done = mor("approximate", nothing, "-o", tmp_path / "o", "--lang", "de", "--quiet")
     assert done.code == 0
-    assert "Was ohne Näherungswerte bleibt" in done.out
+    assert "Fehlende Näherungswerte" in done.out
     assert (tmp_path / "o" / "project.yaml").is_file()
 
 
@@ -174,7 +174,7 @@ def test_points_at_infinity_are_called_that_and_do_not_refuse_the_rest(tmp_path:
     assert run.code == 0
     missing = json.loads(run.out)["missing"]
     assert {thing["id"] for thing in missing} == far
-    assert all("a direction, and no distance" in thing["reason"] for thing in missing)
+    assert all("a direction but no distance" in thing["reason"] for thing in missing)
 
 
 def test_points_whose_rays_part_are_not_at_infinity_but_begin_somewhere(tmp_path: Path) -> None:

@@ -21,6 +21,6 @@ def test_the_verdict_names_a_group_that_is_gone(tmp_path: Path) -> None:
     results = json.loads((tmp_path / "project.results" / "results.json").read_text(encoding="utf-8"))
     gone = next(row for row in results["groups"] if "wrong" in row["name"])
     assert (gone["observations"], gone["excluded"]) == (0, 1)
-    line = f"Nothing is left of {gone['name']}: all of it was taken out (1)."
+    line = f"Nothing is left of {gone['name']}: all its observations were excluded (1)."
     assert line in run.err
     assert line in (tmp_path / "project.results" / "report.html").read_text(encoding="utf-8")

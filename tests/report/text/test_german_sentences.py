@@ -1,4 +1,4 @@
-"""What is not determined, in German: whole sentences, as a user meets them."""
+"""Not determined, in German: whole sentences, as a user meets them."""
 
 from __future__ import annotations
 

@@ -38,5 +38,5 @@ def test_no_movement_through_the_whole_network_is_stated(tmp_path: Path) -> None
     report = report.replace("\n    ", " ")  # sentences that are broken
     lines = [line for line in report.splitlines() if line.lstrip().startswith("height_difference from A")]
     assert len(lines) == 3  # the uncontrolled one is in the reliability map, too
-    assert sum("r = 2.5e-05: so little else controls it" in line for line in lines) == 1
+    assert sum("r = 2.5e-05: it is controlled too weakly" in line for line in lines) == 1
     assert sum("would move" in line and "in Z" in line for line in lines) == 1

@@ -36,6 +36,6 @@ def test_a_bench_mark_with_a_wrong_height_is_named(tmp_path: Path) -> None:
     data = json.loads((tmp_path / "results" / "results.json").read_text(encoding="utf-8"))
     expected = {"of": "point", "id": "W", "excluded": 3, "observations": 3}
     assert data["gross_errors"]["snooping"]["mostly_out"] == [expected], run.err
-    line = "Most observations were taken out of point W (3 of 3)"
+    line = "Most observations of point W (3 of 3) were excluded"
     assert line in (tmp_path / "results" / "report.txt").read_text(encoding="utf-8")
     assert line in (tmp_path / "results" / "report.html").read_text(encoding="utf-8")

@@ -83,5 +83,5 @@ def test_help() -> None:
     said = mor("check", "--lang", "de", "--help").out
     assert "Aufruf: mor check [OPTIONEN] PROJECT" in said
     assert "Beispiele:\n    mor check project.yaml\n" in said
-    assert "Nichts sagen als Fehler." in said
+    assert "Nur Fehler ausgeben." in said
     assert "Usage: mor check [OPTIONS] PROJECT" in mor("check", "--help").out
