@@ -19,6 +19,7 @@ __version__ = "0.1.0"
 if TYPE_CHECKING:
     from mor.api.project import Project, read
     from mor.api.result import Result, Table, adjust
+    from mor.api.verification import verify
     from mor.errors import InputError, MorError, NoSolutionError
 
 _PLACES = {
@@ -30,6 +31,7 @@ _PLACES = {
     "InputError": "mor.errors",
     "MorError": "mor.errors",
     "NoSolutionError": "mor.errors",
+    "verify": "mor.api.verification",
 }
 
 __all__ = [
@@ -42,6 +44,7 @@ __all__ = [
     "__version__",
     "adjust",
     "read",
+    "verify",
 ]
 
 

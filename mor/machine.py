@@ -23,9 +23,24 @@ _GROUP = Path("/sys/fs/cgroup")
 
 
 def processors() -> int:
-    """Return the number of processors that this process may run on."""
+    """Return the number of processors that this process may run on, or that it was told to use."""
+    if _USED:
+        return _USED[-1]
     affinity = getattr(os, "sched_getaffinity", None)
     return len(affinity(0)) if affinity else os.cpu_count() or 1
+
+
+_USED: list[int] = []
+
+
+@contextmanager
+def processors_used(count: int) -> Iterator[None]:
+    """Use so many threads, however many processors there are."""
+    _USED.append(count)
+    try:
+        yield
+    finally:
+        _USED.pop()
 
 
 def check_room(further: float, phase: str, advice: str) -> None:

@@ -7,7 +7,7 @@ import json
 import multiprocessing
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import replace
+from dataclasses import fields, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -31,6 +31,7 @@ from mor.plan.simulation import (
     Tally,
     Truth,
     Wishes,
+    added,
     empty_tally,
     errors,
     is_implied,
@@ -191,12 +192,12 @@ def chunk_of(ready: Prepared, first: int, count: int) -> Tally:
     truth = ready.truth
     assert truth is not None
     solve = _solver(ready)
-    total = empty_tally(truth)
+    tallies = [empty_tally(truth)]
     compiled = chosen_by_size(ready.network.observations, CHUNK)
     with compiled, one_thread(), np.errstate(all="ignore"):
         for number in range(first, first + count):
-            total = total + one_run(truth, ready.trial.seed, number, solve)
-    return total
+            tallies.append(one_run(truth, ready.trial.seed, number, solve))
+    return added(tallies)
 
 
 def _solver(ready: Prepared) -> Callable[[Problem], Adjustment | None]:
@@ -264,11 +265,11 @@ def run_trial(
     for chunk, arrays in work(ready, missing):
         _keep(_file(folder, *chunk), arrays)
         told(chunk[1])
-    total = empty_tally(ready.truth)
+    tallies = [empty_tally(ready.truth)]
     for chunk in chunks:
         with np.load(_file(folder, *chunk)) as kept:
-            total = total + tally_of(kept)
-    return total
+            tallies.append(tally_of(kept))
+    return added(tallies)
 
 
 def by_processes(ready: Prepared, chunks: list[Chunk], jobs: int) -> Worked:
@@ -310,6 +311,7 @@ def _check_key(folder: Path, trial: Trial, files: Mapping[Any, ReadFile]) -> Non
         "starts": trial.starts,
         "inputs": digest_of(files),
         "chunk": CHUNK,
+        "keeps": [one.name for one in fields(Tally)],
     }
     path = folder / _KEY
     if path.is_file() and json.loads(path.read_text(encoding="utf-8")) != key:

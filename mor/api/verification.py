@@ -8,9 +8,11 @@ from functools import partial
 from math import atan, log, pi, sqrt
 from pathlib import Path
 from statistics import NormalDist
+from tempfile import TemporaryDirectory
 from typing import Any, NamedTuple
 
 import numpy as np
+import polars as pl
 from numpy.polynomial import Chebyshev, Polynomial, chebyshev
 from scipy.spatial.transform import Rotation
 
@@ -19,11 +21,13 @@ from mor.api.pipeline import read_document, read_network, solve_network
 from mor.api.simulation import Trial, chunk_of, prepared
 from mor.errors import InputError, Message
 from mor.linalg.compilation import chosen_by_size, kernels_used
+from mor.machine import processors_used
 from mor.model.contract import Computed, ObservationGroup, ObservationType, Slot
 from mor.model.parameters import HEIGHT, Blocks, index_unknowns, moves_by_angles
 from mor.model.rotations import angles_from_rotation
 from mor.plan.simulation import findings
 from mor.project.document import read_yaml
+from mor.project.network import Network
 from mor.quality.assessment import Quality, assess, joint_cofactors
 from mor.quality.precision import angle_cofactors
 from mor.quality.solution import Solved
@@ -81,9 +85,10 @@ class Task(NamedTuple):
 
 
 def verify(progress: Callable[[int], None] = lambda _: None) -> list[Check]:
-    """Carry out all checks; ``progress`` is called after each data set with 1. See ``docs/verify.md``.
+    """Return all checks of this installation; ``progress`` is called with 1 after each data set.
 
-    A check that raises has failed, and its ``place`` says why.
+    A check has ``found``, ``reference``, ``limit``, ``source`` and ``passed``. A check that raises has failed, and its
+    ``place`` says why. It takes about half a minute. Raises :class:`InputError` if the reference data are missing.
     """
     found: list[Check] = []
     for task in tasks():
@@ -119,6 +124,8 @@ def tasks() -> list[Task]:
         found += [Task(About(group, name, source), run) for name, source, run in scenes]
     for key, (name, run) in _WORKED_START_VALUES.items():
         found.append(Task(About("start values", name, small[key]["source"]), partial(run, small[key])))
+    about = About("threads", "block of two images", "the same adjustment by one thread")
+    found.append(Task(about, _threads))
     for network in _SIMULATED:
         about = About("Monte Carlo", network, "theory of least squares; limits of chance, level 0.001")
         found.append(Task(about, partial(_monte_carlo, folder / f"{network}.yaml")))
@@ -919,6 +926,60 @@ _WORKED_START_VALUES: dict[str, tuple[str, Callable[[dict[str, Any], About], Ite
     "relative_orientation": ("relative orientation of six points", _dewitt),
     "resection_wolf_dewitt": ("resection from four points", _resection),
 }
+
+
+# ------------------------------------------------------------
+# Threads: a block large enough to be shared among threads, with one thread and with two.
+# ------------------------------------------------------------
+
+_SHARED_POINTS = 25_000
+"""Points in two images from which on the rays are shared between two threads."""
+
+
+def _threads(about: About) -> Iterator[Check]:
+    """Two images of random points, adjusted by one thread and by two."""
+    random = np.random.default_rng(46)
+    points = random.uniform(-1.0, 1.0, (_SHARED_POINTS, 3))
+    names = pl.Series(range(_SHARED_POINTS))
+    images, rays = [], []
+    for i, pose in enumerate(_POSES[:2]):
+        images.append(f"[I{i}, C, {', '.join(map(repr, pose))}]")
+        measured = _brown(pose, points) + random.normal(0.0, 0.001, (_SHARED_POINTS, 2))
+        rays.append(
+            pl.DataFrame({"image": f"I{i}", "point": names, "x": measured[:, 0], "y": measured[:, 1]})
+        )
+    interior = ", ".join(f"{key}: {value!r}" for key, value in _INTERIOR.items())
+    lines = [
+        "mor: 1",
+        "units: {length: m, angle: rad}",
+        f"cameras: {{C: {{model: brown-forward, interior: {{{interior}}}}}}}",
+        f"images: [{{columns: [id, camera, x, y, z, omega, phi, kappa], rows: [{', '.join(images)}]}}]",
+        "points: [{file: points.csv, columns: [id, x, y, z]}]",
+        "observations: [{type: image, file: rays.csv, columns: [image, point, x, y], values: {sigma: 0.001}}]",
+        "datum: free",
+    ]
+    with TemporaryDirectory(prefix="mor", ignore_cleanup_errors=True) as folder:
+        starts = pl.DataFrame(points).insert_column(0, names.alias("point"))
+        starts.write_csv(Path(folder) / "points.csv", include_header=False)
+        pl.concat(rays).write_csv(Path(folder) / "rays.csv", include_header=False)
+        network = read_network(read_yaml("\n".join(lines), "verification"), Path(folder))
+    one, two = (_by_threads(network, count) for count in (1, 2))
+    for quantity, reference in one.items():
+        yield from about.check(quantity, _numbers("value", two[quantity], reference, 1e-12))
+
+
+def _by_threads(network: Network, count: int) -> dict[str, FloatArray]:
+    with processors_used(count):
+        solved = solve_network(network)
+    quality = _quality(solved)
+    diagonals = np.diagonal(quality.cofactors["point"], axis1=1, axis2=2)
+    return {
+        "coordinates": solved.adjustment.values["point"],
+        "attitudes": solved.adjustment.values["rotation"],
+        "sigma0": np.array([quality.sigma0]),
+        "σ of coordinates": np.sqrt(diagonals),
+        "redundancy numbers": quality.groups[0].r,
+    }
 
 
 # ------------------------------------------------------------

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli.console import language_option, tell
-from mor.cli.options import InputPath, OutputPath
+from mor.cli.options import InputPath, OutputPath, coverage_option
 
 if TYPE_CHECKING:
     from mor.output_files import Content
@@ -32,16 +32,32 @@ FORMS = ("opencv", "metashape", "colmap", "aicon", "photomodeler")
     "--to", "form", type=click.Choice(FORMS), help="Write the calibration for another program instead."
 )
 @click.option(
+    "--dcc",
+    "admin",
+    metavar="FILE",
+    type=InputPath(),
+    help="Write a digital calibration certificate (DCC 3.2.0) as XML, with the administrative data of this YAML file.",
+)
+@click.option(
     "--paper",
     type=click.Choice(["A4", "Letter"]),
     default="A4",
     show_default=True,
     help="Paper size of a PDF.",
 )
+@coverage_option
 @click.option("-f", "--force", is_flag=True, help="Replace an existing file.")
 @language_option("the certificate")
 def command(
-    results: Path, camera: str, output: Path | None, form: str | None, paper: str, force: bool, lang: str
+    results: Path,
+    camera: str,
+    output: Path | None,
+    form: str | None,
+    admin: Path | None,
+    paper: str,
+    coverage: float | None,
+    force: bool,
+    lang: str,
 ) -> None:
     """Write the one-page certificate of a CAMERA in RESULTS, or its calibration for another program.
 
@@ -49,6 +65,8 @@ def command(
     Examples:
       mor certificate project.results D7
       mor certificate project.results D7 -o d7.pdf --lang de
+      mor certificate project.results D7 --coverage 2
+      mor certificate project.results D7 --dcc laboratory.yaml
       mor certificate project.results D7 --to metashape -o d7.xml
 
     RESULTS is a folder of results. The certificate contains the parameters with sigma, correlations, the distortion
@@ -58,26 +76,31 @@ def command(
     \b
     Exit codes: 0 done; 2 input.
     """
+    from mor.errors import InputError, Message
     from mor.output_files import check_file, write_file
 
-    target = output or results / _name(camera, form)
+    if form is not None and admin is not None:
+        raise InputError([Message("choose one of --to and --dcc")])
+    target = output or results / _name(camera, form, ".html" if admin is None else ".xml")
     check_file(target, force)
     if form is not None:
         content: Content = _exported(results, camera, form, target)
+    elif admin is not None:
+        content = _digital(results, camera, admin, coverage, lang)
     else:
-        content = _certified(results, camera, target, paper, lang)
+        content = _certified(results, camera, target, paper, coverage, lang)
     write_file(target, content, force)
     click.echo(str(target), err=True)
 
 
-def _name(camera: str, form: str | None) -> str:
+def _name(camera: str, form: str | None, suffix: str) -> str:
     """Name of the file; signs that no file name may have become underscores."""
     import re
 
     from mor.formats.calibration import SUFFIXES
 
     plain = re.sub(r'[\x00-\x1f/\\:*?"<>|]', "_", camera)
-    return f"certificate_{plain}.html" if form is None else f"{plain}_{form}{SUFFIXES[form]}"
+    return f"certificate_{plain}{suffix}" if form is None else f"{plain}_{form}{SUFFIXES[form]}"
 
 
 def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
@@ -92,7 +115,22 @@ def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
     return write_calibration(read_document(adjusted), results, camera, form, target)
 
 
-def _certified(results: Path, camera: str, target: Path, paper: str, lang: str) -> Content:
+def _digital(results: Path, camera: str, admin: Path, coverage: float | None, lang: str) -> str:
+    from mor.input_files import read_text
+    from mor.project.document import read_yaml
+    from mor.report.certificate import certificate
+    from mor.report.digital_certificate import administration, digital_certificate
+    from mor.report.language import words_of_page
+    from mor.report.view import view_of_folder
+
+    who = administration(read_yaml(read_text(admin), str(admin)))
+    one = certificate(view_of_folder(results), camera, coverage)
+    return digital_certificate(one, who, words_of_page(lang))
+
+
+def _certified(
+    results: Path, camera: str, target: Path, paper: str, coverage: float | None, lang: str
+) -> Content:
     """The certificate, or what writes it as PDF."""
     from mor.errors import InputError, Message
     from mor.report.certificate import certificate, certificate_page, certificate_text
@@ -103,7 +141,7 @@ def _certified(results: Path, camera: str, target: Path, paper: str, lang: str) 
     suffix = target.suffix.lower()
     if suffix not in (".html", ".txt", ".pdf"):
         raise InputError([Message("expected a name that ends in .html, .txt or .pdf", str(target))])
-    one = certificate(view_of_folder(results), camera)
+    one = certificate(view_of_folder(results), camera, coverage)
     if suffix == ".html":
         return certificate_page(one, words_of_page(lang))
     text, program = certificate_text(one, words_of(lang)), browser()

@@ -7,10 +7,14 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mor.cli.options import InputPath, OutputPath
+from mor.cli.console import tell
+from mor.cli.options import InputPath, OutputPath, coverage_option
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from mor.quality.solution import Solved
+    from mor.report.covariance import Labelled
 
 
 @click.command(name="covariance")
@@ -53,6 +57,7 @@ if TYPE_CHECKING:
     required=True,
     help="File to write: .npz, .csv or .mtx (Matrix Market).",
 )
+@coverage_option
 @click.option("-f", "--force", is_flag=True, help="Replace an existing file.")
 def command(
     results: Path,
@@ -65,6 +70,7 @@ def command(
     relative_pose: tuple[str, ...],
     target: str | None,
     output: Path,
+    coverage: float | None,
     force: bool,
 ) -> None:
     """Write covariances of RESULTS with labels, in the datum of the results or in another one.
@@ -73,6 +79,7 @@ def command(
     Examples:
       mor covariance project.results --points 1,2,7 -o chosen.npz
       mor covariance project.results --points 1,2 --images IMG1,IMG2 --cameras -o joint.npz
+      mor covariance project.results --points 1,2 --coverage 2 -o expanded.csv
       mor covariance project.results --relative-pose IMG1,IMG2 -o pose.csv
       mor covariance project.results --full -o all.mtx
       mor covariance project.results --blocks --to free -o blocks.csv
@@ -88,7 +95,9 @@ def command(
     from mor.errors import InputError, Message
     from mor.linalg.compilation import chosen_by_size
     from mor.output_files import check_file, write_file
-    from mor.report.covariance import check_covariance
+    from mor.report.covariance import check_covariance, freedom_of
+    from mor.report.language import ENGLISH
+    from mor.report.layout import coverage_words
 
     named = (points, images, cameras)
     if sum((named != (None, None, None), full, blocks, bool(relative), bool(relative_pose))) != 1:
@@ -103,7 +112,11 @@ def command(
     project = reopen(results)
     solved = in_datum(project, target, "--to")[1] if target is not None else solve(project)
     with chosen_by_size(solved.network.observations):
-        write_file(output, lambda path: _write(path, solved, named, blocks, relative, relative_pose), force)
+        write_file(
+            output, lambda path: _write(path, solved, named, blocks, relative, relative_pose, coverage), force
+        )
+    if coverage is not None:
+        tell(coverage_words(coverage, freedom_of(solved), ENGLISH))
 
 
 def _write(
@@ -113,28 +126,41 @@ def _write(
     blocks: bool,
     relative: tuple[str, ...],
     relative_pose: tuple[str, ...],
+    coverage: float | None,
 ) -> None:
     from mor.report import covariance as report
 
+    header: Sequence[str]
     if blocks:
-        report.write_rows(output, report.POINT_BLOCK_HEADER, report.point_blocks(solved))
+        header, rows = report.POINT_BLOCK_HEADER, report.point_blocks(solved)
     elif relative:
         rows = report.relative_rows(solved, [_pair(text, "--relative", "points") for text in relative])
-        report.write_rows(output, report.RELATIVE_HEADER, rows)
+        header = report.RELATIVE_HEADER
     elif relative_pose:
         pairs = [_pair(text, "--relative-pose", "images") for text in relative_pose]
-        report.write_rows(output, report.RELATIVE_POSE_HEADER, report.relative_pose_rows(solved, pairs))
-    elif named != (None, None, None):
-        points, images, cameras = named
-        found = report.covariance_of_names(
-            solved,
-            _names(points, "--points", "points"),
-            _names(images, "--images", "images"),
-            None if cameras is None else _names(cameras or None, "--cameras", "cameras"),
-        )
-        report.write_covariance(output, found)
+        header, rows = report.RELATIVE_POSE_HEADER, report.relative_pose_rows(solved, pairs)
     else:
-        report.write_covariance(output, report.covariance_of_everything(solved))
+        found = _matrix(solved, named)
+        report.write_covariance(output, found, coverage)
+        return
+    if coverage is not None:
+        header, rows = report.with_expanded(header, rows, coverage)
+    report.write_rows(output, header, rows)
+
+
+def _matrix(solved: Solved, named: tuple[str | None, str | None, str | None]) -> Labelled:
+    """The matrix of named points, images and cameras, or of everything."""
+    from mor.report.covariance import covariance_of_everything, covariance_of_names
+
+    points, images, cameras = named
+    if named == (None, None, None):
+        return covariance_of_everything(solved)
+    return covariance_of_names(
+        solved,
+        _names(points, "--points", "points"),
+        _names(images, "--images", "images"),
+        None if cameras is None else _names(cameras or None, "--cameras", "cameras"),
+    )
 
 
 def _names(text: str | None, option: str, kind: str) -> list[str]:

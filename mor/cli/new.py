@@ -39,6 +39,11 @@ from mor.cli.options import InputPath, OutputPath, force_option
     show_default=True,
     help="fixed: by control points; free: inner constraints over all points.",
 )
+@click.option(
+    "--protocol",
+    type=click.Choice(["iso17123-3", "iso17123-4"]),
+    help="Begin the full test of directions or of a distance meter by ISO 17123 instead, with a table to fill in.",
+)
 @force_option
 def command(
     project: Path,
@@ -51,6 +56,7 @@ def command(
     size: tuple[int, int] | None,
     pixel: str,
     datum: str,
+    protocol: str | None,
     force: bool,
 ) -> None:
     """Create PROJECT, a commented project file, from TABLES (CSV, spreadsheets) or from photographs.
@@ -62,6 +68,7 @@ def command(
       mor new net.yaml directions.csv distances.csv points.csv --angle gon
       mor new field.yaml image_points.csv scale_bars.csv --length mm -c 35 --datum free
       mor new wall.yaml photos/*.jpg
+      mor new line.yaml --protocol iso17123-4
 
     mor recognises a table by its column names, including German and other usual ones: image points (image, point, x,
     y), distances (from, to, distance), directions (station, to, horizontal, zenith), points (id, x, y, z), images (id,
@@ -76,10 +83,17 @@ def command(
     from mor.errors import InputError, Message, counted, nearest
     from mor.formats.exif import is_photograph
     from mor.output_files import write_files
-    from mor.project.recognition import CameraSettings, begin, recognise, told_apart
+    from mor.project.recognition import CameraSettings, begin, begin_test, recognise, told_apart
     from mor.project.schema import project_schema
     from mor.units import ANGLE_UNITS, LENGTH_UNITS
 
+    if protocol is not None:
+        if tables:
+            raise InputError([Message("a protocol takes no tables", "--protocol")])
+        texts = begin_test(project, title or project.stem, protocol)
+        write_files(texts, force, makes_folders=True)
+        tell(f"fill in {list(texts)[1]}, then mor adjust {project}")
+        return
     for unit, known in ((length, LENGTH_UNITS), (angle, ANGLE_UNITS)):
         if unit not in known:
             raise InputError(

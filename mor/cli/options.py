@@ -82,6 +82,12 @@ def _ask_for_kernels(ctx: click.Context, param: click.Parameter, value: str) -> 
     os.environ[ASKED] = value
 
 
+coverage_option = click.option(
+    "--coverage",
+    metavar="K",
+    type=click.FloatRange(min=0.0, min_open=True),
+    help="State expanded uncertainties U = K sigma as well, with their coverage probability (GUM), e.g. 2.",
+)
 force_option = click.option("-f", "--force", is_flag=True, help="Replace existing files.")
 kernels_option = click.option(
     "--kernels",

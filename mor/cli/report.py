@@ -34,9 +34,28 @@ from mor.cli.options import InputPath, OutputPath
     metavar="NAMES",
     help="Add appendices to the PDF: residuals, images, covariances (separated by commas).",
 )
+@click.option(
+    "--protocol",
+    type=click.Choice(["iso17123-3", "iso17123-4"]),
+    help="Write the protocol of a test by this standard, as text.",
+)
+@click.option(
+    "--against",
+    metavar="RESULTS",
+    type=InputPath(),
+    help="Other test to compare the standard deviation with, for --protocol.",
+)
 @language_option("the PDF or the page")
 def command(
-    results: Path, pdf: bool, paper: str, output: Path | None, force: bool, appendix: str | None, lang: str
+    results: Path,
+    pdf: bool,
+    paper: str,
+    output: Path | None,
+    force: bool,
+    appendix: str | None,
+    protocol: str | None,
+    against: Path | None,
+    lang: str,
 ) -> None:
     """Print the report in RESULTS as PDF, or write report.html in another language.
 
@@ -46,6 +65,7 @@ def command(
       mor report project.results --pdf --paper Letter -o signed.pdf
       mor report project.results --appendix residuals,images
       mor report project.results --lang de -o bericht.html
+      mor report line.results --protocol iso17123-4 --against last_year.results
 
     RESULTS is a folder of results. The PDF is a short report to sign; it needs the extra plot
     (pip install 'mor-adjustment[plot]').
@@ -56,11 +76,13 @@ def command(
     from mor.errors import InputError, Message
     from mor.input_files import note_input
     from mor.output_files import check_file, listed_files, write_file
-    from mor.report.language import words_of_page
+    from mor.report.language import words_of, words_of_page
     from mor.report.view import view_of_folder
 
     pdf = pdf or appendix is not None
-    name = "report.pdf" if pdf else "report.html"
+    name = "report.pdf" if pdf else "report.html" if protocol is None else "protocol.txt"
+    if (pdf and protocol is not None) or (against is not None and protocol is None):
+        raise InputError([Message("--protocol goes without --pdf, and --against with --protocol")])
     target = output or results / name
     if not (results / "results.json").is_file():
         raise InputError([Message("there is no results.json in this folder", str(results))])
@@ -71,7 +93,12 @@ def command(
     force = force or (output is None and name in listed)
     check_file(target, force)
     view, words = view_of_folder(results), words_of_page(lang)
-    if pdf:
+    if protocol is not None:
+        from mor.report.protocol import protocol_text
+
+        other = None if against is None else view_of_folder(against)
+        write_file(target, protocol_text(view, other, protocol, words_of(lang)), force)
+    elif pdf:
         from mor.report.paper import report_on_paper
 
         names = [part.strip() for part in (appendix or "").split(",") if part.strip()]

@@ -840,7 +840,7 @@ def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_S
     left = list(range(len(some)))
     while left and len(chosen) < _JOINED:
         scores = {k: _score(quality, some[k], z[k], answer[k], residuals, count) for k in left}
-        best = max(left, key=lambda k: one.length if (one := scores[k]) is not None else -np.inf)
+        best = max(left, key=lambda k: _told_apart(one.length) if (one := scores[k]) is not None else -np.inf)
         one = scores[best]
         if one is None or one.length <= 0.0 or one.gain < _LEFT_OVER * sum(other.gain for other in chosen):
             break
@@ -854,6 +854,11 @@ def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_S
     return chosen
 
 
+def _told_apart(length: float) -> float:
+    """Description length without round-off, so that what cannot be told apart stays in the order of the causes."""
+    return round(length, 6)
+
+
 def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
     """The best first, without those that explain a part of what a better one of the same kind explains.
 
@@ -864,7 +869,7 @@ def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
 
     def rank(one: _Scored) -> tuple[bool, float, float]:
         alike = one.length >= _ALMOST * best
-        return not alike, float(one.freedom) if alike else 0.0, -one.length
+        return not alike, float(one.freedom) if alike else 0.0, -_told_apart(one.length)
 
     for one in sorted(good, key=rank):
         inside = any(

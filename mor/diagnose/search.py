@@ -268,7 +268,7 @@ def _offered(situation: Situation, before: Before, found: list[Tried]) -> tuple[
 
 def _in_order(situation: Situation, good: list[Tried]) -> list[Tried]:
     """The shortest description first; of those that chance may put before it, what the start values speak for."""
-    by_gain = sorted(good, key=lambda one: -_gain(situation, one.fit))
+    by_gain = sorted(good, key=lambda one: -round(_gain(situation, one.fit), 6))
     alike = [
         one for one in by_gain if _gain(situation, one.fit) > _gain(situation, by_gain[0].fit) - _BY_CHANCE
     ]

@@ -441,9 +441,13 @@ class Truth:
         return np.where(moves_by_angles(blocks)[:, None], folded, small)
 
 
+MOST_DRAWN = 2000
+"""Unknowns up to which the corrections of every run are kept, for coverage intervals."""
+
+
 @dataclass(frozen=True)
 class Tally:
-    """Counts and sums over runs; those of more runs are their sums."""
+    """Counts and sums over runs, and single corrections; tallies of more runs are added."""
 
     runs: FloatArray
     """() number of runs."""
@@ -471,13 +475,21 @@ class Tally:
     """() those of them in which the test of this observation finds it."""
     objective: FloatArray
     """() Σ of w² of all observations that have a test, by their number."""
+    drawn: FloatArray
+    """(solved, u) (x̂ − x)/σ of every run; without columns if there are more than :data:`MOST_DRAWN` unknowns."""
 
     def __add__(self, other: Tally) -> Tally:
-        return Tally(*(getattr(self, one.name) + getattr(other, one.name) for one in fields(self)))
+        return added([self, other])
 
     def arrays(self) -> dict[str, FloatArray]:
         """The sums by name, to be kept."""
         return {one.name: np.asarray(getattr(self, one.name), dtype=float) for one in fields(self)}
+
+
+def added(tallies: Sequence[Tally]) -> Tally:
+    """The tally of the runs of all of them."""
+    sums = {one.name: sum(getattr(tally, one.name) for tally in tallies) for one in fields(Tally)[:-1]}
+    return Tally(**sums, drawn=np.concatenate([tally.drawn for tally in tallies]))
 
 
 def tally_of(arrays: Mapping[str, FloatArray]) -> Tally:
@@ -488,9 +500,22 @@ def tally_of(arrays: Mapping[str, FloatArray]) -> Tally:
 def empty_tally(truth: Truth) -> Tally:
     """The tally of no run."""
     u, p = truth.problem.index.count, len(truth.points)
-    zero, two = np.zeros(()), np.zeros(2)
+    zero, two, drawn = np.zeros(()), np.zeros(2), np.zeros((0, u if u <= MOST_DRAWN else 0))
     return Tally(
-        zero, zero, np.zeros(u), np.zeros(u), np.zeros(p), np.zeros(p), two, zero, zero, two, zero, zero, zero
+        zero,
+        zero,
+        np.zeros(u),
+        np.zeros(u),
+        np.zeros(p),
+        np.zeros(p),
+        two,
+        zero,
+        zero,
+        two,
+        zero,
+        zero,
+        zero,
+        drawn,
     )
 
 
@@ -537,6 +562,7 @@ def _counted(truth: Truth, tally: Tally, adjustment: Adjustment, noisy: Problem)
         rejected=np.asarray(0.0 if test.accepted else 1.0),
         flagged=np.array([share, share**2]),
         objective=np.asarray(float(np.mean(w**2)) if len(w) else 0.0),
+        drawn=z[None, : tally.drawn.shape[1]],
     )
 
 
@@ -673,3 +699,26 @@ def _of_unknowns(truth: Truth, tally: Tally, n: float) -> list[Finding]:
         Finding("sigma least", 1.0, float(ratio.min()), low, high),
         Finding("sigma most", 1.0, float(ratio.max()), low, high),
     ]
+
+
+def coverage_intervals(tally: Tally) -> FloatArray | None:
+    """(u, 2) probabilistically symmetric 95 % coverage intervals of the unknowns, as (x̂ − x)/σ (JCGM 101:2008, 7.7).
+
+    None if fewer than 40 runs have a solution, or if there are too many unknowns to keep every run.
+    """
+    count, q = len(tally.drawn), int(CONFIDENCE * len(tally.drawn) + 0.5)
+    if count < _LEAST_DRAWN or not tally.drawn.shape[1]:
+        return None
+    low = (count - q + 1) // 2
+    ordered = np.sort(tally.drawn, axis=0)
+    return np.stack([ordered[low - 1], ordered[low + q - 1]], axis=1)
+
+
+_LEAST_DRAWN = 40
+
+
+def interval_noise(runs: int) -> float:
+    """σ of the end of a coverage interval from so many runs of a normal variable with σ = 1: √(p (1−p)/n) / φ(k)."""
+    p = 0.5 * (1.0 - CONFIDENCE)
+    density = np.exp(-0.5 * ndtri(p) ** 2) / np.sqrt(2.0 * np.pi)
+    return float(np.sqrt(p * (1.0 - p) / runs) / density)

@@ -6,6 +6,7 @@ import csv
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import combinations, product
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -375,23 +376,14 @@ def begin(
     datum: str = "fixed",
 ) -> dict[Path, str]:
     """Texts by path: the project file and the lists of names that belong to no table. ``units``: length, angle."""
-    from jinja2 import Environment, PackageLoader, StrictUndefined
-
     by_kind = {kind: [t for t in tables if t.kind == kind] for kind in ("images", "points", "stations")}
     measured = [t for t in tables if t.kind not in by_kind]
     texts: dict[Path, str] = {}
     seen = [t for t in measured if t.kind == "image"]
-    environment = Environment(
-        loader=PackageLoader("mor.project"),
-        undefined=StrictUndefined,
-        trim_blocks=True,
-        autoescape=False,
-        keep_trailing_newline=True,
-    )
     corner = any(_from_a_corner(t) for t in seen)
     content = {
         "name": target.name,
-        "title": yaml.safe_dump(title, allow_unicode=True, width=1000).split("\n")[0],
+        "title": _quoted(title),
         "length": units[0],
         "angle": units[1],
         "zenith": any(t.kind in _VERTICAL and not _VERTICAL_COLUMNS.isdisjoint(t.columns) for t in measured),
@@ -404,7 +396,46 @@ def begin(
         "datum": datum,
         **{kind: [_entry(target, table, corner) for table in found] for kind, found in by_kind.items()},
     }
-    return {target: environment.get_template("new.yaml.j2").render(content), **texts}
+    return {target: _rendered("new.yaml.j2", content), **texts}
+
+
+def _quoted(text: str) -> str:
+    return str(yaml.safe_dump(text, allow_unicode=True, width=1000)).split("\n")[0]
+
+
+def _rendered(template: str, content: dict[str, Any]) -> str:
+    from jinja2 import Environment, PackageLoader, StrictUndefined
+
+    environment = Environment(
+        loader=PackageLoader("mor.project"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        autoescape=False,
+        keep_trailing_newline=True,
+    )
+    return environment.get_template(template).render(content)
+
+
+def begin_test(target: Path, title: str, protocol: str) -> dict[Path, str]:
+    """Texts by path: the project of a test by ISO 17123, part 3 or 4, and its table to fill in."""
+    content = {"name": target.name, "title": _quoted(title)}
+    if protocol == "iso17123-4":
+        table, header = "distances.csv", "from,to,distance"
+        pairs = [(str(one), str(other)) for one, other in combinations(range(1, 8), 2)]
+    else:
+        table, header = "directions.csv", "station,to,horizontal"
+        sets, targets = list(product(range(1, 5), range(1, 4))), list(product(range(1, 5), range(2, 6)))
+        pairs = [(f"S{series}-{k}", f"T{series}-{t}") for series, k in sets for t in range(1, 6)]
+        content |= {
+            "stations": ", ".join(f"[S{series}-{k}, S]" for series, k in sets),
+            "targets": ", ".join(f"[T{series}-{t}]" for series, t in targets),
+            "distances": ", ".join(f"[S, T{series}-{t}]" for series, t in targets),
+        }
+    rows = "".join(f"{one},{other},\n" for one, other in pairs)
+    return {
+        target: _rendered(f"{protocol}.yaml.j2", content),
+        target.with_name(table): f"{header}\n{rows}",
+    }
 
 
 def _camera(settings: CameraSettings, corner: bool) -> dict[str, Any]:

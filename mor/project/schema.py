@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import replace
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, TypeVar, get_args
 
 from pydantic import (
     AfterValidator,
@@ -54,6 +54,9 @@ def one_sign(sign: str) -> str:
             f"found {sign!r}, expected a character that no number or name contains, such as ; or a tab"
         )
     return sign
+
+
+Model = TypeVar("Model", bound=BaseModel)
 
 
 class Strict(BaseModel):
@@ -996,16 +999,21 @@ _OTHER_KIND = {"string_type", "dict_type", "list_type", "model_type", "model_att
 
 
 def validate(document: Document) -> Project:
-    """The model of a document. Raises :class:`InputError` with every mistake found."""
+    """The model of a project. Raises :class:`InputError` with every mistake found."""
+    return validated(document, Project)
+
+
+def validated(document: Document, model: type[Model]) -> Model:
+    """The data of a document as a model. Raises :class:`InputError` with every mistake found."""
     try:
-        project = Project.model_validate(document.data)
+        found = model.model_validate(document.data)
     except ValidationError as error:
         details = _telling(document, error.errors(include_url=False))
-        problems = dict.fromkeys([*document.problems, *_problems(document, details)])
+        problems = dict.fromkeys([*document.problems, *_problems(document, details, model)])
         raise InputError(sorted(problems, key=lambda problem: problem.line)) from None
     if document.problems:
         raise InputError(document.problems)
-    return project
+    return found
 
 
 def without_empty_keys(document: Document) -> Document:
@@ -1024,7 +1032,7 @@ def _without_empty(data: Any, path: KeyPath) -> Any:
         ]
     if not isinstance(data, dict):
         return data
-    known = set(_known_keys(path))
+    known = set(_known_keys(path, Project))
     kept = {key: value for key, value in data.items() if value is not None or key not in known}
     return {key: _without_empty(value, (*path, key)) for key, value in kept.items()}
 
@@ -1051,7 +1059,7 @@ def _of_another_kind(detail: ErrorDetails) -> bool:
     return detail["type"] in _OTHER_KIND or (detail["type"] == "literal_error" and structured)
 
 
-def _problems(document: Document, details: list[ErrorDetails]) -> list[Message]:
+def _problems(document: Document, details: list[ErrorDetails], model: type[BaseModel]) -> list[Message]:
     """One problem for every place; what a value may be instead is told together."""
     by_path: dict[KeyPath, list[ErrorDetails]] = {}
     for detail in details:
@@ -1059,7 +1067,7 @@ def _problems(document: Document, details: list[ErrorDetails]) -> list[Message]:
     problems = []
     for path, found in by_path.items():
         where = " → ".join(str(part + 1) if isinstance(part, int) else part for part in path)
-        words = dict.fromkeys(_words(detail, path, where) for detail in found)
+        words = dict.fromkeys(_words(detail, path, where, model) for detail in found)
         opening = f"{where}: found {_short(found[0].get('input'))}, expected "
         if len(words) > 1 and all(text.startswith(opening) for text in words):
             words = {opening + ", or ".join(text.removeprefix(opening) for text in words): None}
@@ -1067,10 +1075,10 @@ def _problems(document: Document, details: list[ErrorDetails]) -> list[Message]:
     return problems
 
 
-def _words(detail: ErrorDetails, path: KeyPath, where: str) -> str:
+def _words(detail: ErrorDetails, path: KeyPath, where: str, whole: type[BaseModel]) -> str:
     kind, given = detail["type"], detail.get("input")
     if kind == "extra_forbidden":
-        known = _known_keys(path[:-1])
+        known = _known_keys(path[:-1], whole)
         return f"unknown key {path[-1]!r}{nearest(str(path[-1]), known)} (known here: {', '.join(known)})"
     if kind == "missing":
         return f"{where or 'the project'}: this key is required"
@@ -1089,6 +1097,7 @@ def _words(detail: ErrorDetails, path: KeyPath, where: str) -> str:
 _EXPECTED = {
     "bool_parsing": "true or false",
     "bool_type": "true or false",
+    "date_from_datetime_parsing": "a date such as 2026-03-01",
     "dict_type": "keys and values",
     "finite_number": "a finite number",
     "float_parsing": "a number",
@@ -1134,9 +1143,9 @@ def _data_path(data: Any, detail: ErrorDetails) -> KeyPath:
     return tuple(path)
 
 
-def _known_keys(path: KeyPath) -> list[str]:
-    """Keys the model knows at a path."""
-    model: Any = Project
+def _known_keys(path: KeyPath, whole: type[BaseModel]) -> list[str]:
+    """Keys that a model knows at a path."""
+    model: Any = whole
     for part in path:
         if isinstance(model, type) and issubclass(model, BaseModel) and part in model.model_fields:
             model = model.model_fields[str(part)].annotation

@@ -316,6 +316,13 @@ def log_p_student(square: FloatArray, freedom: float) -> FloatArray:
     return log_p_normal(np.sqrt(z2) * (1.0 + (z2 + 3.0) / b - higher))
 
 
+def coverage_probability(factor: float, freedom: float) -> float:
+    """P(|t| ≤ ``factor``), t of Student's distribution, or normal if ``freedom`` is infinite (JCGM 100:2008, G.3)."""
+    if np.isinf(freedom):
+        return float(-np.expm1(log_p_normal(np.array([factor])))[0])
+    return float(-np.expm1(log_p_student(np.array([factor**2]), freedom))[0])
+
+
 def log_p_f(ratio: FloatArray, above: float | FloatArray, freedom: float) -> FloatArray:
     """ln P(F ≥ ``ratio``) for F(``above``, ``freedom``)."""
     if freedom <= 0.0:

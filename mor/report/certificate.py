@@ -14,6 +14,7 @@ from mor.model.parameters import INTERIORS
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import (
     LINE,
+    coverage_words,
     digits_worth,
     fixed,
     heading,
@@ -58,6 +59,8 @@ class Certificate(NamedTuple):
     """Up to the corner, or what is covered."""
     table: RadialCurve
     """The same at round radii."""
+    coverage: float | None = None
+    """Factor k of expanded uncertainties; none without."""
 
     @property
     def unit(self) -> str:
@@ -70,8 +73,11 @@ class Certificate(NamedTuple):
         return small_unit(self.unit, float(np.abs(self.curve.shift).max(initial=0.0)))
 
 
-def certificate(view: View, name: str) -> Certificate:
-    """The certificate of a camera. Raises :class:`InputError` for an unknown one, or one without image points."""
+def certificate(view: View, name: str, coverage: float | None = None) -> Certificate:
+    """Return the certificate of a camera, with expanded uncertainties if a coverage factor is given.
+
+    Raises :class:`InputError` for an unknown camera, or one without image points.
+    """
     cameras = {camera["id"]: camera for camera in view.cameras}
     if name not in cameras:
         known = f" (known: {', '.join(cameras)})" if cameras else ""
@@ -104,6 +110,7 @@ def certificate(view: View, name: str) -> Certificate:
         corner=corner,
         curve=radial_curve(camera, largest),
         table=_at_round_radii(camera, largest),
+        coverage=coverage,
     )
 
 
@@ -267,6 +274,7 @@ def certificate_page(one: Certificate, words: Words = ENGLISH) -> str:
             parameters=_parameters(one, words),
             correlations=one.camera["correlations"],
             distortion=_distortion(one),
+            expanded=_expanded(one),
             small=one.small[0],
             unit=one.unit,
             drawing=curve_drawing(one, words),
@@ -361,7 +369,23 @@ def _format(camera: dict[str, Any], words: Words) -> str:
 
 
 def _validity(one: Certificate, words: Words) -> list[tuple[str, str]]:
-    """Largest distance from the principal point at which measurements support the parameters."""
+    """Largest distance from the principal point at which measurements support the parameters, and what U is."""
+    return [*_valid(one, words), *_uncertainty(one, words)]
+
+
+def _uncertainty(one: Certificate, words: Words) -> list[tuple[str, str]]:
+    if one.coverage is None:
+        return []
+    return [(words("expanded uncertainty"), coverage_words(one.coverage, freedom(one.view.summary), words))]
+
+
+def freedom(summary: dict[str, Any]) -> float:
+    """Degrees of freedom of the σ0 that standard deviations refer to; infinite a priori."""
+    sigma0 = summary["sigma0"]
+    return float(summary["redundancy"]) if sigma0["used_for_sigma"] != sigma0["apriori"] else np.inf
+
+
+def _valid(one: Certificate, words: Words) -> list[tuple[str, str]]:
     said = words(
         "up to {radius} {unit} from the principal point", radius=short(one.covered, 4), unit=one.unit
     )
@@ -376,6 +400,10 @@ def _validity(one: Certificate, words: Words) -> list[tuple[str, str]]:
     return [(words("valid"), said)]
 
 
+def _times(sigma: float | None, factor: float | None) -> float | None:
+    return None if sigma is None or factor is None else sigma * factor
+
+
 def _parameters(one: Certificate, words: Words) -> list[dict[str, str]]:
     return [
         {
@@ -384,6 +412,7 @@ def _parameters(one: Certificate, words: Words) -> list[dict[str, str]]:
             "unit": raised(one.units[name]),
             "value": short(row["value"], digits_worth(row["value"], row["sigma"])),
             "sigma": short(row["sigma"], 3),
+            "U": short(_times(row["sigma"], one.coverage), 3),
             "significance": fixed(row.get("t"), 1) if name != "c" else "-",
             "status": words.listed(row["status"]),
         }
@@ -391,24 +420,32 @@ def _parameters(one: Certificate, words: Words) -> list[dict[str, str]]:
     ]
 
 
-_COLUMNS = ("value", "sigma", "significance", "status")
+def _expanded(one: Certificate, unit: str = "") -> list[str]:
+    """The header of a column of expanded uncertainties, if they are asked for."""
+    return [f"U{unit}"] if one.coverage is not None else []
 
 
 def _parameter_table(one: Certificate, words: Words) -> str:
+    columns = ["value", "sigma", *_expanded(one), "significance", "status"]
     rows = [
-        [row["name"], row["meaning"], one.units[row["name"]], *(row[key] for key in _COLUMNS)]
+        [row["name"], row["meaning"], one.units[row["name"]], *(row[key] for key in columns)]
         for row in _parameters(one, words)
     ]
-    headers = ["component", "", "unit", "value", "sigma", "value/sigma", "status"]
+    headers = ["component", "", "unit", "value", "sigma", *_expanded(one), "value/sigma", "status"]
     return table(headers, rows, 3, words)
 
 
-def _distortion(one: Certificate) -> list[tuple[str, str, str, bool]]:
-    """Radius, distortion, σ, and whether points were measured so far out."""
+def _distortion(one: Certificate) -> list[tuple[list[str], bool]]:
+    """Radius, distortion, σ and U, and whether points were measured so far out."""
     factor, places = one.small[1], _decimals(one)
     rows = zip(one.table.radius, one.table.shift * factor, one.table.sigma * factor, strict=True)
+    beside = [1.0] if one.coverage is None else [1.0, one.coverage]
     return [
-        (short(r, 5), fixed(s + 0.0, places), fixed(e, places), bool(r <= one.covered)) for r, s, e in rows
+        (
+            [short(r, 5), fixed(s + 0.0, places), *(fixed(k * e, places) for k in beside)],
+            bool(r <= one.covered),
+        )
+        for r, s, e in rows
     ]
 
 
@@ -419,7 +456,13 @@ def _decimals(one: Certificate) -> int:
 
 
 def _distortion_table(one: Certificate, words: Words) -> str:
-    rows = [[r, s, e, "" if inside else words("extrapolated")] for r, s, e, inside in _distortion(one)]
+    rows = [[*cells, "" if inside else words("extrapolated")] for cells, inside in _distortion(one)]
     small = one.small[0]
-    headers = [f"radius [{one.unit}]", f"distortion [{small}]", f"sigma [{small}]", ""]
+    headers = [
+        f"radius [{one.unit}]",
+        f"distortion [{small}]",
+        f"sigma [{small}]",
+        *_expanded(one, f" [{small}]"),
+        "",
+    ]
     return table(headers, rows, 0, words, last_left=True)

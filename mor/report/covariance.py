@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
@@ -17,6 +17,7 @@ from mor.project.document import guarded
 from mor.project.entities import unknown_name
 from mor.quality.assessment import Quality, joint_cofactors, relative_ellipsoid
 from mor.quality.solution import Solved
+from mor.quality.test_statistics import coverage_probability
 from mor.report.units import angle_unit
 from mor.types import FloatArray, IntArray
 from mor.units import ANGLE_UNITS
@@ -36,6 +37,16 @@ class Labelled(NamedTuple):
     datum: str
     sigma0: float
     """What the cofactors were multiplied with (squared), a priori 1."""
+    freedom: float
+    """Degrees of freedom of σ0: the redundancy, infinite for σ0 a priori."""
+
+    def expanded(self, factor: float = 2.0) -> FloatArray:
+        """Return the expanded uncertainties U = k σ (k,) in ``units`` (JCGM 100:2008, 6.2)."""
+        return factor * np.sqrt(np.maximum(np.diagonal(self.matrix), 0.0))
+
+    def coverage_probability(self, factor: float = 2.0) -> float:
+        """Return the probability that value ± U contains the true value: Student's t with ``freedom``."""
+        return coverage_probability(factor, self.freedom)
 
 
 def covariance_of_names(
@@ -204,7 +215,14 @@ def _labelled(solved: Solved, blocks: list[tuple[str, int]]) -> Labelled:
         np.concatenate(values)[keep] if values else np.zeros(0),
         solved.adjustment.problem.datum.name,
         quality.sigma_factor,
+        freedom_of(solved),
     )
+
+
+def freedom_of(solved: Solved) -> float:
+    """Degrees of freedom of the σ0 that standard deviations refer to; infinite a priori."""
+    quality = _quality(solved)
+    return float(quality.redundancy) if quality.sigma_factor != 1.0 else np.inf
 
 
 def _outwards(solved: Solved, kind: str, number: int) -> FloatArray:
@@ -307,9 +325,23 @@ def check_covariance(path: Path) -> None:
         raise InputError([Message(f"expected one of {', '.join(FORMATS)}", str(path))])
 
 
-def write_covariance(path: Path, found: Labelled) -> None:
-    """Write a matrix in the format its suffix names. Raises :class:`InputError` for any other."""
+def with_expanded(
+    header: Sequence[str], rows: Sequence[Sequence[object]], factor: float
+) -> tuple[list[str], list[list[object]]]:
+    """Header and rows with a column U for every column of σ (``sdx``) or variances (``xx``): U = k σ."""
+    of = [(k, name[1:], 1.0) for k, name in enumerate(header) if name.startswith("s")]
+    of = of or [(k, name[0], 0.5) for k, name in enumerate(header) if name in ("xx", "yy", "zz")]
+    wider = [[*row, *(factor * float(str(row[k])) ** power for k, _, power in of)] for row in rows]
+    return [*header, *(f"U{name}" for _, name, _ in of)], wider
+
+
+def write_covariance(path: Path, found: Labelled, factor: float | None = None) -> None:
+    """Write a matrix in the format its suffix names, with U = k σ if a coverage factor is given.
+
+    Raises :class:`InputError` for any other suffix.
+    """
     check_covariance(path)
+    expanded = {} if factor is None else {"U": found.expanded(factor)}
     if path.suffix == ".npz":
         np.savez(
             path,
@@ -319,26 +351,27 @@ def write_covariance(path: Path, found: Labelled) -> None:
             units=np.array(found.units),
             datum=np.array(found.datum),
             sigma0=np.array(found.sigma0),
+            **expanded,  # type: ignore[arg-type]
         )
     elif path.suffix == ".csv":
-        header = ["label", "unit", "value", *found.labels]
+        header = ["label", "unit", "value", *expanded, *found.labels]
+        numbers = np.column_stack([found.values, *expanded.values(), found.matrix])
         rows = [
-            [label, unit, float(value), *map(float, row)]
-            for label, unit, value, row in zip(
-                found.labels, found.units, found.values, found.matrix, strict=True
-            )
+            [label, unit, *row]
+            for label, unit, row in zip(found.labels, found.units, numbers.tolist(), strict=True)
         ]
         write_rows(path, header, rows)
     else:
-        path.write_text(_matrix_market(found), encoding="utf-8")
+        path.write_text(_matrix_market(found, expanded), encoding="utf-8")
 
 
-def _matrix_market(found: Labelled) -> str:
+def _matrix_market(found: Labelled, expanded: Mapping[str, FloatArray]) -> str:
     """Lower triangle by columns; labels as comments."""
     size = len(found.labels)
     lines = ["%%MatrixMarket matrix array real symmetric", f"% datum: {found.datum}"]
     lines += [
         f"% {k + 1}: {label} [{unit}]"
+        + "".join(f", {name} = {float(u[k])!r}" for name, u in expanded.items())
         for k, (label, unit) in enumerate(zip(found.labels, found.units, strict=True))
     ]
     lines.append(f"{size} {size}")

@@ -206,6 +206,20 @@ def short(value: float | None, digits: int = 6) -> str:
     return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
 
 
+def coverage_words(factor: float, freedom: float, words: Words) -> str:
+    """What an expanded uncertainty is: factor, probability and distribution; ``freedom`` of σ0, infinite a priori."""
+    from mor.quality.test_statistics import coverage_probability
+
+    return words(
+        "U = k sigma, k = {k}: coverage probability {p} % ({distribution}; JCGM 100:2008)",
+        k=f"{factor:g}",
+        p=f"{100.0 * coverage_probability(factor, freedom):.2f}",
+        distribution=words("normal distribution")
+        if math.isinf(freedom)
+        else words("Student's t, {freedom:degree|degrees} of freedom", freedom=int(freedom)),
+    )
+
+
 def in_words(row: dict[str, Any], words: Words) -> str:
     """Return the name of an observation: its type, its point and station names, and its component."""
     names = ", ".join(f"{words.listed(key)} {name}" for key, name in row["names"].items())

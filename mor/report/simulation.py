@@ -6,6 +6,7 @@ import os
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
+from statistics import NormalDist
 from typing import Any
 
 import numpy as np
@@ -25,7 +26,17 @@ from mor.model.parameters import (
     Values,
 )
 from mor.model.rotations import angles_from_rotation
-from mor.plan.simulation import CONFIDENCE, LEVEL, Finding, Planted, Tally, Truth, findings
+from mor.plan.simulation import (
+    CONFIDENCE,
+    LEVEL,
+    Finding,
+    Planted,
+    Tally,
+    Truth,
+    coverage_intervals,
+    findings,
+    interval_noise,
+)
 from mor.project.axes import UnitError
 from mor.project.document import Document
 from mor.project.entities import AT, said_thing
@@ -381,6 +392,7 @@ def monte_carlo_data(
     """The findings, and bias and σ of every unknown, as plain data."""
     n = max(float(tally.solved), 1.0)
     index = truth.problem.index
+    intervals = coverage_intervals(tally)
     points = network.things["point"]
     name_of = dict(zip(points.parts["position"].tolist(), points.ids, strict=True))
     return {
@@ -407,6 +419,7 @@ def monte_carlo_data(
                 "component": index.label(column)[2],
                 "bias": float(tally.correction[column]) / n,
                 "sigma_ratio": float(np.sqrt(tally.square[column] / n)),
+                "interval": None if intervals is None else intervals[column].tolist(),
             }
             for column in range(index.count)
             if truth.sigma[column] > 0.0
@@ -452,7 +465,12 @@ def monte_carlo_text(
         finding_table(found, words),
     ]
     about = identity_of(network.project, of)
-    sections = ["\n".join(lines), _weakest(network, truth, tally, words), layout.section(about, words)]
+    sections = [
+        "\n".join(lines),
+        _weakest(network, truth, tally, words),
+        _coverage(truth, tally, words),
+        layout.section(about, words),
+    ]
     return paragraphs(escaped("\n\n".join(section for section in sections if section))) + "\n"
 
 
@@ -487,3 +505,31 @@ def _weakest(network: Network, truth: Truth, tally: Tally, words: Words) -> str:
     ]
     headers = ["unknown", "mean of (x - true) / sigma", "sigma found / sigma said"]
     return "\n".join([heading(words("Largest bias")), table(headers, rows, 1, words)])
+
+
+def _coverage(truth: Truth, tally: Tally, words: Words) -> str:
+    """Coverage intervals by JCGM 101 against those of the adjustment, the largest differences first."""
+    intervals = coverage_intervals(tally)
+    used = np.flatnonzero(truth.sigma > 0.0)
+    if intervals is None or not len(used):
+        return ""
+    k = -NormalDist().inv_cdf(0.5 * (1.0 - CONFIDENCE))
+    apart = np.abs(intervals - [-k, k]).max(axis=1)
+    order = used[np.argsort(-apart[used], kind="stable")[:5]]
+    index = truth.problem.index
+    rows = [
+        [
+            f"{said_thing(*index.label(int(u))[:2])} {index.label(int(u))[2]}",
+            *(words.number(f"{value:.3f}") for value in (*intervals[u], apart[u])),
+        ]
+        for u in order
+    ]
+    said = words(
+        "The adjustment says ±{k} sigma. Chance moves an end of an interval by about {noise} sigma "
+        "(one standard deviation).",
+        k=f"{k:.3f}",
+        noise=f"{interval_noise(len(tally.drawn)):.3f}",
+    )
+    title = words("95 % coverage intervals of (x - true) / sigma (GUM Supplement 1, JCGM 101:2008)")
+    headers = ["unknown", "from", "to", "largest difference"]
+    return "\n".join([heading(title), table(headers, rows, 1, words), said])

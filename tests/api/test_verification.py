@@ -9,6 +9,7 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+import mor
 from mor.api import verification
 from mor.api.verification import About, Task, carried_out, reference_data, tasks
 from mor.cli import run
@@ -91,6 +92,15 @@ def test_names_quantities_and_sources_are_there_in_german(quick):
     assert sorted(said - same - set(GERMAN)) == []
 
 
+@pytest.mark.slow
+def test_two_threads_give_what_one_gives():
+    (task,) = [task for task in tasks() if task.about.group == "threads"]
+    checks = carried_out(task)
+    assert [check.passed for check in checks] == [True] * 5
+    assert sum(check.numbers for check in checks) > 200_000
+    assert {task.about.group, task.about.name, task.about.source} <= set(GERMAN)
+
+
 def test_a_check_that_raises_has_failed():
     def fails(about):
         raise ValueError("no solution")
@@ -106,6 +116,7 @@ def _few(monkeypatch, difference):
     )
     task = Task(About("closed forms", "levelling loop", "<book>"), lambda about: [check])
     monkeypatch.setattr(verification, "tasks", lambda: [task])
+    assert [one.passed for one in mor.verify()] == [difference < 0.1]
 
 
 @pytest.mark.parametrize(("difference", "code"), [(0.05, 0), (0.2, 1), (np.nan, 1)])

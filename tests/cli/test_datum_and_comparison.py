@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
+from scipy.stats import t as student
 
 from mor.report.comparison import Difference, differences
 from tests.scenarios.small_projects import BLOCK, LEVELLING, OBJECT, block, mor, write, write_block
@@ -145,6 +146,28 @@ def test_covariances_of_chosen_points(tmp_path: Path) -> None:
 
     np.testing.assert_allclose(mmread(tmp_path / "chosen.mtx"), archive["covariance"], rtol=1e-15)
     assert "datum: free" in (tmp_path / "chosen.mtx").read_text()
+
+
+def test_expanded_uncertainties_are_multiples_of_sigma(tmp_path: Path) -> None:
+    results = adjusted(tmp_path)
+    for suffix in ("npz", "csv", "mtx"):
+        run = mor("covariance", results, "--points", "P3", "--coverage", "2", "-o", tmp_path / f"u.{suffix}")
+        assert run.code == 0, run.err
+    archive = np.load(tmp_path / "u.npz")
+    np.testing.assert_allclose(archive["U"], 2.0 * np.sqrt(np.diagonal(archive["covariance"])), rtol=1e-14)
+    assert [float(row["U"]) for row in rows((tmp_path / "u.csv").read_text())] == archive["U"].tolist()
+    assert f"U = {archive['U'].tolist()[0]!r}" in (tmp_path / "u.mtx").read_text()
+    freedom = json.loads((results / "results.json").read_text())["redundancy"]
+    assert (
+        f"{100.0 * (1.0 - 2.0 * student.sf(2.0, freedom)):.2f} % (Student's t, {freedom} degrees" in run.err
+    )
+    for option, value, sigma in (("--blocks", "Ux", "xx"), ("--relative", "Udistance", "sdistance")):
+        given = [option] if option == "--blocks" else [option, "P1,P2"]
+        table = tmp_path / f"{option}.csv"
+        assert mor("covariance", results, *given, "--coverage", "3", "-o", table).code == 0
+        row = rows(table.read_text())[0]
+        expected = 3.0 * float(row[sigma]) ** (0.5 if option == "--blocks" else 1.0)
+        assert float(row[value]) == pytest.approx(expected, rel=1e-14)
 
 
 def test_full_covariance_has_all_unknowns_in_the_axes_of_the_project(tmp_path: Path) -> None:

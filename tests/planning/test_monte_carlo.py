@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
+from fractions import Fraction
 from functools import partial
 
 import numpy as np
@@ -13,7 +14,7 @@ import pytest
 from mor.api.simulation import CHUNK, Trial, by_processes, chunk_of, prepared, run_trial
 from mor.cli import run
 from mor.errors import InputError
-from mor.plan.simulation import Finding, errors, findings, one_run
+from mor.plan.simulation import Finding, coverage_intervals, errors, findings, interval_noise, one_run
 from tests.scenarios.batch_scenes import PLAN
 
 
@@ -102,6 +103,29 @@ def test_bytes_are_the_same_whatever_the_jobs_and_however_often_interrupted(tria
     assert data["runs"] == data["solved"] == 3 * CHUNK
     assert data["agrees"]
     assert {point["id"] for point in data["points"]} == set("ABCDE")
+    assert all(one["interval"][0] < 0.0 < one["interval"][1] for one in data["unknowns"])
+    assert "JCGM 101:2008" in (tmp_path / "one" / "montecarlo.txt").read_text()
+
+
+def test_coverage_intervals_are_those_of_the_sorted_corrections(trial):
+    """Ranks by JCGM 101:2008, 7.7.2, counted here with fractions; ends near ±1.96 σ, as chance allows."""
+    ready = prepared(trial)
+    tally = chunk_of(ready, 0, 41)
+    intervals = coverage_intervals(tally)
+    q = int(Fraction(95, 100) * 41 + Fraction(1, 2))
+    r = (41 - q + 1) // 2 if (41 - q) % 2 else (41 - q) // 2
+    for column in np.flatnonzero(ready.truth.sigma):
+        ordered = sorted(tally.drawn[:, column].tolist())
+        assert intervals[column].tolist() == [ordered[r - 1], ordered[r + q - 1]]
+    ends = np.abs(np.abs(intervals[ready.truth.sigma > 0.0]) - 1.959964)
+    assert 0.0 < ends.max() < 5.0 * interval_noise(41)
+    assert coverage_intervals(replace(tally, drawn=tally.drawn[:39])) is None
+
+
+def test_noise_of_intervals_is_that_of_simulated_normal_variables():
+    drawn = np.random.default_rng(3).normal(size=(1000, 1000))
+    tallies = [np.sort(column)[24] for column in drawn.T]
+    assert np.std(tallies) == pytest.approx(interval_noise(1000), rel=0.1)
 
 
 def test_runs_of_something_else_are_never_mixed_in(trial, tmp_path):

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 import pytest
+from scipy.stats import t as student
 
 from mor.report.certificate import certificate
 from mor.report.layout import WIDTH
@@ -127,6 +128,25 @@ def test_page_and_text_say_the_same(results: Path, tmp_path: Path, language: str
     assert ("Unterschrift" if language == "de" else "signature") in page
     run = mor("certificate", results, "D7", "-o", tmp_path / "one.txt")
     assert run.code == 2
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_expanded_uncertainties(results: Path, tmp_path: Path, language: str) -> None:
+    for name in ("one.html", "one.txt"):
+        run = mor(
+            "certificate", results, "D7", "-o", tmp_path / name, "--lang", language, "--coverage", "2.5"
+        )
+        assert run.code == 0
+    page, text = ((tmp_path / name).read_text(encoding="utf-8") for name in ("one.html", "one.txt"))
+    view = view_of_folder(results)
+    sigma = next(c for c in view.cameras if c["id"] == "D7")["components"]["c"]["sigma"]
+    p = f"{100.0 * (1.0 - 2.0 * student.sf(2.5, view.summary['redundancy'])):.2f}"
+    assert f"<td>{2.5 * sigma:.3g}</td>" in page
+    assert ("Überdeckungswahrscheinlichkeit" if language == "de" else "coverage probability") in page
+    comma = str.maketrans(".", ",") if language == "de" else {}
+    assert f"{2.5 * sigma:.3g}".translate(comma) in text
+    assert f" {p.translate(comma)} % " in " ".join(text.split())
+    assert max(map(len, text.split("\n"))) <= WIDTH
 
 
 def test_mistakes(results: Path, tmp_path: Path) -> None:

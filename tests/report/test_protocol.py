@@ -1,0 +1,128 @@
+"""Tests by ISO 17123-3 and -4, against their formulas written out in NumPy and quantiles of SciPy."""
+
+from __future__ import annotations
+
+import re
+from itertools import combinations
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from mor.report.protocol import figures, statistical_tests
+from mor.report.view import view_of_folder
+from tests.scenarios.small_projects import mor
+
+PLACES = np.array([0.0, 62.1, 105.3, 203.9, 311.2, 450.7, 601.4])
+
+
+def measured(folder: Path, seed: int, offset: float, sigma: float) -> np.ndarray:
+    """Fill in the table of a new project, adjust it, and return the distances."""
+    assert mor("new", folder / "line.yaml", "--protocol", "iso17123-4", "-t", "line: 1").code == 0
+    random = np.random.default_rng(seed)
+    table = folder / "distances.csv"
+    lines = table.read_text().splitlines()
+    assert lines[0] == "from,to,distance"
+    assert [line.split(",")[:2] for line in lines[1:]] == [
+        [str(i), str(j)] for i, j in combinations(range(1, 8), 2)
+    ]
+    values = np.array([PLACES[j] - PLACES[i] for i, j in combinations(range(7), 2)])
+    values = np.round(values + offset + random.normal(0.0, sigma, 21), 4)
+    rows = [line + repr(v) for line, v in zip(lines[1:], values.tolist(), strict=True)]
+    table.write_text("\n".join([lines[0], *rows]) + "\n")
+    assert mor("adjust", folder / "line.yaml", "--no-html").code == 0
+    return values
+
+
+def by_hand(values: np.ndarray) -> tuple[float, float, float]:
+    """s, correction and its standard deviation by ordinary least squares: d = x_j − x_i − δ."""
+    A = np.zeros((21, 7))
+    for row, (i, j) in enumerate(combinations(range(7), 2)):
+        A[row, i], A[row, j] = -1.0, 1.0
+        A[row, 0] = -1.0
+    x, squares, *_ = np.linalg.lstsq(A, values, rcond=None)
+    s = float(np.sqrt(squares[0] / 14))
+    return s, float(x[0]), s * float(np.sqrt(np.linalg.inv(A.T @ A)[0, 0]))
+
+
+@pytest.mark.parametrize(("seed", "offset"), [(4, 0.0012), (5, 0.0), (6, -0.003)])
+def test_figures_and_verdicts(tmp_path: Path, seed: int, offset: float) -> None:
+    one, two = tmp_path / "one", tmp_path / "two"
+    s, delta, s_delta = by_hand(measured(one, seed, offset, 0.001))
+    other = by_hand(measured(two, seed + 10, 0.0, 0.003))[0]
+    assert s_delta == pytest.approx(s / np.sqrt(5.0), rel=1e-12)  # as the standard says
+    line, second = (figures(view_of_folder(folder / "line.results"), "iso17123-4") for folder in (one, two))
+    np.testing.assert_allclose(line, np.array([s, 0.002, delta, s_delta]) * 1e3, rtol=1e-7)
+    tests = statistical_tests(line, second, "iso17123-4")
+    expected = [
+        (s * 1e3, None, 2.0 * np.sqrt(stats.chi2.ppf(0.95, 14) / 14)),
+        ((s / other) ** 2, stats.f.ppf(0.025, 14, 14), stats.f.ppf(0.975, 14, 14)),
+        (abs(delta) * 1e3, None, stats.t.ppf(0.975, 14) * s_delta * 1e3),
+    ]
+    for test, (found, low, high) in zip(tests, expected, strict=True):
+        np.testing.assert_allclose(
+            [test.found, test.low or 0.0, test.high], [found, low or 0.0, high], rtol=1e-7
+        )
+        assert test.passed == ((low is None or low <= found) and found <= high)
+    assert tests[0].high / 2.0 == pytest.approx(1.30, abs=0.005)  # factors that the standard prints
+    assert [tests[1].low, tests[1].high] == pytest.approx([0.34, 2.98], abs=0.005)
+    assert tests[2].high / line.sigma_offset == pytest.approx(2.14, abs=0.006)
+
+
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_page(tmp_path: Path, language: str) -> None:
+    values = measured(tmp_path, 6, -0.003, 0.001)
+    results, path = tmp_path / "line.results", tmp_path / "page.txt"
+    options = ("--protocol", "iso17123-4", "--against", results, "--lang", language, "-o", path)
+    run = mor("report", results, *options)
+    assert run.code == 0, run.err
+    text = path.read_text(encoding="utf-8")
+    delta = f"{1e3 * by_hand(values)[1]:.3f}"
+    assert f"{delta.replace('.', ',') if language == 'de' else delta} mm" in text
+    assert re.search(r"c\).* (verworfen|rejected)", text)
+    assert re.search(r"b\).* (angenommen|accepted)", text)
+    assert ("Nullpunktabweichung" in text) == (language == "de")
+    assert len(text.splitlines()) < 40
+
+
+def test_directions(tmp_path: Path) -> None:
+    """s by the sums of the standard: residuals of directions reduced to the first target, less their mean in a set."""
+    assert mor("new", tmp_path / "test.yaml", "--protocol", "iso17123-3").code == 0
+    table, random = tmp_path / "directions.csv", np.random.default_rng(8)
+    bearings = np.array([0.0, 71.3, 155.2, 238.9, 330.4])
+    values = bearings + random.uniform(0.0, 400.0, (4, 3, 1)) + random.normal(0.0, 0.0006, (4, 3, 5))
+    values = np.round(values % 400.0, 5)
+    lines = table.read_text().splitlines()
+    assert len(lines) == 61
+    rows = [line + repr(v) for line, v in zip(lines[1:], values.ravel().tolist(), strict=True)]
+    table.write_text("\n".join([lines[0], *rows]) + "\n")
+    assert mor("adjust", tmp_path / "test.yaml", "--no-html").code == 0
+    reduced = (values - values[:, :, :1]) % 400.0
+    difference = reduced.mean(axis=1, keepdims=True) - reduced
+    residual = difference - difference.mean(axis=2, keepdims=True)
+    s = float(np.sqrt((residual**2).sum() / 32)) * 1e3
+    found = figures(view_of_folder(tmp_path / "test.results"), "iso17123-3")
+    assert found[:2] == pytest.approx((s, 0.5), rel=1e-8)
+    (test,) = statistical_tests(found, None, "iso17123-3")
+    assert test.high == pytest.approx(0.5 * np.sqrt(stats.chi2.ppf(0.95, 32) / 32), rel=1e-12)
+    assert test.high == pytest.approx(0.5 * 1.20, abs=0.003)  # the factor that the standard prints
+    assert test.passed == (s <= test.high)
+    run = mor("report", tmp_path / "test.results", "--protocol", "iso17123-3", "--lang", "de")
+    assert run.code == 0, run.err
+    text = (tmp_path / "test.results" / "protocol.txt").read_text(encoding="utf-8")
+    assert f"{s:.3f} mgon, 32 Freiheitsgrade".replace(".", ",") in text
+    run = mor("report", tmp_path / "test.results", "--protocol", "iso17123-4", "-o", tmp_path / "x.txt")
+    assert (run.code, "found 32 redundancy, expected 14" in run.err) == (2, True)
+
+
+def test_other_results_are_refused(tmp_path: Path) -> None:
+    measured(tmp_path, 1, 0.0, 0.001)
+    table = tmp_path / "distances.csv"
+    table.write_text("\n".join(table.read_text().splitlines()[:-1]) + "\n")
+    assert mor("adjust", tmp_path / "line.yaml", "--no-html", "-f").code == 0
+    run = mor("report", tmp_path / "line.results", "--protocol", "iso17123-4")
+    assert run.code == 2
+    assert "found 20 observations, expected 21" in run.err
+    assert mor("report", tmp_path / "line.results", "--protocol", "iso17123-4", "--pdf").code == 2
+    assert mor("new", tmp_path / "x.yaml", table, "--protocol", "iso17123-4").code == 2
