@@ -72,12 +72,11 @@ CHAPTERS = {
             for page in (
                 "colmap",
                 "opensfm",
-                "openmvg",
+                "alicevision",
                 "metashape",
                 "photomodeler",
                 "dbat",
                 "pix4d",
-                "bingo",
                 "bal",
                 "aicon",
             )
@@ -86,7 +85,6 @@ CHAPTERS = {
             f"formats/{page}"
             for page in (
                 "gkf",
-                "textbook",
                 "starnet",
                 "jag3d",
                 "dynadjust",

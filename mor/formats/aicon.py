@@ -267,7 +267,7 @@ def camera_lines(name: str, camera: Camera, content: Content) -> tuple[list[str]
     """Five lines, and the size of a pixel in mm. Raises ``ValueError``."""
     if camera.model != "mor" or camera.image_variant or camera.eccentricity:
         raise ValueError("AICON has model mor, without image-variant parameters and eccentricities")
-    scale = image_scale(camera, content.project.units)
+    scale = image_scale(camera)
     if np.isnan(scale.size) or camera.image is None:
         raise ValueError("AICON's files need image: {width, height, pixel} with the size of a pixel in mm")
     per = scale.size / scale.pixel

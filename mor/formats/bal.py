@@ -247,7 +247,7 @@ def _interior(
     content: Content, name: str, camera: Camera, problems: list[Message]
 ) -> tuple[float, float, float]:
     """f, k1, k2 in px."""
-    scale = image_scale(camera, content.project.units)
+    scale = image_scale(camera)
     try:
         values = interior_values(camera, content.edge, scale)
     except ValueError as error:

@@ -145,7 +145,7 @@ def _photomodeler(document: Document, folder: Path, target: Path) -> bytes:
         raise ValueError(f"PhotoModeler's model is brown; the numbers of {camera.model} say other things")
     if camera.unit != "mm" or camera.image is None or camera.image.pixel is None:
         raise ValueError("PhotoModeler needs unit: mm, and image: {width, height, pixel}")
-    scale = image_scale(camera, content.project.units)
+    scale = image_scale(camera)
     values = interior_values(camera, content.edge, scale)
     if values.get("b2"):
         raise ValueError("PhotoModeler cannot store its shear (b2)")

@@ -54,14 +54,9 @@ FORMATS: dict[str, Format] = {
         Code("mor.formats.opensfm", "write_gcp_list"),
         beside=Code("mor.formats.recognition", "read_gcp_list_of_block"),
     ),
-    "openmvg": Format(
-        "openMVG sfm_data.json",
-        Code("mor.formats.sfm_data", "read_openmvg"),
-        untried="no reconstruction of openMVG was available: this reader follows its source",
-    ),
     "alicevision": Format(
         "AliceVision, Meshroom (.sfm)",
-        Code("mor.formats.sfm_data", "read_alicevision"),
+        Code("mor.formats.alicevision", "read_alicevision"),
         suffixes=(".sfm",),
         untried="with a real file only cameras and poses were tested; image points follow the source",
     ),
@@ -153,15 +148,6 @@ FORMATS: dict[str, Format] = {
         folder=True,
         untried="no project of JAG3D was available: this follows its wiki and the source of its import",
     ),
-    "jag3d-script": Format(
-        "JAG3D project as SQL text (HSQLDB script with rows)",
-        Code("mor.formats.jag3d", "read_jag3d_script"),
-        suffixes=(".script",),
-        untried="no project of JAG3D was available: this reader follows the tables that its source makes",
-    ),
-    "textbook": Format(
-        "textbook network (Krumm)", Code("mor.formats.textbook", "read_krumm"), suffixes=(".dat",)
-    ),
     "photomodeler": Format(
         "PhotoModeler text export",
         Code("mor.formats.photomodeler", "read_photomodeler"),
@@ -184,20 +170,6 @@ FORMATS: dict[str, Format] = {
         "Pix4D ground control (name, X, Y, Z, accuracies)",
         Code("mor.formats.pix4d", "read_control"),
         untried="no file of users was available: this reader follows the manual",
-    ),
-    "bingo": Format(
-        "BINGO (folder with image.dat, geoin.dat and itera.dat)",
-        Code("mor.formats.bingo", "read_bingo"),
-        Code("mor.formats.bingo", "write_bingo"),
-        folder=True,
-        untried="no file of BINGO was available: this reader follows programs that read and write its files",
-    ),
-    "pat-b": Format(
-        "PAT-B (image coordinates .im, with the control points .con beside them)",
-        Code("mor.formats.patb", "read_patb"),
-        Code("mor.formats.patb", "write_patb"),
-        suffixes=(".im",),
-        untried="no file of PAT-B was available: this reader follows what other programs say about their exports",
     ),
     "aicon": Format(
         "AICON 3D Studio flat files",

@@ -205,9 +205,7 @@ def image_points(content: Content, cameras: dict[str, str], corner: bool = True)
 
     ``corner``: coordinates from the upper left corner, y down; else from the image centre, y up.
     """
-    scales = {
-        name: image_scale(camera, content.project.units) for name, camera in content.project.cameras.items()
-    }
+    scales = {name: image_scale(camera) for name, camera in content.project.cameras.items()}
     parts = [
         _image_points(entry, rows, cameras, scales, place, corner)
         for entry, rows, place in image_tables(content)

@@ -666,7 +666,7 @@ def interior_of(camera: Camera, content: Content) -> tuple[dict[str, float], lis
         k for k, s in camera.interior.items() if isinstance(s, Value) and s.fixed is None and s.sigma != "0"
     ]
     if camera.model == "metashape":
-        scale = image_scale(camera, content.project.units)
+        scale = image_scale(camera)
         pixel = 1.0 if np.isnan(scale.pixel) else scale.pixel
         given = interior_values(camera, content.edge, scale)
         values = {name: value / (pixel if name in NAMES[:5] else 1.0) for name, value in given.items()}

@@ -130,45 +130,6 @@ def enough(line: Words, count: int, form: str, draft: Draft) -> bool:
 
 
 # ------------------------------------------------------------
-# Names of BINGO's files, and the rotation of its orientations.
-# ------------------------------------------------------------
-
-IMAGES, GROUND, ORIENTATIONS = "image.dat", "geoin.dat", "itera.dat"
-
-
-def is_bingo(names: frozenset[str], path: Path) -> bool:
-    """True for a folder with both files, and for one of them beside the other."""
-    known = {name.lower() for name in names}
-    if {IMAGES, GROUND} <= known:
-        return True
-    if path.name.lower() not in (IMAGES, GROUND):
-        return False
-    other = GROUND if path.name.lower() == IMAGES else IMAGES
-    return any((path.parent / name).is_file() for name in (other, other.upper()))
-
-
-def rotation_from_bingo(angles: FloatArray) -> FloatArray:
-    """Rotations D (n, 3, 3) from object to image of φ, ω, κ (n, 3), radians: D = (R_y(φ) R_x(ω) R_z(κ))ᵀ."""
-    (sp, so, sk), (cp, co, ck) = np.moveaxis(np.sin(angles), -1, 0), np.moveaxis(np.cos(angles), -1, 0)
-    rows = [
-        [ck * cp + sk * so * sp, sk * co, -ck * sp + sk * so * cp],
-        [-sk * cp + ck * so * sp, ck * co, sk * sp + ck * so * cp],
-        [co * sp, -so, co * cp],
-    ]
-    return np.moveaxis(np.array(rows), -1, 0)
-
-
-def bingo_angles(D: FloatArray) -> FloatArray:
-    """φ, ω, κ (n, 3), radians, of rotations from object to image (n, 3, 3); κ = 0 where ω is ±100 gon."""
-    cosine = np.hypot(D[:, 2, 0], D[:, 2, 2])
-    omega = np.arctan2(-D[:, 2, 1], cosine)
-    locked = cosine < 1e-9
-    phi = np.where(locked, np.arctan2(-D[:, 0, 2], D[:, 0, 0]), np.arctan2(D[:, 2, 0], D[:, 2, 2]))
-    kappa = np.where(locked, 0.0, np.arctan2(D[:, 0, 1], D[:, 1, 1]))
-    return np.stack([phi, omega, kappa], axis=1)
-
-
-# ------------------------------------------------------------
 # Names and columns of the files of a JAG3D network, and their observation types.
 #
 # JAG3D asks for the kind of a file when it is imported; here its name tells. Lengths are m, angles gon, y is east and
@@ -1228,32 +1189,12 @@ def _idx(sample: Sample) -> bool:
     )
 
 
-def _sections(sample: Sample) -> bool:
-    """A section that a network has, in brackets: an INI file has others."""
-    return not sample.root and _SECTION.search(sample.text) is not None
-
-
-_SECTION = re.compile(
-    r"^\s*\[\s*(?:project|coordinates|datum|sigma0|\w*(?:distance|bearing|angle|direction|difference)s)\b",
-    re.MULTILINE | re.IGNORECASE,
-)
-
-
 def _bal(sample: Sample) -> bool:
     """Three counts, then camera, point, x, y a line."""
     lines = [words for words in sample.lines[:4] if words]
     if len(lines) < 2 or len(lines[0]) != 3 or not all(word.isdecimal() for word in lines[0]):
         return False
     return all(len(words) == 4 and _recognition_numbers(words) == 4 for words in lines[1:2])
-
-
-def _patb(sample: Sample) -> bool:
-    """Photo and camera constant, then point, x, y a line, up to −99."""
-    lines = [words for words in sample.lines if words and words[0][0] not in "#*!"]
-    end = next((k for k, words in enumerate(lines) if words[0] == "-99"), 0)
-    if end < 2 or not 2 <= len(lines[0]) <= 5 or not _recognition_numbers(lines[0][1:]):
-        return False
-    return all(len(words) >= 3 and _recognition_numbers(words[1:3]) == 2 for words in lines[1:end])
 
 
 _STARNET = re.compile(
@@ -1352,15 +1293,12 @@ _SIMILAR = {
     "snap": r"\s*(?:#?data|coordinate|title|[a-z_]+_file|[a-z_]+_error)",
     "sinex": r"[%+*-][A-Z=/_]{3}",
     "dynadjust": r"!#=|[A-Z]\s.*[A-Z]{3} (?:LLH|XYZ|UTM)",
-    "textbook": r"\s*\[",
     "gcp": r"\s*(?:[-+\d.]+\s+){5}\S+",
     "bal": _PLAIN % 2,
-    "pat-b": r"\s*\S+(?:\s+[-+\d.]+){2}\s*$|\s*-99",
     "photomodeler": _PLAIN % 4,
     "pix4d-cam": r"(?:F|Px|Py|K\d|T\d) [-\d.]",
     "bundler": r"# Bundle",
     "metashape-reference": r"#|[^,]*,(?:[-\d.]*,){3}",
-    "jag3d-script": r"(?:CREATE|INSERT|SET) ",
 }
 """How lines of each format of text begin, less strict than its rule, the usual formats first: for unknown files."""
 
@@ -1405,13 +1343,6 @@ _RULES: tuple[_Rule, ...] = (
     _if("colmap", _colmap, "the files of a COLMAP model", kind="files"),
     _if("jag3d", _jag3d, "the file names of a JAG3D project", kind="files"),
     _if("pix4d", _pix4d, "the file names of Pix4Dmapper", kind="files"),
-    _if("bingo", lambda sample: is_bingo(sample.names, sample.path), "the file names of BINGO", kind="files"),
-    _if(
-        "openmvg",
-        lambda sample: '"sfm_data_version"' in sample.text,
-        "JSON with sfm_data_version",
-        kind="json",
-    ),
     _if("alicevision", _alicevision, "JSON with views and intrinsics", kind="json"),
     _if("opensfm", _opensfm, "a reconstruction with shots", kind="json"),
     _if("aicon", _aicon, "the file names of AICON 3D Studio", kind="files"),
@@ -1431,16 +1362,13 @@ _RULES: tuple[_Rule, ...] = (
     _if("dynadjust", lambda sample: sample.text.startswith("!#=DNA"), "the head !#=DNA"),
     _root("dynaml", "DnaXmlFormat"),
     _if("sinex", lambda sample: sample.text.startswith("%=SNX"), "the head %=SNX"),
-    _if("jag3d-script", lambda s: '"PointApriori"' in s.text and "TABLE" in s.text, "tables of JAG3D"),
     _if("gcp", _gcp, "a coordinate system, then x y z u v and an image a line", certain=False),
     _if("bal", _bal, "three counts, then four numbers a line", certain=False),
     _if("snap", _snap, "the commands of SNAP"),
     *(_records(*form) for form in _RECORD_FORMATS),
     _if("idx", _idx, "the sections of an IDX file", certain=False),
     _if("geodimeter", _geodimeter, "a label and a value a line", certain=False),
-    _if("pat-b", _patb, "photos that end with -99", certain=False),
     _if("starnet", _starnet, "the codes and names of STAR*NET", certain=False),
     _if("photomodeler", _photomodeler, "the head of a PhotoModeler export", certain=False),
-    _if("textbook", _sections, "sections as in [Coordinates]", certain=False),
 )
 """What tells each format."""

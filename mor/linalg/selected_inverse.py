@@ -24,14 +24,11 @@ Watcher = Callable[[float], None]
 _TELLINGS = 100
 
 
-def selected_inverse(
-    factor: Factor, watch: Watcher | None = None, last: FloatArray | None = None
-) -> BlockMatrix:
+def selected_inverse(factor: Factor, watch: Watcher | None = None) -> BlockMatrix:
     """Return the blocks of N⁻¹ on the pattern of N; rows and columns of unknowns set aside are zero.
 
     Exact, not an approximation: every entry equals that of the full inverse (of N without the rows and
-    columns of the unknowns set aside). ``watch`` is told some hundred times how far it is. ``last`` (p, p) is the
-    inverse of the last front, both triangles, where others have a say in it and it comes from them.
+    columns of the unknowns set aside). ``watch`` is told some hundred times how far it is.
     """
     plan = factor.elimination
     tellings = _tellings(plan) if watch is not None else {}
@@ -47,10 +44,7 @@ def selected_inverse(
                 rest = np.empty((places.size, places.size), order="F")
                 if places.size:
                     move.inherit(places, *inverses[parent], rest)
-                if last is not None and f == plan.fronts - 1:
-                    pivots, below = np.asfortranarray(last), np.empty((0, len(last)), order="F")
-                else:
-                    pivots, below = _inverse_of_front(move, factor, f, rest)
+                pivots, below = _inverse_of_front(move, factor, f, rest)
                 move.extract(values, plan.entries, f, pivots, below)
                 if watch is not None and f in tellings:
                     watch(tellings[f])

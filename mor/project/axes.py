@@ -88,7 +88,7 @@ class ImageScale(NamedTuple):
         return centred
 
 
-def image_scale(camera: Camera, units: Units) -> ImageScale:
+def image_scale(camera: Camera) -> ImageScale:
     """Image scale of a camera. Raises :class:`UnitError`."""
     if camera.image is None:
         if camera.coordinates == "corner":

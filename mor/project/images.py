@@ -56,7 +56,7 @@ def read_cameras(reading: Reading) -> None:
         at = reading.at("cameras", name)
         reading.shop.begin(f"camera {name}")
         try:
-            scale = image_scale(camera, reading.project.units)
+            scale = image_scale(camera)
         except UnitError as error:
             reading.problems.append(at.problem(str(error), "image"))
             continue

@@ -518,7 +518,7 @@ def _plain_group(
     )
     everything, clusters = np.arange(rows.count), _clusters(entry, rows, place, reading)
     tell_rows(reading.problems, ~np.asarray(group.mask.any(axis=1)), rows, "nothing is observed in this row")
-    correlated = entry.covariance is not None or entry.cluster is not None or _has_covariances(rows, type_)
+    correlated = entry.covariance is not None or entry.cluster is not None or _has_covariances(rows)
     if correlated:
         group = replace(group, sigma=np.where(group.mask & np.isnan(group.sigma), 1.0, group.sigma))
     elif not sigma_is_good(group, rows, everything, reading.problems):
@@ -578,7 +578,7 @@ def _sigma(rows: Rows, type_: ObservationType) -> FloatArray:
     return np.stack([own_or_common(rows.number(f"sigma_{c.name}"), common) for c in type_.components], axis=1)
 
 
-def _has_covariances(rows: Rows, type_: ObservationType) -> bool:
+def _has_covariances(rows: Rows) -> bool:
     return any(name.startswith("cov_") for name in rows.numbers)
 
 
@@ -587,7 +587,7 @@ def covariance_of_rows(rows: Rows, type_: ObservationType) -> FloatArray | None:
 
     A variance that has no column, or no value in it, is the square of the σ of its component, where that is given.
     """
-    if not _has_covariances(rows, type_):
+    if not _has_covariances(rows):
         return None
     size = len(type_.components)
     sigma = _sigma(rows, type_)

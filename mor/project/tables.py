@@ -720,16 +720,14 @@ class Statuses(NamedTuple):
         return Statuses(self.values[chosen], self.free[chosen], self.sigma[chosen], self.start[chosen])
 
 
-def number_column(
-    name: str, quantity: Quantity, edge: Edge, image: ImageScale | None = None, required: bool = False
-) -> Column:
+def number_column(name: str, quantity: Quantity, edge: Edge, required: bool = False) -> Column:
     """A column of numbers of a quantity, converted to internal units."""
     return Column(
         name,
-        parse=lambda text, unit: edge.number(text, quantity, unit, image),
+        parse=lambda text, unit: edge.number(text, quantity, unit),
         factor=None
         if quantity == ANGLE and edge.units.angle == "dms"
-        else lambda unit: edge.factor(quantity, unit, image),
+        else lambda unit: edge.factor(quantity, unit),
         required=required,
     )
 

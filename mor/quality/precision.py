@@ -152,16 +152,16 @@ def error_ellipsoids(covariance: FloatArray) -> Ellipsoids:
     )
 
 
-def confidence_factor(dimensions: int, redundancy: float | None, level: float = 0.95) -> float:
-    """Factor from the standard ellipse or ellipsoid to that which holds the point with a probability ``level``.
+def confidence_factor(dimensions: int, redundancy: float | None) -> float:
+    """Factor from the standard ellipse or ellipsoid to that which holds the point with a probability of 95 %.
 
     With σ0 a posteriori of a ``redundancy`` from F, with σ0 a priori (``None``) from χ².
     """
     from scipy.special import chdtri, fdtri
 
     if redundancy is None:
-        return math.sqrt(float(chdtri(dimensions, 1.0 - level)))
-    return math.sqrt(dimensions * float(fdtri(dimensions, redundancy, level)))
+        return math.sqrt(float(chdtri(dimensions, 0.05)))
+    return math.sqrt(dimensions * float(fdtri(dimensions, redundancy, 0.95)))
 
 
 # ------------------------------------------------------------

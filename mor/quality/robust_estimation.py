@@ -16,7 +16,7 @@ from mor.model.observation_types import ObservationGroup, is_image_point, withou
 from mor.model.parameters import Values, index_unknowns, move
 from mor.quality.assessment import Quality
 from mor.solve.inverse import Factors, damped_step, normalised_misclosures, reweighted_plan
-from mor.solve.iterate import Adjustment, Iteration, Settings, Watcher, adjust, counting_on
+from mor.solve.iterate import Adjustment, Iteration, Watcher, adjust, counting_on
 from mor.solve.normals import Plan, eliminable_rays, make_plan, objective
 from mor.solve.problem import Cluster, Problem, misclosures
 from mor.start.bundle import ideal_rays
@@ -445,7 +445,7 @@ class Robust(NamedTuple):
         return tuple((f < _LIGHT) & group.mask for f, group in zip(self.factors, groups, strict=True))
 
 
-def robust_estimate(quality: Quality, method: Method, settings: Settings | None = None) -> Robust:
+def robust_estimate(quality: Quality, method: Method) -> Robust:
     """Robust solution that starts from an assessed least-squares one."""
     problem = quality.adjustment.problem
     spread = spread_of(quality)
@@ -456,7 +456,7 @@ def robust_estimate(quality: Quality, method: Method, settings: Settings | None 
         settled = False
         for _ in range(ROUNDS):
             scaled = reweighted(problem, [1.0 / np.sqrt(f) for f in factors])
-            found = adjust(scaled, adjustment.values, settings)
+            found = adjust(scaled, adjustment.values)
             if not found.outcome.is_solution:
                 return Robust(method, adjustment, factors, False)
             adjustment, before = found, factors

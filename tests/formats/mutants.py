@@ -70,8 +70,8 @@ _BYTES = (0, 1, 255, 128, 127, 10)
 
 def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     """Format, the file or folder that is read, and files, by name; what the tests of each format are made of."""
+    from .test_alicevision import alicevision
     from .test_bal import _bal
-    from .test_bingo import block as bingo
     from .test_colmap import RIG
     from .test_dbat import SCRIPT, TABLES
     from .test_dynadjust import MEASURED, STATIONS
@@ -79,15 +79,12 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_dynaml import STATIONS as XML_STATIONS
     from .test_field_books import BOOKS
     from .test_jag3d import FILES
-    from .test_jag3d_script import small
     from .test_landxml import PLAN, survey
     from .test_metashape import PANE, XML, _zipped, tied
     from .test_opensfm import _folder
-    from .test_patb import block as patb
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
     from .test_pix4d import CAM
     from .test_pix4d import project as pix4d
-    from .test_sfm_data import alicevision, openmvg
     from .test_sinex import _solution, sinex
     from .test_snap import COMMANDS
     from .test_snap import MEASURED as SNAP_DATA
@@ -124,7 +121,6 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "photomodeler": ("photomodeler", "e.txt", {"e.txt": export.encode()}),
         "jag3d": ("jag3d", "", {name: text.encode() for name, text in FILES.items()}),
         "reference pane": ("metashape-reference", "m.csv", {"m.csv": PANE.encode()}),
-        "openmvg": ("openmvg", "a.json", {"a.json": json.dumps(openmvg(), indent=1).encode()}),
         "alicevision": ("alicevision", "a.sfm", {"a.sfm": json.dumps(alicevision(), indent=1).encode()}),
         "dynadjust": ("dynadjust", "n.msr", {"n.msr": MEASURED.encode(), "n.stn": STATIONS.encode()}),
         "sinex": ("sinex", "s.snx", {"s.snx": sinex(*_solution(9, 3)).encode()}),
@@ -136,9 +132,6 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "dbat": ("dbat", "w.xml", {"w.xml": SCRIPT.encode(), **{k: t.encode() for k, t in TABLES.items()}}),
         "pix4d": ("pix4d", "a_tp_pix4d.txt", {k: t.encode() for k, t in pix4d(3, 2, 6)[0].items()}),
         "pix4d camera": ("pix4d-cam", "a.cam", {"a.cam": CAM.encode()}),
-        "bingo": ("bingo", "", {k: t.encode() for k, t in bingo(3, 6)[0].items()}),
-        "jag3d script": ("jag3d-script", "n.script", {"n.script": small().encode()}),
-        "pat-b": ("pat-b", "b.im", {k: t.encode() for k, t in patb()[0].items()}),
         "dynaml": (
             "dynaml",
             "nmsr.xml",

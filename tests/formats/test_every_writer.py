@@ -240,7 +240,7 @@ def test_odd_projects_in_every_format(name: str, tmp_path: Path) -> None:
             read_back(found[0], tmp_path / key, key)
 
 
-@pytest.mark.parametrize("key", ["colmap", "colmap-binary", "metashape", "bingo", "pat-b", "aicon"])
+@pytest.mark.parametrize("key", ["colmap", "colmap-binary", "metashape", "aicon"])
 def test_a_rolling_shutter_is_exported_and_its_loss_counted(key: str, tmp_path: Path) -> None:
     """Columns that the adjustment reads are no mistake; how many values are lost is said."""
     document = without_empty_keys(build(ODD["rolling shutter"]))

@@ -70,7 +70,7 @@ def test_records_tell_the_format_whatever_the_name(tmp_path: Path, key: str, suf
         ("a.txt", "a: [b\nc: }\n", "this is text that begins with 'a: [b'"),
         ("a.ini", "[core]\nkey = 1\n", "this is text that begins with '[core]'"),
         ("a.txt", "id;x;y\nA;1;2\n", "this is a table of 3 columns between semicolons"),
-        ("a.txt", '{"a": 1}', "this is JSON, in no format that is read; the nearest are openmvg"),
+        ("a.txt", '{"a": 1}', "this is JSON, in no format that is read; the nearest are alicevision"),
         ("b.gsi", "", "this file is empty"),
         ("a.gsi", "hello\nworld\n", "expected words like 21.322"),
         (
@@ -93,7 +93,11 @@ def test_records_tell_the_format_whatever_the_name(tmp_path: Path, key: str, suf
             "JOB     A\nsome\nother\nlines\n",
             "the nearest are topcon (expected 2 lines or more like the records STN, JOB, UNITS); ",
         ),
-        ("a.txt", "10 8 3\n1 2 3 4\n[Datum]\n", "this file may have several formats (bal: three counts"),
+        (
+            "a.txt",
+            "10 8 3\n1 2 3 4\n" + "C P 1 2\n" * 8,
+            "this file may have several formats (bal: three counts",
+        ),
     ],
 )
 def test_unknown_files_are_answered_with_what_they_look_like(

@@ -229,7 +229,7 @@ def camera_from(number: int, camera: Camera, edge: Edge, what: str = "COLMAP") -
     """
     if camera.image is None:
         raise ValueError(f"it has no image: {{width, height}}, which {what} needs")
-    scale = image_scale(camera, edge.units)
+    scale = image_scale(camera)
     width, height = (split(text)[0] for text in (camera.image.width, camera.image.height))
     values = interior_values(camera, edge, scale)
     if camera.model in ("mor", "brown-forward"):

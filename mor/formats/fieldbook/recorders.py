@@ -184,7 +184,7 @@ class _Reader:
 
     def _key(self, head: str, value: str, line: int) -> None:
         if head == "ANGULAR":
-            self._angles(value.upper(), line)
+            self._angles(value.upper())
         elif head == "LINEAR":
             if value.upper() not in ("METRE", "METER", "FEET", "FOOT"):
                 raise ValueError(f"found the unit {value!r} of lengths, expected METRE or FEET")
@@ -202,7 +202,7 @@ class _Reader:
             row = "rows before the head of their section" if head[:1].isdigit() else f"{head} records"
             self.book.leave_out(f"{self.section} records" if self.section else row, line)
 
-    def _angles(self, value: str, line: int) -> None:
+    def _angles(self, value: str) -> None:
         if value not in ("DMS", "GON", "DEG", "DD"):
             raise ValueError(f"found the unit {value!r} of angles, expected DMS, GON or DEG")
         self.sexagesimal = value == "DMS"
