@@ -148,6 +148,12 @@ FORMATS: dict[str, Format] = {
         folder=True,
         untried="no project of JAG3D was available: this follows its wiki and the source of its import",
     ),
+    "jag3d-script": Format(
+        "JAG3D project as SQL text (HSQLDB script with rows)",
+        Code("mor.formats.jag3d", "read_jag3d_script"),
+        suffixes=(".script",),
+        untried="no project of JAG3D was available: this reader follows the tables that its source makes",
+    ),
     "photomodeler": Format(
         "PhotoModeler text export",
         Code("mor.formats.photomodeler", "read_photomodeler"),

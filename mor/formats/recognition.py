@@ -1299,6 +1299,7 @@ _SIMILAR = {
     "pix4d-cam": r"(?:F|Px|Py|K\d|T\d) [-\d.]",
     "bundler": r"# Bundle",
     "metashape-reference": r"#|[^,]*,(?:[-\d.]*,){3}",
+    "jag3d-script": r"(?:CREATE|INSERT|SET) ",
 }
 """How lines of each format of text begin, less strict than its rule, the usual formats first: for unknown files."""
 
@@ -1362,6 +1363,7 @@ _RULES: tuple[_Rule, ...] = (
     _if("dynadjust", lambda sample: sample.text.startswith("!#=DNA"), "the head !#=DNA"),
     _root("dynaml", "DnaXmlFormat"),
     _if("sinex", lambda sample: sample.text.startswith("%=SNX"), "the head %=SNX"),
+    _if("jag3d-script", lambda s: '"PointApriori"' in s.text and "TABLE" in s.text, "tables of JAG3D"),
     _if("gcp", _gcp, "a coordinate system, then x y z u v and an image a line", certain=False),
     _if("bal", _bal, "three counts, then four numbers a line", certain=False),
     _if("snap", _snap, "the commands of SNAP"),

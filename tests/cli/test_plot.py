@@ -53,7 +53,7 @@ def test_formats(results: Path, tmp_path: Path, suffix: str, magic: bytes) -> No
 def test_results_on_disk_and_the_project_show_the_same(results: Path) -> None:
     read, made = view_of_source(results), view_of_source(SAMPLES / "building" / "project.yaml")
     assert read.points["id"].to_list() == made.points["id"].to_list()
-    np.testing.assert_allclose(covariances(read), covariances(made), rtol=1e-6, atol=1e-15)
+    np.testing.assert_allclose(covariances(read.points), covariances(made.points), rtol=1e-6, atol=1e-15)
     assert read.residuals.select("from", "to", "flag").equals(made.residuals.select("from", "to", "flag"))
     np.testing.assert_allclose(
         read.residuals["v"].to_numpy(), made.residuals["v"].to_numpy(), rtol=1e-6, atol=1e-10
@@ -73,7 +73,7 @@ def test_ellipse_has_the_semi_axes_of_the_covariance() -> None:
 
 def test_semi_axes_of_the_table_follow_from_its_sigmas_and_correlations(results: Path) -> None:
     view = view_of_source(results)
-    axes = np.sqrt(np.maximum(np.linalg.eigvalsh(covariances(view))[:, ::-1], 0.0))
+    axes = np.sqrt(np.maximum(np.linalg.eigvalsh(covariances(view.points))[:, ::-1], 0.0))
     table = view.points.select("ellipsoid_a", "ellipsoid_b", "ellipsoid_c").to_numpy()
     np.testing.assert_allclose(axes, table, rtol=1e-6, atol=1e-9)
 

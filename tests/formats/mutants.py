@@ -79,6 +79,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_dynaml import STATIONS as XML_STATIONS
     from .test_field_books import BOOKS
     from .test_jag3d import FILES
+    from .test_jag3d_script import small
     from .test_landxml import PLAN, survey
     from .test_metashape import PANE, XML, _zipped, tied
     from .test_opensfm import _folder
@@ -130,6 +131,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
             {"n.snp": COMMANDS.encode(), "n.crd": SNAP_STATIONS.encode(), "n.dat": SNAP_DATA.encode()},
         ),
         "dbat": ("dbat", "w.xml", {"w.xml": SCRIPT.encode(), **{k: t.encode() for k, t in TABLES.items()}}),
+        "jag3d script": ("jag3d-script", "n.script", {"n.script": small().encode()}),
         "pix4d": ("pix4d", "a_tp_pix4d.txt", {k: t.encode() for k, t in pix4d(3, 2, 6)[0].items()}),
         "pix4d camera": ("pix4d-cam", "a.cam", {"a.cam": CAM.encode()}),
         "dynaml": (

@@ -30,6 +30,7 @@ from .mutants import faults, materials
             "metashape project",
             "metashape tie points",
             "reference pane",
+            "jag3d script",
             "dynaml",
             "landxml",
             "landxml plan",
@@ -45,4 +46,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 32
+    assert len(materials(tmp_path)) == 33

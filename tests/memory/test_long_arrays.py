@@ -225,5 +225,5 @@ def test_pages_are_given_back_and_read_again(tmp_path: Path) -> None:
         assert machine.pages_of_files() == 0.0 or machine.pages_of_files() < machine.resident()
         assert array[12_345] == 12_345.0
         assert float(array.sum()) == len(array) * (len(array) - 1) / 2
-    with pytest.raises(InputError, match="no folder"), long_arrays.limited_memory(1e9, tmp_path / "no"):
+    with pytest.raises(InputError, match="not a folder"), long_arrays.limited_memory(1e9, tmp_path / "no"):
         pass

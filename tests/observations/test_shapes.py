@@ -275,7 +275,7 @@ def test_equal_and_observed_sizes() -> None:
         ({"type": "sphere", "parallel": "F"}, "parallel: a sphere cannot have it"),
         (
             {"type": "circle", "points": ["P0", "P1", "P2"]},
-            "a circle says nothing with 3 points; it needs 4 or more",
+            "a circle observes nothing with 3 points; it needs 4 or more",
         ),
     ],
 )

@@ -196,5 +196,5 @@ def test_a_greedy_plan_is_what_the_network_with_its_choices_is():
 
 
 def test_requirements_of_points_that_are_not_there_are_mistakes():
-    with pytest.raises(InputError, match=r"no point is called 'Q\*'"):
+    with pytest.raises(InputError, match=r"there is no point 'Q\*'"):
         requirements(grid(1, require={"sigma": {"points": ["Q*"], "xy": "1 mm"}}))

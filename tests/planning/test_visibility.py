@@ -332,7 +332,7 @@ def test_mistakes_are_told_with_their_place(tmp_path):
         "clearance: found -2 mm, expected a length",
         "there is no surface 'blok'; did you mean 'block'?",
         "a normal is 0 or not a number, expected a direction",
-        "visible: at: no image is called 'J*'",
+        "visible: at: there is no image 'J*'",
         "visible: steepest is for instruments",
         "visible: nearest: unit 'gon' does not fit a length",
     ):
