@@ -288,9 +288,9 @@ def _candidates(view: View, chosen: list[int]) -> tuple[list[str], FloatArray]:
             parts.append(frame.select("x", "y", "z").to_numpy())
     xyz = np.concatenate(parts).astype(float)
     xy, names = xyz[:, chosen], [shortened(escaped(name), _LABELS_LONGEST) for _, name in ranked]
-    frame = network_frame(view)
-    if frame is not None:
-        low, high = frame
+    bulk = network_frame(view)
+    if bulk is not None:
+        low, high = bulk
         xy, distance = at_edge(xy, low[chosen], high[chosen])
         names = with_distances(names, distance, view.length)
     first = {name: k for k, (_, name) in reversed(list(enumerate(ranked)))}

@@ -237,7 +237,7 @@ function space() {
   const axis = (name, side, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", ...(narrow() ? { nticks: 4 } : {}), range: reversed ? [side.high, side.low] : [side.low, side.high] });
   const aspectratio = { x: across * box.x.size, y: across * box.y.size, z: across * box.z.size };
   // The scene fits into its box: the narrower that is, the further away stands the camera.
-  const chart = document.getElementById("chart-space"), side = window.innerWidth > 1000 ? 190 : 0, back = Math.max(1, (1.75 * chart.clientHeight) / (chart.clientWidth - side - (narrow() ? 0 : 110)));
+  const chart = document.getElementById("chart-space"), side = window.innerWidth > 1000 ? 190 : 0, back = Math.max(1, (1.5 * chart.clientHeight) / (chart.clientWidth - side - (narrow() ? 0 : 110)));
   const scene = { aspectmode: "manual", aspectratio, xaxis: axis(x, box.x, axes.right_reversed), yaxis: axis(y, box.y, axes.up_reversed), zaxis: axis("z", box.z), camera: { eye: { x: 1.1 * back, y: -1.75 * back, z: back }, center: { x: 0, y: 0, z: -0.1 } } };
   return { data, layout: { scene, margin: { l: 0, r: side, t: 30, b: 0 }, showlegend: !narrow(), uirevision: "space" } };
 }
