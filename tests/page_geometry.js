@@ -10,7 +10,7 @@
   const across = THEME === "printed" ? [...document.querySelectorAll("#points table, #residuals table")] : [];
   for (const table of across) if (table.scrollWidth > ACROSS) found.push(`a table of ${table.scrollWidth} px does not fit paper across`);
   if (THEME !== "printed" && root.scrollWidth > wide + 1) found.push(`the page scrolls sideways: ${root.scrollWidth} of ${wide}`);
-  const scrolls = (node) => node.closest(".long, .scrolls, .plot, datalist, svg");
+  const scrolls = (node) => node.closest(".long, .scrolls, .plain.wide, .plain.camera, .plot, datalist, svg");
   const seen = (node) => node.getClientRects().length > 0;
   for (const node of document.querySelectorAll("h1, h2, h3, p, td, th, dt, dd, button, select, input, svg, figure, .chart, img")) {
     const box = node.getBoundingClientRect();

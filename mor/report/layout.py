@@ -378,6 +378,49 @@ def small_unit(unit: str, size: float) -> tuple[str, float]:
 
 
 # ------------------------------------------------------------
+# The frame of a figure: the bulk of the places. Places far away stand at its edge, with their distance.
+# ------------------------------------------------------------
+
+_FAR = 10.0
+"""Median distances from the median place beyond which a place does not widen the frame."""
+_FLATTEST = 0.05
+"""Height of a frame in parts of its width, at least."""
+_ROUNDING = 1e-6
+
+
+def frame_of(places: FloatArray) -> tuple[FloatArray, FloatArray] | None:
+    """Least and largest coordinates of the bulk of places (n, k), or None if no place is far away."""
+    known = places[np.isfinite(places).all(axis=1)]
+    if not len(known):
+        return None
+    distance = np.linalg.norm(known - np.median(known, axis=0), axis=1)
+    bulk = known[distance <= _FAR * np.median(distance)]
+    if len(bulk) in (0, len(known)) or not np.ptp(bulk, axis=0).any():
+        return None
+    return bulk.min(axis=0), bulk.max(axis=0)
+
+
+def at_edge(xy: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Places (n, 2) with those outside of a frame moved to its edge, and how far (n,) each was moved.
+
+    The way goes along the line to the middle of the frame.
+    """
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    half = np.maximum(half, _FLATTEST * half.max())
+    times = np.max(np.abs(xy - middle) / half, axis=1)[:, None]
+    edge = np.where(times > 1.0 + _ROUNDING, middle + (xy - middle) / np.maximum(times, 1.0), xy)
+    return edge, np.linalg.norm(xy - edge, axis=1)
+
+
+def with_distances(names: Sequence[str], distances: FloatArray, unit: str) -> list[str]:
+    """Names, followed by the distance from the edge of the frame if it is not zero."""
+    return [
+        f"{name}, {short(distance, max(3, len(str(int(distance)))))} {unit}" if distance > 0.0 else name
+        for name, distance in zip(names, distances, strict=True)
+    ]
+
+
+# ------------------------------------------------------------
 # Place labels in a figure without overlap.
 # ------------------------------------------------------------
 

@@ -11,7 +11,7 @@ from markupsafe import Markup, escape
 from scipy.special import chdtri
 
 from mor.report.language import ENGLISH, Words
-from mor.report.layout import placed, round_length, small_unit
+from mor.report.layout import at_edge, frame_of, placed, round_length, small_unit, with_distances
 from mor.report.page_data import covariances, drawn_axes
 from mor.types import BoolArray, FloatArray
 
@@ -82,8 +82,10 @@ def widest_view(places: FloatArray, right: int) -> tuple[int, int]:
 
 def movement_drawing(found: Moved, words: Words = ENGLISH) -> Markup:
     """Points, their movements and ellipses at one scale, with a bar for it; what has moved thick, with its name."""
-    axes = widest_view(found.places, found.right)
-    xy, factor, height = _on_paper(found, axes)
+    frame = frame_of(found.places)
+    axes = widest_view(found.places if frame is None else np.array(frame), found.right)
+    xy, away, factor, height = _on_paper(found, axes)
+    found = found._replace(names=tuple(with_distances(found.names, away, found.unit)))
     signs = np.array([-1.0 if found.reversed[k] else 1.0 for k in axes]) * (1.0, -1.0)
     vectors = found.movements[:, axes] * signs
     covariances = found.covariances[:, axes][:, :, axes] * np.outer(signs, signs)
@@ -99,18 +101,19 @@ def movement_drawing(found: Moved, words: Words = ENGLISH) -> Markup:
     )
 
 
-def _on_paper(found: Moved, axes: tuple[int, int]) -> tuple[FloatArray, float, float]:
-    """Places on the drawing (n, 2), its units per unit of the project, and its height."""
+def _on_paper(found: Moved, axes: tuple[int, int]) -> tuple[FloatArray, FloatArray, float, float]:
+    """Places on the drawing (n, 2), how far each stands outside, units per unit of the project, and the height."""
     signs = np.array([-1.0 if found.reversed[k] else 1.0 for k in axes]) * (1.0, -1.0)
     xy = found.places[:, axes] * signs
-    low, high = xy.min(axis=0), xy.max(axis=0)
+    low, high = frame_of(xy) or (xy.min(axis=0), xy.max(axis=0))
+    xy, away = at_edge(xy, low, high)
     room = np.array([DRAWING_WIDTH - 2 * _MARGIN, _MOST - 2 * _MARGIN - _LEGEND], dtype=float)
     extent = np.where(high > low, high - low, 1e-300)
     factor = float((room / extent).min()) if (high > low).any() else 1.0
     height = max(float(high[1] - low[1]) * factor + 2 * _MARGIN + _LEGEND, _LEAST)
     middle = np.array([DRAWING_WIDTH / 2.0, (height - _LEGEND) / 2.0])
     placed: FloatArray = (xy - (low + high) / 2.0) * factor + middle
-    return placed, factor, height
+    return placed, away, factor, height
 
 
 def _scale(vectors: FloatArray, covariances: FloatArray) -> float:

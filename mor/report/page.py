@@ -767,7 +767,7 @@ def asset(name: str) -> str:
 
 def _content(data: PageData) -> dict[str, Any]:
     view = data.view
-    control = control_table(view)
+    control, kind = control_table(view), Path(view.residuals_file).suffix
     return {
         "title": view.summary["title"] or data.words("Adjustment"),
         "summary": view.summary,
@@ -807,7 +807,7 @@ def _content(data: PageData) -> dict[str, Any]:
         "critical": view.critical,
         "snooping_level": view.summary["snooping_level"],
         "residuals_file": view.residuals_file,
-        "points_file": f"points{Path(view.residuals_file).suffix}" if view.residuals_file else "",
+        **{f"{name}_file": f"{name}{kind}" if kind else "" for name in ("points", "images")},
         "angle_unit": data.angle_unit,
         "sigma_words": sigma_words(data),
         "datum": data.datum,

@@ -22,7 +22,7 @@ from mor.quality.precision import error_ellipsoids
 from mor.quality.test_statistics import comparable
 from mor.report.estimates import bearings_of
 from mor.report.language import ENGLISH, Words, datum_name
-from mor.report.layout import round_length
+from mor.report.layout import frame_of, round_length
 from mor.report.view import (
     Rays,
     View,
@@ -620,6 +620,7 @@ def meta(data: PageData) -> dict[str, Any]:
         "words": dict(data.words.catalogue),
         "scanned": scanned_images(view),
         "axes": drawn_axes(view.summary["axes"]["xy"]),
+        "frame": [list(edge) for edge in network_frame(view) or ()],
         "windows": {
             name: {"x": area.x, "y": area.y, "down": area.down, "known": area.known}
             for name, area in data.windows.items()
@@ -631,6 +632,14 @@ def meta(data: PageData) -> dict[str, Any]:
         if data.measured["unit"].n_unique() > 1
         else (str(data.measured["unit"][0]) if data.measured.height else ""),
     }
+
+
+def network_frame(view: View) -> tuple[FloatArray, FloatArray] | None:
+    """Frame of the points, images and stations, see :func:`mor.report.layout.frame_of`."""
+    frames = [
+        frame.select("x", "y", "z").to_numpy() for frame in (view.images, view.stations) if frame.height
+    ]
+    return frame_of(np.concatenate([places(view), *frames]).astype(float))
 
 
 def drawn_axes(xy: str) -> dict[str, Any]:

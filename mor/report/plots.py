@@ -16,12 +16,25 @@ from mor.output_files import write_file
 from mor.report.figures import CONFIDENCE as CAMERA_CONFIDENCE
 from mor.report.figures import RAY_CLASSES, Overlap, camera_window, overlap
 from mor.report.language import ENGLISH, Words, datum_name
-from mor.report.layout import BLUE, GREEN, GREY, ORANGE, RED, normal_bins, placed, round_length, small_unit
+from mor.report.layout import (
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    RED,
+    at_edge,
+    normal_bins,
+    placed,
+    round_length,
+    small_unit,
+    with_distances,
+)
 from mor.report.page_data import (
     covariances,
     detectable_effects,
     drawn_axes,
     image_points,
+    network_frame,
     relative_ellipses,
     scale_of_effects,
     sights,
@@ -273,11 +286,17 @@ def _candidates(view: View, chosen: list[int]) -> tuple[list[str], FloatArray]:
         if frame.height:
             ranked += [(rank, str(name)) for name in frame["id"]]
             parts.append(frame.select("x", "y", "z").to_numpy())
-    xy = np.concatenate(parts)[:, chosen]
+    xyz = np.concatenate(parts).astype(float)
+    xy, names = xyz[:, chosen], [shortened(escaped(name), _LABELS_LONGEST) for _, name in ranked]
+    bulk = network_frame(view)
+    if bulk is not None:
+        low, high = bulk
+        xy, distance = at_edge(xy, low[chosen], high[chosen])
+        names = with_distances(names, distance, view.length)
     first = {name: k for k, (_, name) in reversed(list(enumerate(ranked)))}
     order = np.array(sorted(first.values(), key=lambda k: ranked[k][0]), dtype=np.int64)
     order = order[np.isfinite(xy[order]).all(axis=1)]
-    return [shortened(escaped(ranked[k][1]), _LABELS_LONGEST) for k in order], xy[order]
+    return [names[k] for k in order], xy[order]
 
 
 def _extent(name: str) -> tuple[float, float]:
@@ -411,7 +430,7 @@ def network(view: View, words: Words = ENGLISH) -> Figure:
     _frames(view, axes, chosen, words)
     _points(view, axes, chosen, words)
     draw_given(view, axes, chosen, words)
-    _finish(view, axes, words)
+    _finish(view, axes, chosen, words)
     draw_names(view, axes, chosen)
     return figure
 
@@ -448,7 +467,8 @@ def ellipses(
     draw_given(view, axes, chosen, words)
     covariance = covariances(view.points)[:, chosen][:, :, chosen]
     axis = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
-    extent = float(np.ptp(places(view), axis=0).max(initial=0.0)) or 1.0
+    frame = network_frame(view)
+    extent = float(np.ptp(places(view) if frame is None else frame, axis=0).max(initial=0.0)) or 1.0
     typical = float(np.median(axis[axis > 0.0])) if (axis > 0.0).any() else 0.0
     if typical > 0.0:
         scale = round_length(_TYPICAL * extent / typical)
@@ -465,14 +485,14 @@ def ellipses(
         axes.autoscale_view()
         if effects:
             draw_effects(view, axes, chosen, words)
-        _finish(view, axes, words)
+        _finish(view, axes, chosen, words)
         length = round_length(0.1 * extent / scale)
         unit, finer = small_unit(view.length, length)
         scale_bar(
             axes, scale * length, words("{length} in the ellipses", length=f"{length * finer:g} {unit}")
         )
     else:
-        _finish(view, axes, words)
+        _finish(view, axes, chosen, words)
     draw_names(view, axes, chosen)
     return figure
 
@@ -498,7 +518,8 @@ def _prepared(view: View, figure: Figure, upright: bool = False) -> tuple[Axes, 
     plan = ["xyz".index(drawn["right"]), "xyz".index(drawn["up"])]
     chosen = plan
     if view.points.height > 2 or upright:
-        extent = np.ptp(places(view), axis=0)
+        frame = network_frame(view)
+        extent = np.ptp(places(view) if frame is None else frame, axis=0)
         if upright or extent[2] > 2.0 * extent[plan].min():
             chosen = [plan[int(np.argmax(extent[plan]))], 2]
     names = "XYZ"
@@ -527,7 +548,11 @@ def _points(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     axes.plot(xyz[:, 0], xyz[:, 1], "o", color=BLUE, ms=3, ls="none", label=words("points"), zorder=4)
 
 
-def _finish(view: View, axes: Axes, words: Words) -> None:
+def _finish(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
+    frame = network_frame(view)
+    if frame is not None:
+        low, high = frame
+        _mark_outside(view, axes, low[chosen], high[chosen], chosen, words)
     axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=4)
     title = view.summary["title"] or words("Network")
     axes.set_title(
@@ -536,6 +561,26 @@ def _finish(view: View, axes: Axes, words: Words) -> None:
         loc="left",
         pad=18,
     ).set_in_layout(False)  # it may be wider than the network, which keeps its size
+
+
+def _mark_outside(
+    view: View, axes: Axes, low: FloatArray, high: FloatArray, chosen: list[int], words: Words
+) -> None:
+    """Limit the axes to the frame, with arrows at its edge to what stands outside."""
+    frames = [view.points, *(frame for frame in (view.stations, view.images) if frame.height)]
+    every = pl.concat([frame.select(pl.col("id").cast(pl.String), "x", "y", "z") for frame in frames])
+    xy = every.unique("id", keep="first", maintain_order=True).select("x", "y", "z").to_numpy()[:, chosen]
+    edge, distance = at_edge(xy, low, high)
+    far = np.flatnonzero(distance > 0.0)
+    label = words("outside the figure ({count})", count=len(far))
+    signs = np.array([-1.0 if axis.get_inverted() else 1.0 for axis in (axes.xaxis, axes.yaxis)])
+    for k in far:
+        across, up = (xy[k] - edge[k]) * signs
+        marker = (3, 0, float(np.degrees(np.arctan2(up, across))) - 90.0)
+        axes.plot(*edge[k], marker=marker, color=RED, ms=9, ls="none", label=label, zorder=5)
+        label = ""
+    axes.dataLim.set_points(np.array([low, high]))
+    axes.autoscale_view()
 
 
 # ------------------------------------------------------------

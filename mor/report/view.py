@@ -169,13 +169,22 @@ def _view(data: dict[str, Any], folder: Path) -> View:
     view = view_of_rows(data, points, images, _residuals(data, folder))
     if (folder / FILE).is_file():
         view = replace(view, external=_read(folder / FILE, "external reliability", EXTERNAL))
-    if "movements" in data["tables"]:
-        kinds: dict[str, type[pl.DataType]] = dict.fromkeys(("point", "from", "to"), pl.String)
-        view = replace(view, movements=_read(folder / data["tables"]["movements"], "movements", kinds))
-    if "trajectories" not in data["tables"]:
-        return view
-    knots = _read(folder / data["tables"]["trajectories"], "trajectories", {"trajectory": pl.String})
-    return replace(view, trajectories=knots)
+    return replace(
+        view,
+        movements=_additional(data, "movements", folder, ("point", "from", "to"), ("rxy", "rxz", "ryz")),
+        trajectories=_additional(data, "trajectories", folder, ("trajectory",)),
+    )
+
+
+def _additional(
+    data: dict[str, Any], key: str, folder: Path, texts: tuple[str, ...], needed: tuple[str, ...] = ()
+) -> pl.DataFrame:
+    """A table that a report can do without: empty if it is not there or lacks the columns ``needed``."""
+    path = folder / data["tables"].get(key, f"{key}.csv")
+    if key not in data["tables"] or not path.exists():
+        return pl.DataFrame()
+    frame = _read(path, key, dict.fromkeys(texts, pl.String))
+    return frame if set(needed) <= set(frame.columns) else pl.DataFrame()
 
 
 def view_of_rows(

@@ -44,11 +44,40 @@ function prepareNetwork() {
   network.confidence = axes.length ? "1" : "0";
 }
 
+// The frame of the figures, where it is smaller than the network: least and largest coordinate.
+function edges(name) { const { frame } = report.meta; return frame.length ? frame.map((edge) => edge["xyz".indexOf(name)]) : null; }
+
+// Arrows at the edge to what stands outside, with names and distances.
+function outsideTraces(x, y) {
+  if (!edges(x)) return [];
+  const middle = {}, half = {}, trace = { x: [], y: [], text: [], angle: [], position: [] }, named = new Set();
+  for (const name of [x, y]) { const [low, high] = edges(name); middle[name] = (low + high) / 2; half[name] = (high - low) / 2; }
+  const flat = 0.05 * Math.max(half[x], half[y]), turned = (name, v) => (reversed(name) ? -v : v);
+  for (const table of [report.points, report.stations, report.images]) for (let k = 0; k < (has(table, x) ? table.rows : 0); k++) {
+    const [dx, dy] = [x, y].map((name) => table.columns[name].values[k] - middle[name]);
+    const far = Math.max(Math.abs(dx) / Math.max(half[x], flat), Math.abs(dy) / Math.max(half[y], flat));
+    if (!(far > 1.000001) || named.has(value(table, "id", k))) continue;
+    named.add(value(table, "id", k)); // a station may have the name of its point
+    trace.x.push(middle[x] + dx / far); trace.y.push(middle[y] + dy / far);
+    const away = Math.hypot(dx, dy) * (1 - 1 / far);
+    trace.text.push(`${value(table, "id", k)}, ${shown(away, away < 100 ? { digits: 3 } : { fixed: 0 })} ${report.meta.length}`);
+    trace.angle.push((Math.atan2(turned(x, dx), turned(y, dy)) * 180) / Math.PI);
+    trace.position.push(`${turned(y, dy) > 0 ? "bottom" : "top"} ${turned(x, dx) > 0 ? "left" : "right"}`);
+  }
+  const count = trace.x.length, few = count <= 10;
+  return count ? [{ mode: few ? "markers+text" : "markers", name: say("outside the figure ({count})", { count }), meta: "outside", x: trace.x, y: trace.y, text: trace.text, textposition: trace.position, textfont: { size: 10.5 }, marker: { symbol: "triangle-up", size: 12, angle: trace.angle, color: PALETTE.red }, hovertemplate: "%{text}<extra></extra>" }] : [];
+}
+
+function narrow() { return window.innerWidth <= 620; }
+function reversed(name) { const { axes } = report.meta; return (name === axes.right && axes.right_reversed) || (name === axes.up && axes.up_reversed); }
+
 function extent(tables) {
   return Math.max(...["x", "y", "z"].map((name) => span(tables, name))) || 1;
 }
 
 function span(tables, name) {
+  const edge = edges(name);
+  if (edge) return edge[1] - edge[0];
   let low = Infinity, high = -Infinity;
   for (const table of tables) for (const x of has(table, name) ? table.columns[name].values : []) { if (x < low) low = x; if (x > high) high = x; }
   return high > low ? high - low : 0;
@@ -78,7 +107,7 @@ function pointTrace(x, y, z) {
     const sorted = rows.map((k) => values[k]).filter((v) => !Number.isNaN(v)).sort((a, b) => a - b);
     const at = (share) => sorted[Math.round(share * (sorted.length - 1))];
     const [said, factor] = finer(at(0.98), unit);
-    Object.assign(marker, { color: rows.map((k) => (Number.isNaN(values[k]) ? null : factor * values[k])), colorscale: SEQUENCES[isDark() ? "dark" : "light"], cmin: factor * at(0.02), cmax: factor * at(0.98), showscale: true, colorbar: { title: { text: `${title} [${said}]`, side: "right" }, thickness: 14, len: 0.7 } });
+    Object.assign(marker, { color: rows.map((k) => (Number.isNaN(values[k]) ? null : factor * values[k])), colorscale: SEQUENCES[isDark() ? "dark" : "light"], cmin: factor * at(0.02), cmax: factor * at(0.98), showscale: true, colorbar: { title: { text: narrow() ? `[${said}]` : `${title} [${said}]`, side: "right" }, thickness: 14, ...(narrow() ? { orientation: "h", yref: "container", y: 0, yanchor: "bottom", len: 0.9 } : { len: 0.7 }) } });
   }
   const column = (name) => rows.map((k) => points.columns[name].values[k]);
   const trace = { mode: "markers", name: say("points"), meta: "points", marker, x: column(x), y: column(y), text: rows.map((k) => value(points, "id", k)), customdata: rows.map((k) => ["point", k]), hovertemplate: `%{text}<br>${x.toUpperCase()} %{x:.4f} ${meta.length}<br>${y.toUpperCase()} %{y:.4f} ${meta.length}<extra></extra>` };
@@ -177,6 +206,7 @@ function scaleBarInSpace() {
   return { mode: "lines", name: words, meta: "bar", x: [x, x + length * network.scale], y: [y, y], z: [z, z], line: { color: PALETTE.orange, width: 8 }, hoverinfo: "skip", showlegend: true };
 }
 function lowest(name) {
+  if (edges(name)) return edges(name)[0];
   let low = Infinity;
   for (const table of [report.points, report.images, report.stations]) for (const v of has(table, name) ? table.columns[name].values : []) if (v < low) low = v;
   return low;
@@ -204,10 +234,12 @@ function space() {
   const data = [...sightTraces(keys), ...pathTraces(keys), pointTrace(x, y, "z"), ...frameTraces(x, y, "z"), ...givenTraces(keys), ...outlierTraces(keys), ...effectTraces(keys), ...rayTraces(keys)].map((trace) => ({ type: "scatter3d", ...trace }));
   for (const shape of ellipsoids()) data.push({ type: "scatter3d", ...shape, x: shape[x], y: shape[y] });
   const box = boxOf(data), across = Math.min(2.4 / Math.hypot(box.x.size, box.y.size), 1.1 / box.z.size);
-  const axis = (name, side, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", range: reversed ? [side.high, side.low] : [side.low, side.high] });
+  const axis = (name, side, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", ...(narrow() ? { nticks: 4 } : {}), range: reversed ? [side.high, side.low] : [side.low, side.high] });
   const aspectratio = { x: across * box.x.size, y: across * box.y.size, z: across * box.z.size };
-  const scene = { aspectmode: "manual", aspectratio, xaxis: axis(x, box.x, axes.right_reversed), yaxis: axis(y, box.y, axes.up_reversed), zaxis: axis("z", box.z), camera: { eye: { x: 1.1, y: -1.75, z: 1 }, center: { x: 0, y: 0, z: -0.1 } } };
-  return { data, layout: { scene, margin: { l: 0, r: window.innerWidth > 1000 ? 190 : 0, t: 30, b: 0 }, uirevision: "space" } };
+  // The scene fits into its box: the narrower that is, the further away stands the camera.
+  const chart = document.getElementById("chart-space"), side = window.innerWidth > 1000 ? 190 : 0, back = Math.max(1, (1.5 * chart.clientHeight) / (chart.clientWidth - side - (narrow() ? 0 : 110)));
+  const scene = { aspectmode: "manual", aspectratio, xaxis: axis(x, box.x, axes.right_reversed), yaxis: axis(y, box.y, axes.up_reversed), zaxis: axis("z", box.z), camera: { eye: { x: 1.1 * back, y: -1.75 * back, z: back }, center: { x: 0, y: 0, z: -0.1 } } };
+  return { data, layout: { scene, margin: { l: 0, r: side, t: 30, b: 0 }, showlegend: !narrow(), uirevision: "space" } };
 }
 
 // What is drawn lies in this box, one scale for its sides. Flat and straight networks get some room on either side.
@@ -216,7 +248,8 @@ function boxOf(data) {
   for (const name of ["x", "y", "z"]) {
     let low = Infinity, high = -Infinity;
     for (const trace of data.filter((one) => one.meta !== "effects")) for (const v of trace[name]) if (v !== null && !Number.isNaN(v)) { if (v < low) low = v; if (v > high) high = v; }
-    box[name] = { low, high };
+    const edge = edges(name);
+    box[name] = edge ? { low: edge[0], high: edge[1] } : { low, high };
   }
   const largest = Math.max(...Object.values(box).map(({ low, high }) => high - low)) || 1;
   for (const side of Object.values(box)) {
@@ -230,10 +263,11 @@ const PLANES = { plan: null, front: ["x", "z"], side: ["y", "z"] };
 function plan() {
   const { axes, length } = report.meta;
   const chosen = document.getElementById("plane").value, [x, y] = PLANES[chosen] || [axes.right, axes.up];
-  const data = [...sightTraces([x, y]), ...pathTraces([x, y]), ...ellipses(x, y), ...relativeTraces(x, y), ...effectTraces([x, y]), ...rayTraces([x, y]), ...frameTraces(x, y), pointTrace(x, y), ...givenTraces([x, y]), ...outlierTraces([x, y]), labelTrace()].map((trace) => ({ type: report.points.rows > 5000 ? "scattergl" : "scatter", ...trace }));
-  const reversed = (name) => (name === axes.right && axes.right_reversed) || (name === axes.up && axes.up_reversed);
-  const axis = (name) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", ...(reversed(name) ? { autorange: "reversed" } : {}) });
-  return { data, layout: { xaxis: axis(x), yaxis: { ...axis(y), scaleanchor: "x", scaleratio: 1 }, ...scaleBar(), hovermode: "closest", uirevision: chosen } };
+  const data = [...sightTraces([x, y]), ...pathTraces([x, y]), ...ellipses(x, y), ...relativeTraces(x, y), ...effectTraces([x, y]), ...rayTraces([x, y]), ...frameTraces(x, y), pointTrace(x, y), ...givenTraces([x, y]), ...outlierTraces([x, y]), ...outsideTraces(x, y), labelTrace()].map((trace) => ({ type: report.points.rows > 5000 ? "scattergl" : "scatter", ...trace }));
+  const room = 0.06 * Math.max(...[x, y].map((name) => (edges(name) ? edges(name)[1] - edges(name)[0] : 0)));
+  const range = (name) => { const ends = [edges(name)[0] - room, edges(name)[1] + room]; return reversed(name) ? ends.reverse() : ends; };
+  const axis = (name) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", ...(edges(name) ? { range: range(name) } : reversed(name) ? { autorange: "reversed" } : {}) });
+  return { data, layout: { xaxis: axis(x), yaxis: { ...axis(y), scaleanchor: "x", scaleratio: 1 }, ...scaleBar(), margin: { l: 60, r: 20, t: 34, b: 76 }, hovermode: "closest", uirevision: chosen } };
 }
 
 // How long an enlarged semi-axis is drawn: a bar of a round length.
@@ -241,13 +275,9 @@ function scaleBar() {
   if (network.confidence === "0" || !withEllipses(1).length) return {};
   const length = roundLength((0.08 * network.extent) / network.scale);
   const words = say("{length} in the ellipses", { length: readable(length, report.meta.length) });
-  const bar = { type: "line", xref: "x", yref: "paper", ...barPlace(length * network.scale) };
-  return { shapes: [{ ...bar, line: { color: PALETTE.orange, width: 4 } }], annotations: [{ xref: "x", yref: "paper", x: bar.x1, y: 0.03, text: words, showarrow: false, xanchor: "left", xshift: 6, font: { color: css("--ink") } }] };
-}
-function barPlace(width) {
-  const chosen = document.getElementById("plane").value, [x] = PLANES[chosen] || [report.meta.axes.right];
-  const low = lowest(x);
-  return { x0: low, x1: low + width, y0: 0.03, y1: 0.03 };
+  const chosen = document.getElementById("plane").value, [x] = PLANES[chosen] || [report.meta.axes.right], low = lowest(x), end = low + length * network.scale;
+  const bar = { type: "line", xref: "x", x0: low, x1: end, yref: "paper", ysizemode: "pixel", yanchor: 0, y0: -58, y1: -58 };
+  return { shapes: [{ ...bar, line: { color: PALETTE.orange, width: 4 } }], annotations: [{ xref: "x", yref: "paper", x: reversed(x) ? low : end, y: 0, yshift: -58, text: words, showarrow: false, xanchor: "left", yanchor: "middle", xshift: 6, font: { color: css("--ink") } }] };
 }
 
 function pick(found) {

@@ -14,7 +14,11 @@ function sketch(element, { data, layout }) {
   const seen = data.filter((trace) => trace.mode && trace.meta !== "effects" && !trace.mode.includes("text"));
   const flat = layout.scene ? inPerspective(seen, layout.scene) : seen;
   const frame = framed(flat, layout, width, height);
-  if (!layout.scene) sketchAxes(pen, frame, layout);
+  if (!layout.scene) {
+    sketchAxes(pen, frame, layout);
+    pen.rect(SKETCH.left, SKETCH.top, width - SKETCH.left - SKETCH.right, frame.bottom - SKETCH.top);
+    pen.clip();
+  }
   for (const trace of flat) (trace.mode === "lines" ? sketchLines : sketchMarkers)(pen, frame, trace);
 }
 
@@ -24,20 +28,23 @@ function framed(traces, layout, width, height) {
   for (const name of ["x", "y"]) {
     let low = Infinity, high = -Infinity;
     for (const trace of traces) for (const v of trace[name]) if (v !== null && !Number.isNaN(v)) { if (v < low) low = v; if (v > high) high = v; }
+    const range = layout[`${name}axis`]?.range;
+    if (range) { low = Math.min(...range); high = Math.max(...range); }
     frame[name] = low <= high ? { middle: (low + high) / 2, size: high - low } : { middle: 0, size: 1 };
   }
-  const inner = [width - SKETCH.left - SKETCH.right, height - SKETCH.top - SKETCH.bottom];
+  const bottom = layout.margin?.b || SKETCH.bottom, inner = [width - SKETCH.left - SKETCH.right, height - SKETCH.top - bottom];
+  frame.bottom = height - bottom;
   frame.pixel = Math.max(frame.x.size / inner[0], frame.y.size / inner[1]) * 1.06 || 2 / inner[0]; // one point alone stands between −1 and 1
   frame.sign = { x: reversedAxis(layout.xaxis) ? -1 : 1, y: reversedAxis(layout.yaxis) ? 1 : -1 };
   frame.centre = { x: SKETCH.left + inner[0] / 2, y: SKETCH.top + inner[1] / 2 };
   frame.at = (name, v) => frame.centre[name] + (frame.sign[name] * (v - frame[name].middle)) / frame.pixel;
   return frame;
 }
-function reversedAxis(axis) { return Boolean(axis && axis.autorange === "reversed"); }
+function reversedAxis(axis) { return Boolean(axis && (axis.range ? axis.range[0] > axis.range[1] : axis.autorange === "reversed")); }
 
 function sketchAxes(pen, frame, layout) {
   const step = roundLength(90 * frame.pixel), places = Math.min(20, Math.max(0, -Math.floor(Math.log10(step))));
-  const [left, right, top, bottom] = [SKETCH.left, frame.width - SKETCH.right, SKETCH.top, frame.height - SKETCH.bottom];
+  const [left, right, top, bottom] = [SKETCH.left, frame.width - SKETCH.right, SKETCH.top, frame.bottom];
   pen.strokeStyle = css("--grid");
   pen.fillStyle = css("--ink");
   const ticks = (name, from, to) => {
@@ -98,7 +105,7 @@ function inPerspective(traces, { xaxis, yaxis, zaxis, aspectratio, camera: { eye
   return traces.map((trace) => {
     const flat = { ...trace, x: [], y: [] };
     for (let k = 0; k < trace.x.length; k++) {
-      const from = axes.map(([{ range: [low, high] }, size, name]) => (trace[name][k] === null ? NaN : size * ((trace[name][k] - low) / (high - low) - 0.5) - eye[name]));
+      const from = axes.map(([{ range: [low, high] }, size, name]) => (trace[name][k] === null || (trace[name][k] - low) * (trace[name][k] - high) > 0 ? NaN : size * ((trace[name][k] - low) / (high - low) - 0.5) - eye[name]));
       flat.x.push(dot(from, right) / dot(from, forward));
       flat.y.push(dot(from, up) / dot(from, forward));
     }

@@ -1,12 +1,11 @@
 "use strict";
 // Long tables: only the rows in sight exist; sorted and filtered as numbers or texts.
 const ROW = 24;
-const PRINTED = { points: 20000, ellipses: 20000, images: 20000, attitudes: 20000, stations: 20000, residuals: 5000 };
+const PRINTED = 40; // rows on paper
 
 class LongTable {
   constructor(element, table, columns, options = {}) {
     this.element = element;
-    this.printed = PRINTED[element.dataset.table];
     this.table = table;
     this.columns = columns.filter((column) => filled(table.columns[column.key]));
     for (const { key } of this.columns.filter((column) => column.words)) table.columns[key].shown = table.columns[key].t.map((word) => say(word));
@@ -18,7 +17,7 @@ class LongTable {
   }
 
   build() {
-    this.element.innerHTML = '<div class="long" tabindex="0"><table><thead><tr></tr><tr></tr></thead><tbody></tbody></table></div><p class="quiet state"></p>';
+    this.element.innerHTML = '<div class="long" tabindex="0"><table><thead><tr></tr><tr></tr></thead><tbody></tbody></table></div><p class="quiet state"></p><p class="quiet more"></p>';
     const [titles, inputs] = this.element.querySelectorAll("thead tr");
     for (const column of this.columns) {
       const title = document.createElement("th"), button = document.createElement("button");
@@ -59,8 +58,9 @@ class LongTable {
     this.scroller.scrollTop = 0;
     this.show();
     const words = rows.length === this.table.rows ? say("{count:row|rows}.", { count: rows.length }) : say("{count} of {all} rows.", { count: rows.length, all: this.table.rows });
-    const noted = rows.length > this.printed ? ` ${say("In print: the first {count} in the order shown.", { count: this.printed })}` : "";
-    this.element.querySelector(".state").textContent = words + noted;
+    this.element.querySelector(".state").textContent = words;
+    const more = Math.max(0, rows.length - PRINTED), said = say("{count:more row is|more rows are} in {file}.", { count: more, file: this.element.dataset.file });
+    this.element.querySelector(".more").textContent = more ? said : "";
   }
 
   sort(rows) {
@@ -94,7 +94,7 @@ class LongTable {
   // The rows in sight, with room for the others above and below.
   show(all) {
     const first = all ? 0 : Math.max(0, Math.floor(this.scroller.scrollTop / ROW) - 10);
-    const last = Math.min(this.rows.length, all ? this.printed : first + Math.ceil(this.scroller.clientHeight / ROW) + 24);
+    const last = Math.min(this.rows.length, all ? PRINTED : first + Math.ceil(this.scroller.clientHeight / ROW) + 24);
     const parts = [document.createDocumentFragment()];
     parts[0].append(this.space(first));
     for (let place = first; place < last; place++) parts[0].append(this.line(this.rows[place]));
