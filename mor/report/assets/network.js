@@ -267,7 +267,7 @@ function plan() {
   const room = 0.06 * Math.max(...[x, y].map((name) => (edges(name) ? edges(name)[1] - edges(name)[0] : 0)));
   const range = (name) => { const ends = [edges(name)[0] - room, edges(name)[1] + room]; return reversed(name) ? ends.reverse() : ends; };
   const axis = (name) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", ...(edges(name) ? { range: range(name) } : reversed(name) ? { autorange: "reversed" } : {}) });
-  return { data, layout: { xaxis: axis(x), yaxis: { ...axis(y), scaleanchor: "x", scaleratio: 1 }, ...scaleBar(), margin: { l: 60, r: 20, t: 34, b: 76 }, hovermode: "closest", uirevision: chosen } };
+  return { data, layout: { xaxis: axis(x), yaxis: { ...axis(y), scaleanchor: "x", scaleratio: 1 }, ...scaleBar(), margin: { l: 60, r: 20, t: 34, b: 84 }, hovermode: "closest", uirevision: chosen } };
 }
 
 // How long an enlarged semi-axis is drawn: a bar of a round length.
@@ -276,8 +276,8 @@ function scaleBar() {
   const length = roundLength((0.08 * network.extent) / network.scale);
   const words = say("{length} in the ellipses", { length: readable(length, report.meta.length) });
   const chosen = document.getElementById("plane").value, [x] = PLANES[chosen] || [report.meta.axes.right], low = lowest(x), end = low + length * network.scale;
-  const bar = { type: "line", xref: "x", x0: low, x1: end, yref: "paper", ysizemode: "pixel", yanchor: 0, y0: -58, y1: -58 };
-  return { shapes: [{ ...bar, line: { color: PALETTE.orange, width: 4 } }], annotations: [{ xref: "x", yref: "paper", x: reversed(x) ? low : end, y: 0, yshift: -58, text: words, showarrow: false, xanchor: "left", yanchor: "middle", xshift: 6, font: { color: css("--ink") } }] };
+  const bar = { type: "line", xref: "x", x0: low, x1: end, yref: "paper", ysizemode: "pixel", yanchor: 0, y0: -66, y1: -66 };
+  return { shapes: [{ ...bar, line: { color: PALETTE.orange, width: 4 } }], annotations: [{ xref: "x", yref: "paper", x: reversed(x) ? low : end, y: 0, yshift: -66, text: words, showarrow: false, xanchor: "left", yanchor: "middle", xshift: 6, font: { color: css("--ink") } }] };
 }
 
 function pick(found) {
