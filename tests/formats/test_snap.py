@@ -172,6 +172,21 @@ def test_errors_of_a_set_are_those_between_any_two_of_its_stations(tmp_path: Pat
     np.testing.assert_allclose(np.linalg.eigvalsh(between) * 1e6, np.sort(expected), rtol=1e-9)
 
 
+def test_positions_of_a_set_have_the_covariances_of_its_command(tmp_path: Path) -> None:
+    positions = "A -4787264.52 560595.57 -4163681.80\nB -4787842.22 560070.26 -4163244.58\n"
+    data = (
+        f"Set\n#gx_enu_error 40 60 120 mm 20 30 50 mmr 2 5 10 ppmr\n#data GX grouped no_heights\n{positions}"
+    )
+    document = _document(tmp_path, "", data)
+    Q = next(np.array(t["covariance"]) for t in document.data["observations"]) * 1e6
+    distance = np.linalg.norm([577.70, 525.31, 437.22]) * 1e-3
+    expected = np.array([20.0, 30.0, 50.0]) ** 2 + (distance * np.array([2.0, 5.0, 10.0])) ** 2
+    np.testing.assert_allclose(np.linalg.eigvalsh(Q[:3, 3:]), np.sort(expected), rtol=1e-9)
+    np.testing.assert_allclose(np.linalg.eigvalsh(Q[:3, :3]), np.square([40.0, 60.0, 120.0]), rtol=1e-9)
+    with pytest.raises(InputError, match="found the unit 'mmr', expected mm, m, ppm"):
+        _document(tmp_path, "", data.replace("gx_enu", "gps_enu"))
+
+
 def _text(random: np.random.Generator) -> tuple[str, str, np.ndarray]:
     """A network of 2 km with errors of its σ, as SNAP reads it; its true places."""
     places = np.column_stack(

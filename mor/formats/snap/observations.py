@@ -196,32 +196,47 @@ class VectorError(NamedTuple):
     metres: tuple[float, ...] = (0.0, 0.0, 0.0)
     ppm: tuple[float, ...] = (0.0, 0.0, 0.0)
     """Of the length of a vector."""
-    relative: bool = False
-    """True if members of a set have errors relative to each other (mmr, ppmr)."""
+    common: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """Roots of the covariances (m) of two positions of a set (mmr)."""
+    common_ppm: tuple[float, ...] = (0.0, 0.0, 0.0)
+    """The part of these roots that grows with the distance (ppmr)."""
 
     def variances(self, length: float) -> FloatArray:
         """(3,) east, north, up."""
         result: FloatArray = np.array(self.metres) ** 2 + (1e-6 * length * np.array(self.ppm)) ** 2
         return result
 
+    def covariances(self, distance: float) -> FloatArray:
+        """(3,) east, north, up, of two positions at this distance."""
+        return VectorError(self.common, self.common_ppm).variances(distance)
 
-def vector_error_of(words: Words) -> VectorError:
-    """Errors of ``20 30 50 mm 10 25 100 ppm``. Raises ``ValueError``."""
-    found = VectorError()
+
+_VECTOR_UNITS = {
+    "GB": {"mm": ("metres", 1e-3), "m": ("metres", 1.0), "ppm": ("ppm", 1.0)},
+    "GX": {
+        "mm": ("metres", 1e-3),
+        "m": ("metres", 1.0),
+        "mmr": ("common", 1e-3),
+        "ppmr": ("common_ppm", 1.0),
+    },
+}
+"""Fields of an error, and their factors, by data type and unit."""
+
+
+def vector_error_of(words: Words, code: str) -> VectorError:
+    """Errors of ``20 30 50 mm 10 25 100 ppm`` of a data type. Raises ``ValueError``."""
+    found: dict[str, tuple[float, ...]] = {}
+    units = _VECTOR_UNITS[code]
     while words:
-        values = tuple(words.number("errors east, north and up") for _ in range(3))
+        values = [words.number("errors east, north and up") for _ in range(3)]
         unit = words.take("a unit").lower()
         if min(values) < 0.0:
             raise ValueError("found a negative error, expected 0 or more")
-        if unit in _METRES:
-            found = found._replace(metres=tuple(value * _METRES[unit] for value in values))
-        elif unit == "ppm":
-            found = found._replace(ppm=values)
-        elif unit in ("mmr", "ppmr"):
-            found = found._replace(relative=True)
-        else:
-            raise ValueError(f"found the unit {unit!r}, expected mm, ppm, mmr or ppmr")
-    return found
+        if unit not in units:
+            raise ValueError(f"found the unit {unit!r}, expected {', '.join(units)}")
+        name, factor = units[unit]
+        found[name] = tuple(factor * value for value in values)
+    return VectorError(**found)
 
 
 # ------------------------------------------------------------
@@ -770,7 +785,10 @@ def _of_set(members: list[Member], form: str, numbers: list[float]) -> FloatArra
 
 
 def _of_command(stations: Stations, members: list[Member], error: VectorError | None) -> FloatArray:
-    """Covariances of ``#gps_enu_error``: of members of a set such that vectors between them have its errors, too."""
+    """Covariances of ``#gps_enu_error``: of members of a set such that vectors between them have its errors, too.
+
+    Positions (``#gx_enu_error``) have the covariances that the command gives, in the axes of the later one.
+    """
     vectors = len(members[0].names) == 2
     if error is None:
         if all(member.sigma for member in members):
@@ -778,10 +796,8 @@ def _of_command(stations: Stations, members: list[Member], error: VectorError | 
         else:
             command = "#gps_enu_error" if vectors else "#gx_enu_error"
             raise ValueError(f"nothing says the errors: {command}, or error in #data")
-    if error.relative and sum(member.factor > 0.0 for member in members) > 1:
-        raise ValueError("errors of members relative to each other (mmr, ppmr) are not supported")
     names = sorted({name for member in members for name in member.names if name})
-    axes = stations.axes(names)
+    middle = stations.axes(names)
     values = np.array([member.value for member in members])
     size = len(members)
     Q = np.zeros((3 * size, 3 * size))
@@ -793,13 +809,15 @@ def _of_command(stations: Stations, members: list[Member], error: VectorError | 
     ]
     for i in range(size):
         for j in range(size):
+            distance = float(np.linalg.norm(values[i] - values[j]))
+            later = members[max(i, j)].names
+            axes = stations.axes(later) if not vectors and all(later) else middle
             if i == j:
                 variances = own[i]
             elif vectors:
-                between = error.variances(float(np.linalg.norm(values[i] - values[j])))
-                variances = 0.5 * (own[i] + own[j] - between)
+                variances = 0.5 * (own[i] + own[j] - error.variances(distance))
             else:
-                continue
+                variances = error.covariances(distance)
             Q[3 * i : 3 * i + 3, 3 * j : 3 * j + 3] = axes.T @ np.diag(variances) @ axes
     return Q
 
@@ -1008,7 +1026,8 @@ def _command(data: Data, words: Words) -> None:
             raise ValueError(f"found {form!r}, expected {', '.join(NUMBERS)}")
         data.vector_form = form
     elif name in ("gps_enu_error", "gb_enu_error", "gx_enu_error"):
-        data.vector_errors["GX" if name[1] == "x" else "GB"] = vector_error_of(words)
+        code = "GX" if name[1] == "x" else "GB"
+        data.vector_errors[code] = vector_error_of(words, code)
     elif name == "refraction_coefficient":
         data.refraction = words.take("a code").upper()
     elif name == "projection":
