@@ -394,6 +394,39 @@ def test_geocentric_stations(tmp_path: Path) -> None:
         assert np.array(row[1:4], float) == pytest.approx(places[row[0]], abs=1e-6)
 
 
+def test_files_of_recodes(tmp_path: Path) -> None:
+    """A data file has its own recodes before those of all; the last of equal ones and the narrowest date win."""
+    (tmp_path / "own.csv").write_text("codefrom,codeto,datefrom,dateto\nC,D\nC,E,2001-01-01,\n*,*\nA,A\n")
+    (tmp_path / "all.csv").write_text("codefrom,codeto\nE,A\nE,B\n")
+    data = "x\n#date 12 May 2001\n#oh_error 5 mm\n#data OH no_heights\nA 1\nB 2\nC 3\n"
+    commands = COMMANDS.replace("n.dat", "n.dat recode own.csv error_factor 2") + "recode file all.csv\n"
+    document = read_foreign(_files(tmp_path, data, commands=commands), "snap")
+    (table,) = document.data["observations"]
+    assert table["rows"] == [["A", "1.0", "0.01"], ["B", "3.0", "0.01"]]
+    (tmp_path / "all.csv").write_text("codefrom,codeto\nE\n")
+    with pytest.raises(InputError, match="expected codefrom,codeto,datefrom,dateto"):
+        read_foreign(tmp_path / "n.snp", "snap")
+
+
+def test_recodes_at_one_date_are_one_step(tmp_path: Path) -> None:
+    """The larger errors count; recodes to one code at two dates contradict each other."""
+    data = "x\n#ds_error 3 mm\n#data date SD no_heights\nA C 2000-01-01 1154.9\nA C 2002-01-01 1154.9\n"
+    twice = "recode C to C1 hv_error 0.3 0.1 m after 2001-01-01\nrecode C to C1 hv_error 0.2 0.5 m after {}\n"
+    document = _document(tmp_path, twice.format("2001-01-01"), data)
+    tie = next(t for t in document.data["observations"] if t["type"] == "gnss_vector")
+    trace = sum(float(tie["rows"][0][k]) for k in (7, 10, 12))
+    assert trace == pytest.approx(0.3**2 + 0.3**2 + 0.5**2)
+    with pytest.raises(InputError, match="station 'C' is recoded to 'C1' at two dates"):
+        _document(tmp_path, twice.format("2001-06-01"), data)
+
+
+def test_classify_holds_for_its_types(tmp_path: Path) -> None:
+    data = MEASURED.replace("#data HA", "#classify ZD/LV sky clear\n#classify day one\n#data HA")
+    assert _count(_document(tmp_path, "reject_observations sky=clear", data), "zenith_angle") == 0
+    assert _count(_document(tmp_path, "reject_observations sky=clear", data), "distance") == 3
+    assert _count(_document(tmp_path, "reject_observations day=one data_type=SD", data), "distance") == 0
+
+
 def test_included_commands_and_quoted_names(tmp_path: Path) -> None:
     (tmp_path / "sub dir").mkdir()
     (tmp_path / "sub dir" / "more.inc").write_text('data_file "more data.dat"\n')

@@ -425,7 +425,8 @@ def _stations_of(word: str, words: Words, stations: Stations, strict: bool) -> s
     if word.lower() == "all":
         return names
     if word.lower() in ("inside", "outside"):
-        raise ValueError(f"the area {word} {words.peek()} is not supported, expected codes of stations")
+        area = f"{word} {words.take('a coordinate system')} {words.take('the file of an area')}"
+        raise ValueError(f"the area {area} is not supported, expected codes of stations")
     if word[0] == "@" and word.partition("=")[1] == "":
         return _stations_in_file(word[1:], stations, strict)
     key, equals, value = word.lstrip("@").partition("=")
@@ -593,6 +594,28 @@ class Recode(NamedTuple):
         until, since = self.period.until, self.period.since
         ends = [until.toordinal()] if until else []
         return min([*ends, -since.toordinal()] if since else ends, default=float("inf"))
+
+
+def recodes_of(path: Path) -> list[Recode]:
+    """Recodes of a file with the columns codefrom, codeto, datefrom and dateto. Raises :class:`InputError`."""
+    draft = Draft(str(path))
+    if not path.is_file():
+        raise InputError([Message("this file does not exist", str(path))])
+    found: list[Recode] = []
+    for number, text in enumerate(read_lines(path, draft), start=1):
+        code, new, since, until, *_ = [*(cell.strip().strip('"') for cell in text.split(",")), "", "", "", ""]
+        if code.lower() == "codefrom" or not text.strip(" ,"):
+            continue
+        try:
+            period = Period(date_of(since) if since else None, date_of(until) if until else None)
+            if not code or not new:
+                raise ValueError(f"found {text.strip()!r}, expected codefrom,codeto,datefrom,dateto")
+            found.append(Recode(code.upper(), new, period))
+        except ValueError as error:
+            draft.problem(str(error), number, str(path))
+    if draft.problems:
+        raise InputError(draft.problems)
+    return found
 
 
 # ------------------------------------------------------------
@@ -875,6 +898,15 @@ class Item(NamedTuple):
     fields: tuple[str, ...]
 
 
+def _recode_of(recodes: list[Recode], code: str, date: datetime | None) -> Recode | None:
+    """The narrowest recode that holds, the last of equal ones; ``*`` stands for all others."""
+    for wanted in (code, "*"):
+        own = [one for one in reversed(recodes) if one.code == wanted and one.period.holds(date)]
+        if own:
+            return min(own, key=lambda one: one.narrowness)
+    return None
+
+
 @dataclass
 class Data:
     """Content of all data files, and the state set by commands of the current one."""
@@ -892,13 +924,17 @@ class Data:
     left_out: dict[str, tuple[int, int, str]] = field(default_factory=dict)
     selections: list[Selection] = field(default_factory=list)
     recodes: list[Recode] = field(default_factory=list)
+    own_recodes: list[Recode] = field(default_factory=list)
+    """Of the current file; they come before those of all files."""
+    scale: float = 1.0
+    """Factor of all σ of the current file."""
     excluded: set[str] = field(default_factory=set)
     """Stations whose observations are left out, in capitals."""
     missing: set[str] = field(default_factory=set)
     """Stations that may be missing, in capitals, ``*`` for all: their observations are left out."""
     date: datetime | None = None
-    given: dict[str, str] = field(default_factory=dict)
-    """Classifications of the observations that follow, by #classify."""
+    given: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Classifications of the observations that follow, by their type, from #classify."""
     refractions: set[str] = field(default_factory=set)
     sets: int = 0
     path: Path = Path()
@@ -930,18 +966,17 @@ class Data:
         """The station as its file spells it; empty if its observations are left out. Raises ``ValueError``."""
         known = {known.upper(): known for known in self.stations.by_name}
         code = name.upper()
-        for recode in sorted(self.recodes, key=lambda one: one.narrowness):
-            if recode.code == code and recode.period.holds(date):
-                if recode.new.startswith("*"):
-                    self.skip("observations of stations that are recoded to *")
-                    return ""
-                if (
-                    recode.new.upper() not in known and code in known
-                ):  # a new mark starts where the old one is
-                    self.stations.by_name[recode.new] = self.stations.by_name[known[code]]
-                    known[recode.new.upper()] = recode.new
-                code = recode.new.upper()
-                break
+        for recodes in (self.own_recodes, self.recodes):
+            recode = _recode_of(recodes, code, date)
+            if recode is None:
+                continue
+            if recode.new.startswith("*"):
+                self.skip("observations of stations that are recoded to *")
+                return ""
+            if recode.new.upper() not in known and code in known:  # a new mark starts where the old one is
+                self.stations.by_name[recode.new] = self.stations.by_name[known[code]]
+                known[recode.new.upper()] = recode.new
+            code = recode.new.upper()
         if code in self.excluded:
             self.skip("observations of stations that are rejected or ignored")
             return ""
@@ -957,9 +992,9 @@ class Data:
         """Factor of the σ of an observation; 0 if it is left out."""
         if "" in names:
             return 0.0
-        factor = 1.0
+        factor = self.scale
         for one in self.selections:
-            if one.holds(code, names, self.path, date, {**self.given, **given}):
+            if one.holds(code, names, self.path, date, {**self.given.get(code, {}), **given}):
                 factor *= one.factor
         if not factor:
             self.skip("observations that commands reject or ignore")
@@ -977,8 +1012,9 @@ class Data:
         return float(np.linalg.norm([east, north, up])), float(np.hypot(east, north))
 
 
-def read_data(path: Path, data: Data) -> None:
-    """Read one data file. Mistakes are told in the draft."""
+def read_data(path: Path, data: Data, scale: float = 1.0, recodes: Path | None = None) -> None:
+    """Read one data file, with a factor of its σ and the file of its recodes. Mistakes are told in the draft."""
+    data.scale, data.own_recodes = scale, recodes_of(recodes) if recodes else []
     data.path, data.form, data.vector_form, data.refraction = path, "dms", "full", DEFAULT
     data.errors, data.vector_errors, data.classes, data.items = {}, {}, set(), []
     data.date, data.given = None, {}
@@ -1039,7 +1075,15 @@ def _command(data: Data, words: Words) -> None:
     elif name == "date":
         data.date = date_of(words.rest())
     elif name == "classify":
-        data.given[words.take("the name of a classification").lower()] = words.rest()
+        key = words.take("the name of a classification")
+        codes = [_ALSO.get(code, code) for code in key.upper().split("/")]
+        if set(codes) <= set(KINDS):
+            key = words.take("the name of a classification")
+        else:
+            codes = list(KINDS)
+        value = words.rest()
+        for code in codes:
+            data.given.setdefault(code, {})[key.lower()] = value
     elif name not in _COMMENTS:
         raise ValueError(f"command #{name} is not supported")
 
@@ -1246,17 +1290,22 @@ def tie_recoded(data: Data) -> None:
     """Tie stations that recodes with an error (hv_error) split, by vectors of length 0 between those in use.
 
     The steps of a station from one date to the next are independent: variances of steps in a row add up.
+    Recodes to the same code at the same date are one step with the larger errors, none if one of them has none.
     """
     known = {name.upper(): name for name in data.names}
     for code in dict.fromkeys(recode.code for recode in data.recodes):
         own = [recode for recode in data.recodes if recode.code == code]
         for after in (False, True):
-            steps = [
-                one for one in own if bool(one.period.since) == after and bool(one.period.until) != after
-            ]
+            steps: dict[Period, Recode] = {}
+            for one in own:
+                if bool(one.period.since) == after and bool(one.period.until) != after:
+                    steps[one.period] = _one_step(one, steps.get(one.period, one))
             last, variances = known.get(code), np.zeros(3)
-            for step in sorted(steps, key=lambda one: one.narrowness, reverse=True):
+            for step in sorted(steps.values(), key=lambda one: one.narrowness, reverse=True):
                 name = known.get(step.new.upper())
+                if name == last and step.sigma is not None and name is not None:
+                    data.draft.problem(f"station {code!r} is recoded to {name!r} at two dates with an error")
+                    continue
                 if step.sigma is None:
                     last = None
                 if last is not None and step.sigma is not None:
@@ -1266,9 +1315,18 @@ def tie_recoded(data: Data) -> None:
                         continue
                     axes = data.stations.axes([last])
                     row = Row([last, name, *["0.0"] * 5], 1)
-                    one = Set([row], axes.T @ np.diag(variances) @ axes)
-                    data.singles.setdefault(("GB", str(data.stations.path)), []).append(one)
+                    tie = Set([row], axes.T @ np.diag(variances) @ axes)
+                    data.singles.setdefault(("GB", str(data.stations.path)), []).append(tie)
                 last, variances = name, np.zeros(3)
+
+
+def _one_step(one: Recode, other: Recode) -> Recode:
+    """The last of two recodes of a code at one date, with the larger errors if both lead to the same code."""
+    if one.new.upper() != other.new.upper():
+        return one
+    if one.sigma is None or other.sigma is None:
+        return one._replace(sigma=None)
+    return one._replace(sigma=(max(one.sigma[0], other.sigma[0]), max(one.sigma[1], other.sigma[1])))
 
 
 def put_observations(data: Data) -> None:

@@ -19,6 +19,7 @@ from mor.formats.snap.observations import (
     put_observations,
     read_data,
     read_stations,
+    recodes_of,
     selection_of,
     station_list,
     tie_recoded,
@@ -95,11 +96,19 @@ class _Command(NamedTuple):
     float_errors: tuple[float, float]
 
 
+class _DataFile(NamedTuple):
+    """A data file with the factor of its σ and its file of recodes."""
+
+    path: Path
+    scale: float = 1.0
+    recodes: Path | None = None
+
+
 @dataclass
 class _Commands:
     title: str = ""
     stations: Path = Path()
-    data: list[Path] = field(default_factory=list)
+    data: list[_DataFile] = field(default_factory=list)
     mode: str = "adjustment"
     later: list[_Command] = field(default_factory=list)
     """Commands about stations and observations, in their order."""
@@ -131,7 +140,7 @@ def read_snap(path: Path) -> Document:
         except ValueError as error:
             draft.problem(str(error), command.line, command.file)
     for file in commands.data:
-        read_data(file, data)
+        read_data(file.path, data, file.scale, file.recodes)
     _put_refraction(data, commands)
     if commands.mode.startswith("adjust"):  # SNAP rejects stations without enough data
         draft.put("settings", {"undetermined": "leave_out"})
@@ -149,7 +158,7 @@ def _pair(path: Path, draft: Draft) -> _Commands:
     ends = {end: [path.with_suffix(end), path.with_suffix(end.upper())] for end in (".crd", ".dat")}
     found = {end: next((p for p in places if p.is_file()), places[0]) for end, places in ends.items()}
     draft.note("without a command file (.snp) all stations are free", 1)
-    return _Commands(stations=found[".crd"], data=[found[".dat"]], mode="free_net")
+    return _Commands(stations=found[".crd"], data=[_DataFile(found[".dat"])], mode="free_net")
 
 
 def _commands(path: Path, draft: Draft) -> _Commands:
@@ -178,7 +187,7 @@ def _read_commands(
         name = words.take("a command").lower()
         try:
             if name == "include":
-                file = path.parent / words.take("the name of a file").strip("\"'")
+                file = _file_of(words, path)
                 _read_commands(found, file, draft, ignored, [*above, path])
             elif name in (*_STATION_COMMANDS, *_OBSERVATION_COMMANDS, "recode", "ignore_missing_stations"):
                 found.later.append(_Command(name, line.words[1:], line.number, str(path), found.float_errors))
@@ -188,18 +197,35 @@ def _read_commands(
             draft.problem(str(error), line.number, str(path))
 
 
+def _file_of(words: Words, path: Path) -> Path:
+    return path.parent / words.take("the name of a file").strip("\"'")
+
+
+def _factor(words: Words) -> float:
+    factor = words.number("a factor")
+    if not factor > 0.0:
+        raise ValueError(f"found the factor {factor:g}, expected one above 0")
+    return factor
+
+
 def _command(found: _Commands, path: Path, name: str, words: Words) -> bool:
     """Follow a command; False if it is not one of these."""
     if name == "title":
         found.title = words.rest()
     elif name in ("coordinate_file", "data_file"):
-        file = path.parent / words.take("the name of a file").strip("\"'")
+        file = _file_of(words, path)
+        data_file = _DataFile(file)
+        while name == "data_file" and words.peek().lower() in ("error_factor", "recode"):
+            if words.skip("error_factor"):
+                data_file = data_file._replace(scale=_factor(words))
+            elif words.skip("recode"):
+                data_file = data_file._replace(recodes=_file_of(words, path))
         if words:
             raise ValueError(
                 f"found {words.rest()!r} behind the name of the file: only SNAP's own form is read"
             )
         if name == "data_file":
-            found.data.append(file)
+            found.data.append(data_file)
         else:
             found.stations = file
     elif name == "mode":
@@ -260,7 +286,8 @@ def _follow(commands: _Commands, data: Data, command: _Command) -> None:
 def _recode(data: Data, words: Words) -> None:
     code = words.take("the code of a station").upper()
     if code == "FILE":
-        raise ValueError("recode file is not supported, expected recode CODE to CODE")
+        data.recodes += recodes_of(_file_of(words, data.stations.path))
+        return
     suffix = words.take("a suffix") if code == "SUFFIX" else ""
     if not suffix and not words.skip("to"):
         raise ValueError(f"found {words.peek()!r}, expected to")
@@ -299,9 +326,7 @@ def _select(data: Data, name: str, words: Words) -> None:
     if name == "reweight_observations":
         if words.peek().lower() in ("by_set", "offset_error", "centroid_error"):
             raise ValueError(f"reweight_observations {words.peek()} is not supported, expected a factor")
-        factor = words.number("a factor")
-        if not factor > 0.0:
-            raise ValueError(f"found the factor {factor:g}, expected one above 0")
+        factor = _factor(words)
     if not words:
         raise ValueError("the line ends where a criterion is expected, e.g. data_type=SD")
     data.selections.append(selection_of(words, factor, data.stations))
