@@ -427,6 +427,70 @@ def test_classify_holds_for_its_types(tmp_path: Path) -> None:
     assert _count(_document(tmp_path, "reject_observations day=one data_type=SD", data), "distance") == 0
 
 
+def _covariances(document: Document) -> list[np.ndarray]:
+    return [np.array(t["covariance"]) for t in document.data["observations"] if "covariance" in t]
+
+
+def test_errors_of_whole_sets(tmp_path: Path) -> None:
+    """by_set scales a set once, offset_error adds an error of a station, centroid_error one of a set of positions."""
+    vectors = (
+        "x\n#gps_enu_error 4 6 12 mm\n#data GB grouped no_heights\nA\nB -577 -525 437\nC -419 -967 471\n"
+    )
+    places = "A -4787264 560595 -4163681\nB -4787842 560070 -4163244\n"
+    positions = f"#gx_enu_error 4 6 12 mm\n#data GX grouped no_heights\n{places}"
+    (alone,) = _covariances(_document(tmp_path, "", vectors))
+    for stations in ("C", "A B"):
+        commands = f"reweight_observations by_set 2 using_stations {stations}\n"
+        np.testing.assert_allclose(_covariances(_document(tmp_path, commands, vectors))[0], 4.0 * alone)
+    for station, ends in {"A": [1.0, 1.0], "C": [0.0, 1.0]}.items():
+        commands = f"reweight_observations offset_error 0.3 m using_stations {station}\n"
+        (found,) = _covariances(_document(tmp_path, commands, vectors))
+        expected = 0.09 * np.kron(np.outer(ends, ends), np.eye(3))
+        np.testing.assert_allclose(found - alone, expected, atol=1e-12)
+    commands = "reweight_observations centroid_error 0.3 0.5 m using_stations B\n"
+    (alone,) = _covariances(_document(tmp_path, "", "x\n" + positions))
+    (found,) = _covariances(_document(tmp_path, commands, "x\n" + positions))
+    added = found - alone
+    np.testing.assert_allclose(np.linalg.eigvalsh(added[:3, 3:]), [0.09, 0.09, 0.25])
+    np.testing.assert_allclose(added, np.tile(added[:3, :3], (2, 2)))
+    with pytest.raises(InputError, match="expected one or two errors of 0 or more and m"):
+        _document(tmp_path, commands.replace(" m ", " mm "))
+
+
+def test_by_set_scales_a_circle_once(tmp_path: Path) -> None:
+    data = MEASURED.replace("* 244", "244")
+    document = _document(tmp_path, "reweight_observations by_set 3 data_type=HA/SD using_stations C", data)
+    tables = {table["type"]: table for table in document.data["observations"]}
+    assert [row[3] for row in tables["directions"]["rows"]] == ["6.0", "6.0", "6.0", "6.0"]
+    plain = {t["type"]: t for t in _document(tmp_path, "", data).data["observations"]}
+    factors = [
+        float(one[3]) / float(other[3])
+        for one, other in zip(tables["distance"]["rows"], plain["distance"]["rows"], strict=True)
+    ]
+    assert factors == pytest.approx([1.0, 3.0, 1.0])
+
+
+def test_translation_of_a_set_of_positions(tmp_path: Path) -> None:
+    """All stations are fixed: the translation is the mean of the differences, of equal weights."""
+    places = {"A": (-4787263.95, 560595.86, -4163681.77), "B": (-4787841.65, 560070.55, -4163244.55)}
+    shift = {"A": (1.0, 2.0, 3.0), "B": (1.2, 2.2, 3.2)}
+    rows = "".join(f"{k} {' '.join(map(str, np.add(places[k], shift[k])))}\n" for k in places)
+    data = f"x\n#gx_enu_error 4 4 4 mm\n#data GX grouped no_heights\n{rows}#data GX no_heights\n{rows}"
+    commands = "fix all\nset_observation_option calculate_gx_translation\n"
+    commands += "set_observation_option no_calculate_gx_translation using_stations B\n"
+    solved = _solved(_files(tmp_path, data, commands=COMMANDS + commands))
+    assert len(solved.network.things["instrument"].numbers) == 2
+    found = solved.adjustment.values["gnss frame"]
+    given = Transformer.from_crs("EPSG:4959", "EPSG:4960", always_xy=True)
+    first = given.transform(173 + (19 + 15.6 / 60) / 60, -41 - 46.8 / 3600, 150.0)
+    second = given.transform(173 + (19 + 40.8 / 60) / 60, -41 - 25.2 / 3600, 250.0)
+    differences = [np.add(places["A"], shift["A"]) - first, np.add(places["B"], shift["B"]) - second]
+    np.testing.assert_allclose(found[1, :3], np.mean(differences, axis=0), atol=1e-6)
+    np.testing.assert_allclose(found[2, :3], differences[0], atol=1e-6)
+    with pytest.raises(InputError, match="expected calculate_gx_translation"):
+        _document(tmp_path, "set_observation_option calculate_translation\n")
+
+
 def test_included_commands_and_quoted_names(tmp_path: Path) -> None:
     (tmp_path / "sub dir").mkdir()
     (tmp_path / "sub dir" / "more.inc").write_text('data_file "more data.dat"\n')

@@ -515,10 +515,10 @@ def period_of(words: Words) -> Period:
 
 
 class Selection(NamedTuple):
-    """Observations that a command leaves out, or whose σ it multiplies; conditions hold together."""
+    """Observations that a command leaves out, or whose errors it changes; conditions hold together."""
 
     factor: float
-    """0 for those that are left out."""
+    """Of σ: 0 for those that are left out. Of a translation 1 or 0."""
     classes: list[tuple[str, list[str]]]
     """Values by the name of a classification, ``data_type`` and ``data_file`` among them; patterns in capitals."""
     period: Period = Period()
@@ -526,6 +526,10 @@ class Selection(NamedTuple):
     stations: Chosen | None = None
     all_ends: bool = False
     """True if all ends of an observation are among ``stations``, else one suffices."""
+    kind: str = ""
+    """``by_set``, ``offset_error``, ``centroid_error`` or ``translation``; else a factor of single observations."""
+    errors: tuple[float, float] = (0.0, 0.0)
+    """σ (m) of an offset or a centroid, horizontal and vertical."""
 
     def holds(
         self, code: str, names: list[str], path: Path, date: datetime | None, given: dict[str, str]
@@ -687,6 +691,8 @@ class Member(NamedTuple):
     factor: float
     """Of its σ; 0 if it is left out."""
     line: int
+    held: list[Selection]
+    """Commands that select it."""
 
 
 class Set(NamedTuple):
@@ -710,7 +716,9 @@ def set_of(
     factors = np.repeat([member.factor for member in members], 3)
     Q = _covariance(stations, members, form, error, numbers) * np.outer(factors, factors)
     places = (3 * kept[:, None] + np.arange(3)).ravel()
-    Q = Q[np.ix_(places, places)]
+    members = [members[k] for k in kept]
+    Q = Q[np.ix_(places, places)] * _product(_distinct(members, "by_set")) ** 2
+    Q += _offsets(stations, members)
     if not np.isfinite(Q).all() or np.linalg.eigvalsh(Q)[0] <= 0.0:
         raise ValueError("the covariance matrix is not positive definite")
     vector = len(members[0].names) == 2
@@ -718,9 +726,48 @@ def set_of(
         raise ValueError("heights of antennas above observed positions (GX) are not supported")
     rows = [
         Row([*m.names, *map(repr, m.value), *(map(repr, m.heights) if vector else [])], m.line)
-        for m in (members[k] for k in kept)
+        for m in members
     ]
-    return Set(rows, Q)
+    return Set(rows, 0.5 * (Q + Q.T))  # products with axes are not symmetric in their last digit
+
+
+def _product(selections: list[Selection]) -> float:
+    return float(np.prod([one.factor for one in selections]))
+
+
+def _distinct(members: list[Member], kind: str) -> list[Selection]:
+    """Commands of a kind that select any of the members, each once."""
+    return list({id(one): one for m in members for one in m.held if one.kind == kind}.values())
+
+
+def _offsets(stations: Stations, members: list[Member]) -> FloatArray:
+    """Covariances of common errors: of the equipment at a station, and of the centroid of a set of positions.
+
+    Vectors of a set begin at one station: a station is an end of all of them on the same side.
+    """
+    Q = np.zeros((3 * len(members), 3 * len(members)))
+    vectors = len(members[0].names) == 2
+    for one in [] if vectors else _distinct(members, "centroid_error"):
+        Q += _common(stations, [m.names[0] for m in members], one, np.ones(len(members)))
+    for one in _distinct(members, "offset_error"):
+        for name in sorted({name for m in members for name in m.names}):
+            if one.stations is None or one.stations(name):
+                ends = [float(name in m.names and any(held is one for held in m.held)) for m in members]
+                Q += _common(stations, [name], one, np.array(ends))
+    return Q
+
+
+def _common(stations: Stations, names: list[str], one: Selection, ends: FloatArray) -> FloatArray:
+    axes = stations.axes(sorted(set(names)))
+    horizontal, vertical = np.square(one.errors)
+    E = axes.T @ np.diag([horizontal, horizontal, vertical]) @ axes
+    return np.asarray(np.kron(np.outer(ends, ends), E), np.float64)
+
+
+def is_translated(members: list[Member]) -> bool:
+    """True if a translation of the set is an unknown: the last command for any of its members says so."""
+    last = [[one.factor for one in m.held if one.kind == "translation"][-1:] for m in members if m.factor]
+    return [1.0] in last
 
 
 def put_singles(draft: Draft, singles: list[Set], file: str) -> None:
@@ -883,6 +930,8 @@ KINDS = {
 """By SNAP's letters."""
 _ALSO = {"GPS": "GB"}
 _SETS = ("HA", "DR")
+_SIGMA = 3
+"""Where a row of them has its σ."""
 _HEIGHTS = ("distance", "zenith_angle", "height_difference")
 _RAISED = ("orthometric_height", "ellipsoidal_height")
 _FIELDS = ("value", "error", "id", "date", "time")
@@ -921,6 +970,10 @@ class Data:
     """Vectors and positions that are in no set, by letters and file."""
     matrices: dict[tuple[str, str], list[Set]] = field(default_factory=dict)
     """Sets with a matrix, by letters and file."""
+    translated: list[tuple[Set, str]] = field(default_factory=list)
+    """Positions whose common translation is an unknown, with their file."""
+    in_sets: dict[tuple[str, int], list[tuple[Row, list[Selection]]]] = field(default_factory=dict)
+    """Rows of HA and DR by their set, with the commands that select them."""
     left_out: dict[str, tuple[int, int, str]] = field(default_factory=dict)
     selections: list[Selection] = field(default_factory=list)
     recodes: list[Recode] = field(default_factory=list)
@@ -988,14 +1041,17 @@ class Data:
             raise ValueError(f"station {name!r} is not in {self.stations.path.name}{similar}")
         return known[code]
 
-    def factor(self, code: str, names: list[str], given: dict[str, str], date: datetime | None) -> float:
-        """Factor of the σ of an observation; 0 if it is left out."""
-        if "" in names:
-            return 0.0
-        factor = self.scale
-        for one in self.selections:
-            if one.holds(code, names, self.path, date, {**self.given.get(code, {}), **given}):
-                factor *= one.factor
+    def selected(
+        self, code: str, names: list[str], given: dict[str, str], date: datetime | None
+    ) -> list[Selection]:
+        """Commands that select an observation."""
+        known = {**self.given.get(code, {}), **given}
+        return [one for one in self.selections if one.holds(code, names, self.path, date, known)]
+
+    def factor(self, code: str, held: list[Selection]) -> float:
+        """Factor of the σ of an observation without those of its whole set; 0 if it is left out."""
+        alone = ("",) if code in (*_SETS, "GB", "GX") else ("", "by_set")
+        factor = self.scale * _product([one for one in held if one.kind in alone])
         if not factor:
             self.skip("observations that commands reject or ignore")
         return factor
@@ -1183,19 +1239,23 @@ def _item(
     ends = [(name, height) for name, (_, height) in zip(names, ends, strict=True)]
     if rejected:
         data.skip("rejected observations (*)")
-    factor = 0.0 if rejected else data.factor(item.code, names, given, date)
+    rejected |= "" in names
+    held = [] if rejected else data.selected(item.code, names, given, date)
+    factor = 0.0 if rejected else data.factor(item.code, held)
     rejected = not factor
     if not rejected:
         data.use(names)
     if vector:
-        found = Member(names, [h for _, h in ends], value, sigma, factor, data.line)  # type: ignore[arg-type]
+        found = Member(names, [h for _, h in ends], value, sigma, factor, data.line, held)  # type: ignore[arg-type]
         data.members.append(found)
         if not data.grouped:
             _end_of_set(data)
         return
     assert isinstance(value, float)
     if not rejected:
-        _scalar(data, item.code, ends, value, sigma, factor, refraction)
+        row = _scalar(data, item.code, ends, value, sigma, factor, refraction)
+        if item.code in _SETS:
+            data.in_sets.setdefault((item.code, data.sets), []).append((row, held))
 
 
 def _value(data: Data, kind: Kind, words: Words) -> float:
@@ -1212,7 +1272,7 @@ def _scalar(
     sigma: list[float] | None,
     factor: float,
     refraction: str,
-) -> None:
+) -> Row:
     kind = KINDS[code]
     names = [name for name, _ in ends]
     error = factor * _sigma(data, kind, names, value, sigma)
@@ -1240,7 +1300,9 @@ def _scalar(
         cells.append(str(data.sets))
     if kind.type in _HEIGHTS:
         cells += [repr(height) for _, height in ends]
-    data.tables.setdefault((code, instrument, str(data.path)), []).append(Row(cells, data.line))
+    row = Row(cells, data.line)
+    data.tables.setdefault((code, instrument, str(data.path)), []).append(row)
+    return row
 
 
 def _sigma(data: Data, kind: Kind, names: list[str], value: float, sigma: list[float] | None) -> float:
@@ -1280,7 +1342,9 @@ def _end_of_set(data: Data) -> None:
     except ValueError as error:
         data.draft.problem(str(error), members[0].line, str(data.path))
         return
-    if found is not None and data.grouped:
+    if found is not None and code == "GX" and is_translated(members):
+        data.translated.append((found, str(data.path)))
+    elif found is not None and data.grouped:
         data.matrices.setdefault((code, str(data.path)), []).append(found)
     elif found is not None:
         data.singles.setdefault((code, str(data.path)), []).append(found)
@@ -1331,6 +1395,15 @@ def _one_step(one: Recode, other: Recode) -> Recode:
 
 def put_observations(data: Data) -> None:
     """Put the rows that were read into tables."""
+    for members in data.in_sets.values():
+        held = {id(one): one for _, selections in members for one in selections if one.kind == "by_set"}
+        factor = _product(list(held.values()))
+        for row, _ in members if held else []:
+            row.cells[_SIGMA] = repr(float(row.cells[_SIGMA] or 0.0) * factor)
+    for number, (one, file) in enumerate(data.translated, start=1):
+        columns = _columns(len(one.rows[0].cells))
+        keys = {"covariance": one.Q.tolist(), "instrument": f"translation {number}"}
+        data.draft.table("observations", columns, one.rows, file, type=_type(columns), **keys)
     for (_, file), sets in data.matrices.items():
         put_sets(data.draft, sets, file)
     for (_, file), singles in data.singles.items():

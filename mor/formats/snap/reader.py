@@ -71,6 +71,7 @@ _OBSERVATION_COMMANDS = (
     "reject_observations",
     "reweight_observations",
     "classification",
+    "set_observation_option",
 )
 _REASONS = {
     "geoid": "the grid is not part of mor; write its heights into the coordinate file (geoid_heights)",
@@ -141,7 +142,7 @@ def read_snap(path: Path) -> Document:
             draft.problem(str(error), command.line, command.file)
     for file in commands.data:
         read_data(file.path, data, file.scale, file.recodes)
-    _put_refraction(data, commands)
+    _put_instruments(data, commands)
     if commands.mode.startswith("adjust"):  # SNAP rejects stations without enough data
         draft.put("settings", {"undetermined": "leave_out"})
     tie_recoded(data)
@@ -294,11 +295,9 @@ def _recode(data: Data, words: Words) -> None:
     new = suffix or words.take("the new code")
     sigma = None
     if words.skip("hv_error"):
-        horizontal = words.number("an error")
-        vertical = horizontal if words.peek().lower() == "m" else words.number("an error")
-        if not words.skip("m") or not min(horizontal, vertical) > 0.0:
+        sigma = _errors(words)
+        if not min(sigma) > 0.0:
             raise ValueError("expected one or two errors above 0 and m behind hv_error")
-        sigma = (horizontal, vertical)
     words.skip("disconnected")
     period = period_of(words)
     codes = [code]
@@ -322,14 +321,32 @@ def _select(data: Data, name: str, words: Words) -> None:
             factor *= words.number("a factor")
         data.selections.append(selection_of(criterion, factor, data.stations))
         return
-    factor = 0.0
-    if name == "reweight_observations":
+    factor, errors, kind = 0.0, (0.0, 0.0), ""
+    if name == "set_observation_option":
+        kind, option = "translation", words.take("an option").lower()
+        if option.removeprefix("no_") != "calculate_gx_translation":
+            raise ValueError(f"found the option {option!r}, expected calculate_gx_translation")
+        factor = float(option[:3] != "no_")
+    elif name == "reweight_observations":
         if words.peek().lower() in ("by_set", "offset_error", "centroid_error"):
-            raise ValueError(f"reweight_observations {words.peek()} is not supported, expected a factor")
-        factor = _factor(words)
-    if not words:
+            kind = words.take("a criterion").lower()
+        if kind[-6:] == "_error":
+            errors = _errors(words)
+        else:
+            factor = _factor(words)
+    if not words and kind != "translation":
         raise ValueError("the line ends where a criterion is expected, e.g. data_type=SD")
-    data.selections.append(selection_of(words, factor, data.stations))
+    found = selection_of(words, factor, data.stations)
+    data.selections.append(found._replace(kind=kind, errors=errors))
+
+
+def _errors(words: Words) -> tuple[float, float]:
+    """One or two errors in metres, horizontal and vertical."""
+    horizontal = words.number("an error")
+    vertical = horizontal if words.peek().lower() == "m" else words.number("an error")
+    if not words.skip("m") or min(horizontal, vertical) < 0.0:
+        raise ValueError("expected one or two errors of 0 or more and m")
+    return horizontal, vertical
 
 
 def _fix(commands: _Commands, data: Data, command: _Command) -> None:
@@ -354,7 +371,7 @@ def _fix(commands: _Commands, data: Data, command: _Command) -> None:
             commands.sigmas[name] = (sigma[0] if parts[0] else old[0], sigma[1] if parts[1] else old[1])
 
 
-def _put_refraction(data: Data, commands: _Commands) -> None:
+def _put_instruments(data: Data, commands: _Commands) -> None:
     instruments: dict[str, object] = {}
     for code in sorted(data.refractions):
         usual = 0.0 if code == "ZERO" else commands.refraction.get(DEFAULT, (commands.usual, False))[0]
@@ -364,6 +381,9 @@ def _put_refraction(data: Data, commands: _Commands) -> None:
     for code, name, _ in data.tables:
         if code == "DR":
             instruments[name] = {"scale": {"free": "1"}}
+    for number in range(1, len(data.translated) + 1):
+        shift = {f"shift_{axis}": {"free": "0"} for axis in "xyz"}
+        instruments[f"translation {number}"] = {"frame": shift}
     if instruments:
         data.draft.put("instruments", instruments)
 
