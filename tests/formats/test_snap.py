@@ -491,6 +491,48 @@ def test_translation_of_a_set_of_positions(tmp_path: Path) -> None:
         _document(tmp_path, "set_observation_option calculate_translation\n")
 
 
+@pytest.mark.parametrize(
+    ("command", "height", "orders"),
+    [
+        ("add_coordinate_file coordinates from more.crd", "71.0", ["2", "2", "3"]),
+        ("add_coordinate_file classes from more.crd", "70.0", ["2", "2", "1"]),
+        ("add_coordinate_file coordinates existing_classes from more.crd", "71.0", ["2", "2", "1"]),
+        ("add_coordinate_file stations from more.crd", "70.0", ["2", "2", "3", "1"]),
+        ("coordinate_file more.crd", "70.0", ["2", "2", "3", "1"]),
+    ],
+)
+def test_more_coordinate_files(tmp_path: Path, command: str, height: str, orders: list[str]) -> None:
+    more = (
+        STATIONS.replace("70.0000  10.0 3", "71.0000 10.0 1")
+        .replace("B  41", "D  41")
+        .replace(" 10.0 2", " 10.0 1")
+    )
+    kept = [line for line in more.splitlines() if not line.startswith("A ")]
+    (tmp_path / "more.crd").write_text("\n".join(kept))
+    data = "x\n#oh_error 5 mm\n#data OH no_heights\nA 1\nB 2\nC 3\nD 4\n"
+    commands = f"{command}\nignore_missing_stations\n"
+    document = _document(tmp_path, commands, data)
+    rows = {row[0]: row for table in document.data["points"] for row in table["rows"]}
+    assert len(rows) == len(orders)
+    assert rows["C"][3] == height
+    for order in "123":
+        ignored = [point for point, one in zip("ABCD", orders, strict=False) if one == order]
+        left = _document(tmp_path, f"{commands}ignore order={order}\n", data)
+        used = {row[0] for table in left.data["observations"] for row in table["rows"]}
+        assert used == set("ABCD"[: len(orders)]) - set(ignored)
+
+
+def test_coordinate_files_that_do_not_fit(tmp_path: Path) -> None:
+    (tmp_path / "more.crd").write_text(STATIONS.replace("NZGD2000", "NZGD1949"))
+    for command, said in {
+        "add_coordinate_file stations from more.crd": "coordinates in NZGD1949 cannot be merged with those in NZGD2000",
+        "add_coordinate_file all from more.crd": "expected coordinates, classes, existing_classes, stations or from",
+        "add_coordinate_file from more.crd": "found no option before from",
+    }.items():
+        with pytest.raises(InputError, match=said):
+            _document(tmp_path, command)
+
+
 def test_included_commands_and_quoted_names(tmp_path: Path) -> None:
     (tmp_path / "sub dir").mkdir()
     (tmp_path / "sub dir" / "more.inc").write_text('data_file "more data.dat"\n')

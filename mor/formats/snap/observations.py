@@ -274,6 +274,8 @@ class Station(NamedTuple):
     line: int
     classes: dict[str, str]
     """Its order and classifications, by their names in lower case."""
+    path: Path
+    """File that its coordinates are from."""
 
 
 class Stations(NamedTuple):
@@ -347,6 +349,29 @@ def read_stations(path: Path, draft: Draft) -> Stations:
     return found
 
 
+def merge_stations(stations: Stations, path: Path, parts: set[str], draft: Draft) -> None:
+    """Take ``coordinates``, ``classes``, ``existing_classes`` or new ``stations`` over from another file.
+
+    Raises ``ValueError`` if its coordinates are of another system; :class:`InputError`.
+    """
+    other = read_stations(path, draft)
+    own, given = ((one.crs, one.orthometric, one.geoid) for one in (stations, other))
+    if own != given and parts & {"coordinates", "stations"}:
+        words = f"{path.name}: coordinates in {other.code} cannot be merged with those in {stations.code}"
+        raise ValueError(f"{words}; convert them, with the same kind of heights")
+    known = {name.upper(): name for name in stations.by_name}
+    names = {key for one in stations.by_name.values() for key in one.classes}
+    for name, new in other.by_name.items():
+        old = stations.by_name.get(known.get(name.upper(), ""))
+        classes = {key: value for key, value in new.classes.items() if "classes" in parts or key in names}
+        if old is None and "stations" in parts:
+            stations.by_name[name] = new._replace(classes=classes)
+        elif old is not None:
+            merged = new if "coordinates" in parts else old
+            classes = {**old.classes, **classes} if parts & {"classes", "existing_classes"} else old.classes
+            stations.by_name[known[name.upper()]] = merged._replace(classes=classes)
+
+
 def _system(code: str, path: Path, line: int) -> tuple[str, str]:
     """EPSG code of a coordinate system, and what a version or an epoch of it was read as, if there is one.
 
@@ -384,7 +409,9 @@ def _read(found: Stations, line: Line, form: str, classes: list[str]) -> None:
         deflection = (words.number("a deflection north"), words.number("a deflection east"))
     N = words.number("a geoid height") if found.geoid else 0.0
     values = {key: words.take(f"{key} of station {name!r}") for key in classes}
-    found.by_name[name] = Station((place[0], place[1], height), N, deflection, line.number, values)
+    found.by_name[name] = Station(
+        (place[0], place[1], height), N, deflection, line.number, values, found.path
+    )
 
 
 # ------------------------------------------------------------

@@ -15,6 +15,7 @@ from mor.formats.snap.observations import (
     Stations,
     Words,
     lines_of,
+    merge_stations,
     period_of,
     put_observations,
     read_data,
@@ -79,7 +80,6 @@ _REASONS = {
     "reference_frame": "its parameters are not read; add a frame to the project",
     "gps_antenna_height": "write heights of antennas into the data file",
     "configuration": "write its commands into this file",
-    "add_coordinate_file": "put all stations into one coordinate file",
     "station_offset_file": "give data of the mark itself",
 }
 """Hints for commands that are known but not supported."""
@@ -109,6 +109,8 @@ class _DataFile(NamedTuple):
 class _Commands:
     title: str = ""
     stations: Path = Path()
+    added: list[tuple[Path, set[str], int, str]] = field(default_factory=list)
+    """More coordinate files, what is taken from them, and the line and file of their commands."""
     data: list[_DataFile] = field(default_factory=list)
     mode: str = "adjustment"
     later: list[_Command] = field(default_factory=list)
@@ -130,6 +132,11 @@ def read_snap(path: Path) -> Document:
     pair = path.suffix.lower() in (".crd", ".dat")
     commands = _pair(path, draft) if pair else _commands(path, draft)
     stations = read_stations(commands.stations, draft)
+    for file_path, parts, line, command_file in commands.added:
+        try:
+            merge_stations(stations, file_path, parts, draft)
+        except ValueError as error:
+            draft.problem(str(error), line, command_file)
     draft.put("title", commands.title or stations.title)
     draft.put("units", {"length": "m", "angle": "deg"})
     heights = "orthometric" if stations.orthometric and stations.geoid else "ellipsoidal"
@@ -192,6 +199,9 @@ def _read_commands(
                 _read_commands(found, file, draft, ignored, [*above, path])
             elif name in (*_STATION_COMMANDS, *_OBSERVATION_COMMANDS, "recode", "ignore_missing_stations"):
                 found.later.append(_Command(name, line.words[1:], line.number, str(path), found.float_errors))
+            elif name == "add_coordinate_file" or (name == "coordinate_file" and found.stations != Path()):
+                file, parts = _added(found, path, name, words)
+                found.added.append((file, parts, line.number, str(path)))
             elif not _command(found, path, name, words) and name not in _OUTPUT:
                 ignored.setdefault(name, (line.number, str(path)))
         except ValueError as error:
@@ -200,6 +210,30 @@ def _read_commands(
 
 def _file_of(words: Words, path: Path) -> Path:
     return path.parent / words.take("the name of a file").strip("\"'")
+
+
+_PARTS = ("coordinates", "classes", "existing_classes", "stations")
+
+
+def _added(found: _Commands, path: Path, name: str, words: Words) -> tuple[Path, set[str]]:
+    """Another coordinate file, and what is taken from it: of another coordinate_file its new stations."""
+    if found.stations == Path():
+        raise ValueError("expected the command coordinate_file before add_coordinate_file")
+    parts = {"stations"} if name == "coordinate_file" else set()
+    while name == "add_coordinate_file" and not words.skip("from"):
+        part = words.take("from").lower()
+        if part == "epoch":
+            words.take("a date")
+        elif part in _PARTS:
+            parts.add(part)
+        else:
+            raise ValueError(f"found {part!r}, expected {', '.join(_PARTS)} or from")
+    if not parts:
+        raise ValueError(f"found no option before from, expected {', '.join(_PARTS)}")
+    file = _file_of(words, path)
+    if words:
+        raise ValueError(f"found {words.rest()!r} behind the name of the file: only SNAP's own form is read")
+    return file, parts
 
 
 def _factor(words: Words) -> float:
@@ -391,16 +425,16 @@ def _put_instruments(data: Data, commands: _Commands) -> None:
 def _put_stations(data: Data, commands: _Commands) -> None:
     """Stations that are observed: held, or free."""
     stations, draft = data.stations, data.draft
-    tables: dict[tuple[float | None, float | None], list[Row]] = {}
-    for name in stations.by_name:
+    tables: dict[tuple[tuple[float | None, float | None], Path], list[Row]] = {}
+    for name, station in stations.by_name.items():
         if name in data.names:
-            tables.setdefault(_sigma(commands, name), []).append(_row(stations, name))
+            tables.setdefault((_sigma(commands, name), station.path), []).append(_row(stations, name))
     own = stations.system.coordinates
     columns = ["id", *own, "geoid", "deflection_north", "deflection_east"]
     units = {name: "deg" for name in own if name in ("latitude", "longitude")}
     units |= dict.fromkeys(columns[-2:], "arcsec") if stations.deflections else {}
     in_part = False
-    for (horizontal, vertical), rows in tables.items():
+    for ((horizontal, vertical), path), rows in tables.items():
         held = horizontal == 0.0 and vertical == 0.0
         observed = (
             [] if held else [("sigma_east", horizontal), ("sigma_north", horizontal), ("sigma_up", vertical)]
@@ -410,7 +444,7 @@ def _put_stations(data: Data, commands: _Commands) -> None:
         cells = [Row([*row.cells, *(value for _, value in given)], row.line) for row in rows]
         names = [*columns, *(column for column, _ in given)]
         fixed = ["x", "y", "z"] if held else []
-        draft.table("points", names, cells, str(stations.path), units=units or None, fixed=fixed)
+        draft.table("points", names, cells, str(path), units=units or None, fixed=fixed)
     if in_part:
         words = f"coordinates that are fixed in part are observed with σ = {_HELD} m"
         draft.note(words, 1, str(stations.path))
