@@ -268,6 +268,13 @@ def test_mistakes_are_told_with_their_line(tmp_path: Path, old: str, new: str, s
             "geoid of NZVD2016",
         ),
         (STATIONS.replace("41 00 25.2", "141 00 25.2"), COMMANDS, "found the latitude -141"),
+        (
+            STATIONS,
+            COMMANDS + "free inside NZGD2000\n",
+            "the line ends where the file of an area is expected",
+        ),
+        (STATIONS, COMMANDS + "free inside NZGD1949 n.crd\n", "the area in NZGD1949 is on another ellipsoid"),
+        (STATIONS, COMMANDS + "free inside NZGD2000 none\n", "file 'none' does not exist"),
         (STATIONS, COMMANDS.replace("fix A", "fix D"), "station 'D' is not in n.crd"),
         (STATIONS, COMMANDS.replace("fix A", "fix automatically all"), "fix automatically is not supported"),
         (STATIONS, COMMANDS.replace("3d", "2d"), "mode 2d is not supported"),
@@ -295,6 +302,12 @@ def _document(folder: Path, commands: str, measured: str = MEASURED, stations: s
     return read_foreign(_files(folder, measured, stations, COMMANDS + commands), "snap")
 
 
+def _grid(corners: list[tuple[float, float]]) -> str:
+    """A ring in NZTM, x before y."""
+    plane = Transformer.from_crs("EPSG:4167", "EPSG:2193", always_xy=True)
+    return ", ".join("{:.2f} {:.2f}".format(*plane.transform(*one)) for one in [*corners, corners[0]])
+
+
 def _count(document: Document, kind: str) -> int:
     tables = [table for table in document.data["observations"] if table["type"] == kind]
     return sum(len(table["rows"]) for table in tables)
@@ -320,10 +333,27 @@ def _count(document: Document, kind: str) -> int:
         ("classification equpt reject EDM", 0),
         ("ignore order=3", 2),
         ("ignore B-Z except B", 2),
+        ("ignore inside NZGD2000 area.wkt", 1),
+        ("ignore outside NZTM grid", 2),
     ],
 )
 def test_commands_leave_observations_out(tmp_path: Path, commands: str, distances: int) -> None:
+    ring = "(533.326 -41.006, 533.334 -41.006, 533.334 -41.009, 533.326 -41.009, 533.326 -41.006)"
+    hole = "(173.3328 -41.0078, 173.3332 -41.0078, 173.3332 -41.0082, 173.3328 -41.0082, 173.3328 -41.0078)"
+    (tmp_path / "area.wkt").write_text(f"POLYGON({ring},{hole})")  # B lies in it, C in the hole
+    corners = _grid([(173.320, -41.014), (173.3285, -41.014), (173.3285, -41.005), (173.320, -41.005)])
+    (tmp_path / "grid.wkt").write_text(f"POLYGON(({corners}))")  # A and B
     assert _count(_document(tmp_path, commands), "distance") == distances
+
+
+def test_ranges_count_numbers_in_codes_by_their_value(tmp_path: Path) -> None:
+    """C_11 lies between C_10 and C_100, C_9 does not."""
+    stations = STATIONS.splitlines()[:5]
+    stations += [STATIONS.splitlines()[5].replace("A", code, 1) for code in ("C_9", "C_10", "C_11", "C_100")]
+    data = "x\n#oh_error 5 mm\n#data OH no_heights\nC_9 1\nC_10 1\nC_11 1\nC_100 1\n"
+    commands = COMMANDS.replace("fix A", "ignore C_10-C_100")
+    document = read_foreign(_files(tmp_path, data, "\n".join(stations), commands), "snap")
+    assert [row[0] for row in document.data["observations"][0]["rows"]] == ["C_9"]
 
 
 def test_factors_of_sigma_multiply(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -452,8 +453,9 @@ def _stations_of(word: str, words: Words, stations: Stations, strict: bool) -> s
     if word.lower() == "all":
         return names
     if word.lower() in ("inside", "outside"):
-        area = f"{word} {words.take('a coordinate system')} {words.take('the file of an area')}"
-        raise ValueError(f"the area {area} is not supported, expected codes of stations")
+        code = words.take("a coordinate system")
+        within = _stations_in_area(code, words.take("the file of an area").strip("\"'"), stations)
+        return within if word.lower() == "inside" else names - within
     if word[0] == "@" and word.partition("=")[1] == "":
         return _stations_in_file(word[1:], stations, strict)
     key, equals, value = word.lstrip("@").partition("=")
@@ -469,6 +471,33 @@ def _stations_of(word: str, words: Words, stations: Stations, strict: bool) -> s
     if strict:
         raise ValueError(f"station {word!r} is not in {stations.path.name}{nearest(word, stations.by_name)}")
     return set()
+
+
+_RING = re.compile(r"\(([^()]+)\)")
+
+
+def _stations_in_area(code: str, file: str, stations: Stations) -> set[str]:
+    """Stations in an odd number of rings ``(x1 y1, x2 y2, …)`` of a file. Raises ``ValueError``."""
+    path = stations.path.parent / file
+    path = path if path.is_file() else path.with_suffix(".wkt")
+    if not path.is_file():
+        raise ValueError(f"file {file!r} does not exist")
+    system = reference_system(_system(code, stations.path, 1)[0])
+    if system.ellipsoid != stations.system.ellipsoid:
+        raise ValueError(f"the area in {code} is on another ellipsoid than the stations in {stations.code}")
+    geographic = system.kind == "geographic"
+    geodetic = stations.system.ellipsoid.geodetic(stations.geocentric(list(stations.by_name)))
+    points = np.degrees(geodetic[:, [1, 0]]) if geographic else system.from_geodetic(geodetic)[:, :2]
+    inside = np.zeros(len(points), bool)
+    for ring in _RING.findall(" ".join(read_lines(path, Draft(str(path))))):
+        corners = np.array([[parse_number(one) for one in corner.split()[:2]] for corner in ring.split(",")])
+        if geographic:
+            points[:, 0] += 360.0 * np.round((corners[:, 0].mean() - points[:, 0]) / 360.0)
+        for (x1, y1), (x2, y2) in itertools.pairwise(corners):
+            crossed = (y1 > points[:, 1]) != (y2 > points[:, 1])
+            rise = (y2 - y1) or 1.0
+            inside ^= crossed & (points[:, 0] < x1 + (points[:, 1] - y1) * (x2 - x1) / rise)
+    return {name.upper() for name, found in zip(stations.by_name, inside, strict=True) if found}
 
 
 def _stations_in_file(file: str, stations: Stations, strict: bool) -> set[str]:
@@ -487,11 +516,9 @@ def _fits(text: str, pattern: str) -> bool:
     return fnmatchcase(text, pattern.replace("[", "[[]"))
 
 
-def _rank(code: str) -> tuple[int, str]:
-    """Order of codes in a range: by their leading digits, then by the rest."""
-    digits = re.match(r"\d*", code)
-    assert digits is not None
-    return int(digits[0] or 0), code[digits.end() :]
+def _rank(code: str) -> list[tuple[int, str]]:
+    """Order of codes in a range: numbers in them count by their value, C_11 comes before C_100."""
+    return [(int(number or -1), text) for number, text in re.findall(r"(\d+)|(\D+)", code)]
 
 
 _DATES = ("%Y-%m-%d", "%Y-%b-%d", "%d-%b-%Y", "%d-%B-%Y", "%d%b%Y", "%d-%m-%Y", "%Y%m%d")
