@@ -178,7 +178,7 @@ def _commands(path: Path, draft: Draft) -> _Commands:
         draft.problem(f"command {name!r} is not supported{reason}", first, file)
     if found.stations == Path() or not found.data:
         words_ = "expected the commands coordinate_file and data_file"
-        raise InputError([*draft.problems, Message(words_, str(path), 1)])
+        raise InputError(draft.problems or [Message(words_, str(path), 1)])
     return found
 
 
@@ -200,7 +200,9 @@ def _read_commands(
             elif name in (*_STATION_COMMANDS, *_OBSERVATION_COMMANDS, "recode", "ignore_missing_stations"):
                 found.later.append(_Command(name, line.words[1:], line.number, str(path), found.float_errors))
             elif name == "add_coordinate_file" or (name == "coordinate_file" and found.stations != Path()):
-                file, parts = _added(found, path, name, words)
+                if found.stations == Path() and not draft.problems:
+                    raise ValueError("expected the command coordinate_file before add_coordinate_file")
+                file, parts = _added(path, name, words)
                 found.added.append((file, parts, line.number, str(path)))
             elif not _command(found, path, name, words) and name not in _OUTPUT:
                 ignored.setdefault(name, (line.number, str(path)))
@@ -215,10 +217,8 @@ def _file_of(words: Words, path: Path) -> Path:
 _PARTS = ("coordinates", "classes", "existing_classes", "stations")
 
 
-def _added(found: _Commands, path: Path, name: str, words: Words) -> tuple[Path, set[str]]:
+def _added(path: Path, name: str, words: Words) -> tuple[Path, set[str]]:
     """Another coordinate file, and what is taken from it: of another coordinate_file its new stations."""
-    if found.stations == Path():
-        raise ValueError("expected the command coordinate_file before add_coordinate_file")
     parts = {"stations"} if name == "coordinate_file" else set()
     while name == "add_coordinate_file" and not words.skip("from"):
         part = words.take("from").lower()
