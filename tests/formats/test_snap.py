@@ -268,6 +268,13 @@ def test_mistakes_are_told_with_their_line(tmp_path: Path, old: str, new: str, s
             "geoid of NZVD2016",
         ),
         (STATIONS.replace("41 00 25.2", "141 00 25.2"), COMMANDS, "found the latitude -141"),
+        (
+            STATIONS,
+            COMMANDS + "free inside NZGD2000\n",
+            "the line ends where the file of an area is expected",
+        ),
+        (STATIONS, COMMANDS + "free inside NZGD1949 n.crd\n", "the area in NZGD1949 is on another ellipsoid"),
+        (STATIONS, COMMANDS + "free inside NZGD2000 none\n", "file 'none' does not exist"),
         (STATIONS, COMMANDS.replace("fix A", "fix D"), "station 'D' is not in n.crd"),
         (STATIONS, COMMANDS.replace("fix A", "fix automatically all"), "fix automatically is not supported"),
         (STATIONS, COMMANDS.replace("3d", "2d"), "mode 2d is not supported"),
@@ -295,6 +302,12 @@ def _document(folder: Path, commands: str, measured: str = MEASURED, stations: s
     return read_foreign(_files(folder, measured, stations, COMMANDS + commands), "snap")
 
 
+def _grid(corners: list[tuple[float, float]]) -> str:
+    """A ring in NZTM, x before y."""
+    plane = Transformer.from_crs("EPSG:4167", "EPSG:2193", always_xy=True)
+    return ", ".join("{:.2f} {:.2f}".format(*plane.transform(*one)) for one in [*corners, corners[0]])
+
+
 def _count(document: Document, kind: str) -> int:
     tables = [table for table in document.data["observations"] if table["type"] == kind]
     return sum(len(table["rows"]) for table in tables)
@@ -320,10 +333,27 @@ def _count(document: Document, kind: str) -> int:
         ("classification equpt reject EDM", 0),
         ("ignore order=3", 2),
         ("ignore B-Z except B", 2),
+        ("ignore inside NZGD2000 area.wkt", 1),
+        ("ignore outside NZTM grid", 2),
     ],
 )
 def test_commands_leave_observations_out(tmp_path: Path, commands: str, distances: int) -> None:
+    ring = "(533.326 -41.006, 533.334 -41.006, 533.334 -41.009, 533.326 -41.009, 533.326 -41.006)"
+    hole = "(173.3328 -41.0078, 173.3332 -41.0078, 173.3332 -41.0082, 173.3328 -41.0082, 173.3328 -41.0078)"
+    (tmp_path / "area.wkt").write_text(f"POLYGON({ring},{hole})")  # B lies in it, C in the hole
+    corners = _grid([(173.320, -41.014), (173.3285, -41.014), (173.3285, -41.005), (173.320, -41.005)])
+    (tmp_path / "grid.wkt").write_text(f"POLYGON(({corners}))")  # A and B
     assert _count(_document(tmp_path, commands), "distance") == distances
+
+
+def test_ranges_count_numbers_in_codes_by_their_value(tmp_path: Path) -> None:
+    """C_11 lies between C_10 and C_100, C_9 does not."""
+    stations = STATIONS.splitlines()[:5]
+    stations += [STATIONS.splitlines()[5].replace("A", code, 1) for code in ("C_9", "C_10", "C_11", "C_100")]
+    data = "x\n#oh_error 5 mm\n#data OH no_heights\nC_9 1\nC_10 1\nC_11 1\nC_100 1\n"
+    commands = COMMANDS.replace("fix A", "ignore C_10-C_100")
+    document = read_foreign(_files(tmp_path, data, "\n".join(stations), commands), "snap")
+    assert [row[0] for row in document.data["observations"][0]["rows"]] == ["C_9"]
 
 
 def test_factors_of_sigma_multiply(tmp_path: Path) -> None:
@@ -392,6 +422,145 @@ def test_geocentric_stations(tmp_path: Path) -> None:
     document = _document(tmp_path, "", stations="\n".join(lines) + "\n")
     for row in (row for table in document.data["points"] for row in table["rows"]):
         assert np.array(row[1:4], float) == pytest.approx(places[row[0]], abs=1e-6)
+
+
+def test_files_of_recodes(tmp_path: Path) -> None:
+    """A data file has its own recodes before those of all; the last of equal ones and the narrowest date win."""
+    (tmp_path / "own.csv").write_text("codefrom,codeto,datefrom,dateto\nC,D\nC,E,2001-01-01,\n*,*\nA,A\n")
+    (tmp_path / "all.csv").write_text("codefrom,codeto\nE,A\nE,B\n")
+    data = "x\n#date 12 May 2001\n#oh_error 5 mm\n#data OH no_heights\nA 1\nB 2\nC 3\n"
+    commands = COMMANDS.replace("n.dat", "n.dat recode own.csv error_factor 2") + "recode file all.csv\n"
+    document = read_foreign(_files(tmp_path, data, commands=commands), "snap")
+    (table,) = document.data["observations"]
+    assert table["rows"] == [["A", "1.0", "0.01"], ["B", "3.0", "0.01"]]
+    (tmp_path / "all.csv").write_text("codefrom,codeto\nE\n")
+    with pytest.raises(InputError, match="expected codefrom,codeto,datefrom,dateto"):
+        read_foreign(tmp_path / "n.snp", "snap")
+
+
+def test_recodes_at_one_date_are_one_step(tmp_path: Path) -> None:
+    """The larger errors count; recodes to one code at two dates contradict each other."""
+    data = "x\n#ds_error 3 mm\n#data date SD no_heights\nA C 2000-01-01 1154.9\nA C 2002-01-01 1154.9\n"
+    twice = "recode C to C1 hv_error 0.3 0.1 m after 2001-01-01\nrecode C to C1 hv_error 0.2 0.5 m after {}\n"
+    document = _document(tmp_path, twice.format("2001-01-01"), data)
+    tie = next(t for t in document.data["observations"] if t["type"] == "gnss_vector")
+    trace = sum(float(tie["rows"][0][k]) for k in (7, 10, 12))
+    assert trace == pytest.approx(0.3**2 + 0.3**2 + 0.5**2)
+    with pytest.raises(InputError, match="station 'C' is recoded to 'C1' at two dates"):
+        _document(tmp_path, twice.format("2001-06-01"), data)
+
+
+def test_classify_holds_for_its_types(tmp_path: Path) -> None:
+    data = MEASURED.replace("#data HA", "#classify ZD/LV sky clear\n#classify day one\n#data HA")
+    assert _count(_document(tmp_path, "reject_observations sky=clear", data), "zenith_angle") == 0
+    assert _count(_document(tmp_path, "reject_observations sky=clear", data), "distance") == 3
+    assert _count(_document(tmp_path, "reject_observations day=one data_type=SD", data), "distance") == 0
+
+
+def _covariances(document: Document) -> list[np.ndarray]:
+    return [np.array(t["covariance"]) for t in document.data["observations"] if "covariance" in t]
+
+
+def test_errors_of_whole_sets(tmp_path: Path) -> None:
+    """by_set scales a set once, offset_error adds an error of a station, centroid_error one of a set of positions."""
+    vectors = (
+        "x\n#gps_enu_error 4 6 12 mm\n#data GB grouped no_heights\nA\nB -577 -525 437\nC -419 -967 471\n"
+    )
+    places = "A -4787264 560595 -4163681\nB -4787842 560070 -4163244\n"
+    positions = f"#gx_enu_error 4 6 12 mm\n#data GX grouped no_heights\n{places}"
+    (alone,) = _covariances(_document(tmp_path, "", vectors))
+    for stations in ("C", "A B"):
+        commands = f"reweight_observations by_set 2 using_stations {stations}\n"
+        np.testing.assert_allclose(_covariances(_document(tmp_path, commands, vectors))[0], 4.0 * alone)
+    for station, ends in {"A": [1.0, 1.0], "C": [0.0, 1.0]}.items():
+        commands = f"reweight_observations offset_error 0.3 m using_stations {station}\n"
+        (found,) = _covariances(_document(tmp_path, commands, vectors))
+        expected = 0.09 * np.kron(np.outer(ends, ends), np.eye(3))
+        np.testing.assert_allclose(found - alone, expected, atol=1e-12)
+    commands = "reweight_observations centroid_error 0.3 0.5 m using_stations B\n"
+    (alone,) = _covariances(_document(tmp_path, "", "x\n" + positions))
+    (found,) = _covariances(_document(tmp_path, commands, "x\n" + positions))
+    added = found - alone
+    np.testing.assert_allclose(np.linalg.eigvalsh(added[:3, 3:]), [0.09, 0.09, 0.25])
+    np.testing.assert_allclose(added, np.tile(added[:3, :3], (2, 2)))
+    with pytest.raises(InputError, match="expected one or two errors of 0 or more and m"):
+        _document(tmp_path, commands.replace(" m ", " mm "))
+
+
+def test_by_set_scales_a_circle_once(tmp_path: Path) -> None:
+    data = MEASURED.replace("* 244", "244")
+    document = _document(tmp_path, "reweight_observations by_set 3 data_type=HA/SD using_stations C", data)
+    tables = {table["type"]: table for table in document.data["observations"]}
+    assert [row[3] for row in tables["directions"]["rows"]] == ["6.0", "6.0", "6.0", "6.0"]
+    plain = {t["type"]: t for t in _document(tmp_path, "", data).data["observations"]}
+    factors = [
+        float(one[3]) / float(other[3])
+        for one, other in zip(tables["distance"]["rows"], plain["distance"]["rows"], strict=True)
+    ]
+    assert factors == pytest.approx([1.0, 3.0, 1.0])
+
+
+def test_translation_of_a_set_of_positions(tmp_path: Path) -> None:
+    """All stations are fixed: the translation is the mean of the differences, of equal weights."""
+    places = {"A": (-4787263.95, 560595.86, -4163681.77), "B": (-4787841.65, 560070.55, -4163244.55)}
+    shift = {"A": (1.0, 2.0, 3.0), "B": (1.2, 2.2, 3.2)}
+    rows = "".join(f"{k} {' '.join(map(str, np.add(places[k], shift[k])))}\n" for k in places)
+    data = f"x\n#gx_enu_error 4 4 4 mm\n#data GX grouped no_heights\n{rows}#data GX no_heights\n{rows}"
+    commands = "fix all\nset_observation_option calculate_gx_translation\n"
+    commands += "set_observation_option no_calculate_gx_translation using_stations B\n"
+    solved = _solved(_files(tmp_path, data, commands=COMMANDS + commands))
+    assert len(solved.network.things["instrument"].numbers) == 2
+    found = solved.adjustment.values["gnss frame"]
+    given = Transformer.from_crs("EPSG:4959", "EPSG:4960", always_xy=True)
+    first = given.transform(173 + (19 + 15.6 / 60) / 60, -41 - 46.8 / 3600, 150.0)
+    second = given.transform(173 + (19 + 40.8 / 60) / 60, -41 - 25.2 / 3600, 250.0)
+    differences = [np.add(places["A"], shift["A"]) - first, np.add(places["B"], shift["B"]) - second]
+    np.testing.assert_allclose(found[1, :3], np.mean(differences, axis=0), atol=1e-6)
+    np.testing.assert_allclose(found[2, :3], differences[0], atol=1e-6)
+    with pytest.raises(InputError, match="expected calculate_gx_translation"):
+        _document(tmp_path, "set_observation_option calculate_translation\n")
+
+
+@pytest.mark.parametrize(
+    ("command", "height", "orders"),
+    [
+        ("add_coordinate_file coordinates from more.crd", "71.0", ["2", "2", "3"]),
+        ("add_coordinate_file classes from more.crd", "70.0", ["2", "2", "1"]),
+        ("add_coordinate_file coordinates existing_classes from more.crd", "71.0", ["2", "2", "1"]),
+        ("add_coordinate_file stations from more.crd", "70.0", ["2", "2", "3", "1"]),
+        ("coordinate_file more.crd", "70.0", ["2", "2", "3", "1"]),
+    ],
+)
+def test_more_coordinate_files(tmp_path: Path, command: str, height: str, orders: list[str]) -> None:
+    more = (
+        STATIONS.replace("70.0000  10.0 3", "71.0000 10.0 1")
+        .replace("B  41", "D  41")
+        .replace(" 10.0 2", " 10.0 1")
+    )
+    kept = [line for line in more.splitlines() if not line.startswith("A ")]
+    (tmp_path / "more.crd").write_text("\n".join(kept))
+    data = "x\n#oh_error 5 mm\n#data OH no_heights\nA 1\nB 2\nC 3\nD 4\n"
+    commands = f"{command}\nignore_missing_stations\n"
+    document = _document(tmp_path, commands, data)
+    rows = {row[0]: row for table in document.data["points"] for row in table["rows"]}
+    assert len(rows) == len(orders)
+    assert rows["C"][3] == height
+    for order in "123":
+        ignored = [point for point, one in zip("ABCD", orders, strict=False) if one == order]
+        left = _document(tmp_path, f"{commands}ignore order={order}\n", data)
+        used = {row[0] for table in left.data["observations"] for row in table["rows"]}
+        assert used == set("ABCD"[: len(orders)]) - set(ignored)
+
+
+def test_coordinate_files_that_do_not_fit(tmp_path: Path) -> None:
+    (tmp_path / "more.crd").write_text(STATIONS.replace("NZGD2000", "NZGD1949"))
+    for command, said in {
+        "add_coordinate_file stations from more.crd": "coordinates in NZGD1949 cannot be merged with those in NZGD2000",
+        "add_coordinate_file all from more.crd": "expected coordinates, classes, existing_classes, stations or from",
+        "add_coordinate_file from more.crd": "found no option before from",
+    }.items():
+        with pytest.raises(InputError, match=said):
+            _document(tmp_path, command)
 
 
 def test_included_commands_and_quoted_names(tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -274,6 +275,8 @@ class Station(NamedTuple):
     line: int
     classes: dict[str, str]
     """Its order and classifications, by their names in lower case."""
+    path: Path
+    """File that its coordinates are from."""
 
 
 class Stations(NamedTuple):
@@ -347,6 +350,29 @@ def read_stations(path: Path, draft: Draft) -> Stations:
     return found
 
 
+def merge_stations(stations: Stations, path: Path, parts: set[str], draft: Draft) -> None:
+    """Take ``coordinates``, ``classes``, ``existing_classes`` or new ``stations`` over from another file.
+
+    Raises ``ValueError`` if its coordinates are of another system; :class:`InputError`.
+    """
+    other = read_stations(path, draft)
+    own, given = ((one.crs, one.orthometric, one.geoid) for one in (stations, other))
+    if own != given and parts & {"coordinates", "stations"}:
+        words = f"{path.name}: coordinates in {other.code} cannot be merged with those in {stations.code}"
+        raise ValueError(f"{words}; convert them, with the same kind of heights")
+    known = {name.upper(): name for name in stations.by_name}
+    names = {key for one in stations.by_name.values() for key in one.classes}
+    for name, new in other.by_name.items():
+        old = stations.by_name.get(known.get(name.upper(), ""))
+        classes = {key: value for key, value in new.classes.items() if "classes" in parts or key in names}
+        if old is None and "stations" in parts:
+            stations.by_name[name] = new._replace(classes=classes)
+        elif old is not None:
+            merged = new if "coordinates" in parts else old
+            classes = {**old.classes, **classes} if parts & {"classes", "existing_classes"} else old.classes
+            stations.by_name[known[name.upper()]] = merged._replace(classes=classes)
+
+
 def _system(code: str, path: Path, line: int) -> tuple[str, str]:
     """EPSG code of a coordinate system, and what a version or an epoch of it was read as, if there is one.
 
@@ -384,7 +410,9 @@ def _read(found: Stations, line: Line, form: str, classes: list[str]) -> None:
         deflection = (words.number("a deflection north"), words.number("a deflection east"))
     N = words.number("a geoid height") if found.geoid else 0.0
     values = {key: words.take(f"{key} of station {name!r}") for key in classes}
-    found.by_name[name] = Station((place[0], place[1], height), N, deflection, line.number, values)
+    found.by_name[name] = Station(
+        (place[0], place[1], height), N, deflection, line.number, values, found.path
+    )
 
 
 # ------------------------------------------------------------
@@ -425,7 +453,9 @@ def _stations_of(word: str, words: Words, stations: Stations, strict: bool) -> s
     if word.lower() == "all":
         return names
     if word.lower() in ("inside", "outside"):
-        raise ValueError(f"the area {word} {words.peek()} is not supported, expected codes of stations")
+        code = words.take("a coordinate system")
+        within = _stations_in_area(code, words.take("the file of an area").strip("\"'"), stations)
+        return within if word.lower() == "inside" else names - within
     if word[0] == "@" and word.partition("=")[1] == "":
         return _stations_in_file(word[1:], stations, strict)
     key, equals, value = word.lstrip("@").partition("=")
@@ -441,6 +471,33 @@ def _stations_of(word: str, words: Words, stations: Stations, strict: bool) -> s
     if strict:
         raise ValueError(f"station {word!r} is not in {stations.path.name}{nearest(word, stations.by_name)}")
     return set()
+
+
+_RING = re.compile(r"\(([^()]+)\)")
+
+
+def _stations_in_area(code: str, file: str, stations: Stations) -> set[str]:
+    """Stations in an odd number of rings ``(x1 y1, x2 y2, …)`` of a file. Raises ``ValueError``."""
+    path = stations.path.parent / file
+    path = path if path.is_file() else path.with_suffix(".wkt")
+    if not path.is_file():
+        raise ValueError(f"file {file!r} does not exist")
+    system = reference_system(_system(code, stations.path, 1)[0])
+    if system.ellipsoid != stations.system.ellipsoid:
+        raise ValueError(f"the area in {code} is on another ellipsoid than the stations in {stations.code}")
+    geographic = system.kind == "geographic"
+    geodetic = stations.system.ellipsoid.geodetic(stations.geocentric(list(stations.by_name)))
+    points = np.degrees(geodetic[:, [1, 0]]) if geographic else system.from_geodetic(geodetic)[:, :2]
+    inside = np.zeros(len(points), bool)
+    for ring in _RING.findall(" ".join(read_lines(path, Draft(str(path))))):
+        corners = np.array([[parse_number(one) for one in corner.split()[:2]] for corner in ring.split(",")])
+        if geographic:
+            points[:, 0] += 360.0 * np.round((corners[:, 0].mean() - points[:, 0]) / 360.0)
+        for (x1, y1), (x2, y2) in itertools.pairwise(corners):
+            crossed = (y1 > points[:, 1]) != (y2 > points[:, 1])
+            rise = (y2 - y1) or 1.0
+            inside ^= crossed & (points[:, 0] < x1 + (points[:, 1] - y1) * (x2 - x1) / rise)
+    return {name.upper() for name, found in zip(stations.by_name, inside, strict=True) if found}
 
 
 def _stations_in_file(file: str, stations: Stations, strict: bool) -> set[str]:
@@ -459,11 +516,9 @@ def _fits(text: str, pattern: str) -> bool:
     return fnmatchcase(text, pattern.replace("[", "[[]"))
 
 
-def _rank(code: str) -> tuple[int, str]:
-    """Order of codes in a range: by their leading digits, then by the rest."""
-    digits = re.match(r"\d*", code)
-    assert digits is not None
-    return int(digits[0] or 0), code[digits.end() :]
+def _rank(code: str) -> list[tuple[int, str]]:
+    """Order of codes in a range: numbers in them count by their value, C_11 comes before C_100."""
+    return [(int(number or -1), text) for number, text in re.findall(r"(\d+)|(\D+)", code)]
 
 
 _DATES = ("%Y-%m-%d", "%Y-%b-%d", "%d-%b-%Y", "%d-%B-%Y", "%d%b%Y", "%d-%m-%Y", "%Y%m%d")
@@ -514,10 +569,10 @@ def period_of(words: Words) -> Period:
 
 
 class Selection(NamedTuple):
-    """Observations that a command leaves out, or whose σ it multiplies; conditions hold together."""
+    """Observations that a command leaves out, or whose errors it changes; conditions hold together."""
 
     factor: float
-    """0 for those that are left out."""
+    """Of σ: 0 for those that are left out. Of a translation 1 or 0."""
     classes: list[tuple[str, list[str]]]
     """Values by the name of a classification, ``data_type`` and ``data_file`` among them; patterns in capitals."""
     period: Period = Period()
@@ -525,6 +580,10 @@ class Selection(NamedTuple):
     stations: Chosen | None = None
     all_ends: bool = False
     """True if all ends of an observation are among ``stations``, else one suffices."""
+    kind: str = ""
+    """``by_set``, ``offset_error``, ``centroid_error`` or ``translation``; else a factor of single observations."""
+    errors: tuple[float, float] = (0.0, 0.0)
+    """σ (m) of an offset or a centroid, horizontal and vertical."""
 
     def holds(
         self, code: str, names: list[str], path: Path, date: datetime | None, given: dict[str, str]
@@ -593,6 +652,28 @@ class Recode(NamedTuple):
         until, since = self.period.until, self.period.since
         ends = [until.toordinal()] if until else []
         return min([*ends, -since.toordinal()] if since else ends, default=float("inf"))
+
+
+def recodes_of(path: Path) -> list[Recode]:
+    """Recodes of a file with the columns codefrom, codeto, datefrom and dateto. Raises :class:`InputError`."""
+    draft = Draft(str(path))
+    if not path.is_file():
+        raise InputError([Message("this file does not exist", str(path))])
+    found: list[Recode] = []
+    for number, text in enumerate(read_lines(path, draft), start=1):
+        code, new, since, until, *_ = [*(cell.strip().strip('"') for cell in text.split(",")), "", "", "", ""]
+        if code.lower() == "codefrom" or not text.strip(" ,"):
+            continue
+        try:
+            period = Period(date_of(since) if since else None, date_of(until) if until else None)
+            if not code or not new:
+                raise ValueError(f"found {text.strip()!r}, expected codefrom,codeto,datefrom,dateto")
+            found.append(Recode(code.upper(), new, period))
+        except ValueError as error:
+            draft.problem(str(error), number, str(path))
+    if draft.problems:
+        raise InputError(draft.problems)
+    return found
 
 
 # ------------------------------------------------------------
@@ -664,6 +745,8 @@ class Member(NamedTuple):
     factor: float
     """Of its σ; 0 if it is left out."""
     line: int
+    held: list[Selection]
+    """Commands that select it."""
 
 
 class Set(NamedTuple):
@@ -687,7 +770,9 @@ def set_of(
     factors = np.repeat([member.factor for member in members], 3)
     Q = _covariance(stations, members, form, error, numbers) * np.outer(factors, factors)
     places = (3 * kept[:, None] + np.arange(3)).ravel()
-    Q = Q[np.ix_(places, places)]
+    members = [members[k] for k in kept]
+    Q = Q[np.ix_(places, places)] * _product(_distinct(members, "by_set")) ** 2
+    Q += _offsets(stations, members)
     if not np.isfinite(Q).all() or np.linalg.eigvalsh(Q)[0] <= 0.0:
         raise ValueError("the covariance matrix is not positive definite")
     vector = len(members[0].names) == 2
@@ -695,9 +780,48 @@ def set_of(
         raise ValueError("heights of antennas above observed positions (GX) are not supported")
     rows = [
         Row([*m.names, *map(repr, m.value), *(map(repr, m.heights) if vector else [])], m.line)
-        for m in (members[k] for k in kept)
+        for m in members
     ]
-    return Set(rows, Q)
+    return Set(rows, 0.5 * (Q + Q.T))  # products with axes are not symmetric in their last digit
+
+
+def _product(selections: list[Selection]) -> float:
+    return float(np.prod([one.factor for one in selections]))
+
+
+def _distinct(members: list[Member], kind: str) -> list[Selection]:
+    """Commands of a kind that select any of the members, each once."""
+    return list({id(one): one for m in members for one in m.held if one.kind == kind}.values())
+
+
+def _offsets(stations: Stations, members: list[Member]) -> FloatArray:
+    """Covariances of common errors: of the equipment at a station, and of the centroid of a set of positions.
+
+    Vectors of a set begin at one station: a station is an end of all of them on the same side.
+    """
+    Q = np.zeros((3 * len(members), 3 * len(members)))
+    vectors = len(members[0].names) == 2
+    for one in [] if vectors else _distinct(members, "centroid_error"):
+        Q += _common(stations, [m.names[0] for m in members], one, np.ones(len(members)))
+    for one in _distinct(members, "offset_error"):
+        for name in sorted({name for m in members for name in m.names}):
+            if one.stations is None or one.stations(name):
+                ends = [float(name in m.names and any(held is one for held in m.held)) for m in members]
+                Q += _common(stations, [name], one, np.array(ends))
+    return Q
+
+
+def _common(stations: Stations, names: list[str], one: Selection, ends: FloatArray) -> FloatArray:
+    axes = stations.axes(sorted(set(names)))
+    horizontal, vertical = np.square(one.errors)
+    E = axes.T @ np.diag([horizontal, horizontal, vertical]) @ axes
+    return np.asarray(np.kron(np.outer(ends, ends), E), np.float64)
+
+
+def is_translated(members: list[Member]) -> bool:
+    """True if a translation of the set is an unknown: the last command for any of its members says so."""
+    last = [[one.factor for one in m.held if one.kind == "translation"][-1:] for m in members if m.factor]
+    return [1.0] in last
 
 
 def put_singles(draft: Draft, singles: list[Set], file: str) -> None:
@@ -860,6 +984,8 @@ KINDS = {
 """By SNAP's letters."""
 _ALSO = {"GPS": "GB"}
 _SETS = ("HA", "DR")
+_SIGMA = 3
+"""Where a row of them has its σ."""
 _HEIGHTS = ("distance", "zenith_angle", "height_difference")
 _RAISED = ("orthometric_height", "ellipsoidal_height")
 _FIELDS = ("value", "error", "id", "date", "time")
@@ -873,6 +999,15 @@ class Item(NamedTuple):
 
     code: str
     fields: tuple[str, ...]
+
+
+def _recode_of(recodes: list[Recode], code: str, date: datetime | None) -> Recode | None:
+    """The narrowest recode that holds, the last of equal ones; ``*`` stands for all others."""
+    for wanted in (code, "*"):
+        own = [one for one in reversed(recodes) if one.code == wanted and one.period.holds(date)]
+        if own:
+            return min(own, key=lambda one: one.narrowness)
+    return None
 
 
 @dataclass
@@ -889,16 +1024,24 @@ class Data:
     """Vectors and positions that are in no set, by letters and file."""
     matrices: dict[tuple[str, str], list[Set]] = field(default_factory=dict)
     """Sets with a matrix, by letters and file."""
+    translated: list[tuple[Set, str]] = field(default_factory=list)
+    """Positions whose common translation is an unknown, with their file."""
+    in_sets: dict[tuple[str, int], list[tuple[Row, list[Selection]]]] = field(default_factory=dict)
+    """Rows of HA and DR by their set, with the commands that select them."""
     left_out: dict[str, tuple[int, int, str]] = field(default_factory=dict)
     selections: list[Selection] = field(default_factory=list)
     recodes: list[Recode] = field(default_factory=list)
+    own_recodes: list[Recode] = field(default_factory=list)
+    """Of the current file; they come before those of all files."""
+    scale: float = 1.0
+    """Factor of all σ of the current file."""
     excluded: set[str] = field(default_factory=set)
     """Stations whose observations are left out, in capitals."""
     missing: set[str] = field(default_factory=set)
     """Stations that may be missing, in capitals, ``*`` for all: their observations are left out."""
     date: datetime | None = None
-    given: dict[str, str] = field(default_factory=dict)
-    """Classifications of the observations that follow, by #classify."""
+    given: dict[str, dict[str, str]] = field(default_factory=dict)
+    """Classifications of the observations that follow, by their type, from #classify."""
     refractions: set[str] = field(default_factory=set)
     sets: int = 0
     path: Path = Path()
@@ -930,18 +1073,17 @@ class Data:
         """The station as its file spells it; empty if its observations are left out. Raises ``ValueError``."""
         known = {known.upper(): known for known in self.stations.by_name}
         code = name.upper()
-        for recode in sorted(self.recodes, key=lambda one: one.narrowness):
-            if recode.code == code and recode.period.holds(date):
-                if recode.new.startswith("*"):
-                    self.skip("observations of stations that are recoded to *")
-                    return ""
-                if (
-                    recode.new.upper() not in known and code in known
-                ):  # a new mark starts where the old one is
-                    self.stations.by_name[recode.new] = self.stations.by_name[known[code]]
-                    known[recode.new.upper()] = recode.new
-                code = recode.new.upper()
-                break
+        for recodes in (self.own_recodes, self.recodes):
+            recode = _recode_of(recodes, code, date)
+            if recode is None:
+                continue
+            if recode.new.startswith("*"):
+                self.skip("observations of stations that are recoded to *")
+                return ""
+            if recode.new.upper() not in known and code in known:  # a new mark starts where the old one is
+                self.stations.by_name[recode.new] = self.stations.by_name[known[code]]
+                known[recode.new.upper()] = recode.new
+            code = recode.new.upper()
         if code in self.excluded:
             self.skip("observations of stations that are rejected or ignored")
             return ""
@@ -953,14 +1095,17 @@ class Data:
             raise ValueError(f"station {name!r} is not in {self.stations.path.name}{similar}")
         return known[code]
 
-    def factor(self, code: str, names: list[str], given: dict[str, str], date: datetime | None) -> float:
-        """Factor of the σ of an observation; 0 if it is left out."""
-        if "" in names:
-            return 0.0
-        factor = 1.0
-        for one in self.selections:
-            if one.holds(code, names, self.path, date, {**self.given, **given}):
-                factor *= one.factor
+    def selected(
+        self, code: str, names: list[str], given: dict[str, str], date: datetime | None
+    ) -> list[Selection]:
+        """Commands that select an observation."""
+        known = {**self.given.get(code, {}), **given}
+        return [one for one in self.selections if one.holds(code, names, self.path, date, known)]
+
+    def factor(self, code: str, held: list[Selection]) -> float:
+        """Factor of the σ of an observation without those of its whole set; 0 if it is left out."""
+        alone = ("",) if code in (*_SETS, "GB", "GX") else ("", "by_set")
+        factor = self.scale * _product([one for one in held if one.kind in alone])
         if not factor:
             self.skip("observations that commands reject or ignore")
         return factor
@@ -977,8 +1122,9 @@ class Data:
         return float(np.linalg.norm([east, north, up])), float(np.hypot(east, north))
 
 
-def read_data(path: Path, data: Data) -> None:
-    """Read one data file. Mistakes are told in the draft."""
+def read_data(path: Path, data: Data, scale: float = 1.0, recodes: Path | None = None) -> None:
+    """Read one data file, with a factor of its σ and the file of its recodes. Mistakes are told in the draft."""
+    data.scale, data.own_recodes = scale, recodes_of(recodes) if recodes else []
     data.path, data.form, data.vector_form, data.refraction = path, "dms", "full", DEFAULT
     data.errors, data.vector_errors, data.classes, data.items = {}, {}, set(), []
     data.date, data.given = None, {}
@@ -1039,7 +1185,15 @@ def _command(data: Data, words: Words) -> None:
     elif name == "date":
         data.date = date_of(words.rest())
     elif name == "classify":
-        data.given[words.take("the name of a classification").lower()] = words.rest()
+        key = words.take("the name of a classification")
+        codes = [_ALSO.get(code, code) for code in key.upper().split("/")]
+        if set(codes) <= set(KINDS):
+            key = words.take("the name of a classification")
+        else:
+            codes = list(KINDS)
+        value = words.rest()
+        for code in codes:
+            data.given.setdefault(code, {})[key.lower()] = value
     elif name not in _COMMENTS:
         raise ValueError(f"command #{name} is not supported")
 
@@ -1139,19 +1293,23 @@ def _item(
     ends = [(name, height) for name, (_, height) in zip(names, ends, strict=True)]
     if rejected:
         data.skip("rejected observations (*)")
-    factor = 0.0 if rejected else data.factor(item.code, names, given, date)
+    rejected |= "" in names
+    held = [] if rejected else data.selected(item.code, names, given, date)
+    factor = 0.0 if rejected else data.factor(item.code, held)
     rejected = not factor
     if not rejected:
         data.use(names)
     if vector:
-        found = Member(names, [h for _, h in ends], value, sigma, factor, data.line)  # type: ignore[arg-type]
+        found = Member(names, [h for _, h in ends], value, sigma, factor, data.line, held)  # type: ignore[arg-type]
         data.members.append(found)
         if not data.grouped:
             _end_of_set(data)
         return
     assert isinstance(value, float)
     if not rejected:
-        _scalar(data, item.code, ends, value, sigma, factor, refraction)
+        row = _scalar(data, item.code, ends, value, sigma, factor, refraction)
+        if item.code in _SETS:
+            data.in_sets.setdefault((item.code, data.sets), []).append((row, held))
 
 
 def _value(data: Data, kind: Kind, words: Words) -> float:
@@ -1168,7 +1326,7 @@ def _scalar(
     sigma: list[float] | None,
     factor: float,
     refraction: str,
-) -> None:
+) -> Row:
     kind = KINDS[code]
     names = [name for name, _ in ends]
     error = factor * _sigma(data, kind, names, value, sigma)
@@ -1196,7 +1354,9 @@ def _scalar(
         cells.append(str(data.sets))
     if kind.type in _HEIGHTS:
         cells += [repr(height) for _, height in ends]
-    data.tables.setdefault((code, instrument, str(data.path)), []).append(Row(cells, data.line))
+    row = Row(cells, data.line)
+    data.tables.setdefault((code, instrument, str(data.path)), []).append(row)
+    return row
 
 
 def _sigma(data: Data, kind: Kind, names: list[str], value: float, sigma: list[float] | None) -> float:
@@ -1236,7 +1396,9 @@ def _end_of_set(data: Data) -> None:
     except ValueError as error:
         data.draft.problem(str(error), members[0].line, str(data.path))
         return
-    if found is not None and data.grouped:
+    if found is not None and code == "GX" and is_translated(members):
+        data.translated.append((found, str(data.path)))
+    elif found is not None and data.grouped:
         data.matrices.setdefault((code, str(data.path)), []).append(found)
     elif found is not None:
         data.singles.setdefault((code, str(data.path)), []).append(found)
@@ -1246,17 +1408,22 @@ def tie_recoded(data: Data) -> None:
     """Tie stations that recodes with an error (hv_error) split, by vectors of length 0 between those in use.
 
     The steps of a station from one date to the next are independent: variances of steps in a row add up.
+    Recodes to the same code at the same date are one step with the larger errors, none if one of them has none.
     """
     known = {name.upper(): name for name in data.names}
     for code in dict.fromkeys(recode.code for recode in data.recodes):
         own = [recode for recode in data.recodes if recode.code == code]
         for after in (False, True):
-            steps = [
-                one for one in own if bool(one.period.since) == after and bool(one.period.until) != after
-            ]
+            steps: dict[Period, Recode] = {}
+            for one in own:
+                if bool(one.period.since) == after and bool(one.period.until) != after:
+                    steps[one.period] = _one_step(one, steps.get(one.period, one))
             last, variances = known.get(code), np.zeros(3)
-            for step in sorted(steps, key=lambda one: one.narrowness, reverse=True):
+            for step in sorted(steps.values(), key=lambda one: one.narrowness, reverse=True):
                 name = known.get(step.new.upper())
+                if name == last and step.sigma is not None and name is not None:
+                    data.draft.problem(f"station {code!r} is recoded to {name!r} at two dates with an error")
+                    continue
                 if step.sigma is None:
                     last = None
                 if last is not None and step.sigma is not None:
@@ -1266,13 +1433,31 @@ def tie_recoded(data: Data) -> None:
                         continue
                     axes = data.stations.axes([last])
                     row = Row([last, name, *["0.0"] * 5], 1)
-                    one = Set([row], axes.T @ np.diag(variances) @ axes)
-                    data.singles.setdefault(("GB", str(data.stations.path)), []).append(one)
+                    tie = Set([row], axes.T @ np.diag(variances) @ axes)
+                    data.singles.setdefault(("GB", str(data.stations.path)), []).append(tie)
                 last, variances = name, np.zeros(3)
+
+
+def _one_step(one: Recode, other: Recode) -> Recode:
+    """The last of two recodes of a code at one date, with the larger errors if both lead to the same code."""
+    if one.new.upper() != other.new.upper():
+        return one
+    if one.sigma is None or other.sigma is None:
+        return one._replace(sigma=None)
+    return one._replace(sigma=(max(one.sigma[0], other.sigma[0]), max(one.sigma[1], other.sigma[1])))
 
 
 def put_observations(data: Data) -> None:
     """Put the rows that were read into tables."""
+    for members in data.in_sets.values():
+        held = {id(one): one for _, selections in members for one in selections if one.kind == "by_set"}
+        factor = _product(list(held.values()))
+        for row, _ in members if held else []:
+            row.cells[_SIGMA] = repr(float(row.cells[_SIGMA] or 0.0) * factor)
+    for number, (one, file) in enumerate(data.translated, start=1):
+        columns = _columns(len(one.rows[0].cells))
+        keys = {"covariance": one.Q.tolist(), "instrument": f"translation {number}"}
+        data.draft.table("observations", columns, one.rows, file, type=_type(columns), **keys)
     for (_, file), sets in data.matrices.items():
         put_sets(data.draft, sets, file)
     for (_, file), singles in data.singles.items():

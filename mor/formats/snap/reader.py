@@ -15,10 +15,12 @@ from mor.formats.snap.observations import (
     Stations,
     Words,
     lines_of,
+    merge_stations,
     period_of,
     put_observations,
     read_data,
     read_stations,
+    recodes_of,
     selection_of,
     station_list,
     tie_recoded,
@@ -70,6 +72,7 @@ _OBSERVATION_COMMANDS = (
     "reject_observations",
     "reweight_observations",
     "classification",
+    "set_observation_option",
 )
 _REASONS = {
     "geoid": "the grid is not part of mor; write its heights into the coordinate file (geoid_heights)",
@@ -77,7 +80,6 @@ _REASONS = {
     "reference_frame": "its parameters are not read; add a frame to the project",
     "gps_antenna_height": "write heights of antennas into the data file",
     "configuration": "write its commands into this file",
-    "add_coordinate_file": "put all stations into one coordinate file",
     "station_offset_file": "give data of the mark itself",
 }
 """Hints for commands that are known but not supported."""
@@ -95,11 +97,21 @@ class _Command(NamedTuple):
     float_errors: tuple[float, float]
 
 
+class _DataFile(NamedTuple):
+    """A data file with the factor of its σ and its file of recodes."""
+
+    path: Path
+    scale: float = 1.0
+    recodes: Path | None = None
+
+
 @dataclass
 class _Commands:
     title: str = ""
     stations: Path = Path()
-    data: list[Path] = field(default_factory=list)
+    added: list[tuple[Path, set[str], int, str]] = field(default_factory=list)
+    """More coordinate files, what is taken from them, and the line and file of their commands."""
+    data: list[_DataFile] = field(default_factory=list)
     mode: str = "adjustment"
     later: list[_Command] = field(default_factory=list)
     """Commands about stations and observations, in their order."""
@@ -120,6 +132,11 @@ def read_snap(path: Path) -> Document:
     pair = path.suffix.lower() in (".crd", ".dat")
     commands = _pair(path, draft) if pair else _commands(path, draft)
     stations = read_stations(commands.stations, draft)
+    for file_path, parts, line, command_file in commands.added:
+        try:
+            merge_stations(stations, file_path, parts, draft)
+        except ValueError as error:
+            draft.problem(str(error), line, command_file)
     draft.put("title", commands.title or stations.title)
     draft.put("units", {"length": "m", "angle": "deg"})
     heights = "orthometric" if stations.orthometric and stations.geoid else "ellipsoidal"
@@ -131,8 +148,8 @@ def read_snap(path: Path) -> Document:
         except ValueError as error:
             draft.problem(str(error), command.line, command.file)
     for file in commands.data:
-        read_data(file, data)
-    _put_refraction(data, commands)
+        read_data(file.path, data, file.scale, file.recodes)
+    _put_instruments(data, commands)
     if commands.mode.startswith("adjust"):  # SNAP rejects stations without enough data
         draft.put("settings", {"undetermined": "leave_out"})
     tie_recoded(data)
@@ -149,7 +166,7 @@ def _pair(path: Path, draft: Draft) -> _Commands:
     ends = {end: [path.with_suffix(end), path.with_suffix(end.upper())] for end in (".crd", ".dat")}
     found = {end: next((p for p in places if p.is_file()), places[0]) for end, places in ends.items()}
     draft.note("without a command file (.snp) all stations are free", 1)
-    return _Commands(stations=found[".crd"], data=[found[".dat"]], mode="free_net")
+    return _Commands(stations=found[".crd"], data=[_DataFile(found[".dat"])], mode="free_net")
 
 
 def _commands(path: Path, draft: Draft) -> _Commands:
@@ -161,7 +178,7 @@ def _commands(path: Path, draft: Draft) -> _Commands:
         draft.problem(f"command {name!r} is not supported{reason}", first, file)
     if found.stations == Path() or not found.data:
         words_ = "expected the commands coordinate_file and data_file"
-        raise InputError([*draft.problems, Message(words_, str(path), 1)])
+        raise InputError(draft.problems or [Message(words_, str(path), 1)])
     return found
 
 
@@ -178,14 +195,52 @@ def _read_commands(
         name = words.take("a command").lower()
         try:
             if name == "include":
-                file = path.parent / words.take("the name of a file").strip("\"'")
+                file = _file_of(words, path)
                 _read_commands(found, file, draft, ignored, [*above, path])
             elif name in (*_STATION_COMMANDS, *_OBSERVATION_COMMANDS, "recode", "ignore_missing_stations"):
                 found.later.append(_Command(name, line.words[1:], line.number, str(path), found.float_errors))
+            elif name == "add_coordinate_file" or (name == "coordinate_file" and found.stations != Path()):
+                if found.stations == Path() and not draft.problems:
+                    raise ValueError("expected the command coordinate_file before add_coordinate_file")
+                file, parts = _added(path, name, words)
+                found.added.append((file, parts, line.number, str(path)))
             elif not _command(found, path, name, words) and name not in _OUTPUT:
                 ignored.setdefault(name, (line.number, str(path)))
         except ValueError as error:
             draft.problem(str(error), line.number, str(path))
+
+
+def _file_of(words: Words, path: Path) -> Path:
+    return path.parent / words.take("the name of a file").strip("\"'")
+
+
+_PARTS = ("coordinates", "classes", "existing_classes", "stations")
+
+
+def _added(path: Path, name: str, words: Words) -> tuple[Path, set[str]]:
+    """Another coordinate file, and what is taken from it: of another coordinate_file its new stations."""
+    parts = {"stations"} if name == "coordinate_file" else set()
+    while name == "add_coordinate_file" and not words.skip("from"):
+        part = words.take("from").lower()
+        if part == "epoch":
+            words.take("a date")
+        elif part in _PARTS:
+            parts.add(part)
+        else:
+            raise ValueError(f"found {part!r}, expected {', '.join(_PARTS)} or from")
+    if not parts:
+        raise ValueError(f"found no option before from, expected {', '.join(_PARTS)}")
+    file = _file_of(words, path)
+    if words:
+        raise ValueError(f"found {words.rest()!r} behind the name of the file: only SNAP's own form is read")
+    return file, parts
+
+
+def _factor(words: Words) -> float:
+    factor = words.number("a factor")
+    if not factor > 0.0:
+        raise ValueError(f"found the factor {factor:g}, expected one above 0")
+    return factor
 
 
 def _command(found: _Commands, path: Path, name: str, words: Words) -> bool:
@@ -193,13 +248,19 @@ def _command(found: _Commands, path: Path, name: str, words: Words) -> bool:
     if name == "title":
         found.title = words.rest()
     elif name in ("coordinate_file", "data_file"):
-        file = path.parent / words.take("the name of a file").strip("\"'")
+        file = _file_of(words, path)
+        data_file = _DataFile(file)
+        while name == "data_file" and words.peek().lower() in ("error_factor", "recode"):
+            if words.skip("error_factor"):
+                data_file = data_file._replace(scale=_factor(words))
+            elif words.skip("recode"):
+                data_file = data_file._replace(recodes=_file_of(words, path))
         if words:
             raise ValueError(
                 f"found {words.rest()!r} behind the name of the file: only SNAP's own form is read"
             )
         if name == "data_file":
-            found.data.append(file)
+            found.data.append(data_file)
         else:
             found.stations = file
     elif name == "mode":
@@ -260,18 +321,17 @@ def _follow(commands: _Commands, data: Data, command: _Command) -> None:
 def _recode(data: Data, words: Words) -> None:
     code = words.take("the code of a station").upper()
     if code == "FILE":
-        raise ValueError("recode file is not supported, expected recode CODE to CODE")
+        data.recodes += recodes_of(_file_of(words, data.stations.path))
+        return
     suffix = words.take("a suffix") if code == "SUFFIX" else ""
     if not suffix and not words.skip("to"):
         raise ValueError(f"found {words.peek()!r}, expected to")
     new = suffix or words.take("the new code")
     sigma = None
     if words.skip("hv_error"):
-        horizontal = words.number("an error")
-        vertical = horizontal if words.peek().lower() == "m" else words.number("an error")
-        if not words.skip("m") or not min(horizontal, vertical) > 0.0:
+        sigma = _errors(words)
+        if not min(sigma) > 0.0:
             raise ValueError("expected one or two errors above 0 and m behind hv_error")
-        sigma = (horizontal, vertical)
     words.skip("disconnected")
     period = period_of(words)
     codes = [code]
@@ -295,16 +355,32 @@ def _select(data: Data, name: str, words: Words) -> None:
             factor *= words.number("a factor")
         data.selections.append(selection_of(criterion, factor, data.stations))
         return
-    factor = 0.0
-    if name == "reweight_observations":
+    factor, errors, kind = 0.0, (0.0, 0.0), ""
+    if name == "set_observation_option":
+        kind, option = "translation", words.take("an option").lower()
+        if option.removeprefix("no_") != "calculate_gx_translation":
+            raise ValueError(f"found the option {option!r}, expected calculate_gx_translation")
+        factor = float(option[:3] != "no_")
+    elif name == "reweight_observations":
         if words.peek().lower() in ("by_set", "offset_error", "centroid_error"):
-            raise ValueError(f"reweight_observations {words.peek()} is not supported, expected a factor")
-        factor = words.number("a factor")
-        if not factor > 0.0:
-            raise ValueError(f"found the factor {factor:g}, expected one above 0")
-    if not words:
+            kind = words.take("a criterion").lower()
+        if kind[-6:] == "_error":
+            errors = _errors(words)
+        else:
+            factor = _factor(words)
+    if not words and kind != "translation":
         raise ValueError("the line ends where a criterion is expected, e.g. data_type=SD")
-    data.selections.append(selection_of(words, factor, data.stations))
+    found = selection_of(words, factor, data.stations)
+    data.selections.append(found._replace(kind=kind, errors=errors))
+
+
+def _errors(words: Words) -> tuple[float, float]:
+    """One or two errors in metres, horizontal and vertical."""
+    horizontal = words.number("an error")
+    vertical = horizontal if words.peek().lower() == "m" else words.number("an error")
+    if not words.skip("m") or min(horizontal, vertical) < 0.0:
+        raise ValueError("expected one or two errors of 0 or more and m")
+    return horizontal, vertical
 
 
 def _fix(commands: _Commands, data: Data, command: _Command) -> None:
@@ -329,7 +405,7 @@ def _fix(commands: _Commands, data: Data, command: _Command) -> None:
             commands.sigmas[name] = (sigma[0] if parts[0] else old[0], sigma[1] if parts[1] else old[1])
 
 
-def _put_refraction(data: Data, commands: _Commands) -> None:
+def _put_instruments(data: Data, commands: _Commands) -> None:
     instruments: dict[str, object] = {}
     for code in sorted(data.refractions):
         usual = 0.0 if code == "ZERO" else commands.refraction.get(DEFAULT, (commands.usual, False))[0]
@@ -339,6 +415,9 @@ def _put_refraction(data: Data, commands: _Commands) -> None:
     for code, name, _ in data.tables:
         if code == "DR":
             instruments[name] = {"scale": {"free": "1"}}
+    for number in range(1, len(data.translated) + 1):
+        shift = {f"shift_{axis}": {"free": "0"} for axis in "xyz"}
+        instruments[f"translation {number}"] = {"frame": shift}
     if instruments:
         data.draft.put("instruments", instruments)
 
@@ -346,16 +425,16 @@ def _put_refraction(data: Data, commands: _Commands) -> None:
 def _put_stations(data: Data, commands: _Commands) -> None:
     """Stations that are observed: held, or free."""
     stations, draft = data.stations, data.draft
-    tables: dict[tuple[float | None, float | None], list[Row]] = {}
-    for name in stations.by_name:
+    tables: dict[tuple[tuple[float | None, float | None], Path], list[Row]] = {}
+    for name, station in stations.by_name.items():
         if name in data.names:
-            tables.setdefault(_sigma(commands, name), []).append(_row(stations, name))
+            tables.setdefault((_sigma(commands, name), station.path), []).append(_row(stations, name))
     own = stations.system.coordinates
     columns = ["id", *own, "geoid", "deflection_north", "deflection_east"]
     units = {name: "deg" for name in own if name in ("latitude", "longitude")}
     units |= dict.fromkeys(columns[-2:], "arcsec") if stations.deflections else {}
     in_part = False
-    for (horizontal, vertical), rows in tables.items():
+    for ((horizontal, vertical), path), rows in tables.items():
         held = horizontal == 0.0 and vertical == 0.0
         observed = (
             [] if held else [("sigma_east", horizontal), ("sigma_north", horizontal), ("sigma_up", vertical)]
@@ -365,7 +444,7 @@ def _put_stations(data: Data, commands: _Commands) -> None:
         cells = [Row([*row.cells, *(value for _, value in given)], row.line) for row in rows]
         names = [*columns, *(column for column, _ in given)]
         fixed = ["x", "y", "z"] if held else []
-        draft.table("points", names, cells, str(stations.path), units=units or None, fixed=fixed)
+        draft.table("points", names, cells, str(path), units=units or None, fixed=fixed)
     if in_part:
         words = f"coordinates that are fixed in part are observed with σ = {_HELD} m"
         draft.note(words, 1, str(stations.path))
