@@ -66,7 +66,9 @@ CONTRADICT_THEMSELVES = {"krumm-niemeier-height-free"}
 @pytest.mark.parametrize("path", [p for p in NETWORKS if p.parent.name == "gama"], ids=network_name)
 def test_nothing_is_said_of_a_reference_network(path: Path) -> None:
     said = [
-        note for note in notes_of(path) if "misclosure" in note or "sigma)" in note or "any instrument" in note
+        note
+        for note in notes_of(path)
+        if "misclosure" in note or "sigma)" in note or "any instrument" in note
     ]
     assert len(said) == (path.stem in CONTRADICT_THEMSELVES)
 
@@ -228,7 +230,9 @@ def test_distances_in_another_unit_than_the_given_coordinates(
         for row in rows:
             row["distance"] = f"{factor * float(row['distance']):.4f}"
 
-    notes = [note for note in notes_of(changed("bridge", "distances.csv", mistake)) if "check their unit" in note]
+    notes = [
+        note for note in notes_of(changed("bridge", "distances.csv", mistake)) if "check their unit" in note
+    ]
     assert len(notes) == 1
     assert said in notes[0]
 
