@@ -85,6 +85,7 @@ CHAPTERS = {
             f"formats/{page}"
             for page in (
                 "gkf",
+                "textbook",
                 "starnet",
                 "jag3d",
                 "dynadjust",

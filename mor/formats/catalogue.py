@@ -154,6 +154,9 @@ FORMATS: dict[str, Format] = {
         suffixes=(".script",),
         untried="no project of JAG3D was available: this reader follows the tables that its source makes",
     ),
+    "textbook": Format(
+        "textbook network (Krumm)", Code("mor.formats.textbook", "read_krumm"), suffixes=(".dat",)
+    ),
     "photomodeler": Format(
         "PhotoModeler text export",
         Code("mor.formats.photomodeler", "read_photomodeler"),
