@@ -656,19 +656,17 @@ def drawn_axes(xy: str) -> dict[str, Any]:
 
 
 # ------------------------------------------------------------
-# The chart library the page carries: plotly.js, as the Python package ``plotly`` ships it (MIT licence).
+# The chart library the page carries: plotly.js (MIT licence), which building the package puts beside the other assets.
 # ------------------------------------------------------------
 
 
 def library_path() -> Path | None:
-    """Return the path of plotly.js, or ``None``; the package is not imported."""
+    """Return the path of plotly.js, or ``None``; in a source folder never built, that of the package plotly."""
     spec = find_spec("plotly")
     places = spec.submodule_search_locations if spec is not None else None
-    for place in places or ():
-        path = Path(place) / "package_data" / "plotly.min.js"
-        if path.exists():
-            return path
-    return None
+    packaged = [Path(place) / "package_data" for place in places or ()]
+    found = (folder / "plotly.min.js" for folder in (Path(__file__).parent / "assets", *packaged))
+    return next((path for path in found if path.exists()), None)
 
 
 def chart_library() -> str:
