@@ -780,7 +780,8 @@ def _adjusted(
     named = (*whole.undeterminable, *(thing._replace(treatment="") for thing in loose))
     if loose and not leave and len(loose) <= EXPLAINED:
         return replace(whole, undeterminable=named), means.solve(whole, begun)
-    _check_something_left(reduced)
+    if not _something_left(reduced):
+        raise NoStartValuesError(reduced.undeterminable, ["nothing is left to adjust"])
     attempt = means.solve(reduced, begun)
     if loose and not leave:
         reduced = replace(reduced, undeterminable=named)
@@ -788,18 +789,15 @@ def _adjusted(
     for _ in range(ROUNDS if leave else 0):
         adjustment = attempt.adjustment
         further = None if only_here(adjustment) else without_moved(reduced, adjustment)
-        if further is None:
+        further = further and without_loose(further, begun, means.make)
+        if further is None or not _something_left(further):
             break
-        reduced = without_loose(further, begun, means.make)
-        _check_something_left(reduced)
-        attempt = means.solve(reduced, begun)
+        reduced, attempt = further, means.solve(further, begun)
     return reduced, attempt
 
 
-def _check_something_left(network: Network) -> None:
-    """Raise :class:`NoStartValuesError` where nothing of the network is determined."""
-    if not any(group.count for group in network.groups):
-        raise NoStartValuesError(network.undeterminable, ["nothing is left to adjust"])
+def _something_left(network: Network) -> bool:
+    return any(group.count for group in network.groups)
 
 
 def _without_far(

@@ -642,9 +642,9 @@ def feature_table(solved: Solved) -> pl.DataFrame:
 
     (dx, dy, dz) is the unit normal of a plane or the unit direction of a line or an axis, with the largest standard
     deviation ``sd`` of the direction in the project's unit of angles; (x, y, z) the mean of the points, put on the
-    plane, line or axis of a cylinder, or else the centre or apex; ``distance`` of a plane that from the origin,
-    dx x + dy y + dz z; ``rms`` the root mean square distance of the points and ``form`` the largest residual minus
-    the smallest. Sizes are null if a feature has none.
+    plane, line or axis of a cylinder, or else the centre or apex, with σ of the movement along a normal or across an
+    axis; ``distance`` of a plane that from the origin, dx x + dy y + dz z; ``rms`` the root mean square distance of
+    the points and ``form`` the largest residual minus the smallest. Sizes are null if a feature has none.
     """
     rows = [row for feature in solved.network.project.features for row in _rows(solved, feature)]
     return pl.DataFrame(rows, schema=FEATURE_SCHEMA)
@@ -674,13 +674,13 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
     for part, axis, chosen in _parts(feature, len(points)):
         on = local[chosen].mean(axis=0)
         if feature.type in ("plane", "right angle"):
-            on, away = on * (1.0 - axis), off[chosen] @ axis[:, None]
+            held, away = axis, off[chosen] @ axis[:, None]
         else:
-            on = on * axis if feature.type in _LINES else np.zeros(3)
-            away = off[chosen][:, :2]
+            held, away = 1.0 - axis if feature.type in _LINES else np.ones(3), off[chosen][:, :2]
+        on = on * (1.0 - held)
         place = ((on - offset) @ D + values["point"][origin]) @ M
         direction = None if feature.type == "sphere" else _upright(axis @ D @ M)
-        sd, sigma = _feature_sigma(solved, rotation, eccentricity, on - offset, axis)
+        sd, sigma = _feature_sigma(solved, rotation, eccentricity, on - offset, axis, held)
         rows.append(
             {
                 "id": feature.id,
@@ -709,9 +709,12 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
 
 
 def _feature_sigma(
-    solved: Solved, rotation: int, eccentricity: int, lever: FloatArray, axis: FloatArray
+    solved: Solved, rotation: int, eccentricity: int, lever: FloatArray, axis: FloatArray, held: FloatArray
 ) -> tuple[float | None, list[float | None]]:
-    """σ of the direction of an axis, project unit, and σ (3,) of the place X0 + Dᵀ p, ``lever`` p (3,)."""
+    """σ of the direction of an axis, project unit, and σ (3,) of the place X0 + Dᵀ p, ``lever`` p (3,).
+
+    Only movements along the local axes ``held`` (3,), 1 or 0, count: a plane moves along its normal, a line across.
+    """
     quality = solved.quality
     if quality is None:
         return None, [None] * 3
@@ -719,7 +722,7 @@ def _feature_sigma(
     used = np.concatenate([columns["rotation"][rotation], columns["eccentricity"][eccentricity]])
     covariance = joint_cofactors(quality, used) * quality.sigma_factor**2
     across = covariance[:3, :3][np.ix_(axis == 0.0, axis == 0.0)]
-    by_unknowns = np.concatenate([-cross_matrix(lever), -np.eye(3)], axis=1)
+    by_unknowns = -held[:, None] * np.concatenate([cross_matrix(lever), np.eye(3)], axis=1)
     turned = solved.network.edge.matrix.T @ solved.adjustment.values["rotation"][rotation].T @ by_unknowns
     variances = np.einsum("ij,jk,ik->i", turned, covariance, turned)
     largest = max(float(np.linalg.eigvalsh(across)[-1]), 0.0)

@@ -168,4 +168,4 @@ def test_levelled_differences_without_instruments_and_systems_are_no_crash(tmp_p
     told = mor("adjust", write(tmp_path, json.dumps(survey(1e4, "sh"))), "-o", tmp_path / "out", "--no-html")
     assert told.code in (0, 4)
     assert "internal error" not in told.err + told.out
-    assert "turn of the whole network" in told.err + told.out
+    assert "rotation of the whole network" in told.err + told.out

@@ -318,3 +318,25 @@ def test_place_and_sigma_of_a_coaxial_circle() -> None:
     np.testing.assert_allclose([found[a] for a in "xyz"], first.origin + centre(best.x), atol=1e-7)
     np.testing.assert_allclose([found[f"s{a}"] for a in "xyz"], sigma, rtol=1e-6)
     assert found["radius"] == pytest.approx(best.x[7], abs=1e-7)
+
+
+def test_sigma_of_the_place_of_a_plane_is_along_its_normal() -> None:
+    """At the mean of n points the normal moves by σ/√n, as the mean of n observations does; along the plane nothing."""
+    random = np.random.default_rng(11)
+    across, along, normal = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    u, v = random.uniform(-50.0, 50.0, (2, 25))
+    points = np.outer(u, across) + np.outer(v, along) + np.outer(random.normal(0.0, SIGMA, 25), normal) + 200.0
+    names = [f"P{k}" for k in range(25)]
+    rows = [[name, *point] for name, point in zip(names, points.tolist(), strict=True)]
+    result = mor.adjust(
+        {
+            "mor": 1,
+            "units": {"length": "mm", "angle": "deg"},
+            "points": [{"columns": ["id", "x", "y", "z"], "rows": rows, "fixed": ["x", "y", "z"]}],
+            "features": [{"type": "plane", "id": "F", "points": names, "sigma": SIGMA}],
+            "settings": {"sigma": "apriori"},
+        }
+    )
+    plane = result.features.frame.row(0, named=True)
+    sigma, direction = (np.array([plane[f"{s}{axis}"] for axis in "xyz"]) for s in ("s", "d"))
+    assert sigma == pytest.approx(np.abs(direction) * SIGMA / 5.0, rel=1e-9)

@@ -19,7 +19,7 @@ def test_a_line_through_a_free_system_leaves_a_turn_that_is_named() -> None:
     turns = weak_turns(adjustment.inverse.weak, adjustment.problem, adjustment.values)
     assert turns[0].sigma > NOTHING_KNOWN
     assert result.outcome == "singular"
-    assert "turn of the whole network" in result.reason
+    assert "rotation of the whole network" in result.reason
     assert "The rotation of the whole network about" in str(result)
-    assert "The fixed kappa of system L opposes it" in str(result)
+    assert "Only the fixed kappa of system L prevents it" in str(result)
     assert "of one line" in str(result)

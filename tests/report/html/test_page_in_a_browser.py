@@ -71,7 +71,11 @@ def test_network_draws_every_point_and_image(opened: Any) -> None:
         "return document.querySelector('#chart-space .plot').data.map((t) => [t.type, t.name, t.x.length])"
     )
     drawn = {name.split(" ×")[0]: (kind, count) for kind, name, count in counts}
-    assert "10 mm in the ellipsoids" in drawn
+    bar = opened.execute_script(
+        "const t = document.querySelector('#chart-space .plot').data.find((t) => t.meta === 'bar');"
+        "return [t.name, (t.x[1] - t.x[0]) / network.scale]"
+    )
+    assert bar[0] == f"{1000 * bar[1]:g} mm in the ellipsoids"
     assert drawn["points"] == ("scatter3d", opened.execute_script("return report.points.rows"))
     assert drawn["images"] == ("scatter3d", 14)
     assert drawn["ellipsoids"][0] == "mesh3d"
