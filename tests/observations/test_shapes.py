@@ -323,20 +323,26 @@ def test_place_and_sigma_of_a_coaxial_circle() -> None:
 def test_sigma_of_the_place_of_a_plane_is_along_its_normal() -> None:
     """At the mean of n points the normal moves by σ/√n, as the mean of n observations does; along the plane nothing."""
     random = np.random.default_rng(11)
-    across, along, normal = np.linalg.qr(random.normal(size=(3, 3)))[0]
-    u, v = random.uniform(-50.0, 50.0, (2, 25))
-    points = np.outer(u, across) + np.outer(v, along) + np.outer(random.normal(0.0, SIGMA, 25), normal) + 200.0
-    names = [f"P{k}" for k in range(25)]
+    axes = np.linalg.qr(random.normal(size=(3, 3)))[0]
+    u, v, off = (
+        random.uniform(10.0, 50.0, (2, 25)),
+        random.uniform(0.0, 50.0, (2, 25)),
+        random.normal(size=(2, 25)),
+    )
+    local = np.stack([[u[0], v[0], SIGMA * off[0]], [SIGMA * off[1], v[1], u[1]]]).transpose(0, 2, 1)
+    points = local.reshape(-1, 3) @ axes + 200.0
+    names = [f"P{k}" for k in range(50)]
     rows = [[name, *point] for name, point in zip(names, points.tolist(), strict=True)]
+    feature = {"type": "right angle", "id": "F", "points": names[:25], "other": names[25:], "sigma": SIGMA}
     result = mor.adjust(
         {
             "mor": 1,
             "units": {"length": "mm", "angle": "deg"},
             "points": [{"columns": ["id", "x", "y", "z"], "rows": rows, "fixed": ["x", "y", "z"]}],
-            "features": [{"type": "plane", "id": "F", "points": names, "sigma": SIGMA}],
+            "features": [feature],
             "settings": {"sigma": "apriori"},
         }
     )
-    plane = result.features.frame.row(0, named=True)
-    sigma, direction = (np.array([plane[f"{s}{axis}"] for axis in "xyz"]) for s in ("s", "d"))
-    assert sigma == pytest.approx(np.abs(direction) * SIGMA / 5.0, rel=1e-9)
+    for plane in result.features.frame.to_dicts():
+        sigma, direction = (np.array([plane[f"{s}{axis}"] for axis in "xyz"]) for s in ("s", "d"))
+        assert sigma == pytest.approx(np.abs(direction) * SIGMA / 5.0, rel=1e-6)
