@@ -328,6 +328,8 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
         if not reading.broken.intersection(reference.among):
             ids = [name for things in spaces.values() for name in things.ids]
             _tell_unknown(reading, reference.name, rows, names, open_, ids)
+            if "point" in reference.among and np.count_nonzero(open_) >= _SEVERAL:
+                _tell_how_to_declare(reading)
         return Resolved(names, {}, centre[names.numbers])
     blocks = {}
     for part, pieces in found.items():
@@ -383,6 +385,15 @@ def _tell_unknown(
     )
 
 
+def _tell_how_to_declare(reading: Reading) -> None:
+    words = "points that no table contains are unknowns with settings: {undeclared_points: free}"
+    hint = reading.at("settings").problem(words)
+    if hint not in reading.problems:
+        reading.problems.append(hint)
+
+
+_SEVERAL = 3
+"""Unknown names of a table that look like points which were left out on purpose."""
 _GUESSED = 5
 """Unknown names for which the nearest one is looked for among very many."""
 

@@ -99,3 +99,12 @@ def test_names_that_one_slip_makes_of_another(slip: str) -> None:
 
 def test_other_names_are_notalike() -> None:
     assert alike(["P1", "Q12", "tower"], ["P1234", "north"]) == {}
+
+
+def test_several_unknown_points_are_answered_with_the_setting_once(tmp_path: Path) -> None:
+    distances = [["A", name, 70.0] for name in ("Q7", "R8", "S9")]
+    run = mor("check", network(tmp_path, DIRECTIONS, distances, ""))
+    assert run.code == 2
+    assert run.err.count("settings: {undeclared_points: free}") == 1
+    few = mor("check", network(tmp_path, DIRECTIONS, DISTANCES, ""))
+    assert "undeclared_points" not in few.err
