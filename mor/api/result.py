@@ -389,7 +389,7 @@ class Result:
         language: Literal["en", "de"] = "en",
         html: bool = True,
         tables: Literal["none", "worst", "all"] = "all",
-        table_format: Literal["csv", "parquet"] = "csv",
+        table_format: Literal["csv", "parquet"] | None = None,
     ) -> None:
         """Write report, page, ``results.json``, tables and the adjusted project, as the command does.
 

@@ -51,7 +51,7 @@ class Asked(NamedTuple):
     full: bool
     html: bool | None
     tables: Literal["none", "worst", "all"] | None
-    table_format: Literal["csv", "parquet"]
+    table_format: Literal["csv", "parquet"] | None
     memory: float | None
     scratch: Path | None
     events: Path | None
@@ -117,7 +117,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
 @click.option(
     "--html/--no-html",
     default=None,
-    show_default="html up to 2 million observations",
+    show_default="html up to 200 000 observations",
     help="Write report.html, the report for the browser.",
 )
 @click.option(
@@ -129,8 +129,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
 @click.option(
     "--table-format",
     type=click.Choice(["csv", "parquet"]),
-    default="csv",
-    show_default=True,
+    show_default="csv; parquet for tables of more than 200 000 rows",
     help="Format of the tables.",
 )
 @click.option(
@@ -334,10 +333,10 @@ def look_ahead(document: Document, folder: Path) -> None:
 def chosen(asked: Asked, solved: Solved, say: Progress) -> Choice:
     """Choose the files to write, by the options or the size of the result, and add notes about omitted ones."""
     from mor.machine import check_room
-    from mor.report.results import FEWER, Choice, entries, is_large, memory_of_reports, tables_by_size
+    from mor.report.results import FEWER, MOST_OF_PAGE, Choice, entries, memory_of_reports, tables_by_size
 
     say.notes(left_out(solved, asked.tables, asked.html))
-    page = asked.html if asked.html is not None else not is_large(solved)
+    page = asked.html if asked.html is not None else entries(solved) <= MOST_OF_PAGE
     tables = asked.tables or tables_by_size(solved)
     check_room(memory_of_reports(solved.network, page, tables), "writing the reports", FEWER)
     return Choice(
@@ -364,19 +363,19 @@ def has_library(say: Progress) -> bool:
 def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Message]:
     """Notes about files that are omitted because the project is large."""
     from mor.errors import Message
-    from mor.report.results import WORST, is_large
+    from mor.report.results import MOST_OF_PAGE, WORST, entries, is_large
 
-    if not is_large(solved) or solved.quality is None:
+    if solved.quality is None:
         return []
     notes = []
-    if tables is None:
+    if tables is None and is_large(solved):
         notes.append(
             Message(
                 f"only the {WORST} worst residuals are written because of their number; --tables all writes all"
             )
         )
-    if html is None:
-        notes.append(Message("no report.html because of the number of observations; --html writes it anyway"))
+    if html is None and entries(solved) > MOST_OF_PAGE:
+        notes.append(Message("no report.html because of the number of observations; mor report writes it"))
     return notes
 
 

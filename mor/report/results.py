@@ -298,7 +298,9 @@ def _ahead(pieces: Iterator[AssessedRows], make: Callable[[AssessedRows], Made])
 PROJECT = "project.yaml"
 """Name of a project that is written into a folder of its own."""
 MOST_LISTED = 2_000_000
-"""Observations up to which all residuals and the page are written where nothing else is asked for."""
+"""Observations up to which all residuals are written where nothing else is asked for."""
+MOST_OF_PAGE = 200_000
+"""Observations up to which the page is written, and rows of a table up to which it is CSV, unless asked for."""
 FAR = 1e9
 """Distance, in extents of the network, at which points at infinity are written: no parallax is left there."""
 WORST = 10_000
@@ -309,7 +311,8 @@ class Choice(NamedTuple):
     """Tables to be written, and their format."""
 
     tables: Literal["none", "worst", "all"] = "all"
-    kind: Format = "csv"
+    kind: Format | None = None
+    """``None``: CSV for tables that people open, Parquet for longer ones."""
     html: bool = True
     """True for the page for people, ``report.html``."""
     language: str = "en"
@@ -320,14 +323,14 @@ class Choice(NamedTuple):
     """Told how many more rows of the table of residuals are written."""
 
 
-def usual_files(tables: str | None, kind: Format) -> list[str]:
+def usual_files(tables: str | None, kind: Format | None) -> list[str]:
     """Names of the files that every adjustment with a solution writes."""
-    shown = [] if tables == "none" else [f"points.{kind}", f"images.{kind}"]
+    shown = [] if tables == "none" else [f"{table}.{kind or 'csv'}" for table in ("points", "images")]
     return ["results.json", "report.txt", "adjusted.yaml", "reference.csv", *shown]
 
 
 def is_large(solved: Solved) -> bool:
-    """Return True if a table of all residuals, and a page of them, is more than anybody looks at."""
+    """Return True if a table of all residuals is more than anybody looks at."""
     return entries(solved) > MOST_LISTED
 
 
@@ -445,24 +448,35 @@ def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
     """Name and writer of each table that is wanted, by what ``results.json`` calls it."""
     if choice.tables == "none":
         return {}
-    kind = choice.kind
-    tables: dict[str, Writer] = {
-        "points": lambda path: table_writer(point_table(solved), kind)(path),
-        "images": lambda path: table_writer(image_table(solved), kind)(path),
-    }
+    frames: dict[str, Callable[[Solved], pl.DataFrame]] = {"points": point_table, "images": image_table}
     if found_movements(solved) is not None:
-        tables["motions"] = lambda path: table_writer(motion_table(solved), kind)(path)
-        tables["movements"] = lambda path: table_writer(movement_rows(solved), kind)(path)
+        frames |= {"motions": motion_table, "movements": movement_rows}
     if solved.network.trajectories:
-        tables["trajectories"] = lambda path: table_writer(knot_table(solved), kind)(path)
+        frames["trajectories"] = knot_table
     if solved.network.world is not None:
-        tables["places"] = lambda path: table_writer(place_table(solved), kind)(path)
+        frames["places"] = place_table
+    if choice.tables == "worst":
+        frames["residuals_worst"] = lambda solved: worst_residuals(solved, WORST)
+    points = len(solved.network.things["point"].ids)
+    kinds = {key: _kind(choice, points if key in ("points", "places") else 0) for key in frames}
+    tables = {
+        key: (f"{key}.{kinds[key]}", _table_made_late(solved, make, kinds[key]))
+        for key, make in frames.items()
+    }
     if choice.tables == "all":
+        kind = _kind(choice, entries(solved))
         write = residual_writer(solved, kind, choice.done)
-        tables["residuals"] = _by_itself(solved, write) if _is_alone(solved, choice) else write
-    else:
-        tables["residuals_worst"] = lambda path: table_writer(worst_residuals(solved, WORST), kind)(path)
-    return {key: (f"{key}.{kind}", write) for key, write in tables.items()}
+        write = _by_itself(solved, write) if _is_alone(solved, choice) else write
+        tables["residuals"] = f"residuals.{kind}", write
+    return tables
+
+
+def _kind(choice: Choice, rows: int) -> Format:
+    return choice.kind or ("parquet" if rows > MOST_OF_PAGE else "csv")
+
+
+def _table_made_late(solved: Solved, make: Callable[[Solved], pl.DataFrame], kind: Format) -> Writer:
+    return lambda path: table_writer(make(solved), kind)(path)
 
 
 def _by_itself(solved: Solved, write: Writer) -> Writer:

@@ -73,6 +73,7 @@ def test_what_is_told_on_the_way_is_german(tmp_path: Path) -> None:
 def test_notes_are_there_in_german(outcome: Solved, monkeypatch: pytest.MonkeyPatch) -> None:
     german = words_of("de").catalogue
     monkeypatch.setattr("mor.report.results.MOST_LISTED", 1)
+    monkeypatch.setattr("mor.report.results.MOST_OF_PAGE", 1)
     notes = [note.message for note in left_out(outcome, None, None)]
     assert len(notes) == 2
     assert {*notes, compilation.COMPILING, compilation.MISSING, compilation.FAILED} <= set(german)

@@ -128,15 +128,31 @@ def test_many_observations_are_not_written_unasked(
     project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(write_module, "MOST_LISTED", 10)
+    monkeypatch.setattr(write_module, "MOST_OF_PAGE", 10)
     run = mor("adjust", project, "-o", tmp_path / "out")
     assert run.code == 0
     assert "--tables all" in run.err
-    assert "--html" in run.err
+    assert "mor report writes it" in run.err
     names = {path.name for path in (tmp_path / "out").iterdir()}
     assert "residuals_worst.csv" in names
     assert not names & {"residuals.csv", "report.html"}
     assert mor("adjust", project, "-o", tmp_path / "all", "--tables", "all", "--html").code == 0
-    assert {"residuals.csv", "report.html"} <= {path.name for path in (tmp_path / "all").iterdir()}
+    assert {"residuals.parquet", "report.html"} <= {path.name for path in (tmp_path / "all").iterdir()}
+
+
+def test_long_tables_are_parquet_unless_csv_is_asked_for(
+    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(write_module, "MOST_OF_PAGE", 10)
+    for more in ([], ["--table-format", "csv"]):
+        folder = tmp_path / f"out{len(more)}"
+        assert mor("adjust", project, "-o", folder, *more).code == 0
+        assert not (folder / "report.html").exists()
+        assert mor("report", folder).code == 0
+        assert (folder / "report.html").stat().st_size > 100_000
+    assert (tmp_path / "out0" / "residuals.parquet").exists()
+    assert (tmp_path / "out0" / "images.csv").exists()
+    assert (tmp_path / "out2" / "residuals.csv").exists()
 
 
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
