@@ -222,9 +222,19 @@ def coverage_words(factor: float, freedom: float, words: Words) -> str:
 
 def in_words(row: dict[str, Any], words: Words) -> str:
     """Return the name of an observation: its type, its point and station names, and its component."""
-    names = ", ".join(f"{words.listed(key)} {name}" for key, name in row["names"].items())
+    return f"{row_in_words(row, words)}{component_of(row)}"
+
+
+def row_in_words(row: dict[str, Any], words: Words) -> str:
+    """Return the name of the row of an observation: its type, its point and station names."""
+    names = ", ".join(f"{words.listed(key)} {_name(key, name, words)}" for key, name in row["names"].items())
     type_ = "" if next(iter(row["names"]), "") == row["type"] else f"{row['type']} "
-    return f"{type_}{names}{component_of(row)}"
+    return f"{type_}{names}"
+
+
+def _name(key: str, name: str, words: Words) -> str:
+    kind, space, rest = name.partition(" ")
+    return f"{words.listed(kind)}{space}{rest}" if key == "of" else name
 
 
 def component_of(row: dict[str, Any]) -> str:

@@ -24,7 +24,7 @@ from mor.model.parameters import INTERIORS
 from mor.quality.solution import Solved
 from mor.report.figures import camera_figures, overlap, overlap_map, test_figures
 from mor.report.language import ENGLISH, Words
-from mor.report.layout import DIGITS, component_of, fixed, in_words, persons, short, small_unit
+from mor.report.layout import DIGITS, component_of, fixed, in_words, persons, row_in_words, short, small_unit
 from mor.report.movements import moved_points, movement_drawing
 from mor.report.page_data import (
     MOST_ROWS,
@@ -209,11 +209,20 @@ def next_steps(data: PageData) -> list[str]:
                 unit=flagged[0]["unit"],
             )
         )
-    free = (view.reliability or {}).get("observations", [])[:_NAMED]
+    accepted = view.summary["global_test"]["accepted"]
+    if not accepted:
+        ratio = f"{view.summary['sigma0']['ratio_of_sigmas']:.2f}"
+        steps.append(
+            say(
+                "Check the σ of the observations: the residuals are {ratio} times as large as these say.",
+                ratio=ratio,
+            )
+        )
+    free = (view.reliability or {}).get("observations", [])
     if free:
-        names = "; ".join(f"{row['type']} {', '.join(row['names'].values())}" for row in free)
+        names = "; ".join([*dict.fromkeys(row_in_words(row, say) for row in free)][:_NAMED])
         steps.append(say("Measure a second observation for the uncontrolled ones: {names}.", names=names))
-    if "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():
+    if accepted and "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():
         worst = data.points.sort("ellipsoid_a", descending=True, nulls_last=True).row(0, named=True)
         unit, factor = small_unit(view.length, worst["ellipsoid_a"])
         steps.append(
