@@ -458,7 +458,7 @@ def redundancy_of_frames(data: PageData) -> Figure | None:
     ]
     if not traces:
         return None
-    xaxis = {"type": "category", "tickangle": -60, "automargin": True, "nticks": 60}
+    xaxis = {"type": "category", "tickangle": -60, "automargin": True, "nticks": 50}
     return figure(traces, "", words("mean r [1]"), yaxis={"range": [0, 1.02]}, xaxis=xaxis)
 
 
@@ -484,8 +484,8 @@ def test_figures(data: PageData) -> dict[str, Figure]:
         figures["rays"] = histogram(
             rays, words("rays and sights of a point"), words("points"), BLUE, whole=True
         )
-        angle = data.points["angle"].fill_null(np.nan).to_numpy()
-        figures["angles"] = histogram(
-            angle, words("best intersection [{unit}]", unit=data.angle_unit), words("points"), GREY
-        )
+        angle = data.points["angle"].drop_nulls().drop_nans().to_numpy()
+        if len(angle):
+            unit = words("best intersection [{unit}]", unit=data.angle_unit)
+            figures["angles"] = histogram(angle, unit, words("points"), GREY)
     return figures

@@ -765,6 +765,7 @@ def environment() -> Environment:
         "fixed": _fixed,
         "probability": _probability,
         "coordinate": _coordinate,
+        "row_in_words": row_in_words,
     }
     return environment
 

@@ -234,10 +234,12 @@ function space() {
   const data = [...sightTraces(keys), ...pathTraces(keys), pointTrace(x, y, "z"), ...frameTraces(x, y, "z"), ...givenTraces(keys), ...outlierTraces(keys), ...effectTraces(keys), ...rayTraces(keys)].map((trace) => ({ type: "scatter3d", ...trace }));
   for (const shape of ellipsoids()) data.push({ type: "scatter3d", ...shape, x: shape[x], y: shape[y] });
   const box = boxOf(data), across = Math.min(2.4 / Math.hypot(box.x.size, box.y.size), 1.1 / box.z.size);
-  const axis = (name, side, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", ...(narrow() ? { nticks: 4 } : {}), range: reversed ? [side.high, side.low] : [side.low, side.high] });
+  // Short sides have few ticks, so that their numbers do not overlap.
+  const ticks = (side) => Math.max(2, Math.round(((narrow() ? 4 : 8) * side.size) / Math.max(box.x.size, box.y.size, box.z.size)));
+  const axis = (name, side, reversed) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", nticks: ticks(side), range: reversed ? [side.high, side.low] : [side.low, side.high] });
   const aspectratio = { x: across * box.x.size, y: across * box.y.size, z: across * box.z.size };
   // The scene fits into its box: the narrower that is, the further away stands the camera.
-  const chart = document.getElementById("chart-space"), side = window.innerWidth > 1000 ? 190 : 0, back = Math.max(1, (1.5 * chart.clientHeight) / (chart.clientWidth - side - (narrow() ? 0 : 110)));
+  const chart = document.getElementById("chart-space"), side = window.innerWidth > 1000 ? 190 : 0, back = (narrow() ? 1.2 : 1) * Math.max(1, (1.5 * chart.clientHeight) / (chart.clientWidth - side - (narrow() ? 0 : 110)));
   const scene = { aspectmode: "manual", aspectratio, xaxis: axis(x, box.x, axes.right_reversed), yaxis: axis(y, box.y, axes.up_reversed), zaxis: axis("z", box.z), camera: { eye: { x: 1.1 * back, y: -1.75 * back, z: back }, center: { x: 0, y: 0, z: -0.1 } } };
   return { data, layout: { scene, margin: { l: 0, r: side, t: 30, b: 0 }, showlegend: !narrow(), uirevision: "space" } };
 }
@@ -267,7 +269,7 @@ function plan() {
   const room = 0.06 * Math.max(...[x, y].map((name) => (edges(name) ? edges(name)[1] - edges(name)[0] : 0)));
   const range = (name) => { const ends = [edges(name)[0] - room, edges(name)[1] + room]; return reversed(name) ? ends.reverse() : ends; };
   const axis = (name) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", ...(edges(name) ? { range: range(name) } : reversed(name) ? { autorange: "reversed" } : {}) });
-  return { data, layout: { xaxis: axis(x), yaxis: { ...axis(y), scaleanchor: "x", scaleratio: 1 }, ...scaleBar(), margin: { l: 60, r: 20, t: 34, b: 84 }, hovermode: "closest", uirevision: chosen } };
+  return { data, layout: { xaxis: axis(x), yaxis: { ...axis(y), scaleanchor: "x", scaleratio: 1 }, ...scaleBar(), margin: { l: 60, r: 20, t: 34, b: narrow() ? 130 : 84 }, hovermode: "closest", uirevision: chosen } };
 }
 
 // How long an enlarged semi-axis is drawn: a bar of a round length.

@@ -28,6 +28,7 @@ function themed(layout) {
     ...layout,
   };
   for (const name of ["xaxis", "yaxis"]) result[name] = { ...axis, ...result[name] };
+  if (result.xaxis.type === "category" && result.xaxis.nticks) result.xaxis.nticks = Math.min(result.xaxis.nticks, Math.round(window.innerWidth / 24));
   if (layout.scene) {
     const wall = { exponentformat: "power", minexponent: 5, gridcolor: css("--line"), zerolinecolor: css("--line"), color: css("--ink"), showbackground: false };
     result.scene = { ...layout.scene };
