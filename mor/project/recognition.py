@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import csv
+import math
 import os
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations, product
 from pathlib import Path
+from statistics import median
 from typing import Any, NamedTuple
 
 import yaml
@@ -112,6 +114,10 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
     "points": ({"id": f"id|{_POINT}|station|target", **_POINTS}, _STATED),
     "images with positions": ({"id": "image|imageid|imagename|photo|bild|foto", **_POINTS}, _STATED),
+    "points with heights": (
+        {"id": f"id|{_POINT}", "z": _POINTS["z"]},
+        {"sigma_z": _STATED["sigma_z"], "sigma": _STATED["sigma"]},
+    ),
 }
 """Columns that a kind of table must have, and those that it may have, with other names for each.
 
@@ -354,8 +360,8 @@ _PIXELS = 100.0
 """Image coordinates that go beyond this and never below zero are pixels from a corner."""
 
 
-_VARIANCE = 0.01
-"""Square of a standard deviation of 0.1: no vector between points is worse in metres."""
+_DECIMETRE = 0.1
+"""Standard deviation in metres that no distance, levelling line or vector exceeds."""
 
 
 class CameraSettings(NamedTuple):
@@ -381,6 +387,7 @@ def begin(
     texts: dict[Path, str] = {}
     seen = [t for t in measured if t.kind == "image"]
     corner = any(_from_a_corner(t) for t in seen)
+    levelled = bool(measured) and all(t.kind == "height_difference" for t in measured)
     content = {
         "name": target.name,
         "title": _quoted(title),
@@ -394,7 +401,11 @@ def begin(
         ),
         "observations": [_entry(target, table, corner) for table in measured],
         "datum": datum,
-        **{kind: [_entry(target, table, corner) for table in found] for kind, found in by_kind.items()},
+        "levelled": levelled,
+        **{
+            kind: [_entry(target, table, corner, levelled) for table in found]
+            for kind, found in by_kind.items()
+        },
     }
     return {target: _rendered("new.yaml.j2", content), **texts}
 
@@ -465,12 +476,18 @@ def _names(tables: Iterable[Found], columns: Sequence[str]) -> list[str]:
     return list(dict.fromkeys(name for name in names if name))
 
 
-def _units_of_covariances(table: Found) -> dict[str, str]:
-    """Millimetres for covariances that would mean a standard deviation above a decimetre in metres."""
-    variances = [value for name in ("cov_dx_dx", "cov_dy_dy", "cov_dz_dz") for value in table.numbers(name)]
-    if not variances or sorted(variances)[len(variances) // 2] < _VARIANCE:
+def _units_of_precision(table: Found) -> dict[str, str]:
+    """Millimetres for standard deviations and covariances of lengths that would be above a decimetre in metres."""
+    if table.kind not in ("distance", "height_difference", "vector"):
         return {}
-    return {name: "mm" for name in table.columns if name.startswith("cov_") and name not in table.units}
+    variances = [value for name in ("cov_dx_dx", "cov_dy_dy", "cov_dz_dz") for value in table.numbers(name)]
+    stated = [name for name in table.columns if name.startswith("sigma") and "height" not in name]
+    sizes = [math.sqrt(abs(variance)) for variance in variances]
+    sizes += [value for name in stated for value in table.numbers(name)]
+    if not sizes or median(sizes) < _DECIMETRE:
+        return {}
+    stated += [name for name in table.columns if name.startswith("cov_")]
+    return {name: "mm" for name in stated if name not in table.units}
 
 
 def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts: dict[Path, str]) -> str:
@@ -487,11 +504,11 @@ def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts:
     return f"file: {path.name}"
 
 
-def _entry(target: Path, table: Found, corner: bool) -> dict[str, Any]:
-    """Entry of the template for a table."""
+def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> dict[str, Any]:
+    """Entry of the template for a table; where heights alone are measured, positions of its points are held."""
     renamed = {theirs: ours for ours, theirs in table.columns.items() if ours != theirs}
     others = [name for name in table.header if name not in table.columns.values()]
-    units = {**table.units, **_units_of_covariances(table)}
+    units = {**table.units, **_units_of_precision(table)}
     keys: dict[str, Any] = {}
     if not table.has_header:
         keys["columns"] = list(table.header)
@@ -503,6 +520,8 @@ def _entry(target: Path, table: Found, corner: bool) -> dict[str, Any]:
         keys["delimiter"] = table.delimiter
     if table.decimal_comma:
         keys["decimal"] = ","
+    if levelled:
+        keys |= ({} if "x" in table.columns else {"values": {"x": 0, "y": 0}}) | {"fixed": ["x", "y"]}
     lines = [
         f"{key}: {yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=100_000).splitlines()[0]}"
         for key, value in keys.items()
@@ -510,7 +529,7 @@ def _entry(target: Path, table: Found, corner: bool) -> dict[str, Any]:
     if not table.has_header:
         lines[0] += "  # CHECK the order: the file has no header"
     lines = [
-        f"{line}  # CHECK the units of the covariances: found values that are large for squares of the unit of length"
+        f"{line}  # CHECK: found standard deviations that are large in the unit of length"
         if line.startswith("units:") and units != table.units
         else line
         for line in lines

@@ -466,7 +466,7 @@ def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustm
         return adjustment._replace(outcome=Outcome.DIVERGED, reason=RAN_AWAY)
     if only_here(adjustment):
         return adjustment._replace(reason=AT_THE_START)
-    if untied and not _fits(adjustment):
+    if untied and adjustment.reason != NO_DATUM and not _fits(adjustment):
         return adjustment._replace(reason=PUT_ANYWHERE)
     return adjustment
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import shutil
 import zipfile
@@ -17,6 +18,7 @@ from mor.cli import run
 from mor.errors import InputError
 from mor.project.recognition import recognise
 from mor.project.tables import read_spreadsheet
+from tests.scenarios.small_projects import mor
 
 SAMPLES = Path(__file__).parents[2] / "sample_projects"
 
@@ -213,7 +215,7 @@ def test_covariances_of_vectors_are_used_and_their_unit_is_asked_for(tmp_path: P
     project = tmp_path / "p.yaml"
     assert run(["new", str(project), str(table), "--datum", "free"]) == 0
     assert "cov_dx_dx: mm" in project.read_text()
-    assert "CHECK the units" in project.read_text()
+    assert "# CHECK: found standard deviations that are large" in project.read_text()
     assert run(["check", str(project), "--quiet"]) == 0
 
 
@@ -315,3 +317,23 @@ def test_a_table_of_zenith_angles_gets_the_curvature(tmp_path: Path) -> None:
         project = tmp_path / f"{table}.yaml"
         assert run(["new", str(project), str(tmp_path / f"{table}.csv")]) == 0
         assert (read_document(project).data.get("curvature") == "true") is wanted
+
+
+def test_a_levelling_network_is_adjusted_as_it_is_begun(tmp_path: Path) -> None:
+    """Heights alone: positions are held, σ of whole millimetres are read as such, the datum is asked for in words."""
+    (tmp_path / "marks.csv").write_text("id,height\nA,100\nB,101\n")
+    lines = ["A,B,1.001,0.8", "B,C,2.003,0.9", "C,A,-3.002,0.8", "C,D,1.5,0.8", "D,A,-4.503,1.1"]
+    (tmp_path / "lines.csv").write_text("\n".join(["from,to,dh,sigma", *lines]) + "\n")
+    project, tables = tmp_path / "net.yaml", [tmp_path / "marks.csv", tmp_path / "lines.csv"]
+    assert mor("new", project, *tables).code == 0
+    text = project.read_text()
+    assert text.count("fixed: [x, y]\n") == 2
+    assert "units: {sigma: mm}  # CHECK" in text
+    outcome = mor("adjust", project, "--no-html")
+    assert outcome.code == 4
+    assert "1 movement of the whole network open: translation Z" in outcome.err
+    project.write_text(text.replace("datum: fixed", "datum: free"))
+    assert mor("adjust", project, "--no-html", "--force").code == 0
+    data = json.loads((tmp_path / "net.results" / "results.json").read_text())
+    assert data["redundancy"] == 2
+    assert data["sigma0"]["aposteriori"] < 3.0
