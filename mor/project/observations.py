@@ -438,6 +438,8 @@ def observation_columns(type_: ObservationType, reading: Reading) -> list[Column
     columns.append(EPOCH)
     if type_.through_air:
         columns += air_columns(edge)
+    if type_.key in _LEVELLED:
+        columns.append(number_column(_LINE, LENGTH, edge))
     if needs_place(type_):
         columns.append(number_column(GEOID, LENGTH, edge))
     if needs_convergence(type_):
@@ -447,6 +449,19 @@ def observation_columns(type_: ObservationType, reading: Reading) -> list[Column
     if len(type_.components) == 3:
         columns += [_covariance_column(a, b, reading) for a, b in _upper(type_.components)]
     return columns
+
+
+_LEVELLED = ("height_difference", "ellipsoidal_height_difference")
+_LINE = "length"
+"""Column with the length of a levelling line, whose σ is then that of 1 km."""
+
+
+def _of_lines(reading: Reading, rows: Rows) -> FloatArray:
+    """(n, 1) factors of σ, √(length / 1 km); 1 where no length is given."""
+    length = rows.number(_LINE)
+    tell_rows(reading.problems, length <= 0.0, rows, "found a length of 0 or less, expected one above 0")
+    kilometres = np.where(length > 0.0, length, np.nan) * reading.edge.metres / 1000.0
+    return np.sqrt(np.where(np.isnan(kilometres), 1.0, kilometres))[:, None]
 
 
 def _upper(components: Sequence[Component]) -> Iterable[tuple[Component, Component]]:
@@ -502,6 +517,8 @@ def _plain_group(
             words = "found a negative distance, expected one above 0"
             tell_rows(reading.problems, given[:, k] < 0.0, rows, words)
     sigma = _sigma(rows, type_)
+    if type_.key in _LEVELLED:
+        sigma = sigma * _of_lines(reading, rows)
     group = ObservationGroup(
         name=group_name(entry, number),
         type=type_,

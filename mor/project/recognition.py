@@ -103,7 +103,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "height_difference": (
         {"from": _FROM, "to": _TO, "dz": "dz|dh|deltah|deltaz|heightdifference|heightdiff|hoehenunterschied"},
-        {"sigma": "std|stdev", "epoch": "epoch|epoche"},
+        {"sigma": "std|stdev", "length": "km|lengthkm|laenge|linelength", "epoch": "epoch|epoche"},
     ),
     "images": (
         {"id": "id|image|imageid|imagename|photo|bild|foto", "omega": "", "phi": "", "kappa": ""},
@@ -508,7 +508,10 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> 
     """Entry of the template for a table; where heights alone are measured, positions of its points are held."""
     renamed = {theirs: ours for ours, theirs in table.columns.items() if ours != theirs}
     others = [name for name in table.header if name not in table.columns.values()]
-    units = {**table.units, **_units_of_precision(table)}
+    guessed = _units_of_precision(table)
+    units = {**table.units, **guessed}
+    if "km" in _normalised(table.columns.get("length", "")):
+        units.setdefault("length", "km")
     keys: dict[str, Any] = {}
     if not table.has_header:
         keys["columns"] = list(table.header)
@@ -530,7 +533,7 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> 
         lines[0] += "  # CHECK the order: the file has no header"
     lines = [
         f"{line}  # CHECK: found standard deviations that are large in the unit of length"
-        if line.startswith("units:") and units != table.units
+        if line.startswith("units:") and guessed
         else line
         for line in lines
     ]
@@ -540,5 +543,6 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> 
         "details": lines,
         "has_camera": "camera" in table.columns,
         "has_sigma": table.has_sigma,
+        "of": "1 km" if "length" in table.columns else "your measurements",
         "sigma": "{sigma: 0.3 px}" if table.kind == "image" and corner else _SIGMA.get(table.kind, ""),
     }

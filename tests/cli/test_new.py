@@ -337,3 +337,19 @@ def test_a_levelling_network_is_adjusted_as_it_is_begun(tmp_path: Path) -> None:
     data = json.loads((tmp_path / "net.results" / "results.json").read_text())
     assert data["redundancy"] == 2
     assert data["sigma0"]["aposteriori"] < 3.0
+
+
+def test_the_sigma_of_a_levelling_line_grows_with_the_root_of_its_length(tmp_path: Path) -> None:
+    (tmp_path / "lines.csv").write_text("von,nach,dh,km\nA,B,1.001,0.36\nB,C,2.003,1.44\nC,A,-3.002,4\n")
+    project = tmp_path / "net.yaml"
+    assert mor("new", project, tmp_path / "lines.csv", "--datum", "free").code == 0
+    assert "units: {length: km}\n    values: {sigma: 1 mm}  # CHECK the σ of 1 km\n" in project.read_text()
+    assert mor("adjust", project, "--no-html").code == 0
+    data = json.loads((tmp_path / "net.results" / "results.json").read_text())
+    assert [row["sigma"] for row in data["residuals"]] == pytest.approx([0.0006, 0.0012, 0.002])
+    # The misclosure of 2 mm is divided in proportion to the lengths.
+    assert [row["v"] for row in data["residuals"]] == pytest.approx(
+        [-0.002 * km / 5.8 for km in (0.36, 1.44, 4.0)]
+    )
+    (tmp_path / "lines.csv").write_text("von,nach,dh,km\nA,B,1.001,0\n")
+    assert "found a length of 0 or less" in mor("check", project).err
