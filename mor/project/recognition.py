@@ -43,16 +43,16 @@ _SIGHT = {
     "epoch": "epoch|epoche",
 }
 _BETWEEN = {**_HEIGHTS, "sigma": "", "epoch": "epoch|epoche"}
-_DISTANCE = "distance|length|dist|strecke|sd|slope|slopedistance|slopedist|slopedistances|schraegstrecke"
+_DISTANCE = "distance|length|dist|strecke|sd|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke"
 _HORIZONTAL = (
     "horizontal|hz|ha|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
     "|hzrichtung|horizontalrichtung"
 )
 _ZENITH = "zenith|v|za|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va"
 _POINTS = {
-    "x": "x|x0|e|east|easting|eastings|rechts|rechtswert|ost|ostwert",
-    "y": "y|y0|n|north|northing|northings|hoch|hochwert|nord|nordwert",
-    "z": "z|z0|h|height|elevation|elev|el|alt|altitude|hoehe",
+    "x": "x|x0|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert",
+    "y": "y|y0|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert",
+    "z": "z|z0|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe",
 }
 _STATED = {f"sigma_{name}": f"s{name}|std{name}|stdev{name}" for name in "xyz"} | {
     "sigma": "std|stdev|accuracy"
@@ -136,6 +136,10 @@ PLACES = ("point", "at", "from", "to", "station")
 _LONGEST_HEADING = 200
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
+_DMS = re.compile(r"[-+]?\d+\s*[-°:]\s*\d+\s*[-'′:]\s*\d")
+_ANGLES = ("horizontal", "zenith", "angle", "bearing", "zenith_angle", "vertical_direction")
+"""Columns that may hold degrees, minutes and seconds."""
+_OF_POINTS = ("id", "x", "y", "z")
 _UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "δ": "d", "ω": "omega", "φ": "phi", "κ": "kappa"}
 )
@@ -181,18 +185,20 @@ def recognise(path: Path) -> list[Found]:
 
     Raises :class:`InputError` if its columns are those of no kind.
     """
-    delimiter, rows = _cells(path)
+    delimiter, rows, above = _cells(path)
     header = tuple(cell.strip() for cell in rows[0]) if rows else ()
     has_header = bool(header) and not any(_NUMBER.fullmatch(cell) for cell in header)
-    if not has_header:
+    if not has_header and len(above) == len(header) and _kinds(_named(above)):
+        header = above
+    elif not has_header:
         if not _is_list_of_points(rows):
             words = (
                 "expected a header with the names of the columns in the first line; only a list of points "
                 "(name, x, y, z) may be without"
             )
             raise InputError([Message(words, str(path), 1)])
-        header = ("id", "x", "y", "z")
-    named = [(cell, *_name_and_unit(cell)) for cell in header]
+        header = _OF_POINTS
+    named = _named(header)
     kinds = _kinds(named)
     if not kinds:
         raise InputError(
@@ -250,18 +256,22 @@ def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
     return table._replace(kind="images") if of_images else table
 
 
-def _cells(path: Path) -> tuple[str, tuple[tuple[str, ...], ...]]:
-    """Delimiter and cells of a table, without comments and empty lines."""
+def _cells(path: Path) -> tuple[str, tuple[tuple[str, ...], ...], tuple[str, ...]]:
+    """Delimiter and cells of a table, without comments and empty lines, and those of a comment in its first line."""
     if is_spreadsheet(path):
         frame = read_spreadsheet(path)
-        return ",", (tuple(frame.columns), *(tuple(cell or "" for cell in row) for row in frame.iter_rows()))
-    lines = [line for line in read_text(path, TABLE).split("\n") if line.strip() and not line.startswith("#")]
+        rows = (tuple(cell or "" for cell in row) for row in frame.iter_rows())
+        return ",", (tuple(frame.columns), *rows), ()
+    text = read_text(path, TABLE)
+    lines = [line for line in text.split("\n") if line.strip() and not line.startswith("#")]
     first = lines[0] if lines else ""
     delimiter = max(";\t,", key=first.count)
     if not first.count(delimiter):
         delimiter, lines = " ", [" ".join(line.split()) for line in lines]
     try:
-        return delimiter, tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
+        comment = text.partition("\n")[0].strip().removeprefix("#") if text.startswith("#") else ""
+        above = tuple(cell.strip() for cell in next(csv.reader([comment], delimiter=delimiter), ()))
+        return delimiter, tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row), above
     except csv.Error as error:
         words = f"this is not a table: {error}; is a quote not closed?"
         raise InputError([Message(words, str(path))]) from None
@@ -313,6 +323,11 @@ def _columns(kind: str, named: Sequence[tuple[str, str, str]]) -> dict[str, str]
             if ours in required:
                 return None
     return columns
+
+
+def _named(header: Sequence[str]) -> list[tuple[str, str, str]]:
+    """Cells of a header with their names and units."""
+    return [(cell, *_name_and_unit(cell)) for cell in header]
 
 
 def _name_and_unit(cell: str) -> tuple[str, str]:
@@ -510,11 +525,14 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> 
     others = [name for name in table.header if name not in table.columns.values()]
     guessed = _units_of_precision(table)
     units = {**table.units, **guessed}
+    units |= dict.fromkeys((name for name in _ANGLES if any(map(_DMS.match, table.texts(name)))), "dms")
     if "km" in _normalised(table.columns.get("length", "")):
         units.setdefault("length", "km")
     keys: dict[str, Any] = {}
     if not table.has_header:
-        keys["columns"] = list(table.header)
+        keys["columns"] = [
+            renamed.get(name, name if name in table.columns else None) for name in table.header
+        ]
     elif renamed or others:
         keys["columns"] = {**renamed, **dict.fromkeys(others)}
     if units:
@@ -529,7 +547,7 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> 
         f"{key}: {yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=100_000).splitlines()[0]}"
         for key, value in keys.items()
     ]
-    if not table.has_header:
+    if table.header == _OF_POINTS and not table.has_header:
         lines[0] += "  # CHECK the order: the file has no header"
     lines = [
         f"{line}  # CHECK: found standard deviations that are large in the unit of length"

@@ -353,3 +353,35 @@ def test_the_sigma_of_a_levelling_line_grows_with_the_root_of_its_length(tmp_pat
     )
     (tmp_path / "lines.csv").write_text("von,nach,dh,km\nA,B,1.001,0\n")
     assert "found a length of 0 or less" in mor("check", project).err
+
+
+def test_degrees_minutes_and_seconds_are_found_by_their_cells(tmp_path: Path) -> None:
+    rows = [
+        "From,To,HA (deg),VA (deg),SD (m)",
+        "A,B,0-00-05,89-59-20,100.123",
+        "A,C,45-12-33,90-10-11,88.321",
+    ]
+    (tmp_path / "book.csv").write_text("\n".join(rows) + "\n")
+    project = tmp_path / "net.yaml"
+    assert mor("new", project, tmp_path / "book.csv").code == 0
+    assert "units: {horizontal: dms, zenith: dms}\n" in project.read_text()
+    assert mor("check", project).code == 0
+
+
+@pytest.mark.parametrize(
+    ("first", "columns"),
+    [
+        ("#Label,X/Easting,Y/Northing,Z/Altitude,Error_(m)", "columns: [id, x, y, z, null]\n"),
+        ("# a comment, not, a, header, at all", ""),
+        ("# of the year 2026", ""),
+    ],
+)
+def test_a_header_may_be_a_comment(tmp_path: Path, first: str, columns: str) -> None:
+    more = ",0.01" if columns else ""
+    (tmp_path / "marks.txt").write_text(f"{first}\nP1,10.5,20.5,3{more}\nP2,11.5,21.5,4{more}\n")
+    (tmp_path / "lines.csv").write_text("from,to,distance\nP1,P2,1.7\n")
+    project = tmp_path / "net.yaml"
+    assert mor("new", project, tmp_path / "marks.txt", tmp_path / "lines.csv", "--datum", "free").code == 0
+    wanted = columns or "columns: [id, x, y, z]  # CHECK the order: the file has no header"
+    assert wanted in project.read_text()
+    assert mor("check", project).code == 0
