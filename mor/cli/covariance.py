@@ -17,10 +17,27 @@ if TYPE_CHECKING:
     from mor.report.covariance import Labelled
 
 
+def joined(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -> str | None:
+    """The names of an option that was given any number of times; ``None`` if it was not."""
+    return ",".join(value) if value else None
+
+
 @click.command(name="covariance")
 @click.argument("results", type=InputPath())
-@click.option("--points", metavar="A,B,…", help="All coordinates of these points together.")
-@click.option("--images", metavar="A,B,…", help="Positions and attitudes of these images together.")
+@click.option(
+    "--points",
+    metavar="A,B,…",
+    multiple=True,
+    callback=joined,
+    help="All coordinates of these points together.",
+)
+@click.option(
+    "--images",
+    metavar="A,B,…",
+    multiple=True,
+    callback=joined,
+    help="Positions and attitudes of these images together.",
+)
 @click.option(
     "--cameras",
     metavar="[A,B,…]",

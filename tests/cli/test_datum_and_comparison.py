@@ -146,6 +146,9 @@ def test_covariances_of_chosen_points(tmp_path: Path) -> None:
 
     np.testing.assert_allclose(mmread(tmp_path / "chosen.mtx"), archive["covariance"], rtol=1e-15)
     assert "datum: free" in (tmp_path / "chosen.mtx").read_text()
+    twice = ["--points", "P3", "--points", "P0", "-o", tmp_path / "twice.csv"]
+    assert mor("covariance", results, *twice).code == 0
+    assert (tmp_path / "twice.csv").read_text() == (tmp_path / "chosen.csv").read_text()
 
 
 def test_expanded_uncertainties_are_multiples_of_sigma(tmp_path: Path) -> None:
