@@ -160,7 +160,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
     "-v",
     "--verbose",
     is_flag=True,
-    help="Print the phases, all notes, the groups and every iteration.",
+    help="Print the phases and their times, all notes, the groups and every iteration.",
 )
 def command(**given: Any) -> int:
     """Adjust PROJECT and write reports, results and tables.
@@ -224,6 +224,8 @@ def run(asked: Asked) -> int:
         if say.told > MOST_NOTES and said and not asked.verbose:
             more = say.told - MOST_NOTES
             said += "\n" + words("and {count:more note|more notes}; --verbose shows all", count=more)
+        if said and asked.verbose:
+            said += "\n" + say.durations()
         code = exit_code(solved, asked.strict)
         written = str(folder) if asked.writes else None
         say.event("done", outcome=solved.adjustment.outcome.value, exit_code=int(code), folder=written)

@@ -101,6 +101,8 @@ class Progress:
     """Notes that are shown."""
     told: int = 0
     """Notes there were."""
+    begun: list[tuple[str, float]] = field(default_factory=list)
+    """Phases, each with the time at which it began."""
 
     def event(self, kind: str, /, **data: object) -> None:
         """Tell a watching program what happened: one line, at once."""
@@ -116,6 +118,7 @@ class Progress:
     def phase(self, name: str, total: int = 0) -> Callable[[int], None]:
         """A new phase begins; what is returned counts what is done of a ``total``."""
         self.name = self.words.listed(name)
+        self.begun.append((self.name, time.monotonic()))
         self.event("phase", name=name)
         self._leave_iterations()
         if self.status is not None:
@@ -123,6 +126,12 @@ class Progress:
         elif self.verbose and not self.quiet:
             click.echo(f"{self.name} …", err=True)
         return self.counter(total)
+
+    def durations(self) -> str:
+        """The phases so far with their durations, in a line."""
+        ends = [at for _, at in self.begun[1:]] + [time.monotonic()]
+        parts = [f"{name} {end - at:.1f} s" for (name, at), end in zip(self.begun, ends, strict=True)]
+        return self.words("duration of the phases: {phases}", phases=", ".join(parts))
 
     def counter(self, total: int) -> Callable[[int], None]:
         """Counts what is done of a phase, and shows how much is left of it and for how long."""
