@@ -41,8 +41,8 @@ from mor.cli.options import InputPath, OutputPath, force_option
 )
 @click.option(
     "--protocol",
-    type=click.Choice(["iso17123-3", "iso17123-4"]),
-    help="Begin the full test of directions or of a distance meter by ISO 17123 instead, with a table to fill in.",
+    type=click.Choice(["iso17123-3", "iso17123-4", "iso17123-8"]),
+    help="Begin the full test of directions, a distance meter or RTK by ISO 17123 instead, with a table to fill in.",
 )
 @force_option
 def command(

@@ -443,11 +443,14 @@ def _rendered(template: str, content: dict[str, Any]) -> str:
 
 
 def begin_test(target: Path, title: str, protocol: str) -> dict[Path, str]:
-    """Texts by path: the project of a test by ISO 17123, part 3 or 4, and its table to fill in."""
+    """Texts by path: the project of a test by ISO 17123, part 3, 4 or 8, and its table to fill in."""
     content = {"name": target.name, "title": _quoted(title)}
     if protocol == "iso17123-4":
         table, header = "distances.csv", "from,to,distance"
         pairs = [(str(one), str(other)) for one, other in combinations(range(1, 8), 2)]
+    elif protocol == "iso17123-8":
+        table, header = "positions.csv", "series,set,point,x,y,z"
+        pairs = [(f"{series},{k}", f"{point},,") for series, k, point in product("123", "12345", "12")]
     else:
         table, header = "directions.csv", "station,to,horizontal"
         sets, targets = list(product(range(1, 5), range(1, 4))), list(product(range(1, 5), range(2, 6)))

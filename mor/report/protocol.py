@@ -1,4 +1,4 @@
-"""Tests of instruments by the full procedures of ISO 17123-3:2001 and ISO 17123-4:2012: the protocol."""
+"""Tests of instruments by the full procedures of ISO 17123-3:2001, -4:2012 and -8:2015: the protocol."""
 
 from __future__ import annotations
 
@@ -16,13 +16,21 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS
 LEVEL = 0.05
 
 
+class Part(NamedTuple):
+    """Observations that have one standard deviation, and the degrees of freedom that remain of them."""
+
+    name: str
+    components: tuple[str, ...]
+    freedom: int
+
+
 class Procedure(NamedTuple):
-    """A full test procedure: what is observed, and the degrees of freedom that remain."""
+    """A full test procedure: what is observed."""
 
     title: str
     type: str
     observations: int
-    freedom: int
+    parts: tuple[Part, ...]
     unit: str
     per_unit: float
     """Internal units in one of ``unit``."""
@@ -33,20 +41,35 @@ PROCEDURES = {
         "Test of horizontal directions by ISO 17123-3:2001, full procedure",
         "directions",
         60,
-        32,
+        (Part("", ("horizontal",), 32),),
         "mgon",
         1e-3 * ANGLE_UNITS["gon"],
     ),
     "iso17123-4": Procedure(
-        "Test of a distance meter by ISO 17123-4:2012, full procedure", "distance", 21, 14, "mm", 1e-3
+        "Test of a distance meter by ISO 17123-4:2012, full procedure",
+        "distance",
+        21,
+        (Part("", ("distance",), 14),),
+        "mm",
+        1e-3,
+    ),
+    "iso17123-8": Procedure(
+        "Test of a GNSS receiver (RTK) by ISO 17123-8:2015, full procedure",
+        "coordinates",
+        90,
+        (Part("position", ("x", "y"), 56), Part("height", ("z",), 28)),
+        "mm",
+        1e-3,
     ),
 }
-"""Four series of three sets to five targets; seven points in a line, with all distances and an unknown zero offset."""
+"""Four series of three sets to five targets; seven points in a line, with all distances and an unknown zero offset;
+three series of five sets of the coordinates of two points."""
 
 
 class Figures(NamedTuple):
-    """Results of a test, in the unit of its procedure."""
+    """Results of a part of a test, in the unit of its procedure."""
 
+    part: Part
     s: float
     """Experimental standard deviation of an observation."""
     sigma: float
@@ -57,21 +80,24 @@ class Figures(NamedTuple):
     """From s."""
 
 
-def figures(view: View, protocol: str) -> Figures:
+def figures(view: View, protocol: str) -> list[Figures]:
     """Return the results of a test. Raises :class:`InputError` if they are not of the full procedure."""
     procedure, summary = PROCEDURES[protocol], view.summary
     used = view.used.filter(view.used["type"] == procedure.type)
-    sigmas = used["sigma"].unique().to_list()
+    rows = [used.filter(used["component"].is_in(part.components)) for part in procedure.parts]
     offsets = [
         one["components"]["offset"]
         for one in summary["others"]
         if one["kind"] == "distance meter" and one["components"].get("offset", {}).get("status") == "free"
     ]
     wrong = {
-        "redundancy": (summary["redundancy"], procedure.freedom),
+        "redundancy": (summary["redundancy"], sum(part.freedom for part in procedure.parts)),
         "observations": (used.height, procedure.observations),
         "distance meters with a free offset": (len(offsets), int(procedure.type == "distance")),
-        "standard deviations of observations": (len(sigmas), 1),
+        "standard deviations of observations": (
+            sum(one["sigma"].n_unique() for one in rows),
+            len(procedure.parts),
+        ),
     }
     problems = [
         Message(f"no full procedure of {protocol}: found {found} {name}, expected {expected}")
@@ -80,20 +106,28 @@ def figures(view: View, protocol: str) -> Figures:
     ]
     if problems:
         raise InputError(problems)
-    sigma0, unit = summary["sigma0"], str(used["unit"][0])
-    sigma = float(sigmas[0]) * (LENGTH_UNITS | ANGLE_UNITS)[unit] / procedure.per_unit
-    ratio = sigma0["ratio_of_sigmas"]
-    if not offsets:
-        return Figures(ratio * sigma, sigma, None, None)
-    scale = LENGTH_UNITS[view.length] / procedure.per_unit
-    from_s = offsets[0]["sigma"] * ratio * sigma0["apriori"] / sigma0["used_for_sigma"]
-    return Figures(ratio * sigma, sigma, offsets[0]["value"] * scale, from_s * scale)
+    found = []
+    for part, one in zip(procedure.parts, rows, strict=True):
+        factor = (LENGTH_UNITS | ANGLE_UNITS)[str(one["unit"][0])] / procedure.per_unit
+        v = one["v"].to_numpy() * factor
+        found.append(
+            Figures(part, float(np.sqrt(v @ v / part.freedom)), one["sigma"][0] * factor, None, None)
+        )
+    if offsets:
+        sigma0, scale = summary["sigma0"], LENGTH_UNITS[view.length] / procedure.per_unit
+        from_s = (
+            offsets[0]["sigma"] * sigma0["ratio_of_sigmas"] * sigma0["apriori"] / sigma0["used_for_sigma"]
+        )
+        found[0] = found[0]._replace(offset=offsets[0]["value"] * scale, sigma_offset=from_s * scale)
+    return found
 
 
 class StatisticalTest(NamedTuple):
     """One statistical test, passed if the figure lies within the limits."""
 
+    letter: str
     name: str
+    part: str
     found: float
     low: float | None
     high: float
@@ -105,47 +139,55 @@ class StatisticalTest(NamedTuple):
         return (self.low is None or self.low <= self.found) and self.found <= self.high
 
 
-def statistical_tests(one: Figures, other: Figures | None, protocol: str) -> list[StatisticalTest]:
+def statistical_tests(
+    one: list[Figures], other: list[Figures] | None, protocol: str
+) -> list[StatisticalTest]:
     """Return the tests of the standards at 95 %: χ² of s, F of two tests, Student's t of the zero offset."""
-    freedom, unit = PROCEDURES[protocol].freedom, PROCEDURES[protocol].unit
-    high = one.sigma * float(np.sqrt(chdtri(freedom, LEVEL) / freedom))
-    tests = [StatisticalTest("a) standard deviation s", one.s, None, high, unit)]
-    if other is not None:
-        bound = float(fdtri(freedom, freedom, 1.0 - 0.5 * LEVEL))
-        ratio = (one.s / other.s) ** 2
-        tests.append(StatisticalTest("b) s² / s² of the other test", ratio, 1.0 / bound, bound, "1"))
-    if one.offset is not None and one.sigma_offset is not None:
-        t = float(stdtrit(freedom, 1.0 - 0.5 * LEVEL))
-        limit = t * one.sigma_offset
-        tests.append(StatisticalTest("c) zero offset, absolute", abs(one.offset), None, limit, unit))
+    unit, count = PROCEDURES[protocol].unit, len(one)
+    tests = []
+    for letter, found in zip("ab", one, strict=False):
+        freedom = found.part.freedom
+        high = found.sigma * float(np.sqrt(chdtri(freedom, LEVEL) / freedom))
+        tests.append(
+            StatisticalTest(letter, "standard deviation s", found.part.name, found.s, None, high, unit)
+        )
+    for letter, found, compared in zip("abcd"[count:], one, other or [], strict=False):
+        bound = float(fdtri(found.part.freedom, found.part.freedom, 1.0 - 0.5 * LEVEL))
+        ratio, name = (found.s / compared.s) ** 2, "s² / s² of the other test"
+        tests.append(StatisticalTest(letter, name, found.part.name, ratio, 1.0 / bound, bound, "1"))
+    if one[0].offset is not None and one[0].sigma_offset is not None:
+        limit = float(stdtrit(one[0].part.freedom, 1.0 - 0.5 * LEVEL)) * one[0].sigma_offset
+        tests.append(StatisticalTest("c", "zero offset, absolute", "", abs(one[0].offset), None, limit, unit))
     return tests
 
 
 def protocol_text(view: View, other: View | None, protocol: str, words: Words) -> str:
     """Return the protocol of a test, and of its comparison with another one, on one page."""
-    procedure, one = PROCEDURES[protocol], figures(view, protocol)
-    tests = statistical_tests(one, None if other is None else figures(other, protocol), protocol)
+    procedure, found = PROCEDURES[protocol], figures(view, protocol)
+    tests = statistical_tests(found, None if other is None else figures(other, protocol), protocol)
     title = words(procedure.title)
 
     def said(value: float | None) -> str:
         return f"{words.number(fixed(value, 3))} {procedure.unit}"
 
-    offset = [(words("zero offset"), f"{said(one.offset)}, sigma {said(one.sigma_offset)}")]
+    def of(name: str, part: str) -> str:
+        return ", ".join(words(one) for one in (name, part) if one)
+
     facts: list[tuple[str, Any]] = [
         (words("project"), view.summary["title"] or "–"),
         *persons(view.identity, words),
-        (
-            words("standard deviation s"),
-            words("{s}, {freedom} degrees of freedom", s=said(one.s), freedom=procedure.freedom),
-        ),
-        (words("to be tested"), said(one.sigma)),
-        *(offset if one.offset is not None else []),
-        (words("program"), view.identity["program"]),
     ]
+    for one in found:
+        freedom = words("{s}, {freedom} degrees of freedom", s=said(one.s), freedom=one.part.freedom)
+        facts.append((of("standard deviation s", one.part.name), freedom))
+        facts.append((of("to be tested", one.part.name), said(one.sigma)))
+        if one.offset is not None:
+            facts.append((words("zero offset"), f"{said(one.offset)}, sigma {said(one.sigma_offset)}"))
+    facts.append((words("program"), view.identity["program"]))
     width = max(len(name) for name, _ in facts)
     rows = [
         [
-            words(test.name),
+            f"{test.letter}) {of(test.name, test.part)}",
             test.unit,
             *("-" if v is None else words.number(short(v, 4)) for v in (test.found, test.low, test.high)),
             words("accepted") if test.passed else words("rejected"),

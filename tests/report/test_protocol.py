@@ -1,4 +1,4 @@
-"""Tests by ISO 17123-3 and -4, against their formulas written out in NumPy and quantiles of SciPy."""
+"""Tests by ISO 17123-3, -4 and -8, against their formulas written out in NumPy and quantiles of SciPy."""
 
 from __future__ import annotations
 
@@ -52,9 +52,10 @@ def test_figures_and_verdicts(tmp_path: Path, seed: int, offset: float) -> None:
     s, delta, s_delta = by_hand(measured(one, seed, offset, 0.001))
     other = by_hand(measured(two, seed + 10, 0.0, 0.003))[0]
     assert s_delta == pytest.approx(s / np.sqrt(5.0), rel=1e-12)  # as the standard says
-    line, second = (figures(view_of_folder(folder / "line.results"), "iso17123-4") for folder in (one, two))
-    np.testing.assert_allclose(line, np.array([s, 0.002, delta, s_delta]) * 1e3, rtol=1e-7)
-    tests = statistical_tests(line, second, "iso17123-4")
+    found, second = (figures(view_of_folder(folder / "line.results"), "iso17123-4") for folder in (one, two))
+    (line,) = found
+    np.testing.assert_allclose(line[1:], np.array([s, 0.002, delta, s_delta]) * 1e3, rtol=1e-7)
+    tests = statistical_tests(found, second, "iso17123-4")
     expected = [
         (s * 1e3, None, 2.0 * np.sqrt(stats.chi2.ppf(0.95, 14) / 14)),
         ((s / other) ** 2, stats.f.ppf(0.025, 14, 14), stats.f.ppf(0.975, 14, 14)),
@@ -103,7 +104,7 @@ def test_directions(tmp_path: Path) -> None:
     residual = difference - difference.mean(axis=2, keepdims=True)
     s = float(np.sqrt((residual**2).sum() / 32)) * 1e3
     found = figures(view_of_folder(tmp_path / "test.results"), "iso17123-3")
-    assert found[:2] == pytest.approx((s, 0.5), rel=1e-8)
+    assert found[0][1:3] == pytest.approx((s, 0.5), rel=1e-8)
     (test,) = statistical_tests(found, None, "iso17123-3")
     assert test.high == pytest.approx(0.5 * np.sqrt(stats.chi2.ppf(0.95, 32) / 32), rel=1e-12)
     assert test.high == pytest.approx(0.5 * 1.20, abs=0.003)  # the factor that the standard prints
@@ -126,3 +127,36 @@ def test_other_results_are_refused(tmp_path: Path) -> None:
     assert "found 20 observations, expected 21" in run.err
     assert mor("report", tmp_path / "line.results", "--protocol", "iso17123-4", "--pdf").code == 2
     assert mor("new", tmp_path / "x.yaml", table, "--protocol", "iso17123-4").code == 2
+
+
+def test_positions_by_gnss(tmp_path: Path) -> None:
+    """s of positions and heights from the deviations from the means of the points, as the standard has it."""
+    assert mor("new", tmp_path / "test.yaml", "--protocol", "iso17123-8").code == 0
+    table, random = tmp_path / "positions.csv", np.random.default_rng(9)
+    lines = table.read_text().splitlines()
+    assert (lines[0], len(lines), lines[2]) == ("series,set,point,x,y,z", 31, "1,1,2,,,")
+    places = np.array([[1000.0, 2000.0, 100.0], [1008.0, 2006.0, 100.5]])
+    values = places + random.normal(0.0, [0.008, 0.008, 0.030], (15, 2, 3))
+    rows = [
+        line.replace(",,,", ",") + ",".join(map(repr, row))
+        for line, row in zip(lines[1:], values.reshape(-1, 3).tolist(), strict=True)
+    ]
+    table.write_text("\n".join([lines[0], *rows]) + "\n")
+    assert mor("adjust", tmp_path / "test.yaml", "--no-html").code == 0
+    squares = ((values - values.mean(axis=0)) ** 2).sum(axis=(0, 1)) * 1e6
+    expected = [np.sqrt((squares[0] + squares[1]) / 56), np.sqrt(squares[2] / 28)]
+    found = figures(view_of_folder(tmp_path / "test.results"), "iso17123-8")
+    assert [one.s for one in found] == pytest.approx(expected, rel=1e-7)
+    tests = statistical_tests(found, found, "iso17123-8")
+    assert [test.letter for test in tests] == ["a", "b", "c", "d"]
+    limits = [15.0 * np.sqrt(stats.chi2.ppf(0.95, 56) / 56), 25.0 * np.sqrt(stats.chi2.ppf(0.95, 28) / 28)]
+    limits += [stats.f.ppf(0.975, 56, 56), stats.f.ppf(0.975, 28, 28)]
+    assert [test.high for test in tests] == pytest.approx(limits, rel=1e-10)
+    assert [test.passed for test in tests] == [True, expected[1] <= limits[1], True, True]
+    run = mor("report", tmp_path / "test.results", "--protocol", "iso17123-8", "--lang", "de")
+    assert run.code == 0, run.err
+    text = (tmp_path / "test.results" / "protocol.txt").read_text(encoding="utf-8")
+    assert (
+        f"Standardabweichung s, Position  {expected[0]:.3f} mm, 56 Freiheitsgrade".replace(".", ",") in text
+    )
+    assert "b) Standardabweichung s, Höhe" in text
