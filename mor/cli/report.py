@@ -36,7 +36,7 @@ from mor.cli.options import InputPath, OutputPath
 )
 @click.option(
     "--protocol",
-    type=click.Choice(["iso17123-3", "iso17123-4", "iso17123-8"]),
+    type=click.Choice(["iso17123-3", "iso17123-4", "iso17123-8", "vdi2634-1"]),
     help="Write the protocol of a test by this standard, as text.",
 )
 @click.option(
@@ -44,6 +44,13 @@ from mor.cli.options import InputPath, OutputPath
     metavar="RESULTS",
     type=InputPath(),
     help="Other test to compare the standard deviation with, for --protocol.",
+)
+@click.option(
+    "--permissible",
+    nargs=2,
+    type=click.FloatRange(min=0.0),
+    metavar="A K",
+    help="Permissible length measurement error A + K·L of vdi2634-1: A in mm, K in mm per m.",
 )
 @language_option("the PDF or the page")
 def command(
@@ -55,6 +62,7 @@ def command(
     appendix: str | None,
     protocol: str | None,
     against: Path | None,
+    permissible: tuple[float, float] | None,
     lang: str,
 ) -> None:
     """Print the report in RESULTS as PDF, or write report.html in another language.
@@ -83,6 +91,10 @@ def command(
     name = "report.pdf" if pdf else "report.html" if protocol is None else "protocol.txt"
     if (pdf and protocol is not None) or (against is not None and protocol is None):
         raise InputError([Message("--protocol goes without --pdf, and --against with --protocol")])
+    if (protocol == "vdi2634-1") != (permissible is not None and max(permissible) > 0.0):
+        raise InputError([Message("--permissible goes with --protocol vdi2634-1, and is not zero")])
+    if protocol == "vdi2634-1" and against is not None:
+        raise InputError([Message("--against goes with the protocols of ISO 17123")])
     target = output or results / name
     if not (results / "results.json").is_file():
         raise InputError([Message("there is no results.json in this folder", str(results))])
@@ -94,10 +106,14 @@ def command(
     check_file(target, force)
     view, words = view_of_folder(results), words_of_page(lang)
     if protocol is not None:
-        from mor.report.protocol import protocol_text
+        from mor.report.protocol import length_protocol, protocol_text
 
         other = None if against is None else view_of_folder(against)
-        write_file(target, protocol_text(view, other, protocol, words_of(lang)), force)
+        if permissible is not None:
+            text = length_protocol(view, permissible, words_of(lang))
+        else:
+            text = protocol_text(view, other, protocol, words_of(lang))
+        write_file(target, text, force)
     elif pdf:
         from mor.report.paper import report_on_paper
 

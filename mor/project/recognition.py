@@ -443,11 +443,15 @@ def _rendered(template: str, content: dict[str, Any]) -> str:
 
 
 def begin_test(target: Path, title: str, protocol: str) -> dict[Path, str]:
-    """Texts by path: the project of a test by ISO 17123, part 3, 4 or 8, and its table to fill in."""
+    """Texts by path: the project of a test by ISO 17123 or VDI/VDE 2634, and its table to fill in."""
     content = {"name": target.name, "title": _quoted(title)}
     if protocol == "iso17123-4":
         table, header = "distances.csv", "from,to,distance"
         pairs = [(str(one), str(other)) for one, other in combinations(range(1, 8), 2)]
+    elif protocol == "vdi2634-1":
+        table, header = "lengths.csv", "from,to,distance"
+        pairs = [(f"L{line}-1", f"L{line}-{end}") for line, end in product(range(1, 8), range(2, 7))]
+        content["ends"] = ", ".join(f"[L{line}-{end}]" for line, end in product(range(1, 8), range(1, 7)))
     elif protocol == "iso17123-8":
         table, header = "positions.csv", "series,set,point,x,y,z"
         pairs = [(f"{series},{k}", f"{point},,") for series, k, point in product("123", "12345", "12")]

@@ -1,10 +1,11 @@
-"""Tests of instruments by the full procedures of ISO 17123-3:2001, -4:2012 and -8:2015: the protocol."""
+"""Tests of instruments by ISO 17123-3:2001, -4:2012 and -8:2015 and by VDI/VDE 2634 part 1: the protocol."""
 
 from __future__ import annotations
 
 from typing import Any, NamedTuple
 
 import numpy as np
+import polars as pl
 from scipy.special import chdtri, fdtri, stdtrit
 
 from mor.errors import InputError, Message
@@ -14,6 +15,8 @@ from mor.report.view import View
 from mor.units import ANGLE_UNITS, LENGTH_UNITS
 
 LEVEL = 0.05
+LINES, LENGTHS = 7, 5
+"""Lines, and lengths in each, that VDI/VDE 2634 part 1 asks for at least."""
 
 
 class Part(NamedTuple):
@@ -161,33 +164,98 @@ def statistical_tests(
     return tests
 
 
+def length_tests(view: View, permissible: tuple[float, float]) -> list[StatisticalTest]:
+    """Return a test of each line by VDI/VDE 2634 part 1: its error that comes nearest to the permissible one, in mm.
+
+    Lengths of one line begin at one point. ``permissible``: A in mm and K in mm/m of A + K·L. Raises
+    :class:`InputError` if there are too few lines, or too few lengths in one.
+    """
+    checks = view.residuals.filter((pl.col("flag") == "check") & (pl.col("type") == "distance"))
+    lines = [(str(name), rows) for (name,), rows in checks.group_by("from", maintain_order=True)]
+    problems = [
+        Message(
+            f"no full procedure of vdi2634-1: found {found} lengths from {name}, expected at least {LENGTHS}"
+        )
+        for name, rows in lines
+        if (found := rows["to"].n_unique()) < LENGTHS
+    ]
+    if len(lines) < LINES:
+        text = f"no full procedure of vdi2634-1: found {len(lines)} lines, expected at least {LINES}"
+        problems.insert(0, Message(text))
+    if problems:
+        raise InputError(problems)
+    metres, tests = LENGTH_UNITS[view.length], []
+    for name, rows in lines:
+        errors = np.abs(rows["v"].to_numpy()) * metres * 1e3
+        limits = permissible[0] + permissible[1] * rows["observed"].to_numpy() * metres
+        worst = int(np.argmax(errors / limits))
+        tests.append(
+            StatisticalTest(name, "length measurement error", "", errors[worst], None, limits[worst], "mm")
+        )
+    return tests
+
+
+def length_protocol(view: View, permissible: tuple[float, float], words: Words) -> str:
+    """Return the protocol of lengths by VDI/VDE 2634 part 1, on one page."""
+    tests = length_tests(view, permissible)
+    a, k = (words.number(short(value)) for value in permissible)
+    largest = max(
+        abs(row["largest"])
+        for row in view.checks
+        if row["type"] == "distance" and row["component"] == "distance"
+    )
+    facts = [
+        (words("permissible"), f"{a} mm + {k} mm/m · L"),
+        (
+            words("largest length measurement error"),
+            f"{words.number(fixed(largest * LENGTH_UNITS[view.length] * 1e3, 4))} mm",
+        ),
+    ]
+    title = words("Test of lengths by VDI/VDE 2634 part 1")
+    return _page(view, title, facts, words("Lines: the error nearest to its limit"), tests, words)
+
+
 def protocol_text(view: View, other: View | None, protocol: str, words: Words) -> str:
     """Return the protocol of a test, and of its comparison with another one, on one page."""
     procedure, found = PROCEDURES[protocol], figures(view, protocol)
     tests = statistical_tests(found, None if other is None else figures(other, protocol), protocol)
-    title = words(procedure.title)
 
     def said(value: float | None) -> str:
         return f"{words.number(fixed(value, 3))} {procedure.unit}"
 
-    def of(name: str, part: str) -> str:
-        return ", ".join(words(one) for one in (name, part) if one)
-
-    facts: list[tuple[str, Any]] = [
-        (words("project"), view.summary["title"] or "–"),
-        *persons(view.identity, words),
-    ]
+    facts: list[tuple[str, Any]] = []
     for one in found:
         freedom = words("{s}, {freedom} degrees of freedom", s=said(one.s), freedom=one.part.freedom)
-        facts.append((of("standard deviation s", one.part.name), freedom))
-        facts.append((of("to be tested", one.part.name), said(one.sigma)))
+        facts.append((_name("standard deviation s", one.part.name, words), freedom))
+        facts.append((_name("to be tested", one.part.name, words), said(one.sigma)))
         if one.offset is not None:
             facts.append((words("zero offset"), f"{said(one.offset)}, sigma {said(one.sigma_offset)}"))
-    facts.append((words("program"), view.identity["program"]))
+    title = words("Statistical tests, confidence level 95 %")
+    return _page(view, words(procedure.title), facts, title, tests, words)
+
+
+def _name(name: str, part: str, words: Words) -> str:
+    return ", ".join(words(one) for one in (name, part) if one)
+
+
+def _page(
+    view: View,
+    title: str,
+    facts: list[tuple[str, Any]],
+    title_of_tests: str,
+    tests: list[StatisticalTest],
+    words: Words,
+) -> str:
+    facts = [
+        (words("project"), view.summary["title"] or "–"),
+        *persons(view.identity, words),
+        *facts,
+        (words("program"), view.identity["program"]),
+    ]
     width = max(len(name) for name, _ in facts)
     rows = [
         [
-            f"{test.letter}) {of(test.name, test.part)}",
+            f"{test.letter}) {_name(test.name, test.part, words)}",
             test.unit,
             *("-" if v is None else words.number(short(v, 4)) for v in (test.found, test.low, test.high)),
             words("accepted") if test.passed else words("rejected"),
@@ -204,7 +272,7 @@ def protocol_text(view: View, other: View | None, protocol: str, words: Words) -
                     "=" * min(len(title), WIDTH),
                     *(f"{name.ljust(width)}  {text}" for name, text in facts),
                     "",
-                    heading(words("Statistical tests, confidence level 95 %")),
+                    heading(title_of_tests),
                     table(headers, rows, 2, words, last_left=True),
                     "",
                     "",

@@ -1,7 +1,8 @@
-"""Tests by ISO 17123-3, -4 and -8, against their formulas written out in NumPy and quantiles of SciPy."""
+"""Tests by ISO 17123-3, -4 and -8 and VDI/VDE 2634, against formulas in NumPy and quantiles of SciPy."""
 
 from __future__ import annotations
 
+import json
 import re
 from itertools import combinations
 from pathlib import Path
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from mor.report.protocol import figures, statistical_tests
+from mor.report.protocol import figures, length_tests, statistical_tests
 from mor.report.view import view_of_folder
 from tests.scenarios.small_projects import mor
 
@@ -160,3 +161,59 @@ def test_positions_by_gnss(tmp_path: Path) -> None:
         f"Standardabweichung s, Position  {expected[0]:.3f} mm, 56 Freiheitsgrade".replace(".", ",") in text
     )
     assert "b) Standardabweichung s, Höhe" in text
+
+
+def test_lengths(tmp_path: Path) -> None:
+    """Errors of the lengths between mean coordinates, and their limits A + K·L, by NumPy alone."""
+    assert mor("new", tmp_path / "new.yaml", "--protocol", "vdi2634-1").code == 0
+    lines = (tmp_path / "lengths.csv").read_text().splitlines()
+    ends = [line.split(",")[:2] for line in lines[1:]]
+    assert ends == [[f"L{k}-1", f"L{k}-{end}"] for k in range(1, 8) for end in range(2, 7)]
+    random = np.random.default_rng(3)
+    names = [f"L{k}-{end}" for k in range(1, 8) for end in range(1, 7)]
+    ways = random.normal(size=(7, 1, 3))
+    ways /= np.linalg.norm(ways, axis=2, keepdims=True)
+    places = (ways * np.array([0.0, 300.0, 600.0, 900.0, 1200.0, 1500.0])[:, None]).reshape(-1, 3)
+    measured = places + random.normal(0.0, 0.01, (2, 42, 3))
+    mean = dict(zip(names, measured.mean(axis=0), strict=True))
+    lengths = np.tile([300.0, 600.0, 900.0, 1200.0, 1500.0], 7)
+    table = [f"{a},{b},{length!r}" for (a, b), length in zip(ends, lengths.tolist(), strict=True)]
+    (tmp_path / "lengths.csv").write_text("\n".join([lines[0], *table]) + "\n")
+    rows = [[name, *map(float, row)] for one in measured for name, row in zip(names, one, strict=True)]
+    project = {
+        "mor": 1,
+        "units": {"length": "mm"},
+        "points": [{"columns": ["id"], "rows": [[name] for name in names]}],
+        "observations": [
+            {
+                "type": "coordinates",
+                "columns": ["point", "x", "y", "z"],
+                "values": {"sigma_x": 0.01, "sigma_y": 0.01, "sigma_z": 0.01},
+                "rows": rows,
+            }
+        ],
+        "checks": [{"type": "distance", "file": "lengths.csv", "values": {"sigma": 0.005}}],
+    }
+    (tmp_path / "test.yaml").write_text(json.dumps(project))
+    assert mor("adjust", tmp_path / "test.yaml", "--no-html").code == 0
+    found = np.array([np.linalg.norm(mean[b] - mean[a]) for a, b in ends])
+    errors, limits = np.abs(found - lengths).reshape(7, 5), (0.01 + 0.01 * lengths / 1e3).reshape(7, 5)
+    worst = (errors / limits).argmax(axis=1)[:, None]
+    tests = length_tests(view_of_folder(tmp_path / "test.results"), (0.01, 0.01))
+    assert [test.found for test in tests] == pytest.approx(
+        np.take_along_axis(errors, worst, 1)[:, 0], rel=1e-6
+    )
+    assert [test.high for test in tests] == pytest.approx(
+        np.take_along_axis(limits, worst, 1)[:, 0], rel=1e-9
+    )
+    assert [test.passed for test in tests] == (errors <= limits).all(axis=1).tolist()
+    options = ("--protocol", "vdi2634-1", "--permissible", 0.01, 0.01, "--lang", "de")
+    assert mor("report", tmp_path / "test.results", *options).code == 0
+    text = (tmp_path / "test.results" / "protocol.txt").read_text(encoding="utf-8")
+    assert f"größte Längenmessabweichung  {errors.max():.4f} mm".replace(".", ",") in text
+    assert text.count("angenommen") == (errors <= limits).all(axis=1).sum()
+    assert mor("report", tmp_path / "test.results", *options[:2], "-o", tmp_path / "x.txt").code == 2
+    (tmp_path / "lengths.csv").write_text("\n".join([lines[0], *table[:-1]]) + "\n")
+    assert mor("adjust", tmp_path / "test.yaml", "--no-html", "-f").code == 0
+    run = mor("report", tmp_path / "test.results", *options[:5], "-o", tmp_path / "x.txt")
+    assert (run.code, "found 4 lengths from L7-1" in run.err) == (2, True)
