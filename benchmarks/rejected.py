@@ -3,8 +3,8 @@
     python benchmarks/rejected.py --seeds 2
     python benchmarks/rejected.py --seeds 0 --pair accepted/project.yaml rejected/project.yaml
 
-Every kind of planted mistake of the tests goes into sample projects. The two commands run in turn, and the smaller of
-two times counts. Nothing else should run.
+Every kind of planted mistake of the tests goes into every sample project that has room for it. The two commands run in
+turn, and the smallest of their times counts. Nothing else should run.
 """
 
 from __future__ import annotations
@@ -25,7 +25,8 @@ from tests.scenarios.planted_mistakes.survey import NAMES, survey  # noqa: E402
 from tests.scenarios.planted_mistakes.trial import KINDS  # noqa: E402
 from tests.scenarios.planted_mistakes.truth import NotHereError  # noqa: E402
 
-TIMES = 2
+LIMITS = {True: 2.0, False: 5.0}
+"""Largest ratio of a network with a solution, and of one without it."""
 
 
 def seconds(project: Path, folder: Path) -> tuple[float, int]:
@@ -35,59 +36,60 @@ def seconds(project: Path, folder: Path) -> tuple[float, int]:
     return done.seconds.cpu, done.code
 
 
-def compared(accepted: Path, rejected: Path, folder: Path) -> tuple[float, float, int]:
+def compared(accepted: Path, rejected: Path, folder: Path, times: int) -> tuple[float, float, int]:
     """CPU seconds of both, and the exit code of the rejected one."""
-    times = [(seconds(accepted, folder), seconds(rejected, folder)) for _ in range(TIMES)]
-    return min(one[0] for one, _ in times), min(other[0] for _, other in times), times[0][1][1]
+    found = [(seconds(accepted, folder), seconds(rejected, folder)) for _ in range(times)]
+    return min(one[0] for one, _ in found), min(other[0] for _, other in found), found[0][1][1]
 
 
-def planted(kind: str, seed: int, folder: Path) -> tuple[str, Path, Path] | None:
-    """A sample with a mistake and without it; nothing where no sample has room for the mistake."""
-    random = np.random.default_rng([seed, list(KINDS).index(kind)])
-    for name in random.permutation(NAMES):
-        chosen = survey(str(name))
-        try:
-            KINDS[kind](chosen, random)
-        except NotHereError:
-            continue
-        clean = survey(str(name)).write(folder / "accepted")
-        return str(name), clean, chosen.write(folder / "rejected")
-    return None
+def planted(kind: str, name: str, seed: int, folder: Path) -> tuple[Path, Path] | None:
+    """A sample without a mistake and with it; nothing if the sample has no room for the mistake."""
+    random = np.random.default_rng([seed, list(KINDS).index(kind), NAMES.index(name)])
+    wrong = survey(name)
+    try:
+        KINDS[kind](wrong, random)
+    except NotHereError:
+        return None
+    return survey(name).write(folder / "accepted"), wrong.write(folder / "rejected")
 
 
 def main() -> None:
     """Print a row for each pair, and the largest ratios."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--seeds", type=int, default=1, help="networks for each kind of mistake")
+    parser.add_argument("--seeds", type=int, default=1, help="networks for each kind of mistake and sample")
     parser.add_argument("--first", type=int, default=0, help="first seed")
+    parser.add_argument("--times", type=int, default=2, help="runs of each command")
+    parser.add_argument("--kind", choices=sorted(KINDS), action="append", help="only this kind")
+    parser.add_argument("--sample", choices=NAMES, action="append", help="only this sample")
     parser.add_argument("--pair", nargs=2, type=Path, action="append", default=[], metavar="PROJECT")
     chosen = parser.parse_args()
     ratios: dict[bool, list[float]] = {True: [], False: []}
-    print(
-        "| network | mistake | accepted (CPU-s) | rejected (CPU-s) | ratio | exit code |\n|---|---|---|---|---|---|"
-    )
+    print("| network | mistake | seed | accepted (CPU-s) | rejected (CPU-s) | ratio | exit code |")
+    print("|---|---|---|---|---|---|---|")
 
-    def row(name: str, mistake: str, accepted: Path, rejected: Path, folder: Path) -> None:
-        before, after, code = compared(accepted, rejected, folder)
+    def row(words: str, accepted: Path, rejected: Path, folder: Path) -> None:
+        before, after, code = compared(accepted, rejected, folder, chosen.times)
         ratios[code in (0, 1)].append(after / before)
-        print(
-            f"| {name} | {mistake} | {before:.2f} | {after:.2f} | {after / before:.2f} | {code} |", flush=True
-        )
+        print(f"| {words} | {before:.2f} | {after:.2f} | {after / before:.2f} | {code} |", flush=True)
 
     for pair in chosen.pair:
         with tempfile.TemporaryDirectory() as folder:
-            row(pair[0].parent.name, pair[1].stem, *(path.resolve() for path in pair), Path(folder))
+            accepted, rejected = (path.resolve() for path in pair)
+            row(f"{accepted.parent.name} | {rejected.parent.name} | ", accepted, rejected, Path(folder))
     for seed in range(chosen.first, chosen.first + chosen.seeds):
-        for kind in KINDS:
-            with tempfile.TemporaryDirectory() as folder:
-                found = planted(kind, seed, Path(folder))
-                if found:
-                    row(found[0], kind.replace("_", " "), *found[1:], Path(folder))
-    for solved, words in ((True, "rejected"), (False, "without a solution, or not begun")):
-        if ratios[solved]:
+        for kind in chosen.kind or KINDS:
+            for name in chosen.sample or NAMES:
+                with tempfile.TemporaryDirectory() as folder:
+                    found = planted(kind, name, seed, Path(folder))
+                    if found:
+                        row(f"{name} | {kind} | {seed}", *found, Path(folder))
+    for solved, words in ((True, "solved"), (False, "without a solution, or not begun")):
+        some = ratios[solved]
+        if some:
+            above = sum(ratio > LIMITS[solved] for ratio in some)
             print(
-                f"{words}: {len(ratios[solved])}, median {median(ratios[solved]):.2f}, "
-                f"largest {max(ratios[solved]):.2f}"
+                f"{words}: {len(some)}, median {median(some):.2f}, largest {max(some):.2f}, "
+                f"{above} above {LIMITS[solved]:g}"
             )
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -52,7 +51,7 @@ from mor.types import FloatArray
 # Start values are worked out where none are given; of several that are possible the adjustment decides.
 # ------------------------------------------------------------
 
-SETTLING = 40
+SETTLING = 10
 """Iterations in which start values that are in doubt have to lead to a solution."""
 
 
@@ -143,7 +142,15 @@ def worked_out(network: Network) -> Approximation:
     """Start values worked out; of several that are possible those that the adjustment agrees with best."""
     from mor.start.assembly import approximate
 
-    return approximate(network, partial(_settled, network))
+    known: dict[bytes, tuple[Mapping[str, FloatArray], float] | None] = {}
+
+    def settle(start: Mapping[str, FloatArray]) -> tuple[Mapping[str, FloatArray], float] | None:
+        key = b"".join(values.tobytes() for values in start.values())
+        if key not in known:
+            known[key] = _settled(network, start)
+        return known[key]
+
+    return approximate(network, settle)
 
 
 def _settled(

@@ -823,7 +823,9 @@ class Datum(Strict):
 class Settings(Strict):
     """How to solve and to test."""
 
-    max_iterations: int = Field(default=50, ge=1, description="Most iterations without progress")
+    max_iterations: int = Field(
+        default=50, ge=1, description="Most iterations without progress; twice as many in all"
+    )
     sigma0: float = Field(
         default=1.0, gt=0.0, le=1e50, description="A-priori standard deviation of unit weight, as reported"
     )

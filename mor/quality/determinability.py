@@ -558,8 +558,6 @@ PARALLEL = "its rays are parallel within their precision: it has a direction but
 NARROW_ANGLE = "its rays meet at a narrow angle"
 ROUNDS = 6
 """Adjustments at most, until what is at infinity and what is left out stays the same."""
-FAILURES = 3
-"""Adjustments without a solution after which it is not points at infinity that keep it from one."""
 FEWEST_OF_DATUM = 3
 """Points with all coordinates in the datum that determine any movement of a network."""
 _RUN_AWAY = 1e-3
@@ -661,9 +659,8 @@ def _with_far_points(
     network: Network, start: Values, values: Values, found: RayPoints, means: Means
 ) -> tuple[Network, Attempt]:
     """The network and its adjustment begun at ``values``, with points at infinity as they show there and later."""
-    plain, first, doubted = network, values, found.points
-    failed = np.zeros(0, dtype=np.int64)
-    failures, complete = 0, set[tuple[int, ...]]()
+    plain, doubted = network, found.points
+    complete = set[tuple[int, ...]]()
     far = _beyond_reach(network, values, found, means)
     given: BoolArray = np.asarray(np.isfinite(start["point"][far.points]).all(axis=1))
     if given.any():
@@ -683,22 +680,15 @@ def _with_far_points(
             means = means._replace(solve=means.plainly)
         there = _values_of(network, adjustment.values, far.points)
         found = nearly_parallel(network, there)
-        if adjustment.outcome.is_solution:
-            found = with_free_poses(network, reduced, adjustment, there, found, means.critical)
-        now = _beyond_reach(network, there, found, means)
         if not adjustment.outcome.is_solution:
-            failed = np.union1d(failed, far.points)
-            failures += 1
-            if failures == FAILURES or np.isin(now.points, failed).all():
-                break
-            values = first
-            now = found.take(np.isin(found.points, np.union1d(now.points, failed)))
-        elif np.array_equal(np.sort(now.points), np.sort(far.points)):
             break
-        elif attempt.is_complete and tuple(np.sort(now.points).tolist()) in complete:
+        found = with_free_poses(network, reduced, adjustment, there, found, means.critical)
+        now = _beyond_reach(network, there, found, means)
+        if np.array_equal(np.sort(now.points), np.sort(far.points)):
+            break
+        if attempt.is_complete and tuple(np.sort(now.points).tolist()) in complete:
             break  # either is a solution of all observations, and leads to the other
-        else:
-            values = _with_coordinates(there, found.take(np.isin(found.points, far.points)))
+        values = _with_coordinates(there, found.take(np.isin(found.points, far.points)))
         if attempt.is_complete:
             complete.add(tuple(np.sort(far.points).tolist()))
         far = now

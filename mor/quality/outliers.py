@@ -423,7 +423,7 @@ _LEVEL = 1e-3
 """Of the question whether suspects are more than the largest residuals of a poor fit."""
 _ROUNDS = 8
 """Times that what suspects leave undetermined is given up with them."""
-_FROM_FAR = 40
+_FROM_FAR = 20
 """Iterations by directions: where nothing but start values is wrong, a dozen do, seldom thirty."""
 _FROM_NEAR = 15
 """Iterations of all observations from where most of them fit: a solution, if there is one, is not far from there."""

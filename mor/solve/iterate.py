@@ -661,7 +661,7 @@ class Settings(NamedTuple):
     """Settings of the solver."""
 
     max_iterations: int = 50
-    """Most iterations without progress."""
+    """Most iterations without progress; twice as many in all."""
 
 
 def adjust(
@@ -680,6 +680,7 @@ def _iterated(plan: Plan, start: Values, settings: Settings, watch: Watcher | No
     while (
         state.outcome is Outcome.NOT_CONVERGED
         and without_progress(state.iterations) < settings.max_iterations
+        and len(state.iterations) < 2 * settings.max_iterations
     ):
         state = _advance(state)
         if watch is not None and state.iterations:
