@@ -61,7 +61,8 @@ def joint_blocks(
     for first in range(0, len(columns), _BLOCKS_AT_A_TIME):
         piece = slice(first, first + _BLOCKS_AT_A_TIME)
         own, q = columns[piece], result[piece]
-        kept = (own[:, 0] < 0) | (plan.reduced[own[:, 0]] >= 0)
+        firsts = own[:, :1]
+        kept = (firsts < 0)[:, 0] | (reduced_columns(firsts, plan.reduced) >= 0)[:, 0]
         reduced = reduced_columns(own[kept], plan.reduced)
         q[kept] = block_cofactors(plan.target, cofactors.values, reduced)
         if adjustment.inverse.weak.shape[1]:

@@ -72,9 +72,9 @@ class Inverse(NamedTuple):
 
     def solve(self, rhs: FloatArray) -> FloatArray:
         """A solution x of N x = rhs, (u,) or (u, k), for a right-hand side in the range of N."""
-        columns = rhs.reshape(len(rhs), -1)
-        if columns.shape[1] == 0:
+        if rhs.size == 0:
             return rhs.copy()
+        columns = rhs.reshape(len(rhs), -1)
         if len(self.plan.rays.columns) == 0:
             x = self._reduced(columns)
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import pytest
@@ -44,7 +45,6 @@ def refused(project: Path, line: int) -> str:
         (DISTANCE, f"{DISTANCE} factor: 1e-60,", 6, "distance 1: found σ = 2e-63, expected one from 1e-50"),
         (DISTANCE, f"{DISTANCE} ppm: 1e300,", 6, "observations → 1 → ppm: found '1e300', expected 1e+50 or less"),
         ("94.36,", "-94.36,", 6, "found a negative distance, expected one above 0"),
-        ("[[C, 50, 80, 12]]", "[[C, 50, 80, 12]], fixed: [x, y, z]", 2, "there is nothing to adjust"),
         ("mor: 1", "mor: 1\nsettings: {sigma0: 1e999}", 2, "settings → sigma0: found '1e999', expected a finite"),
         ("mor: 1", "mor: 1\ndatum: {free: []}", 2, "datum: names no coordinates"),
         ("mor: 1", "mor: 1\ndatum: {free: all, components: []}", 2, "datum: names no coordinates"),
@@ -135,9 +135,24 @@ def test_start_values_that_coincide_lead_to_the_same_solution(tmp_path: Path) ->
     assert found[1] == pytest.approx(found[0], rel=1e-6)
 
 
+def test_without_unknowns_observations_are_compared_with_what_is_given(tmp_path: Path) -> None:
+    fixed = TRIANGLE.replace("[[C, 50, 80, 12]]", "[[C, 50, 80, 12]], fixed: [x, y, z]")
+    run = mor("adjust", write(tmp_path, fixed))
+    assert run.code == 0, run.err
+    assert "nothing is adjusted, for all coordinates and parameters are fixed" in run.err
+    data = json.loads((tmp_path / "project.results" / "results.json").read_text())
+    assert (data["unknowns"], data["redundancy"]) == (0, data["observations"])
+    points = {"A": (0.0, 0.0, 10.0), "B": (100.0, 0.0, 11.0), "C": (50.0, 80.0, 12.0)}
+    for row in data["residuals"]:
+        computed = math.dist(points[row["from"]], points[row["to"]])
+        if row["type"] == "distance":
+            assert row["v"] == pytest.approx(computed - row["observed"], abs=1e-12)
+        assert row["r"] == 1.0
+
+
 def test_nothing_that_is_estimated_is_observed(tmp_path: Path) -> None:
-    said = refused(write(tmp_path, LEVELLING + "settings: {dimensions: xy}\n"), 3)
-    assert said.startswith("there is nothing to adjust")
+    run = mor("adjust", write(tmp_path, LEVELLING + "settings: {dimensions: xy}\n"), "--no-html")
+    assert "nothing is adjusted, for all coordinates and parameters are fixed or not estimated" in run.err
 
 
 REPEATED = """\
