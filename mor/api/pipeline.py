@@ -51,7 +51,7 @@ from mor.types import FloatArray
 # Start values are worked out where none are given; of several that are possible the adjustment decides.
 # ------------------------------------------------------------
 
-SETTLING = 10
+SETTLING = 40
 """Iterations in which start values that are in doubt have to lead to a solution."""
 
 

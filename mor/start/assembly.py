@@ -774,7 +774,7 @@ def _plain(network: Network, group: ObservationGroup) -> ObservationGroup:
 
 SettleNetwork = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
 """Adjusts start values: the values they lead to and v'Pv (infinite: singular), or ``None`` where they lead nowhere."""
-OTHERS_TRIED = 6
+OTHERS_TRIED = 12
 """Other answers that are tried where start values do not agree, in networks of up to ``FEW`` observations."""
 FEW = 1_000
 """Observations from which fewer are tried, in inverse proportion, one at least."""
@@ -838,15 +838,17 @@ def _likeliest(
 def _without_some(
     network: Network, scene: Scene, points: list[Contradiction], frames: list[Contradiction]
 ) -> Assembly:
-    """The parts in the object system, with all start values that are given, or without those of points and frames.
+    """The parts in the object system, with all start values that are given, or without those of points or frames.
 
     Rough ones carry what is worked out from them astray. What is found without them is laid upon them, where nothing
     else says where it is.
     """
-    some = [*points, *frames]
-    if not some or network.observations > ROWS or not scene.choices.take(2, alike=False):
+    some = [points, frames, [*points, *frames]] if points and frames else [points or frames]
+    asks = bool(some[0]) and network.observations <= ROWS
+    answer = scene.choices.take(len(some) + 1, alike=False) if asks else 0
+    if not answer:
         return assembled(network, scene)
-    reduced = replace(network, start=without(network, scene, some))
+    reduced = replace(network, start=without(network, scene, some[answer - 1]))
     return _assembled_near_given(network, reduced, scene)
 
 

@@ -153,9 +153,9 @@ def _put_rotations(told: Sides, scene: Scene, part: Part, who: int) -> None:
 
 
 def _places(network: Network, scene: Scene, told: IntArray, turned: IntArray) -> IntArray:
-    """At most ``PLACES`` points that neither part knows, from or to which more is measured than tells where they are.
+    """Points that neither part knows, from or to which more is measured than tells where they are.
 
-    Those go again that have enough only beside others that go.
+    Those go again that have enough only beside others that go; at the most ``PLACES`` of them are left.
     """
     levelled = {sight.rotation: sight.position for sight in scene.terrestrial.sights if sight.rotation >= 0}
     sets = [place for block, place in levelled.items() if turned[block] == 0]
@@ -169,7 +169,7 @@ def _places(network: Network, scene: Scene, told: IntArray, turned: IntArray) ->
         counts[~wanted] = 0
         order = np.argsort(-counts, kind="stable")[: PLACES if round_ else len(counts)]
         kept = order[counts[order] >= FEWEST]
-        if round_ and len(kept) == np.count_nonzero(wanted):
+        if len(kept) == np.count_nonzero(wanted):
             break
         wanted[:] = False
         wanted[kept] = True
@@ -757,8 +757,8 @@ OPEN = 0.1
 APART = 0.05
 SMALL = 5_000
 """Observations of a network up to which it is tried."""
-SEARCHED = 4_000
-"""Observations times unknowns of the first search in a network, at the most; the k-th one has a k-th of them.
+SEARCHED = 400
+"""Observations of the first search in a network, at the most; the k-th one is made among a k-th of them.
 
 A search refines hundreds of starts, and if nothing fits, there is always another pair of parts. All searches together
 take at most a few times as long as the largest one.
@@ -801,7 +801,7 @@ def _remembered(
     asked = search.goal_sigma, search.size, search.turn, search.scaled, search.stance, redundant
     words = repr(asked).encode()
     key = sha256(words + b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).digest()
-    if key not in tied and observations * search.unknowns * (len(tied) + 1) <= SEARCHED:
+    if key not in tied and observations * (len(tied) + 1) <= SEARCHED:
         with np.errstate(all="ignore"):
             tied[key] = _judged(search, minima(search, starts(search)), redundant)
     return tied.get(key)

@@ -102,21 +102,15 @@ class Judgement(NamedTuple):
         """True where nothing better is to be looked for."""
         return not self.missing and self.worst <= (SOUND if np.isfinite(self.squares) else AGREES)
 
-    def ends_like(self, other: Judgement) -> bool:
-        """True where both come to one end: then it is not the start values that disagree."""
-        if np.isinf(self.squares) or np.isinf(other.squares):
-            return False
-        return abs(self.squares - other.squares) <= SMALLER * other.squares
-
     def beats(self, other: Judgement) -> bool:
         """True where these are clearly better, or end at a smaller v'Pv.
 
         Gross errors can draw good ones and bad ones to one end, from where nothing tells what is wrong: the good ones
         fit most observations as they stand.
         """
-        if self.ends_like(other):
-            return self.before + BETTER < other.before
         if np.isfinite(self.squares) and np.isfinite(other.squares):
+            if abs(self.squares - other.squares) <= SMALLER * other.squares:
+                return self.before + BETTER < other.before
             return self.squares < other.squares
         return (self.missing, self.fit + BETTER * (self.missing == other.missing)) < (
             other.missing,
@@ -148,12 +142,9 @@ def likeliest(
         found = attempt(other)
         of_it = judged(found)
         left -= 1
-        same = of_it.ends_like(judgement)
         if of_it.beats(judgement):
             left = min(left, SECOND_TRIES) if of_it.agrees else left
             best, choices, judgement = found, other, of_it
-        if same:
-            break
     return best, choices
 
 

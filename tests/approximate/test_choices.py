@@ -74,18 +74,6 @@ def test_of_start_values_that_come_to_one_end_those_are_better_that_fit_as_they_
     assert Judgement(0, 7.7, 9.7, 1.1e9, 5.0).beats(good)
 
 
-def test_nothing_else_is_tried_where_two_answers_come_to_one_end():
-    """Then it is not the start values that disagree."""
-    tried = []
-
-    def attempt(choices):
-        tried.append(tuple(choices.take(3) for _ in range(2)))
-        return tried[-1]
-
-    likeliest(attempt, lambda found: Judgement(0, 7.7, 9.7, (5.0, 4.0, 3.0)[found[0]], 5.0), lambda: 20)
-    assert tried == [(0, 0), (1, 0), (1, 1)]
-
-
 def test_start_values_are_judged_by_logarithms_of_their_misclosures(tmp_path):
     (tmp_path / "project.yaml").write_text(LEVELS, encoding="utf-8")
     network = read_network(read_document(tmp_path / "project.yaml"), tmp_path)
