@@ -5,7 +5,7 @@ const RAY_LOOKS = [[PALETTE.red, "x", 8], [PALETTE.red, "cross", 8], [PALETTE.or
 function mapLayout() {
   const { axes, length } = report.meta, { right, up } = report.overlap;
   const reversed = (name) => (name === axes.right && axes.right_reversed) || (name === axes.up && axes.up_reversed);
-  const axis = (name) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", nticks: 6, constrain: "domain", ...(reversed(name) ? { autorange: "reversed" } : {}) });
+  const axis = (name) => ({ title: { text: `${name.toUpperCase()} [${length}]` }, exponentformat: "none", nticks: narrow() ? 4 : 6, constrain: narrow() ? "range" : "domain", ...(reversed(name) ? { autorange: "reversed" } : {}) });
   return { xaxis: axis(right), yaxis: { ...axis(up), scaleanchor: "x", scaleratio: 1 }, margin: { l: 84, r: 20, t: 34, b: 50 }, hovermode: "closest" }; // room for large coordinates on a phone
 }
 
