@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import NamedTuple
 
@@ -142,15 +143,7 @@ def worked_out(network: Network) -> Approximation:
     """Start values worked out; of several that are possible those that the adjustment agrees with best."""
     from mor.start.assembly import approximate
 
-    known: dict[bytes, tuple[Mapping[str, FloatArray], float] | None] = {}
-
-    def settle(start: Mapping[str, FloatArray]) -> tuple[Mapping[str, FloatArray], float] | None:
-        key = b"".join(values.tobytes() for values in start.values())
-        if key not in known:
-            known[key] = _settled(network, start)
-        return known[key]
-
-    return approximate(network, settle)
+    return approximate(network, partial(_settled, network))
 
 
 def _settled(

@@ -502,11 +502,14 @@ def check_feasible(reading: Reading, groups: Iterable[ObservationGroup], carries
     for group in groups:
         _check_sigma(reading, group)
     if groups and not any(store.all_free().any() for store in reading.shop.stores.values() if store.ids):
-        words = (
-            "nothing is adjusted, for all coordinates and parameters are fixed or not estimated: the residuals compare "
-            "the observations with them"
-        )
-        reading.notes.append(reading.at("points").problem(words))
+        if reading.project.settings.dimensions == "xyz":
+            words = (
+                "all coordinates and parameters are fixed: the residuals compare the observations with them"
+            )
+            reading.notes.append(reading.at("points").problem(words))
+        else:
+            words = "there is nothing to adjust: all coordinates and parameters are fixed or not estimated"
+            reading.problems.append(reading.at("points").problem(words))
     if not carries_datum:
         none = "" if reading.shop.things["point"].ids else ": there are no points"
         reading.problems.append(reading.at("datum").problem(f"datum: names no coordinates{none}"))

@@ -139,7 +139,7 @@ def test_without_unknowns_observations_are_compared_with_what_is_given(tmp_path:
     fixed = TRIANGLE.replace("[[C, 50, 80, 12]]", "[[C, 50, 80, 12]], fixed: [x, y, z]")
     run = mor("adjust", write(tmp_path, fixed))
     assert run.code == 0, run.err
-    assert "nothing is adjusted, for all coordinates and parameters are fixed" in run.err
+    assert "all coordinates and parameters are fixed: the residuals compare" in run.err
     data = json.loads((tmp_path / "project.results" / "results.json").read_text())
     assert (data["unknowns"], data["redundancy"]) == (0, data["observations"])
     points = {"A": (0.0, 0.0, 10.0), "B": (100.0, 0.0, 11.0), "C": (50.0, 80.0, 12.0)}
@@ -151,8 +151,8 @@ def test_without_unknowns_observations_are_compared_with_what_is_given(tmp_path:
 
 
 def test_nothing_that_is_estimated_is_observed(tmp_path: Path) -> None:
-    run = mor("adjust", write(tmp_path, LEVELLING + "settings: {dimensions: xy}\n"), "--no-html")
-    assert "nothing is adjusted, for all coordinates and parameters are fixed or not estimated" in run.err
+    said = refused(write(tmp_path, LEVELLING + "settings: {dimensions: xy}\n"), 3)
+    assert said.startswith("there is nothing to adjust")
 
 
 REPEATED = """\
