@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from math import hypot, isnan
 
 import numpy as np
 
@@ -105,7 +106,26 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
                 f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0"
             )
         )
+    if camera.medium and len(reading.problems) == before:
+        found = dict(zip((c.name for c in model.components), values[0].tolist(), strict=True))
+        reading.problems += [place.problem(words) for words in _impossible(camera.medium, found)]
     return int(reading.shop.store(f"interior/{camera.model}").add([name], *statuses)[0])
+
+
+def _impossible(medium: str, port: dict[str, float]) -> Iterator[str]:
+    """Words for what no port can be, by the values of its components; NaN is missing."""
+    yield from (f"{name} is required: a {medium} has no default for it" for name in port if isnan(port[name]))
+    if port["glass"] < 0.0:
+        yield f"glass: found {port['glass']:g}, expected a thickness, 0 or more"
+    for name in ("n_air", "n_glass", "n_water"):
+        if port[name] < 1.0:
+            yield f"{name}: found {port[name]:g}, expected a refractive index, 1 or more"
+    if port.get("distance", 1.0) <= 0.0:
+        yield f"distance: found {port['distance']:g}, expected a distance > 0 to the inner face of the glass"
+    if medium == "dome-port":
+        off = hypot(*(port[f"centre_{axis}"] for axis in "xyz"))
+        if port["radius"] <= off:
+            yield f"radius: found {port['radius']:g}, but the centre is {off:g} from the projection centre"
 
 
 def _first_guess(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> dict[str, Setting]:
