@@ -158,12 +158,16 @@ def apparent_points(port: Port, star: FloatArray, parameters: FloatArray) -> App
         _, by = trace(port, found, parameters)
         inverse = _inverted(by[:, :, :3])
     found[~(off <= _REACHED)] = np.nan
-    return Apparent(found, inverse, -inverse @ by[:, :, 3:])
+    by_port = -inverse @ by[:, :, 3:]
+    by_port[np.abs(by_port) < _ROUND_OFF * distance[:, None, None]] = 0.0
+    return Apparent(found, inverse, by_port)
 
 
 _ROUNDS = 20
 _REACHED = 1e-9
 """Last step, as a part of the distance: Newton's method doubles the digits, so the next one is round-off."""
+_ROUND_OFF = 1e-12
+"""Derivatives, as parts of the distance, that are none: those by the radius of a dome round the projection centre."""
 
 
 def trace(
