@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from math import hypot, isnan
+from math import hypot, inf, isnan
 
 import numpy as np
 
@@ -112,20 +112,19 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
     return int(reading.shop.store(f"interior/{camera.model}").add([name], *statuses)[0])
 
 
+_LEAST = {"distance": 0.0, "glass": 0.0, "n_air": 1.0, "n_glass": 1.0, "n_water": 1.0}
+
+
 def _impossible(medium: str, port: dict[str, float]) -> Iterator[str]:
     """Words for what no port can be, by the values of its components; NaN is missing."""
-    yield from (f"{name} is required: a {medium} has no default for it" for name in port if isnan(port[name]))
-    if port["glass"] < 0.0:
-        yield f"glass: found {port['glass']:g}, expected a thickness, 0 or more"
-    for name in ("n_air", "n_glass", "n_water"):
-        if port[name] < 1.0:
-            yield f"{name}: found {port[name]:g}, expected a refractive index, 1 or more"
-    if port.get("distance", 1.0) <= 0.0:
-        yield f"distance: found {port['distance']:g}, expected a distance > 0 to the inner face of the glass"
-    if medium == "dome-port":
-        off = hypot(*(port[f"centre_{axis}"] for axis in "xyz"))
-        if port["radius"] <= off:
-            yield f"radius: found {port['radius']:g}, but the centre is {off:g} from the projection centre"
+    for name, value in port.items():
+        if isnan(value):
+            yield f"{name} is required for a {medium}"
+        elif value < _LEAST.get(name, value):
+            yield f"{name}: found {value:g}, expected {_LEAST[name]:g} or more"
+    off = hypot(*(port.get(f"centre_{axis}", 0.0) for axis in "xyz"))
+    if port.get("radius", inf) <= off:
+        yield f"radius: found {port['radius']:g}, but the centre is {off:g} from the projection centre"
 
 
 def _first_guess(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> dict[str, Setting]:
