@@ -254,5 +254,8 @@ def behind(port: Port, lens: CameraModel) -> CameraModel:
         )
 
     return lens._replace(
-        key=f"{lens.key}+{port.key}", components=(*lens.components, *port.components), project=project
+        key=f"{lens.key}+{port.key}",
+        components=(*lens.components, *port.components),
+        project=project,
+        sees_behind=lens.sees_behind and port is not FLAT_PORT,
     )
