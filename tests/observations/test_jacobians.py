@@ -76,7 +76,7 @@ def _behind_port(kind, values, first, random):
     """The same behind a port of 0.1 mm, ``first`` the index of the air; 51° from the axis are still seen."""
     values[[name.startswith("centre_") for name in kind.names]] = 1e-5
     values = values * random.uniform(0.8, 1.2, (ROWS, kind.size))
-    values[:, first:] = (1.01, 1.1, 1.05)
+    values[:, first:] = (1.01, 1.1, 1.03)
     return values
 
 
