@@ -58,16 +58,16 @@ def test_the_pose_of_a_port_is_found_again_without_start_values(tmp_path, fields
 @pytest.mark.parametrize("name", PORTS)
 def test_its_sigmas_are_honest(tmp_path, fields, name):
     random, normalised, ratios = np.random.default_rng(8), [], []
-    for _ in range(50):
+    for _ in range(100):
         result = mor.adjust(project(tmp_path, fields, name, random))
         found = components(result)
         errors = [(found[key]["value"] - PORTS[name][key]) / found[key]["sigma"] for key in FREE[name]]
         normalised.append(np.array(errors) * result.sigma0)  # σ are a posteriori
         ratios.append(result.sigma0**2)
     f = result.redundancy
-    assert np.abs(np.mean(normalised, axis=0)).max() < 3.3 / np.sqrt(50)
-    assert np.abs(np.mean(np.square(normalised), axis=0) - 1.0).max() < 3.3 * np.sqrt(2.0 / 50)
-    assert abs(np.mean(ratios) - 1.0) < 3.3 * np.sqrt(2.0 / f / 50)
+    assert np.abs(np.mean(normalised, axis=0)).max() < 3.3 / np.sqrt(100)
+    assert np.abs(np.mean(np.square(normalised), axis=0) - 1.0).max() < 3.3 * np.sqrt(2.0 / 100)
+    assert abs(np.mean(ratios) - 1.0) < 3.3 * np.sqrt(2.0 / f / 100)
 
 
 def test_a_dome_round_the_projection_centre_leaves_its_radius_undetermined(tmp_path):
