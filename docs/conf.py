@@ -37,6 +37,7 @@ CHAPTERS = {
             "no-start-values",
             "stereo-rig",
             "rolling-shutter",
+            "underwater",
             "large-blocks",
             "batch",
             "colmap-and-metashape",

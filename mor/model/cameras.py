@@ -5,8 +5,9 @@ from __future__ import annotations
 from mor.model.brown import BROWN, BROWN_4, BROWN_5, BROWN_FORWARD, METASHAPE, MOR
 from mor.model.fisheye import FISHEYE, FOV, OPENCV, PANORAMA, RAD_TAN_THIN_PRISM, THIN_PRISM
 from mor.model.lens import CameraModel, Projection
+from mor.model.ports import PORTS, behind
 
-CAMERA_MODELS: dict[str, CameraModel] = {
+LENSES: dict[str, CameraModel] = {
     model.key: model
     for model in (
         MOR,
@@ -23,11 +24,22 @@ CAMERA_MODELS: dict[str, CameraModel] = {
         PANORAMA,
     )
 }
-"""Every camera model, by its key; the first component of each is its camera constant (``c`` or ``fx``)."""
+"""Every camera model in air, by its key; the first component of each is its camera constant (``c`` or ``fx``)."""
+
+_UNDER_WATER = [behind(port, lens) for lens in LENSES.values() if lens is not PANORAMA for port in PORTS]
+CAMERA_MODELS = LENSES | {model.key: model for model in _UNDER_WATER}
+"""The same, and those behind the ports of underwater housings: ``opencv+flat-port``."""
+
+
+def lens_of(key: str) -> CameraModel:
+    """Return the camera model without its port."""
+    return LENSES[key.partition("+")[0]]
 
 
 __all__ = [
     "CAMERA_MODELS",
+    "LENSES",
     "CameraModel",
     "Projection",
+    "lens_of",
 ]

@@ -9,6 +9,7 @@ import numpy as np
 
 from mor.model.contract import POSITIONS, Computed, ObservationType, Reference, Slot
 from mor.model.parameters import KINDS, BlockKind
+from mor.model.ports import DOME_PORT
 from mor.model.rotations import angles_by_tangent, angles_from_rotation, by_rotation
 from mor.types import FloatArray
 from mor.units import ANGLE, LENGTH, Component
@@ -282,11 +283,13 @@ def target_slot(type_: ObservationType) -> int:
 def can_be_at_infinity(type_: ObservationType) -> bool:
     """True for rays: two angles or image coordinates from a frame with an attitude to a point.
 
-    Not where the place of the frame turns the axes: without it there is no vertical.
+    Not where the place of the frame turns the axes: without it there is no vertical. Nor through a dome, which bends
+    rays by its eccentricity in relation to its radius, both lengths.
     """
     positions = sum(slot.kind == "point" for slot in type_.slots)
     frames = positions == 2 and any(slot.part == "rotation" for slot in type_.slots)
     lengths = any(component.quantity == LENGTH for component in type_.components)
     sighted = any(slot.kind == "point" for slot in type_.slots)
     two = len(type_.components) == 2 and not type_.about_local_vertical
-    return frames and sighted and two and not lengths
+    through_dome = any(slot.kind.endswith(DOME_PORT.key) for slot in type_.slots)
+    return frames and sighted and two and not lengths and not through_dome

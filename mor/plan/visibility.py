@@ -427,12 +427,13 @@ class Image(NamedTuple):
         across = star[:, :2] / np.maximum(aside, 1e-300)[:, None]
         whole = np.arctan2(aside, -star[:, 2])
         good = np.ones(len(star), dtype=bool)
-        middle = self._image(np.array([[0.0, 0.0, -1.0]]))
+        far = np.linalg.norm(star, axis=1)[:, None]
+        middle = self._image(far * np.array([0.0, 0.0, -1.0]))
         before = np.zeros(len(star))
         for step in range(1, _ON_THE_WAY + 1):
             angle = whole * step / _ON_THE_WAY
             direction = np.concatenate([np.sin(angle)[:, None] * across, -np.cos(angle)[:, None]], axis=1)
-            radius = np.linalg.norm(self._image(direction) - middle, axis=1)
+            radius = np.linalg.norm(self._image(far * direction) - middle, axis=1)
             good &= (radius > before) | (aside == 0.0)
             before = radius
         return good

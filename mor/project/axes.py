@@ -101,7 +101,7 @@ def image_scale(camera: Camera) -> ImageScale:
             raise UnitError(f"{name}: found {value:g}, expected a number above 0")
     size = _pixel_size(camera.image.pixel, camera.unit)
     pixel = 1.0 if camera.unit == PIXEL else size / (LENGTH_UNITS[camera.unit] / LENGTH_UNITS["mm"])
-    centre = (0.0, 0.0) if camera.model in _FROM_THE_CORNER else (width / 2.0, height / 2.0)
+    centre = (0.0, 0.0) if camera.lens in _FROM_THE_CORNER else (width / 2.0, height / 2.0)
     return ImageScale(camera.unit, pixel, size, centre, camera.coordinates == "corner")
 
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from math import hypot, inf, isnan
 
 import numpy as np
 
@@ -105,7 +106,25 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
                 f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0"
             )
         )
+    if camera.medium and len(reading.problems) == before:
+        found = dict(zip((c.name for c in model.components), values[0].tolist(), strict=True))
+        reading.problems += [place.problem(words) for words in _impossible(camera.medium, found)]
     return int(reading.shop.store(f"interior/{camera.model}").add([name], *statuses)[0])
+
+
+_LEAST = {"distance": 0.0, "glass": 0.0, "n_air": 1.0, "n_glass": 1.0, "n_water": 1.0}
+
+
+def _impossible(medium: str, port: dict[str, float]) -> Iterator[str]:
+    """Words for what no port can be, by the values of its components; NaN is missing."""
+    for name, value in port.items():
+        if isnan(value):
+            yield f"{name} is required for a {medium}"
+        elif value < _LEAST.get(name, value):
+            yield f"{name}: found {value:g}, expected {_LEAST[name]:g} or more"
+    off = hypot(*(port.get(f"centre_{axis}", 0.0) for axis in "xyz"))
+    if port.get("radius", inf) <= off:
+        yield f"radius: found {port['radius']:g}, but the centre is {off:g} from the projection centre"
 
 
 def _first_guess(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> dict[str, Setting]:

@@ -603,7 +603,7 @@ class ImageFormat(Strict):
 class Camera(Strict):
     """A camera: its model, its interior orientation, and the coordinates it is measured in."""
 
-    model: Literal[
+    lens: Literal[
         "mor",
         "brown",
         "brown-4",
@@ -616,7 +616,12 @@ class Camera(Strict):
         "rad-tan-thin-prism-fisheye",
         "fov",
         "panorama",
-    ] = Field(default="mor", description="Camera model: how distortion is described")
+    ] = Field(default="mor", alias="model", description="Camera model: how distortion is described")
+    medium: Literal["flat-port", "dome-port"] | None = Field(
+        default=None,
+        description="Port of an underwater housing; its parameters belong to interior: tilt_x, tilt_y, distance, or "
+        "centre_x, centre_y, centre_z, radius; glass, n_air, n_glass, n_water",
+    )
     unit: Literal["mm", "um", "px", "m"] = Field(
         default="mm", description="Unit of interior orientation and residuals"
     )
@@ -665,6 +670,17 @@ class Camera(Strict):
         default_factory=list,
         description="Components that every image has of its own, with the σ of their difference from the camera's",
     )
+
+    @property
+    def model(self) -> str:
+        """Key of the camera model: that of the lens, and of the port it is behind."""
+        return f"{self.lens}+{self.medium}" if self.medium else self.lens
+
+    @model_validator(mode="after")
+    def _through_port(self) -> Camera:
+        if self.medium and self.lens == "panorama":
+            raise ValueError("medium: a panorama has no single projection centre and cannot be behind a port")
+        return self
 
 
 class Points(Table):
@@ -1154,7 +1170,9 @@ def _known_keys(path: KeyPath, whole: type[BaseModel]) -> list[str]:
         model = _model_within(model)
         if model is None:
             return []
-    return list(model.model_fields) if isinstance(model, type) and issubclass(model, BaseModel) else []
+    if not (isinstance(model, type) and issubclass(model, BaseModel)):
+        return []
+    return [field.alias or name for name, field in model.model_fields.items()]
 
 
 def _model_within(annotation: Any) -> Any:

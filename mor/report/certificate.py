@@ -102,7 +102,10 @@ def certificate(view: View, name: str, coverage: float | None = None) -> Certifi
     return Certificate(
         view=view,
         camera=camera,
-        units={key: quantities[key].unit("m", "rad", camera["unit"]) for key in camera["components"]},
+        units={
+            key: quantities[key].unit(view.summary["units"]["length"], "rad", camera["unit"])
+            for key in camera["components"]
+        },
         images=images.height,
         rays=measured.height,
         rms=float(np.sqrt(np.nanmean(residuals**2))),

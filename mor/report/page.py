@@ -707,6 +707,12 @@ MEANINGS = {
     **dict.fromkeys(("B", "P", "p"), "tangential distortion"),
     **dict.fromkeys(("s", "sx", "sy"), "thin prism distortion"),
     **dict.fromkeys(("C", "b", "alpha"), "affinity"),
+    **dict.fromkeys(("tilt_x", "tilt_y"), "tilt of the port"),
+    "distance": "distance of the port",
+    **dict.fromkeys(("centre_x", "centre_y", "centre_z"), "centre of the dome"),
+    "radius": "radius of the dome",
+    "glass": "thickness of the glass",
+    **dict.fromkeys(("n_air", "n_glass", "n_water"), "refractive index"),
 }
 """What the components of the interior orientations are, by their names without numbers."""
 OF_PANORAMA = {
@@ -866,10 +872,10 @@ def sigma_words(data: PageData) -> str:
 
 def cameras_of_page(view: View) -> list[dict[str, Any]]:
     """Return the cameras, each with a row for every component of its interior orientation."""
-    return [_camera_of_page(camera) for camera in view.cameras]
+    return [_camera_of_page(camera, view.summary["units"]["length"]) for camera in view.cameras]
 
 
-def _camera_of_page(camera: dict[str, Any]) -> dict[str, Any]:
+def _camera_of_page(camera: dict[str, Any], length: str) -> dict[str, Any]:
     quantities = {c.name: c.quantity for c in INTERIORS[camera["model"]].components}
     rows = []
     for name, component in camera["components"].items():
@@ -878,7 +884,7 @@ def _camera_of_page(camera: dict[str, Any]) -> dict[str, Any]:
             {
                 "name": name,
                 "meaning": meaning(camera["model"], name),
-                "unit": raised(quantities[name].unit("m", "rad", camera["unit"])),
+                "unit": raised(quantities[name].unit(length, "rad", camera["unit"])),
                 **component,
                 "t": t,
                 "p": float(2.0 * ndtr(-t)) if t is not None else None,

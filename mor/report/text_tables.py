@@ -56,17 +56,18 @@ from mor.report.units import angle_unit, angle_unit_of, other_rows
 
 def camera_section(solved: Solved, words: Words = ENGLISH) -> str:
     """One part for each camera."""
-    parts = [_camera(row, words) for row in interior_rows(solved)]
+    length = solved.network.project.units.length
+    parts = [_camera(row, length, words) for row in interior_rows(solved)]
     return "\n\n".join(parts)
 
 
-def _camera(row: dict[str, Any], words: Words) -> str:
+def _camera(row: dict[str, Any], length: str, words: Words) -> str:
     unit = row["unit"]
     quantities = {c.name: c.quantity for c in INTERIORS[row["model"]].components}
     rows = [
         [
             name,
-            quantities[name].unit("m", "rad", unit),
+            quantities[name].unit(length, "rad", unit),
             short(c["value"], digits_worth(c["value"], c["sigma"])),
             short(c["sigma"], 4),
             fixed(c.get("t"), 1) if name != "c" else "-",

@@ -203,9 +203,9 @@ def factors_of(solved: Solved, components: Sequence[Component]) -> list[float]:
 
 
 def _significance(estimate: Estimate, k: int, neutral: float) -> float | None:
-    """Distance of a component from its neutral value, in units of σ."""
+    """Distance of a component from its neutral value, in units of σ; ``None`` if it has none."""
     sigma = float(estimate.sigma[0, k])
-    return float((estimate.values[0, k] - neutral) / sigma) if sigma > 0.0 else None
+    return number_or_none((estimate.values[0, k] - neutral) / sigma) if sigma > 0.0 else None
 
 
 def other_rows(solved: Solved) -> list[dict[str, Any]]:

@@ -13,7 +13,7 @@ import polars as pl
 
 from mor.errors import InputError, Message
 from mor.input_files import note_input
-from mor.model.cameras import CAMERA_MODELS
+from mor.model.cameras import lens_of
 from mor.project.document import plain_column
 from mor.quality.solution import Solved
 from mor.report.estimates import (
@@ -463,7 +463,7 @@ def radial_curve(camera: dict[str, Any], largest: float, count: int = 61) -> Rad
 
 def _linearised(camera: dict[str, Any], ideal: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Distortion (n, 2), its derivatives (n, 2, k) by the estimated terms, their covariance (k, k)."""
-    model = CAMERA_MODELS[camera["model"]]
+    model = lens_of(camera["model"])
     names = [component.name for component in model.components]
     values = np.array([camera["components"][name]["value"] for name in names])
     plain = np.where([name in _NOT_DISTORTION for name in names], values, 0.0)
@@ -474,7 +474,8 @@ def _linearised(camera: dict[str, Any], ideal: FloatArray) -> tuple[FloatArray, 
     centre = model.project(star, np.tile(plain, (len(ideal), 1)), constants, ideal)
     seen = model.project(star, np.tile(values, (len(ideal), 1)), constants, centre.xy)
     base = model.project(star, np.tile(plain, (len(ideal), 1)), constants, centre.xy)
-    terms = [k for k, name in enumerate(camera["correlations"]["components"]) if name not in _NOT_DISTORTION]
+    distorting = set(names) - _NOT_DISTORTION
+    terms = [k for k, name in enumerate(camera["correlations"]["components"]) if name in distorting]
     free = [camera["correlations"]["components"][k] for k in terms]
     by_terms = seen.by_interior[:, :, [names.index(name) for name in free]]
     return seen.xy - base.xy, by_terms, _covariance(camera, terms, free)

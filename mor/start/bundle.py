@@ -236,6 +236,8 @@ def _hashable(value: object) -> Hashable:
 
 _ITERATIONS = 12
 _CHUNK = 5000
+_FAR = 2.0**20
+"""Distance of the points on rays; a power of 2 changes no digit of a central projection."""
 _REACHED, _MISSED = 1e-12, 1e-6
 """Parts of the camera constant: no further step is made, and the ray is not reached."""
 _STANDS = 1e-9
@@ -249,6 +251,8 @@ def ideal_rays(
 
     ``interior`` (m, k) are the interior orientations, and ``of`` (n,) tells which of them each ray has; ``constants``
     (n, j) are those of the model.
+
+    Behind a port the rays are those in the water, to points so far away that they begin at the projection centre.
 
     Newton's method in the tangent plane of the ray, so that fisheye rays beyond 90° are reached too. Where it does not
     converge (a polynomial beyond its range), the ray of the undistorted central projection is kept.
@@ -269,13 +273,13 @@ def _chunk_of_rays(
     ray = start
     with np.errstate(all="ignore"):
         for left in range(_ITERATIONS, -1, -1):
-            projection = model.project(ray, interior, constants, measured)
+            projection = model.project(_FAR * ray, interior, constants, measured)
             wrong = measured - projection.xy
             away = np.abs(wrong).max(axis=1) / interior[:, 0]
             if not left or np.nanmax(away, initial=0.0) < _REACHED:
                 break
             across = tangent_axes(ray)
-            step = _solved(projection.by_star @ across, wrong, 1e-12 * interior[:, 0] ** 2)
+            step = _solved(_FAR * projection.by_star @ across, wrong, 1e-12 * interior[:, 0] ** 2)
             step *= np.minimum(1.0, 0.3 / np.maximum(np.linalg.norm(step, axis=1), 1e-300))[:, None]
             ray = unit(ray + np.einsum("nij,nj->ni", across, step))
             if np.nanmax(np.abs(step), initial=0.0) < _STANDS:

@@ -97,7 +97,11 @@ def models(annotation: Any) -> set[type[BaseModel]]:
 
 
 def keys() -> list[tuple[str, str]]:
-    return sorted((model.__name__, key) for model in models(Project) for key in model.model_fields)
+    return sorted(
+        (model.__name__, field.alias or key)
+        for model in models(Project)
+        for key, field in model.model_fields.items()
+    )
 
 
 @pytest.mark.parametrize(("model", "key"), keys())

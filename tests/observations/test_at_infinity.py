@@ -10,6 +10,8 @@ from mor.model.parameters import KINDS
 from mor.model.rotations import rotate, rotation_from_angles
 
 TYPES = [type_ for type_ in ALL_TYPES.values() if can_be_at_infinity(type_)]
+TYPES = [type_ for type_ in TYPES if "+" not in type_.key or "/mor+" in type_.key]
+INDICES = {"n_air": 1.0, "n_glass": 1.5, "n_water": 1.33}
 
 
 def _blocks(type_, random):
@@ -27,7 +29,7 @@ def _blocks(type_, random):
             blocks.append(rotation_from_angles(random.uniform(-0.1, 0.1, (3, 3))))
         else:
             names = [c.name for c in kind.components]
-            row = [20.0 if name in ("c", "fx", "fy") else 1e-6 for name in names]
+            row = [20.0 if name in ("c", "fx", "fy") else INDICES.get(name, 1e-6) for name in names]
             blocks.append(np.tile(row, (3, 1)))
     return blocks
 

@@ -3,14 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.model.cameras import CAMERA_MODELS, CameraModel
+from mor.model.cameras import CAMERA_MODELS, LENSES, CameraModel
 from mor.units import IMAGE
 
-MODELS = pytest.mark.parametrize("model", CAMERA_MODELS.values(), ids=CAMERA_MODELS.keys())
+MODELS = pytest.mark.parametrize("model", LENSES.values(), ids=LENSES.keys())
 
 
 def test_the_models_are_found_under_their_own_keys() -> None:
-    assert set(CAMERA_MODELS) == {
+    assert set(LENSES) == {
         "mor",
         "brown",
         "brown-4",
@@ -24,6 +24,8 @@ def test_the_models_are_found_under_their_own_keys() -> None:
         "fov",
         "panorama",
     }
+    ports = {f"{key}+{port}" for key in set(LENSES) - {"panorama"} for port in ("flat-port", "dome-port")}
+    assert set(CAMERA_MODELS) == set(LENSES) | ports
     assert all(key == model.key for key, model in CAMERA_MODELS.items())
 
 
