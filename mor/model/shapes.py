@@ -124,11 +124,11 @@ SHAPE_TYPES = {
 
 
 # ------------------------------------------------------------
-# Relations between two features A and B, each with a local system x̄ = D (X − X0) + r̄ whose z axis is the axis or normal.
+# Relations between features A and B, each with a local system x̄ = D (X − X0) + r̄ whose z axis is its axis or normal.
 #
-# Exactly: B takes blocks of A. B is perpendicular to A if D_B = E D_A and E has one free turn, that about the axis of A,
-# which is the y axis of B. As observations: the axis of B, D_A D_Bᵀ e_Z, and the origin of B, D_A (X_B − X0_A) + r̄_A with
-# X_B = X0_B − D_Bᵀ r̄_B, in the local system of A. E is the identity for features that are not perpendicular to others.
+# Exactly: B takes blocks of A. B is perpendicular to A if D_B = E D_A and E has one free turn, that about the axis of
+# A, which is the y axis of B. As observations: the axis of B, D_A D_Bᵀ e_Z, and the origin of B,
+# D_A (X_B − X0_A) + r̄_A with X_B = X0_B − D_Bᵀ r̄_B, in the local system of A. E is the identity for other features.
 # ------------------------------------------------------------
 
 PERPENDICULAR: FloatArray = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
@@ -158,9 +158,7 @@ def to_perpendicular(type_: ObservationType) -> ObservationType:
     )
 
 
-PERPENDICULAR_TYPES = {
-    key: to_perpendicular(type_) for key, type_ in SHAPE_TYPES.items() if key != "sphere"
-}
+PERPENDICULAR_TYPES = {key: to_perpendicular(type_) for key, type_ in SHAPE_TYPES.items() if key != "sphere"}
 """By the type of the shape."""
 
 
@@ -193,7 +191,11 @@ _SYSTEM = (("point", "position"), *_ROTATIONS, ("eccentricity", "offset"))
 
 
 def _relation(
-    key: str, quantity: Quantity, names: tuple[str, ...], slots: tuple[tuple[str, str], ...], equation: Equation
+    key: str,
+    quantity: Quantity,
+    names: tuple[str, ...],
+    slots: tuple[tuple[str, str], ...],
+    equation: Equation,
 ) -> ObservationType:
     return ObservationType(
         key=key,

@@ -523,6 +523,7 @@ def build_network(
     refuse_files_named_twice(reading)
     read_in = read_groups(reading)
     features = feature_groups(reading)
+    read_in += read_groups(reading, of_features=True)
     parameters = [(entry, _said_outside(reading, group)) for entry, group in parameter_groups(reading)]
     plain, where = _in_order(read_in, parameters)
     drop_unused_orientations(reading, plain)
