@@ -37,7 +37,7 @@ from mor.project.entities import (
     table_label,
     unknown_name,
 )
-from mor.project.rows import group_name, without_required
+from mor.project.rows import Group, group_name, without_required
 from mor.project.schema import Feature, Observations
 from mor.project.shapes import FREEDOM, Fit, Held, fit_shape
 from mor.project.tables import MOST_TOLD, Column, Place, Rows, read_table, settings
@@ -202,6 +202,17 @@ def feature_groups(reading: Reading) -> list[ObservationGroup]:
     return groups
 
 
+def refuse_axes_of_spheres(reading: Reading, groups: Iterable[Group]) -> None:
+    """Report observed axes of features that have none."""
+    spheres = {feature.id for feature in reading.project.features if feature.type == "sphere"}
+    for read in groups:
+        if read.group.type.key != "axis":
+            continue
+        for name in sorted(spheres & {name for names in read.group.references for name in names}):
+            problem = reading.at("observations", read.entry).problem(f"axis: the sphere {name!r} has no axis")
+            reading.problems.append(problem)
+
+
 def _relation(feature: Feature) -> tuple[str, str]:
     """The exact relation of a feature, and the name of the other one; empty if it has none."""
     return next(((key, name) for key in RELATIONS if (name := getattr(feature, key)) is not None), ("", ""))
@@ -257,7 +268,8 @@ def _wrong_keys(feature: Feature, place: Place, systems: dict[str, _System]) -> 
             problems.append(place.problem(f"{name}: a {feature.type} has none", name))
     given = [key for key in RELATIONS if getattr(feature, key) is not None]
     if len(given) > 1:
-        problems.append(place.problem(f"give only one of {', '.join(RELATIONS)}", given[1]))
+        words = "give only one of parallel, perpendicular, coaxial and coplanar"
+        problems.append(place.problem(words, given[1]))
     for key in given:
         name = getattr(feature, key)
         if feature.type not in _CAN_HAVE[key]:
@@ -265,8 +277,12 @@ def _wrong_keys(feature: Feature, place: Place, systems: dict[str, _System]) -> 
         if name not in systems:
             problems.append(place.problem(f"{key}: no feature {name!r} stands above this one", key))
         elif systems[name].type not in _CAN_GIVE[key]:
-            lacks = "plane" if key == "coplanar" else "axis"
-            problems.append(place.problem(f"{key}: the {systems[name].type} {name!r} has no {lacks}", key))
+            type_ = systems[name].type
+            problems.append(
+                place.problem(f"{key}: the {type_} {name!r} has no plane", key)
+                if key == "coplanar"
+                else place.problem(f"{key}: the {type_} {name!r} has no axis", key)
+            )
         elif key == "perpendicular" and systems[name].turn >= 0:
             words = f"perpendicular: {name!r} is itself perpendicular to another feature"
             problems.append(place.problem(words, key))

@@ -189,3 +189,55 @@ def test_relations_are_those_of_an_independent_fit(relation: str, exact: bool, b
             other = np.array([first[f"d{a}"] for a in "xyz"])
             wanted = 0.0 if relation == "perpendicular" else 1.0
             assert abs(other @ direction) == pytest.approx(wanted, abs=1e-14)
+
+
+def test_start_values_without_coordinates() -> None:
+    """Shapes whose points only rays, directions and distances see take their relations too."""
+    random = np.random.default_rng(3)
+    project = Pair("perpendicular", 1, True).project()
+    rows = project["points"][0]["rows"]
+    names, places = [row[0] for row in rows], np.array([row[1:] for row in rows])
+    stations = {f"S{k}": places.mean(axis=0) + random.uniform(-400.0, 400.0, 3) for k in range(3)}
+    sights = []
+    for station, place in stations.items():
+        away = places - place
+        horizontal = np.degrees(np.arctan2(away[:, 0], away[:, 1])) % 360.0
+        zenith = np.degrees(np.arccos(away[:, 2] / np.linalg.norm(away, axis=1)))
+        sights += [[station, *row] for row in zip(names, horizontal.tolist(), zenith.tolist(), strict=True)]
+    free = dict(project)
+    held = [[station, *place.tolist()] for station, place in stations.items()]
+    free["points"] = [
+        {"columns": ["id", "x", "y", "z"], "rows": held, "fixed": ["x", "y", "z"]},
+        {"columns": ["id"], "rows": [[name] for name in names]},
+    ]
+    oriented = [[station, station, 0] for station in stations]
+    free["stations"] = [{"columns": ["id", "point", "orientation"], "rows": oriented, "fixed": ["kappa"]}]
+    columns = ["station", "to", "horizontal", "zenith"]
+    free["observations"] = [
+        {"type": "zenith_directions", "columns": columns, "rows": sights, "values": {"sigma": 1e-6}}
+    ]
+    found, expected = (mor.adjust(one).features.row("B") for one in (free, project))
+    for key in ("x", "y", "z", "radius", "dx", "dy", "dz"):
+        assert found[key] == pytest.approx(expected[key], abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("keys", "words"),
+    [
+        ({"coaxial": "A"}, "give only one of parallel, perpendicular, coaxial and coplanar"),
+        ({"perpendicular": None, "coplanar": "A"}, "coplanar: the cylinder 'A' has no plane"),
+        ({"type": "sphere"}, "perpendicular: a sphere cannot have it"),
+    ],
+)
+def test_mistakes(keys: dict, words: str) -> None:
+    project = Pair("perpendicular", 1, True).project()
+    project["features"][1] |= keys
+    with pytest.raises(mor.InputError, match=words):
+        mor.adjust(project)
+
+
+def test_a_sphere_has_no_axis() -> None:
+    project = Pair("perpendicular", 1, False).project()
+    project["features"][1]["type"] = "sphere"
+    with pytest.raises(mor.InputError, match="axis: the sphere 'B' has no axis"):
+        mor.adjust(project)
