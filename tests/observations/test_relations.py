@@ -241,3 +241,18 @@ def test_a_sphere_has_no_axis() -> None:
     project["features"][1]["type"] = "sphere"
     with pytest.raises(mor.InputError, match="axis: the sphere 'B' has no axis"):
         mor.adjust(project)
+
+
+@pytest.mark.parametrize("relation", ["parallel", "coaxial", "coplanar"])
+def test_a_third_feature_takes_the_axis_of_a_perpendicular_one(relation: str) -> None:
+    """Every point of the second shape is on a third one, too: with its axis the third one is the same shape."""
+    project = Pair("perpendicular", 4, True).project()
+    project["features"].append({**project["features"][1], "id": "C", relation: "B"})
+    del project["features"][2]["perpendicular"]
+    features = mor.adjust(project).features
+    second, third = features.row("B"), features.row("C")
+    for key in ("dx", "dy", "dz", "x", "y", "z", "radius", "sx", "sradius"):
+        assert third[key] == pytest.approx(second[key], rel=1e-9)
+    project["features"][2] |= {relation: None, "perpendicular": "B"}
+    with pytest.raises(mor.InputError, match="'B' is itself perpendicular to another feature"):
+        mor.adjust(project)
