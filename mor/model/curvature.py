@@ -25,7 +25,7 @@ import numpy as np
 from mor.model.contract import Computed, ObservationType
 from mor.model.earth import LocalSphere
 from mor.model.geodetic import End, ends_of
-from mor.model.shapes import SHAPE_TYPES
+from mor.model.shapes import PERPENDICULAR_TYPES, SHAPE_TYPES
 from mor.types import FloatArray
 
 _ABOUT_VERTICAL = (
@@ -40,7 +40,7 @@ _ABOUT_VERTICAL = (
     "angle",
     "spatial_angle",
 )
-_CARTESIAN = ("vector", "local", *SHAPE_TYPES)
+_CARTESIAN = ("vector", "local", *SHAPE_TYPES, *(type_.key for type_ in PERPENDICULAR_TYPES.values()))
 _IMAGES = ("image/", "follower/")
 """What the keys of image coordinates begin with."""
 _RADIUS = "earth radius"

@@ -41,7 +41,7 @@ from mor.model.geodetic import (
     projected_position,
 )
 from mor.model.images import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, is_image_point, read_out_at_once
-from mor.model.shapes import SHAPE_TYPES
+from mor.model.shapes import PERPENDICULAR_TYPES, RELATION_TYPES, SHAPE_TYPES
 from mor.model.terrestrial import (
     ANGLE_TYPE,
     BEARING,
@@ -79,6 +79,7 @@ PLAIN_TYPES = {
         COORDINATES,
         LOCAL,
         LEVEL,
+        *RELATION_TYPES.values(),
     )
 }
 """Types a project names directly; image coordinates are chosen by the model of the camera."""
@@ -97,6 +98,7 @@ ALL_TYPES = {
         *PLAIN_TYPES.values(),
         *PROJECTION_CENTRE_TYPES.values(),
         *SHAPE_TYPES.values(),
+        *PERPENDICULAR_TYPES.values(),
         *OBSERVED_PARAMETERS.values(),
         *OBSERVED_DIFFERENCES.values(),
     )

@@ -1,4 +1,4 @@
-"""Circles, spheres, cylinders, cones and tori: distances of points from them.
+"""Circles, spheres, cylinders, cones and tori: distances of points from them, and relations between features.
 
 The axis of a shape is the z axis of a local system, x̄ = D (X − X0) + r̄. With ρ = √(x̄² + ȳ²), radius r, minor radius
 q and semi-angle α the distances are
@@ -17,10 +17,11 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from mor.model.contract import POSITIONS, Computed, ObservationType, Reference, Slot
-from mor.model.rotations import by_rotation
+from mor.model.contract import POSITIONS, Computed, Equation, ObservationType, Reference, Slot
+from mor.model.coordinates import TURNED_AXIS
+from mor.model.rotations import by_rotation, cross_matrix
 from mor.types import FloatArray
-from mor.units import LENGTH, Component
+from mor.units import ANGLE, LENGTH, Component, Quantity
 
 _Distances = Callable[[FloatArray, FloatArray], tuple[FloatArray, FloatArray, FloatArray]]
 """Local coordinates (n, 3), shape (n, 3) → distances (n, m), derivatives (n, m, 3) by both."""
@@ -120,3 +121,96 @@ SHAPE_TYPES = {
     )
 }
 """Types of ``features``; each observes the distances of points from a shape as zero."""
+
+
+# ------------------------------------------------------------
+# Relations between features A and B, each with a local system x̄ = D (X − X0) + r̄ whose z axis is its axis or normal.
+#
+# Exactly: B takes blocks of A. B is perpendicular to A if D_B = E D_A and E has one free turn, that about the axis of
+# A, which is the y axis of B. As observations: the axis of B, D_A D_Bᵀ e_Z, and the origin of B,
+# D_A (X_B − X0_A) + r̄_A with X_B = X0_B − D_Bᵀ r̄_B, in the local system of A. E is the identity for other features.
+# ------------------------------------------------------------
+
+PERPENDICULAR: FloatArray = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
+"""E at angle 0: the z axis of B is the x axis of A."""
+PERPENDICULAR_TURNS = (False, True, False)
+"""Free turns of E about the axes of B."""
+
+
+def to_perpendicular(type_: ObservationType) -> ObservationType:
+    """Return the type of a shape whose rotation is E D_A; its last slot is E."""
+    place = next(k for k, slot in enumerate(type_.slots) if slot.part == "rotation")
+
+    def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
+        own, turn = list(blocks[:-1]), blocks[-1]
+        own[place] = turn @ own[place]
+        computed = type_.equation(own, constants)
+        jacobians = list(computed.jacobians)
+        by_turn = jacobians[place]
+        jacobians[place] = by_turn @ turn
+        return Computed(computed.values, (*jacobians, by_turn))
+
+    return type_._replace(
+        key=f"{type_.key}/perpendicular",
+        written=type_.name,
+        slots=(*type_.slots, Slot("rotation", "system", "turn")),
+        equation=equation,
+    )
+
+
+PERPENDICULAR_TYPES = {key: to_perpendicular(type_) for key, type_ in SHAPE_TYPES.items() if key != "sphere"}
+"""By the type of the shape."""
+
+
+def _axis(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
+    first, turn, second, other = blocks
+    D, E = turn @ first, other @ second
+    relative = D @ np.swapaxes(E, 1, 2)
+    values = relative[:, :, 2]
+    by_first = by_rotation(np.broadcast_to(np.eye(3), D.shape), values)
+    by_second = relative @ TURNED_AXIS
+    return Computed(values.copy(), (by_first @ turn, by_first, by_second @ other, by_second))
+
+
+def _origin(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
+    origin, first, turn, offset, place, second, other, own = blocks
+    D, E = turn @ first, other @ second
+    relative = D @ np.swapaxes(E, 1, 2)
+    turned = np.einsum("nij,nj->ni", D, place - origin) - np.einsum("nij,nj->ni", relative, own)
+    identity = np.broadcast_to(np.eye(3), D.shape)
+    by_first, by_second = by_rotation(identity, turned), relative @ cross_matrix(own)
+    return Computed(
+        turned + offset,
+        (-D, by_first @ turn, by_first, identity, D, by_second @ other, by_second, -relative),
+    )
+
+
+_BETWEEN = (Reference("from", ("feature",)), Reference("to", ("feature",)))
+_ROTATIONS = (("rotation", "rotation"), ("rotation", "turn"))
+_SYSTEM = (("point", "position"), *_ROTATIONS, ("eccentricity", "offset"))
+
+
+def _relation(
+    key: str,
+    quantity: Quantity,
+    names: tuple[str, ...],
+    slots: tuple[tuple[str, str], ...],
+    equation: Equation,
+) -> ObservationType:
+    return ObservationType(
+        key=key,
+        components=tuple(Component(name, quantity) for name in names),
+        references=_BETWEEN,
+        slots=tuple(Slot(kind, end.name, part) for end in _BETWEEN for kind, part in slots),
+        equation=equation,
+    )
+
+
+RELATION_TYPES = {
+    type_.key: type_
+    for type_ in (
+        _relation("axis", ANGLE, ("tilt_x", "tilt_y", "tilt_z"), _ROTATIONS, _axis),
+        _relation("axis_offset", LENGTH, ("x", "y", "z"), _SYSTEM, _origin),
+    )
+}
+"""Types that observe a feature in the local system of another one."""

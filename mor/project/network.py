@@ -49,6 +49,7 @@ from mor.project.prior_knowledge import (
     level_groups,
     parameter_groups,
     prior_groups,
+    refuse_axes_of_spheres,
     variant_groups,
 )
 from mor.project.reference_system import World
@@ -523,6 +524,9 @@ def build_network(
     refuse_files_named_twice(reading)
     read_in = read_groups(reading)
     features = feature_groups(reading)
+    between = read_groups(reading, of_features=True)
+    refuse_axes_of_spheres(reading, between)
+    read_in += between
     parameters = [(entry, _said_outside(reading, group)) for entry, group in parameter_groups(reading)]
     plain, where = _in_order(read_in, parameters)
     drop_unused_orientations(reading, plain)

@@ -29,6 +29,7 @@ from mor.model.observation_types import (
     to_projection_centres,
 )
 from mor.model.parameters import READOUT
+from mor.model.shapes import RELATION_TYPES
 from mor.model.trajectory import CUBIC, on_trajectory
 from mor.project.axes import ImageScale, UnitError, beyond, edge_transform, external, external_image, split
 from mor.project.earth import (
@@ -328,12 +329,15 @@ TYPE_NAMES = ("image", *PLAIN_TYPES)
 _NOT_PLANNED = "visible is for what is planned (mor design, mor simulate); here a file or rows are expected"
 
 
-def read_groups(reading: Reading) -> list[Group]:
-    """All observation groups that are named by a type; images are split by camera model."""
+def read_groups(reading: Reading, of_features: bool = False) -> list[Group]:
+    """Return the observation groups that are named by a type; images are split by camera model.
+
+    Those between features are read when there are features, with ``of_features``, all others before.
+    """
     result: list[Group] = []
     for number, entry in enumerate(reading.project.observations):
         place = reading.at("observations", number)
-        if entry.type in ("parameter", "difference"):
+        if entry.type in ("parameter", "difference") or (entry.type in RELATION_TYPES) != of_features:
             continue
         if entry.type != "image" and entry.type not in NAVIGATION and entry.type not in reading.types:
             if reading.project.world is None or reading.world is not None or entry.type not in EARTH_TYPES:

@@ -18,7 +18,13 @@ from mor.model.observation_types import (
 )
 from mor.model.parameters import INTERIORS, KINDS, MOTIONS, SHAPE, BlockKind
 from mor.model.rotations import angles_from_rotation, rotate, rotation_from_angles
-from mor.model.shapes import SHAPE_TYPES
+from mor.model.shapes import (
+    PERPENDICULAR,
+    PERPENDICULAR_TURNS,
+    PERPENDICULAR_TYPES,
+    RELATION_TYPES,
+    SHAPE_TYPES,
+)
 from mor.project.axes import SMALLEST_SIGMA, ImageScale, UnitError
 from mor.project.entities import (
     BlockStore,
@@ -31,9 +37,9 @@ from mor.project.entities import (
     table_label,
     unknown_name,
 )
-from mor.project.rows import group_name, without_required
+from mor.project.rows import Group, group_name, without_required
 from mor.project.schema import Feature, Observations
-from mor.project.shapes import FREEDOM, Fit, fit_shape
+from mor.project.shapes import FREEDOM, Fit, Held, fit_shape
 from mor.project.tables import MOST_TOLD, Column, Place, Rows, read_table, settings
 from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.units import ANGLE, LENGTH
@@ -161,6 +167,17 @@ class _System(NamedTuple):
     rotation: int
     offset: int
     shape: int = -1
+    turn: int = -1
+    """Block of E where the rotation is E D_A of another feature."""
+
+
+RELATIONS: dict[str, tuple[int, ...]] = {
+    "parallel": (),
+    "perpendicular": (),
+    "coaxial": (0, 1),
+    "coplanar": (2,),
+}
+"""Exact relations, and components of the offset that two features then share."""
 
 
 def feature_groups(reading: Reading) -> list[ObservationGroup]:
@@ -172,9 +189,33 @@ def feature_groups(reading: Reading) -> list[ObservationGroup]:
         groups += [group] if group is not None else []
     if len(systems) < len(reading.project.features):
         reading.broken.add("feature")
-    shapes = np.array([system.shape for system in systems.values()], dtype=np.int64)
-    reading.shop.things["feature"] = entities(systems, {SHAPE.key: shapes})
+    parts = {
+        part: np.array([getattr(system, field) for system in systems.values()], dtype=np.int64)
+        for part, field in (
+            (SHAPE.key, "shape"),
+            *((name, name) for name in ("position", "rotation", "offset", "turn")),
+        )
+    }
+    if any(entry.type in RELATION_TYPES for entry in reading.project.observations):
+        parts["turn"][parts["turn"] < 0] = reading.shop.neutral("rotation")
+    reading.shop.things["feature"] = entities(systems, parts)
     return groups
+
+
+def refuse_axes_of_spheres(reading: Reading, groups: Iterable[Group]) -> None:
+    """Report observed axes of features that have none."""
+    spheres = {feature.id for feature in reading.project.features if feature.type == "sphere"}
+    for read in groups:
+        if read.group.type.key != "axis":
+            continue
+        for name in sorted(spheres & {name for names in read.group.references for name in names}):
+            problem = reading.at("observations", read.entry).problem(f"axis: the sphere {name!r} has no axis")
+            reading.problems.append(problem)
+
+
+def _relation(feature: Feature) -> tuple[str, str]:
+    """The exact relation of a feature, and the name of the other one; empty if it has none."""
+    return next(((key, name) for key in RELATIONS if (name := getattr(feature, key)) is not None), ("", ""))
 
 
 def feature_label(feature: Feature) -> str:
@@ -225,34 +266,53 @@ def _wrong_keys(feature: Feature, place: Place, systems: dict[str, _System]) -> 
     for name, has in zip(SHAPE.names, free.tolist(), strict=True):
         if getattr(feature, name) is not None and not has:
             problems.append(place.problem(f"{name}: a {feature.type} has none", name))
-    if feature.parallel is not None and feature.coaxial is not None:
-        problems.append(place.problem("give either parallel or coaxial", "coaxial"))
-    for key in ("parallel", "coaxial"):
+    given = [key for key in RELATIONS if getattr(feature, key) is not None]
+    if len(given) > 1:
+        words = "give only one of parallel, perpendicular, coaxial and coplanar"
+        problems.append(place.problem(words, given[1]))
+    for key in given:
         name = getattr(feature, key)
-        if name is None:
-            continue
-        if feature.type not in _CAN_SHARE or (key, feature.type) in _MEANINGLESS:
+        if feature.type not in _CAN_HAVE[key]:
             problems.append(place.problem(f"{key}: a {feature.type} cannot have it", key))
         if name not in systems:
             problems.append(place.problem(f"{key}: no feature {name!r} stands above this one", key))
-        elif systems[name].type == "sphere" or (key == "coaxial" and systems[name].type not in _WITH_AXIS):
-            problems.append(place.problem(f"{key}: the {systems[name].type} {name!r} has no axis", key))
+        elif systems[name].type not in _CAN_GIVE[key]:
+            type_ = systems[name].type
+            problems.append(
+                place.problem(f"{key}: the {type_} {name!r} has no plane", key)
+                if key == "coplanar"
+                else place.problem(f"{key}: the {type_} {name!r} has no axis", key)
+            )
+        elif key == "perpendicular" and systems[name].turn >= 0:
+            words = f"perpendicular: {name!r} is itself perpendicular to another feature"
+            problems.append(place.problem(words, key))
     return problems
 
 
-_WITH_AXIS = ("line", "circle", "cylinder", "cone", "torus")
-_CAN_SHARE = (*FREEDOM, "plane")
-_MEANINGLESS = (("parallel", "sphere"), ("coaxial", "plane"))
+_ROUND = ("circle", "cylinder", "cone", "torus")
+_CAN_HAVE = {
+    "parallel": (*_ROUND, "plane"),
+    "perpendicular": _ROUND,
+    "coaxial": (*_ROUND, "sphere"),
+    "coplanar": ("circle", "torus"),
+}
+_CAN_GIVE = {
+    "parallel": (*_ROUND, "plane", "line", "right angle"),
+    "perpendicular": (*_ROUND, "plane", "line", "right angle"),
+    "coaxial": (*_ROUND, "line"),
+    "coplanar": ("circle", "torus", "plane", "right angle"),
+}
+"""Types of features that can have a relation, and of those that it can refer to."""
 
 
 def _needed(feature: Feature) -> int:
     """Points from which on a shape has redundancy, if all its parameters are its own unknowns."""
     free = FREEDOM[feature.type]
     own = free.unknowns
-    if feature.parallel is not None:
-        own -= int(np.count_nonzero(free.turns))
-    if feature.coaxial is not None:
-        own -= int(np.count_nonzero(free.turns)) + int(np.count_nonzero(free.offset[:2]))
+    key, _ = _relation(feature)
+    if key:
+        own -= int(np.count_nonzero(free.turns)) - (key == "perpendicular")
+        own -= sum(bool(free.offset[k]) for k in RELATIONS[key])
     given = (getattr(feature, name) for name in SHAPE.names)
     own -= sum(isinstance(one, str) or (one is not None and one.free is None) for one in given)
     return own // len(SHAPE_TYPES[feature.type].components) + 1
@@ -268,7 +328,7 @@ def _on_shape(
 ) -> ObservationGroup:
     """Distances from a circle, sphere, cylinder, cone or torus, observed as zero.
 
-    Parallel shapes share the rotation of the local system; coaxial ones its origin and the offset across the axis, too.
+    Related shapes share the rotation of the local system; coaxial and coplanar ones its origin and some of the offset.
     """
     shop, label, free = reading.shop, feature_label(feature), FREEDOM[feature.type]
     shop.begin(label)
@@ -278,21 +338,22 @@ def _on_shape(
     open_ = free.shape & np.array([name not in given for name in SHAPE.names])
     size.values[0, open_], size.free[0, open_] = np.nan, True
     known = np.where(np.isnan(size.start), size.values, size.start)[0]
-    other = systems.get(feature.coaxial or feature.parallel or "")
-    axis = None
-    if other is not None:
-        D = rotation_from_angles(shop.store("rotation").all_values()[other.rotation][None])[0]
-        axis = (D, shop.store("point").all_values()[other.position] if feature.coaxial else None)
+    key, name = _relation(feature)
+    held = _held(reading, key, systems[name]) if key else None
     coordinates = shop.store("point").all_values()[points]
     whole = np.isfinite(coordinates).all()
-    fit = fit_shape(feature.type, coordinates, known, axis) if whole else None
-    fit = fit or Fit(np.eye(3), np.zeros(3), np.zeros(3), size.values[0])
+    fit = fit_shape(feature.type, coordinates, known, held) if whole else None
+    unfitted = (
+        np.eye(3) if held is None else PERPENDICULAR @ held.rotation if held.perpendicular else held.rotation
+    )
+    fit = fit or Fit(unfitted, np.zeros(3), np.zeros(3), size.values[0])
     unknown = size.free & np.isnan(size.values)
     size.values[unknown] = fit.shape[unknown[0]]
     system = _add_system(reading, feature, systems, fit, free.turns, free.offset)
     block = int(shop.store(SHAPE.key).add([f"feature {feature.id}"], *size)[0])
     systems[feature.id] = system._replace(shape=block)
-    type_ = SHAPE_TYPES[feature.type]
+    type_ = (SHAPE_TYPES if system.turn < 0 else PERPENDICULAR_TYPES)[feature.type]
+    turn = (system.turn,) if system.turn >= 0 else ()
     if reading.sphere is not None:
         from mor.model.curvature import on_sphere  # most projects need nothing of it
 
@@ -301,7 +362,11 @@ def _on_shape(
     return ObservationGroup(
         name=label,
         type=type_,
-        blocks=(*(np.full(count, one) for one in (*system[1:4], block)), points),
+        blocks=(
+            *(np.full(count, one) for one in (*system[1:4], block)),
+            points,
+            *(np.full(count, one) for one in turn),
+        ),
         observed=np.zeros((count, components)),
         sigma=np.full((count, components), sigma),
         constants=np.zeros((count, 0)),
@@ -370,28 +435,57 @@ def _add_system(
     turns: BoolArray,
     offsets: BoolArray,
 ) -> _System:
-    """The local system of a feature, with the blocks that it shares with a parallel or coaxial one."""
+    """The local system of a feature, with the blocks that it shares with a related one."""
     shop, none, label = reading.shop, np.full((1, 3), np.nan), feature_label(feature)
-    other = systems.get(feature.coaxial or feature.parallel or "")
-    coaxial = other if feature.coaxial is not None else None
-    position = coaxial.position if coaxial else shop.store("point").add_fixed(label, fit.origin.tolist())
-    if other is not None:
-        rotation = other.rotation
+    key, name = _relation(feature)
+    other, components = systems.get(name), RELATIONS.get(key, ())
+    rotations = shop.store("rotation")
+
+    def add_rotation(D: FloatArray, free: BoolArray) -> int:
+        block = int(rotations.add([label], angles_from_rotation(D)[None], free[None], none)[0])
+        rotations.about_axes.add(block)
+        return block
+
+    turn = other.turn if other is not None else -1
+    if other is None:
+        rotation = add_rotation(fit.rotation, turns)
     else:
-        angles = angles_from_rotation(fit.rotation)[None]
-        rotation = int(shop.store("rotation").add([label], angles, turns[None], none)[0])
-        shop.store("rotation").about_axes.add(rotation)
+        rotation = other.rotation
+        if key == "perpendicular":
+            D = rotation_from_angles(rotations.all_values()[rotation][None])[0]
+            turn = add_rotation(fit.rotation @ D.T, np.array(PERPENDICULAR_TURNS))
     store = shop.store("eccentricity")
-    offset = int(store.add([label], fit.offset[None].copy(), offsets[None].copy(), none)[0])
-    if coaxial:
+    start = fit.offset[None].copy()
+    if other is not None and components:
+        position = other.position
+        start[0] += np.where(_shared(components), store.all_values()[other.offset], 0.0)
+    else:
+        position = shop.store("point").add_fixed(label, fit.origin.tolist())
+    offset = int(store.add([label], start, offsets[None].copy(), none)[0])
+    if other is not None:
         table = store.merged()
-        table.values[offset, :2], table.free[offset, :2] = (
-            table.values[coaxial.offset, :2],
-            table.free[coaxial.offset, :2],
-        )
-        for k in (0, 1):
-            store.shared[offset, k] = store.shared.get((coaxial.offset, k), coaxial.offset)
-    return _System(feature.type, position, rotation, offset)
+        for k in components:
+            table.free[offset, k] = table.free[other.offset, k]
+            store.shared[offset, k] = store.shared.get((other.offset, k), other.offset)
+    return _System(feature.type, position, rotation, offset, turn=turn)
+
+
+def _held(reading: Reading, key: str, other: _System) -> Held:
+    """What a shape takes from another feature, by the start values."""
+    shop = reading.shop
+    rotations, components = shop.store("rotation").all_values(), _shared(RELATIONS[key])
+    D = rotation_from_angles(rotations[other.rotation][None])[0]
+    if other.turn >= 0:
+        D = rotation_from_angles(rotations[other.turn][None])[0] @ D
+    origin = None
+    if components.any():
+        offset = np.where(components, shop.store("eccentricity").all_values()[other.offset], 0.0)
+        origin = shop.store("point").all_values()[other.position] - offset @ D
+    return Held(D, key == "perpendicular", origin, components)
+
+
+def _shared(components: tuple[int, ...]) -> BoolArray:
+    return np.isin(np.arange(3), components)
 
 
 def _point_beside(

@@ -759,8 +759,15 @@ class Feature(Strict):
         default=None,
         description="Feature above whose axis or normal is exactly parallel to the axis of this one",
     )
+    perpendicular: Name | None = Field(
+        default=None,
+        description="Feature above whose axis or normal is exactly perpendicular to the axis of this one",
+    )
     coaxial: Name | None = Field(
         default=None, description="Feature above that has exactly the same axis as this one"
+    )
+    coplanar: Name | None = Field(
+        default=None, description="Feature above whose plane this circle or torus lies in, exactly"
     )
 
 

@@ -6,8 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.model.rotations import rotate
-from mor.model.shapes import SHAPE_TYPES
+from mor.model.rotations import exponential, rotate
+from mor.model.shapes import PERPENDICULAR, PERPENDICULAR_TURNS, SHAPE_TYPES
 from mor.types import BoolArray, FloatArray
 
 # ------------------------------------------------------------
@@ -56,6 +56,19 @@ _MOST = 400
 """Points that a fit takes; of more, evenly chosen ones."""
 
 
+class Held(NamedTuple):
+    """What a shape takes from another feature, D = E D_A."""
+
+    rotation: FloatArray
+    """(3, 3) D_A."""
+    perpendicular: bool = False
+    """True if E is unknown; otherwise it is the identity."""
+    origin: FloatArray | None = None
+    """(3,) X0 if some of the offset r̄ is held at 0."""
+    offsets: BoolArray = np.zeros(3, dtype=bool)
+    """(3,) true for components of r̄ that are held."""
+
+
 class Fit(NamedTuple):
     """A shape in its local system, x̄ = D (X − X0) + r̄."""
 
@@ -70,18 +83,18 @@ def fit_shape(
     type_: str,
     points: FloatArray,
     shape: FloatArray,
-    axis: tuple[FloatArray, FloatArray | None] | None = None,
+    held: Held | None = None,
 ) -> Fit | None:
     """Fit a shape to points (n, 3) by least squares; ``None`` if they are too few or lie on no such shape.
 
-    Components of ``shape`` (3,) that are known stay, those that are not are NaN. ``axis`` is the rotation of the local
-    system and, of a coaxial shape, its origin, if another feature has them. Otherwise the offset r̄ is 0.
+    Components of ``shape`` (3,) that are known stay, those that are not are NaN. ``held`` is what another feature
+    determines. Without it the offset r̄ is 0.
     """
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 3:
         return None
     points = points[np.linspace(0, len(points) - 1, min(len(points), _MOST)).astype(int)]
-    held, origin = axis if axis is not None else (None, None)
+    origin = held.origin if held is not None else None
     centre = points.mean(axis=0) if origin is None else origin
     size = float(np.abs(points - centre).max())
     if not size > 0.0:
@@ -89,27 +102,38 @@ def fit_shape(
     q, known = (points - centre) / size, shape / np.array([size, size, 1.0])
     free = FREEDOM[type_]
     free = Freedom(
-        free.offset & np.array([origin is None, origin is None, True]),
-        free.turns & (held is None),
+        free.offset if held is None else free.offset & ~held.offsets,
+        free.turns
+        if held is None
+        else np.array(PERPENDICULAR_TURNS)
+        if held.perpendicular
+        else np.zeros(3, dtype=bool),
         free.shape & np.isnan(known),
     )
     guesses = [
-        guess
-        for D in (_candidates(q, free) if held is None else [held])
-        if (guess := _guess(type_, q, D, known, free)) is not None
+        guess for D in _candidates(q, free, held) if (guess := _guess(type_, q, D, known, free)) is not None
     ]
     best = _refined(type_, q, guesses, free)
     if best is None:
         return None
-    D, _, offset, found = _opened_upwards(best) if held is None else best
+    D, _, offset, found = _opened_upwards(best) if free.turns.any() else best
     found, offset = found * np.array([size, size, 1.0]), offset * size
     if origin is None:
         return Fit(D, centre - offset @ D, np.zeros(3), found)
     return Fit(D, centre, offset, found)
 
 
-def _candidates(q: FloatArray, free: Freedom) -> list[FloatArray]:
-    """Rotations whose z axes are the principal axes of points (n, 3), and then spread over the half sphere."""
+def _candidates(q: FloatArray, free: Freedom, held: Held | None) -> list[FloatArray]:
+    """Rotations whose z axes are the principal axes of points (n, 3), and then spread over the half sphere.
+
+    Those of a perpendicular shape are spread over half a turn about the axis of the other feature.
+    """
+    if held is not None and not held.perpendicular:
+        return [held.rotation]
+    if held is not None:
+        angles = np.pi / _DIRECTIONS * np.arange(_DIRECTIONS)
+        turns = exponential(angles[:, None] * np.array([0.0, 0.0, 1.0]))
+        return list(PERPENDICULAR @ turns @ held.rotation)
     if not free.turns.any():
         return [np.eye(3)]
     height = (np.arange(_DIRECTIONS) + 0.5) / _DIRECTIONS

@@ -652,12 +652,16 @@ def feature_table(solved: Solved) -> pl.DataFrame:
 
 def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
     label = feature_label(feature)
-    group = next(g for g in solved.adjustment.problem.groups if g.name == label and len(g.type.slots) == 5)
+    group = next(g for g in solved.adjustment.problem.groups if g.name == label and len(g.type.slots) >= 5)
     part_of = {slot.part: numbers for slot, numbers in zip(group.type.slots, group.blocks, strict=True)}
-    rotation, eccentricity = int(part_of["rotation"][0]), int(part_of["offset"][0])
-    origin, points = int(group.blocks[0][0]), group.blocks[-1]
+    system: dict[str, int] = {
+        part: int(part_of[part][0]) for part in ("rotation", "turn", "offset") if part in part_of
+    }
+    origin, points = int(group.blocks[0][0]), group.blocks[4]
     values, M = solved.adjustment.values, solved.network.edge.matrix
-    D, offset = values["rotation"][rotation], values["eccentricity"][eccentricity]
+    D, offset = values["rotation"][system["rotation"]], values["eccentricity"][system["offset"]]
+    turn = values["rotation"][system["turn"]] if "turn" in system else np.eye(3)
+    D = turn @ D
     local = (values["point"][points] - values["point"][origin]) @ D.T + offset
     off, sizes = local, dict[str, float | None]()
     if feature.type in SHAPE_TYPES:
@@ -680,7 +684,7 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
         on = on * (1.0 - held)
         place = ((on - offset) @ D + values["point"][origin]) @ M
         direction = None if feature.type == "sphere" else _upright(axis @ D @ M)
-        sd, sigma = _feature_sigma(solved, rotation, eccentricity, on - offset, axis, held)
+        sd, sigma = _feature_sigma(solved, system, (D, turn), on - offset, axis, held)
         rows.append(
             {
                 "id": feature.id,
@@ -709,9 +713,16 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
 
 
 def _feature_sigma(
-    solved: Solved, rotation: int, eccentricity: int, lever: FloatArray, axis: FloatArray, held: FloatArray
+    solved: Solved,
+    system: dict[str, int],
+    rotations: tuple[FloatArray, FloatArray],
+    lever: FloatArray,
+    axis: FloatArray,
+    held: FloatArray,
 ) -> tuple[float | None, list[float | None]]:
     """σ of the direction of an axis, project unit, and σ (3,) of the place X0 + Dᵀ p, ``lever`` p (3,).
+
+    ``system`` has blocks, ``rotations`` are D = E D_A and E.
 
     Only movements along the local axes ``held`` (3,), 1 or 0, count: a plane moves along its normal, a line across.
     """
@@ -719,11 +730,18 @@ def _feature_sigma(
     if quality is None:
         return None, [None] * 3
     columns = quality.adjustment.problem.index.columns
-    used = np.concatenate([columns["rotation"][rotation], columns["eccentricity"][eccentricity]])
-    covariance = joint_cofactors(quality, used) * quality.sigma_factor**2
+    D, turn = rotations
+    used = [columns["rotation"][system["rotation"]], columns["eccentricity"][system["offset"]]]
+    by_system = np.zeros((6, 6))
+    by_system[:3, :3], by_system[3:, 3:] = turn, np.eye(3)
+    if "turn" in system:
+        used.append(columns["rotation"][system["turn"]])
+        by_system = np.concatenate([by_system, np.eye(6)[:, :3]], axis=1)
+    cofactors = joint_cofactors(quality, np.concatenate(used))
+    covariance = by_system @ cofactors @ by_system.T * quality.sigma_factor**2
     across = covariance[:3, :3][np.ix_(axis == 0.0, axis == 0.0)]
     by_unknowns = -held[:, None] * np.concatenate([cross_matrix(lever), np.eye(3)], axis=1)
-    turned = solved.network.edge.matrix.T @ solved.adjustment.values["rotation"][rotation].T @ by_unknowns
+    turned = solved.network.edge.matrix.T @ D.T @ by_unknowns
     variances = np.einsum("ij,jk,ik->i", turned, covariance, turned)
     largest = max(float(np.linalg.eigvalsh(across)[-1]), 0.0)
     sigma = [float(s) for s in np.sqrt(np.maximum(variances, 0.0))]

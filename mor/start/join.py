@@ -16,7 +16,7 @@ from mor.model.rotations import angles_from_rotation, nearest_rotation, rotation
 from mor.model.shapes import SHAPE_TYPES
 from mor.project.entities import thing_of
 from mor.project.network import Network
-from mor.project.shapes import fit_shape
+from mor.project.shapes import Held, fit_shape
 from mor.start.bundle import Similarity, SimilarityOutcome, congruence, similarity
 from mor.start.intersection import posed_frames
 from mor.start.movement import OPEN, PRECISION, Movement, Ties, Turn, movement
@@ -478,22 +478,37 @@ def _fill_shapes(network: Network, start: dict[str, FloatArray], turned: set[int
     """
     placed: set[int] = set()
     for group in network.groups:
-        if group.type.key not in SHAPE_TYPES:
+        if group.type.name not in SHAPE_TYPES:
             continue
-        position, rotation, offset, shape = (int(block[0]) for block in group.blocks[:4])
+        position, rotation, offset, shape, *turn = (
+            int(block[0]) for block in (*group.blocks[:4], *group.blocks[5:])
+        )
         points = group.blocks[4]
         if np.isnan(network.start["point"][points]).any():
-            axis = None
+            held = None
+            shared = network.blocks["eccentricity"].owner[offset] != offset
             if rotation in turned:
-                D = start["rotation"][rotation]
-                axis = (D, start["point"][position] if position in placed else None)
+                D, perpendicular = start["rotation"][rotation], bool(turn) and turn[0] not in turned
+                if turn and not perpendicular:
+                    D = start["rotation"][turn[0]] @ D
+                origin = None
+                if position in placed:
+                    owner = start["eccentricity"][network.blocks["eccentricity"].owner[offset], np.arange(3)]
+                    origin = start["point"][position] - np.where(shared, owner, 0.0) @ D
+                held = Held(D, perpendicular, origin, shared)
             known = network.start["shape"][shape]
-            fit = fit_shape(group.type.key, start["point"][points], known, axis)
+            fit = fit_shape(group.type.name, start["point"][points], known, held)
             if fit is None:
                 continue
-            start["rotation"][rotation], start["point"][position] = fit.rotation, fit.origin
-            start["eccentricity"][offset], start["shape"][shape] = fit.offset, fit.shape
-        turned.add(rotation)
+            if held is None:
+                start["rotation"][rotation] = fit.rotation
+            elif held.perpendicular:
+                start["rotation"][turn[0]] = fit.rotation @ held.rotation.T
+            if held is None or held.origin is None:
+                start["point"][position] = fit.origin
+            start["eccentricity"][offset] = np.where(shared, start["eccentricity"][offset], fit.offset)
+            start["shape"][shape] = fit.shape
+        turned.update((rotation, *turn))
         placed.add(position)
 
 

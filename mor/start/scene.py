@@ -202,7 +202,7 @@ def scene_of(network: Network) -> Scene:
 
 def _marks(network: Network, frames: tuple[Frame, ...], measured: Terrestrial) -> IntArray:
     """Points that are measured themselves, not only by targets above them: frames, systems, vectors, levelling."""
-    local = [group.blocks[-1] for group in network.groups if group.type.key in ("local", *SHAPE_TYPES)]
+    local = [group.blocks[4] for group in network.groups if group.type.name in ("local", *SHAPE_TYPES)]
     lines = measured.height_differences, measured.vectors
     ends = [end for lengths in lines for end in (lengths.start, lengths.end)]
     places = np.array([frame.position for frame in frames], dtype=np.int64)

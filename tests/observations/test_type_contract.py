@@ -10,7 +10,7 @@ from mor.model.parameters import KINDS
 from mor.units import ANGLE
 
 TYPES = pytest.mark.parametrize("kind", ALL_TYPES.values(), ids=ALL_TYPES.keys())
-NAMESPACES = {"point", "station", "image", "system", *KINDS}
+NAMESPACES = {"point", "station", "image", "system", "feature", *KINDS}
 
 
 def _blocks(kind, n, seed=0):
