@@ -614,7 +614,10 @@ def _placed(table: PointTable) -> FloatArray:
 
 
 def _check_area(reading: Reading, system: ReferenceSystem, table: PointTable, geodetic: FloatArray) -> None:
-    """Tell points far outside the area of the system, and whether exchanged coordinates would lie inside."""
+    """Tell points far outside the area of the system, and whether exchanged coordinates would lie inside.
+
+    Latitudes and longitudes are places of the ellipsoid everywhere: there it is a note, unless they seem exchanged.
+    """
     known = np.isfinite(geodetic).all(axis=1)
     lost = np.isfinite(table.coordinates).all(axis=1) & ~known
     outside = lost | (known & system.outside(np.nan_to_num(geodetic)))
@@ -630,7 +633,9 @@ def _check_area(reading: Reading, system: ReferenceSystem, table: PointTable, ge
         hint = f"; with {one} and {two} exchanged it would lie inside" if inside[row] else ""
         return f"point {table.ids[row]!r} lies outside the area that {system.name} is made for{hint}"
 
-    tell_rows(reading.problems, outside, table.rows, words)
+    places = outside & ~lost & ~inside & (system.kind == "geographic")
+    tell_rows(reading.problems, outside & ~places, table.rows, words)
+    tell_rows(reading.notes, places, table.rows, words)
 
 
 def _add(reading: Reading, world: World, tables: Sequence[PointTable]) -> None:

@@ -15,6 +15,7 @@ import numpy as np
 
 from mor.errors import InputError, Message, nearest
 from mor.formats.draft import Draft, Row, parse_number, read_lines
+from mor.formats.snap.delimited import Definition, Record, angle_words, date_by, form_of, records
 from mor.project.reference_system import ReferenceSystem, reference_system
 from mor.types import FloatArray
 
@@ -181,7 +182,12 @@ def error_of(words: Words) -> Error:
         if unit in _SECONDS:
             found["seconds"] = value * _SECONDS[unit]
         elif unit in _METRES:
-            found["metres"] = value * _METRES[unit]
+            found["metres"] = float(np.hypot(found["metres"], value * _METRES[unit]))
+        elif unit == "mmrkm" and words.skip("sqrt"):  # per root of the length of a levelling line in km
+            length = words.number("the length of a levelling line")
+            if length < 0.0:
+                raise ValueError(f"found the length {length:g}, expected 0 or more")
+            found["metres"] = float(np.hypot(found["metres"], 1e-3 * value * np.sqrt(1e-3 * length)))
         elif unit in ("mmh", "mmv"):
             found["level" if unit == "mmh" else "vertical"] = value * 1e-3
         elif unit == "ppm":
@@ -265,6 +271,9 @@ _OPTIONS = {
     *("no_deflections", "no_geoid_heights", "no_geoid", "no_station_orders"),
 }
 
+_COLUMNS = {"deflections": ["deflection_north", "deflection_east"], "geoid_heights": ["geoid_undulation"]}
+"""Columns behind a height that an option announces, in their order."""
+
 
 class Station(NamedTuple):
     """A station as it was given; angles in degrees, deflections in arc seconds."""
@@ -311,9 +320,13 @@ class Stations(NamedTuple):
         return east_north_up(latitude, longitude)
 
 
-def read_stations(path: Path, draft: Draft) -> Stations:
-    """Stations of a coordinate file. Raises :class:`InputError`."""
-    lines = [line for line in lines_of(path, draft) if line.words]
+def read_stations(path: Path, draft: Draft, form: Definition | None = None) -> Stations:
+    """Stations of a coordinate file, of a delimited one by its definition. Raises :class:`InputError`."""
+    lines = (
+        [line for line in lines_of(path, draft) if line.words]
+        if form is None
+        else _divided(path, form, draft)
+    )
     if len(lines) < 2:
         words = "expected a title, a coordinate system and stations"
         raise InputError([Message(words, str(path), len(lines) or 1)])
@@ -339,10 +352,10 @@ def read_stations(path: Path, draft: Draft) -> Stations:
     )
     if frame:
         draft.note(f"coordinate system {code}: coordinates are taken as {frame}", lines[1].number, str(path))
-    form = "xyz" if geocentric else "deg" if "degrees" in options else "dms"
+    angles = "xyz" if geocentric else "deg" if "degrees" in options else "dms"
     for line in lines[2 + has_options :]:
         try:
-            _read(found, line, form, classes)
+            _read(found, line, angles, classes)
         except ValueError as error:
             draft.problem(str(error), line.number, str(path))
     if not geoid:
@@ -350,12 +363,54 @@ def read_stations(path: Path, draft: Draft) -> Stations:
     return found
 
 
-def merge_stations(stations: Stations, path: Path, parts: set[str], draft: Draft) -> None:
+def _divided(path: Path, form: Definition, draft: Draft) -> list[Line]:
+    """Stations of a delimited file as lines of a coordinate file."""
+    found = list(records(path, form, [form.station], draft))
+    if not found:
+        raise InputError([Message("there are no stations", str(path))])
+    systems = {record.values.get("coordinate_system", "") for record in found}
+    heights = {record.values.get("height_type", "").lower() or "orthometric" for record in found}
+    for what, values in (("coordinate system", systems), ("type of heights", heights)):
+        if len(values) > 1:
+            words = f"found more than one {what}: {', '.join(sorted(values))}"
+            raise InputError([Message(words, str(path), found[0].line)])
+    code = systems.pop()
+    crs, _ = _system(code, path, found[0].line)
+    given = {name for record in found for name, value in record.values.items() if value}
+    classes = list(dict.fromkeys(name for record in found for name in record.classes))
+    options = ["options", "degrees", f"{heights.pop()}_heights", *(f"c={name}" for name in classes)]
+    optional = []
+    for option, columns in _COLUMNS.items():
+        if given & set(columns):
+            options.append(option)
+            optional += columns
+    geographic = reference_system(crs).kind == "geographic" and not code.upper().endswith("_XYZ")
+    names = ("latitude", "longitude") if geographic else ("longitude", "latitude")
+    lines = [Line([path.stem], 1), Line([code], 1), Line(options, 1)]
+    for number, texts, own in found:
+        try:
+            angles = form_of(texts.get("angle_format", ""))
+            place = [texts.get(name, "") for name in names]
+            if "" in (texts.get("code", ""), *place, texts.get("height", "")):
+                raise ValueError("expected a code, two coordinates and a height")
+            if geographic:
+                ends = zip(place, ("NS", "EW"), strict=True)
+                place = [repr(angle(Words(angle_words(text, two)), angles, two)) for text, two in ends]
+            row = [texts["code"], *place, texts["height"], *(texts.get(name) or "0" for name in optional)]
+            lines.append(Line([*row, *(own.get(name, "-") for name in classes)], number))
+        except ValueError as error:
+            draft.problem(str(error), number, str(path))
+    return lines
+
+
+def merge_stations(
+    stations: Stations, path: Path, parts: set[str], draft: Draft, form: Definition | None = None
+) -> None:
     """Take ``coordinates``, ``classes``, ``existing_classes`` or new ``stations`` over from another file.
 
     Raises ``ValueError`` if its coordinates are of another system; :class:`InputError`.
     """
-    other = read_stations(path, draft)
+    other = read_stations(path, draft, form)
     own, given = ((one.crs, one.orthometric, one.geoid) for one in (stations, other))
     if own != given and parts & {"coordinates", "stations"}:
         words = f"{path.name}: coordinates in {other.code} cannot be merged with those in {stations.code}"
@@ -729,7 +784,13 @@ def projection_of(name: str) -> str:
 # GNSS vectors and positions with their covariances: alone, or in sets with one matrix.
 # ------------------------------------------------------------
 
-NUMBERS = {"full": (6, 0, 1), "correlation": (6, 3, 1), "diagonal": (3, 3, 0), "enu": (3, 3, 0)}
+NUMBERS = {
+    "full": (6, 0, 1),
+    "correlation": (6, 3, 1),
+    "diagonal": (3, 3, 0),
+    "enu": (3, 3, 0),
+    "enu_correlation": (6, 6, 0),
+}
 """Types of errors: how many numbers follow a vector alone, one in a set; whether a matrix follows the set."""
 _LOWER = [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1), (2, 2)]
 
@@ -874,12 +935,12 @@ def _covariance(
             block = _symmetric(given)
         else:
             C = np.eye(3)
-            if form == "correlation":
+            if form[-11:] == "correlation":
                 C[[1, 2, 2], [0, 0, 1]] = C[[0, 0, 1], [1, 2, 2]] = given[3:]
             block = C * np.outer(given[:3], given[:3])
-        if form == "enu" or given[3:] == [-1.0]:
+        if form[:3] == "enu" or given[3:] == [-1.0]:
             axes = stations.axes(member.names)
-            block = axes.T @ np.diag(np.square(given[:3])) @ axes
+            block = axes.T @ block @ axes
         Q[3 * k : 3 * k + 3, 3 * k : 3 * k + 3] = block
     return Q
 
@@ -1064,6 +1125,14 @@ class Data:
     covariances: list[float] | None = None
     """Numbers behind #end_set; ``None`` before it."""
 
+    def begin(self, path: Path, scale: float, recodes: Path | None) -> None:
+        """Forget what commands of the file before said."""
+        self.scale, self.own_recodes = scale, recodes_of(recodes) if recodes else []
+        self.path, self.form, self.vector_form, self.refraction = path, "dms", "full", DEFAULT
+        self.errors, self.vector_errors, self.classes, self.items = {}, {}, set(), []
+        self.date, self.given = None, {}
+        self.header, self.members, self.covariances, self.projection = None, [], None, ""
+
     def skip(self, what: str) -> None:
         """Something of this line is left out."""
         count, line, file = self.left_out.get(what, (0, self.line, str(self.path)))
@@ -1124,11 +1193,7 @@ class Data:
 
 def read_data(path: Path, data: Data, scale: float = 1.0, recodes: Path | None = None) -> None:
     """Read one data file, with a factor of its σ and the file of its recodes. Mistakes are told in the draft."""
-    data.scale, data.own_recodes = scale, recodes_of(recodes) if recodes else []
-    data.path, data.form, data.vector_form, data.refraction = path, "dms", "full", DEFAULT
-    data.errors, data.vector_errors, data.classes, data.items = {}, {}, set(), []
-    data.date, data.given = None, {}
-    data.header, data.members, data.covariances, data.projection = None, [], None, ""
+    data.begin(path, scale, recodes)
     for number, line in enumerate(lines_of(path, data.draft)):
         data.line = line.number
         try:
@@ -1150,6 +1215,97 @@ def read_data(path: Path, data: Data, scale: float = 1.0, recodes: Path | None =
         except ValueError as error:
             data.draft.problem(str(error), line.number, str(path))
     _end_of_set(data)
+
+
+def read_delimited(
+    path: Path, data: Data, form: Definition, scale: float = 1.0, recodes: Path | None = None
+) -> None:
+    """Read one delimited data file by its definition, like :func:`read_data`."""
+    data.begin(path, scale, recodes)
+    last = ("", "", "")
+    for record in records(path, form, form.observations, data.draft):
+        data.line, values = record.line, record.values
+        try:
+            code = values.get("type", "").upper()
+            code = _ALSO.get(code, code)
+            if code not in KINDS:
+                raise ValueError(f"found the data type {code!r}, expected one of {', '.join(KINDS)}")
+            own = (code, values.get("set_id", ""), values.get("instrument_station", ""))
+            new, last = own != last or not own[1], own
+            _delimited(data, code, record, scale, new)
+        except ValueError as error:
+            data.draft.problem(str(error), record.line, str(path))
+            last = ("", "", "")
+
+
+def _delimited(data: Data, code: str, record: Record, scale: float, new_set: bool) -> None:
+    """An observation of a delimited file, as the line of a data file would say it."""
+    kind, values = KINDS[code], record.values
+    data.form = form_of(values.get("angle_format", ""))
+    data.date = date_by(values.get("datetime", ""), values.get("datetime_format", "YMDhms"))
+    data.given = {code: record.classes}
+    data.scale = scale * _factor(values.get("error_factor") or "1")
+    data.refraction = (values.get("refraction_coefficient") or DEFAULT).upper()
+    data.grouped = code in _SETS
+    if code == "PB":
+        data.projection = projection_of(values.get("projection", ""))
+    if values.get("reference_frame"):
+        data.skip(
+            f"reference frame {values['reference_frame']}: vectors are taken in the frame of the stations"
+        )
+    numbers = _errors_of(data, code, values)
+    data.items = [Item(code, ("value", "error") if numbers else ("value",))]
+    station = [values.get("instrument_station", ""), values.get("instrument_height") or "0"]
+    target = [values.get("target_station", ""), values.get("target_height") or "0"]
+    data.heights = True
+    ends = station if kind.point else [*station, *target]
+    if "" in ends:
+        raise ValueError("expected the names of the stations")
+    if data.grouped:
+        if new_set:
+            _observations(data, Words(station))
+        ends = target
+    rejected = ["*"] * (values.get("rejected", "").upper() == "Y")
+    value = angle_words(values.get("value", ""), kind.angular.replace("line", ""))
+    _observations(data, Words([*rejected, *ends, *value, *numbers]))
+
+
+def _factor(text: str) -> float:
+    factor = parse_number(text)
+    if not factor > 0.0:
+        raise ValueError(f"found the factor {factor:g}, expected one above 0")
+    return factor
+
+
+def _errors_of(data: Data, code: str, values: dict[str, str]) -> list[str]:
+    """Numbers of the error; none where it is calculated, which the state of the file then says."""
+    kind, text = KINDS[code], values.get("error", "")
+    by_kind = {"ZD": "zenith_distance", "LV": "height_difference", "GB": "vector", "GX": "vector"}
+    what = by_kind.get(code, "angle" if kind.angular else "distance")
+    form = values.get(f"{what}_error_type", "").lower()
+    numbers = text.split()
+    if form == "calculated":
+        words = Words(re.sub(r"(\d)([a-z])", r"\1 \2", text.lower()).split())
+        if what == "vector":
+            data.vector_errors[code] = vector_error_of(words, code)
+        else:
+            data.errors[kind.default] = error_of(words)
+        return []
+    if what == "vector":
+        data.vector_form = form or "full"
+        if data.vector_form not in NUMBERS:
+            raise ValueError(f"found {form!r}, expected {', '.join(NUMBERS)} or calculated")
+    elif form not in ("", "value", "error"):
+        raise ValueError(f"found {form!r}, expected value or calculated")
+    unit = values.get("angle_error_units", "").lower() or "default"
+    if unit not in ("default", "degrees", "seconds"):
+        raise ValueError(f"found the unit {unit!r}, expected degrees or seconds")
+    if kind.angular and unit != "default":
+        factor = (3600.0 if unit == "degrees" else 1.0) / (3600.0 if data.form == "deg" else 1.0)
+        numbers = [repr(parse_number(number) * factor) for number in numbers]
+    if not numbers:
+        raise ValueError("nothing says the error")
+    return numbers
 
 
 def _command(data: Data, words: Words) -> None:
@@ -1368,7 +1524,12 @@ def _sigma(data: Data, kind: Kind, names: list[str], value: float, sigma: list[f
     error = data.errors[kind.default]
     if not kind.angular:
         return error.of_length(value if kind.value == "distance" else 0.0)
-    return error.of_angle(*data.length(names)) if len(names) > 1 else error.seconds
+    if len(names) == 1:
+        return error.seconds
+    length, level = data.length(names)
+    if kind.value == "zenith_angle":  # SNAP takes the slope from the observation
+        level = length * abs(float(np.sin(np.radians(value))))
+    return error.of_angle(length, level)
 
 
 def _count(data: Data) -> int:

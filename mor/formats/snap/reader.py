@@ -8,6 +8,7 @@ from typing import NamedTuple
 
 from mor.errors import InputError, Message
 from mor.formats.draft import Draft, Row
+from mor.formats.snap.delimited import Definition, definition_of
 from mor.formats.snap.observations import (
     DEFAULT,
     Data,
@@ -19,6 +20,7 @@ from mor.formats.snap.observations import (
     period_of,
     put_observations,
     read_data,
+    read_delimited,
     read_stations,
     recodes_of,
     selection_of,
@@ -103,13 +105,17 @@ class _DataFile(NamedTuple):
     path: Path
     scale: float = 1.0
     recodes: Path | None = None
+    form: Definition | None = None
+    """Of a delimited file."""
 
 
 @dataclass
 class _Commands:
     title: str = ""
     stations: Path = Path()
-    added: list[tuple[Path, set[str], int, str]] = field(default_factory=list)
+    form: Definition | None = None
+    """Of these stations, if their file is delimited."""
+    added: list[tuple[Path, set[str], Definition | None, int, str]] = field(default_factory=list)
     """More coordinate files, what is taken from them, and the line and file of their commands."""
     data: list[_DataFile] = field(default_factory=list)
     mode: str = "adjustment"
@@ -131,10 +137,10 @@ def read_snap(path: Path) -> Document:
     draft = Draft(str(path))
     pair = path.suffix.lower() in (".crd", ".dat")
     commands = _pair(path, draft) if pair else _commands(path, draft)
-    stations = read_stations(commands.stations, draft)
-    for file_path, parts, line, command_file in commands.added:
+    stations = read_stations(commands.stations, draft, commands.form)
+    for file_path, parts, form, line, command_file in commands.added:
         try:
-            merge_stations(stations, file_path, parts, draft)
+            merge_stations(stations, file_path, parts, draft, form)
         except ValueError as error:
             draft.problem(str(error), line, command_file)
     draft.put("title", commands.title or stations.title)
@@ -148,7 +154,10 @@ def read_snap(path: Path) -> Document:
         except ValueError as error:
             draft.problem(str(error), command.line, command.file)
     for file in commands.data:
-        read_data(file.path, data, file.scale, file.recodes)
+        if file.form is None:
+            read_data(file.path, data, file.scale, file.recodes)
+        else:
+            read_delimited(file.path, data, file.form, file.scale, file.recodes)
     _put_instruments(data, commands)
     if commands.mode.startswith("adjust"):  # SNAP rejects stations without enough data
         draft.put("settings", {"undetermined": "leave_out"})
@@ -188,6 +197,7 @@ def _read_commands(
     """Commands of a file and of those that it includes."""
     if path in above:
         raise InputError([Message("this file includes itself", str(path))])
+    places = [file.parent for file in (path, *reversed(above))]
     for line in lines_of(path, draft, quoted=True):
         if not line.words:
             continue
@@ -203,8 +213,10 @@ def _read_commands(
                 if found.stations == Path() and not draft.problems:
                     raise ValueError("expected the command coordinate_file before add_coordinate_file")
                 file, parts = _added(path, name, words)
-                found.added.append((file, parts, line.number, str(path)))
-            elif not _command(found, path, name, words) and name not in _OUTPUT:
+                form = _form(words, places, "stn", draft)
+                _end(words)
+                found.added.append((file, parts, form, line.number, str(path)))
+            elif not _command(found, path, name, words, places, draft) and name not in _OUTPUT:
                 ignored.setdefault(name, (line.number, str(path)))
         except ValueError as error:
             draft.problem(str(error), line.number, str(path))
@@ -230,10 +242,27 @@ def _added(path: Path, name: str, words: Words) -> tuple[Path, set[str]]:
             raise ValueError(f"found {part!r}, expected {', '.join(_PARTS)} or from")
     if not parts:
         raise ValueError(f"found no option before from, expected {', '.join(_PARTS)}")
-    file = _file_of(words, path)
+    return _file_of(words, path), parts
+
+
+def _form(words: Words, places: list[Path], usual: str, draft: Draft) -> Definition | None:
+    """The definition behind the word csv; it stands beside the command file, or one that includes it."""
+    if not words.skip("csv"):
+        return None
+    options = {}
+    while "=" in words.peek():
+        key, _, value = words.take("an option").partition("=")
+        options[key.lower()] = value.strip("\"'")
+    name = f"{options.pop('format', usual)}.dtf"
+    files = [place / name for place in places]
+    return definition_of(next((file for file in files if file.is_file()), files[0]), options, draft)
+
+
+def _end(words: Words) -> None:
     if words:
-        raise ValueError(f"found {words.rest()!r} behind the name of the file: only SNAP's own form is read")
-    return file, parts
+        raise ValueError(
+            f"found {words.rest()!r} behind the name of the file: only SNAP's own form and csv are read"
+        )
 
 
 def _factor(words: Words) -> float:
@@ -243,26 +272,24 @@ def _factor(words: Words) -> float:
     return factor
 
 
-def _command(found: _Commands, path: Path, name: str, words: Words) -> bool:
+def _command(found: _Commands, path: Path, name: str, words: Words, places: list[Path], draft: Draft) -> bool:
     """Follow a command; False if it is not one of these."""
     if name == "title":
         found.title = words.rest()
     elif name in ("coordinate_file", "data_file"):
         file = _file_of(words, path)
-        data_file = _DataFile(file)
+        form = _form(words, places, "stn" if name[0] == "c" else "obs", draft)
+        data_file = _DataFile(file, form=form)
         while name == "data_file" and words.peek().lower() in ("error_factor", "recode"):
             if words.skip("error_factor"):
                 data_file = data_file._replace(scale=_factor(words))
             elif words.skip("recode"):
                 data_file = data_file._replace(recodes=_file_of(words, path))
-        if words:
-            raise ValueError(
-                f"found {words.rest()!r} behind the name of the file: only SNAP's own form is read"
-            )
+        _end(words)
         if name == "data_file":
             found.data.append(data_file)
         else:
-            found.stations = file
+            found.stations, found.form = file, form
     elif name == "mode":
         _mode(found, words)
     elif name in ("horizontal_float_error", "vertical_float_error"):
