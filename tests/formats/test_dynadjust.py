@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pytest
@@ -131,7 +131,7 @@ def test_what_the_files_say(tmp_path: Path) -> None:
         ("angle", [["A", "B B", "C", "190-5-1.5", "20.000"]]),
     ]
     notes = " ".join(map(str, document.notes))
-    for words in ("switched off (*) (3)", "geodetic latitudes (1)", "heights are taken as ellipsoidal"):
+    for words in ("switched off (*) (3)", "geodetic latitudes (1)", "the geoid is taken as the ellipsoid"):
         assert words in notes
     network_of(document, tmp_path)
 
@@ -164,11 +164,9 @@ def test_what_the_files_say(tmp_path: Path) -> None:
             "B B                     350",
             r"n\.msr:\d+: station 'A' has a target twice in one set",
         ),
-        ("R A", "H A", r"n\.msr:\d+: measurement H refers to the geoid, and there is no file \.geo"),
         ("-36.32", "-96.32", r"n\.stn:3: station 'B B': found the latitude"),
         ("\nC  ", "\nD  ", r"n\.msr:7: station 'C' is not in n\.stn|n\.msr:14: station 'C' is not in n\.stn"),
         ("!#=DNA 3", "!#=DNA 1", r"n\.(stn|msr):1: found '!#=DNA 1"),
-        ("4.00      1.00", "4.00      2.00", r"n\.msr:3: scales of the covariances in latitude"),
         ("2         ", "x         ", r"n\.msr:7: found 'x', expected the number of members"),
         ("2         ", "3         ", r"n\.msr:\d+: "),
         (
@@ -420,3 +418,44 @@ def test_identifiers_of_a_database_and_a_network_without_held_stations(tmp_path:
         (tmp_path / "n.stn").read_text().replace("A                   FFF", "A                   CCC")
     )
     assert "datum" not in read_foreign(tmp_path / "n.msr").data
+
+
+def test_scales_in_latitude_longitude_and_height(tmp_path: Path) -> None:
+    """σ north, east and up at the station where the vector begins; the scale of the whole matrix multiplies them."""
+    measured = MEASURED.replace(
+        "   4.00      1.00      1.00      1.00", "   4.00      2.00      3.00      5.00"
+    )
+    assert measured != MEASURED
+    (_, single, *_), (_, plain, *_) = (
+        read_foreign(_files(tmp_path, measured=text)).data["observations"] for text in (measured, MEASURED)
+    )
+
+    def matrix(table: dict[str, Any]) -> FloatArray:
+        xx, xy, xz, yy, yz, zz = (float(value) for value in table["rows"][0][5:11])
+        return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+    place = np.array([-4250323.0, 2871048.0, -3778696.0])
+    longitude, latitude, _ = np.radians(
+        Transformer.from_crs("EPSG:7842", "EPSG:7843", always_xy=True).transform(*place)
+    )
+    up = np.array(
+        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
+    )
+    east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
+    local = np.stack([np.cross(up, east), east, up])
+    scaled = local @ matrix(single) @ local.T / (local @ matrix(plain) @ local.T)
+    roots = np.sqrt([2.0, 3.0, 5.0])
+    np.testing.assert_allclose(scaled, np.outer(roots, roots), rtol=1e-6)
+
+
+def test_a_free_station_may_be_there_twice_and_without_a_geoid_there_is_a_note(tmp_path: Path) -> None:
+    twice = STATIONS + STATIONS.splitlines()[2].replace("167.5630", "167.5600") + "\n"
+    document = read_foreign(_files(tmp_path, twice))
+    notes = " ".join(note.message for note in document.notes)
+    assert "station 'B B' is there twice; its coordinates are start values" in notes
+    assert "the geoid is taken as the ellipsoid" in notes
+    assert [row[3] for table in document.data["points"] for row in table["rows"] if row[0] == "B B"] == [
+        "167.563"
+    ]
+    with pytest.raises(InputError, match=r"n\.stn:6: station 'A' is there twice"):
+        read_foreign(_files(tmp_path, STATIONS + STATIONS.splitlines()[1] + "\n"))

@@ -16,6 +16,7 @@ from mor.errors import InputError, Message, counted
 from mor.formats.draft import LARGEST, Draft, Element, Row, parse_number, parse_xml, read_lines
 from mor.formats.fieldbook.book import sexagesimal
 from mor.input_files import PROJECT, read_bytes
+from mor.model.earth import east_north_up
 from mor.project.document import Document
 from mor.project.reference_system import ReferenceSystem, ReferenceSystemError, reference_system
 from mor.types import FloatArray
@@ -30,6 +31,8 @@ from mor.types import FloatArray
 _MARK = "!#=DNA"
 NAMES = (slice(2, 22), slice(22, 42), slice(42, 62))
 VALUES = 62
+_IDENTIFIERS = 142
+"""Column of the identifiers of a database, behind the values of a line."""
 NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?")
 _NO_VALUE = re.compile(r"(?<=\s)(?:\d\d?\.\d\d?\.\d{4}|[A-Za-z]\w*)(?=\s|$)")
 """Frames and epochs behind the values of a measurement."""
@@ -67,6 +70,8 @@ class Collected:
         default_factory=dict
     )
     """Rows and covariance matrix of each cluster, by type and columns."""
+    scaled: list[tuple[str, str, list[Row], FloatArray, list[float]]] = field(default_factory=list)
+    """Clusters that are scaled in latitude, longitude and height at their stations: arguments of put_cluster."""
 
     def skip(self, what: str, line: int) -> None:
         """The measurement at a line is not read."""
@@ -96,7 +101,7 @@ class Measurements(Collected):
         if text[:1].strip():
             raise ValueError("the measurement is not complete: expected its values and covariances")
         self.at += 1
-        words = NUMBER.findall(text[VALUES:])
+        words = NUMBER.findall(text[VALUES:_IDENTIFIERS])
         values = list(map(float, words))
         return (
             values
@@ -162,8 +167,6 @@ class Kind(NamedTuple):
     angle: bool = False
     heights: bool = False
     """True if heights of instrument and target may follow."""
-    on_geoid: bool = False
-    """True if it cannot be told without the geoid."""
 
 
 _LINE = ("from", "to")
@@ -172,10 +175,10 @@ KINDS = {
     "B": Kind("azimuth", _LINE, "azimuth", angle=True),
     "C": Kind("ellipsoid_chord", _LINE, "distance"),
     "E": Kind("ellipsoid_arc", _LINE, "distance"),
-    "H": Kind("orthometric_height", ("point",), "height", on_geoid=True),
+    "H": Kind("orthometric_height", ("point",), "height"),
     "K": Kind("astronomic_azimuth", _LINE, "azimuth", angle=True),
-    "L": Kind("height_difference", _LINE, "dz", on_geoid=True),
-    "M": Kind("mean_sea_level_distance", _LINE, "distance", on_geoid=True),
+    "L": Kind("height_difference", _LINE, "dz"),
+    "M": Kind("mean_sea_level_distance", _LINE, "distance"),
     "R": Kind("ellipsoidal_height", ("point",), "height"),
     "S": Kind("distance", _LINE, "distance", heights=True),
     "V": Kind("zenith_angle", _LINE, "zenith_angle", angle=True, heights=True),
@@ -226,9 +229,6 @@ def put_lines(found: Collected) -> None:
         columns += ["from_height", "to_height"] if kind.heights else []
         units = {"sigma": "arcsec"} if kind.angle else None
         found.draft.table("observations", columns, rows, type=kind.type, units=units)
-        if kind.on_geoid and not found.geoid:
-            words = "refers to the geoid, and there is no file .geo beside this one that says where it is"
-            found.draft.problem(f"measurement {code} {words}", rows[0].line)
 
 
 # ------------------------------------------------------------
@@ -338,7 +338,7 @@ def read_cluster(found: Measurements, code: str) -> None:
         if not word.isdecimal() or not 0 < int(word) <= COUNTED:
             raise ValueError(f"found {word!r}, expected the number of members of the cluster")
         count = int(word)
-    factor = _factor(text)
+    scales = scales_of([parse_number(word) for word in NUMBER.findall(text[VALUES : VALUES + 40])])
     form = text[NAMES[1]].strip().upper()
     if code == "Y" and form not in ("XYZ", "LLH"):
         raise ValueError(f"found positions in {form!r}, expected XYZ or LLH")
@@ -358,15 +358,24 @@ def read_cluster(found: Measurements, code: str) -> None:
         return
     words = found.lines[first - 1][VALUES:].split()
     found.frames.setdefault(" ".join(words[4:6]), first)
-    put_cluster(found, code, form, rows, Q * factor)
+    put_cluster(found, code, form, rows, Q, scales)
 
 
-def put_cluster(found: Collected, code: str, form: str, rows: list[Row], Q: FloatArray) -> None:
+def put_cluster(
+    found: Collected, code: str, form: str, rows: list[Row], Q: FloatArray, scales: list[float]
+) -> None:
     """Put a baseline (G), or a cluster of baselines (X) or positions (Y, in XYZ or LLH), into the draft.
 
-    ``Q``: (3n, 3n), m², its lower triangle; of LLH in radians and metres.
+    ``Q``: (3n, 3n), m², its lower triangle; of LLH in radians and metres. ``scales`` are those of the whole matrix
+    and of its parts in latitude, longitude and height; the latter, but of LLH, wait for the places of the stations.
     """
-    whole = np.tril(Q) + np.tril(Q, -1).T
+    whole = (np.tril(Q) + np.tril(Q, -1).T) * scales[0]
+    if scales[1:] != [1.0, 1.0, 1.0]:
+        if form != "LLH":
+            found.scaled.append((code, form, rows, whole, scales))
+            return
+        roots = np.tile(np.sqrt(scales[1:]), len(rows))
+        whole = whole * np.outer(roots, roots)
     if not np.isfinite(whole).all() or np.linalg.eigvalsh(whole)[0] <= 0.0:
         found.draft.problem("the covariance matrix is not positive definite", rows[0].line)
     elif code == "Y" and form == "LLH":
@@ -397,19 +406,34 @@ def _values(found: Measurements, Q: FloatArray, k: int, behind: int) -> list[str
     return values
 
 
-def _factor(text: str) -> float:
-    """Scale of a covariance matrix. Raises ``ValueError`` for scales in latitude, longitude, height."""
-    return scale_of([parse_number(word) for word in NUMBER.findall(text[VALUES : VALUES + 40])])
-
-
-def scale_of(scales: list[float]) -> float:
-    """Scale of a matrix, of its own and those in latitude, longitude, height, which are refused (``ValueError``)."""
+def scales_of(scales: list[float]) -> list[float]:
+    """Scales of a matrix and of its parts in latitude, longitude, height. Raises ``ValueError``."""
     if len(scales) != 4 or min(scales) <= 0.0:
         said = " ".join(f"{scale:g}" for scale in scales)
         raise ValueError(f"found {said!r}, expected four scales above 0")
-    if any(scale != 1.0 for scale in scales[1:]):
-        raise ValueError("scales of the covariances in latitude, longitude and height are not supported")
-    return scales[0]
+    return scales
+
+
+def _put_scaled(found: Collected, stations: list[Station], frame: str) -> None:
+    """Put clusters with scales in latitude, longitude and height, at the station where each vector begins."""
+    by_name = {station.name: station for station in stations}
+    for code, form, rows, Q, scales in found.scaled:
+        turned = np.zeros_like(Q)
+        try:
+            for k, row in enumerate(rows):
+                station = by_name.get(str(row.cells[0]))
+                if station is None:  # put_stations tells it
+                    break
+                place = _place(station, frame, 0.0)
+                latitude, longitude = np.radians([[float(place[0])], [float(place[1])]])
+                axes = east_north_up(latitude, longitude)[0]
+                roots = np.sqrt([scales[2], scales[1], scales[3]])
+                own = slice(3 * k, 3 * k + 3)
+                turned[own, own] = axes.T @ np.diag(roots) @ axes
+            else:
+                put_cluster(found, code, form, rows, turned @ Q @ turned.T, [1.0] * 4)
+        except (ValueError, ReferenceSystemError) as error:
+            found.draft.problem(f"station {row.cells[0]!r}: {error}", row.line)
 
 
 def _put_geocentric(found: Collected, code: str, rows: list[Row], Q: FloatArray) -> None:
@@ -494,16 +518,21 @@ def put_stations(path: Path, stations: Iterable[Station], found: Collected, fram
     """Stations that take part: free, held, or held in some components."""
     draft = found.draft
     tables: dict[str, list[Row]] = {"free": [], "held": [], "in part": []}
-    known: set[str] = set()
+    known: dict[str, str] = {}
     for station in stations:
         name = station.name
         if station.off or name not in found.names:
-            known.add(name)
+            known.setdefault(name, "")
             continue
-        if name in known:
-            draft.problem(f"station {name!r} is there twice", station.line, str(path))
+        if known.get(name):
+            if known[name] == station.held == "FFF":
+                twice = f"station {name!r} is there twice"
+                words = f"{twice}; its coordinates are start values, and the first ones are taken"
+                draft.note(words, station.line, str(path))
+            else:
+                draft.problem(f"station {name!r} is there twice", station.line, str(path))
             continue
-        known.add(name)
+        known[name] = station.held
         try:
             place = _place(station, frame, found.geoid.get(name, (0.0,))[0])
             sigmas = _sigmas(station.held, station.kind)
@@ -554,7 +583,7 @@ def _put_tables(draft: Draft, path: Path, tables: dict[str, list[Row]]) -> None:
 
 def _geoid(found: Collected, name: str) -> list[str | None]:
     if not found.geoid:
-        return [None] * 3
+        return ["0.0", None, None]
     if name not in found.geoid:
         found.draft.problem(f"station {name!r} is not in the file of geoid heights", found.names[name])
         return [None] * 3
@@ -747,12 +776,12 @@ def _read_cluster(found: Collected, element: Element, code: str) -> None:
     Q = np.zeros((3 * count, 3 * count))
     for k, member in enumerate(members):
         _covariances(member, Q, k)
-    factor = scale_of([parse_number(_text(element, name) or "1") for name in _SCALES])
-    if not isfinite(factor * float(np.abs(Q).max())):
+    scales = scales_of([parse_number(_text(element, name) or "1") for name in _SCALES])
+    if not isfinite(scales[0] * max(scales[1:]) * float(np.abs(Q).max())):
         raise ValueError("found a covariance that is not a finite number after scaling")
     words = f"{_text(element, 'ReferenceFrame')} {_text(element, 'Epoch')}".strip()
     found.frames.setdefault(words, element.line)
-    put_cluster(found, code, form, rows, Q * factor)
+    put_cluster(found, code, form, rows, Q, scales)
 
 
 def _members(found: Collected, element: Element, code: str) -> tuple[list[Row], list[Element]]:
@@ -852,6 +881,8 @@ def _begin(found: Collected, title: str, frame: str) -> None:
 
 
 def _finish(found: Collected, file: Path, stations: Iterable[Station], frame: str) -> Document:
+    stations = list(stations)
+    _put_scaled(found, stations, frame)
     put_vectors(found)
     put_directions(found)
     put_lines(found)
@@ -893,4 +924,4 @@ def _tell(found: Collected, draft: Draft) -> None:
         words = f"measurements in {counted(len(frames), 'frame and epoch', 'frames and epochs')} ({', '.join(frames)})"
         draft.note(f"{words} are taken as they are, without transformations", found.frames[frames[1]])
     if not found.geoid:
-        draft.note("there is no file .geo beside it: heights are taken as ellipsoidal", 1)
+        draft.note("there is no file .geo beside it: the geoid is taken as the ellipsoid", 1)
