@@ -526,8 +526,10 @@ def put_stations(path: Path, stations: Iterable[Station], found: Collected, fram
             continue
         if known.get(name):
             if known[name] == station.held == "FFF":
-                twice = f"station {name!r} is there twice"
-                words = f"{twice}; its coordinates are start values, and the first ones are taken"
+                words = (
+                    f"station {name!r} is there twice; its coordinates are start values, "
+                    "and the first ones are taken"
+                )
                 draft.note(words, station.line, str(path))
             else:
                 draft.problem(f"station {name!r} is there twice", station.line, str(path))
