@@ -229,6 +229,7 @@ def test_hemispheres(text: str) -> None:
             "REQUIRED_COLUMNS Kind Quality\nFORMAT CSV",
             "o.csv:1: column 'quality' is missing",
         ),
+        ("places.dtf", "DELIMITER=;", "DELIMITER=;;", "places.dtf:2: found 'DELIMITER=;; QUOTE"),
         ("obs.dtf", "SET_ID", "SAT_ID", "obs.dtf:4: command 'sat_id' is not supported"),
         ("o.csv", "30 11 26.3", "30 71 26.3", "o.csv:3: found the angle 30 71 26.3"),
         ("o.csv", "3 Jan 2002", "3 Mai 2002", "o.csv:12: found the date '3 Mai 2002'"),

@@ -138,6 +138,13 @@ def definition_of(path: Path, options: dict[str, str], draft: Draft) -> Definiti
             block = found.station
         elif name == "format":
             _divide(found, rest)
+            try:
+                csv.reader([], **found.reader)
+            except (TypeError, ValueError):
+                draft.problem(
+                    f"found {rest!r}, expected single letters that divide fields", number, str(path)
+                )
+                found.reader = {}
         elif name in ("columns", "required_columns"):
             names = [_plain(word) for word in rest.split()]
             found.columns, found.required = (
@@ -156,6 +163,8 @@ def definition_of(path: Path, options: dict[str, str], draft: Draft) -> Definiti
             block.values[name] = rest
         elif name not in ("format_name", "optional_columns", "required_configuration"):
             draft.problem(f"command {name!r} is not supported", number, str(path))
+    if draft.problems:
+        raise InputError(draft.problems)
     return found
 
 
