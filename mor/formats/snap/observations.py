@@ -300,6 +300,8 @@ class Stations(NamedTuple):
     geoid: bool
     deflections: bool
     by_name: dict[str, Station]
+    spelt: dict[str, str]
+    """Names by their capitals."""
 
     def geocentric(self, names: list[str]) -> FloatArray:
         """(n, 3) of stations by their coordinates."""
@@ -348,7 +350,16 @@ def read_stations(path: Path, draft: Draft, form: Definition | None = None) -> S
         words = f"{code}: the geoid of {code.partition('/')[2]} is not in this file; add geoid_heights to it"
         raise InputError([Message(words, str(path), lines[1].number)])
     found = Stations(
-        path, " ".join(lines[0].words), code, crs, reference_system(crs), orthometric, geoid, deflections, {}
+        path,
+        " ".join(lines[0].words),
+        code,
+        crs,
+        reference_system(crs),
+        orthometric,
+        geoid,
+        deflections,
+        {},
+        {},
     )
     if frame:
         draft.note(f"coordinate system {code}: coordinates are taken as {frame}", lines[1].number, str(path))
@@ -415,13 +426,13 @@ def merge_stations(
     if own != given and parts & {"coordinates", "stations"}:
         words = f"{path.name}: coordinates in {other.code} cannot be merged with those in {stations.code}"
         raise ValueError(f"{words}; convert them, with the same kind of heights")
-    known = {name.upper(): name for name in stations.by_name}
+    known = stations.spelt
     names = {key for one in stations.by_name.values() for key in one.classes}
     for name, new in other.by_name.items():
         old = stations.by_name.get(known.get(name.upper(), ""))
         classes = {key: value for key, value in new.classes.items() if "classes" in parts or key in names}
         if old is None and "stations" in parts:
-            stations.by_name[name] = new._replace(classes=classes)
+            stations.by_name[name], known[name.upper()] = new._replace(classes=classes), name
         elif old is not None:
             merged = new if "coordinates" in parts else old
             classes = {**old.classes, **classes} if parts & {"classes", "existing_classes"} else old.classes
@@ -446,7 +457,7 @@ def _system(code: str, path: Path, line: int) -> tuple[str, str]:
 def _read(found: Stations, line: Line, form: str, classes: list[str]) -> None:
     words = Words(line.words)
     name = words.take("a station")
-    if name.upper() in (known.upper() for known in found.by_name):
+    if name.upper() in found.spelt:
         raise ValueError(f"station {name!r} is there twice")
     if form == "xyz":
         geocentric = [words.number("a geocentric coordinate") for _ in range(3)]
@@ -465,6 +476,7 @@ def _read(found: Stations, line: Line, form: str, classes: list[str]) -> None:
         deflection = (words.number("a deflection north"), words.number("a deflection east"))
     N = words.number("a geoid height") if found.geoid else 0.0
     values = {key: words.take(f"{key} of station {name!r}") for key in classes}
+    found.spelt[name.upper()] = name
     found.by_name[name] = Station(
         (place[0], place[1], height), N, deflection, line.number, values, found.path
     )
@@ -1140,7 +1152,7 @@ class Data:
 
     def station(self, name: str, date: datetime | None) -> str:
         """The station as its file spells it; empty if its observations are left out. Raises ``ValueError``."""
-        known = {known.upper(): known for known in self.stations.by_name}
+        known = self.stations.spelt
         code = name.upper()
         for recodes in (self.own_recodes, self.recodes):
             recode = _recode_of(recodes, code, date)
