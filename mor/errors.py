@@ -81,7 +81,7 @@ def screenful(notes: Sequence[Message], told_by: str) -> Sequence[Message]:
     return [*notes[:MOST_TOLD], Message(f"… and {more} more notes; {told_by} lists all of them")]
 
 
-class Undeterminable(NamedTuple):
+class UndeterminedObject(NamedTuple):
     """A thing of the network that nothing determines: what it is, why, and what was done about it."""
 
     kind: str
@@ -153,7 +153,7 @@ class NoStartValuesError(InputError):
 
     def __init__(
         self,
-        things: Iterable[Undeterminable],
+        things: Iterable[UndeterminedObject],
         remarks: Iterable[str],
         said: Iterable[str] = (),
     ):
@@ -207,7 +207,7 @@ def _alike(name: str, names: list[str]) -> list[str]:
 # ------------------------------------------------------------
 
 
-class Place(str):
+class Placeholder(str):
     """A placeholder in a sentence; ``{count:image|images}`` chooses the singular or plural noun."""
 
     __slots__ = ()

@@ -163,7 +163,7 @@ def open_stream(path: Path) -> TextIO:
     return open(descriptor, "w", encoding="utf-8", newline="\n")
 
 
-class Lines:
+class EventFile:
     """A file of lines that another program reads while they are written, as of ``mor adjust --events``.
 
     A new file, a pipe, or standard output (``-``) gets every line at once. With ``force`` an existing file is replaced
@@ -215,12 +215,12 @@ class Lines:
 
 
 @contextmanager
-def lines_into(path: Path | None, force: bool) -> Iterator[Lines | None]:
+def lines_into(path: Path | None, force: bool) -> Iterator[EventFile | None]:
     """Open a file of lines, or nothing if no file is asked for. Raises :class:`InputError`."""
     if path is None:
         yield None
         return
-    lines = Lines(path, force)
+    lines = EventFile(path, force)
     try:
         yield lines
     except BaseException:

@@ -13,7 +13,7 @@ import pytest
 
 from mor.errors import InputError
 from mor.solve import cluster
-from mor.solve.cluster import Cluster
+from mor.solve.cluster import ComputeCluster
 
 pytest.importorskip("distributed")
 pytestmark = pytest.mark.filterwarnings("default")
@@ -106,9 +106,9 @@ class Client:
         return self.told
 
 
-def waiting(told: object) -> Cluster:
+def waiting(told: object) -> ComputeCluster:
     """A cluster with such a scheduler."""
-    return Cluster(Client(told))
+    return ComputeCluster(Client(told))
 
 
 def test_a_worker_lost_while_it_is_asked_is_asked_again() -> None:

@@ -18,7 +18,14 @@ import numpy as np
 from mor.model.observation_types import ObservationGroup, wrap
 from mor.model.parameters import index_unknowns
 from mor.quality.assessment import Levels, Quality, assess
-from mor.quality.outliers import Suspects, held, lost_blocks, may_be_absurd, with_suspects, without_suspects
+from mor.quality.outliers import (
+    SuspectedOutliers,
+    held,
+    lost_blocks,
+    may_be_absurd,
+    with_suspects,
+    without_suspects,
+)
 from mor.quality.robust_estimation import exclude
 from mor.quality.snooping import snoop
 from mor.solve.iterate import Adjustment, Outcome, adjust
@@ -50,7 +57,7 @@ class Found(NamedTuple):
 
 def adjusted(
     scene: Spoiled, part: float, angle: float, seed: int
-) -> tuple[Adjustment, Suspects | None, float]:
+) -> tuple[Adjustment, SuspectedOutliers | None, float]:
     """The adjustment of a scene from disturbed start values, its suspects, and its effort."""
     start = disturbed(scene, np.random.default_rng(seed), part, angle)
     begin = time.process_time()
@@ -90,7 +97,7 @@ def trial(kind: str, errors: float, seed: int, part: float = 0.01, angle: float 
     )
 
 
-def snooped_from(quality: Quality, suspects: Suspects | None) -> Quality:
+def snooped_from(quality: Quality, suspects: SuspectedOutliers | None) -> Quality:
     """Quality after data snooping that begins with the suspects taken out."""
     problem, out = quality.adjustment.problem, None
     if suspects is not None:

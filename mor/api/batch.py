@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 
 from mor.api.workers import Done
 from mor.errors import ExitCode, InputError, Message
-from mor.report.batch import Row
+from mor.report.batch import BatchRow
 from mor.report.comparison import differences
 
 _STATUS = {
@@ -77,7 +77,7 @@ def stamp(case: Case) -> tuple[int, int] | None:
     return status.st_ino, status.st_mtime_ns
 
 
-def row_of(case: Case, done: Done, is_new: bool, against: Path | None, tolerance: float) -> Row:
+def row_of(case: Case, done: Done, is_new: bool, against: Path | None, tolerance: float) -> BatchRow:
     """Return the row of a project, from its exit code and from results that this run has written."""
     content = _content(case.folder / RESULTS) if done.code is not None and is_new else None
     row = _row(case, done, content)
@@ -93,19 +93,19 @@ def row_of(case: Case, done: Done, is_new: bool, against: Path | None, tolerance
     return row._replace(differences=len(found), first=first)
 
 
-def _row(case: Case, done: Done, content: dict[str, Any] | None) -> Row:
+def _row(case: Case, done: Done, content: dict[str, Any] | None) -> BatchRow:
     if done.code is None:
         status = "timed out" if done.death.startswith("ended") else "crashed"
-        return Row(case.name, status, None, done.death, done.seconds)
+        return BatchRow(case.name, status, None, done.death, done.seconds)
     reason = _last_line(case.folder / LOG) if content is None else str(content["reason"] or "")
     status = _STATUS.get(ExitCode(done.code) if done.code in set(ExitCode) else ExitCode.INTERNAL, "")
     if content is None or not content["solution"]:
-        return Row(case.name, status or "no results", done.code, reason, done.seconds)
+        return BatchRow(case.name, status or "no results", done.code, reason, done.seconds)
     test, sigma0 = content["global_test"], content["sigma0"]
     accepted = content["redundancy"] == 0 or test["accepted"]
     status = "suspects left out" if content.get("suspects") and done.code else "" if accepted else "rejected"
     status = status or ("flagged" if content["flagged"] else "accepted")
-    return Row(
+    return BatchRow(
         case.name,
         status,
         done.code,
@@ -142,6 +142,6 @@ def _said(value: Any) -> str:
     return "there" if isinstance(value, (dict, list)) else "missing" if value is None else str(value)
 
 
-def failed(rows: Sequence[Row]) -> int:
+def failed(rows: Sequence[BatchRow]) -> int:
     """Number of projects that fail: without results, rejected by their exit code, or other than those kept."""
     return sum(row.fails for row in rows)

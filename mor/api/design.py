@@ -18,8 +18,8 @@ from mor.linalg.compilation import chosen_by_size
 from mor.model.observation_types import ObservationGroup
 from mor.output_files import Content
 from mor.plan.ranking import (
+    GreedyStep,
     Ranked,
-    Step,
     by_worth,
     greedy,
     of_units,
@@ -31,10 +31,10 @@ from mor.plan.ranking import (
 )
 from mor.plan.requirements import (
     MOST_ROWS,
-    Judged,
-    Outcome,
+    PlanMeasures,
     RequiredPrecision,
     Requirement,
+    RequirementResult,
     Sighted,
     chosen_names,
     interest_of,
@@ -65,7 +65,7 @@ from mor.report.design import (
     visible_section,
     write_design,
 )
-from mor.report.identity import Identity
+from mor.report.identity import RunIdentity
 from mor.report.language import Words, words_of_planning
 from mor.report.output_folder import Reservation, to_json
 from mor.report.results import table_writer
@@ -80,10 +80,10 @@ class Ranking(NamedTuple):
     """Changes that lose least, changes that gain most, and a greedy plan."""
 
     network: Network
-    now: Outcome
+    now: PlanMeasures
     planned: tuple[Ranked, ...]
     candidates: tuple[Ranked, ...]
-    steps: tuple[Step, ...]
+    steps: tuple[GreedyStep, ...]
     unestimable: tuple[tuple[int, int], ...]
     """Candidates (group, row) that would change the datum."""
 
@@ -282,7 +282,7 @@ class Design(NamedTuple):
     """A plan with the verdict on what is required of it."""
 
     solved: Solved
-    judged: tuple[Judged, ...]
+    judged: tuple[RequirementResult, ...]
     sighted: tuple[Sighted, ...] = ()
     """Visibility, where the project leaves that open."""
     variants: tuple[Named, ...] = ()
@@ -298,7 +298,7 @@ class Design(NamedTuple):
         """Notes about assumptions made while the plan was read."""
         return self.solved.network.notes
 
-    def write(self, place: Reservation, of: Identity, language: str) -> None:
+    def write(self, place: Reservation, of: RunIdentity, language: str) -> None:
         """Write all files of the plan into a folder."""
         words = words_of_planning(language)
         text = design_text(self.solved, self.judged, words, of, self._more(words))
@@ -309,7 +309,7 @@ class Design(NamedTuple):
         more["design.html"] = page
         write_design(self.solved, self.judged, text, self.json(of), more, place)
 
-    def json(self, of: Identity) -> str:
+    def json(self, of: RunIdentity) -> str:
         """``design.json`` as text."""
         data: dict[str, Any] = design_data(self.solved, self.judged, of)
         data["visible"] = visible_rows(self.sighted)
@@ -384,7 +384,7 @@ def _without_points(required: Requirement, variant: Variant) -> Requirement | No
     return required._replace(names=names, blocks=required.blocks[stays]) if names else None
 
 
-def judgements(solved: Solved, required: Sequence[Requirement]) -> tuple[Judged, ...]:
+def judgements(solved: Solved, required: Sequence[Requirement]) -> tuple[RequirementResult, ...]:
     """The verdicts on what is required; none where there is no solution. What was left out has no σ."""
     quality = solved.quality
     if quality is None:

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.diagnose.hypothesis import NOTHING_FOUND, Diagnosis, GoOn
-from mor.errors import InputError, Message, NoStartValuesError, Undeterminable, mistakes_in
+from mor.errors import InputError, Message, NoStartValuesError, UndeterminedObject, mistakes_in
 from mor.input_files import is_folder, note_input, read_text, standard_input
 from mor.linalg.cholesky import NotFiniteError, one_thread
 from mor.linalg.compilation import chosen_by_size
@@ -34,15 +34,22 @@ from mor.quality.determinability import (
     without_unknown,
 )
 from mor.quality.group_tests import GroupTests, Rejection, group_tests, rejection
-from mor.quality.outliers import LARGEST_WEIGHT, Attempt, Suspects, left_out, lost_blocks, without_suspects
+from mor.quality.outliers import (
+    LARGEST_WEIGHT,
+    Attempt,
+    SuspectedOutliers,
+    left_out,
+    lost_blocks,
+    without_suspects,
+)
 from mor.quality.plausibility import implausible, neglected_curvature
 from mor.quality.redundancy import Done, effort
 from mor.quality.snooping import put_back
-from mor.quality.solution import PossibleCause, Solved, Wanted, treat, with_poses
+from mor.quality.solution import ScoredHypothesis, Solved, TreatmentOptions, treat, with_poses
 from mor.quality.test_statistics import critical_value
 from mor.solve.datum import beside
-from mor.solve.iterate import Adjustment, Outcome, Settings, Watcher, adjust, counting_on
-from mor.solve.problem import Cluster, Datum, Problem, undefined_rows
+from mor.solve.iterate import Adjustment, Outcome, SolverSettings, Watcher, adjust, counting_on
+from mor.solve.problem import CorrelatedObservations, DatumDefinition, Problem, undefined_rows
 from mor.start.part import Approximation
 from mor.types import FloatArray
 
@@ -72,12 +79,14 @@ def make_problem(
     offsets = np.concatenate([[0], np.cumsum([group.observed.size for group in groups])])
     widths = np.array([group.observed.shape[1] for group in groups])
     clusters = tuple(
-        Cluster(offsets[c.groups] + c.rows * widths[c.groups] + c.components, c.covariance)
+        CorrelatedObservations(offsets[c.groups] + c.rows * widths[c.groups] + c.components, c.covariance)
         for c in network.correlations
     )
     reference = {"point": network.datum.reference_from(start["point"])}
     movements = reference if network.datum.at_reference else None
-    datum = Datum(network.datum.name, network.datum.free, {"point": network.datum.mask}, reference, movements)
+    datum = DatumDefinition(
+        network.datum.name, network.datum.free, {"point": network.datum.mask}, reference, movements
+    )
     return Problem(index_unknowns(network.blocks), groups, clusters, datum)
 
 
@@ -158,7 +167,7 @@ def _settled(
     if not all_known(start):
         return None
     try:
-        found = adjust(make_problem(network, start, start), start, Settings(SETTLING))
+        found = adjust(make_problem(network, start, start), start, SolverSettings(SETTLING))
     except NotFiniteError:
         return None
     if found.outcome is Outcome.SINGULAR:
@@ -314,7 +323,7 @@ def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
 def _attempt(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Attempt:
     """Adjust from the start values; if they do not lead to a solution, repair them, or leave suspects out."""
     plain = _plainly(network, start, watch)
-    settings = Settings(network.project.settings.max_iterations)
+    settings = SolverSettings(network.project.settings.max_iterations)
     found = without_suspects(plain, settings, counting_on(watch, len(plain.iterations)))
     if found.adjustment is plain:
         return found
@@ -323,7 +332,10 @@ def _attempt(network: Network, start: Mapping[str, FloatArray], watch: Watcher |
 
 def _plainly(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Adjustment:
     """Adjust all observations from the start values."""
-    problem, settings = make_problem(network, start, start), Settings(network.project.settings.max_iterations)
+    problem, settings = (
+        make_problem(network, start, start),
+        SolverSettings(network.project.settings.max_iterations),
+    )
     try:
         adjustment = adjust(problem, start, settings, watch)
     except NotFiniteError:
@@ -350,7 +362,7 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
     if not sound.outcome.is_solution:
         return Solved(network, sound, None, None, suspects)
     if suspects is not None:
-        again = Settings(settings.max_iterations)
+        again = SolverSettings(settings.max_iterations)
         quality, suspects = put_back(
             quality, suspects, lambda one: assess(one, levels(settings), aposteriori), again
         )
@@ -364,8 +376,8 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
 
 
 def _possible_causes(
-    quality: Quality, network: Network, tests: GroupTests, suspects: Suspects | None
-) -> tuple[PossibleCause, ...]:
+    quality: Quality, network: Network, tests: GroupTests, suspects: SuspectedOutliers | None
+) -> tuple[ScoredHypothesis, ...]:
     """Score tests of the usual mistakes, if suspects are left out or residuals are too large."""
     rejected = rejection(quality, network, tests) is Rejection.LARGER
     if suspects is None and not rejected:
@@ -379,7 +391,7 @@ def _possible_causes(
 
 def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
     """Adjust hypotheses about the mistakes in a network."""
-    from mor.diagnose.search import Ended, causes
+    from mor.diagnose.search import RejectedAdjustment, causes
 
     attempt, quality = adjusted.attempt, solved.quality
     solution = solved.adjustment if solved.adjustment.outcome.is_solution else None
@@ -391,14 +403,14 @@ def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
         told = rejection(quality, solved.network, solved.tested[1] if solved.tested else None)
     if told is Rejection.NOTHING:
         return NOTHING_FOUND
-    ended = Ended(plain, solution, quality, told, attempt.robust, solved.possible_causes)
+    ended = RejectedAdjustment(plain, solution, quality, told, attempt.robust, solved.possible_causes)
     return causes(adjusted.whole, adjusted.start, ended, make_problem, start_or_nothing, go_on)
 
 
 def _with_lost_held(network: Network, lost: Sequence[tuple[str, str]]) -> Network:
     """The network with blocks (kind, name) held of which only suspects tell, and the word that they are left out."""
     things = [
-        Undeterminable(*thing, LARGEST_WEIGHT, "left out")
+        UndeterminedObject(*thing, LARGEST_WEIGHT, "left out")
         for thing in dict.fromkeys(thing_of(*block) for block in lost)
     ]
     marked = {kind: lost_blocks(blocks, kind, lost) for kind, blocks in network.blocks.items()}
@@ -454,9 +466,9 @@ def levels(settings: ProjectSettings) -> Levels:
     )
 
 
-def _wanted(settings: ProjectSettings) -> Wanted:
+def _wanted(settings: ProjectSettings) -> TreatmentOptions:
     iterate = settings.variance_components == "iterate"
-    return Wanted(settings.snooping, settings.robust, iterate, settings.variance_method)
+    return TreatmentOptions(settings.snooping, settings.robust, iterate, settings.variance_method)
 
 
 def check_minimal(network: Network, adjustment: Adjustment) -> None:
@@ -475,7 +487,7 @@ def check_named(named: int, free: Sequence[str]) -> None:
 
 
 def _with_settled_sigma(
-    network: Network, adjustment: Adjustment, watch: Watcher | None, suspects: Suspects | None = None
+    network: Network, adjustment: Adjustment, watch: Watcher | None, suspects: SuspectedOutliers | None = None
 ) -> Adjustment:
     """The adjustment with σ that depend on distances taken at its own result, whatever the start values were.
 
@@ -486,7 +498,7 @@ def _with_settled_sigma(
         problem = left_out(problem, suspects) if suspects is not None else problem
         if same_sigma(problem, adjustment.problem) or not adjustment.outcome.is_solution:
             break
-        settings = Settings(network.project.settings.max_iterations)
+        settings = SolverSettings(network.project.settings.max_iterations)
         count = len(adjustment.iterations)
         again = adjust(problem, adjustment.values, settings, counting_on(watch, count))
         further = tuple(step._replace(number=step.number + count) for step in again.iterations)

@@ -29,14 +29,14 @@ from mor.quality.determinability import Means, adjust_determinable
 from mor.quality.outliers import Attempt
 from mor.quality.solution import Solved, with_poses
 from mor.quality.test_statistics import critical_value
-from mor.solve.iterate import Settings, adjust
+from mor.solve.iterate import SolverSettings, adjust
 from mor.types import FloatArray
 
 NO_PLACE = "a plan needs all start values: coordinates of points and poses of images"
 MEASURED = "missing start values are computed from the measured values"
 
 
-class Plan(NamedTuple):
+class PlannedProject(NamedTuple):
     """A project in which measured values may be missing, as it was read."""
 
     network: Network
@@ -46,10 +46,12 @@ class Plan(NamedTuple):
     """Visibility, where that was worked out."""
 
 
-def read_plan(document: Document, folder: Path) -> Plan:
+def read_plan(document: Document, folder: Path) -> PlannedProject:
     """The plan of a project. Raises :class:`InputError`."""
     document, sighted = with_visible(document, folder)
-    return Plan(build_network(validate(document), document, folder, planned=True), document, sighted)
+    return PlannedProject(
+        build_network(validate(document), document, folder, planned=True), document, sighted
+    )
 
 
 def at_its_place(network: Network) -> Network:
@@ -113,7 +115,7 @@ def solve_plan(network: Network) -> Solved:
 
     def solve(some: Network, start: Values) -> Attempt:
         problem = make_problem(some, start, start)
-        return Attempt(adjust(problem, start, Settings(settings.max_iterations)))
+        return Attempt(adjust(problem, start, SolverSettings(settings.max_iterations)))
 
     means = Means(
         lambda some, start: make_problem(some, start, start),

@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from mor.quality.redundancy import Done
     from mor.quality.solution import Solved
     from mor.report.covariance import Labelled, RelativePose
-    from mor.report.identity import Identity
+    from mor.report.identity import RunIdentity
     from mor.solve.iterate import Watcher
 
 
@@ -416,10 +416,10 @@ class Result:
         return summary_and_network(self.solved)
 
     @property
-    def _identity(self) -> Identity:
-        from mor.report.identity import Identity
+    def _identity(self) -> RunIdentity:
+        from mor.report.identity import RunIdentity
 
-        return Identity(self.project.files, self.project.folder)
+        return RunIdentity(self.project.files, self.project.folder)
 
     @property
     def _solution(self) -> Solved:

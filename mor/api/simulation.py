@@ -49,8 +49,8 @@ from mor.quality.solution import Solved
 from mor.report.output_folder import Reservation, write_folder
 from mor.report.results import PROJECT, table_writer
 from mor.report.simulation import planted_table, simulated_project, truth_table
-from mor.solve.cluster import Cluster
-from mor.solve.iterate import Adjustment, Settings, adjust
+from mor.solve.cluster import ComputeCluster
+from mor.solve.iterate import Adjustment, SolverSettings, adjust
 from mor.solve.problem import Problem
 from mor.types import FloatArray
 
@@ -154,7 +154,7 @@ CHUNK = 20
 _KEY = "key.json"
 
 
-class Trial(NamedTuple):
+class SimulationTask(NamedTuple):
     """A project to simulate, a seed, and whether every run computes start values."""
 
     path: Path
@@ -166,14 +166,14 @@ class Trial(NamedTuple):
 class Prepared(NamedTuple):
     """A trial that is ready to be run."""
 
-    trial: Trial
+    trial: SimulationTask
     network: Network
     solved: Solved
     truth: Truth | None
     """Nothing where the plan has no solution."""
 
 
-def prepared(trial: Trial) -> Prepared:
+def prepared(trial: SimulationTask) -> Prepared:
     """The truth of a trial. Raises :class:`InputError`."""
     network, _ = placed_network(trial.path, trial.form)
     with one_thread():
@@ -202,7 +202,7 @@ def chunk_of(ready: Prepared, first: int, count: int) -> Tally:
 
 def _solver(ready: Prepared) -> Callable[[Problem], Adjustment | None]:
     """Return a function that adjusts from the true values, or from start values computed for each run."""
-    settings = Settings(ready.network.project.settings.max_iterations)
+    settings = SolverSettings(ready.network.project.settings.max_iterations)
     if not ready.trial.starts:
         return lambda problem: adjust(problem, ready.network.start, settings)
     groups = len(ready.network.groups)
@@ -287,7 +287,7 @@ _READY: list[Prepared] = []
 """The trial of this process, read once."""
 
 
-def _begin(trial: Trial) -> None:
+def _begin(trial: SimulationTask) -> None:
     _READY.append(prepared(trial))
 
 
@@ -303,7 +303,7 @@ def _keep(path: Path, arrays: dict[str, FloatArray]) -> None:
     write_file(path, lambda place: np.savez(place, **arrays), True)  # type: ignore[arg-type]
 
 
-def _check_key(folder: Path, trial: Trial, files: Mapping[Any, ReadFile]) -> None:
+def _check_key(folder: Path, trial: SimulationTask, files: Mapping[Any, ReadFile]) -> None:
     """Write down what the runs are of; runs of something else are never mixed with them."""
     key = {
         "program": __version__,
@@ -334,7 +334,7 @@ def digest_of(files: Mapping[Any, ReadFile]) -> str:
 
 
 def tasks_on_cluster(
-    cluster: Cluster, function: Function, tasks: Sequence[Task], most_seconds: float | None = None
+    cluster: ComputeCluster, function: Function, tasks: Sequence[Task], most_seconds: float | None = None
 ) -> Iterator[Done]:
     """Do all tasks, each in a process of its own where a worker is; what is done comes in the order of the tasks.
 
@@ -356,7 +356,7 @@ def _alone(function: Function, number: int, task: Task, folder: Path, most_secon
 
 
 def chunks_on_cluster(
-    ready: Prepared, chunks: list[Chunk], cluster: Cluster, files: Mapping[Any, ReadFile]
+    ready: Prepared, chunks: list[Chunk], cluster: ComputeCluster, files: Mapping[Any, ReadFile]
 ) -> Worked:
     """Do chunks of a trial, whose inputs are the ``files`` that were read for it.
 
@@ -367,12 +367,12 @@ def chunks_on_cluster(
     yield from zip(chunks, map(cluster.result, submitted), strict=True)
 
 
-def _chunk(trial: Trial, digest: str, chunk: Chunk) -> dict[str, FloatArray]:
+def _chunk(trial: SimulationTask, digest: str, chunk: Chunk) -> dict[str, FloatArray]:
     return chunk_of(_prepared(trial, digest), *chunk).arrays()
 
 
 @lru_cache(maxsize=1)
-def _prepared(trial: Trial, digest: str) -> Prepared:
+def _prepared(trial: SimulationTask, digest: str) -> Prepared:
     """The trial, read once by a process for each state of its inputs."""
     with files_read() as files:
         ready = prepared(trial)

@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 
 import mor
 from mor.api.pipeline import read_document, read_network, solve_network
-from mor.api.simulation import Trial, chunk_of, prepared
+from mor.api.simulation import SimulationTask, chunk_of, prepared
 from mor.errors import InputError, Message
 from mor.linalg.compilation import chosen_by_size, kernels_used
 from mor.machine import processors_used
@@ -40,9 +40,9 @@ from mor.quality.test_statistics import (
     noncentrality,
 )
 from mor.report.observations import observation_table
-from mor.report.verification import Check
-from mor.solve.iterate import Settings, adjust
-from mor.solve.problem import Datum, Problem
+from mor.report.verification import ReferenceCheck
+from mor.solve.iterate import SolverSettings, adjust
+from mor.solve.problem import DatumDefinition, Problem
 from mor.start.bundle import image_bundle
 from mor.start.image_pair import robust_relative_orientation
 from mor.start.killian import solutions_of_homography, solve_quadrilateral
@@ -67,68 +67,72 @@ class About(NamedTuple):
     name: str
     source: str
 
-    def check(self, quantity: str, numbers: Iterable[Number]) -> Iterator[Check]:
+    def check(self, quantity: str, numbers: Iterable[Number]) -> Iterator[ReferenceCheck]:
         """One check of all numbers; none if there are no numbers."""
         found = [
-            Check(self.group, self.name, quantity, self.source, place, 0, *map(float, (wanted, value, limit)))
+            ReferenceCheck(
+                self.group, self.name, quantity, self.source, place, 0, *map(float, (wanted, value, limit))
+            )
             for place, value, wanted, limit in numbers
         ]
         if found:
             yield max(found, key=lambda one: one.share)._replace(numbers=len(found))
 
 
-class Task(NamedTuple):
+class VerificationTask(NamedTuple):
     """A data set or scene, and the function that checks it."""
 
     about: About
-    run: Callable[[About], Iterable[Check]]
+    run: Callable[[About], Iterable[ReferenceCheck]]
 
 
-def verify(progress: Callable[[int], None] = lambda _: None) -> list[Check]:
+def verify(progress: Callable[[int], None] = lambda _: None) -> list[ReferenceCheck]:
     """Return all checks of this installation; ``progress`` is called with 1 after each data set.
 
     A check has ``found``, ``reference``, ``limit``, ``source`` and ``passed``. A check that raises has failed, and its
     ``place`` says why. It takes about half a minute. Raises :class:`InputError` if the reference data are missing.
     """
-    found: list[Check] = []
+    found: list[ReferenceCheck] = []
     for task in tasks():
         found += carried_out(task)
         progress(1)
     return found
 
 
-def carried_out(task: Task) -> list[Check]:
+def carried_out(task: VerificationTask) -> list[ReferenceCheck]:
     """Return the checks of a data set, made in NumPy. If they raise, one failed check with the error."""
     try:
         with kernels_used(False):
             return list(task.run(task.about))
     except Exception as error:  # noqa: BLE001 - whatever goes wrong is the finding of the check
         words = f"{type(error).__name__}: {error}"
-        return [Check(*task.about[:2], "result", task.about.source, words, 0, np.nan, np.nan, 0.0)]
+        return [ReferenceCheck(*task.about[:2], "result", task.about.source, words, 0, np.nan, np.nan, 0.0)]
 
 
-def tasks() -> list[Task]:
+def tasks() -> list[VerificationTask]:
     """Return all data sets and scenes. Raises :class:`InputError` if the installation has no reference data."""
     folder = reference_data()
     regressions = json.loads((folder / "nist" / "regression.json").read_text(encoding="utf-8"))
     small = json.loads((folder / "worked-examples" / "small-computations.json").read_text(encoding="utf-8"))
     found = [
-        Task(About("NIST linear regression", name, data["source"]), partial(_regression, data))
+        VerificationTask(About("NIST linear regression", name, data["source"]), partial(_regression, data))
         for name, data in regressions.items()
     ]
     for path in sorted(folder.glob("*/*.yaml")):
         source = str(expected_values(path)["source"])
         about = About(_GROUPS[path.parent.name], f"{path.parent.name}/{path.stem}", source)
-        found.append(Task(about, partial(network_checks, path)))
+        found.append(VerificationTask(about, partial(network_checks, path)))
     for group, scenes in (("closed forms", _CLOSED_FORMS), ("start values", _START_VALUES)):
-        found += [Task(About(group, name, source), run) for name, source, run in scenes]
+        found += [VerificationTask(About(group, name, source), run) for name, source, run in scenes]
     for key, (name, run) in _WORKED_START_VALUES.items():
-        found.append(Task(About("start values", name, small[key]["source"]), partial(run, small[key])))
+        found.append(
+            VerificationTask(About("start values", name, small[key]["source"]), partial(run, small[key]))
+        )
     about = About("threads", "block of two images", "the same adjustment by one thread")
-    found.append(Task(about, _threads))
+    found.append(VerificationTask(about, _threads))
     for network in _SIMULATED:
         about = About("Monte Carlo", network, "theory of least squares; limits of chance, level 0.001")
-        found.append(Task(about, partial(_monte_carlo, folder / f"{network}.yaml")))
+        found.append(VerificationTask(about, partial(_monte_carlo, folder / f"{network}.yaml")))
     return found
 
 
@@ -164,7 +168,7 @@ _DIGITS = {"Wampler3": 8, "Wampler4": 7, "Wampler5": 5}
 """Digits to which parameters and their standard deviations must agree; those of other data sets must to 9."""
 
 
-def _regression(data: dict[str, Any], about: About) -> Iterator[Check]:
+def _regression(data: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
     x, y = np.array(data["x"], dtype=float), np.array(data["y"], dtype=float)
     A, back = _columns(data, x)
     quality = linear_regression(A, y)
@@ -232,9 +236,9 @@ def linear_regression(A: FloatArray, y: FloatArray) -> Quality:
     )
     names = tuple(slot.of for slot in slots)
     blocks = {HEIGHT.key: Blocks(HEIGHT, names, np.ones((p, 1), dtype=bool), np.arange(p)[:, None])}
-    problem = Problem(index_unknowns(blocks), (group,), (), Datum("none", False, {}, {}))
+    problem = Problem(index_unknowns(blocks), (group,), (), DatumDefinition("none", False, {}, {}))
     with chosen_by_size(n):
-        return assess(adjust(problem, {HEIGHT.key: np.zeros((p, 1))}, Settings()))
+        return assess(adjust(problem, {HEIGHT.key: np.zeros((p, 1))}, SolverSettings()))
 
 
 def _redundancy(quality: Quality) -> Number:
@@ -246,7 +250,7 @@ def _redundancy(quality: Quality) -> Number:
 # ------------------------------------------------------------
 
 
-class Observed(NamedTuple):
+class AdjustedObservation(NamedTuple):
     """One adjusted observation, in the axes and senses of the project; σ of the adjusted value for σ0 = 1."""
 
     line: int
@@ -265,7 +269,7 @@ class Observed(NamedTuple):
         return " ".join((self.type.split("/")[0], self.component, *self.references))
 
 
-def observations(solved: Solved) -> list[Observed]:
+def observations(solved: Solved) -> list[AdjustedObservation]:
     """All observations in the order of their lines."""
     assert solved.quality is not None
     rows = []
@@ -280,7 +284,7 @@ def observations(solved: Solved) -> list[Observed]:
             values = (observed[i, k], v[i, k], r[i, k], np.sqrt(max(q[i, k], 0.0)), w_given[i, k])
             component = group.type.components[k].name
             line = int(group.lines[i]) if len(group.lines) else 0
-            rows.append(Observed(line, group.type.key, component, names, *map(float, values)))
+            rows.append(AdjustedObservation(line, group.type.key, component, names, *map(float, values)))
     return sorted(rows, key=lambda row: row.line)
 
 
@@ -337,7 +341,7 @@ def table(expected: dict[str, Any], name: str) -> list[dict[str, Any]]:
     return [dict(zip(expected[name]["columns"], row, strict=True)) for row in rows]
 
 
-def network_checks(path: Path, about: About, solved: Solved | None = None) -> Iterator[Check]:
+def network_checks(path: Path, about: About, solved: Solved | None = None) -> Iterator[ReferenceCheck]:
     """Compare all expected values of a reference network with its adjustment.
 
     The tolerances of the expected values are described in ``tests/reference/networks/README.md``.
@@ -387,7 +391,9 @@ def _component(points: Estimates, row: dict[str, Any]) -> tuple[float, float]:
     return float(values[k]), float(sigma[k])
 
 
-def _image_checks(solved: Solved, expected: dict[str, Any], about: About, factor: float) -> Iterator[Check]:
+def _image_checks(
+    solved: Solved, expected: dict[str, Any], about: About, factor: float
+) -> Iterator[ReferenceCheck]:
     tolerance, images = expected["tolerance"], table(expected, "images")
     results = image_results(solved) if images else {}
     places: list[Number] = []
@@ -448,7 +454,7 @@ _QUANTITIES = {
 
 def _observation_checks(
     solved: Solved, expected: dict[str, Any], about: About, factor: float
-) -> Iterator[Check]:
+) -> Iterator[ReferenceCheck]:
     """Compare the observations; the tables of JAG3D also have test values, p-values and reliability."""
     tolerance, rows, found = expected["tolerance"], table(expected, "observations"), observations(solved)
     names = [one.name for one in found]
@@ -518,7 +524,7 @@ def _quality(solved: Solved) -> Quality:
     return solved.quality
 
 
-def _polygon(kind: str, about: About) -> Iterator[Check]:
+def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
     angles = 2.0 * np.pi * np.arange(_SIDES) / _SIDES
     x, y = _RADIUS * np.sin(angles), _RADIUS * np.cos(angles)
     wave = np.cos(2.0 * angles)
@@ -581,7 +587,7 @@ def _polygon(kind: str, about: About) -> Iterator[Check]:
     yield from about.check("sum of redundancy numbers", [_redundancy(quality)])
 
 
-def _levelling_loop(about: About) -> Iterator[Check]:
+def _levelling_loop(about: About) -> Iterator[ReferenceCheck]:
     n, sigma, misclosure = 5, 0.001, 0.004
     rows = [
         f"[P{k}, P{(k + 1) % n}, {misclosure / n if k else misclosure / n - 0.0}, {sigma}]" for k in range(n)
@@ -620,7 +626,7 @@ def _levelling_loop(about: About) -> Iterator[Check]:
     )
 
 
-def _weighted_mean(about: About) -> Iterator[Check]:
+def _weighted_mean(about: About) -> Iterator[ReferenceCheck]:
     """Two vectors with full covariance matrices A and B: x = (A⁻¹ + B⁻¹)⁻¹ (A⁻¹ a + B⁻¹ b)."""
     A = np.array([[4.0, 1.0, 0.5], [1.0, 3.0, -0.7], [0.5, -0.7, 5.0]])
     B = np.array([[2.0, -0.6, 0.3], [-0.6, 6.0, 1.2], [0.3, 1.2, 3.0]])
@@ -684,7 +690,7 @@ def _brown(pose: Sequence[float], points: FloatArray) -> FloatArray:
     return np.column_stack([xh + x - dx, yh + y - dy])
 
 
-def _images(known: str, about: About) -> Iterator[Check]:
+def _images(known: str, about: About) -> Iterator[ReferenceCheck]:
     """Intersection with known cameras, or calibration and resection with known points."""
     shift = 0.01 * np.cos(np.arange(_CUBE.size)).reshape(_CUBE.shape)
     points = _CUBE if known == "points" else _CUBE + shift
@@ -746,7 +752,7 @@ def _images(known: str, about: About) -> Iterator[Check]:
     yield from about.check("sum of redundancy numbers", [_redundancy(_quality(solved))])
 
 
-def _quantiles(about: About) -> Iterator[Check]:
+def _quantiles(about: About) -> Iterator[ReferenceCheck]:
     """Distributions with closed forms: χ² with 2, t with 1 and 2, F with 2 and n degrees of freedom."""
     normal = NormalDist()
     levels = (0.05, 0.01, 0.001)
@@ -795,7 +801,7 @@ def _student_2(t: float) -> float:
     return 2.0 / (root * (root + t))
 
 
-_CLOSED_FORMS: tuple[tuple[str, str, Callable[[About], Iterable[Check]]], ...] = (
+_CLOSED_FORMS: tuple[tuple[str, str, Callable[[About], Iterable[ReferenceCheck]]], ...] = (
     (
         "distances to the corners of a regular polygon",
         "σ² = 2 σ_s² / n, r = 1 − 2/n",
@@ -834,7 +840,7 @@ def _numbers(name: str, found: FloatArray, reference: FloatArray, limit: float) 
     )
 
 
-def _rinner(about: About) -> Iterator[Check]:
+def _rinner(about: About) -> Iterator[ReferenceCheck]:
     random = np.random.default_rng(1956)
     turn = Rotation.from_euler("XYZ", [0.2, -0.1, 0.4]).inv().as_matrix()
     base = np.array([0.9, 0.1, np.sqrt(1.0 - 0.82)])
@@ -850,7 +856,7 @@ def _rinner(about: About) -> Iterator[Check]:
     yield from about.check("adjusted, rotation", _numbers("D*", found.rotation, turn, 1e-9))
 
 
-def _killian(about: About) -> Iterator[Check]:
+def _killian(about: About) -> Iterator[ReferenceCheck]:
     halves, alpha = np.array([0.9, 0.5, 0.7, 0.6]), 1.1
     one, two = np.array([1.0, 0.0, 0.0]), np.array([np.cos(alpha), np.sin(alpha), 0.0])
     corners = np.array([halves[0] * one, -halves[1] * one, halves[2] * two, -halves[3] * two])
@@ -866,13 +872,13 @@ def _killian(about: About) -> Iterator[Check]:
     yield from about.check("distances to the crossing", [("r_b / r_a", best.r_b, ratio, 1e-10)])
 
 
-_START_VALUES: tuple[tuple[str, str, Callable[[About], Iterable[Check]]], ...] = (
+_START_VALUES: tuple[tuple[str, str, Callable[[About], Iterable[ReferenceCheck]]], ...] = (
     ("relative orientation of two images", "Rinner (1956); a scene without errors", _rinner),
     ("plane quadrilateral in two images", "Killian; a scene without errors", _killian),
 )
 
 
-def _homography(example: dict[str, Any], about: About) -> Iterator[Check]:
+def _homography(example: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
     """The published decomposition of a collineation is one of Killian's solutions."""
     K, published = np.array(example["K"]), example["published"]
     H = np.linalg.solve(K, np.array(example["H"]) @ K)
@@ -888,7 +894,7 @@ def _homography(example: dict[str, Any], about: About) -> Iterator[Check]:
     yield from about.check("plane", _numbers("t nᵀ", np.outer(shift, best.normal), plane, 1e-9))
 
 
-def _dewitt(example: dict[str, Any], about: About) -> Iterator[Check]:
+def _dewitt(example: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
     """Relative orientation of six points."""
     xy, result = np.array(example["observations_mm"]), example["result"]
     c = np.full((len(xy), 1), -example["f_mm"])
@@ -902,7 +908,7 @@ def _dewitt(example: dict[str, Any], about: About) -> Iterator[Check]:
     yield from about.check("sigma0", [("", float(np.sqrt(found.objective)), sigma0, 1e-6 * sigma0)])
 
 
-def _resection(example: dict[str, Any], about: About) -> Iterator[Check]:
+def _resection(example: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
     xy, points, result = (
         np.array(example["image_xy_mm"]),
         np.array(example["object_XYZ_m"]),
@@ -921,7 +927,7 @@ def _resection(example: dict[str, Any], about: About) -> Iterator[Check]:
     yield from about.check("sigma0", [("", found.sigma0 * 0.003, sigma0, 1e-6 * sigma0)])
 
 
-_WORKED_START_VALUES: dict[str, tuple[str, Callable[[dict[str, Any], About], Iterable[Check]]]] = {
+_WORKED_START_VALUES: dict[str, tuple[str, Callable[[dict[str, Any], About], Iterable[ReferenceCheck]]]] = {
     "homography": ("decomposition of a collineation", _homography),
     "relative_orientation": ("relative orientation of six points", _dewitt),
     "resection_wolf_dewitt": ("resection from four points", _resection),
@@ -936,7 +942,7 @@ _SHARED_POINTS = 25_000
 """Points in two images from which on the rays are shared between two threads."""
 
 
-def _threads(about: About) -> Iterator[Check]:
+def _threads(about: About) -> Iterator[ReferenceCheck]:
     """Two images of random points, adjusted by one thread and by two."""
     random = np.random.default_rng(46)
     points = random.uniform(-1.0, 1.0, (_SHARED_POINTS, 3))
@@ -990,8 +996,8 @@ _SIMULATED = ("worked-examples/levelling-free", "textbook/ghilani-16-2-distance-
 _RUNS, _SEED = 200, 1
 
 
-def _monte_carlo(path: Path, about: About) -> Iterator[Check]:
-    ready = prepared(Trial(path, "", _SEED))
+def _monte_carlo(path: Path, about: About) -> Iterator[ReferenceCheck]:
+    ready = prepared(SimulationTask(path, "", _SEED))
     if ready.truth is None:
         raise ValueError("the network has no solution")
     for one in findings(ready.truth, chunk_of(ready, 0, _RUNS)):

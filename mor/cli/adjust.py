@@ -12,8 +12,8 @@ import click
 
 from mor.cli.console import language_option, tell
 from mor.cli.options import (
-    Amount,
     InputPath,
+    MemorySize,
     OutputPath,
     format_option,
     kernels_option,
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from mor.errors import Message
     from mor.project.document import Document
     from mor.quality.solution import Solved
-    from mor.report.identity import Identity
+    from mor.report.identity import RunIdentity
     from mor.report.language import Words
     from mor.report.output_folder import Reservation
     from mor.report.results import Choice
@@ -135,7 +135,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
 @click.option(
     "--memory",
     metavar="SIZE",
-    type=Amount(),
+    type=MemorySize(),
     show_default="the available memory",
     help="Memory that mor may use, e.g. 4GB; if it is not enough, long arrays are kept in files.",
 )
@@ -195,7 +195,7 @@ def run(asked: Asked) -> int:
     from mor.linalg.compilation import notes_told_by
     from mor.long_arrays import limited_memory
     from mor.output_files import lines_into
-    from mor.report.identity import Identity
+    from mor.report.identity import RunIdentity
     from mor.report.language import words_of
     from mor.report.output_folder import is_repeated, reserve
     from mor.report.results import usual_files, write_results
@@ -216,7 +216,7 @@ def run(asked: Asked) -> int:
         held.enter_context(limited_memory(asked.memory, scratch))
         with named_in_full(place):
             solved = adjusted(document, project.parent, asked.snoop, say)
-        of = Identity(tuple(files.values()), project.parent, asked.told)
+        of = RunIdentity(tuple(files.values()), project.parent, asked.told)
         say.phase("writing")
         said = on_screen(asked, solved, words)
         if place is not None:
@@ -246,7 +246,7 @@ def on_screen(asked: Asked, solved: Solved, words: Words) -> str:
     return "\n".join(told)
 
 
-def show(asked: Asked, solved: Solved, of: Identity, said: str) -> None:
+def show(asked: Asked, solved: Solved, of: RunIdentity, said: str) -> None:
     """Print the results to standard output and the summary to the terminal, with the outcome in colour there."""
     from mor.report.results import results_text
 

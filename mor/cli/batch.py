@@ -25,7 +25,7 @@ from mor.errors import ExitCode, InputError, Message
 if TYPE_CHECKING:
     from mor.api.batch import Case
     from mor.api.workers import Done, Task
-    from mor.report.batch import Row
+    from mor.report.batch import BatchRow
 
 _TABLES = ("batch.txt", "batch.json", "batch.html", "junit.xml")
 
@@ -165,7 +165,7 @@ def _rows(
     against: Path | None,
     tol: float,
     quiet: bool,
-) -> list[Row]:
+) -> list[BatchRow]:
     """The row of each project in the order of their names; each is told when it is done."""
     from mor.api.batch import LOG, row_of, stamp
     from mor.api.workers import Task
@@ -176,7 +176,7 @@ def _rows(
             case.folder.mkdir(parents=True, exist_ok=True)
     before = [stamp(case) for case in found]
     tasks = [Task((str(case.project), str(case.folder), *options), case.folder / LOG) for case in found]
-    rows: dict[int, Row] = {}
+    rows: dict[int, BatchRow] = {}
     begun = time.monotonic()
     for done in work(tasks):
         is_new = stamp(found[done.number]) != before[done.number]

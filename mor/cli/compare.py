@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
     import polars as pl
 
-    from mor.quality.deformation import Epochs
+    from mor.quality.deformation import EpochComparison
     from mor.quality.solution import Solved
 
 SHOWN = 20
@@ -251,7 +251,7 @@ def _epoch_numbers(solved: Solved, wanted: tuple[str, str], path: Path) -> tuple
 def _write_page(
     results: tuple[Path, Path],
     solved: Sequence[Solved],
-    found: Epochs,
+    found: EpochComparison,
     table: pl.DataFrame,
     level: float,
     known: bool,

@@ -43,7 +43,7 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
     from mor.api.result import in_datum, reopen
     from mor.output_files import check_folder
     from mor.report.estimates import point_table
-    from mor.report.identity import Identity
+    from mor.report.identity import RunIdentity
     from mor.report.language import words_of
     from mor.report.output_folder import reserve
     from mor.report.results import Choice, tables_by_size, usual_files, write_results
@@ -60,7 +60,7 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
     if output is not None:
         choice = Choice(tables_by_size(solved), language=lang)
         with reserve(output, force) as place:
-            of = Identity(project.files, project.folder, ("--to", target))
+            of = RunIdentity(project.files, project.folder, ("--to", target))
             write_results(solved, project.document, of, place, choice)
         click.echo(words_of(lang)("results in {place}", place=output), err=True)
     else:

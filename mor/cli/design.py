@@ -80,7 +80,7 @@ def command(
     from mor.input_files import files_read
     from mor.output_files import check_folder
     from mor.report.design import USUAL_FILES
-    from mor.report.identity import Identity
+    from mor.report.identity import RunIdentity
     from mor.report.output_folder import folder_beside, reserve
 
     project = only_project(project, source_format)
@@ -90,7 +90,7 @@ def command(
         check_folder(folder, force, USUAL_FILES)
     with files_read() as files:
         design = designed(project, source_format or "", rank or greedy is not None, greedy or 0)
-    of = Identity(tuple(files.values()), project.parent, _options(rank, greedy, source_format))
+    of = RunIdentity(tuple(files.values()), project.parent, _options(rank, greedy, source_format))
     if writes:
         with reserve(folder, force, USUAL_FILES) as place:
             design.write(place, of, lang)

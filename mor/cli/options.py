@@ -55,7 +55,7 @@ class OutputPath(_NamedPath):
 _UNITS = {"": 1.0, "b": 1.0, "kb": 1e3, "mb": 1e6, "gb": 1e9, "tb": 1e12, "mib": 2.0**20, "gib": 2.0**30}
 
 
-class Amount(click.ParamType):  # type: ignore[type-arg]
+class MemorySize(click.ParamType):  # type: ignore[type-arg]
     """An amount of memory in bytes: 4GB, 800 MB."""
 
     name = "size"

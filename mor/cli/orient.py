@@ -154,7 +154,14 @@ def planar_command(
     """
     from mor.errors import ExitCode
     from mor.report.language import words_of_orientation
-    from mor.report.orientation import Wanted, is_known, planar, planar_data, planar_text, read_homologous
+    from mor.report.orientation import (
+        ObjectSystem,
+        is_known,
+        planar,
+        planar_data,
+        planar_text,
+        read_homologous,
+    )
     from mor.report.output_folder import to_json
 
     if length is not None and (length[0] == length[1] or not 0.0 < length[2] < inf):
@@ -163,7 +170,7 @@ def planar_command(
     measured = read_homologous(points)
     of_images = _of_images(constants, measured.coordinates.shape[1])
     shape = planar(measured, of_images, sigma, off)
-    data = planar_data(measured, shape, of_images, Wanted(length, length_sigma, wall, angles))
+    data = planar_data(measured, shape, of_images, ObjectSystem(length, length_sigma, wall, angles))
     click.echo(to_json(data) if as_json else planar_text(data, words_of_orientation(lang)), nl=False)
     return ExitCode.DONE if is_known(shape) else ExitCode.SINGULAR
 

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from rich.table import Table
 
     from mor.errors import Message
-    from mor.output_files import Lines
+    from mor.output_files import EventFile
     from mor.project.document import Document
     from mor.solve.iterate import Iteration
 
@@ -91,7 +91,7 @@ class Progress:
     status: Status | None = None
     name: str = ""
     """The phase that runs."""
-    events: Lines | None = None
+    events: EventFile | None = None
     """Where events go as JSON Lines, for programs that watch."""
     steps: list[Iteration] = field(default_factory=list)
     """Iterations of this phase."""
@@ -207,7 +207,7 @@ class Progress:
 def progress(
     quiet: bool,
     verbose: bool,
-    events: Lines | None = None,
+    events: EventFile | None = None,
     words: Words = ENGLISH,
     most_notes: int | None = None,
 ) -> Iterator[Progress]:

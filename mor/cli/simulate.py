@@ -28,7 +28,7 @@ from mor.errors import ExitCode
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from mor.api.simulation import Chunk, Prepared, Trial, Worked
+    from mor.api.simulation import Chunk, Prepared, SimulationTask, Worked
     from mor.input_files import ReadFile
     from mor.plan.simulation import Systematic, Wishes
 
@@ -148,7 +148,7 @@ def command(
     \b
     Exit codes: 0 done; 1 simulation and theory disagree (--runs); 2 input; 4 singular (--runs).
     """
-    from mor.api.simulation import Trial
+    from mor.api.simulation import SimulationTask
     from mor.plan.simulation import Wishes
 
     project = only_project(project, source_format)
@@ -156,7 +156,7 @@ def command(
     wishes = Wishes(gross, size, drop, systematic)
     if runs is not None:
         _refuse_with_runs(gross, drop, systematic, noise_free)
-        trial = Trial(project, source_format or "", seed, starts)
+        trial = SimulationTask(project, source_format or "", seed, starts)
         here = jobs_here(jobs, cluster)
         return _many(trial, output, force, runs, here, cluster, as_json, lang, quiet)
     _refuse_without_runs(cluster)
@@ -211,7 +211,7 @@ def _refuse_without_runs(cluster: str | None) -> None:
 
 
 def _many(
-    trial: Trial,
+    trial: SimulationTask,
     output: Path | None,
     force: bool,
     runs: int,
@@ -227,7 +227,7 @@ def _many(
     from mor.linalg.compilation import notes_told_by
     from mor.output_files import write_among
     from mor.plan.simulation import findings
-    from mor.report.identity import Identity
+    from mor.report.identity import RunIdentity
     from mor.report.language import words_of_planning
     from mor.report.output_folder import folder_beside, to_json
     from mor.report.simulation import finding_table, monte_carlo_data, monte_carlo_text, verdict
@@ -245,7 +245,7 @@ def _many(
         _workers(folder / "runs", jobs, cluster, files) as work,
     ):
         tally = run_trial(ready, runs, work, folder / "runs", files, say.phase("simulating", runs))
-    of = Identity(tuple(files.values()), trial.path.parent, (f"--runs {runs}", f"--seed {trial.seed}"))
+    of = RunIdentity(tuple(files.values()), trial.path.parent, (f"--runs {runs}", f"--seed {trial.seed}"))
     about = ready.network, ready.truth, tally, trial.seed, trial.starts
     data = to_json(monte_carlo_data(*about, of))
     write_among(folder, dict(zip(_REPORTS, (monte_carlo_text(*about, words, of), data), strict=True)))

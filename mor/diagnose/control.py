@@ -32,7 +32,7 @@ from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.outliers import by_sights_alone, costs_at_places
 from mor.quality.plausibility import beyond_any_instrument
-from mor.quality.solution import Amount
+from mor.quality.solution import AddedParameter
 from mor.solve.problem import misclosures
 from mor.start.bundle import similarity
 from mor.types import BoolArray, FloatArray, IntArray
@@ -134,8 +134,8 @@ def _common(network: Network, label: str, chosen: tuple[int, ...], name: str, se
             changed = with_group(changed, k, replace(group, blocks=blocks))
         return changed
 
-    def amount(values: Values) -> Amount:
-        return Amount(name, float(values["distance meter"][number, component]))
+    def amount(values: Values) -> AddedParameter:
+        return AddedParameter(name, float(values["distance meter"][number, component]))
 
     given = {"offset": "{free: 0}", "scale": "{free: 1}"}[name]
     line = f"instruments: {{edm: {{{name}: {given}}}}}; observations, {label}: instrument: edm"
@@ -171,7 +171,7 @@ _POINTS = 60
 """Control points up to which all pairs are looked through."""
 
 
-class Control(NamedTuple):
+class ControlPoints(NamedTuple):
     """Points of one table whose coordinates are all given, fixed or observed."""
 
     label: str
@@ -229,7 +229,7 @@ def _released(network: Network, points: IntArray) -> Network:
     return network
 
 
-def control_tables(situation: Situation) -> list[Control]:
+def control_tables(situation: Situation) -> list[ControlPoints]:
     """Control as the tables of the project have it."""
     network = situation.network
     own = network.things["point"]
@@ -244,7 +244,7 @@ def control_tables(situation: Situation) -> list[Control]:
         if full.any():
             names = {network.point_groups.get(int(p), "") for p in points[full]}
             label = names.pop() if len(names) == 1 else ""
-            tables.append(Control(label or group.name, points[full], group.observed[full], True))
+            tables.append(ControlPoints(label or group.name, points[full], group.observed[full], True))
     held = ~blocks.free.any(axis=1) & np.isin(np.arange(len(ids)), own.parts["position"])
     seen = np.zeros(len(ids), dtype=bool)
     for group in network.groups:
@@ -255,11 +255,11 @@ def control_tables(situation: Situation) -> list[Control]:
     if len(fixed):
         labels = {network.point_groups.get(int(p), "") for p in fixed} - {""}
         label = labels.pop() if len(labels) == 1 else "points"
-        tables.append(Control(label, fixed, situation.start["point"][fixed], False))
+        tables.append(ControlPoints(label, fixed, situation.start["point"][fixed], False))
     return tables
 
 
-def _table(situation: Situation, control: Control) -> tuple[str | int, ...] | None:
+def _table(situation: Situation, control: ControlPoints) -> tuple[str | int, ...] | None:
     """Path of the table of points by its label."""
     entries = situation.network.project.points
     found = [k for k, e in enumerate(entries) if control.label in (e.group, e.name, e.file)]
@@ -268,12 +268,12 @@ def _table(situation: Situation, control: Control) -> tuple[str | int, ...] | No
     return ("points", found[0]) if len(found) == 1 else None
 
 
-def _unit_edits(situation: Situation, control: Control, unit: str) -> tuple[Edit, ...]:
+def _unit_edits(situation: Situation, control: ControlPoints, unit: str) -> tuple[Edit, ...]:
     at = _table(situation, control)
     return () if at is None else (key_edit((*at, "units"), f"{{x: {unit}, y: {unit}, z: {unit}}}"),)
 
 
-def _axes_edits(situation: Situation, control: Control) -> tuple[Edit, ...]:
+def _axes_edits(situation: Situation, control: ControlPoints) -> tuple[Edit, ...]:
     at = _table(situation, control)
     if at is None:
         return ()
@@ -289,7 +289,7 @@ def _axes_edits(situation: Situation, control: Control) -> tuple[Edit, ...]:
     return (KeyEdit((*at, "columns"), exchanged),)
 
 
-def _units(situation: Situation, control: Control) -> list[Hypothesis]:
+def _units(situation: Situation, control: ControlPoints) -> list[Hypothesis]:
     return [
         Hypothesis(
             "control unit",
@@ -306,7 +306,7 @@ def _units(situation: Situation, control: Control) -> list[Hypothesis]:
     ]
 
 
-def _axes(situation: Situation, control: Control) -> list[Hypothesis]:
+def _axes(situation: Situation, control: ControlPoints) -> list[Hypothesis]:
     turn = situation.network.edge.matrix
     swap = turn @ np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]]) @ turn.T
     return [
@@ -322,7 +322,7 @@ def _axes(situation: Situation, control: Control) -> list[Hypothesis]:
     ]
 
 
-def _exchanges(situation: Situation, control: Control) -> list[Hypothesis]:
+def _exchanges(situation: Situation, control: ControlPoints) -> list[Hypothesis]:
     """The pairs whose sights fit each other's places, and that leave least misclosure of a similarity to theirs."""
     count = len(control.points)
     if count < 3:
@@ -336,7 +336,7 @@ def _exchanges(situation: Situation, control: Control) -> list[Hypothesis]:
     return [_exchange(situation, control, pair, count * (count - 1) // 2) for pair in best]
 
 
-def _scored(situation: Situation, control: Control) -> list[tuple[int, int]]:
+def _scored(situation: Situation, control: ControlPoints) -> list[tuple[int, int]]:
     """Pairs that score tests name: as exchanged, or as two that moved."""
     ids = situation.network.blocks["point"].ids
     place = {ids[point]: k for k, point in enumerate(control.points.tolist())}
@@ -348,7 +348,7 @@ def _scored(situation: Situation, control: Control) -> list[tuple[int, int]]:
     return list(dict.fromkeys(found))
 
 
-def _without_control(situation: Situation, control: Control) -> FloatArray:
+def _without_control(situation: Situation, control: ControlPoints) -> FloatArray:
     """(k, 3) where the points are by their sights; where nobody sights them, where they are in the adjustment."""
     adjusted = situation.values["point"][control.points]
     if situation.count > SMALL:
@@ -358,7 +358,7 @@ def _without_control(situation: Situation, control: Control) -> FloatArray:
     return np.where(np.isfinite(places), places, adjusted)
 
 
-def _sighted_exchanged(situation: Situation, control: Control) -> list[tuple[int, int]]:
+def _sighted_exchanged(situation: Situation, control: ControlPoints) -> list[tuple[int, int]]:
     """Pairs of which the sights to each fit the given place of the other, and not its own; the clearest first."""
     if situation.count > SMALL:
         return []
@@ -381,7 +381,9 @@ def _swapped(given: FloatArray, pair: tuple[int, int]) -> FloatArray:
     return given[order]
 
 
-def _misfit(situation: Situation, control: Control, adjusted: FloatArray, pair: tuple[int, int]) -> float:
+def _misfit(
+    situation: Situation, control: ControlPoints, adjusted: FloatArray, pair: tuple[int, int]
+) -> float:
     """Misfit of the given coordinates, two exchanged, to those that were adjusted: as they are, or moved as a whole."""
     given = _swapped(control.given, pair)
     plain = float(np.median(np.linalg.norm(adjusted - given, axis=1)))
@@ -392,7 +394,9 @@ def _misfit(situation: Situation, control: Control, adjusted: FloatArray, pair: 
     return min(float(np.sum(residuals**2)), plain**2 + float(np.sum((adjusted - given) ** 2)))
 
 
-def _exchange(situation: Situation, control: Control, pair: tuple[int, int], candidates: int) -> Hypothesis:
+def _exchange(
+    situation: Situation, control: ControlPoints, pair: tuple[int, int], candidates: int
+) -> Hypothesis:
     names = [situation.network.blocks["point"].ids[control.points[k]] for k in pair]
     points = control.points[list(pair)]
     return Hypothesis(
@@ -455,7 +459,7 @@ def scored_sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
     return found
 
 
-def _the_same(amount: Amount, _values: Values) -> Amount:
+def _the_same(amount: AddedParameter, _values: Values) -> AddedParameter:
     return amount
 
 

@@ -29,7 +29,7 @@ from mor.model.observation_types import PLAIN_TYPES, ObservationGroup
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.plausibility import NOTED, beyond_reach, largest_effect, sphere_under, usual_height
-from mor.quality.solution import Amount
+from mor.quality.solution import AddedParameter
 from mor.solve.iterate import Adjustment
 from mor.solve.problem import linearise, misclosures, rotation_tangents
 from mor.types import FloatArray, IntArray
@@ -55,7 +55,7 @@ _ENTRIES = 20_000_000
 _INSTRUMENT = ("station", "from")
 
 
-class Sights(NamedTuple):
+class HeightRows(NamedTuple):
     """Rows (group, rows, slot of the height) that share a height."""
 
     cause: str
@@ -104,7 +104,7 @@ def antenna_hypotheses(situation: Situation) -> list[Hypothesis]:
     ]
 
 
-def _antenna(situation: Situation, name: str, amount: Amount) -> Hypothesis:
+def _antenna(situation: Situation, name: str, amount: AddedParameter) -> Hypothesis:
     """The antenna at a point that was higher by an amount than it was said to be."""
     network = situation.network
     ends = []
@@ -137,7 +137,7 @@ def _antenna(situation: Situation, name: str, amount: Amount) -> Hypothesis:
     )
 
 
-def height_sights(network: Network) -> Iterator[Sights]:
+def height_sights(network: Network) -> Iterator[HeightRows]:
     """Yield all sets of rows that may share a wrong height: sights from stations, or sights with given heights."""
     sets: dict[tuple[str, tuple[str, ...]], list[tuple[int, IntArray, int]]] = {}
     stations = set(network.things["station"].ids) if "station" in network.things else set()
@@ -168,7 +168,7 @@ def height_sights(network: Network) -> Iterator[Sights]:
                     slot,
                 )
     for (cause, things), rows in sets.items():
-        yield Sights(cause, tuple(str(t) for t in things), tuple(rows))
+        yield HeightRows(cause, tuple(str(t) for t in things), tuple(rows))
 
 
 def _collect(sets, keys, number, rows, slot) -> None:  # type: ignore[no-untyped-def]
@@ -178,7 +178,7 @@ def _collect(sets, keys, number, rows, slot) -> None:  # type: ignore[no-untyped
         sets.setdefault(key, []).append((number, rows[mine], slot))
 
 
-def _reductions(here: Adjustment, sights: list[Sights]) -> FloatArray:
+def _reductions(here: Adjustment, sights: list[HeightRows]) -> FloatArray:
     """(k,) by how much vᵀPv becomes smaller with each height an unknown, to first order."""
     problem, values = here.problem, here.values
     tangent = rotation_tangents(problem.index, values)
@@ -204,7 +204,7 @@ def _reductions(here: Adjustment, sights: list[Sights]) -> FloatArray:
 
 
 def _hypothesis(
-    situation: Situation, sights: Sights, candidates: int, begin: float | None = None
+    situation: Situation, sights: HeightRows, candidates: int, begin: float | None = None
 ) -> Hypothesis:
     network = situation.network
     number = len(network.blocks["height"].ids)
@@ -216,8 +216,8 @@ def _hypothesis(
             changed = with_blocks(changed, group, list(rows), {slot: [own] * len(rows)})
         return changed
 
-    def amount(values: Values) -> Amount:
-        return Amount("height", float(values["height"][number, 0]))
+    def amount(values: Values) -> AddedParameter:
+        return AddedParameter("height", float(values["height"][number, 0]))
 
     what = "stations, {}: height" if sights.cause == "instrument height" else "observations, to {}: to_height"
     line = what.format(", from ".join(sights.things))
@@ -233,7 +233,7 @@ def _hypothesis(
     )
 
 
-def _edits(network: Network, sights: Sights) -> tuple[Edit, ...]:
+def _edits(network: Network, sights: HeightRows) -> tuple[Edit, ...]:
     write = with_amount(lambda _old, value: value)
     if sights.cause == "instrument height":
         return (CellEdit(("stations",), "height", write, cells={"id": sights.things[0]}),)
@@ -241,7 +241,7 @@ def _edits(network: Network, sights: Sights) -> tuple[Edit, ...]:
     return tuple(edit for edits in found for edit in edits)
 
 
-def _given(network: Network, sights: Sights) -> float:
+def _given(network: Network, sights: HeightRows) -> float:
     """The height as it is given in the first of the rows."""
     group, rows, slot = sights.rows[0]
     return float(network.start["height"][network.groups[group].blocks[slot][rows[0]], 0])

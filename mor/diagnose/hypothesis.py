@@ -22,13 +22,13 @@ from mor.model.parameters import Values
 from mor.project.document import Document
 from mor.project.network import Network
 from mor.project.rows import group_name
-from mor.project.schema import Table
+from mor.project.schema import TableEntry
 from mor.project.tables import our_name
 from mor.quality.assessment import assess
 from mor.quality.outliers import SUSPECT, cost_of_residuals, factor_of_sigmas, price_of_gross_error, sizes_of
 from mor.quality.robust_estimation import exclude, robust_scales
-from mor.quality.solution import Amount, PossibleCause
-from mor.solve.iterate import Adjustment, Iteration, Outcome, Settings, Watcher, adjust
+from mor.quality.solution import AddedParameter, ScoredHypothesis
+from mor.solve.iterate import Adjustment, Iteration, Outcome, SolverSettings, Watcher, adjust
 from mor.solve.problem import Problem
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -42,7 +42,7 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 At: TypeAlias = tuple[str | int, ...]
 """Path of a value in the project file."""
-CellChange: TypeAlias = Callable[[str, Amount | None], str | None]
+CellChange: TypeAlias = Callable[[str, AddedParameter | None], str | None]
 """New text of a cell from the old one and the estimated amount; None if there is none."""
 LARGEST = 4_000_000
 """Characters of a file up to which a diff is made."""
@@ -52,7 +52,7 @@ class KeyEdit(NamedTuple):
     """A value of the project file that is set, or replaced."""
 
     at: At
-    text: Callable[[str, Amount | None], str | None]
+    text: Callable[[str, AddedParameter | None], str | None]
     """New text from the old one, which is empty if there is none yet."""
 
 
@@ -124,7 +124,7 @@ def to(text: str) -> CellChange:
 def computed(change: Callable[[float], float]) -> CellChange:
     """Return the change of a number in a cell, written with the digits it has; None if it is not a plain number."""
 
-    def changed(old: str, _amount: Amount | None) -> str | None:
+    def changed(old: str, _amount: AddedParameter | None) -> str | None:
         try:
             value = change(float(old))
         except ValueError:
@@ -137,7 +137,7 @@ def computed(change: Callable[[float], float]) -> CellChange:
 def with_amount(change: Callable[[float, float], float]) -> CellChange:
     """Return the change of a number in a cell by the estimated amount; an empty cell counts as 0."""
 
-    def changed(old: str, amount: Amount | None) -> str | None:
+    def changed(old: str, amount: AddedParameter | None) -> str | None:
         if amount is None:
             return None
         try:
@@ -157,7 +157,7 @@ def _with_digits(value: float, like: str) -> str:
 
 
 def as_diff(
-    document: Document, folder: Path, edits: Sequence[Edit], amount: Amount | None = None
+    document: Document, folder: Path, edits: Sequence[Edit], amount: AddedParameter | None = None
 ) -> str | None:
     """Return the unified diff of the files that edits change, None if they cannot be expressed.
 
@@ -193,7 +193,7 @@ class _Files:
         self.root: Any = None
         self.repeated: set[int] = set()
 
-    def diff(self, edits: Sequence[Edit], amount: Amount | None) -> str:
+    def diff(self, edits: Sequence[Edit], amount: AddedParameter | None) -> str:
         for edit in edits:
             if isinstance(edit, KeyEdit):
                 self._set(edit, amount)
@@ -260,7 +260,7 @@ class _Files:
             node = below
         return node, ()
 
-    def _set(self, edit: KeyEdit, amount: Amount | None) -> None:
+    def _set(self, edit: KeyEdit, amount: AddedParameter | None) -> None:
         node, rest = self._walk(edit.at)
         whole = self._text(self.project)
         if not rest:
@@ -291,7 +291,7 @@ class _Files:
                 self.project, name.start_mark.index, name.start_mark.index, f"{first}: {text}\n{indent}"
             )
 
-    def _change_cell(self, edit: CellEdit, amount: Amount | None) -> None:
+    def _change_cell(self, edit: CellEdit, amount: AddedParameter | None) -> None:
         table: Any = self.document.data
         for step in edit.at:
             table = table[step]
@@ -304,7 +304,7 @@ class _Files:
         else:
             raise _NotExpressibleError
 
-    def _change_in_any(self, edit: CellEdit, count: int, amount: Amount | None) -> None:
+    def _change_in_any(self, edit: CellEdit, count: int, amount: AddedParameter | None) -> None:
         done = 0
         for k in range(count):
             try:
@@ -315,7 +315,7 @@ class _Files:
         if done != 1:
             raise _NotExpressibleError
 
-    def _change_in_place(self, edit: CellEdit, table: Any, amount: Amount | None) -> None:
+    def _change_in_place(self, edit: CellEdit, table: Any, amount: AddedParameter | None) -> None:
         columns = table["columns"]
         whole = self._text(self.project)
         fitting = []
@@ -337,7 +337,7 @@ class _Files:
             text = '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
         self._replace(self.project, start, end, text)
 
-    def _change_in_file(self, edit: CellEdit, table: Any, amount: Amount | None) -> None:
+    def _change_in_file(self, edit: CellEdit, table: Any, amount: AddedParameter | None) -> None:
         path = self.folder / table["file"]
         if table["file"] in self.document.frames:
             raise _NotExpressibleError
@@ -354,7 +354,7 @@ class _Files:
         if isinstance(declared, list):
             header = list(declared)
         else:
-            model = Table.model_construct(columns=declared)
+            model = TableEntry.model_construct(columns=declared)
             header = [
                 our_name(model, name.strip().lstrip("\ufeff")) for name in lines[used[0]].split(delimiter)
             ]
@@ -416,15 +416,15 @@ class Hypothesis:
     """True where missing start values are worth being worked out again."""
     edits: tuple[Edit, ...] = ()
     """Edits of the files of the project; none if it cannot be expressed by any."""
-    amount: Callable[[Values], Amount] | None = None
+    amount: Callable[[Values], AddedParameter] | None = None
     """What its additional unknown is at a solution."""
 
-    def amount_at(self, values: Values) -> Amount | None:
+    def amount_at(self, values: Values) -> AddedParameter | None:
         """Its additional unknown at a solution; nothing where it has none."""
         return None if self.amount is None else self.amount(values)
 
 
-class Fit(NamedTuple):
+class NetworkFit(NamedTuple):
     """Fit of a network to its observations."""
 
     values: Values
@@ -449,7 +449,7 @@ class Offered(NamedTuple):
     freedom_after: int
     gain: float
     """By how much the description of the observations becomes shorter, in units of χ²."""
-    amount: Amount | None
+    amount: AddedParameter | None
 
 
 class Before(NamedTuple):
@@ -466,7 +466,7 @@ class Trial(NamedTuple):
     """A hypothesis that was adjusted."""
 
     hypothesis: Hypothesis
-    fit: Fit | None
+    fit: NetworkFit | None
     """``None`` if its adjustment has no solution."""
     gain: float
     """By how much the description of the observations becomes shorter, in units of χ²."""
@@ -620,7 +620,7 @@ class Situation:
 
     settled: bool = True
     """False where the values are start values, and nothing is known of where most observations fit."""
-    scored: tuple[PossibleCause, ...] = ()
+    scored: tuple[ScoredHypothesis, ...] = ()
     """Possible causes by score tests of the solution, the best first."""
     larger: bool = True
     """False where all that is rejected is smaller than its σ says."""
@@ -652,7 +652,7 @@ class Situation:
         Raises :class:`InputError`, :class:`NotFiniteError` where an observation has no value there.
         """
         with np.errstate(all="ignore"):
-            return adjust(self.make(self.network, self.values, self.values), self.values, Settings(0))
+            return adjust(self.make(self.network, self.values, self.values), self.values, SolverSettings(0))
 
     @cached_property
     def redundancy_numbers(self) -> tuple[FloatArray, ...] | None:
@@ -736,7 +736,7 @@ class Situation:
         return False
 
     @cached_property
-    def fit(self) -> Fit:
+    def fit(self) -> NetworkFit:
         """Fit of the network as it is.
 
         At start values nothing fits yet: they are compared with a fit that leaves twice of what is expected, and with
@@ -745,7 +745,7 @@ class Situation:
         if not self.settled:
             lost = sum(int(np.isinf(size).sum()) for size in self.sizes)
             length = 2.0 * self.count + lost * 2.0 * float(np.log(max(self.count, 2)))
-            return Fit(self.start, np.inf, 0, length, np.inf)
+            return NetworkFit(self.start, np.inf, 0, length, np.inf)
         problem = self.make(self.network, self.values, self.values)
         return fit_of(problem, self.values, self.defect, self.count)
 
@@ -760,11 +760,11 @@ def redundancy_numbers(adjustment: Adjustment) -> tuple[FloatArray, ...]:
     return tuple(group.r for group in assess(adjustment).groups)
 
 
-def fit_of(problem: Problem, values: Values, defect: int, count: int, cost: float = 0.0) -> Fit:
+def fit_of(problem: Problem, values: Values, defect: int, count: int, cost: float = 0.0) -> NetworkFit:
     """Fit of some values to the observations; ``cost`` is that of the choice of their model."""
     sizes = sizes_of(problem.groups, values)
     used = [size[~group.left_out] for size, group in zip(sizes, problem.groups, strict=True)]
-    return Fit(
+    return NetworkFit(
         values,
         float(sum(np.sum(size**2) for size in used)),
         problem.observations - problem.index.count + defect,
@@ -805,7 +805,7 @@ def attempt(problem: Problem, begin: Values) -> Adjustment:
         HopelessError: it does not come near to a solution as quickly as one that will.
     """
     with np.errstate(all="ignore"):
-        return adjust(problem, begin, Settings(_ITERATIONS), _impatient())
+        return adjust(problem, begin, SolverSettings(_ITERATIONS), _impatient())
 
 
 def without_row(situation: Situation, group: int, row: int) -> Values:

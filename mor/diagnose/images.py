@@ -26,7 +26,7 @@ from mor.model.observation_types import ObservationGroup, is_image_point
 from mor.model.parameters import Values
 from mor.project.axes import ImageScale
 from mor.project.network import Network
-from mor.quality.solution import Amount
+from mor.quality.solution import AddedParameter
 from mor.types import BoolArray, FloatArray, IntArray
 
 Change = Callable[[FloatArray], FloatArray]
@@ -317,8 +317,8 @@ def _interior(
                 changed = with_group(changed, number, _not_observed(group, block, held))
         return changed
 
-    def amount(values: Values) -> Amount:
-        return Amount(names[held[0]], float(values[kind][block, held[0]]))
+    def amount(values: Values) -> AddedParameter:
+        return AddedParameter(names[held[0]], float(values[kind][block, held[0]]))
 
     line = f"cameras, {name}: interior: {{{names[held[0]]}: {{free: …}}}}"
     yield Hypothesis(
@@ -333,7 +333,7 @@ def _interior(
     )
 
 
-def _set_free(old: str, _amount: Amount | None) -> str | None:
+def _set_free(old: str, _amount: AddedParameter | None) -> str | None:
     """A fixed or observed value as a start value."""
     number = re.match(r"\{?\s*(?:\w+:)?\s*([-+.\deE]+)", old)
     return f"{{free: {number[1]}}}" if number else None

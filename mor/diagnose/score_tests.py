@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.diagnose.heights import Sights, height_sights
+from mor.diagnose.heights import HeightRows, height_sights
 from mor.diagnose.images import PRINCIPAL_POINT
 from mor.model import rotations
 from mor.model.curvature import on_sphere
@@ -29,12 +29,12 @@ from mor.project.network import Network
 from mor.quality.assessment import Quality, assess
 from mor.quality.external_reliability import WhitenedRows, whitened_rows
 from mor.quality.global_tests import factor_of_group, fits_factor
-from mor.quality.outliers import Suspects, cost_of_choice, with_suspects
+from mor.quality.outliers import SuspectedOutliers, cost_of_choice, with_suspects
 from mor.quality.plausibility import NOTED, largest_effect, sphere_under
 from mor.quality.redundancy import Reliability
-from mor.quality.solution import Amount, PossibleCause
+from mor.quality.solution import AddedParameter, ScoredHypothesis
 from mor.quality.test_statistics import CONTROLLED, log_p_chi2
-from mor.solve.iterate import Outcome, Settings, adjust
+from mor.solve.iterate import Outcome, SolverSettings, adjust
 from mor.solve.problem import Problem, evaluated, linearise, misclosures, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -92,7 +92,7 @@ class _Scored(NamedTuple):
 
 def score_tests(
     quality: Quality, network: Network, doubtful: Sequence[BoolArray] | None = None
-) -> tuple[PossibleCause, ...]:
+) -> tuple[ScoredHypothesis, ...]:
     """Return up to three mistakes that would explain what the tests of an adjustment reject, the best first.
 
     They are possible causes, not verified ones. A mistake is named if its test rejects at the family-wise level
@@ -116,8 +116,8 @@ def score_tests(
 
 
 def score_tests_with_suspects(
-    quality: Quality, network: Network, suspects: Suspects
-) -> tuple[PossibleCause, ...]:
+    quality: Quality, network: Network, suspects: SuspectedOutliers
+) -> tuple[ScoredHypothesis, ...]:
     """Return the mistakes that would explain the suspects which an adjustment leaves out, the best first.
 
     The derivatives are those at the solution without the suspects. All observations are in the normal equations, and
@@ -127,7 +127,7 @@ def score_tests_with_suspects(
     if suspects.lost:
         return ()
     problem, masks = with_suspects(quality.adjustment.problem, suspects)
-    here = adjust(problem, quality.adjustment.values, Settings(0))
+    here = adjust(problem, quality.adjustment.values, SolverSettings(0))
     if here.outcome is Outcome.SINGULAR:
         return ()
     pairs = zip(masks, quality.flagged, strict=True)
@@ -557,12 +557,12 @@ def _heights(problem: Problem, network: Network, values: Values) -> Iterator[_Ca
         )
 
 
-def _height_line(one: Sights) -> str:
+def _height_line(one: HeightRows) -> str:
     what = "stations, {}: height" if one.cause == "instrument height" else "observations, to {}: to_height"
     return what.format(", from ".join(one.things))
 
 
-def _given(network: Network, one: Sights) -> float:
+def _given(network: Network, one: HeightRows) -> float:
     number, rows, slot = one.rows[0]
     return float(network.start["height"][network.groups[number].blocks[slot][rows[0]], 0])
 
@@ -888,13 +888,13 @@ def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
     return found
 
 
-def _cause(network: Network, one: _Scored) -> PossibleCause:
+def _cause(network: Network, one: _Scored) -> ScoredHypothesis:
     candidate, amount = one.candidate, None
     if candidate.amount is not None and not candidate.definite:
         name, present = candidate.amount
-        amount = Amount(name, present + float(one.x[0]))
+        amount = AddedParameter(name, present + float(one.x[0]))
     rows = [(number, row) for number, own, _ in candidate.parts for row in own.tolist()]
-    return PossibleCause(
+    return ScoredHypothesis(
         candidate.cause,
         candidate.things,
         candidate.line,

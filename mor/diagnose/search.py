@@ -41,11 +41,11 @@ from mor.diagnose.hypothesis import (
     Before,
     Begin,
     Diagnosis,
-    Fit,
     GoOn,
     HopelessError,
     Hypothesis,
     Make,
+    NetworkFit,
     Offered,
     Situation,
     Trial,
@@ -64,7 +64,7 @@ from mor.quality.assessment import Quality
 from mor.quality.group_tests import LEVEL, Rejection
 from mor.quality.outliers import cost_of_choice, cost_of_residuals, reintersected, sizes_of
 from mor.quality.robust_estimation import exclude, graduated_weights
-from mor.quality.solution import PossibleCause
+from mor.quality.solution import ScoredHypothesis
 from mor.quality.test_statistics import log_p_chi2
 from mor.solve.iterate import Adjustment, Outcome
 from mor.solve.problem import Problem, misclosures
@@ -159,18 +159,18 @@ def _scored(situation: Situation) -> list[Hypothesis]:
     return found
 
 
-class Tried(NamedTuple):
+class SolvedHypothesis(NamedTuple):
     """A hypothesis whose adjustment has a solution."""
 
     hypothesis: Hypothesis
-    fit: Fit
+    fit: NetworkFit
     promised: float
     """By how much the start values speak for it; 0 where that was not asked."""
 
 
 def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagnosis:
     """Try hypotheses one after the other until all are tried, or ``go_on`` says no."""
-    found: list[Tried] = []
+    found: list[SolvedHypothesis] = []
     trials: list[Trial] = []
     untried, explained, done = 0, -np.inf, False
     known: set[tuple[str, tuple[str, ...]]] = set()
@@ -187,7 +187,7 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
         fit = tried(situation, hypothesis)
         trials.append(Trial(hypothesis, fit, _gain(situation, fit) if fit is not None else 0.0))
         if fit is not None:
-            found.append(Tried(hypothesis, fit, 0.0))
+            found.append(SolvedHypothesis(hypothesis, fit, 0.0))
             done |= nothing_is_left(fit)
     stages = _stages(situation)
     if done:  # a change of a whole is no rival then
@@ -203,7 +203,7 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
             trials.append(Trial(hypothesis, fit, _gain(situation, fit) if fit is not None else 0.0))
             if fit is None:
                 continue
-            found.append(Tried(hypothesis, fit, promised))
+            found.append(SolvedHypothesis(hypothesis, fit, promised))
             if nothing_is_left(fit) and stage is not OF_SIGMAS:  # with large σ nothing is ever left
                 done = True
                 explained = max(explained, promised) if stage is OF_A_WHOLE else explained
@@ -244,7 +244,7 @@ def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hyp
     return [(found[k], float(promised[k])) for k in order if promised[k] >= least]
 
 
-def _offered(situation: Situation, before: Before, found: list[Tried]) -> tuple[Offered, ...]:
+def _offered(situation: Situation, before: Before, found: list[SolvedHypothesis]) -> tuple[Offered, ...]:
     """Hypotheses that are better than none beyond chance, the best first."""
     if situation.many_are_out:  # of a single observation only what explains all of it
         found = [one for one in found if len(one.hypothesis.rows) != 1 or nothing_is_left(one.fit)]
@@ -266,7 +266,7 @@ def _offered(situation: Situation, before: Before, found: list[Tried]) -> tuple[
     )
 
 
-def _in_order(situation: Situation, good: list[Tried]) -> list[Tried]:
+def _in_order(situation: Situation, good: list[SolvedHypothesis]) -> list[SolvedHypothesis]:
     """The shortest description first; of those that chance may put before it, what the start values speak for."""
     by_gain = sorted(good, key=lambda one: -round(_gain(situation, one.fit), 6))
     alike = [
@@ -276,17 +276,17 @@ def _in_order(situation: Situation, good: list[Tried]) -> list[Tried]:
     return [*told, *by_gain[len(alike) :]]
 
 
-def nothing_is_left(fit: Fit) -> bool:
+def nothing_is_left(fit: NetworkFit) -> bool:
     """True where chance explains the residuals that a change leaves."""
     p = log_p_chi2(np.array([fit.omega]), np.array([max(float(fit.freedom), 1.0)]))
     return bool(p[0] > np.log(LEVEL))
 
 
-def _gain(situation: Situation, fit: Fit) -> float:
+def _gain(situation: Situation, fit: NetworkFit) -> float:
     return float(situation.fit.length - fit.length)
 
 
-def _is_good(situation: Situation, before: Before, fit: Fit) -> bool:
+def _is_good(situation: Situation, before: Before, fit: NetworkFit) -> bool:
     """True where a change is better than none by more than chance."""
     return (
         _gain(situation, fit) > _BY_CHANCE and _nearer(fit, before) and _is_an_explanation(fit, situation.fit)
@@ -300,7 +300,7 @@ def _before(situation: Situation, plain: Adjustment) -> Before:
     return Before(objective, compared, freedom)
 
 
-class Ended(NamedTuple):
+class RejectedAdjustment(NamedTuple):
     """End of the adjustment of a network with a mistake."""
 
     plain: Adjustment
@@ -312,14 +312,14 @@ class Ended(NamedTuple):
     rejected: Rejection = Rejection.LARGER
     led: Values | None = None
     """Where graduated weights lead from the start values of the plain one, where that is known."""
-    scored: tuple[PossibleCause, ...] = ()
+    scored: tuple[ScoredHypothesis, ...] = ()
     """Possible causes by score tests of the solution, the best first."""
 
 
 def causes(
     network: Network,
     start: Values,
-    ended: Ended,
+    ended: RejectedAdjustment,
     make: Make,
     begin: Begin,
     go_on: GoOn,
@@ -373,12 +373,12 @@ def causes_without_start(
     return possible_causes(situation, Before(np.nan, np.inf, 0), go_on)
 
 
-def _is_an_explanation(fit: Fit, without: Fit) -> bool:
+def _is_an_explanation(fit: NetworkFit, without: NetworkFit) -> bool:
     """False where half of all residuals stay absurd, and hardly become smaller: an iteration that ended elsewhere."""
     return fit.scale <= max(_ABSURD, _LESS * without.scale)
 
 
-def _nearer(fit: Fit, before: Before) -> bool:
+def _nearer(fit: NetworkFit, before: Before) -> bool:
     """True where vᵀPv falls by more than chance does, or rises towards its degrees of freedom."""
     if fit.omega <= before.compared:
         return bool(before.compared - fit.omega > _BY_CHANCE)
@@ -415,14 +415,14 @@ _AS_EXPECTED = 2.0
 
 def tried(
     situation: Situation, hypothesis: Hypothesis, afresh: bool = True, spoken_for: bool = False
-) -> Fit | None:
+) -> NetworkFit | None:
     """Fit of the network with the change; nothing if its adjustment does not converge.
 
     ``afresh`` allows that start values are worked out for it, which takes longer than all else; ``spoken_for`` says
     that the given ones speak for it clearly.
     """
     network = hypothesis.change(situation.network)
-    best: Fit | None = None
+    best: NetworkFit | None = None
     for begin in _beginnings(situation, network, hypothesis, afresh, spoken_for):
         found = _adjusted(situation, network, begin, hypothesis)
         if found is None:
@@ -435,7 +435,7 @@ def tried(
     return best
 
 
-def _fit(situation: Situation, network: Network, hypothesis: Hypothesis, found: Adjustment) -> Fit:
+def _fit(situation: Situation, network: Network, hypothesis: Hypothesis, found: Adjustment) -> NetworkFit:
     """Fit of an adjustment of the changed network, including the cost of the choice of the change."""
     values, defect = found.values, found.defect.dimension
     lost = 0 if situation.solution is None else situation.defect - defect

@@ -12,8 +12,8 @@ import numpy as np
 from mor.errors import InputError, Message, counted
 from mor.formats.content import (
     Content,
+    ContentTable,
     ImagePoints,
-    Things,
     block,
     content_of,
     frames,
@@ -25,7 +25,7 @@ from mor.formats.content import (
 )
 from mor.formats.draft import Draft, Row, Written
 from mor.formats.networks import groups
-from mor.formats.recognition import Words, enough, numbers, read_words, stem_of
+from mor.formats.recognition import FileLine, enough, numbers, read_words, stem_of
 from mor.project.axes import image_scale, split
 from mor.project.document import Document
 from mor.project.schema import Camera, Datum
@@ -59,7 +59,7 @@ def read_aicon(path: Path) -> Document:
     return draft.finish()
 
 
-def _put_cameras(lines: list[Words], draft: Draft) -> set[str]:
+def _put_cameras(lines: list[FileLine], draft: Draft) -> set[str]:
     """Five lines each: identifier … c xh yh A1 A2 r0 / A3 / B1 B2 / C1 C2 / sensor and image size."""
     cameras: dict[str, Any] = {}
     sizes = (8, 1, 2, 2, 4)
@@ -82,7 +82,7 @@ def _put_cameras(lines: list[Words], draft: Draft) -> set[str]:
     return set(cameras)
 
 
-def _camera(block: list[Words]) -> dict[str, Any]:
+def _camera(block: list[FileLine]) -> dict[str, Any]:
     _, _, c, xh, yh, a1, a2, r0 = block[0].words[:8]
     (a3,), (b1, b2), (c1, c2) = (line.words[:n] for line, n in zip(block[1:4], (1, 2, 2), strict=True))
     width, _, columns, rows = block[4].words[:4]
@@ -97,7 +97,7 @@ def _camera(block: list[Words]) -> dict[str, Any]:
     }
 
 
-def _put_images(lines: list[Words], cameras: set[str], draft: Draft) -> set[str]:
+def _put_images(lines: list[FileLine], cameras: set[str], draft: Draft) -> set[str]:
     rows = []
     form = "image camera X Y Z omega phi kappa rotation-order status state"
     for line in lines:
@@ -123,7 +123,7 @@ def _put_images(lines: list[Words], cameras: set[str], draft: Draft) -> set[str]
     return {str(row.cells[0]) for row in rows}
 
 
-def _put_points(lines: list[Words], draft: Draft) -> set[str]:
+def _put_points(lines: list[FileLine], draft: Draft) -> set[str]:
     """Active points, new or known, and the datum: flagged points where they suffice, all points otherwise."""
     new, known, datum = [], [], []
     for line in lines:
@@ -152,7 +152,7 @@ def _put_points(lines: list[Words], draft: Draft) -> set[str]:
     return {str(row.cells[0]) for row in (*new, *known)}
 
 
-def _put_rays(lines: list[Words], images: set[str], points: set[str], draft: Draft) -> None:
+def _put_rays(lines: list[FileLine], images: set[str], points: set[str], draft: Draft) -> None:
     rows = []
     lost: dict[str, int] = {}
     file = lines[0].file if lines else ""
@@ -179,7 +179,7 @@ def _put_rays(lines: list[Words], images: set[str], points: set[str], draft: Dra
         draft.table("observations", columns, rows, file, type="image", units="mm", values={"sigma": SIGMA})
 
 
-def _put_scales(lines: list[Words], points: set[str], draft: Draft) -> None:
+def _put_scales(lines: list[FileLine], points: set[str], draft: Draft) -> None:
     rows = []
     for line in lines:
         if not enough(line, 7, 'index "name" point point length σ active', draft):
@@ -286,7 +286,7 @@ def camera_lines(name: str, camera: Camera, content: Content) -> tuple[list[str]
     return [first, words("A3"), words("B1", "B2"), words("C1", "C2"), last], scale.size
 
 
-def _images(found: Things, lengths: float) -> list[str]:
+def _images(found: ContentTable, lengths: float) -> list[str]:
     """Poses; state 1 is an image without one."""
     lines = []
     for name, camera, pose in zip(found.ids, found.texts["camera"], found.values, strict=True):
@@ -296,7 +296,7 @@ def _images(found: Things, lengths: float) -> list[str]:
     return lines
 
 
-def _points(places: Things, rays: ImagePoints, content: Content, lengths: float) -> list[str]:
+def _points(places: ContentTable, rays: ImagePoints, content: Content, lengths: float) -> list[str]:
     """Points: new ones, and known ones with their σ (0: fixed); flagged where they carry the datum."""
     count = Counter(rays.points)
     datum = content.project.datum
@@ -337,7 +337,7 @@ def _scales(content: Content, points_: set[str], lengths: float) -> tuple[list[s
     return lines, lost
 
 
-def _known(places: Things) -> BoolArray:
+def _known(places: ContentTable) -> BoolArray:
     """(n, 3) true where a coordinate is fixed or observed."""
     return places.fixed | np.isfinite(places.statuses.sigma)
 

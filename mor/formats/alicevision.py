@@ -37,7 +37,7 @@ DISTORTIONS = {
 
 
 @dataclass
-class Block:
+class BlockBuilder:
     """A block in the making."""
 
     file: JsonFile
@@ -186,7 +186,7 @@ def read_alicevision(path: Path) -> Document:
     """The project of a file. Raises :class:`InputError` with every mistake found."""
     file = JsonFile(path)
     draft = Draft(file.file)
-    block = Block(file, draft)
+    block = BlockBuilder(file, draft)
     whole: dict[str, Any] = file.data if isinstance(file.data, dict) else {}
     try:
         version = tuple(int(v) for v in plain_list(whole.get("version"), 3, "version"))
@@ -216,7 +216,7 @@ def _number_of(entry: dict[str, Any]) -> str:
     )
 
 
-def _alicevision_camera(block: Block, given: dict[str, Any], version: Any) -> None:
+def _alicevision_camera(block: BlockBuilder, given: dict[str, Any], version: Any) -> None:
     name = str(given.get("intrinsicId", ""))
     what = f"intrinsic {name}"
     size = [plain(given.get(key), f"{what}: {key}") for key in ("width", "height")]
@@ -266,7 +266,7 @@ def _poses(whole: dict[str, Any], draft: Draft) -> dict[str, dict[str, Any]]:
     return {str(one.get("poseId")): one for one in entries(whole.get("poses"))}
 
 
-def _alicevision_image(block: Block, view: dict[str, Any], poses: Any) -> None:
+def _alicevision_image(block: BlockBuilder, view: dict[str, Any], poses: Any) -> None:
     number = str(view.get("viewId", ""))
     pose = poses.get(str(view.get("poseId", "")))
     if pose is None or "rigId" in view:
@@ -281,7 +281,7 @@ def _alicevision_image(block: Block, view: dict[str, Any], poses: Any) -> None:
     block.add_image(number, name, str(view.get("intrinsicId", "")), rotation, centre)
 
 
-def _alicevision_point(block: Block, landmark: dict[str, Any], _: Any) -> None:
+def _alicevision_point(block: BlockBuilder, landmark: dict[str, Any], _: Any) -> None:
     name = str(landmark.get("landmarkId", ""))
     if name in block.points:
         raise Wrong(f"landmark {name!r} is there twice")

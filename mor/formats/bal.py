@@ -35,7 +35,7 @@ from mor.types import FloatArray, IntArray
 _CAMERA = 9
 
 
-class Block(NamedTuple):
+class BalBlock(NamedTuple):
     """A block: rotations (n, 3, 3), translations (n, 3), f k1 k2 (n, 3), points (m, 3), image points."""
 
     R: FloatArray
@@ -114,7 +114,7 @@ def read_bal(path: Path) -> Document:
         raise numbers.refuse(
             3 + 4 * int(wrong[0]), f"expected a camera below {cameras} and a point below {count}"
         )
-    block = Block(
+    block = BalBlock(
         exponential(given[:, :3]),
         given[:, 3:6],
         given[:, 6:],
@@ -147,7 +147,7 @@ def read_bundler(path: Path) -> Document:
     _check_end(numbers)
     R = given[:, 3:12].reshape(-1, 3, 3)
     return _document(
-        Block(
+        BalBlock(
             R,
             given[:, 12:],
             given[:, :3],
@@ -165,7 +165,7 @@ def _check_end(numbers: _Numbers) -> None:
         raise numbers.refuse(numbers.at, "expected the end of the file")
 
 
-def _document(block: Block, path: Path) -> Document:
+def _document(block: BalBlock, path: Path) -> Document:
     draft = Draft(str(path))
     oriented = block.interior[:, 0] > 1.0 / LARGEST
     if not oriented.all():

@@ -20,13 +20,13 @@ from mor.project.entities import Reading, ignore_table, workshop
 from mor.project.images import image_columns
 from mor.project.observations import observation_columns
 from mor.project.points import point_columns
-from mor.project.schema import Camera, Observations, Project, Table, Value, validate
+from mor.project.schema import Camera, Observations, ProjectFile, TableEntry, Value, validate
 from mor.project.stations import station_columns
 from mor.project.tables import (
     Column,
-    Place,
     Rows,
     Statuses,
+    TableLocation,
     component_columns,
     component_rows,
     number_column,
@@ -37,7 +37,7 @@ from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import LENGTH, Component
 
 
-class Things(NamedTuple):
+class ContentTable(NamedTuple):
     """Points or images: names, other texts by column, and their components."""
 
     ids: list[str]
@@ -72,17 +72,17 @@ class Content(NamedTuple):
     """A project that is to be written in another format."""
 
     document: Document
-    project: Project
+    project: ProjectFile
     edge: Edge
     folder: Path
     unread: dict[str, int]
     """What the adjustment reads and no writer has asked for, and how many values there are of it."""
 
-    def place(self, *path: str | int) -> Place:
+    def place(self, *path: str | int) -> TableLocation:
         """A place in the document."""
-        return Place(self.document, path, self.folder)
+        return TableLocation(self.document, path, self.folder)
 
-    def rows(self, section: str, number: int, table: Table, columns: list[Column]) -> Rows:
+    def rows(self, section: str, number: int, table: TableEntry, columns: list[Column]) -> Rows:
         """Rows of a table with these columns, and all others that the adjustment reads: those are counted.
 
         Raises :class:`InputError`, also for names that no text file can hold.
@@ -104,7 +104,7 @@ class Content(NamedTuple):
                 self.unread[key] = self.unread.get(key, 0) + count
         return found
 
-    def _known_columns(self, section: str, table: Table) -> list[Column]:
+    def _known_columns(self, section: str, table: TableEntry) -> list[Column]:
         """Columns that the adjustment reads of a table; none on the earth, where the reference system says them."""
         if self.project.world is not None:
             return []
@@ -158,7 +158,7 @@ def content_of(document: Document, folder: Path) -> Content:
     return Content(document, project, Edge(project.units, project.axes), folder, {})
 
 
-def points(content: Content) -> Things:
+def points(content: Content) -> ContentTable:
     """All points with x, y, z in the axes and the unit of the project. Raises :class:`InputError`."""
     if content.project.world is not None:
         words = "networks on the earth are written as dynadjust, dynaml, snap, sinex, geojson, dxf and landxml only"
@@ -170,14 +170,14 @@ def points(content: Content) -> Things:
         rows = content.rows("points", k, table, columns)
         found: list[Message] = []
         statuses = component_rows(rows, POINT.components, table.fixed, found, rows.number("sigma"))
-        parts.append(Things(rows.text("id"), {}, statuses))
+        parts.append(ContentTable(rows.text("id"), {}, statuses))
     return _joined(parts, len(POINT.components), ())
 
 
 _IMAGE_TEXTS = ("camera", "position", "leader", "pair", "shared_height", "shared_eccentricity")
 
 
-def images(content: Content) -> Things:
+def images(content: Content) -> ContentTable:
     """All images with x, y, z, ω, φ, κ. Raises :class:`InputError`."""
     components: tuple[Component, ...] = (*POINT.components, *ROTATION.components)
     parts = []
@@ -187,17 +187,19 @@ def images(content: Content) -> Things:
         rows = content.rows("images", k, table, columns)
         found: list[Message] = []
         statuses = component_rows(rows, components, table.fixed, found)
-        parts.append(Things(rows.text("id"), {name: rows.text(name) for name in _IMAGE_TEXTS}, statuses))
+        parts.append(
+            ContentTable(rows.text("id"), {name: rows.text(name) for name in _IMAGE_TEXTS}, statuses)
+        )
     return _joined(parts, len(components), _IMAGE_TEXTS)
 
 
-def _joined(parts: list[Things], size: int, texts: tuple[str, ...]) -> Things:
+def _joined(parts: list[ContentTable], size: int, texts: tuple[str, ...]) -> ContentTable:
     statuses = Statuses(
         *(np.concatenate([np.zeros((0, size)), *(part.statuses[k] for part in parts)]) for k in range(4))
     )
     ids = [name for part in parts for name in part.ids]
     joined = {name: [text for part in parts for text in part.texts[name]] for name in texts}
-    return Things(ids, joined, statuses._replace(free=statuses.free.astype(bool)))
+    return ContentTable(ids, joined, statuses._replace(free=statuses.free.astype(bool)))
 
 
 def image_points(content: Content, cameras: dict[str, str], corner: bool = True) -> ImagePoints:
@@ -218,7 +220,7 @@ def image_points(content: Content, cameras: dict[str, str], corner: bool = True)
     )
 
 
-def image_tables(content: Content) -> Iterator[tuple[Observations, Rows, Place]]:
+def image_tables(content: Content) -> Iterator[tuple[Observations, Rows, TableLocation]]:
     """Tables of image points with their rows: image, point, x, y, and σ. Raises :class:`InputError`."""
     names = ("x", "y", "sigma", "sigma_x", "sigma_y")
     columns = [Column("image", required=True), Column("point", required=True)]
@@ -253,7 +255,7 @@ def _image_points(
     rows: Rows,
     cameras: dict[str, str],
     scales: dict[str, ImageScale],
-    place: Place,
+    place: TableLocation,
     corner: bool,
 ) -> ImagePoints:
     image, point = rows.text("image"), rows.text("point")
@@ -288,17 +290,17 @@ def _pixels(xy: FloatArray, scale: ImageScale, corner: bool) -> FloatArray:
     return turned
 
 
-class Block(NamedTuple):
+class ImageBlock(NamedTuple):
     """An image block that is to be written: images with their projection centres, points, image points."""
 
-    images: Things
-    points: Things
+    images: ContentTable
+    points: ContentTable
     rays: ImagePoints
     cameras: dict[str, str]
     """Camera of each image."""
 
 
-def block(content: Content, what: str, found: Things, corner: bool = True) -> Block:
+def block(content: Content, what: str, found: ContentTable, corner: bool = True) -> ImageBlock:
     """Return the image block of a project with the images ``found`` (:func:`frames`).
 
     Points that only image points name are among the points. Raises :class:`InputError` if there is no image point.
@@ -309,10 +311,10 @@ def block(content: Content, what: str, found: Things, corner: bool = True) -> Bl
     if not rays.images:
         words = f"{what} has image blocks; this project has no image points"
         raise InputError([Message(words, content.document.file)])
-    return Block(found, with_undeclared(content, places, rays.points), rays, used)
+    return ImageBlock(found, with_undeclared(content, places, rays.points), rays, used)
 
 
-def frames(content: Content, what: str) -> Things:
+def frames(content: Content, what: str) -> ContentTable:
     """Return the images of a project for a format of frame images. Raises :class:`InputError` for others."""
     found = images(content)
     problems = [
@@ -340,7 +342,7 @@ def _not_a_frame(camera: Camera) -> list[str]:
     return found
 
 
-def with_undeclared(content: Content, places: Things, named: Iterable[str]) -> Things:
+def with_undeclared(content: Content, places: ContentTable, named: Iterable[str]) -> ContentTable:
     """Return the points with those that only observations name.
 
     Raises :class:`InputError` if the project does not allow them.
@@ -355,17 +357,17 @@ def with_undeclared(content: Content, places: Things, named: Iterable[str]) -> T
     nothing = np.full((len(more), 3), np.nan)
     theirs = Statuses(nothing, np.ones(nothing.shape, dtype=bool), nothing, nothing)
     both = Statuses(*(np.concatenate(pair) for pair in zip(places.statuses, theirs, strict=True)))
-    return Things([*places.ids, *more], places.texts, both._replace(free=both.free.astype(bool)))
+    return ContentTable([*places.ids, *more], places.texts, both._replace(free=both.free.astype(bool)))
 
 
-def placed_points(content: Content, places: Things, what: str) -> tuple[Things, list[Message]]:
+def placed_points(content: Content, places: ContentTable, what: str) -> tuple[ContentTable, list[Message]]:
     """Return the points that have all coordinates, and a note on those that are left out."""
     placed = np.isfinite(places.values).all(axis=1)
     missing = int(np.count_nonzero(~placed))
     if not missing:
         return places, []
     chosen = np.flatnonzero(placed)
-    kept = Things([places.ids[k] for k in chosen.tolist()], places.texts, places.statuses.rows(chosen))
+    kept = ContentTable([places.ids[k] for k in chosen.tolist()], places.texts, places.statuses.rows(chosen))
     words = (
         f"{counted(missing, 'point')} without coordinates: left out of {what}; "
         "convert an adjusted project (adjusted.yaml)"
@@ -382,7 +384,7 @@ def some_rays(rays: ImagePoints, chosen: IntArray) -> ImagePoints:
 
 
 def rays_of_points(
-    content: Content, rays: ImagePoints, places: Things, what: str
+    content: Content, rays: ImagePoints, places: ContentTable, what: str
 ) -> tuple[ImagePoints, list[Message]]:
     """Return the image points of these points, and a note on the others."""
     known = set(places.ids)

@@ -37,7 +37,7 @@ _KNOWN = (
 )
 
 
-class Place(NamedTuple):
+class LineReference(NamedTuple):
     """A line of a file."""
 
     line: int
@@ -47,7 +47,7 @@ class Place(NamedTuple):
 class CameraError(ValueError):
     """A mistake in a camera, with its location."""
 
-    def __init__(self, words: str, place: Place) -> None:
+    def __init__(self, words: str, place: LineReference) -> None:
         super().__init__(words)
         self.place = place
 
@@ -63,23 +63,23 @@ class Texts:
     """Of the camera."""
     script: str
 
-    def at(self, element: Element) -> Place:
+    def at(self, element: Element) -> LineReference:
         """Return the location of an element of the camera."""
-        return Place(element.line, self.file)
+        return LineReference(element.line, self.file)
 
-    def find(self, name: str) -> tuple[str, Place]:
+    def find(self, name: str) -> tuple[str, LineReference]:
         """Text that counts, ``default`` and empty ones included, and its place."""
         given = self.initial.get(name) or self.initial.get("all")
         if given is not None and given.text.strip() != "loaded":
-            return given.text.strip(), Place(given.line, self.script)
+            return given.text.strip(), LineReference(given.line, self.script)
         loaded = self.own.get(name) or self.own.get("all")
         return (loaded.text.strip(), self.at(loaded)) if loaded is not None else ("", self.at(self.camera))
 
-    def model(self) -> tuple[str, Place]:
+    def model(self) -> tuple[str, LineReference]:
         """Number of the model, and where it stands; ``all`` does not set it."""
         given = self.initial.get("model")
         if given is not None:
-            return given.text.strip(), Place(given.line, self.script)
+            return given.text.strip(), LineReference(given.line, self.script)
         own = self.own.get("model", self.camera)
         return ("" if own is self.camera else own.text.strip()), self.at(own)
 
@@ -94,7 +94,7 @@ class Texts:
         return found
 
 
-def numbers(text: str, name: str, place: Place) -> list[float]:
+def numbers(text: str, name: str, place: LineReference) -> list[float]:
     """Numbers between commas. Raises :class:`CameraError`."""
     try:
         found = [parse_number(word.strip()) for word in text.split(",") if word.strip()]
@@ -342,7 +342,7 @@ _TEXTS = ("id", "im", "cam", "label", "path")
 _SKIPPED = ("ignored", "dummy")
 
 
-class Line(NamedTuple):
+class TableLine(NamedTuple):
     """A line of a table: cells by their column, and where it stands."""
 
     cells: dict[str, str]
@@ -352,7 +352,7 @@ class Line(NamedTuple):
 
 def table_of(
     given: Element, folder: Path, columns: tuple[str, ...], required: tuple[str, ...], draft: Draft
-) -> list[Line]:
+) -> list[TableLine]:
     """Lines of the file that a ``<file format="…">`` names; mistakes are told with the line they are in."""
     path = path_of(given, folder, draft)
     form = [name.strip() for name in given.attributes.get("format", "").split(",")]
@@ -379,7 +379,7 @@ def table_of(
             continue
         row = {name: cell for name, cell in zip(form, cells, strict=True) if name not in _SKIPPED}
         if _plain(row, count, str(path), draft):
-            rows.append(Line(row, count, str(path)))
+            rows.append(TableLine(row, count, str(path)))
     return rows
 
 
@@ -424,7 +424,7 @@ def base_folder(given: Element, project: Path, draft: Draft) -> Path:
     return project.parent / text if text else project.parent
 
 
-def filtered(rows: list[Line], section: Element, draft: Draft) -> list[Line]:
+def filtered(rows: list[TableLine], section: Element, draft: Draft) -> list[TableLine]:
     """Rows that the filters of a section keep."""
     for given in section.all("filter"):
         ids = {word.strip() for word in given.attributes.get("id", "").split(",")}
@@ -436,7 +436,7 @@ def filtered(rows: list[Line], section: Element, draft: Draft) -> list[Line]:
     return rows
 
 
-def sigmas(row: Line) -> list[str | None]:
+def sigmas(row: TableLine) -> list[str | None]:
     """σ of x, y, z: its own column, that of the plane, that of all; ``None`` if there is none."""
     cells = row.cells
     plane = cells.get("sxy", cells.get("sxyz"))
@@ -570,7 +570,7 @@ def _put_images(sections: dict[str, Element], root: Element, folder: Path, draft
     return names
 
 
-def _names(rows: list[Line], draft: Draft) -> dict[str, str]:
+def _names(rows: list[TableLine], draft: Draft) -> dict[str, str]:
     """Names of images by their ids: labels, names of their files, or ids where these are not unique."""
     wanted = []
     names: dict[str, str] = {}
@@ -585,7 +585,7 @@ def _names(rows: list[Line], draft: Draft) -> dict[str, str]:
     return names
 
 
-def _pose(row: Line | None) -> list[str | None]:
+def _pose(row: TableLine | None) -> list[str | None]:
     """Pose and its σ; a σ of 0 says nothing: what is held, the operations say."""
     if row is None:
         return [None] * 12
@@ -612,7 +612,7 @@ def _put_control(sections: dict[str, Element], folder: Path, draft: Draft) -> se
     return {row.cells["id"] for row in rows}
 
 
-def _note_labels(rows: list[Line], draft: Draft) -> None:
+def _note_labels(rows: list[TableLine], draft: Draft) -> None:
     labelled = [row for row in rows if row.cells.get("label")]
     if labelled:
         words = f"labels of control points are not carried: they keep their ids ({labelled[0].cells['id']}"
@@ -621,7 +621,7 @@ def _note_labels(rows: list[Line], draft: Draft) -> None:
 
 def _put_marks(given: Element, folder: Path, images: dict[str, str], control: set[str], draft: Draft) -> None:
     """Image points of every file, and the points that are in no other table."""
-    seen: dict[str, Line] = {}
+    seen: dict[str, TableLine] = {}
     files = [file for section in given.all("image_pts") for file in section.all("file")]
     if not files:
         draft.problem("found no <image_pts> with a <file> in <input>")
@@ -644,7 +644,7 @@ def _put_marks(given: Element, folder: Path, images: dict[str, str], control: se
         draft.table("points", ("id",), rows_, others[0].file)
 
 
-def _mark(row: Line, file: Element, images: dict[str, str], draft: Draft) -> Row:
+def _mark(row: TableLine, file: Element, images: dict[str, str], draft: Draft) -> Row:
     """Image, point, x, y and σ: those of the script where it has them, else those of the table."""
     plane = file.attributes.get("sxy")
     given = [file.attributes.get(name, plane) for name in ("sx", "sy")]

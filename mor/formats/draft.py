@@ -35,6 +35,13 @@ class Row(NamedTuple):
     line: int
 
 
+class Line(NamedTuple):
+    """Words of a line, with those of lines that continue it, and its number."""
+
+    words: list[str]
+    number: int
+
+
 @dataclass
 class Draft:
     """Sections, tables and settings of a project, each with the line it comes from."""

@@ -13,7 +13,7 @@ from mor.errors import InputError, Message, counted
 from mor.formats.content import Content, content_of, not_carried, points
 from mor.formats.draft import Draft, Row, Written, parse_number, read_lines
 from mor.formats.networks import (
-    Group,
+    ObservationTable,
     circle_in_face_one,
     groups,
     heights_of,
@@ -492,7 +492,7 @@ def _datum(content: Content, ids: list[str], axes: tuple[str, ...], problems: li
 
 
 def _observations(
-    group: Group, known: dict[str, tuple[str, float]], content: Content, files: Files, sets: Files
+    group: ObservationTable, known: dict[str, tuple[str, float]], content: Content, files: Files, sets: Files
 ) -> None:
     """Lines of a table: from, to, heights, value, σ; directions by station and set."""
     type_, edge = group.entry.type, content.edge

@@ -14,7 +14,7 @@ import numpy as np
 
 from mor.errors import InputError, Message, counted
 from mor.formats.colmap.model import MODELS, camera_from
-from mor.formats.content import Block, Content, block, content_of, frames, interior_values, not_carried
+from mor.formats.content import Content, ImageBlock, block, content_of, frames, interior_values, not_carried
 from mor.formats.draft import Draft, Element, Row, Written, parse_number, parse_xml, read_lines
 from mor.formats.recognition import TiePoints, is_project, project_tree, put_tie_points, read_tie_points
 from mor.input_files import PROJECT, read_bytes
@@ -136,7 +136,7 @@ SIGMA_MARKER, SIGMA_PROJECTION, SIGMA_CAMERA, SIGMA_TIE_POINT = 0.005, 0.5, 10.0
 
 
 @dataclass
-class Chunk:
+class MetashapeChunk:
     """Content of a chunk."""
 
     cameras: dict[str, str] = field(default_factory=dict)
@@ -169,7 +169,7 @@ def read_metashape(path: Path) -> Document:
     draft.put("title", chunk.attributes.get("label", path.stem))
     draft.put("units", {"length": "m", "angle": "rad"})
     draft.put("axes", {"xy": "en"})
-    found = Chunk(tie=_tie_points(chunk, path, draft) if own else None)
+    found = MetashapeChunk(tie=_tie_points(chunk, path, draft) if own else None)
     control = False
     try:
         _put_cameras(chunk, draft)
@@ -251,7 +251,7 @@ def _system(chunk: Element) -> str:
     return "projected" if text.startswith(("PROJCS", "COMPD_CS", "GEOCCS")) else "local"
 
 
-def _read_markers(chunk: Element, found: Chunk, draft: Draft) -> bool:
+def _read_markers(chunk: Element, found: MetashapeChunk, draft: Draft) -> bool:
     """Markers with their reference coordinates (start values where switched off); true where some are control."""
     system = _system(chunk)
     control = 0
@@ -303,7 +303,7 @@ def _accuracy(chunk: Element, name: str, default: float) -> str:
     return repr(default)
 
 
-def _put_images(chunk: Element, found: Chunk, control: bool, draft: Draft) -> bool:
+def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Draft) -> bool:
     """Images with projections of markers: poses in the chunk, or in its coordinate system where that is local.
 
     True if positions of three or more images are observed.
@@ -410,13 +410,13 @@ def _observed(
     ]
 
 
-def _put_markers(found: Chunk, draft: Draft) -> None:
+def _put_markers(found: MetashapeChunk, draft: Draft) -> None:
     rows = [Row([name, *place, *sigma], line) for name, (place, sigma, line) in found.markers_placed.items()]
     if rows:
         draft.table("points", ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), rows)
 
 
-def _put_projections(chunk: Element, found: Chunk, draft: Draft) -> None:
+def _put_projections(chunk: Element, found: MetashapeChunk, draft: Draft) -> None:
     rows, lost = [], 0
     for frame in _section(chunk, "frames", "frame"):
         for marker in _section(frame, "markers", "marker"):
@@ -452,7 +452,7 @@ def _tie_points(chunk: Element, path: Path, draft: Draft) -> TiePoints | None:
     return read_tie_points(clouds[0], path)
 
 
-def _put_tie_points(chunk: Element, found: Chunk, draft: Draft) -> None:
+def _put_tie_points(chunk: Element, found: MetashapeChunk, draft: Draft) -> None:
     if found.tie is None:
         return
     xyz = None
@@ -684,7 +684,7 @@ def interior_of(camera: Camera, content: Content) -> tuple[dict[str, float], lis
     return values, [] if held else [k for k in values if k not in ("cx", "cy", "b1") or values[k]]
 
 
-def _markers(whole: Block) -> list[str]:
+def _markers(whole: ImageBlock) -> list[str]:
     found, rays, ids = whole.points, whole.rays, whole.images.ids
     lines = ["<markers>"]
     for k, name in enumerate(found.ids):

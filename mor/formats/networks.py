@@ -10,10 +10,10 @@ import numpy as np
 import polars as pl
 
 from mor.errors import InputError, Message
-from mor.formats.content import Content, Things
+from mor.formats.content import Content, ContentTable
 from mor.model.observation_types import DEFLECTIONS, GEOID, PLAIN_TYPES, ObservationType
 from mor.project.network import Network, members_of, rows_of_covariance
-from mor.project.reference_system import World
+from mor.project.reference_system import EarthModel
 from mor.project.rows import CLUSTER
 from mor.project.schema import Observations
 from mor.project.tables import Column, Rows, number_column, tell_rows
@@ -26,7 +26,7 @@ from mor.units import ANGLE, LENGTH
 
 
 @dataclass(frozen=True)
-class Group:
+class ObservationTable:
     """A table of observations in internal units."""
 
     entry: Observations
@@ -42,7 +42,7 @@ class Group:
 
 def groups(
     content: Content, types: Collection[str], known: Mapping[str, ObservationType] = PLAIN_TYPES
-) -> list[Group]:
+) -> list[ObservationTable]:
     """All tables of some types, which stand in ``known``, with the points under the stations that they name.
 
     Raises :class:`InputError`, also for an observation between a point and itself and for one from an image.
@@ -76,12 +76,12 @@ def groups(
 
 
 def _between_points(
-    group: Group,
+    group: ObservationTable,
     under: Mapping[str, tuple[str, float]],
     points: Collection[str],
     images: Collection[str],
     content: Content,
-) -> Group:
+) -> ObservationTable:
     """A table that names points: those under its stations, whose heights are those of its rows without one."""
     type_ = PLAIN_TYPES[group.entry.type]
     texts, numbers, problems = dict(group.rows.texts), dict(group.rows.numbers), []
@@ -115,7 +115,7 @@ def _between_points(
     return replace(group, rows=replace(group.rows, texts=texts, numbers=numbers))
 
 
-def _by_cluster(group: Group, content: Content, number: int) -> Iterator[Group]:
+def _by_cluster(group: ObservationTable, content: Content, number: int) -> Iterator[ObservationTable]:
     """A table with its matrix, where it has one: of clusters of rows each by itself."""
     entry, seen = group.entry, np.isfinite(group.values)
     if entry.covariance is None:
@@ -141,7 +141,7 @@ def _by_cluster(group: Group, content: Content, number: int) -> Iterator[Group]:
         )
 
 
-def _group(content: Content, number: int, entry: Observations, type_: ObservationType) -> Group:
+def _group(content: Content, number: int, entry: Observations, type_: ObservationType) -> ObservationTable:
     edge = content.edge
     components = type_.components
     columns = [Column(reference.name, required=True) for reference in type_.references]
@@ -165,7 +165,9 @@ def _group(content: Content, number: int, entry: Observations, type_: Observatio
     if entry.ppm:
         far = np.nan_to_num(values[:, :1]) if "distance" in entry.type else np.zeros((len(values), 1))
         sigma = np.hypot(sigma, entry.ppm * 1e-6 * far)
-    return Group(entry, rows, values, sigma, _covariance(entry, type_, rows, values, sigma), factors)
+    return ObservationTable(
+        entry, rows, values, sigma, _covariance(entry, type_, rows, values, sigma), factors
+    )
 
 
 def _sigma_unit(entry: Observations, name: str) -> str:
@@ -210,7 +212,11 @@ def stations(content: Content) -> dict[str, tuple[str, float]]:
 
 
 def heights_of(
-    group: Group, references: dict[str, str], row: int, known: dict[str, tuple[str, float]], metres: float
+    group: ObservationTable,
+    references: dict[str, str],
+    row: int,
+    known: dict[str, tuple[str, float]],
+    metres: float,
 ) -> tuple[float, float]:
     """Heights of instrument and target of a row, m; ``references`` are its names."""
     own = float(np.nan_to_num(group.rows.number("from_height")[row])) * metres
@@ -229,7 +235,7 @@ class Places(NamedTuple):
     free: BoolArray
 
 
-def places(found: Things, content: Content) -> Places:
+def places(found: ContentTable, content: Content) -> Places:
     """Points of a project in metres on axes east, north, up: what is observed or held, start values of all else."""
     M, metres = content.edge.matrix, content.edge.metres
     source = np.argmax(np.abs(M), axis=1)
@@ -342,7 +348,7 @@ class _Entry(NamedTuple):
 _NOTHING = _Entry(np.full(3, np.nan), np.zeros(3, dtype=bool))
 
 
-def _tables(content: Content, world: World, what: str, problems: list[Message]) -> dict[str, _Entry]:
+def _tables(content: Content, world: EarthModel, what: str, problems: list[Message]) -> dict[str, _Entry]:
     """Points of all tables, so that coordinates are those of the project to the last digit.
 
     σ that do not hold a component are mistakes.
@@ -386,7 +392,7 @@ class SetUps:
         return point
 
 
-def raised(content: Content, found: list[Group]) -> bool:
+def raised(content: Content, found: list[ObservationTable]) -> bool:
     """Return True if directions have heights of instrument or target."""
     sets = [group for group in found if group.entry.type == "directions"]
     columns = [group.rows.number(f"{end}_height") for group in sets for end in ("from", "to", "station")]
@@ -394,7 +400,7 @@ def raised(content: Content, found: list[Group]) -> bool:
     return any(np.nan_to_num(column).any() for column in columns) or any(own)
 
 
-def clusters(content: Content, group: Group, what: str) -> Iterator[tuple[list[int], FloatArray]]:
+def clusters(content: Content, group: ObservationTable, what: str) -> Iterator[tuple[list[int], FloatArray]]:
     """Rows of vectors or positions that are correlated, and their (3n, 3n) covariances: m², rad of latitude, longitude.
 
     A table with a matrix is one cluster, every row of others one of its own. Raises :class:`InputError` for rows with
@@ -412,7 +418,7 @@ def clusters(content: Content, group: Group, what: str) -> Iterator[tuple[list[i
         yield [row], Q[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
 
 
-def _on_earth_covariance(content: Content, group: Group) -> FloatArray:
+def _on_earth_covariance(content: Content, group: ObservationTable) -> FloatArray:
     assert group.covariance is not None
     geodetic = group.entry.type == "geodetic_position"
     metres = content.edge.metres

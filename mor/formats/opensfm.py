@@ -13,7 +13,7 @@ import polars as pl
 from mor.errors import InputError, Message, counted
 from mor.formats.content import content_of, frames, image_points, not_carried, points
 from mor.formats.draft import Draft, JsonFile, Row, Written, Wrong, json_number, mapping, numbers, read_lines
-from mor.formats.recognition import Control, read_control
+from mor.formats.recognition import ControlMeasurements, read_control
 from mor.model.rotations import angles_from_rotation, exponential
 from mor.project.document import Document
 
@@ -372,7 +372,7 @@ def _accuracy(shot: dict[str, Any]) -> float | None:
     return sigma if 0.0 < sigma < _DOP else None
 
 
-def _put_points(points: dict[str, Any], file: JsonFile, control: Control, draft: Draft) -> None:
+def _put_points(points: dict[str, Any], file: JsonFile, control: ControlMeasurements, draft: Draft) -> None:
     names, xyz = [], []
     for name, content in points.items():
         try:
@@ -396,7 +396,7 @@ def _put_tracks(
     points: set[str],
     cameras: dict[str, str],
     described: dict[str, Any],
-    control: Control,
+    control: ControlMeasurements,
     draft: Draft,
 ) -> None:
     if not path.is_file():

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from mor.errors import InputError, Message, counted
-from mor.formats.draft import Draft, Row, parse_number, read_lines
+from mor.formats.draft import Draft, Line, Row, parse_number, read_lines
 from mor.model.rotations import rotation_from_angles
 from mor.project.document import Document
 from mor.types import FloatArray
@@ -21,7 +21,7 @@ from mor.types import FloatArray
 _ROUNDS = 50
 
 
-class Seen(NamedTuple):
+class ImagePoint(NamedTuple):
     """An image point: photo, point, px."""
 
     photo: str
@@ -34,7 +34,7 @@ def image_size(
     camera: Sequence[float],
     poses: Mapping[str, Sequence[float]],
     points: Mapping[str, Sequence[float]],
-    marks: Sequence[Seen],
+    marks: Sequence[ImagePoint],
 ) -> tuple[int, int] | None:
     """Width and height in px, or ``None`` if the solution does not give them.
 
@@ -88,20 +88,13 @@ _PHOTO_LINES = 6
 _DISTORTION = 5
 
 
-class Photo(NamedTuple):
+class PhotoRecord(NamedTuple):
     """A photo: X Y Z kappa phi omega, and c xp yp, format width and height, K1 K2 K3 P1 P2."""
 
     name: str
     pose: list[float]
     camera: list[float]
     line: int
-
-
-class Line(NamedTuple):
-    """A line of a list: its words and its number."""
-
-    words: list[str]
-    number: int
 
 
 class Export(NamedTuple):
@@ -113,7 +106,7 @@ class Export(NamedTuple):
     sigma: float
     """σ of image points that have none, px."""
     camera: list[float]
-    photos: list[Photo]
+    photos: list[PhotoRecord]
     control: list[Line]
     objects: list[Line]
     marks: list[Line]
@@ -165,7 +158,7 @@ def _numbers(lines: list[str], index: int, count: int, form: str, draft: Draft) 
     return values
 
 
-def _photos(lines: list[str], draft: Draft) -> tuple[list[Photo], int]:
+def _photos(lines: list[str], draft: Draft) -> tuple[list[PhotoRecord], int]:
     """Photos of six lines each, and the index of the first line after them."""
     photos = []
     at = 5
@@ -173,7 +166,7 @@ def _photos(lines: list[str], draft: Draft) -> tuple[list[Photo], int]:
         pose = _numbers(lines, at + 1, 7, "photo X Y Z kappa phi omega", draft)
         camera = _numbers(lines, at + 4, 6, "photo c xp yp, format width and height, K1 K2 K3 P1 P2", draft)
         if pose is not None and camera is not None:
-            photos.append(Photo(lines[at].split()[0], pose[1:7], _padded(camera[1:]), at + 1))
+            photos.append(PhotoRecord(lines[at].split()[0], pose[1:7], _padded(camera[1:]), at + 1))
         at += _PHOTO_LINES
     return photos, at
 
@@ -295,7 +288,8 @@ def _worked_out(
 ) -> tuple[float, float] | None:
     """Image size by the solution in the file."""
     seen = [
-        Seen(str(row.cells[0]), str(row.cells[1]), *map(float, map(str, row.cells[2:4]))) for row in marks
+        ImagePoint(str(row.cells[0]), str(row.cells[1]), *map(float, map(str, row.cells[2:4])))
+        for row in marks
     ]
     places = {str(row.cells[0]): [float(str(v)) for v in row.cells[1:4]] for row in points}
     size = image_size(export.camera, {photo.name: photo.pose for photo in export.photos}, places, seen)
@@ -360,7 +354,9 @@ def _camera(values: list[float], size: tuple[float, float], free: bool) -> dict[
     }
 
 
-def _put_photos(photos: list[Photo], names: dict[str, str], used: set[str | None], draft: Draft) -> None:
+def _put_photos(
+    photos: list[PhotoRecord], names: dict[str, str], used: set[str | None], draft: Draft
+) -> None:
     rows = []
     for photo in photos:
         if photo.name not in used:

@@ -20,8 +20,8 @@ from mor.formats.recognition import (
     EXTERNAL,
     MARKS,
     OFFSET,
-    Named,
-    Photo,
+    CalibratedImage,
+    NamedValues,
     files_of,
     read_cameras,
     read_marks,
@@ -81,7 +81,7 @@ def read_control(path: Path) -> Document:
     return draft.finish()
 
 
-def _put_cameras(photos: Sequence[Photo], file: str, draft: Draft) -> dict[str, str]:
+def _put_cameras(photos: Sequence[CalibratedImage], file: str, draft: Draft) -> dict[str, str]:
     """One camera for all images with the same numbers; returns camera by image."""
     cameras: dict[str, Any] = {}
     by_values: dict[tuple[object, ...], str] = {}
@@ -105,7 +105,7 @@ def _put_cameras(photos: Sequence[Photo], file: str, draft: Draft) -> dict[str, 
     return names
 
 
-def _camera(photo: Photo) -> dict[str, Any]:
+def _camera(photo: CalibratedImage) -> dict[str, Any]:
     f, cx, cy, r1, r2, r3, t1, t2 = photo.camera
     width, height = photo.size
     values = {"f": f, "cx": cx - width / 2.0, "cy": cy - height / 2.0}
@@ -119,7 +119,7 @@ def _camera(photo: Photo) -> dict[str, Any]:
     }
 
 
-def _poses(photos: Sequence[Photo], files: dict[str, Path], draft: Draft) -> dict[str, FloatArray]:
+def _poses(photos: Sequence[CalibratedImage], files: dict[str, Path], draft: Draft) -> dict[str, FloatArray]:
     """Poses in the output system: of the external parameters where they are, else local ones with the offset."""
     offset = np.zeros(3)
     if OFFSET in files:
@@ -172,8 +172,8 @@ def _offset(path: Path, draft: Draft) -> FloatArray:
 
 
 def _put_marks(
-    marks: list[tuple[str, Named]], photos: Sequence[Photo], file: str, draft: Draft
-) -> list[Named]:
+    marks: list[tuple[str, NamedValues]], photos: Sequence[CalibratedImage], file: str, draft: Draft
+) -> list[NamedValues]:
     """Image points; names of images may lack their suffix. Returns those that are used."""
     by_stem = {photo.name.rpartition(".")[0] or photo.name: photo.name for photo in photos}
     by_name = {**by_stem, **{photo.name: photo.name for photo in photos}}
@@ -195,11 +195,13 @@ def _put_marks(
     return [mark for _, mark in used]
 
 
-def _put_points(marks: list[Named], control: list[Named], file: str, control_file: str, draft: Draft) -> None:
+def _put_points(
+    marks: list[NamedValues], control: list[NamedValues], file: str, control_file: str, draft: Draft
+) -> None:
     if control:
         _put_control(control, control_file, draft)
     known = {row.name for row in control}
-    first: dict[str, Named] = {}
+    first: dict[str, NamedValues] = {}
     for mark in marks:
         if mark.name not in known:
             first.setdefault(mark.name, mark)
@@ -209,7 +211,7 @@ def _put_points(marks: list[Named], control: list[Named], file: str, control_fil
         draft.put("datum", "free")
 
 
-def _put_control(control: list[Named], file: str, draft: Draft) -> None:
+def _put_control(control: list[NamedValues], file: str, draft: Draft) -> None:
     """Control points observed with their accuracies, else with Pix4D's own default."""
     rows, seen, bare = [], set(), False
     for row in control:

@@ -48,7 +48,7 @@ REQUIRED = (".ior", ".eor", ".obc", ".phc")
 SUFFIXES = (*REQUIRED, ".scale")
 
 
-class Words(NamedTuple):
+class FileLine(NamedTuple):
     """Words of a line, its number and its file."""
 
     words: list[str]
@@ -84,7 +84,7 @@ def _bare(path: Path) -> Path:
     return path.with_suffix("") if path.suffix == ".gz" else path
 
 
-def read_words(stem: Path, suffix: str, draft: Draft) -> list[Words]:
+def read_words(stem: Path, suffix: str, draft: Draft) -> list[FileLine]:
     """Lines of one file, plain or gzipped; a missing file is a mistake where the format needs it."""
     for name in (f"{stem.name}{suffix}", f"{stem.name}{suffix}.gz"):
         path = stem.parent / name
@@ -92,7 +92,7 @@ def read_words(stem: Path, suffix: str, draft: Draft) -> list[Words]:
             continue
         lines = enumerate(read_text(path, errors="replace").split("\n"), start=1)
         return [
-            Words(_split(bare), i, str(path)) for i, line in lines if (bare := line.split("#")[0]).strip()
+            FileLine(_split(bare), i, str(path)) for i, line in lines if (bare := line.split("#")[0]).strip()
         ]
     if suffix in REQUIRED:
         draft.problem(
@@ -110,7 +110,7 @@ def _split(line: str) -> list[str]:
         return line.split()
 
 
-def numbers(line: Words, chosen: slice, draft: Draft) -> bool:
+def numbers(line: FileLine, chosen: slice, draft: Draft) -> bool:
     """Return True if the chosen words are numbers; a mistake is reported otherwise."""
     try:
         for word in line.words[chosen]:
@@ -121,7 +121,7 @@ def numbers(line: Words, chosen: slice, draft: Draft) -> bool:
     return True
 
 
-def enough(line: Words, count: int, form: str, draft: Draft) -> bool:
+def enough(line: FileLine, count: int, form: str, draft: Draft) -> bool:
     """Return True if a line has at least ``count`` words; a mistake is reported otherwise."""
     if len(line.words) >= count:
         return True
@@ -413,7 +413,7 @@ SYSTEM = re.compile(r"EPSG:\s*\d+|WGS\s*84\b|\+proj=|\+init=|PROJCS|GEOGCS|PROJC
 
 
 @dataclass
-class Control:
+class ControlMeasurements:
     """Control points, their image points, and whether they are in a system that is not the block's."""
 
     ids: dict[str, tuple[float, float, float | None]] = field(default_factory=dict)
@@ -443,14 +443,16 @@ class Control:
         }
 
 
-def read_control(folder: Path, whole: dict[str, Any], shots: dict[str, Any], draft: Draft) -> Control:
+def read_control(
+    folder: Path, whole: dict[str, Any], shots: dict[str, Any], draft: Draft
+) -> ControlMeasurements:
     """The control of a block, empty if it has none."""
     places = [folder / "gcp_list.txt", folder.parent / "gcp_list.txt"]
     listed = next(
         (p for p in places if p.is_file() and (p.parent == folder or folder.name == "opensfm")), None
     )
     described = folder / "ground_control_points.json"
-    control = Control()
+    control = ControlMeasurements()
     if described.is_file():
         _read_json(described, whole, draft, control)
     elif listed is not None:
@@ -493,9 +495,9 @@ def read_gcp_list_of_block(path: Path) -> Document:
     return draft.finish()
 
 
-def _read_alone(path: Path, draft: Draft) -> Control:
+def _read_alone(path: Path, draft: Draft) -> ControlMeasurements:
     """The control of a list that is not part of a block of OpenSfM, with its points in the draft."""
-    control = Control()
+    control = ControlMeasurements()
     whole: dict[str, Any] = {}
     _read_list(path, whole, None, draft, control)
     draft.put("title", path.stem)
@@ -513,7 +515,11 @@ def _read_alone(path: Path, draft: Draft) -> Control:
 
 
 def _read_list(
-    path: Path, whole: dict[str, Any], shots: dict[str, Any] | None, draft: Draft, control: Control
+    path: Path,
+    whole: dict[str, Any],
+    shots: dict[str, Any] | None,
+    draft: Draft,
+    control: ControlMeasurements,
 ) -> None:
     """A line with the system, then x y z u v image and a name; pixels count from the centre of the upper left one.
 
@@ -585,7 +591,7 @@ def _latitude_first(lines: list[str], path: Path, draft: Draft) -> bool:
     return False
 
 
-def _read_json(path: Path, whole: dict[str, Any], draft: Draft, control: Control) -> None:
+def _read_json(path: Path, whole: dict[str, Any], draft: Draft, control: ControlMeasurements) -> None:
     file = JsonFile(path)
     sizes = {
         name: (float(shot["width"]), float(shot["height"]))
@@ -609,7 +615,7 @@ def _json_point(
     whole: dict[str, Any],
     sizes: dict[str, tuple[float, float]],
     shots: dict[str, Any],
-    control: Control,
+    control: ControlMeasurements,
 ) -> None:
     name = str(point.get("id", "")).strip()
     if not name:
@@ -750,7 +756,7 @@ _BLOCK = (3, 3, 3, 3, 2, 3, 3, 3, 3)
 Result = TypeVar("Result")
 
 
-class Photo(NamedTuple):
+class CalibratedImage(NamedTuple):
     """An image of the calibrated camera parameters."""
 
     name: str
@@ -764,7 +770,7 @@ class Photo(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Named:
+class NamedValues:
     """Numbers behind a name, and the line they stand in."""
 
     name: str
@@ -813,7 +819,7 @@ def _numbers(words: list[str], count: int, what: str) -> tuple[float, ...]:
     return values
 
 
-def read_cameras(path: Path, draft: Draft) -> list[Photo]:
+def read_cameras(path: Path, draft: Draft) -> list[CalibratedImage]:
     """Images with K, distortion, position and rotation: ten lines each behind the first empty line."""
     lines = [(k, text.split()) for k, text in enumerate(read_lines(path, draft), start=1)]
     head = next((k for k, words in lines if not words), 0)
@@ -836,7 +842,7 @@ def read_cameras(path: Path, draft: Draft) -> list[Photo]:
     return photos
 
 
-def _photo(block: list[tuple[int, list[str]]]) -> Photo:
+def _photo(block: list[tuple[int, list[str]]]) -> CalibratedImage:
     line, head = block[0]
     if len(head) < 3 or len(block) < 1 + len(_BLOCK):
         raise ValueError(
@@ -856,10 +862,10 @@ def _photo(block: list[tuple[int, list[str]]]) -> Photo:
         raise ValueError(f"image {head[0]}: the last three lines are not a rotation matrix")
     camera = (K[0, 0], K[0, 2], K[1, 2], *rows[3], *rows[4])
     name = " ".join(head[:-2])
-    return Photo(name, (size[0], size[1]), tuple(map(float, camera)), np.array(rows[5]), R, line)
+    return CalibratedImage(name, (size[0], size[1]), tuple(map(float, camera)), np.array(rows[5]), R, line)
 
 
-def read_named(path: Path, count: int, what: str, draft: Draft, most: int = 0) -> list[Named]:
+def read_named(path: Path, count: int, what: str, draft: Draft, most: int = 0) -> list[NamedValues]:
     """Lines of a name and ``count`` numbers (up to ``most``), between blanks, tabs or commas; a head is left out."""
     found = []
     for line, text in enumerate(read_lines(path, draft), start=1):
@@ -870,7 +876,7 @@ def read_named(path: Path, count: int, what: str, draft: Draft, most: int = 0) -
         wanted = count if len(words) - 1 <= count else max(count, min(len(words) - 1, most))
         made = _told(lambda w=words, n=wanted: _numbers(w[1:], n, what), line, str(path), draft)  # type: ignore[misc]
         if made is not None:
-            found.append(Named(words[0], made, line))
+            found.append(NamedValues(words[0], made, line))
     return found
 
 
@@ -878,7 +884,7 @@ def _is_head(words: list[str]) -> bool:
     return bool(words) and all(word[:1].isalpha() for word in words if word)
 
 
-def read_marks(path: Path, draft: Draft) -> list[tuple[str, Named]]:
+def read_marks(path: Path, draft: Draft) -> list[tuple[str, NamedValues]]:
     """Image and image point (x, y in px): the name of an image, lines of point, x, y, scale, then −99."""
     found = []
     image = ""
@@ -891,7 +897,7 @@ def read_marks(path: Path, draft: Draft) -> list[tuple[str, Named]]:
         else:
             made = _told(lambda w=words: _numbers(w[1:3], 2, "point x y scale"), line, str(path), draft)  # type: ignore[misc]
             if made is not None:
-                found.append((image, Named(words[0], made, line)))
+                found.append((image, NamedValues(words[0], made, line)))
     return found
 
 
@@ -974,7 +980,7 @@ class Sample:
         )
 
 
-class Candidate(NamedTuple):
+class FormatCandidate(NamedTuple):
     """A format that an input may have, and why."""
 
     key: str
@@ -998,9 +1004,11 @@ def format_of(path: Path) -> str | None:
     return found[0].key if len(found) == 1 else _by_suffix(path) if by_suffix else None
 
 
-def candidates(sample: Sample) -> list[Candidate]:
+def candidates(sample: Sample) -> list[FormatCandidate]:
     """Formats whose rules hold: the certain ones if there are any, and of several those of the suffix."""
-    found = [Candidate(rule.key, reason, rule.certain) for rule in _RULES if (reason := rule.reason(sample))]
+    found = [
+        FormatCandidate(rule.key, reason, rule.certain) for rule in _RULES if (reason := rule.reason(sample))
+    ]
     found = [c for k, c in enumerate(found) if c.key not in [other.key for other in found[:k]]]
     found = [c for c in found if c.certain] or found
     by_suffix = [c for c in found if sample.path.suffix.lower() in FORMATS[c.key].suffixes]
@@ -1086,9 +1094,9 @@ _SHOWN = 40
 """Letters of an unknown file that its message repeats."""
 
 
-def _nearest(sample: Sample) -> list[Candidate]:
+def _nearest(sample: Sample) -> list[FormatCandidate]:
     """The three formats that a text comes nearest to: by its lines, its root element or its suffix, and what lacks."""
-    scored: dict[str, tuple[float, Candidate]] = {}
+    scored: dict[str, tuple[float, FormatCandidate]] = {}
     for rule in _RULES:
         if FORMATS[rule.key].read is None or rule.kind != sample.kind:
             continue
@@ -1097,7 +1105,7 @@ def _nearest(sample: Sample) -> list[Candidate]:
         if sample.root:
             score = SequenceMatcher(None, sample.root.lower(), rule.expected.lower()).ratio()
         score += 0.5 * (sample.path.suffix.lower() in FORMATS[rule.key].suffixes)
-        scored.setdefault(rule.key, (score, Candidate(rule.key, f"expected {rule.expected}")))
+        scored.setdefault(rule.key, (score, FormatCandidate(rule.key, f"expected {rule.expected}")))
     usual = [key for key in _SIMILAR if key in scored] or list(scored)
     return [scored[key][1] for key in sorted(usual, key=lambda key: -scored[key][0])[:3]]
 

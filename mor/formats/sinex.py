@@ -16,7 +16,7 @@ from mor.formats.networks import clusters, groups, world_of
 from mor.model.observation_types import PLAIN_TYPES, earth_types
 from mor.project.document import Document
 from mor.project.network import build_network
-from mor.project.reference_system import World
+from mor.project.reference_system import EarthModel
 from mor.types import FloatArray
 
 # ------------------------------------------------------------
@@ -31,7 +31,7 @@ MOST = 4_000
 """Most parameters of a file: its matrix is full."""
 
 
-class Block(NamedTuple):
+class SinexBlock(NamedTuple):
     """Lines of a block with their numbers, and what its first line says behind its name."""
 
     kind: list[str]
@@ -51,9 +51,9 @@ class Parameter(NamedTuple):
     line: int
 
 
-def blocks_of(lines: list[str], draft: Draft) -> dict[str, Block]:
+def blocks_of(lines: list[str], draft: Draft) -> dict[str, SinexBlock]:
     """Blocks by their names; a block that does not end, or is there twice, is a mistake."""
-    found: dict[str, Block] = {}
+    found: dict[str, SinexBlock] = {}
     name = ""
     for line, text in enumerate(lines[1:], start=2):
         words = text[1:].split()
@@ -63,7 +63,7 @@ def blocks_of(lines: list[str], draft: Draft) -> dict[str, Block]:
             name = words[0].upper()
             if name in found:
                 draft.problem(f"block {name} is there twice", line)
-            found[name] = Block([word.upper() for word in words[1:]], line, [])
+            found[name] = SinexBlock([word.upper() for word in words[1:]], line, [])
         elif text.startswith("-") and words:
             if words[0].upper() != name:
                 draft.problem(f"found the end of {words[0]}, expected that of {name or 'no block'}", line)
@@ -75,7 +75,7 @@ def blocks_of(lines: list[str], draft: Draft) -> dict[str, Block]:
     return found
 
 
-def parameters_of(block: Block, draft: Draft) -> dict[int, Parameter]:
+def parameters_of(block: SinexBlock, draft: Draft) -> dict[int, Parameter]:
     """Estimated parameters by their numbers."""
     found: dict[int, Parameter] = {}
     for line, words in block.rows:
@@ -97,7 +97,7 @@ def parameters_of(block: Block, draft: Draft) -> dict[int, Parameter]:
     return found
 
 
-def matrix_of(block: Block, parameters: dict[int, Parameter], draft: Draft) -> FloatArray | None:
+def matrix_of(block: SinexBlock, parameters: dict[int, Parameter], draft: Draft) -> FloatArray | None:
     """Covariances (n, n) in the order of the numbers of the parameters; ``None`` if there is a mistake."""
     place = {index: k for k, index in enumerate(sorted(parameters))}
     kind = block.kind
@@ -128,7 +128,7 @@ def matrix_of(block: Block, parameters: dict[int, Parameter], draft: Draft) -> F
     return _covariances(M, kind[1], block, draft) if good else None
 
 
-def _covariances(M: FloatArray, kind: str, block: Block, draft: Draft) -> FloatArray | None:
+def _covariances(M: FloatArray, kind: str, block: SinexBlock, draft: Draft) -> FloatArray | None:
     if kind == "CORR":  # correlations, and σ on the diagonal
         sigma = np.diagonal(M).copy()
         np.fill_diagonal(M, 1.0)
@@ -296,7 +296,7 @@ def _notes(content: Content, target: Path) -> list[Message]:
     return [*not_carried(content, (_TYPE,), (), "SINEX"), *(Message(text, str(target)) for text in words)]
 
 
-def _estimates(content: Content, world: World) -> Estimates:
+def _estimates(content: Content, world: EarthModel) -> Estimates:
     """Positions of all tables; those that are in no table together are not correlated."""
     types = {**PLAIN_TYPES, **earth_types(world.horizon)}
     metres, problems = content.edge.metres, []
@@ -350,7 +350,7 @@ def _sites(names: list[str], file: str) -> list[str]:
     return sites
 
 
-def _site_lines(found: Estimates, sites: list[str], world: World) -> Iterator[str]:
+def _site_lines(found: Estimates, sites: list[str], world: EarthModel) -> Iterator[str]:
     """Sites with their approximate longitude (0 to 360°), latitude and height."""
     geodetic = world.system.ellipsoid.geodetic(found.values)
     for name, site, (latitude, longitude, height) in zip(found.names, sites, geodetic.tolist(), strict=True):

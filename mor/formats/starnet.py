@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.errors import InputError, Message, counted
-from mor.formats.content import Content, Things, content_of, not_carried, points
+from mor.formats.content import Content, ContentTable, content_of, not_carried, points
 from mor.formats.draft import Draft, Row, Written, parse_number
 from mor.formats.draft import read_lines as text_lines
 from mor.formats.networks import (
-    Group,
+    ObservationTable,
     circle_in_face_one,
     groups,
     heights_of,
@@ -41,7 +41,7 @@ STATUSES = ("!", "*", "&")
 """Fixed, free, the default: in place of a σ."""
 
 
-class Line(NamedTuple):
+class DataLine(NamedTuple):
     """Code and words of a line, with instrument and target height where the line has them."""
 
     code: str
@@ -50,7 +50,7 @@ class Line(NamedTuple):
     number: int
 
 
-def read_lines(lines: list[str]) -> Iterator[Line]:
+def read_lines(lines: list[str]) -> Iterator[DataLine]:
     """Every line that says something; # begins a comment, ' a description.
 
     A last & continues where the next line begins with no code; else it is the default σ.
@@ -70,7 +70,7 @@ def read_lines(lines: list[str]) -> Iterator[Line]:
 _CODE = re.compile(r"(?:\.[A-Za-z0-9]+|[A-Za-z]{1,2}|[A-Za-z]\d)(?:\s|$)")
 
 
-def _line(words: list[str], line: int) -> Line:
+def _line(words: list[str], line: int) -> DataLine:
     heights = None
     kept = []
     for word in words[1:]:
@@ -79,7 +79,7 @@ def _line(words: list[str], line: int) -> Line:
             heights = parse_number(match[1]), parse_number(match[2])
         else:
             kept.append(word)
-    return Line(words[0].upper(), kept, heights, line)
+    return DataLine(words[0].upper(), kept, heights, line)
 
 
 def degrees(text: str) -> float:
@@ -125,7 +125,7 @@ Values = tuple[str | float | None, ...]
 
 
 @dataclass
-class Network:
+class StarNetContext:
     """Content read so far, and the options in force."""
 
     draft: Draft
@@ -144,7 +144,7 @@ class Network:
     """Coordinates and σ (0: fixed, empty: free) of each point, with the line."""
     station: str = ""
     sets: dict[str, int] = field(default_factory=dict)
-    traverse: list[Line] = field(default_factory=list)
+    traverse: list[DataLine] = field(default_factory=list)
     skipped: dict[str, list[int]] = field(default_factory=dict)
 
     def add(self, type_: str, values: Values, line: int) -> None:
@@ -193,7 +193,7 @@ class Network:
 # ------------------------------------------------------------
 
 
-def names_of(word: str, count: int, network: Network) -> list[str]:
+def names_of(word: str, count: int, network: StarNetContext) -> list[str]:
     """Names that stand in one word. Raises ``ValueError``."""
     names = word.split(network.separator)
     if len(names) != count or not all(names):
@@ -203,25 +203,25 @@ def names_of(word: str, count: int, network: Network) -> list[str]:
     return names
 
 
-def at_from_to(word: str, network: Network) -> list[str]:
+def at_from_to(word: str, network: StarNetContext) -> list[str]:
     """Names of an angle, the station first, whatever the order in force."""
     names = names_of(word, 3, network)
     return [names[1], names[0], names[2]] if network.from_first else names
 
 
-def need(line: Line, count: int, form: str) -> None:
+def need(line: DataLine, count: int, form: str) -> None:
     """Raise ``ValueError`` where a line has too few words."""
     if len(line.words) < count:
         raise ValueError(f"found {len(line.words)} words, expected {form}")
 
 
-def heights(line: Line, network: Network) -> tuple[float, float]:
+def heights(line: DataLine, network: StarNetContext) -> tuple[float, float]:
     """Heights of instrument and target, m."""
     a, b = line.heights or (0.0, 0.0)
     return a * network.metres, b * network.metres
 
 
-def bearing(line: Line, network: Network) -> None:
+def bearing(line: DataLine, network: StarNetContext) -> None:
     """A bearing."""
     need(line, 2, "from-to, bearing, σ")
     ends = names_of(line.words[0], 2, network)
@@ -230,7 +230,7 @@ def bearing(line: Line, network: Network) -> None:
     )
 
 
-def angle(line: Line, network: Network) -> None:
+def angle(line: DataLine, network: StarNetContext) -> None:
     """A horizontal angle."""
     need(line, 2, "at-from-to, angle, σ")
     names = at_from_to(line.words[0], network)
@@ -239,7 +239,7 @@ def angle(line: Line, network: Network) -> None:
     )
 
 
-def distance(line: Line, network: Network) -> None:
+def distance(line: DataLine, network: StarNetContext) -> None:
     """A distance: horizontal in the plane and with .DELTA ON, else along the slope."""
     need(line, 2, "from-to, distance, σ")
     put_distance(
@@ -251,7 +251,9 @@ def distance(line: Line, network: Network) -> None:
     )
 
 
-def put_distance(ends: list[str], word: str, sigma: str | float, line: Line, network: Network) -> None:
+def put_distance(
+    ends: list[str], word: str, sigma: str | float, line: DataLine, network: StarNetContext
+) -> None:
     """A distance with its σ."""
     if network.plane or network.delta:
         network.add("horizontal_distance", (*ends, network.length(word), sigma), line.number)
@@ -261,7 +263,7 @@ def put_distance(ends: list[str], word: str, sigma: str | float, line: Line, net
 
 
 def put_vertical(
-    ends: list[str], word: str, words: list[str], place: int, line: Line, network: Network
+    ends: list[str], word: str, words: list[str], place: int, line: DataLine, network: StarNetContext
 ) -> None:
     """A zenith angle, or with .DELTA ON an elevation difference between the marks."""
     if network.delta:
@@ -273,13 +275,13 @@ def put_vertical(
         network.add("zenith_angle", (*ends, network.angle(word), sigma, *heights(line, network)), line.number)
 
 
-def vertical(line: Line, network: Network) -> None:
+def vertical(line: DataLine, network: StarNetContext) -> None:
     """A zenith angle or an elevation difference."""
     need(line, 2, "from-to, zenith angle, σ")
     put_vertical(names_of(line.words[0], 2, network), line.words[1], line.words, 2, line, network)
 
 
-def distance_and_vertical(line: Line, network: Network) -> None:
+def distance_and_vertical(line: DataLine, network: StarNetContext) -> None:
     """A distance and what goes with it in height."""
     need(line, 3, "from-to, distance, zenith angle, σ")
     ends = names_of(line.words[0], 2, network)
@@ -287,7 +289,7 @@ def distance_and_vertical(line: Line, network: Network) -> None:
     put_vertical(ends, line.words[2], line.words, 4, line, network)
 
 
-def measured(line: Line, network: Network) -> None:
+def measured(line: DataLine, network: StarNetContext) -> None:
     """All to a point: angle, distance and, in space, zenith angle, with their σ in this order."""
     values = 3 if network.plane else 4
     need(line, values, "at-from-to, angle, distance, zenith angle, σ")
@@ -301,7 +303,7 @@ def measured(line: Line, network: Network) -> None:
         put_vertical(ends, words[3], words, values + 2, line, network)
 
 
-def bearing_measured(line: Line, network: Network) -> None:
+def bearing_measured(line: DataLine, network: StarNetContext) -> None:
     """All to a point, by its bearing."""
     values = 3 if network.plane else 4
     need(line, values, "from-to, bearing, distance, zenith angle, σ")
@@ -314,7 +316,7 @@ def bearing_measured(line: Line, network: Network) -> None:
         put_vertical(ends, words[3], words, values + 2, line, network)
 
 
-def levelled(line: Line, network: Network) -> None:
+def levelled(line: DataLine, network: StarNetContext) -> None:
     """Elevation difference and the length of the line: σ = 2 mm √km, unless the third value is a σ behind &."""
     need(line, 2, "from-to, elevation difference, length of the line, σ")
     words = line.words
@@ -337,14 +339,14 @@ def levelled(line: Line, network: Network) -> None:
 # ------------------------------------------------------------
 
 
-def begin_set(line: Line, network: Network) -> None:
+def begin_set(line: DataLine, network: StarNetContext) -> None:
     """DB: directions from here on belong to a new set at this station."""
     need(line, 1, "the station of the set")
     network.station = line.words[0]
     network.sets[network.station] = network.sets.get(network.station, 0) + 1
 
 
-def direction(line: Line, network: Network) -> None:
+def direction(line: DataLine, network: StarNetContext) -> None:
     """A direction, and with DM the distance and zenith angle as well."""
     if not network.station:
         raise ValueError("expected DB with the station of the set before it")
@@ -366,12 +368,12 @@ def direction(line: Line, network: Network) -> None:
             put_vertical(ends, words[3], words, values + 2, line, network)
 
 
-def end_set(line: Line, network: Network) -> None:
+def end_set(line: DataLine, network: StarNetContext) -> None:
     """DE: the set is complete."""
     network.station = ""
 
 
-def traverse(line: Line, network: Network) -> None:
+def traverse(line: DataLine, network: StarNetContext) -> None:
     """TB with a backsight or its bearing, T for each station with what is measured to the next one, TE with the end."""
     if line.code == "TB":
         need(line, 1, "the backsight, or its bearing")
@@ -394,7 +396,7 @@ def traverse(line: Line, network: Network) -> None:
         network.traverse = []
 
 
-def _leg(lines: list[Line], target: str, network: Network) -> None:
+def _leg(lines: list[DataLine], target: str, network: StarNetContext) -> None:
     """Observation of a T line: the backsight is the station before it, or that of TB."""
     before, line = lines[-2], lines[-1]
     values = 3 if network.plane else 4
@@ -431,7 +433,7 @@ def read_starnet(path: Path) -> Document:
     """The project of a STAR*NET input file. Raises :class:`InputError` with every mistake found."""
     draft = Draft(str(path))
     lines = list(read_lines(text_lines(path, draft)))
-    network = Network(draft, plane=_is_plane(lines))
+    network = StarNetContext(draft, plane=_is_plane(lines))
     for line in lines:
         try:
             _read(line, network)
@@ -441,7 +443,7 @@ def read_starnet(path: Path) -> Document:
     return draft.finish()
 
 
-def _is_plane(lines: Sequence[Line]) -> bool:
+def _is_plane(lines: Sequence[DataLine]) -> bool:
     """True for a plane network: as .2D or .3D say, or where no line has a zenith angle or a height.
 
     A name with two coordinates has at most two σ behind them; more words, or a third number alone, are a height.
@@ -457,11 +459,11 @@ def _is_plane(lines: Sequence[Line]) -> bool:
     )
 
 
-def _count(line: Line) -> int:
+def _count(line: DataLine) -> int:
     return len([word for word in line.words if word not in STATUSES])
 
 
-def _read(line: Line, network: Network) -> None:
+def _read(line: DataLine, network: StarNetContext) -> None:
     code = line.code
     if code.startswith("."):
         _option(code[1:], [word.upper() for word in line.words], line.number, network)
@@ -473,7 +475,7 @@ def _read(line: Line, network: Network) -> None:
         raise ValueError(f"unknown code, expected one of {', '.join(_CODES)}")
 
 
-def _option(name: str, words: list[str], line: int, network: Network) -> None:
+def _option(name: str, words: list[str], line: int, network: StarNetContext) -> None:
     if name == "UNITS":
         for word in words:
             if word in ("METERS", "METRES", "FEET", "USFEET", "FEETUS"):
@@ -501,7 +503,7 @@ def _option(name: str, words: list[str], line: int, network: Network) -> None:
         network.skip(f".{name}", line)
 
 
-def _coordinates(line: Line, network: Network) -> None:
+def _coordinates(line: DataLine, network: StarNetContext) -> None:
     need(line, 3, "name, north, east, elevation, and their σ")
     name, *rest = line.words
     values: list[float] = []
@@ -516,7 +518,7 @@ def _coordinates(line: Line, network: Network) -> None:
     network.points[name] = (texts, [marks[first], marks[second], marks[2]], line.number)
 
 
-def _status(word: str, network: Network) -> str | None:
+def _status(word: str, network: StarNetContext) -> str | None:
     if word == "!":
         return "0"
     if word in ("*", "&"):
@@ -527,7 +529,7 @@ def _status(word: str, network: Network) -> str | None:
     return repr(value)
 
 
-def _elevation(line: Line, network: Network) -> None:
+def _elevation(line: DataLine, network: StarNetContext) -> None:
     need(line, 2, "name, elevation and its σ")
     texts, sigma, _ = network.points.get(line.words[0], ([None] * 3, [None] * 3, 0))
     mark = _status(line.words[2], network) if len(line.words) > 2 else None
@@ -535,7 +537,7 @@ def _elevation(line: Line, network: Network) -> None:
     network.points[line.words[0]] = (place, [*sigma[:2], mark], line.number)
 
 
-_CODES: dict[str, Callable[[Line, Network], None]] = {
+_CODES: dict[str, Callable[[DataLine, StarNetContext], None]] = {
     "C": _coordinates,
     "E": _elevation,
     "B": bearing,
@@ -556,7 +558,7 @@ _CODES: dict[str, Callable[[Line, Network], None]] = {
 """What reads the lines of each code."""
 
 
-def _finish(network: Network, title: str) -> None:
+def _finish(network: StarNetContext, title: str) -> None:
     draft = network.draft
     heights = {"height_difference", "zenith_angle", "distance"} & set(network.tables)
     flat = {"angle", "bearing", "directions", "horizontal_distance"} & set(network.tables)
@@ -657,7 +659,7 @@ def _notes(content: Content, target: Path, guessed: int) -> list[Message]:
     return notes
 
 
-def _separator(found: Things, content: Content) -> str:
+def _separator(found: ContentTable, content: Content) -> str:
     """Separator of names: - or a sign that is in none of them. Raises :class:`InputError`."""
     names = [*found.ids]
     for group in groups(content, _TYPES):
@@ -676,7 +678,7 @@ def _separator(found: Things, content: Content) -> str:
     return free[0]
 
 
-def _points(found: Things, content: Content) -> tuple[list[str], int]:
+def _points(found: ContentTable, content: Content) -> tuple[list[str], int]:
     """Lines of points, and of how many the height is no more than a mean."""
     values, sigma, free = places(found, content)
     dimensions = content.project.settings.dimensions
@@ -699,12 +701,12 @@ def _points(found: Things, content: Content) -> tuple[list[str], int]:
     return lines, guessed
 
 
-def _names(group: Group, row: int) -> dict[str, str]:
+def _names(group: ObservationTable, row: int) -> dict[str, str]:
     return {r.name: group.rows.text(r.name)[row] for r in PLAIN_TYPES[group.entry.type].references}
 
 
 def _set_lines(
-    group: Group, known: dict[str, tuple[str, float]], content: Content, separator: str
+    group: ObservationTable, known: dict[str, tuple[str, float]], content: Content, separator: str
 ) -> Iterator[str]:
     """Directions, set by set; zenith angles of the same readings behind them."""
     if "directions" not in group.entry.type:
@@ -730,7 +732,7 @@ def _set_lines(
 
 
 def _single_lines(
-    group: Group, known: dict[str, tuple[str, float]], content: Content, separator: str
+    group: ObservationTable, known: dict[str, tuple[str, float]], content: Content, separator: str
 ) -> Iterator[str]:
     """Observations that stand by themselves."""
     type_, edge = group.entry.type, content.edge

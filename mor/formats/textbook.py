@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.errors import nearest
-from mor.formats.draft import Draft, Row, parse_number
+from mor.formats.draft import Draft, Line, Row, parse_number
 from mor.input_files import read_text
 from mor.project.document import Document
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, parse_dms
@@ -51,15 +51,8 @@ OBSERVED = (
 KNOWN = (*FREE_TEXT, "Coordinates", "Datum", "Sigma0", *OBSERVED, "ApproximateOrientation", *NOT_READ)
 
 
-class Line(NamedTuple):
-    """Words of a line, and its number."""
-
-    words: list[str]
-    number: int
-
-
 @dataclass
-class Section:
+class TextSection:
     """A section: its name, the units of values and sigmas as its header says, its lines."""
 
     name: str
@@ -69,9 +62,9 @@ class Section:
     lines: list[Line] = field(default_factory=list)
 
 
-def read_sections(text: str, draft: Draft) -> list[Section]:
+def read_sections(text: str, draft: Draft) -> list[TextSection]:
     """All sections in their order; unknown headers and lines before the first one are mistakes."""
-    sections: list[Section] = []
+    sections: list[TextSection] = []
     for number, whole in enumerate(text.splitlines(), start=1):
         if whole.lstrip().startswith("["):
             sections.append(_section(whole, number, draft))
@@ -87,24 +80,24 @@ def read_sections(text: str, draft: Draft) -> list[Section]:
     return sections
 
 
-def _section(whole: str, number: int, draft: Draft) -> Section:
+def _section(whole: str, number: int, draft: Draft) -> TextSection:
     match = _HEADER.match(_COMMENT.split(whole, maxsplit=1)[0])
     if match is None:
         draft.problem(
             f"found {whole.strip()!r}, expected [Name] or [Name,unit of values,unit of sigmas]", number
         )
-        return Section("Graphics", "", "", number)
+        return TextSection("Graphics", "", "", number)
     given = match[1]
     by_name = {name.lower(): name for name in KNOWN}
     name = by_name.get(given.lower()) or _OTHER_NAMES.get(given.lower())
     if name is None:
         words = f"unknown section [{given}]{nearest(given, KNOWN)} (known: {', '.join(KNOWN)})"
         draft.problem(words, number)
-        return Section("Graphics", "", "", number)
+        return TextSection("Graphics", "", "", number)
     if name in NOT_READ:
         draft.note(f"[{name}] is not read", number)
     units = [_unit(text or "", number, draft) for text in (match[2], match[3])]
-    return Section(name, units[0], units[1], number)
+    return TextSection(name, units[0], units[1], number)
 
 
 def _unit(text: str, number: int, draft: Draft) -> str:
@@ -141,7 +134,7 @@ class Coordinates:
     datum_line: int = 0
 
 
-def read_coordinates(sections: list[Section], estimated: str, draft: Draft) -> Coordinates:
+def read_coordinates(sections: list[TextSection], estimated: str, draft: Draft) -> Coordinates:
     """Coordinates: ``id x y [z]``; in levelling networks the height stands in the last column."""
     result = Coordinates(estimated)
     for line in (line for section in sections if section.name == "Coordinates" for line in section.lines):
@@ -176,7 +169,7 @@ def _numbers(words: list[str], line: Line, draft: Draft) -> bool:
     return len(draft.problems) == before
 
 
-def _read_datum(section: Section, coordinates: Coordinates, draft: Draft) -> None:
+def _read_datum(section: TextSection, coordinates: Coordinates, draft: Draft) -> None:
     kind = ""
     coordinates.datum_line = section.number
     for line in section.lines:
@@ -374,7 +367,7 @@ def _is_positive(word: str, line: Line, draft: Draft) -> bool:
     return good
 
 
-def _put_section(section: Section, draft: Draft) -> None:
+def _put_section(section: TextSection, draft: Draft) -> None:
     if section.name == "LevelledHeightDifferences":
         _put_levelling(section, draft)
     elif section.name == "3DBaseline":
@@ -383,7 +376,7 @@ def _put_section(section: Section, draft: Draft) -> None:
         _put_plain(section, KINDS[section.name], draft)
 
 
-def _put_plain(section: Section, kind: KrummKind, draft: Draft) -> None:
+def _put_plain(section: TextSection, kind: KrummKind, draft: Draft) -> None:
     unit = section.unit or ("gon" if kind.angular else "m")
     sigma_unit = section.sigma_unit or ("gon" if kind.angular else "m")
     for given in (unit, sigma_unit):
@@ -440,7 +433,7 @@ def _is_value(word: str, unit: str, line: Line, draft: Draft) -> bool:
     return True
 
 
-def _put_levelling(section: Section, draft: Draft) -> None:
+def _put_levelling(section: TextSection, draft: Draft) -> None:
     """σ = σ_1km √(length / 1 km); both in metres."""
     rows = []
     sigma: str | None = None
@@ -461,7 +454,7 @@ def _put_levelling(section: Section, draft: Draft) -> None:
         draft.table("observations", ("from", "to", "dz", "sigma"), rows, type="height_difference")
 
 
-def _put_baselines(section: Section, draft: Draft) -> None:
+def _put_baselines(section: TextSection, draft: Draft) -> None:
     """Vectors with the upper triangle of their covariance matrices, row by row."""
     rows = []
     for line in section.lines:
@@ -488,7 +481,7 @@ def _put_baselines(section: Section, draft: Draft) -> None:
         draft.table("observations", columns, rows, type="vector")
 
 
-def _put_orientations(sections: list[Section], draft: Draft) -> None:
+def _put_orientations(sections: list[TextSection], draft: Draft) -> None:
     """Approximate orientations: bearing = direction + orientation."""
     for section in sections:
         unit = section.unit or "gon"

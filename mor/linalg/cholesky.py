@@ -235,7 +235,7 @@ def mirror(matrix: FloatArray) -> None:
 _Move = Callable[..., None]
 
 
-class Moves(NamedTuple):
+class FrontOperations(NamedTuple):
     """The ways values go, each as in :mod:`mor.linalg.cholesky`; asked for once, used for every front.
 
     Blocks of the matrix are those of front f among the ``Entries`` of the plan.
@@ -253,12 +253,12 @@ class Moves(NamedTuple):
     """Copy the lower triangle of a square matrix to its upper one."""
 
 
-def moves() -> Moves:
+def moves() -> FrontOperations:
     """Compiled ones where kernels are wanted, plain ones elsewhere."""
     if not compilation.wanted():
-        return Moves(_assemble, _extract, _extend_add, _inherit, _mirror)
+        return FrontOperations(_assemble, _extract, _extend_add, _inherit, _mirror)
     of_blocks = _by_blocks(assemble), _by_blocks(extract)
-    return Moves(*of_blocks, extend_add, inherit, mirror)
+    return FrontOperations(*of_blocks, extend_add, inherit, mirror)
 
 
 def _by_blocks(kernel: _Move) -> _Move:
@@ -533,7 +533,7 @@ def _keep(found: FloatArray, place: FloatArray) -> None:
 
 
 def _assembled_front(
-    move: Moves,
+    move: FrontOperations,
     values: FloatArray,
     plan: Elimination,
     f: int,

@@ -59,7 +59,7 @@ elsewhere = False
 """Whether kernels are used outside of networks that :func:`chosen_by_size` decides about; True in the tests."""
 
 
-class Say(Protocol):
+class Notify(Protocol):
     """Tells the user something, with values for the places in braces."""
 
     def __call__(self, words: str, /, **values: object) -> None:
@@ -69,7 +69,7 @@ class Say(Protocol):
 _lock = RLock()
 _used: ContextVar[bool | None] = ContextVar("used", default=None)
 _small: ContextVar[bool] = ContextVar("small", default=False)
-_say: ContextVar[Say] = ContextVar("say", default=lambda words, /, **values: None)
+_say: ContextVar[Notify] = ContextVar("say", default=lambda words, /, **values: None)
 
 
 def wanted() -> bool:
@@ -103,7 +103,7 @@ def kernels_used(used: bool, small: bool = False) -> Iterator[None]:
 
 
 @contextmanager
-def notes_told_by(say: Say) -> Iterator[None]:
+def notes_told_by(say: Notify) -> Iterator[None]:
     """Within, ``say`` tells that kernels are compiled, or why they cannot be used: once each."""
     told: set[str] = set()
 

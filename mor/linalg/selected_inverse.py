@@ -15,7 +15,7 @@ from scipy.linalg.blas import dgemm, dtrsm
 from scipy.linalg.lapack import dpotri
 
 from mor.linalg.block_matrix import BlockMatrix
-from mor.linalg.cholesky import Factor, Moves, alike, moves, threads_for
+from mor.linalg.cholesky import Factor, FrontOperations, alike, moves, threads_for
 from mor.linalg.symbolic import Elimination
 from mor.types import FloatArray
 
@@ -74,7 +74,9 @@ def _tellings(plan: Elimination) -> dict[int, float]:
     return dict(zip((len(done) - 1 - ends).tolist(), np.diff(done[ends], prepend=0.0).tolist(), strict=True))
 
 
-def _inverse_of_front(move: Moves, factor: Factor, f: int, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
+def _inverse_of_front(
+    move: FrontOperations, factor: Factor, f: int, rest: FloatArray
+) -> tuple[FloatArray, FloatArray]:
     """Return Z11 (k, k), both triangles, and Z21 (r, k) of a front whose Z22 is known."""
     plan = factor.elimination
     pivots, _ = dpotri(factor.pivots[f], lower=1)

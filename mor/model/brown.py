@@ -9,7 +9,7 @@ import numpy as np
 
 from mor.model.lens import (
     CameraModel,
-    Plane,
+    PlaneDerivatives,
     Projection,
     derivatives_by_star,
     distort,
@@ -29,7 +29,7 @@ class _Correction(NamedTuple):
 
     x: FloatArray
     y: FloatArray
-    by_measured: Plane
+    by_measured: PlaneDerivatives
     by_affine_x: FloatArray
     """(n, 2) derivatives of (x_c, y_c) by the x coordinate behind the affinity."""
     reduced: tuple[FloatArray, FloatArray]
@@ -43,7 +43,7 @@ def _correct(interior: FloatArray, measured: FloatArray, by_coefficients: FloatA
     x, y = (1.0 + b1) * x_reduced + b2 * y_reduced, y_reduced
     distortion = distort(x, y, interior[:, 3:8], 0.0, by_coefficients)
     xx, yy = 1.0 + distortion.xx, 1.0 + distortion.yy
-    by_measured = Plane(
+    by_measured = PlaneDerivatives(
         xx=xx * (1.0 + b1),
         xy=xx * b2 + distortion.xy,
         yx=distortion.xy * (1.0 + b1),
@@ -85,7 +85,7 @@ def project_brown(
     xy[:, 1] = measured[:, 1] + ideal.y - correction.y
 
     one, zero = np.ones(len(star)), np.zeros(len(star))
-    undistorted = Plane(one, zero, zero, one)
+    undistorted = PlaneDerivatives(one, zero, zero, one)
     fill_by_camera_constant(ideal, undistorted, by_interior[:, :, 0])
     # ∂v/∂(x_H, y_H) = +∂(x_c, y_c)/∂(x, y): moving the principal point moves the point the other way
     by_measured = correction.by_measured
@@ -173,7 +173,7 @@ def project_affine_after(
     ideal = project_ideally(star, c)
     xy_computed = measured + np.column_stack((ideal.x - after * x_d - b2 * y_d, ideal.y - y_d))
     one, zero = np.ones(len(star)), np.zeros(len(star))
-    undistorted = Plane(one, zero, zero, one)
+    undistorted = PlaneDerivatives(one, zero, zero, one)
     fill_by_camera_constant(ideal, undistorted, by_interior[:, :, 0])
     # moving the principal point moves the reduced point the other way: ∂v/∂(x_H, y_H) = +∂(x_c, y_c)/∂(x', y')
     by_interior[:, 0, 1], by_interior[:, 0, 2] = after * xx + b2 * xy, after * xy + b2 * yy
@@ -228,7 +228,7 @@ def project_forward(
     ideal = project_ideally(star, interior[:, 0])
     distortion = distort(ideal.x, ideal.y, interior[:, 3:8], 0.0, by_interior[:, :, 3:8])
     np.negative(by_interior[:, :, 3:8], out=by_interior[:, :, 3:8])
-    plane = Plane(1.0 - distortion.xx, -distortion.xy, -distortion.xy, 1.0 - distortion.yy)
+    plane = PlaneDerivatives(1.0 - distortion.xx, -distortion.xy, -distortion.xy, 1.0 - distortion.yy)
 
     xy = np.empty((len(star), 2))
     xy[:, 0] = interior[:, 1] + ideal.x - distortion.dx
@@ -282,7 +282,7 @@ def project_mor(
     by_interior = np.empty((len(star), 2, 10))
     ideal = project_ideally(star, c)
     distortion = distort(ideal.x, ideal.y, interior[:, 3:8], constants[:, 0], by_interior[:, :, 3:8])
-    plane = Plane(1.0 + distortion.xx + c1, distortion.xy + c2, distortion.xy, 1.0 + distortion.yy)
+    plane = PlaneDerivatives(1.0 + distortion.xx + c1, distortion.xy + c2, distortion.xy, 1.0 + distortion.yy)
 
     xy = np.empty((len(star), 2))
     xy[:, 0] = xh + ideal.x + distortion.dx + c1 * ideal.x + c2 * ideal.y

@@ -219,7 +219,7 @@ class External(NamedTuple):
     units: tuple[str, ...]
 
 
-class SetUp(NamedTuple):
+class SetUpSigmas(NamedTuple):
     """Standard deviations of the set-up of instrument and target, length unit: of position (each way) and height."""
 
     instrument: float = 0.0
@@ -228,7 +228,7 @@ class SetUp(NamedTuple):
     target_height: float = 0.0
 
 
-PERFECT_SET_UP = SetUp()
+PERFECT_SET_UP = SetUpSigmas()
 
 
 @dataclass(frozen=True)
@@ -249,7 +249,7 @@ class ObservationGroup:
     """The n names per reference of the type."""
     ppm: float = 0.0
     """Part b of the σ model a ⊕ b·d, in 10⁻⁶."""
-    centring: SetUp = PERFECT_SET_UP
+    centring: SetUpSigmas = PERFECT_SET_UP
     """Errors of the set-up of instrument and target."""
     external: External | None = None
     """How it was given; ``None`` if it is given in internal units and axes."""

@@ -338,7 +338,7 @@ FOV = CameraModel(
 # ------------------------------------------------------------
 
 
-class _Bent(NamedTuple):
+class _DistortedPoints(NamedTuple):
     """Distorted a', b' of n points and their derivatives."""
 
     ab: FloatArray
@@ -358,7 +358,7 @@ def _equidistant(star: FloatArray) -> tuple[FloatArray, FloatArray]:
     return plain.xy * down, plain.by_star * down[:, None]
 
 
-def _assembled(interior: FloatArray, bent: _Bent, by_star: FloatArray) -> Projection:
+def _assembled(interior: FloatArray, bent: _DistortedPoints, by_star: FloatArray) -> Projection:
     """x = fx a' + cx, y = −(fy b' + cy) with all derivatives; the components begin with fx, fy, cx, cy."""
     scale = interior[:, :2] * np.array([1.0, -1.0])
     xy = scale * bent.ab + interior[:, 2:4] * np.array([1.0, -1.0])
@@ -426,7 +426,7 @@ def project_thin_prism(
     by[:, :, [0, 1, 4, 5]] = plain[:, :, None] * powers[:, None, :]
     by[:, :, [3, 2]] = by_p
     by[:, 0, 6], by[:, 1, 7] = r2, r2
-    return _assembled(interior, _Bent(found, slopes, by), by_star)
+    return _assembled(interior, _DistortedPoints(found, slopes, by), by_star)
 
 
 def project_rad_tan(
@@ -460,7 +460,7 @@ def project_rad_tan(
     by[:, :, 6:8] = by_p
     for row, column in ((0, 8), (1, 10)):
         by[:, row, column], by[:, row, column + 1] = r2, r2 * r2
-    return _assembled(interior, _Bent(found, later @ radial, by), by_star)
+    return _assembled(interior, _DistortedPoints(found, later @ radial, by), by_star)
 
 
 _PINHOLE = tuple(Component(name, IMAGE) for name in ("fx", "fy", "cx", "cy"))
@@ -542,7 +542,7 @@ def project_panorama(
     return Projection(np.stack([x + 2.0 * np.pi * per_radian * turns, y], axis=1), by_star, by_interior)
 
 
-class _Turned(NamedTuple):
+class _LineCameraPoints(NamedTuple):
     """The line camera, turned until the points are in its line; every field is (n,)."""
 
     angle: FloatArray
@@ -559,7 +559,7 @@ class _Turned(NamedTuple):
     """t: height over depth."""
 
 
-def _turned_to(star: FloatArray, interior: FloatArray) -> _Turned:
+def _turned_to(star: FloatArray, interior: FloatArray) -> _LineCameraPoints:
     X, Y, Z = star.T
     ahead, aside, lean = interior[:, 4:7].T
     distance, s = np.hypot(X, Z), aside + lean * Y
@@ -568,11 +568,11 @@ def _turned_to(star: FloatArray, interior: FloatArray) -> _Turned:
         angle = np.arctan2(X, -Z) - np.arcsin(s / distance)
     angle = angle - 2.0 * np.pi * np.round(angle / (2.0 * np.pi))
     depth = np.where(reach > ahead, reach - ahead, np.nan)
-    return _Turned(angle, s, distance, reach, depth, Y / depth)
+    return _LineCameraPoints(angle, s, distance, reach, depth, Y / depth)
 
 
 def _panorama_by_star(
-    star: FloatArray, lean: FloatArray, at: _Turned, along: FloatArray, upwards: FloatArray
+    star: FloatArray, lean: FloatArray, at: _LineCameraPoints, along: FloatArray, upwards: FloatArray
 ) -> FloatArray:
     """Derivatives (n, 2, 3) by X*, Y*, Z*, with ∂x/∂α ``along`` and ∂y/∂t ``upwards``."""
     X, _, Z = star.T

@@ -298,7 +298,7 @@ _TURNS = np.array([np.cross(axis, _AXES).T for axis in _AXES])
 """(3, 3, 3) matrices of the vector products with the axes."""
 
 
-class _Turned(NamedTuple):
+class _SatelliteVectors(NamedTuple):
     """Vectors (n, 3) in the frame of the satellites."""
 
     values: FloatArray
@@ -308,7 +308,7 @@ class _Turned(NamedTuple):
     """(n, 3, 7) by shift, turn and scale."""
 
 
-def _in_frame(vector: FloatArray, frame: FloatArray) -> _Turned:
+def _in_frame(vector: FloatArray, frame: FloatArray) -> _SatelliteVectors:
     """m R of geocentric vectors (n, 3); the shift (n, 3) in front of it is not added."""
     about = [_about(k, frame[:, 3 + k]) for k in range(3)]
     R = about[2] @ about[1] @ about[0]
@@ -321,7 +321,7 @@ def _in_frame(vector: FloatArray, frame: FloatArray) -> _Turned:
     by_frame[:, :, 4] = frame[:, 6:] * np.einsum("nij,jk,nk->ni", about[2], _TURNS[1], turned)
     by_frame[:, :, 5] = values @ _TURNS[2].T
     by_frame[:, :, 6] = values / frame[:, 6:]
-    return _Turned(values, matrix, by_frame)
+    return _SatelliteVectors(values, matrix, by_frame)
 
 
 def _about(axis: int, angle: FloatArray) -> FloatArray:
@@ -533,7 +533,7 @@ def projected_position(horizon: Horizon) -> ObservationType:
 KEY = "projected_bearing"
 
 
-class Plane(NamedTuple):
+class ProjectionPolynomial(NamedTuple):
     """A projection as a polynomial over a rectangle of object coordinates."""
 
     middle: FloatArray
@@ -575,7 +575,7 @@ class InPlane:
     """The equation of a bearing in the plane of a projection."""
 
     horizon: Horizon
-    plane: Plane
+    plane: ProjectionPolynomial
 
     def __call__(self, blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
         """t of n lines, from blocks of both ends."""
@@ -591,7 +591,7 @@ class InPlane:
         return Computed(np.arctan2(east, north)[:, None], (-by_ends[0], by_ends[1]))
 
 
-def projected_bearing(horizon: Horizon, plane: Plane) -> ObservationType:
+def projected_bearing(horizon: Horizon, plane: ProjectionPolynomial) -> ObservationType:
     """t in the plane of a projection."""
     return open_projection()._replace(equation=InPlane(horizon, plane))
 
@@ -645,7 +645,7 @@ Reading = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """From D′ (n, 3, 3) to its three angles (n, 3), and their derivatives (n, 3, 3) by a small rotation."""
 
 
-def projected_attitude(horizon: Horizon, plane: Plane | None = None) -> ObservationType:
+def projected_attitude(horizon: Horizon, plane: ProjectionPolynomial | None = None) -> ObservationType:
     """ω, φ, κ of an image in the axes of the projection: grid east, grid north, up along the normal.
 
     Without its ``plane`` the convergence of every row has to be given.
@@ -700,7 +700,7 @@ class Attitude:
     horizon: Horizon
     to_grid: bool
     """True if the axes are turned by the convergence."""
-    plane: Plane | None = None
+    plane: ProjectionPolynomial | None = None
 
     def __call__(self, blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
         """Angles of n images, from blocks of position, rotation and misalignment."""

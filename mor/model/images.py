@@ -11,7 +11,7 @@ import numpy as np
 
 from mor.model.cameras import CAMERA_MODELS, CameraModel, Projection
 from mor.model.contract import Computed, ObservationGroup, ObservationType, Reference, Slot
-from mor.model.motion import Moved, Pose, by_time, moved, right_jacobian
+from mor.model.motion import MovedPoints, TrajectoryPoses, by_time, moved, right_jacobian
 from mor.model.parameters import interior_key
 from mor.model.rotations import InFrame, by_point, by_rotation, follow, into_frame
 from mor.model.trajectory import ON_TRAJECTORY, by_knots, clock_constants, is_along, knot_slots, knots_of
@@ -126,7 +126,7 @@ def moving_image_coordinates(model: CameraModel) -> ObservationType:
         measured, own, clock = constants[:, :2], constants[:, 2:-3], constants[:, -3:]
         frame = into_frame(position, rotation, height, point)
 
-        def at(phase: FloatArray) -> tuple[Moved, Projection, FloatArray]:
+        def at(phase: FloatArray) -> tuple[MovedPoints, Projection, FloatArray]:
             found = moved(frame.lever, velocity, rate, readout[:, 0] * phase)
             projection = model.project(found.star + eccentricity, interior, own, measured)
             return found, projection, by_time(found, velocity, rate)
@@ -165,7 +165,7 @@ At = TypeVar("At")
 """How things are at one time."""
 
 
-class Meeting(NamedTuple, Generic[At]):
+class ShutterCrossings(NamedTuple, Generic[At]):
     """Points where they and the shutter meet."""
 
     phase: FloatArray
@@ -206,20 +206,20 @@ def meet(
     measured: FloatArray,
     clock: FloatArray,
     readout: FloatArray,
-) -> Meeting[At]:
+) -> ShutterCrossings[At]:
     """Return the image points at which the shutter passes, by Newton's method from ``measured`` (n, 2).
 
     ``at`` says what there is when parts (n,) of the readout have passed: how things are, where the points are seen,
     and ∂X*/∂t (n, 3).
     """
 
-    def seen(xy: FloatArray) -> Meeting[At]:
+    def seen(xy: FloatArray) -> ShutterCrossings[At]:
         """Return the projection at the moment when the shutter passes xy."""
         phase = phases(xy, clock)
         found, projection, by_time = at(phase)
         drift = np.einsum("nij,nj->ni", projection.by_star, by_time)
         slip = 1.0 - readout[:, 0] * np.einsum("nj,nj->n", clock[:, :2], drift)
-        return Meeting(phase, found, projection, drift, clock, readout, slip, xy)
+        return ShutterCrossings(phase, found, projection, drift, clock, readout, slip, xy)
 
     found = seen(measured)
     before = np.full(len(measured), np.inf)
@@ -298,12 +298,12 @@ def line_scanner(model_key: str, knots: int) -> ObservationType:
         measured, own = constants[:, :2], constants[:, 2 : -clock - len(ROW)]
         row, rate = constants[:, -clock - 2], constants[:, -clock - 1]
 
-        def at(time: FloatArray) -> _Seen:
+        def at(time: FloatArray) -> _TimedPoints:
             pose = path.pose(time)
             frame = into_frame(pose.position, pose.rotation, height, point, eccentricity=eccentricity)
             projection = model.project(frame.star, interior, own, measured)
             drift = np.cross(frame.lever, pose.rate) - np.einsum("nij,nj->ni", pose.rotation, pose.velocity)
-            return _Seen(pose, frame, projection, np.einsum("nij,nj->ni", projection.by_star, drift))
+            return _TimedPoints(pose, frame, projection, np.einsum("nij,nj->ni", projection.by_star, drift))
 
         time, seen = path.time, at(path.time)
         for _ in range(_ROUNDS_OF_LINES):
@@ -346,10 +346,10 @@ def line_scanner(model_key: str, knots: int) -> ObservationType:
     )
 
 
-class _Seen(NamedTuple):
+class _TimedPoints(NamedTuple):
     """Points as they are seen at one time each."""
 
-    pose: Pose
+    pose: TrajectoryPoses
     frame: InFrame
     projection: Projection
     drift: FloatArray
@@ -392,7 +392,7 @@ def shutter_on_trajectory(model_key: str, knots: int) -> ObservationType:
         measured, own = constants[:, :2], constants[:, 2 : -of_knots - len(PHASE)]
         clock = constants[:, -of_knots - len(PHASE) : -of_knots]
 
-        def at(phase: FloatArray) -> tuple[tuple[Pose, InFrame], Projection, FloatArray]:
+        def at(phase: FloatArray) -> tuple[tuple[TrajectoryPoses, InFrame], Projection, FloatArray]:
             pose = path.pose(path.time + readout[:, 0] * phase)
             frame = into_frame(pose.position, pose.rotation, height, point, eccentricity=eccentricity)
             projection = model.project(frame.star, interior, own, measured)

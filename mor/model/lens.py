@@ -134,7 +134,7 @@ class IdealImage(NamedTuple):
     """−1/Z*, positive in front of the camera."""
 
 
-class Plane(NamedTuple):
+class PlaneDerivatives(NamedTuple):
     """Derivatives of final image coordinates (x, y) by ideal ones (x_s, y_s); every field is (n,)."""
 
     xx: FloatArray
@@ -159,7 +159,7 @@ def project_ideally(star: FloatArray, camera_constant: FloatArray) -> IdealImage
     )
 
 
-def derivatives_by_star(ideal: IdealImage, plane: Plane) -> FloatArray:
+def derivatives_by_star(ideal: IdealImage, plane: PlaneDerivatives) -> FloatArray:
     """Derivatives (n, 2, 3) of the image coordinates by X*, Y*, Z*.
 
     With s = −c/Z*, ∂(x_s, y_s)/∂(X*, Y*, Z*) = [[s, 0, −x_s/Z*], [0, s, −y_s/Z*]], multiplied from the left
@@ -177,7 +177,7 @@ def derivatives_by_star(ideal: IdealImage, plane: Plane) -> FloatArray:
     return by_star
 
 
-def fill_by_camera_constant(ideal: IdealImage, plane: Plane, out: FloatArray) -> None:
+def fill_by_camera_constant(ideal: IdealImage, plane: PlaneDerivatives, out: FloatArray) -> None:
     """Write the derivatives of the image coordinates by c into ``out`` (n, 2)."""
     out[:, 0] = plane.xx * ideal.x_by_c + plane.xy * ideal.y_by_c
     out[:, 1] = plane.yx * ideal.x_by_c + plane.yy * ideal.y_by_c

@@ -21,7 +21,7 @@ from mor.types import BoolArray, FloatArray, IntArray
 # ------------------------------------------------------------
 
 
-class Moved(NamedTuple):
+class MovedPoints(NamedTuple):
     """n points in the axes of their moving frames, eccentricity left out."""
 
     star: FloatArray
@@ -32,20 +32,20 @@ class Moved(NamedTuple):
     """(n, 3, 3) exp(−[ω t]×), exactly the unit matrix at t = 0."""
 
 
-def moved(lever: FloatArray, velocity: FloatArray, rate: FloatArray, time: FloatArray) -> Moved:
+def moved(lever: FloatArray, velocity: FloatArray, rate: FloatArray, time: FloatArray) -> MovedPoints:
     """Points D (X − X0) (n, 3) of the frames at time 0, in their axes at ``time`` (n,)."""
     shifted = lever - velocity * time[:, None]
     turn = exponential(-rate * time[:, None])
-    return Moved(np.einsum("nij,nj->ni", turn, shifted), shifted, turn)
+    return MovedPoints(np.einsum("nij,nj->ni", turn, shifted), shifted, turn)
 
 
-def by_time(found: Moved, velocity: FloatArray, rate: FloatArray) -> FloatArray:
+def by_time(found: MovedPoints, velocity: FloatArray, rate: FloatArray) -> FloatArray:
     """∂X*/∂t (n, 3) = −ω × X*(t) − exp(−[ω t]×) v, eccentricity left out of X*."""
     passed: FloatArray = -np.cross(rate, found.star) - np.einsum("nij,nj->ni", found.turn, velocity)
     return passed
 
 
-class Turn(NamedTuple):
+class RotationVector(NamedTuple):
     """A rotation by a vector ψ, and how it changes with it."""
 
     matrix: FloatArray
@@ -54,7 +54,7 @@ class Turn(NamedTuple):
     """(n, 3, 3) its right Jacobian."""
 
 
-def turn_by(vector: FloatArray) -> Turn:
+def turn_by(vector: FloatArray) -> RotationVector:
     """exp([ψ]×) of rotation vectors ψ (n, 3), and J with exp([ψ + dψ]×) = exp([ψ]×) exp([J dψ]×), exact for ψ → 0.
 
     exp([ψ]×) = 1 + sin θ/θ [ψ]× + (1 − cos θ)/θ² [ψ]×²
@@ -74,7 +74,7 @@ def turn_by(vector: FloatArray) -> Turn:
     jacobian -= across
     for one in (matrix, jacobian):
         one.reshape(-1, 9)[:, ::4] += 1.0
-    return Turn(matrix, jacobian)
+    return RotationVector(matrix, jacobian)
 
 
 def right_jacobian(vector: FloatArray) -> FloatArray:
@@ -122,7 +122,7 @@ _SERIES = 0.05
 
 
 @dataclass(frozen=True)
-class Pose:
+class TrajectoryPoses:
     """n poses on trajectories, each from its k knots."""
 
     position: FloatArray
@@ -174,13 +174,13 @@ class Path(NamedTuple):
         """(n,) false where all knots are at one place: then the velocity is 0, and not what rounding leaves of it."""
         return np.asarray((self.positions != self.positions[:, :1]).any(axis=(1, 2)))
 
-    def at(self, time: FloatArray) -> Pose:
+    def at(self, time: FloatArray) -> TrajectoryPoses:
         """Poses at ``time`` (n,) since knot 0."""
         w, dw = _at_time(self.weights, time)
         theta, turning = (np.einsum("nk,nkj->nj", of_knots[:, 1:], self.turns) for of_knots in (w, dw))
         back = turn_by(theta)
         turned = np.swapaxes(back.matrix, 1, 2)
-        return Pose(
+        return TrajectoryPoses(
             position=np.einsum("nk,nkj->nj", w, self.positions),
             rotation=turned @ self.first,
             weights=w,
@@ -209,7 +209,9 @@ def path_of(positions: FloatArray, rotations: FloatArray, weights: FloatArray) -
     return Path(positions, rotations[:, 0], turns, inverse, weights)
 
 
-def pose_at(positions: FloatArray, rotations: FloatArray, weights: FloatArray, time: FloatArray) -> Pose:
+def pose_at(
+    positions: FloatArray, rotations: FloatArray, weights: FloatArray, time: FloatArray
+) -> TrajectoryPoses:
     """Poses at ``time`` (n,) since knot 0, of what :func:`path_of` takes."""
     return path_of(positions, rotations, weights).at(time)
 

@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.model.contract import Computed, ObservationType, Reference, Slot
-from mor.model.motion import Path, Pose, by_ends, path_of, right_jacobian, small_rotations
+from mor.model.motion import Path, TrajectoryPoses, by_ends, path_of, right_jacobian, small_rotations
 from mor.model.parameters import ATTITUDE_SHIFT, MOTIONS, POSITION_SHIFT, TIME_OFFSET
 from mor.model.rotations import angles_by_tangent, angles_from_rotation, by_rotation, exponential
 from mor.types import FloatArray
@@ -58,7 +58,7 @@ class Knots(NamedTuple):
     time: FloatArray
     """(n,) since the first of them."""
 
-    def pose(self, time: FloatArray) -> Pose:
+    def pose(self, time: FloatArray) -> TrajectoryPoses:
         """The pose at ``time`` (n,) since the first knot."""
         return self.path.at(time)
 
@@ -70,7 +70,9 @@ def knots_of(blocks: Sequence[FloatArray], clock: FloatArray, knots: int) -> Kno
     return Knots(path_of(positions, rotations, weights), clock[:, 0])
 
 
-def by_knots(pose: Pose, by_position: FloatArray, by_rotation: FloatArray) -> tuple[FloatArray, ...]:
+def by_knots(
+    pose: TrajectoryPoses, by_position: FloatArray, by_rotation: FloatArray
+) -> tuple[FloatArray, ...]:
     """Jacobians (n, m, 3) by the knots, positions first, from those by position and small rotation of the pose."""
     count = pose.weights.shape[1]
     positions = (pose.weights[:, k, None, None] * by_position for k in range(count))
@@ -203,7 +205,7 @@ def trajectory_attitude(knots: int) -> ObservationType:
     )
 
 
-def _by_time(pose: Pose, by_position: FloatArray, by_turn: FloatArray) -> FloatArray:
+def _by_time(pose: TrajectoryPoses, by_position: FloatArray, by_turn: FloatArray) -> FloatArray:
     """(n, m, 1)."""
     found: FloatArray = by_position @ pose.velocity[:, :, None] + by_turn @ pose.rate[:, :, None]
     return found

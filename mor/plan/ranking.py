@@ -16,9 +16,9 @@ from mor.model.observation_types import ObservationGroup, some_rows
 from mor.plan.requirements import (
     REACHED,
     Interest,
-    Outcome,
+    PlanMeasures,
+    RowLimits,
     Unit,
-    Wanted,
     coordinates_at,
     datum_rows,
     judged_outcome,
@@ -44,7 +44,7 @@ _RAYS = 20_000
 _POINTS = 200
 
 
-class Eliminated(NamedTuple):
+class EliminatedPoints(NamedTuple):
     """P eliminated points."""
 
     place: IntArray
@@ -78,7 +78,7 @@ class Eliminated(NamedTuple):
         return found
 
 
-def eliminated(adjustment: Adjustment, blocks: IntArray) -> Eliminated:
+def eliminated(adjustment: Adjustment, blocks: IntArray) -> EliminatedPoints:
     """Those of the point blocks that are eliminated during accumulation."""
     problem, plan = adjustment.problem, adjustment.plan
     own = problem.index.columns["point"]
@@ -110,7 +110,7 @@ def eliminated(adjustment: Adjustment, blocks: IntArray) -> Eliminated:
             keys.append(key[free])
             values.append(coupling[free])
     inverse = np.asarray(rotations.inv(normals), dtype=np.float64)
-    return Eliminated(place, own[blocks], inverse, *_padded(inverse, keys, values, size))
+    return EliminatedPoints(place, own[blocks], inverse, *_padded(inverse, keys, values, size))
 
 
 def _summed(number: IntArray, parts: FloatArray, count: int) -> FloatArray:
@@ -182,7 +182,7 @@ class Wide(NamedTuple):
     """(u, m) Q M_Iᵀ at the reduced unknowns and the points below."""
     reduced: FloatArray
     """(r, r) Q_rr of the reduced unknowns, without the part of the weak directions."""
-    points: Eliminated
+    points: EliminatedPoints
     """Those that candidates, or rows of the interest, refer to."""
     spread: FloatArray
     """(P, 3, 3) their cofactors, without that part."""
@@ -253,7 +253,7 @@ def _check_size(looked_at: int, reduced: int) -> None:
         raise InputError([Message(words)])
 
 
-def _solutions(quality: Quality, M: csr_matrix, reduced: FloatArray, points: Eliminated) -> FloatArray:
+def _solutions(quality: Quality, M: csr_matrix, reduced: FloatArray, points: EliminatedPoints) -> FloatArray:
     """(u, m) Q Mᵀ at the reduced unknowns and at the points; 0 at all other points.
 
     The rows of M are 0 at these, but for coordinates in a free datum, whose inner constraints reach all points.
@@ -311,8 +311,8 @@ def _weakest(r: FloatArray) -> float:
 
 
 def wide_outcomes(
-    quality: Quality, wide: Wide, wanted: Wanted, candidates: Sequence[ObservationGroup], least: FloatArray
-) -> Iterator[tuple[list[Unit], Outcome, BoolArray]]:
+    quality: Quality, wide: Wide, wanted: RowLimits, candidates: Sequence[ObservationGroup], least: FloatArray
+) -> Iterator[tuple[list[Unit], PlanMeasures, BoolArray]]:
     """Outcomes of the plan with each candidate, by units, and which of them are estimable.
 
     ``least`` is the required redundancy number of the observations of each group of candidates.
@@ -337,11 +337,11 @@ def wide_outcomes(
 def _outcomes(
     quality: Quality,
     wide: Wide,
-    wanted: Wanted,
+    wanted: RowLimits,
     group: ObservationGroup,
     size: int,
     least: float,
-) -> tuple[Outcome, BoolArray]:
+) -> tuple[PlanMeasures, BoolArray]:
     """Outcomes of the plan with each row of a group that has so many components."""
     adjustment = quality.adjustment
     tangent = rotation_tangents(adjustment.problem.index, adjustment.values)
@@ -451,7 +451,7 @@ class Ranked(NamedTuple):
     possible: bool
 
 
-class Step(NamedTuple):
+class GreedyStep(NamedTuple):
     """One choice of a greedy plan, and what the plan is after it."""
 
     ranked: Ranked
@@ -459,14 +459,14 @@ class Step(NamedTuple):
     """All that were added so far."""
 
 
-def ranked(interest: Interest, wanted: Wanted, candidates: bool) -> list[Ranked]:
+def ranked(interest: Interest, wanted: RowLimits, candidates: bool) -> list[Ranked]:
     """All candidates, the most useful first; or all planned units, the most easily spared first."""
     units = [unit for unit in interest.units if unit.is_candidate == candidates]
     found = list(_scored(interest, wanted, units, 1.0 if candidates else -1.0))
     return by_worth(found, present(interest, wanted), candidates)
 
 
-def by_worth(found: Sequence[Ranked], present: Outcome, candidates: bool) -> list[Ranked]:
+def by_worth(found: Sequence[Ranked], present: PlanMeasures, candidates: bool) -> list[Ranked]:
     """Changes of a plan, the most useful candidates first, or what is most easily spared."""
     now = _one(present, 0)
 
@@ -480,7 +480,7 @@ def by_worth(found: Sequence[Ranked], present: Outcome, candidates: bool) -> lis
     return sorted(found, key=worth)
 
 
-def of_units(units: Sequence[Unit], found: Outcome) -> list[Ranked]:
+def of_units(units: Sequence[Unit], found: PlanMeasures) -> list[Ranked]:
     """Units with what the plan would be with each."""
     columns = (found.shortfall, found.precision, found.largest_ratio, found.smallest_r, found.possible)
     return list(map(Ranked, units, *(column.tolist() for column in columns)))
@@ -491,7 +491,7 @@ def _rounded(value: float) -> float:
     return float(f"{value:.9g}")
 
 
-def greedy(interest: Interest, wanted: Wanted, most: int) -> list[Step]:
+def greedy(interest: Interest, wanted: RowLimits, most: int) -> list[GreedyStep]:
     """Candidates one after the other, each the one that takes away most of the shortfall for a measurement.
 
     It ends where nothing falls short, where no candidate is left that helps, or after ``most`` of them. A plan that
@@ -506,7 +506,9 @@ def greedy(interest: Interest, wanted: Wanted, most: int) -> list[Step]:
     return list(_one_by_one(interest, wanted, chosen, most)) if len(chosen) < len(steps) else steps
 
 
-def _one_by_one(interest: Interest, wanted: Wanted, units: Sequence[Unit], most: int) -> Iterator[Step]:
+def _one_by_one(
+    interest: Interest, wanted: RowLimits, units: Sequence[Unit], most: int
+) -> Iterator[GreedyStep]:
     left = list(units)
     now = _one(present(interest, wanted), 0)
     total = 0
@@ -520,11 +522,11 @@ def _one_by_one(interest: Interest, wanted: Wanted, units: Sequence[Unit], most:
         left = [unit for unit in left if unit is not best.unit]
         total += best.unit.cost
         now = best
-        yield Step(best, total)
+        yield GreedyStep(best, total)
 
 
 def _fewer(
-    interest: Interest, wanted: Wanted, chosen: Sequence[Unit], candidates: Sequence[Unit]
+    interest: Interest, wanted: RowLimits, chosen: Sequence[Unit], candidates: Sequence[Unit]
 ) -> list[Unit]:
     """A choice that reaches what is required as well, with fewer measurements where one is found near by."""
     whole = interest
@@ -555,7 +557,7 @@ def _fewer(
 
 def _one_that_will_do(
     interest: Interest,
-    wanted: Wanted,
+    wanted: RowLimits,
     rest: Sequence[Unit],
     out: Sequence[Unit],
     candidates: Sequence[Unit],
@@ -603,7 +605,7 @@ def spared(interest: Interest, unit: Unit) -> Interest:
     return interest._replace(cofactors=K + half.T @ half, active=active)
 
 
-def _scored(interest: Interest, wanted: Wanted, units: Sequence[Unit], sign: float) -> Iterator[Ranked]:
+def _scored(interest: Interest, wanted: RowLimits, units: Sequence[Unit], sign: float) -> Iterator[Ranked]:
     """Each unit with what the plan would be, in the order of the units."""
     scores: dict[int, Ranked] = {}
     sizes = np.array([unit.cost for unit in units])
@@ -617,7 +619,7 @@ def _scored(interest: Interest, wanted: Wanted, units: Sequence[Unit], sign: flo
     return (scores[k] for k in range(len(units)))
 
 
-def _one(found: Outcome, number: int) -> Ranked:
+def _one(found: PlanMeasures, number: int) -> Ranked:
     unit = Unit(-1, -1, np.zeros(0, dtype=np.int64), True)
     return Ranked(
         unit,

@@ -64,7 +64,7 @@ Requirement = RequiredPrecision | RequiredControl
 
 
 @dataclass(frozen=True)
-class Judged:
+class RequirementResult:
     """Whether a requirement is met, and its largest excess."""
 
     requirement: Requirement
@@ -159,7 +159,7 @@ def _control(network: Network, wanted: RequiredReliability, problems: list[Messa
     ]
 
 
-def judged(requirement: Requirement, quality: Quality, absent: BoolArray | None = None) -> Judged:
+def judged(requirement: Requirement, quality: Quality, absent: BoolArray | None = None) -> RequirementResult:
     """Return whether a quality meets a requirement; point blocks that are ``absent`` (n,) have no σ and do not."""
     if isinstance(requirement, RequiredPrecision):
         return _judged_precision(requirement, quality, absent)
@@ -176,17 +176,19 @@ def sigmas(requirement: RequiredPrecision, covariance: FloatArray) -> FloatArray
     return found
 
 
-def _judged_precision(requirement: RequiredPrecision, quality: Quality, absent: BoolArray | None) -> Judged:
+def _judged_precision(
+    requirement: RequiredPrecision, quality: Quality, absent: BoolArray | None
+) -> RequirementResult:
     covariance = quality.sigma_factor**2 * np.nan_to_num(quality.cofactors["point"][requirement.blocks])
     sigma = sigmas(requirement, covariance)
     if absent is not None:
         sigma = np.where(absent[requirement.blocks], np.inf, sigma)
     failing = int(np.count_nonzero(sigma > requirement.limit * (1.0 + _ROUND_OFF)))
     worst = int(np.argmax(sigma))
-    return Judged(requirement, float(sigma[worst]), (worst,), len(sigma), failing)
+    return RequirementResult(requirement, float(sigma[worst]), (worst,), len(sigma), failing)
 
 
-def _judged_control(requirement: RequiredControl, quality: Quality) -> Judged:
+def _judged_control(requirement: RequiredControl, quality: Quality) -> RequirementResult:
     """The worst of all observations of the groups; one that is not controlled has r = 0 and any effect whatever."""
     worst, where, count, failing = np.inf, (-1, -1, -1), 0, 0  # type: float, tuple[int, ...], int, int
     sign = 1.0 if requirement.of == "r" else -1.0
@@ -204,7 +206,7 @@ def _judged_control(requirement: RequiredControl, quality: Quality) -> Judged:
         if signed.flat[at] < worst:
             worst = float(signed.flat[at])
             where = (number, *(int(k) for k in np.unravel_index(at, signed.shape)))
-    return Judged(requirement, sign * worst, where, count, failing)
+    return RequirementResult(requirement, sign * worst, where, count, failing)
 
 
 # ------------------------------------------------------------
@@ -264,7 +266,7 @@ class Interest(NamedTuple):
 class ObservationRows(NamedTuple):
     """Whitened derivatives of all observations of a plan and of its candidates, as they are gathered."""
 
-    rows: Rows
+    rows: MatrixRows
     units: list[Unit]
     correlated: list[tuple[IntArray, FloatArray]]
     unestimable: list[tuple[int, int]]
@@ -276,7 +278,7 @@ def observation_rows(quality: Quality, candidates: Sequence[ObservationGroup]) -
     adjustment = quality.adjustment
     problem, values = adjustment.problem, adjustment.values
     tangent = rotation_tangents(problem.index, values)
-    rows = Rows(problem.index.count)
+    rows = MatrixRows(problem.index.count)
     units: list[Unit] = []
     entry = np.full(int(problem.offsets[-1]), -1)
     for number, group in enumerate(problem.groups):
@@ -324,7 +326,7 @@ def interest_of(quality: Quality, candidates: Sequence[ObservationGroup], blocks
     )
 
 
-class Rows:
+class MatrixRows:
     """Rows of M while they are gathered."""
 
     def __init__(self, unknowns: int) -> None:
@@ -376,7 +378,9 @@ def _units(mask: BoolArray, number: int, first: int, is_candidate: bool) -> list
     ]
 
 
-def _whiten_clusters(problem: Problem, entry: IntArray, rows: Rows) -> list[tuple[IntArray, FloatArray]]:
+def _whiten_clusters(
+    problem: Problem, entry: IntArray, rows: MatrixRows
+) -> list[tuple[IntArray, FloatArray]]:
     """Replace rows of correlated observations, which were divided by σ, by whitened ones."""
     found = []
     offsets = np.concatenate([[0], np.cumsum([len(part) for part in rows.parts])])
@@ -408,7 +412,7 @@ def _together(units: list[Unit], correlated: Sequence[tuple[IntArray, FloatArray
     return result
 
 
-def _changes_datum(rows: Rows, unit: Unit, null: FloatArray) -> bool:
+def _changes_datum(rows: MatrixRows, unit: Unit, null: FloatArray) -> bool:
     if null.shape[1] == 0:
         return False
     own = rows.at(unit.rows)
@@ -461,7 +465,7 @@ _SPARED = 1e-9
 """Smallest eigenvalue of R below which something would be undetermined without the observations."""
 
 
-class Wanted(NamedTuple):
+class RowLimits(NamedTuple):
     """Requirements as limits of single rows."""
 
     variance: FloatArray
@@ -474,7 +478,7 @@ class Wanted(NamedTuple):
     least_r: FloatArray
     """(m,) least redundancy number of each observation, 0 where nothing is required."""
 
-    def with_least(self, least_r: FloatArray) -> Wanted:
+    def with_least(self, least_r: FloatArray) -> RowLimits:
         """The same with other least redundancy numbers (m,)."""
         return self._replace(least_r=least_r)
 
@@ -484,7 +488,7 @@ class Wanted(NamedTuple):
         return not (len(self.rows) or len(self.ellipsoids) or (self.least_r > 0.0).any())
 
 
-class Outcome(NamedTuple):
+class PlanMeasures(NamedTuple):
     """Measures of a plan after each of c changes, (c,) each."""
 
     shortfall: FloatArray
@@ -500,7 +504,7 @@ class Outcome(NamedTuple):
 
 def wanted_of(
     required: Sequence[Requirement], interest: Interest, quality: Quality, names: Sequence[str]
-) -> Wanted:
+) -> RowLimits:
     """Limits of single rows; ``names`` are those of all groups, candidates last."""
     rows, limits, ellipsoids, squares = [], [], [], []
     least = np.zeros(len(interest.group))
@@ -519,7 +523,7 @@ def wanted_of(
     observed = interest.group >= 0
     least[observed] = of_group[interest.group[observed]]
     none = np.zeros(0, dtype=np.int64)
-    return Wanted(
+    return RowLimits(
         np.concatenate([np.zeros(0), *limits]),
         np.concatenate([none, *rows]),
         np.concatenate([np.zeros((0, 3), dtype=np.int64), *ellipsoids]),
@@ -564,7 +568,7 @@ def solvable(R: FloatArray) -> BoolArray:
     return np.asarray(finite & (values[:, 0] > _SPARED) & (values[:, -1] < _BEYOND))
 
 
-def outcomes(interest: Interest, wanted: Wanted, units: Sequence[Unit], sign: float) -> Outcome:
+def outcomes(interest: Interest, wanted: RowLimits, units: Sequence[Unit], sign: float) -> PlanMeasures:
     """Outcomes of adding (+1) or removing (−1) each of some units, all of the same size k."""
     K = interest.cofactors
     index = np.stack([unit.rows for unit in units])  # (c, k)
@@ -586,7 +590,7 @@ def outcomes(interest: Interest, wanted: Wanted, units: Sequence[Unit], sign: fl
 
 def judged_outcome(
     interest: Interest,
-    wanted: Wanted,
+    wanted: RowLimits,
     diagonal: FloatArray,
     r: FloatArray,
     taking: BoolArray,
@@ -594,7 +598,7 @@ def judged_outcome(
     W: FloatArray,
     possible: BoolArray,
     sign: float = 1.0,
-) -> Outcome:
+) -> PlanMeasures:
     """Outcome of changes that subtract W Wᵀ (c, m, k) from its cofactors K, or add it."""
     ellipsoids = _largest_axes(K, W, wanted.ellipsoids, sign)
     return _judged(interest, wanted, diagonal, r, taking, ellipsoids, possible)
@@ -614,13 +618,13 @@ def _largest_axes(K: FloatArray, W: FloatArray, points: IntArray, sign: float) -
 
 def _judged(
     interest: Interest,
-    wanted: Wanted,
+    wanted: RowLimits,
     diagonal: FloatArray,
     r: FloatArray,
     taking: BoolArray,
     ellipsoids: FloatArray,
     possible: BoolArray,
-) -> Outcome:
+) -> PlanMeasures:
     parts = np.concatenate(
         [diagonal[:, wanted.rows] / wanted.variance, ellipsoids / wanted.ellipsoid_limit], axis=1
     )
@@ -632,7 +636,7 @@ def _judged(
     below[below < REACHED] = 0.0
     observed = taking & (asked if asked.any() else interest.group >= 0)
     smallest = np.where(observed, r, np.inf).min(axis=1)
-    return Outcome(
+    return PlanMeasures(
         beyond.sum(axis=1) + below.sum(axis=1),
         _shortfall_of_precision(interest, parts, diagonal),
         np.sqrt(parts.max(axis=1)) if parts.shape[1] else np.full(len(parts), np.nan),
@@ -649,7 +653,7 @@ def _shortfall_of_precision(interest: Interest, parts: FloatArray, diagonal: Flo
     return np.asarray(diagonal[:, rows].mean(axis=1)) if len(rows) else np.zeros(len(diagonal))
 
 
-def present(interest: Interest, wanted: Wanted) -> Outcome:
+def present(interest: Interest, wanted: RowLimits) -> PlanMeasures:
     """Outcome of the plan as it is; arrays of one."""
     K = interest.cofactors
     diagonal = np.diagonal(K).copy()

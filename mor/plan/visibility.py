@@ -26,7 +26,7 @@ from mor.project.network import read_things
 from mor.project.planned_network import with_poses_of
 from mor.project.rows import group_name
 from mor.project.schema import Normals, Observations, Surface, validate
-from mor.project.tables import Column, Place, read_table
+from mor.project.tables import Column, TableLocation, read_table
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE, IMAGE, LENGTH, Quantity
 
@@ -99,7 +99,7 @@ def targets_of(reading: Reading, positions: FloatArray) -> Targets:
 
 
 def targets_named(
-    patterns: Sequence[str], targets: Targets, place: Place, key: str, problems: list[Message]
+    patterns: Sequence[str], targets: Targets, place: TableLocation, key: str, problems: list[Message]
 ) -> IntArray:
     """Numbers of the points that names, groups and patterns stand for, each once."""
     grouped = [p for p in patterns if p in targets.groups and p not in targets.numbers]
@@ -114,7 +114,7 @@ def named(
     patterns: Sequence[str],
     names: Sequence[str],
     what: str,
-    place: Place,
+    place: TableLocation,
     key: str,
     problems: list[Message],
 ) -> list[int]:
@@ -172,7 +172,7 @@ def _inside(reading: Reading, corners: FloatArray) -> Triangles:
     return triangles(corners @ M.T, face_normals(corners) @ M.T)
 
 
-def _corners(reading: Reading, surface: Surface, place: Place, targets: Targets) -> FloatArray:
+def _corners(reading: Reading, surface: Surface, place: TableLocation, targets: Targets) -> FloatArray:
     """(m, 3, 3) corners of the triangles of a surface, axes of the project."""
     try:
         if surface.file is not None:
@@ -235,7 +235,7 @@ def _halves(corners: FloatArray) -> FloatArray:
 def _put_normals(
     reading: Reading,
     given: Normals,
-    place: Place,
+    place: TableLocation,
     targets: Targets,
     by_name: dict[str, FloatArray],
     clearance: float,
@@ -263,7 +263,7 @@ def _put_normals(
 
 
 def _read_normals(
-    reading: Reading, given: Normals, place: Place, targets: Targets, normals: FloatArray
+    reading: Reading, given: Normals, place: TableLocation, targets: Targets, normals: FloatArray
 ) -> None:
     columns = [Column("id", required=True), *(_number(name) for name in ("nx", "ny", "nz"))]
     rows = read_table(given, columns, place, reading.problems)
@@ -289,7 +289,7 @@ def _put(
     chosen: IntArray,
     values: FloatArray,
     reading: Reading,
-    place: Place,
+    place: TableLocation,
     targets: Targets,
 ) -> None:
     """Write normals (k, 3) of any length, axes of the project; on the earth east, north, up of their points."""
@@ -373,7 +373,7 @@ class Start:
         return np.asarray(self.values[kind][block], dtype=np.float64)
 
 
-class Image(NamedTuple):
+class PlannedImage(NamedTuple):
     """An image: X* = D (X − X0) + r, followed by X* → D* (X* − b*) in a follower."""
 
     centre: FloatArray
@@ -439,7 +439,7 @@ class Image(NamedTuple):
         return good
 
 
-def image(reading: Reading, start: Start, number: int) -> Image:
+def image(reading: Reading, start: Start, number: int) -> PlannedImage:
     """An image of the project; NaN if it has no place."""
     images = reading.shop.things["image"]
     part = {name: int(blocks[number]) for name, blocks in images.parts.items()}
@@ -458,7 +458,7 @@ def image(reading: Reading, start: Start, number: int) -> Image:
     r0 = reading.edge.number(camera.r0 or "0", IMAGE, "", scale)
     low, high = image_format(scale, camera.image.width, camera.image.height) if camera.image else _NO_FORMAT
     interior = start.of(INTERIORS[camera.model].key, part["interior"])
-    return Image(centre, D, model, interior, np.full(len(model.constants), r0), low, high)
+    return PlannedImage(centre, D, model, interior, np.full(len(model.constants), r0), low, high)
 
 
 _NO_FORMAT = np.full(2, np.nan), np.full(2, np.nan)
@@ -523,7 +523,7 @@ def with_visible(document: Document, folder: Path) -> tuple[Document, tuple[Sigh
     data: dict[str, Any] = {**document.data, **{s: list(document.data.get(s) or []) for s in _SECTIONS}}
     frames, sighted = dict(document.frames), []
     for section, number, entry in wanted:
-        scene = Scene(reading, start, targets, around, reading.at(section, number))
+        scene = VisibilityScene(reading, start, targets, around, reading.at(section, number))
         found = _seen(scene, entry, section, number)
         if found is None:
             continue
@@ -538,14 +538,14 @@ def with_visible(document: Document, folder: Path) -> tuple[Document, tuple[Sigh
     return replace(document, data=data, frames=frames), tuple(sighted)
 
 
-class Scene(NamedTuple):
+class VisibilityScene(NamedTuple):
     """Data from which the sights of an entry are computed."""
 
     reading: Reading
     start: Start
     targets: Targets
     around: Surroundings
-    place: Place
+    place: TableLocation
 
     def mistake(self, words: str) -> None:
         """Tell a mistake of the entry."""
@@ -561,13 +561,13 @@ class Viewpoint(NamedTuple):
     """Block of the point it is on, which it does not sight; −1 for none."""
     up: FloatArray
     """(3,) upwards there."""
-    image: Image | None = None
+    image: PlannedImage | None = None
     border: float = 0.0
     """Margin of the format, unit of the camera."""
 
 
 def _seen(
-    scene: Scene, entry: Observations, section: str, number: int
+    scene: VisibilityScene, entry: Observations, section: str, number: int
 ) -> tuple[pl.DataFrame, Sighted] | None:
     """Rows of everything that an entry sees; ``None`` if there are mistakes."""
     known = sights(scene.reading)
@@ -602,7 +602,12 @@ def _seen(
 
 
 def _sights(
-    scene: Scene, viewpoints: Sequence[Viewpoint], chosen: IntArray, limits: Limits, height: float, once: bool
+    scene: VisibilityScene,
+    viewpoints: Sequence[Viewpoint],
+    chosen: IntArray,
+    limits: Limits,
+    height: float,
+    once: bool,
 ) -> tuple[IntArray, IntArray, tuple[int, ...]]:
     """Numbers of the viewpoints and of the targets of all sights that are seen, and counts of all by their reason.
 
@@ -637,7 +642,7 @@ def _sights(
 
 
 def _frame(
-    scene: Scene, type_: ObservationType, viewpoints: Sequence[str], from_: IntArray, to: IntArray
+    scene: VisibilityScene, type_: ObservationType, viewpoints: Sequence[str], from_: IntArray, to: IntArray
 ) -> pl.DataFrame:
     """Rows of a table of the type, with the set of a station where its name has one."""
     sets = scene.reading.sets
@@ -659,7 +664,7 @@ def _is_once(entry: Observations, type_: ObservationType) -> bool:
     return "point" in type_.references[0].among and not entry.visible.both_ways
 
 
-def _viewpoints(scene: Scene, entry: Observations, type_: ObservationType) -> list[Viewpoint]:
+def _viewpoints(scene: VisibilityScene, entry: Observations, type_: ObservationType) -> list[Viewpoint]:
     """Images, stations, systems or points that the patterns ``at`` stand for; of stations points as well."""
     reading, wanted = scene.reading, entry.visible
     assert wanted is not None
@@ -691,7 +696,7 @@ def _viewpoints(scene: Scene, entry: Observations, type_: ObservationType) -> li
     return [_from_image(scene, wanted.border, k) for k in found]
 
 
-def _from_image(scene: Scene, border: str | None, number: int) -> Viewpoint:
+def _from_image(scene: VisibilityScene, border: str | None, number: int) -> Viewpoint:
     images = scene.reading.shop.things["image"]
     camera = scene.reading.shop.things["camera"].ids[int(images.parts["camera"][number])]
     found = image(scene.reading, scene.start, number)
@@ -700,7 +705,7 @@ def _from_image(scene: Scene, border: str | None, number: int) -> Viewpoint:
     return Viewpoint(images.ids[number], found.centre, -1, up, found, margin)
 
 
-def _at(scene: Scene, space: str, numbers: Sequence[int], height: float = 0.0) -> list[Viewpoint]:
+def _at(scene: VisibilityScene, space: str, numbers: Sequence[int], height: float = 0.0) -> list[Viewpoint]:
     things = scene.reading.shop.things[space]
     chosen = np.array(numbers, dtype=np.int64)
     origins = instruments(scene.reading, scene.start, space, chosen, height)
@@ -713,7 +718,7 @@ def _at(scene: Scene, space: str, numbers: Sequence[int], height: float = 0.0) -
     ]
 
 
-def _height(scene: Scene, entry: Observations, key: str) -> float:
+def _height(scene: VisibilityScene, entry: Observations, key: str) -> float:
     """Height of an instrument or target that all rows have."""
     try:
         return scene.reading.edge.number(entry.values.get(key, "0"), LENGTH)
@@ -721,7 +726,7 @@ def _height(scene: Scene, entry: Observations, key: str) -> float:
         return 0.0  # told when the rows are read
 
 
-def _limits(scene: Scene, entry: Observations, type_: ObservationType) -> Limits:
+def _limits(scene: VisibilityScene, entry: Observations, type_: ObservationType) -> Limits:
     """Limits of the sights of an entry; those that do not fit its type are mistakes."""
     wanted = entry.visible
     assert wanted is not None
@@ -741,7 +746,9 @@ def _limits(scene: Scene, entry: Observations, type_: ObservationType) -> Limits
     )
 
 
-def _length(scene: Scene, key: str, text: str, quantity: Quantity, scale: ImageScale | None = None) -> float:
+def _length(
+    scene: VisibilityScene, key: str, text: str, quantity: Quantity, scale: ImageScale | None = None
+) -> float:
     """A length or an angle, 0 or more; anything else is a mistake."""
     try:
         found = scene.reading.edge.number(text, quantity, "", scale)

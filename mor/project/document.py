@@ -158,7 +158,7 @@ def read_yaml(text: str, file: str) -> Document:
     """
     loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
     try:
-        return _Reader(file).read(yaml.parse(text, Loader=loader))
+        return _YamlReader(file).read(yaml.parse(text, Loader=loader))
     except yaml.MarkedYAMLError as error:
         raise InputError([_broken(error, file)]) from None
     except yaml.YAMLError as error:
@@ -193,7 +193,7 @@ def _broken(error: yaml.MarkedYAMLError, file: str) -> Message:
     return Message(f"this is not valid YAML: {plain}", file, mark.line + 1 if mark else 0)
 
 
-class _Reader:
+class _YamlReader:
     """Plain data from the events of a YAML text, one after the other.
 
     Nodes are never composed as a whole: a text of a few kB may unfold, by anchors that hold aliases, to more than any

@@ -10,20 +10,20 @@ from numpy.polynomial import chebyshev
 from mor.model.contract import Names
 from mor.model.curvature import on_sphere
 from mor.model.earth import EARTH_RADIUS, LocalSphere, gaussian_radius
-from mor.model.geodetic import CONVERGENCE, Plane, projected_attitude, projected_bearing
+from mor.model.geodetic import CONVERGENCE, ProjectionPolynomial, projected_attitude, projected_bearing
 from mor.model.observation_types import GEOID, PLAIN_TYPES, ObservationGroup, ObservationType
 from mor.project.axes import Edge, UnitError
 from mor.project.entities import Reading
 from mor.project.reference_system import (
+    EarthModel,
     GridError,
     ReferenceSystem,
     ReferenceSystemError,
-    World,
     geoid_heights,
     reference_system,
 )
 from mor.project.schema import Curvature, Observations
-from mor.project.tables import Place, Rows, tell_rows
+from mor.project.tables import Rows, TableLocation, tell_rows
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE, LENGTH
 
@@ -39,7 +39,7 @@ MEANT = (
 
 
 def known_at(
-    reading: Reading, world: World, known: str, blocks: IntArray, rows: Rows, names: Names
+    reading: Reading, world: EarthModel, known: str, blocks: IntArray, rows: Rows, names: Names
 ) -> FloatArray:
     """Deflections or geoid heights (n,) at positions; a missing geoid height is a mistake."""
     values = world.of_points(known, blocks)
@@ -48,7 +48,7 @@ def known_at(
 
 
 def place_of_observed(
-    reading: Reading, world: World, blocks: IntArray, rows: Rows, given: FloatArray
+    reading: Reading, world: EarthModel, blocks: IntArray, rows: Rows, given: FloatArray
 ) -> FloatArray:
     """Constants (n, 10) of positions (n, 3) that were observed in the projection of the project."""
     N, planned = np.zeros(rows.count), _planned(reading, given)
@@ -63,7 +63,7 @@ def place_of_observed(
     return np.concatenate([place, world.grid(place).reshape(-1, 4), given], axis=1)
 
 
-def convergence_of_rows(world: World, rows: Rows) -> FloatArray:
+def convergence_of_rows(world: EarthModel, rows: Rows) -> FloatArray:
     """Directions of grid north (n,) at the places of the columns ``east`` and ``north``; NaN if there are none."""
     there = np.stack([rows.number(name) for name in PLANE], axis=1)
     found, known = np.full(rows.count, np.nan), np.isfinite(there).all(axis=1)
@@ -77,7 +77,7 @@ def _planned(reading: Reading, given: FloatArray) -> BoolArray:
     return np.asarray((given == 0.0).all(axis=1) & reading.planned)
 
 
-def _of_grid(reading: Reading, world: World, given: FloatArray) -> FloatArray:
+def _of_grid(reading: Reading, world: EarthModel, given: FloatArray) -> FloatArray:
     if world.geoid is None:
         return np.full(len(given), np.nan)
     try:
@@ -112,8 +112,8 @@ class PlaneError(ValueError):
 
 
 def plane_of(
-    system: ReferenceSystem, world: World, crs: str | None = None, extent: FloatArray | None = None
-) -> Plane:
+    system: ReferenceSystem, world: EarthModel, crs: str | None = None, extent: FloatArray | None = None
+) -> ProjectionPolynomial:
     """The plane of a projected system over the area of the points, in the unit of the project.
 
     The area is the ``extent`` (2, 2) of object coordinates, that of the given places where nothing is said. Raises
@@ -133,7 +133,7 @@ def plane_of(
             plane.mean(axis=0)
         )  # small numbers keep their digits: bearings of short lines need them
         solution = np.asarray(np.linalg.lstsq(matrix, plane - whole, rcond=None)[0], dtype=np.float64)
-        found = Plane(middle, half, solution.reshape(degree + 1, degree + 1, 2), crs)
+        found = ProjectionPolynomial(middle, half, solution.reshape(degree + 1, degree + 1, 2), crs)
         between = 0.97 * grid + 0.01
         there, expected = _projected(system, world, middle, half, between)
         if np.abs(found.at(there * half + middle)[0] + whole - expected).max() * world.metres < _CLOSE:
@@ -142,7 +142,7 @@ def plane_of(
 
 
 def _projected(
-    system: ReferenceSystem, world: World, middle: FloatArray, half: FloatArray, grid: FloatArray
+    system: ReferenceSystem, world: EarthModel, middle: FloatArray, half: FloatArray, grid: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
     """Places of feet in the rectangle, and their E, N, of places above or below them."""
     above = np.hstack([grid * half + middle, np.zeros((len(grid), 1))])
@@ -153,7 +153,7 @@ def _projected(
     return (foot[:, :2] - middle) / half, plane
 
 
-def in_its_projection(reading: Reading, entry: Observations, place: Place) -> ObservationType | None:
+def in_its_projection(reading: Reading, entry: Observations, place: TableLocation) -> ObservationType | None:
     """The type of a group with the projection that it names, or that of the project; mistakes are told."""
     world = reading.world
     assert world is not None
@@ -175,7 +175,7 @@ def in_its_projection(reading: Reading, entry: Observations, place: Place) -> Ob
 
 
 def with_convergence_at_images(
-    reading: Reading, type_: ObservationType, rows: Rows, place: Place
+    reading: Reading, type_: ObservationType, rows: Rows, place: TableLocation
 ) -> ObservationType | None:
     """The type of attitudes in the projection of the project, where rows do not say for which place they are.
 

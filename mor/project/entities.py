@@ -20,9 +20,9 @@ from mor.model.parameters import KINDS, BlockKind, Blocks
 from mor.model.trajectory import CUBIC, LINEAR
 from mor.project.axes import Edge, ImageScale
 from mor.project.document import Document
-from mor.project.reference_system import World
-from mor.project.schema import Project, Table
-from mor.project.tables import Place, Statuses
+from mor.project.reference_system import EarthModel
+from mor.project.schema import ProjectFile, TableEntry
+from mor.project.tables import Statuses, TableLocation
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ------------------------------------------------------------
@@ -403,7 +403,7 @@ class MovingPoint:
 
 
 @dataclass
-class Motion:
+class TimeModel:
     """Everything about time in a project."""
 
     labels: list[str] = field(default_factory=list)
@@ -465,7 +465,7 @@ class Scanner(NamedTuple):
     """y of the line in the axes of the camera, image unit."""
 
 
-class Lines(NamedTuple):
+class RowTimes(NamedTuple):
     """Times of rows of an image of a line scanner, counted from its upper edge; linear in between."""
 
     rows: FloatArray
@@ -572,7 +572,7 @@ def ignore_table(file: str | None) -> None:
     """Nobody watches."""
 
 
-def table_label(section: str, number: int, table: Table) -> str:
+def table_label(section: str, number: int, table: TableEntry) -> str:
     """Name of a table in reports."""
     return table.name or table.file or f"{section} {number + 1}"
 
@@ -581,8 +581,8 @@ def table_label(section: str, number: int, table: Table) -> str:
 class Reading:
     """State shared by the steps of reading: the project, its folder, and the mistakes found."""
 
-    project: Project
-    place: Place
+    project: ProjectFile
+    place: TableLocation
     edge: Edge
     shop: Workshop
     problems: list[Message]
@@ -615,7 +615,7 @@ class Reading:
     """Tables of observations in which values are missing, where they may be."""
     variants: dict[str, dict[int, float]] = field(default_factory=dict)
     """Image-variant components of each camera, with the σ of their difference (NaN: none)."""
-    world: World | None = None
+    world: EarthModel | None = None
     """The earth under the network, where the project has one."""
     sphere: LocalSphere | None = None
     """The sphere under a local network, where the project models the curvature of the earth."""
@@ -623,7 +623,7 @@ class Reading:
     """Observation types of the project, besides image coordinates."""
     control: list[ObservationGroup] = field(default_factory=list)
     """Observed points on the earth."""
-    motion: Motion = field(default_factory=Motion)
+    motion: TimeModel = field(default_factory=TimeModel)
     """Epochs, and the points that move between them."""
     trajectories: dict[str, Trajectory] = field(default_factory=dict)
     """Trajectories by name."""
@@ -631,14 +631,14 @@ class Reading:
     """Time of each image on a trajectory; of a line scanner that of its first line."""
     scanners: dict[str, Scanner] = field(default_factory=dict)
     """Cameras that are line scanners."""
-    lines: dict[str, Lines] = field(default_factory=dict)
+    lines: dict[str, RowTimes] = field(default_factory=dict)
     """Times of the rows of images of line scanners, as far as tables give them; of all when images are read."""
     strips: dict[tuple[str, str], tuple[int, float]] = field(default_factory=dict)
     """Block of shift and drift of each strip, by kind and name, and the time that its drift counts from."""
     motion_groups: list[ObservationGroup] = field(default_factory=list)
     """Steps of points that are observed."""
 
-    def begin(self, section: str, number: int, table: Table) -> None:
+    def begin(self, section: str, number: int, table: TableEntry) -> None:
         """Blocks that are added from now on come from this table of a section."""
         self.shop.begin(table_label(section, number, table))
 
@@ -646,11 +646,11 @@ class Reading:
         """So many things of a namespace were read from the table that was begun last."""
         self.tables.setdefault(space, []).append((self.shop.sources[-1][0], count))
 
-    def at(self, *path: str | int) -> Place:
+    def at(self, *path: str | int) -> TableLocation:
         """The place of a part of the project file."""
         if path[:1] == ("observations",):
             path = (self.section, *path[1:])
-        return Place(self.place.document, path, self.place.folder)
+        return TableLocation(self.place.document, path, self.place.folder)
 
     @property
     def document(self) -> Document:

@@ -24,10 +24,10 @@ from mor.project.axes import ImageScale, UnitError, image_scale, split
 from mor.project.document import KeyPath
 from mor.project.entities import Reading, entities, unknown_name
 from mor.project.motion import EPOCH, remember_epochs
-from mor.project.points import Seen, check_unique, position_columns, positions, rotations
+from mor.project.points import NameColumn, check_unique, position_columns, positions, rotations
 from mor.project.schema import Camera, Images, Setting, Value
 from mor.project.stations import eccentricities, heights, motions, set_up_columns, shared_column
-from mor.project.tables import Column, Place, Rows, component_columns, read_table, settings, tell_rows
+from mor.project.tables import Column, Rows, TableLocation, component_columns, read_table, settings, tell_rows
 from mor.project.trajectories import (
     TRAJECTORY,
     check_line_times,
@@ -313,7 +313,7 @@ def read_images(reading: Reading) -> None:
     """Images: positions, rotations, heights, cameras; followers refer to their leading image and their pair."""
     collected: dict[str, list[IntArray]] = {}
     ids: list[str] = []
-    seen: list[Seen] = []
+    seen: list[NameColumn] = []
     leaders: list[tuple[int, str, str, str, int]] = []
     read_line_times(reading)
     for k, table in enumerate(reading.project.images):
@@ -358,10 +358,10 @@ _IMAGE_PARTS = (
 def _read_images_table(
     reading: Reading,
     table: Images,
-    place: Place,
+    place: TableLocation,
     ids: list[str],
     collected: dict[str, list[IntArray]],
-    seen: list[Seen],
+    seen: list[NameColumn],
     leaders: list[tuple[int, str, str, str, int]],
 ) -> None:
     edge, shop = reading.edge, reading.shop

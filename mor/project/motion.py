@@ -20,9 +20,9 @@ from mor.project.entities import (
     AT,
     ContradictionError,
     Equality,
-    Motion,
     MovingPoint,
     Reading,
+    TimeModel,
     decimal_year,
     entities,
     settle_equalities,
@@ -30,14 +30,14 @@ from mor.project.entities import (
     unknown_name,
 )
 from mor.project.points import add_points, in_dimensions, inwards
-from mor.project.rows import Group
+from mor.project.rows import ReadGroup
 from mor.project.schema import MotionEntry
 from mor.project.tables import (
     MOST_TOLD,
     Column,
-    Place,
     Rows,
     Statuses,
+    TableLocation,
     component_columns,
     component_rows,
     number_column,
@@ -91,7 +91,7 @@ def read_motions(reading: Reading) -> None:
     _take_steps(reading, steps)
 
 
-def _rows(reading: Reading, table: MotionEntry, place: Place) -> Rows | None:
+def _rows(reading: Reading, table: MotionEntry, place: TableLocation) -> Rows | None:
     """Rows of a table; of named points a row for each."""
     components = (
         STEP if table.model == "steps" else [c for k in _KINDS.get(table.model, ()) for c in k.components]
@@ -113,7 +113,7 @@ def _rows(reading: Reading, table: MotionEntry, place: Place) -> Rows | None:
     return read_table(table, columns, place, reading.problems)
 
 
-def _named(reading: Reading, patterns: list[str], place: Place) -> list[str]:
+def _named(reading: Reading, patterns: list[str], place: TableLocation) -> list[str]:
     """Points that names, groups and patterns stand for; coordinates of single epochs are no points of their own."""
     points = reading.shop.things["point"]
     of_block = dict(zip(points.parts["position"].tolist(), points.ids, strict=True))
@@ -337,7 +337,7 @@ def row_epochs(
 class _Differing(NamedTuple):
     """Rows that give another epoch than their image or station has."""
 
-    motion: Motion
+    motion: TimeModel
     names: Names
     found: IntArray
     given: IntArray
@@ -375,7 +375,7 @@ def settle_reference(reading: Reading) -> None:
         return  # told where the section is read
 
 
-def at_their_epochs(reading: Reading, groups: list[Group]) -> list[Group]:
+def at_their_epochs(reading: Reading, groups: list[ReadGroup]) -> list[ReadGroup]:
     """The groups, rows that see points with velocities or oscillations apart, as their twins."""
     if not reading.motion.points:
         return groups
@@ -385,7 +385,7 @@ def at_their_epochs(reading: Reading, groups: list[Group]) -> list[Group]:
     return [part for group in groups for part in _at_its_epochs(reading, group)]
 
 
-def _settle_first_epochs(reading: Reading, groups: list[Group]) -> None:
+def _settle_first_epochs(reading: Reading, groups: list[ReadGroup]) -> None:
     """Points with coordinates of every epoch have their own in the first one that sees them."""
     motion = reading.motion
     free = np.array(sorted(b for b, point in motion.points.items() if point.own_epochs), dtype=np.int64)
@@ -403,7 +403,7 @@ def _settle_first_epochs(reading: Reading, groups: list[Group]) -> None:
             point.by_epoch[min(point.epochs, key=motion.times.__getitem__)] = block
 
 
-def _at_its_epochs(reading: Reading, found: Group) -> list[Group]:
+def _at_its_epochs(reading: Reading, found: ReadGroup) -> list[ReadGroup]:
     motion, group = reading.motion, found.group
     positions = [k for k, slot in enumerate(group.type.slots) if slot.kind == "point"]
     own = np.array(sorted(motion.points), dtype=np.int64)
@@ -466,7 +466,7 @@ def _renamed(reading: Reading, names: Names, own: IntArray, placed: IntArray) ->
     return Names(numbers, (*names.known, *(ids[block] for block in others.tolist())))
 
 
-def _moving(found: Group, motions: list[IntArray], constants: np.ndarray) -> Group:
+def _moving(found: ReadGroup, motions: list[IntArray], constants: np.ndarray) -> ReadGroup:
     group = found.group
     return replace(
         found,
@@ -479,7 +479,7 @@ def _moving(found: Group, motions: list[IntArray], constants: np.ndarray) -> Gro
     )
 
 
-def _some(found: Group, rows: IntArray) -> Group:
+def _some(found: ReadGroup, rows: IntArray) -> ReadGroup:
     """Some rows of a group as it was read."""
     if len(rows) == found.group.count:
         return found

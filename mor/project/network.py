@@ -9,7 +9,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from mor.errors import InputError, Message, Undeterminable, counted
+from mor.errors import InputError, Message, UndeterminedObject, counted
 from mor.input_files import read_text
 from mor.model.earth import LocalSphere
 from mor.model.observation_types import (
@@ -28,10 +28,10 @@ from mor.project.document import Document
 from mor.project.earth import check_held_on_earth
 from mor.project.entities import (
     Entities,
-    Lines,
-    Motion,
     Reading,
+    RowTimes,
     TableWatcher,
+    TimeModel,
     Trajectory,
     entities,
     ignore_table,
@@ -52,11 +52,11 @@ from mor.project.prior_knowledge import (
     refuse_axes_of_spheres,
     variant_groups,
 )
-from mor.project.reference_system import World
-from mor.project.rows import Group, check_undeclared, drop_unused_orientations, refuse_fixed
-from mor.project.schema import Datum, Observations, Project
+from mor.project.reference_system import EarthModel
+from mor.project.rows import ReadGroup, check_undeclared, drop_unused_orientations, refuse_fixed
+from mor.project.schema import Datum, Observations, ProjectFile
 from mor.project.stations import read_instruments, read_pairs, read_stations, read_systems
-from mor.project.tables import Place
+from mor.project.tables import TableLocation
 from mor.project.trajectories import read_trajectories, steadiness_groups
 from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
 
@@ -98,7 +98,7 @@ def refuse_files_named_twice(reading: Reading) -> None:
                 seen[key] = line
 
 
-def _entries(project: Project) -> dict[str, list[Observations]]:
+def _entries(project: ProjectFile) -> dict[str, list[Observations]]:
     return {"observations": list(project.observations), "checks": list(project.checks)}
 
 
@@ -131,7 +131,7 @@ class Correlation(NamedTuple):
     covariance: FloatArray
 
 
-def correlations(reading: Reading, groups: list[Group]) -> tuple[Correlation, ...]:
+def correlations(reading: Reading, groups: list[ReadGroup]) -> tuple[Correlation, ...]:
     """All correlated clusters of the groups, checked to be positive definite."""
     result: list[Correlation] = []
     clusters: dict[str, list[int]] = {}
@@ -150,7 +150,7 @@ def correlations(reading: Reading, groups: list[Group]) -> tuple[Correlation, ..
     return tuple(result)
 
 
-def _by_row(reading: Reading, groups: list[Group], number: int) -> list[Correlation]:
+def _by_row(reading: Reading, groups: list[ReadGroup], number: int) -> list[Correlation]:
     group = groups[number]
     covariances = group.covariances
     assert covariances is not None
@@ -170,7 +170,7 @@ def _by_row(reading: Reading, groups: list[Group], number: int) -> list[Correlat
     return result
 
 
-def _by_cluster(reading: Reading, groups: list[Group], number: int) -> list[Correlation]:
+def _by_cluster(reading: Reading, groups: list[ReadGroup], number: int) -> list[Correlation]:
     """A matrix for the rows of each cluster: the rows of a covariance are those of its own cluster alone."""
     found = groups[number]
     place = reading.at("observations", found.entry)
@@ -222,7 +222,7 @@ def wrong_rows(given: Sequence[Sequence[float]], members: list[IntArray], names:
     return ""
 
 
-def _over_groups(reading: Reading, groups: list[Group], members: list[int]) -> list[Correlation]:
+def _over_groups(reading: Reading, groups: list[ReadGroup], members: list[int]) -> list[Correlation]:
     """One matrix over all entries of the member groups, in the order in which they are given."""
     parts = [_entries_of_correlation(groups, number) for number in members]
     where, rows, components = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
@@ -253,7 +253,7 @@ def _over_groups(reading: Reading, groups: list[Group], members: list[int]) -> l
     return [Correlation(where, rows, components, covariance)]
 
 
-def _entries_of_correlation(groups: list[Group], number: int) -> tuple[IntArray, IntArray, IntArray]:
+def _entries_of_correlation(groups: list[ReadGroup], number: int) -> tuple[IntArray, IntArray, IntArray]:
     rows, components = np.nonzero(groups[number].group.mask)
     return np.full(len(rows), number), rows.astype(np.int64), components.astype(np.int64)
 
@@ -272,7 +272,7 @@ class _Inside(NamedTuple):
         return carried
 
 
-def _inside(groups: list[Group], where: IntArray, rows: IntArray, components: IntArray) -> _Inside:
+def _inside(groups: list[ReadGroup], where: IntArray, rows: IntArray, components: IntArray) -> _Inside:
     """Return the conversion of entries, in the order of their groups and rows, to internal ones.
 
     Where only some components of a row are observed, turned axes put them elsewhere: they keep their order as given.
@@ -288,7 +288,7 @@ def _inside(groups: list[Group], where: IntArray, rows: IntArray, components: In
     return _Inside(order, factor)
 
 
-def _matrix(reading: Reading, entry: Observations, place: Place) -> FloatArray | None:
+def _matrix(reading: Reading, entry: Observations, place: TableLocation) -> FloatArray | None:
     rows = rows_of_covariance(entry, place, reading.problems)
     if rows is None:
         return None
@@ -299,7 +299,7 @@ def _matrix(reading: Reading, entry: Observations, place: Place) -> FloatArray |
 
 
 def rows_of_covariance(
-    entry: Observations, place: Place, problems: list[Message]
+    entry: Observations, place: TableLocation, problems: list[Message]
 ) -> Sequence[Sequence[float]] | None:
     """Rows of the matrix of a table, from the project or a file; ``None`` if ``problems`` were added instead."""
     if not isinstance(entry.covariance, str):
@@ -404,7 +404,7 @@ class DatumChoice(NamedTuple):
 class Network:
     """Everything that was read, in internal units and axes; start values may still be missing (NaN)."""
 
-    project: Project
+    project: ProjectFile
     edge: Edge
     scales: Mapping[str, ImageScale]
     things: Mapping[str, Entities]
@@ -436,7 +436,7 @@ class Network:
     """What was assumed on reading, to be said to the user."""
     file: str = ""
     """The project file, for mistakes that belong to no single place in it."""
-    world: World | None = None
+    world: EarthModel | None = None
     """The earth under the network: its points are in the horizon of its middle."""
     sphere: LocalSphere | None = None
     """The sphere under a local network: its points are plan coordinates and heights."""
@@ -444,7 +444,7 @@ class Network:
     """Tables of observations in which values are missing: they are planned."""
     candidates: tuple[ObservationGroup, ...] = ()
     """Observations that a plan might have besides; they take no part in the adjustment."""
-    undeterminable: tuple[Undeterminable, ...] = ()
+    undeterminable: tuple[UndeterminedObject, ...] = ()
     """Things that nothing determines, and what was done about them."""
     original: Network | None = None
     """The network as it was read, where something was left out of it or put at infinity."""
@@ -452,13 +452,13 @@ class Network:
     """(n,) blocks of a kind that have no value: left out, or at infinity."""
     directions: Mapping[int, int] = field(default_factory=dict)
     """Rotation block of the direction of each point block that is at infinity."""
-    motion: Motion = field(default_factory=Motion)
+    motion: TimeModel = field(default_factory=TimeModel)
     """Epochs, and the points that move between them."""
     trajectories: Mapping[str, Trajectory] = field(default_factory=dict)
     """Trajectories by name; the part ``trajectory`` of an image is the number of one."""
     image_times: Mapping[str, float] = field(default_factory=dict)
     """Time of each image on a trajectory, of a line scanner that of its first line."""
-    lines: Mapping[str, Lines] = field(default_factory=dict)
+    lines: Mapping[str, RowTimes] = field(default_factory=dict)
     """Times of the rows of each image of a line scanner."""
     untied: tuple[Message, ...] = ()
     """Parts whose place among the others no start values were found for: said where there is no solution."""
@@ -484,7 +484,7 @@ _READERS = {
 
 
 def read_things(
-    project: Project,
+    project: ProjectFile,
     document: Document,
     folder: Path,
     read: TableWatcher = ignore_table,
@@ -492,7 +492,9 @@ def read_things(
 ) -> Reading:
     """Points, images, stations and all else that a project names, before any observation; with all mistakes found."""
     edge = Edge(project.units, project.axes)
-    reading = Reading(project, Place(document, (), folder), edge, workshop(), [], read, planned=planned)
+    reading = Reading(
+        project, TableLocation(document, (), folder), edge, workshop(), [], read, planned=planned
+    )
     for space, reader in _READERS.items():
         before = len(reading.problems)
         reader(reading)
@@ -506,7 +508,7 @@ def read_things(
 
 
 def build_network(
-    project: Project,
+    project: ProjectFile,
     document: Document,
     folder: Path,
     read: TableWatcher = ignore_table,
@@ -615,7 +617,7 @@ def _network(
 
 
 def _in_order(
-    read_in: list[Group], parameters: list[tuple[int, ObservationGroup]]
+    read_in: list[ReadGroup], parameters: list[tuple[int, ObservationGroup]]
 ) -> tuple[list[ObservationGroup], IntArray]:
     """All groups in the order of their entries, and where (n,) each of those ``read_in`` has come to stand."""
     entries = [*((group.entry, group.group) for group in read_in), *parameters]
@@ -749,7 +751,7 @@ def rows_of_points(network: Network) -> IntArray:
     return rows
 
 
-def without_blocks(network: Network, marked: Marked, things: Sequence[Undeterminable]) -> Network:
+def without_blocks(network: Network, marked: Marked, things: Sequence[UndeterminedObject]) -> Network:
     """The network without some blocks and all observations that refer to them; ``things`` says what they are."""
     kept = [~touches(group, marked) for group in network.groups]
     blocks = {
@@ -770,7 +772,7 @@ def without_blocks(network: Network, marked: Marked, things: Sequence[Undetermin
     )
 
 
-def with_blocks_held(network: Network, marked: Marked, things: Sequence[Undeterminable]) -> Network:
+def with_blocks_held(network: Network, marked: Marked, things: Sequence[UndeterminedObject]) -> Network:
     """The network with some blocks held where they are, of which no observation that counts says anything.
 
     Their observations stay, for they are told. ``things`` says what they are.
@@ -795,7 +797,7 @@ def with_points_at_infinity(
     start: Values,
     points: IntArray,
     directions: FloatArray,
-    things: Sequence[Undeterminable],
+    things: Sequence[UndeterminedObject],
 ) -> tuple[Network, dict[str, FloatArray]]:
     """The network with the rays to ``points`` (k,) as rays to directions, and its start values.
 

@@ -24,7 +24,7 @@ from mor.model.observation_types import (
     PROJECTION_CENTRE_TYPES,
     ObservationGroup,
     ObservationType,
-    SetUp,
+    SetUpSigmas,
     Slot,
     to_projection_centres,
 )
@@ -45,7 +45,7 @@ from mor.project.images import phase_constants
 from mor.project.motion import EPOCH, at_their_epochs, row_epochs
 from mor.project.rows import (
     CLUSTER,
-    Group,
+    ReadGroup,
     Resolved,
     air_columns,
     check_different,
@@ -62,7 +62,7 @@ from mor.project.rows import (
     without_required,
 )
 from mor.project.schema import Camera, Observations
-from mor.project.tables import Column, Place, Rows, number_column, read_table, tell_rows
+from mor.project.tables import Column, Rows, TableLocation, number_column, read_table, tell_rows
 from mor.project.trajectories import (
     NAVIGATION,
     TRAJECTORY,
@@ -111,7 +111,9 @@ def raw_image(name: str, required: bool = False) -> Column:
     return Column(name, parse=plain, factor=lambda unit: 1.0, required=required)
 
 
-def image_groups(reading: Reading, entry: Observations, number: int, rows: Rows, place: Place) -> list[Group]:
+def image_groups(
+    reading: Reading, entry: Observations, number: int, rows: Rows, place: TableLocation
+) -> list[ReadGroup]:
     """One group for every camera and kind of image (single, stereo follower) of an entry."""
     images = reading.shop.things["image"]
     image, point = (named_things(reading, name, name, rows) for name in ("image", "point"))
@@ -142,11 +144,11 @@ def _image_group(
     entry: Observations,
     number: int,
     rows: Rows,
-    place: Place,
+    place: TableLocation,
     image: Names,
     point: Names,
     chosen: IntArray,
-) -> Group | None:
+) -> ReadGroup | None:
     images = reading.shop.things["image"]
     first = image.numbers[0]
     camera_name = reading.shop.things["camera"].ids[images.parts["camera"][first]]
@@ -197,7 +199,7 @@ def _image_group(
     )
     if not sigma_is_good(group, rows, chosen, reading.problems):
         return None
-    return Group(group, number, chosen, np.eye(2), factors)
+    return ReadGroup(group, number, chosen, np.eye(2), factors)
 
 
 def _blocks_beside(
@@ -329,12 +331,12 @@ TYPE_NAMES = ("image", *PLAIN_TYPES)
 _NOT_PLANNED = "visible is for what is planned (mor design, mor simulate); here a file or rows are expected"
 
 
-def read_groups(reading: Reading, of_features: bool = False) -> list[Group]:
+def read_groups(reading: Reading, of_features: bool = False) -> list[ReadGroup]:
     """Return the observation groups that are named by a type; images are split by camera model.
 
     Those between features are read when there are features, with ``of_features``, all others before.
     """
-    result: list[Group] = []
+    result: list[ReadGroup] = []
     for number, entry in enumerate(reading.project.observations):
         place = reading.at("observations", number)
         if entry.type in ("parameter", "difference") or (entry.type in RELATION_TYPES) != of_features:
@@ -387,7 +389,7 @@ def read_groups(reading: Reading, of_features: bool = False) -> list[Group]:
 
 
 def _in_projection(
-    reading: Reading, entry: Observations, type_: ObservationType, place: Place
+    reading: Reading, entry: Observations, type_: ObservationType, place: TableLocation
 ) -> ObservationType | None:
     """The type in the projection that it refers to; ``None`` if there is a mistake in that."""
     if not is_open(type_):
@@ -400,7 +402,7 @@ def _in_projection(
 
 
 def _with_convergence(
-    reading: Reading, type_: ObservationType, rows: Rows, place: Place
+    reading: Reading, type_: ObservationType, rows: Rows, place: TableLocation
 ) -> ObservationType | None:
     from mor.project.earth import with_convergence_at_images  # most projects need nothing of it
 
@@ -488,8 +490,13 @@ def _covariance_column(a: Component, b: Component, reading: Reading) -> Column:
 
 
 def _plain_group(
-    reading: Reading, entry: Observations, number: int, type_: ObservationType, rows: Rows, place: Place
-) -> Group | None:
+    reading: Reading,
+    entry: Observations,
+    number: int,
+    type_: ObservationType,
+    rows: Rows,
+    place: TableLocation,
+) -> ReadGroup | None:
     named = {reference.name: resolve(reading, reference, rows) for reference in type_.references}
     different = check_different(type_, rows, reading.problems)
     instrument = instrument_blocks(reading, entry, place)
@@ -547,10 +554,10 @@ def _plain_group(
     factors = np.array([_sigma_factor(reading, entry, c) for c in type_.components])
     epochs = row_epochs(reading, rows, type_.references, group.references)
     own = covariance_of_rows(rows, type_)
-    return Group(group, number, everything, transform, factors, own, clusters, epochs)
+    return ReadGroup(group, number, everything, transform, factors, own, clusters, epochs)
 
 
-def _clusters(entry: Observations, rows: Rows, place: Place, reading: Reading) -> Names | None:
+def _clusters(entry: Observations, rows: Rows, place: TableLocation, reading: Reading) -> Names | None:
     """Names of the clusters that rows belong to, where a table says them."""
     if CLUSTER not in rows.texts:
         return None
@@ -661,16 +668,16 @@ def _grows(type_: ObservationType) -> bool:
     return type_.distances is not None and any(c.quantity.length == 1 for c in type_.components)
 
 
-def _centring(reading: Reading, entry: Observations, place: Place) -> SetUp:
+def _centring(reading: Reading, entry: Observations, place: TableLocation) -> SetUpSigmas:
     given = entry.centring
     if given is None:
-        return SetUp()
+        return SetUpSigmas()
     texts = (given.instrument, given.target, given.instrument_height, given.target_height)
     try:
-        return SetUp(*(reading.edge.number(text, LENGTH) for text in texts))
+        return SetUpSigmas(*(reading.edge.number(text, LENGTH) for text in texts))
     except UnitError as error:
         reading.problems.append(place.problem(f"centring: {error}", "centring"))
-        return SetUp()
+        return SetUpSigmas()
 
 
 # ------------------------------------------------------------

@@ -12,14 +12,14 @@ from mor.errors import InputError, Message
 from mor.model.cameras import CAMERA_MODELS, CameraModel
 from mor.model.geodetic import Attitude, InPlane
 from mor.model.images import PHASE, READOUT_SLOT, ROW, SCANNER, is_read_out_along, phases
-from mor.model.motion import Pose, pose_at
+from mor.model.motion import TrajectoryPoses, pose_at
 from mor.model.observation_types import ObservationGroup
 from mor.model.rotations import into_frame
 from mor.model.trajectory import knot_count
 from mor.project.earth import MEANT, PlaneError, needs_convergence, needs_place, plane_of
-from mor.project.entities import Entities, Lines, Trajectory
+from mor.project.entities import Entities, RowTimes, Trajectory
 from mor.project.network import Network
-from mor.project.reference_system import World, reference_system
+from mor.project.reference_system import EarthModel, reference_system
 from mor.project.trajectories import TRAJECTORY, row_times
 from mor.types import FloatArray, IntArray
 
@@ -81,7 +81,7 @@ def _camera(network: Network, image: str) -> str:
     return network.things["camera"].ids[network.things["image"].part(image, "camera")]
 
 
-def _rows_at(lines: Lines, times: FloatArray) -> FloatArray:
+def _rows_at(lines: RowTimes, times: FloatArray) -> FloatArray:
     """Rows (n,) that are scanned at ``times``; of a steady rate before and behind the lines as well."""
     if lines.steady:
         step = np.diff(lines.times)[0] / np.diff(lines.rows)[0]
@@ -104,7 +104,7 @@ class _Sight:
         self.constants = group.constants[mine, : -len(ROW) - 1 - order**2]
         self.model: CameraModel = CAMERA_MODELS[group.type.key.partition("/")[2]]
 
-    def aside(self, pose: Pose, rows: IntArray) -> FloatArray:
+    def aside(self, pose: TrajectoryPoses, rows: IntArray) -> FloatArray:
         """(n,) y of points less that of the line, seen from a pose each; NaN behind the camera."""
         frame = into_frame(
             pose.position,
@@ -119,7 +119,7 @@ class _Sight:
         ahead = self.model.sees_behind | (frame.star[:, 2] < 0.0)
         return np.where(ahead, y - measured[:, 1], np.nan)
 
-    def poses(self, times: FloatArray) -> Pose:
+    def poses(self, times: FloatArray) -> TrajectoryPoses:
         """The poses at ``times`` (n,)."""
         clock, flown = self.trajectory.clock(times), self.trajectory
         weights = clock.constants[:, 1:].reshape(len(times), flown.order, flown.order)
@@ -132,7 +132,7 @@ class _Sight:
         )
 
 
-def _crossings(sight: _Sight, lines: Lines) -> FloatArray:
+def _crossings(sight: _Sight, lines: RowTimes) -> FloatArray:
     """Times (n,) at which points cross the line of their camera for the first time, NaN if they do not."""
     ends = _ends(sight.trajectory, lines)
     found = np.full(len(sight.point), np.nan)
@@ -159,13 +159,13 @@ def _halved(sight: _Sight, rows: IntArray, low: FloatArray, high: FloatArray) ->
     return np.asarray(high)
 
 
-def _repeated(pose: Pose, count: int) -> Pose:
+def _repeated(pose: TrajectoryPoses, count: int) -> TrajectoryPoses:
     """The poses (k,) again and again, ``count`` times; of them what a sight needs."""
     position, rotation = np.tile(pose.position, (count, 1)), np.tile(pose.rotation, (count, 1, 1))
     return replace(pose, position=position, rotation=rotation)
 
 
-def _ends(trajectory: Trajectory, lines: Lines) -> FloatArray:
+def _ends(trajectory: Trajectory, lines: RowTimes) -> FloatArray:
     """Ascending times from the first line on, parts of intervals of knots apart, to the end of the stretch."""
     begin = float(lines.times[0])
     before = max(int(np.searchsorted(trajectory.times, begin, side="right")) - 1, 0)
@@ -203,7 +203,7 @@ class ImagePoses(NamedTuple):
     """(n, k) point blocks of the knots."""
     rotations: IntArray
     """(n, k) rotation blocks of the knots."""
-    pose: Pose
+    pose: TrajectoryPoses
 
 
 class Flights(Protocol):
@@ -321,7 +321,7 @@ def with_planes_over(network: Network, places: Mapping[str, FloatArray]) -> Netw
     return replace(network, **of_all)  # type: ignore[arg-type]
 
 
-def _over(world: World, group: ObservationGroup, points: FloatArray) -> ObservationGroup:
+def _over(world: EarthModel, group: ObservationGroup, points: FloatArray) -> ObservationGroup:
     equation = group.type.equation
     if not isinstance(equation, InPlane | Attitude) or equation.plane is None:
         return group
@@ -361,7 +361,9 @@ def known_at_place(network: Network, place: Mapping[str, FloatArray]) -> Network
     return with_planes_over(replace(network, **of_all), place)  # type: ignore[arg-type]
 
 
-def _known(network: Network, world: World, group: ObservationGroup, points: FloatArray) -> ObservationGroup:
+def _known(
+    network: Network, world: EarthModel, group: ObservationGroup, points: FloatArray
+) -> ObservationGroup:
     if needs_convergence(group.type):
         there = world.from_object(points[group.blocks[0]], np.zeros(group.count))
         return replace(group, constants=world.convergence(there[:, :2])[:, None])
@@ -396,7 +398,7 @@ def with_control_moved(network: Network) -> Network:
     return replace(network, groups=groups)
 
 
-def _moved(group: ObservationGroup, world: World) -> ObservationGroup:
+def _moved(group: ObservationGroup, world: EarthModel) -> ObservationGroup:
     axes = world.horizon.local_axes(group.constants)
     shift = np.einsum("nij,ni->nj", axes, np.nan_to_num(group.observed))
     return replace(

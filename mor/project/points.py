@@ -26,10 +26,10 @@ from mor.model.rotations import angles_from_rotation, rotation_from_angles
 from mor.project.axes import Edge, UnitError, external
 from mor.project.entities import Reading, entities, table_label
 from mor.project.reference_system import (
+    EarthModel,
     GridError,
     ReferenceSystem,
     ReferenceSystemError,
-    World,
     deflections,
     geoid_heights,
     middle,
@@ -39,9 +39,9 @@ from mor.project.schema import Origin, Points
 from mor.project.schema import World as WorldSection
 from mor.project.tables import (
     Column,
-    Place,
     Rows,
     Statuses,
+    TableLocation,
     component_columns,
     component_rows,
     number_column,
@@ -61,7 +61,7 @@ _OBSERVED = (
 )
 
 
-def place_names(world: World) -> tuple[str, ...]:
+def place_names(world: EarthModel) -> tuple[str, ...]:
     """Names of the coordinates of frames: ``elevation`` for the height, for ``height`` is that of the instrument."""
     return tuple(name.replace("height", "elevation") for name in world.system.coordinates)
 
@@ -104,7 +104,7 @@ def start_places(reading: Reading, rows: Rows, plain: Statuses) -> Statuses:
     return Statuses(places, plain.free, nothing, nothing)
 
 
-def _geoid(reading: Reading, world: World, rows: Rows, given: FloatArray) -> FloatArray:
+def _geoid(reading: Reading, world: EarthModel, rows: Rows, given: FloatArray) -> FloatArray:
     """N (n,) at places (n, 3): of the column, else of the grid; a mistake where heights need it in vain."""
     if not world.orthometric:
         return np.zeros(len(given))
@@ -280,20 +280,22 @@ def inwards(edge: Edge, statuses: Statuses) -> Statuses:
     )
 
 
-class Seen(NamedTuple):
+class NameColumn(NamedTuple):
     """Names of one table, where they were read."""
 
     names: pl.Series
     rows: Rows
 
 
-def check_unique(what: str, names: list[str], rows: Rows, seen: list[Seen], problems: list[Message]) -> None:
+def check_unique(
+    what: str, names: list[str], rows: Rows, seen: list[NameColumn], problems: list[Message]
+) -> None:
     """Report names that occur twice; ``seen`` remembers the names of the tables before."""
     here = pl.Series(names, dtype=pl.String)
     again = (~here.is_first_distinct()).to_numpy()
     for table in seen:
         again |= here.is_in(table.names.implode()).to_numpy()
-    seen.append(Seen(here, rows))
+    seen.append(NameColumn(here, rows))
     tell_rows(
         problems,
         again,
@@ -302,7 +304,7 @@ def check_unique(what: str, names: list[str], rows: Rows, seen: list[Seen], prob
     )
 
 
-def _first(seen: list[Seen], name: str) -> str:
+def _first(seen: list[NameColumn], name: str) -> str:
     """Words for the place where a name was seen first."""
     for table in seen:
         there = (table.names == name).to_numpy()
@@ -347,7 +349,7 @@ def _columns(reading: Reading, system: ReferenceSystem) -> list[Column]:
 
 
 def read_point_table(
-    reading: Reading, system: ReferenceSystem, number: int, table: Points, seen: list[Seen]
+    reading: Reading, system: ReferenceSystem, number: int, table: Points, seen: list[NameColumn]
 ) -> PointTable | None:
     """A table of points in a system; ``None`` if it cannot be read. Mistakes are told."""
     place = reading.at("points", number)
@@ -511,7 +513,7 @@ def read_world(reading: Reading) -> None:
     tables: list[PointTable] = []
     if system is not None:
         orthometric = _orthometric(reading, section, system)
-        seen: list[Seen] = []
+        seen: list[NameColumn] = []
         for number, table in enumerate(reading.project.points):
             found = read_point_table(reading, system, number, table, seen)
             reading.watch(table.file)
@@ -560,7 +562,7 @@ def _world(
     system: ReferenceSystem,
     tables: Sequence[PointTable],
     orthometric: bool,
-) -> World | None:
+) -> EarthModel | None:
     """The world with geoid heights and deflections of all points; the object system in the middle of the known ones."""
     metres = reading.edge.metres
     unit = Ellipsoid(system.ellipsoid.a / metres, system.ellipsoid.f)
@@ -591,7 +593,7 @@ def _world(
         return None
     flat = horizon.from_geodetic(everything[known])[:, :2]
     extent = np.stack([flat.min(axis=0), flat.max(axis=0)])
-    return World(system, horizon, metres, orthometric, extent, file, at_points)
+    return EarthModel(system, horizon, metres, orthometric, extent, file, at_points)
 
 
 def _horizon(reading: Reading, ellipsoid: Ellipsoid, origin: Origin) -> Horizon | None:
@@ -638,7 +640,7 @@ def _check_area(reading: Reading, system: ReferenceSystem, table: PointTable, ge
     tell_rows(reading.notes, places, table.rows, words)
 
 
-def _add(reading: Reading, world: World, tables: Sequence[PointTable]) -> None:
+def _add(reading: Reading, world: EarthModel, tables: Sequence[PointTable]) -> None:
     """The points as blocks in object coordinates; what is observed with σ becomes groups of control."""
     ids: list[str] = []
     numbers: list[IntArray] = []
@@ -667,7 +669,12 @@ def _add(reading: Reading, world: World, tables: Sequence[PointTable]) -> None:
 
 
 def _control(
-    reading: Reading, world: World, table: PointTable, blocks: IntArray, given: FloatArray, rows: BoolArray
+    reading: Reading,
+    world: EarthModel,
+    table: PointTable,
+    blocks: IntArray,
+    given: FloatArray,
+    rows: BoolArray,
 ) -> ObservationGroup:
     type_ = control(world.horizon)
     sigma = table.sigma[rows]
@@ -685,8 +692,8 @@ def _control(
     )
 
 
-def _note(reading: Reading, world: World) -> None:
-    place: Place = reading.at("world")
+def _note(reading: Reading, world: EarthModel) -> None:
+    place: TableLocation = reading.at("world")
     given = any(np.isfinite(world.at_points[name]).any() for name in DEFLECTIONS)
     verticals = "with the deflections given" if given else "without deflections"
     words = f"{world.system.name}: verticals are normals of the ellipsoid, {verticals}"
@@ -705,7 +712,7 @@ def read_points(reading: Reading) -> None:
         return
     ids: list[str] = []
     numbers: list[IntArray] = []
-    seen: list[Seen] = []
+    seen: list[NameColumn] = []
     for k, table in enumerate(reading.project.points):
         reading.begin("points", k, table)
         found = _read_points_table(reading, table, reading.at("points", k), seen)
@@ -736,7 +743,7 @@ def point_columns(reading: Reading) -> list[Column]:
 
 
 def _read_points_table(
-    reading: Reading, table: Points, place: Place, seen: list[Seen]
+    reading: Reading, table: Points, place: TableLocation, seen: list[NameColumn]
 ) -> tuple[list[str], IntArray] | None:
     rows = read_table(table, point_columns(reading), place, reading.problems)
     if rows is None:

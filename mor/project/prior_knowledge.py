@@ -37,10 +37,10 @@ from mor.project.entities import (
     table_label,
     unknown_name,
 )
-from mor.project.rows import Group, group_name, without_required
+from mor.project.rows import ReadGroup, group_name, without_required
 from mor.project.schema import Feature, Observations
-from mor.project.shapes import FREEDOM, Fit, Held, fit_shape
-from mor.project.tables import MOST_TOLD, Column, Place, Rows, read_table, settings
+from mor.project.shapes import FREEDOM, FittedShape, Held, fit_shape
+from mor.project.tables import MOST_TOLD, Column, Rows, TableLocation, read_table, settings
 from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.units import ANGLE, LENGTH
 
@@ -202,7 +202,7 @@ def feature_groups(reading: Reading) -> list[ObservationGroup]:
     return groups
 
 
-def refuse_axes_of_spheres(reading: Reading, groups: Iterable[Group]) -> None:
+def refuse_axes_of_spheres(reading: Reading, groups: Iterable[ReadGroup]) -> None:
     """Report observed axes of features that have none."""
     spheres = {feature.id for feature in reading.project.features if feature.type == "sphere"}
     for read in groups:
@@ -259,7 +259,7 @@ def _feature_group(
     return _observed_zero(reading, feature, first, other, sigma, systems)
 
 
-def _wrong_keys(feature: Feature, place: Place, systems: dict[str, _System]) -> list[Message]:
+def _wrong_keys(feature: Feature, place: TableLocation, systems: dict[str, _System]) -> list[Message]:
     """Sizes that a feature does not have, and features that its axis cannot come from."""
     problems = []
     free = FREEDOM[feature.type].shape if feature.type in FREEDOM else np.zeros(SHAPE.size, dtype=bool)
@@ -346,7 +346,7 @@ def _on_shape(
     unfitted = (
         np.eye(3) if held is None else PERPENDICULAR @ held.rotation if held.perpendicular else held.rotation
     )
-    fit = fit or Fit(unfitted, np.zeros(3), np.zeros(3), size.values[0])
+    fit = fit or FittedShape(unfitted, np.zeros(3), np.zeros(3), size.values[0])
     unknown = size.free & np.isnan(size.values)
     size.values[unknown] = fit.shape[unknown[0]]
     system = _add_system(reading, feature, systems, fit, free.turns, free.offset)
@@ -410,7 +410,7 @@ def _observed_zero(
         observed[: len(first), 2] = 0.0
         observed[len(first) :, 0] = 0.0
     label = feature_label(feature)
-    fit = Fit(D, centre, np.zeros(3), np.zeros(3))
+    fit = FittedShape(D, centre, np.zeros(3), np.zeros(3))
     systems[feature.id] = system = _add_system(reading, feature, systems, fit, turns, offsets)
     count = len(members)
     return ObservationGroup(
@@ -431,7 +431,7 @@ def _add_system(
     reading: Reading,
     feature: Feature,
     systems: dict[str, _System],
-    fit: Fit,
+    fit: FittedShape,
     turns: BoolArray,
     offsets: BoolArray,
 ) -> _System:
@@ -652,7 +652,7 @@ _WITH_NEUTRAL = (
 """Kinds whose block number 0 is the neutral one of all that declare none."""
 
 
-class _Place(NamedTuple):
+class _BlockComponent(NamedTuple):
     """A component of a block: internal axes, and the sign that takes project axes to them."""
 
     kind: str
@@ -727,7 +727,9 @@ class _UnknownThingError(Exception):
     """A name is missing from a table that has mistakes of its own."""
 
 
-def _known(reading: Reading, entry: Observations, rows: Rows, i: int, places: list[_Place]) -> _Known:
+def _known(
+    reading: Reading, entry: Observations, rows: Rows, i: int, places: list[_BlockComponent]
+) -> _Known:
     """A row in internal units and axes. Raises ``ValueError`` with what is wrong."""
     if len({place.kind for place in places}) > 1:
         raise ValueError("a difference needs two blocks of the same kind")
@@ -750,7 +752,7 @@ def _known(reading: Reading, entry: Observations, rows: Rows, i: int, places: li
     return _Known(i, blocks, place.component, given["value"] * place.sign, sigma)
 
 
-def _find(reading: Reading, name: str, component: str) -> _Place:
+def _find(reading: Reading, name: str, component: str) -> _BlockComponent:
     """The component behind ``camera C1`` and ``c``. Raises ``ValueError`` where there is none."""
     space, _, bare = name.partition(" ")
     if space not in PARTS:
@@ -776,7 +778,7 @@ def _find(reading: Reading, name: str, component: str) -> _Place:
             if block < 0 or (block == 0 and kind.key in _WITH_NEUTRAL) or _is_neutral(reading, kind, block):
                 raise ValueError(f"{name} has no {component} of its own: give it one where it is declared")
             scale = reading.scales[camera] if camera is not None else None
-            return _Place(kind.key, block, *_internal(reading, space, kind, k), scale)
+            return _BlockComponent(kind.key, block, *_internal(reading, space, kind, k), scale)
     words = f"{name} has no component {component!r}{nearest(component, known)} (known: {', '.join(known)})"
     raise ValueError(words)
 

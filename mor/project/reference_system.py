@@ -353,7 +353,7 @@ def _short(text: str) -> str:
 
 
 @dataclass(frozen=True)
-class World:
+class EarthModel:
     """The earth under a network. Lengths are in the unit of the project."""
 
     system: ReferenceSystem

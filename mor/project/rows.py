@@ -18,7 +18,7 @@ from mor.project.axes import Edge, UnitError
 from mor.project.entities import Reading, entities, unknown_name
 from mor.project.points import add_free_points
 from mor.project.schema import Observations
-from mor.project.tables import MOST_TOLD, Column, Place, Rows, number_column, tell_rows
+from mor.project.tables import MOST_TOLD, Column, Rows, TableLocation, number_column, tell_rows
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import LENGTH, NUMBER
 
@@ -78,7 +78,7 @@ CLUSTER = "cluster"
 
 
 @dataclass(frozen=True)
-class Group:
+class ReadGroup:
     """A group as read, and what its correlations refer to."""
 
     group: ObservationGroup
@@ -276,7 +276,7 @@ _NEUTRAL = ("distance meter", "refraction", "gnss frame")
 """Parts of instruments whose block 0 is that of none; others have none."""
 
 
-def instrument_blocks(reading: Reading, entry: Observations, place: Place) -> dict[str, int]:
+def instrument_blocks(reading: Reading, entry: Observations, place: TableLocation) -> dict[str, int]:
     """Blocks of the instrument of a group, neutral ones or -1 where it names none; nothing if it is unknown."""
     instruments = reading.shop.things["instrument"]
     if entry.instrument is None:
@@ -594,7 +594,7 @@ def air_columns(edge: Edge) -> list[Column]:
 
 
 def corrected(
-    reading: Reading, entry: Observations, rows: Rows, given: FloatArray, place: Place
+    reading: Reading, entry: Observations, rows: Rows, given: FloatArray, place: TableLocation
 ) -> FloatArray:
     """Distances (n, 1) with their first velocity corrections, where the table has columns of the air."""
     found = {name: rows.number(name) for name in AIR}
@@ -621,7 +621,7 @@ def corrected(
     return given * (1.0 + correction[:, None])
 
 
-def _constants(reading: Reading, entry: Observations, place: Place) -> tuple[float, float] | None:
+def _constants(reading: Reading, entry: Observations, place: TableLocation) -> tuple[float, float] | None:
     """C and D of the instrument of a group; told where they are missing."""
     name = entry.instrument
     instrument = reading.project.instruments.get(name) if name is not None else None

@@ -78,7 +78,7 @@ class Strict(BaseModel):
 _SAID = {"file": "a file", "direction": "a direction", "surface": "a surface"}
 
 
-class Table(Strict):
+class TableEntry(Strict):
     """Rows, here or in a file beside the project."""
 
     name: Text | None = Field(default=None, description="Name in reports; default the file or the type")
@@ -114,7 +114,7 @@ class Table(Strict):
     )
 
     @model_validator(mode="after")
-    def _one_source(self) -> Table:
+    def _one_source(self) -> TableEntry:
         given = [key for key, value in self.sources.items() if value is not None]
         if len(given) != 1:
             *others, last = (_SAID.get(key, key) for key in self.sources)
@@ -224,7 +224,7 @@ class Epochs(Strict):
     )
 
 
-class MotionEntry(Table):
+class MotionEntry(TableEntry):
     """Points that move alike: all that are named, or those of a table with a column id."""
 
     model: Literal["velocity", "seasonal", "steps", "epochs"] = Field(
@@ -361,7 +361,7 @@ class Surface(Strict):
         return self
 
 
-class Normals(Table):
+class Normals(TableEntry):
     """Normals of targets, which point to where they can be seen from: a table id, nx, ny, nz, or one for many."""
 
     points: list[Name] = Field(
@@ -529,7 +529,7 @@ class Steadiness(Strict):
     attitude: Measure | None = Field(default=None, description="σ about each axis, e.g. 0.1 deg/s^2")
 
 
-class TrajectoryEntry(Table):
+class TrajectoryEntry(TableEntry):
     """Knots of trajectories: trajectory, time, x, y, z, omega, phi, kappa; sigma columns make components observed."""
 
     fixed: list[Literal["x", "y", "z", "omega", "phi", "kappa"]] = Field(
@@ -556,7 +556,7 @@ class TrajectoryEntry(Table):
     )
 
 
-class LineTimes(Table):
+class LineTimes(TableEntry):
     """Times of the lines of scanners, where their rate is not steady: image, row, time; in between they are linear."""
 
     name: Text | None = Field(default=None, description="Name in messages; default the file")
@@ -683,7 +683,7 @@ class Camera(Strict):
         return self
 
 
-class Points(Table):
+class Points(TableEntry):
     """Points: id, x, y, z; sigma columns make components observed."""
 
     fixed: list[Literal["x", "y", "z"]] = Field(
@@ -700,7 +700,7 @@ _POSE = Literal["x", "y", "z", "omega", "phi", "kappa"]
 _SET_UP = Literal["height", "rx", "ry", "rz", "vx", "vy", "vz", "rate_x", "rate_y", "rate_z"]
 
 
-class Images(Table):
+class Images(TableEntry):
     """Images: id, camera, x, y, z, omega, phi, kappa; sigma columns make components observed."""
 
     fixed: list[_POSE | _SET_UP] = Field(default_factory=list, description="Components held as they are")
@@ -710,7 +710,7 @@ class Images(Table):
     )
 
 
-class Stations(Table):
+class Stations(TableEntry):
     """Theodolite stations or sets: id, point, height, set-up orientation."""
 
     level: Literal["fixed", "free"] | Measure = Field(
@@ -725,7 +725,7 @@ class Stations(Table):
     )
 
 
-class Systems(Table):
+class Systems(TableEntry):
     """Local systems: id, x, y, z, omega, phi, kappa, scale; rx, ry, rz, the local coordinates of the origin."""
 
     fixed: list[_POSE | Literal["scale", "rx", "ry", "rz"]] = Field(
@@ -771,7 +771,7 @@ class Feature(Strict):
     )
 
 
-class Pairs(Table):
+class Pairs(TableEntry):
     """Relative orientations of stereo pairs: id, bx, by, bz, omega, phi, kappa."""
 
     fixed: list[Literal["bx", "by", "bz", "omega", "phi", "kappa"]] = Field(
@@ -779,7 +779,7 @@ class Pairs(Table):
     )
 
 
-class Observations(Table):
+class Observations(TableEntry):
     """A group of observations of one type."""
 
     type: Text = Field(description="Type of the observations: image, distance, directions and more")
@@ -906,8 +906,10 @@ class Report(Strict):
     )
 
 
-class Project(Strict):
+class ProjectFile(Strict):
     """A project file of mor, version 1."""
+
+    model_config = ConfigDict(title="Project")
 
     mor: Literal["1"] = Field(description="Version of the project file")
     title: str = Field(default="", description="Heads the reports")
@@ -990,7 +992,7 @@ def project_schema() -> str:
 
     Numbers may be written as numbers or as texts, as YAML has them.
     """
-    lenient = _lenient(Project.model_json_schema())
+    lenient = _lenient(ProjectFile.model_json_schema())
     assert isinstance(lenient, dict)
     schema = {
         "$schema": "https://json-schema.org/draft/2020-12/schema",
@@ -1023,9 +1025,9 @@ def _lenient(node: object) -> object:
 _OTHER_KIND = {"string_type", "dict_type", "list_type", "model_type", "model_attributes_type"}
 
 
-def validate(document: Document) -> Project:
+def validate(document: Document) -> ProjectFile:
     """The model of a project. Raises :class:`InputError` with every mistake found."""
-    return validated(document, Project)
+    return validated(document, ProjectFile)
 
 
 def validated(document: Document, model: type[Model]) -> Model:
@@ -1057,7 +1059,7 @@ def _without_empty(data: Any, path: KeyPath) -> Any:
         ]
     if not isinstance(data, dict):
         return data
-    known = set(_known_keys(path, Project))
+    known = set(_known_keys(path, ProjectFile))
     kept = {key: value for key, value in data.items() if value is not None or key not in known}
     return {key: _without_empty(value, (*path, key)) for key, value in kept.items()}
 

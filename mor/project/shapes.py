@@ -69,7 +69,7 @@ class Held(NamedTuple):
     """(3,) true for components of r̄ that are held."""
 
 
-class Fit(NamedTuple):
+class FittedShape(NamedTuple):
     """A shape in its local system, x̄ = D (X − X0) + r̄."""
 
     rotation: FloatArray
@@ -84,7 +84,7 @@ def fit_shape(
     points: FloatArray,
     shape: FloatArray,
     held: Held | None = None,
-) -> Fit | None:
+) -> FittedShape | None:
     """Fit a shape to points (n, 3) by least squares; ``None`` if they are too few or lie on no such shape.
 
     Components of ``shape`` (3,) that are known stay, those that are not are NaN. ``held`` is what another feature
@@ -119,8 +119,8 @@ def fit_shape(
     D, _, offset, found = _opened_upwards(best) if free.turns.any() else best
     found, offset = found * np.array([size, size, 1.0]), offset * size
     if origin is None:
-        return Fit(D, centre - offset @ D, np.zeros(3), found)
-    return Fit(D, centre, offset, found)
+        return FittedShape(D, centre - offset @ D, np.zeros(3), found)
+    return FittedShape(D, centre, offset, found)
 
 
 def _candidates(q: FloatArray, free: Freedom, held: Held | None) -> list[FloatArray]:
@@ -150,7 +150,7 @@ def _about(z: FloatArray) -> FloatArray:
     return np.stack([x, np.cross(z, x), z])
 
 
-def _guess(type_: str, q: FloatArray, D: FloatArray, known: FloatArray, free: Freedom) -> Fit | None:
+def _guess(type_: str, q: FloatArray, D: FloatArray, known: FloatArray, free: Freedom) -> FittedShape | None:
     """Algebraic fit about the z axis of D: ρ² is linear in the centre, in ρ0² − r² and, of a cone, in z̄² and z̄."""
     local = q @ D.T
     z = local[:, 2]
@@ -173,21 +173,21 @@ def _guess(type_: str, q: FloatArray, D: FloatArray, known: FloatArray, free: Fr
     if type_ == "torus":
         away = np.hypot(*(local[:, :2] + offset[:2]).T) - shape[0]
         shape[1] = np.sqrt(np.mean(away**2 + (z + offset[2]) ** 2))
-    return Fit(D, np.zeros(3), offset, np.where(np.isnan(known), shape, known))
+    return FittedShape(D, np.zeros(3), offset, np.where(np.isnan(known), shape, known))
 
 
-def _refined(type_: str, q: FloatArray, guesses: list[Fit], free: Freedom) -> Fit | None:
+def _refined(type_: str, q: FloatArray, guesses: list[FittedShape], free: Freedom) -> FittedShape | None:
     """The best of the best guesses after a least-squares adjustment of each."""
     from scipy.optimize import least_squares
 
-    def adjusted(fit: Fit) -> Fit:
+    def adjusted(fit: FittedShape) -> FittedShape:
         def distances(step: FloatArray) -> FloatArray:
             return _distances(type_, q, _moved(fit, step, free))
 
         found = least_squares(distances, np.zeros(free.unknowns), x_scale="jac", max_nfev=_STEPS)
         return _moved(fit, found.x, free)
 
-    fits: list[tuple[float, Fit]] = []
+    fits: list[tuple[float, FittedShape]] = []
     for guess in sorted(guesses, key=lambda guess: _squares(type_, q, guess))[:_REFINED]:
         fit = adjusted(guess)
         fits = sorted([*fits, (_squares(type_, q, fit), fit)], key=lambda one: one[0])
@@ -196,10 +196,10 @@ def _refined(type_: str, q: FloatArray, guesses: list[Fit], free: Freedom) -> Fi
     return fits[0][1] if fits else None
 
 
-def _moved(fit: Fit, step: FloatArray, free: Freedom) -> Fit:
+def _moved(fit: FittedShape, step: FloatArray, free: Freedom) -> FittedShape:
     whole = np.zeros(9)
     whole[np.concatenate(free)] = step
-    return Fit(
+    return FittedShape(
         rotate(fit.rotation[None], whole[None, 3:6])[0],
         fit.origin,
         fit.offset + whole[:3],
@@ -207,17 +207,17 @@ def _moved(fit: Fit, step: FloatArray, free: Freedom) -> Fit:
     )
 
 
-def _distances(type_: str, q: FloatArray, fit: Fit) -> FloatArray:
+def _distances(type_: str, q: FloatArray, fit: FittedShape) -> FloatArray:
     blocks = [np.broadcast_to(part, (len(q), *part.shape)) for part in (fit.origin, *fit[:1], *fit[2:])]
     values: FloatArray = SHAPE_TYPES[type_].equation([*blocks, q], np.zeros((len(q), 0))).values.ravel()
     return values
 
 
-def _squares(type_: str, q: FloatArray, fit: Fit) -> float:
+def _squares(type_: str, q: FloatArray, fit: FittedShape) -> float:
     return float(np.sum(_distances(type_, q, fit) ** 2))
 
 
-def _opened_upwards(fit: Fit) -> Fit:
+def _opened_upwards(fit: FittedShape) -> FittedShape:
     """The same with a semi-angle that is not negative: a cone opens along its z axis."""
     if fit.shape[2] >= 0.0:
         return fit

@@ -24,14 +24,14 @@ from mor.model.parameters import (
 from mor.project.document import KeyPath
 from mor.project.entities import Reading, SetUp, entities, unknown_name
 from mor.project.motion import EPOCH, remember_epochs
-from mor.project.points import Seen, check_unique, position_columns, positions, rotations
+from mor.project.points import NameColumn, check_unique, position_columns, positions, rotations
 from mor.project.rows import set_name
 from mor.project.schema import Instrument, Stations, Systems
 from mor.project.tables import (
     Column,
-    Place,
     Rows,
     Statuses,
+    TableLocation,
     component_columns,
     component_rows,
     number_column,
@@ -221,7 +221,7 @@ def read_stations(reading: Reading) -> None:
     """Theodolite stations: a position (usually a point), a height, a rotation with its level."""
     ids: list[str] = []
     collected: dict[str, list[IntArray]] = {"position": [], "height": [], "rotation": []}
-    seen: list[Seen] = []
+    seen: list[NameColumn] = []
     for k, table in enumerate(reading.project.stations):
         reading.begin("stations", k, table)
         _read_stations_table(reading, table, reading.at("stations", k), ids, collected, seen)
@@ -248,10 +248,10 @@ def station_columns(reading: Reading) -> list[Column]:
 def _read_stations_table(
     reading: Reading,
     table: Stations,
-    place: Place,
+    place: TableLocation,
     ids: list[str],
     collected: dict[str, list[IntArray]],
-    seen: list[Seen],
+    seen: list[NameColumn],
 ) -> None:
     edge = reading.edge
     rows = read_table(table, station_columns(reading), place, reading.problems)
@@ -317,7 +317,7 @@ def read_systems(reading: Reading) -> None:
     """Local systems: origin, rotation, scale, offset."""
     ids: list[str] = []
     collected: dict[str, list[IntArray]] = {"position": [], "rotation": [], "scale": [], "offset": []}
-    seen: list[Seen] = []
+    seen: list[NameColumn] = []
     for k, table in enumerate(reading.project.systems):
         reading.begin("systems", k, table)
         _read_systems_table(reading, table, reading.at("systems", k), ids, collected, seen)
@@ -330,10 +330,10 @@ def read_systems(reading: Reading) -> None:
 def _read_systems_table(
     reading: Reading,
     table: Systems,
-    place: Place,
+    place: TableLocation,
     ids: list[str],
     collected: dict[str, list[IntArray]],
-    seen: list[Seen],
+    seen: list[NameColumn],
 ) -> None:
     kinds = (*POINT.components, *ROTATION.components, *SCALE.components)
     columns = [
@@ -438,7 +438,7 @@ def read_pairs(reading: Reading) -> None:
     ids: list[str] = []
     base: list[IntArray] = []
     rotation: list[IntArray] = []
-    seen: list[Seen] = []
+    seen: list[NameColumn] = []
     for k, table in enumerate(reading.project.pairs):
         reading.begin("pairs", k, table)
         columns = [

@@ -29,7 +29,7 @@ from mor.input_files import (
 from mor.model.contract import Names, coded
 from mor.project.axes import Edge, ImageScale, UnitError, beyond
 from mor.project.document import Document, KeyPath, plain_column
-from mor.project.schema import Table, Value
+from mor.project.schema import TableEntry, Value
 from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.units import ANGLE, Component, Quantity
 
@@ -95,7 +95,7 @@ class Rows:
 
 
 @dataclass(frozen=True)
-class Place:
+class TableLocation:
     """Place of a table in the project: its path in the document, and the folder of the project."""
 
     document: Document
@@ -147,7 +147,7 @@ class _Text(NamedTuple):
     lines: SmallIntArray
 
 
-def our_name(table: Table, name: str) -> str | None:
+def our_name(table: TableEntry, name: str) -> str | None:
     """Name of a column of a file as the program knows it; ``None`` if it is left out."""
     return table.columns.get(name, name) if isinstance(table.columns, dict) else name
 
@@ -166,7 +166,7 @@ def wrong_length(found: int, names: Sequence[str | None]) -> str:
 
 
 def from_text(
-    text: bytes, table: Table, known: dict[str, Column], file: str, problems: list[Message]
+    text: bytes, table: TableEntry, known: dict[str, Column], file: str, problems: list[Message]
 ) -> Source | None:
     """Rows of a text file; ``None`` if ``problems`` were added instead."""
     text = as_utf8(text)
@@ -262,7 +262,7 @@ def _without_comments(text: bytes, quotes: bool) -> bytes:
     return b"".join([*parts, text[start:]])
 
 
-def _header(cleaned: _Text, table: Table) -> list[str]:
+def _header(cleaned: _Text, table: TableEntry) -> list[str]:
     """Names of the columns as the file (or its declaration) has them, each once."""
     if isinstance(table.columns, list):
         return [name or _SKIPPED.format(k) for k, name in enumerate(table.columns)]
@@ -294,7 +294,7 @@ def _cells(line: str, separator: str) -> list[str]:
 
 
 def _frame(
-    cleaned: _Text, table: Table, header: list[str], kinds: dict[str, type[pl.DataType]]
+    cleaned: _Text, table: TableEntry, header: list[str], kinds: dict[str, type[pl.DataType]]
 ) -> pl.DataFrame | None:
     """The whole table; with texts instead of numbers where it must be. ``None`` if rows differ in length."""
     separator, headed = table.delimiter or ",", not isinstance(table.columns, list)
@@ -319,7 +319,7 @@ def _frame(
 
 
 def _one_by_one(
-    cleaned: _Text, names: list[str | None], table: Table, file: str, problems: list[Message]
+    cleaned: _Text, names: list[str | None], table: TableEntry, file: str, problems: list[Message]
 ) -> Source | None:
     """Rows that are no plain table: those of the wrong length are told; quotes may hide separators."""
     separator = table.delimiter or ","
@@ -423,7 +423,7 @@ _SMALLEST_CELL = 8
 """Bytes of a number, or of the reference to a text, in memory."""
 
 
-def from_rows(table: Table, place: Place, problems: list[Message]) -> Source:
+def from_rows(table: TableEntry, place: TableLocation, problems: list[Message]) -> Source:
     """Rows that stand in the project file itself."""
     declared = list(table.columns or [])
     rows = table.rows or []
@@ -442,7 +442,9 @@ def from_rows(table: Table, place: Place, problems: list[Message]) -> Source:
     return Source([name for name in declared if name], columns, lines, file)
 
 
-def from_file(table: Table, known: dict[str, Column], place: Place, problems: list[Message]) -> Source | None:
+def from_file(
+    table: TableEntry, known: dict[str, Column], place: TableLocation, problems: list[Message]
+) -> Source | None:
     """Rows of a file beside the project; ``None`` if ``problems`` were added instead."""
     frame = place.document.frame(str(table.file))
     if frame is not None:
@@ -486,7 +488,7 @@ def _read_parquet(path: Path) -> pl.DataFrame:
     return lazy.collect()
 
 
-def _from_frame(frame: pl.DataFrame, table: Table, file: str) -> Source:
+def _from_frame(frame: pl.DataFrame, table: TableEntry, file: str) -> Source:
     """Columns of a Parquet file or a data frame: texts and numbers as they are; a row counts as a line, from 1."""
     columns = {}
     for name in frame.columns:
@@ -501,7 +503,9 @@ def _from_frame(frame: pl.DataFrame, table: Table, file: str) -> Source:
 # ------------------------------------------------------------
 
 
-def read_table(table: Table, columns: Sequence[Column], place: Place, problems: list[Message]) -> Rows | None:
+def read_table(
+    table: TableEntry, columns: Sequence[Column], place: TableLocation, problems: list[Message]
+) -> Rows | None:
     """Rows of a table; ``None`` if ``problems`` were added instead."""
     before = len(problems)
     known = {column.name: column for column in columns}
@@ -520,7 +524,9 @@ def read_table(table: Table, columns: Sequence[Column], place: Place, problems: 
     return _convert(source, table, known, place, problems)
 
 
-def _check_names(table: Table, known: dict[str, Column], place: Place, problems: list[Message]) -> None:
+def _check_names(
+    table: TableEntry, known: dict[str, Column], place: TableLocation, problems: list[Message]
+) -> None:
     named = list(table.values)
     if isinstance(table.units, dict):
         named += list(table.units)
@@ -534,7 +540,9 @@ def _check_names(table: Table, known: dict[str, Column], place: Place, problems:
             problems.append(place.problem(words))
 
 
-def _check_common_unit(table: Table, known: dict[str, Column], place: Place, problems: list[Message]) -> None:
+def _check_common_unit(
+    table: TableEntry, known: dict[str, Column], place: TableLocation, problems: list[Message]
+) -> None:
     """One unit for all columns must fit one of them at least."""
     if isinstance(table.units, str) and not any(_fits(column, table.units) for column in known.values()):
         numbers = ", ".join(column.name for column in known.values() if column.parse is not None)
@@ -542,7 +550,11 @@ def _check_common_unit(table: Table, known: dict[str, Column], place: Place, pro
 
 
 def _check_columns(
-    names: list[str], table: Table, columns: Sequence[Column], place: Place, problems: list[Message]
+    names: list[str],
+    table: TableEntry,
+    columns: Sequence[Column],
+    place: TableLocation,
+    problems: list[Message],
 ) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     problems += [place.problem(f"column {name!r} is given twice") for name in twice]
@@ -558,7 +570,7 @@ def _check_columns(
 
 
 def _convert(
-    source: Source, table: Table, known: dict[str, Column], place: Place, problems: list[Message]
+    source: Source, table: TableEntry, known: dict[str, Column], place: TableLocation, problems: list[Message]
 ) -> Rows | None:
     before = len(problems)
     count = len(source.lines)
@@ -586,9 +598,9 @@ def _convert(
 def _constant(
     column: Column,
     value: str,
-    table: Table,
+    table: TableEntry,
     count: int,
-    place: Place,
+    place: TableLocation,
     problems: list[Message],
     texts: dict[str, pl.Series],
     numbers: dict[str, FloatArray],
@@ -597,7 +609,7 @@ def _constant(
     if column.parse is None:
         texts[column.name] = pl.repeat(value, count, dtype=pl.String, eager=True)
         return
-    at = Place(place.document, (*place.path, "values", column.name), place.folder)
+    at = TableLocation(place.document, (*place.path, "values", column.name), place.folder)
     try:
         number = column.parse(value, _unit_of(table, column))
     except ValueError as error:
@@ -608,7 +620,7 @@ def _constant(
     numbers[column.name] = np.full(count, number)
 
 
-def _unit_of(table: Table, column: Column) -> str:
+def _unit_of(table: TableEntry, column: Column) -> str:
     """Unit of a column that its cells do not carry themselves; one unit for all means: for all it fits."""
     if isinstance(table.units, str):
         return table.units if _fits(column, table.units) else ""
@@ -627,7 +639,12 @@ def _identifiers(column: Column, cells: pl.Series, source: Source, problems: lis
 
 
 def _numbers(
-    column: Column, cells: pl.Series, table: Table, source: Source, place: Place, problems: list[Message]
+    column: Column,
+    cells: pl.Series,
+    table: TableEntry,
+    source: Source,
+    place: TableLocation,
+    problems: list[Message],
 ) -> FloatArray:
     unit = _unit_of(table, column)
     assert column.parse is not None
@@ -780,7 +797,7 @@ def settings(
     given: dict[str, str | Value],
     components: Sequence[Component],
     edge: Edge,
-    place: Place,
+    place: TableLocation,
     path: KeyPath,
     problems: list[Message],
     image: ImageScale | None = None,
@@ -792,7 +809,7 @@ def settings(
     start = np.full(values.shape, np.nan)
     names = [component.name for component in components]
     for name, setting in given.items():
-        at = Place(place.document, (*path, name), place.folder)
+        at = TableLocation(place.document, (*path, name), place.folder)
         if name not in names:
             problems.append(
                 at.problem(f"unknown component {name!r}{nearest(name, names)} (known: {', '.join(names)})")

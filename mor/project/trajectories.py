@@ -37,8 +37,8 @@ from mor.model.trajectory import (
 from mor.project.axes import Edge, ImageScale, UnitError, external, split
 from mor.project.entities import (
     Clock,
-    Lines,
     Reading,
+    RowTimes,
     Scanner,
     Trajectory,
     entities,
@@ -48,13 +48,13 @@ from mor.project.entities import (
     unknown_name,
 )
 from mor.project.points import positions, rotations
-from mor.project.rows import Group, group_name, own_or_common, planned_rows, sigma_is_good
+from mor.project.rows import ReadGroup, group_name, own_or_common, planned_rows, sigma_is_good
 from mor.project.schema import Camera, Observations, TrajectoryEntry
 from mor.project.stations import shared_column
 from mor.project.tables import (
     Column,
-    Place,
     Rows,
+    TableLocation,
     component_columns,
     number_column,
     read_table,
@@ -112,7 +112,7 @@ def read_line_times(reading: Reading) -> None:
         names = rows.names("image")
         for k, name in enumerate(names.known):
             own = rows.take(np.flatnonzero(names.numbers == k))
-            lines = Lines(own.number("row"), own.number("time"))
+            lines = RowTimes(own.number("row"), own.number("time"))
             step = np.minimum(np.diff(lines.rows, prepend=-np.inf), np.diff(lines.times, prepend=-np.inf))
             words = f"image {name!r}: rows and times of its lines must ascend"
             tell_rows(reading.problems, step <= 0.0, own, words)
@@ -134,7 +134,7 @@ def check_line_times(reading: Reading, images: tuple[str, ...]) -> None:
             reading.problems.append(place.problem(f"line_times: {unknown_name('image', name, images)}"))
 
 
-def row_times(lines: Lines, rows: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
+def row_times(lines: RowTimes, rows: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Time (n,) of rows, seconds per row there, and false where no line has a time."""
     place = np.clip(np.searchsorted(lines.rows, rows, side="right") - 1, 0, len(lines.rows) - 2)
     rate = np.diff(lines.times)[place] / np.diff(lines.rows)[place]
@@ -205,7 +205,9 @@ class _Lengths(NamedTuple):
     gap: float
 
 
-def _read_table(reading: Reading, table: TrajectoryEntry, place: Place, rows: Rows) -> list[Trajectory]:
+def _read_table(
+    reading: Reading, table: TrajectoryEntry, place: TableLocation, rows: Rows
+) -> list[Trajectory]:
     """The trajectories of one table; mistakes are told."""
     before = len(reading.problems)
     lengths = _Lengths(
@@ -230,7 +232,7 @@ def _read_table(reading: Reading, table: TrajectoryEntry, place: Place, rows: Ro
     ]
 
 
-def _seconds(reading: Reading, place: Place, key: str, text: str | None) -> float:
+def _seconds(reading: Reading, place: TableLocation, key: str, text: str | None) -> float:
     """A length of time above 0, NaN if there is none; mistakes are told."""
     if text is None:
         return float("nan")
@@ -244,7 +246,7 @@ def _seconds(reading: Reading, place: Place, key: str, text: str | None) -> floa
     return value
 
 
-def _only_starts(reading: Reading, table: TrajectoryEntry, place: Place, rows: Rows) -> None:
+def _only_starts(reading: Reading, table: TrajectoryEntry, place: TableLocation, rows: Rows) -> None:
     """Rows between which knots are laid give start values and no more."""
     if table.fixed:
         words = "fixed: knots at a spacing are free; observe them by rows of type trajectory_position"
@@ -384,8 +386,8 @@ def navigation_columns(key: str, edge: Edge) -> list[Column]:
 
 
 def navigation_groups(
-    reading: Reading, entry: Observations, number: int, rows: Rows, place: Place
-) -> list[Group]:
+    reading: Reading, entry: Observations, number: int, rows: Rows, place: TableLocation
+) -> list[ReadGroup]:
     """One group for each kind of interpolation that the trajectories of an entry have."""
     if entry.covariance is not None or entry.cluster is not None or entry.ppm or entry.centring:
         words = f"{entry.type} takes no covariance, cluster, ppm or centring"
@@ -457,7 +459,7 @@ def _group(
     rows: Rows,
     chosen: IntArray,
     shifts: tuple[IntArray, FloatArray],
-) -> Group | None:
+) -> ReadGroup | None:
     own = rows.take(chosen)
     names, times = own.text("trajectory"), own.number("time")
     found = clocks(reading, names, times, own)
@@ -486,7 +488,7 @@ def _group(
     if not sigma_is_good(group, own, np.arange(len(chosen)), reading.problems):
         return None
     size = len(type_.components)
-    return Group(group, number, chosen, np.eye(size), np.ones(size))
+    return ReadGroup(group, number, chosen, np.eye(size), np.ones(size))
 
 
 def _instrument(
@@ -505,7 +507,7 @@ def _instrument(
 
 
 def _shifts(
-    reading: Reading, entry: Observations, rows: Rows, place: Place
+    reading: Reading, entry: Observations, rows: Rows, place: TableLocation
 ) -> tuple[IntArray, FloatArray] | None:
     """Block of shift and drift of every row, and the time they refer to; ``None`` if the instrument is unknown."""
     kind, key = _SHIFTS[entry.type]
@@ -685,7 +687,7 @@ def _times(reading: Reading, rows: Rows, names: list[str], scans: BoolArray) -> 
         if np.isnan(step) and "camera" not in reading.broken:
             words = f"image {name!r}: its camera has no line_time, and there is no table of the times of its lines"
             reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
-        reading.lines[name] = Lines(_FAR, times[i] + step * _FAR, True)
+        reading.lines[name] = RowTimes(_FAR, times[i] + step * _FAR, True)
     return times
 
 

@@ -23,7 +23,7 @@ from mor.quality.precision import (
 )
 from mor.quality.redundancy import Done, Reliability, observation_quality, of_operations
 from mor.quality.test_statistics import (
-    GlobalTest,
+    ChiSquareTest,
     ObservationQuality,
     critical_value,
     global_test,
@@ -69,7 +69,7 @@ class Quality:
     sigma_factor: float
     """What cofactors are multiplied with to become standard deviations: σ0 a posteriori, 1 without redundancy."""
     levels: Levels
-    global_test: GlobalTest
+    global_test: ChiSquareTest
     critical: float
     """Critical value of |w|."""
     noncentrality: float

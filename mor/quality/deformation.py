@@ -11,7 +11,7 @@ from scipy.special import chdtri, chndtrinc, fdtri, ncfdtrinc
 from mor.model import rotations
 from mor.model.parameters import COSINE, MOTIONS, SINE, VELOCITY
 from mor.model.trajectory import basis
-from mor.project.entities import Motion, MovingPoint
+from mor.project.entities import MovingPoint, TimeModel
 from mor.project.network import Network
 from mor.quality.assessment import Quality, joint_cofactors
 from mor.quality.solution import Solved
@@ -265,7 +265,7 @@ _ROOM = 6
 _KINDS = tuple(kind.key for kind in MOTIONS)
 
 
-class Tested(NamedTuple):
+class TestedVectors(NamedTuple):
     """Vectors of points with their tests: n parameters, or n movements between two epochs."""
 
     names: tuple[str, ...]
@@ -283,11 +283,11 @@ class Tested(NamedTuple):
     """(n,) ∇: from this length on the vector is found in every direction with the power β0; for σ0 = 1."""
 
 
-class Movements(NamedTuple):
+class MovementTests(NamedTuple):
     """Points that may move, and their movements."""
 
-    parameters: Tested
-    between: Tested
+    parameters: TestedVectors
+    between: TestedVectors
     """From the first epoch of every point to each later one."""
     level: float
     """Level of each single test of a parameter."""
@@ -297,7 +297,7 @@ class Movements(NamedTuple):
     """Points with coordinates of their own in so many epochs that their movements are not worked out unasked."""
 
 
-def movements(solved: Solved) -> Movements | None:
+def movements(solved: Solved) -> MovementTests | None:
     """Movements of all points that move; ``None`` where nothing does, or there is no solution."""
     quality, motion = solved.quality, solved.network.motion
     points = [p for p in motion.points.values() if not _absent(solved, p)]
@@ -322,7 +322,7 @@ def movements(solved: Solved) -> Movements | None:
     tested = [
         some.tested(quality, at, estimated) for some, at in ((parameters, each), (between, each_between))
     ]
-    return Movements(tested[0], tested[1], each, each_between, unlisted)
+    return MovementTests(tested[0], tested[1], each, each_between, unlisted)
 
 
 def _absent(solved: Solved, point: MovingPoint) -> bool:
@@ -331,16 +331,16 @@ def _absent(solved: Solved, point: MovingPoint) -> bool:
     return not point.epochs or (absent is not None and bool(absent[point.block]))
 
 
-def _in_order(motion: Motion, point: MovingPoint) -> list[int]:
+def _in_order(motion: TimeModel, point: MovingPoint) -> list[int]:
     return sorted((e for e in point.epochs if e >= 0), key=motion.times.__getitem__)
 
 
-def _blocks(motion: Motion, point: MovingPoint) -> list[int]:
+def _blocks(motion: TimeModel, point: MovingPoint) -> list[int]:
     """Blocks of the coordinates of a point in its epochs."""
     return [point.at(e, motion.times[e]) for e in _in_order(motion, point)]
 
 
-def _pairs(motion: Motion, point: MovingPoint) -> list[tuple[int, int]]:
+def _pairs(motion: TimeModel, point: MovingPoint) -> list[tuple[int, int]]:
     epochs = _in_order(motion, point)
     return [(epochs[0], later) for later in epochs[1:]]
 
@@ -374,7 +374,7 @@ class _Vectors:
         self.values.append(np.pad(values, ((0, 0), (0, _ROOM - size))))
         self.cofactors.append(np.pad(cofactors, ((0, 0), (0, _ROOM - size), (0, _ROOM - size))))
 
-    def tested(self, quality: Quality, level: float, estimated: bool) -> Tested:
+    def tested(self, quality: Quality, level: float, estimated: bool) -> TestedVectors:
         """All of them with their tests, with σ0 ``estimated`` or known."""
         none = np.zeros((0, _ROOM)), np.zeros((0, _ROOM, _ROOM))
         tests = vector_tests(
@@ -390,13 +390,15 @@ class _Vectors:
         delta = np.array([of_freedom.get(h, np.nan) for h in tests.freedom.tolist()])
         significant = log_p < np.log(level)
         said = tuple(self.names), tuple(self.what), tuple(self.begin), tuple(self.end)
-        return Tested(said[0], said[1], said[2], said[3], tests, log_p, significant, delta * tests.longest)
+        return TestedVectors(
+            said[0], said[1], said[2], said[3], tests, log_p, significant, delta * tests.longest
+        )
 
 
 class _Positions:
     """Positions of moving points at any time, as functions of the unknowns, with joint cofactors."""
 
-    def __init__(self, quality: Quality, motion: Motion) -> None:
+    def __init__(self, quality: Quality, motion: TimeModel) -> None:
         self.quality, self.motion = quality, motion
         self.place = {tuple(row): k for k, row in enumerate(quality.moving.blocks.tolist())}
 
@@ -525,7 +527,7 @@ def compared(
 # ------------------------------------------------------------
 
 
-class Epochs(NamedTuple):
+class EpochComparison(NamedTuple):
     """Outcome of the comparison of two epochs."""
 
     names: tuple[str, ...]
@@ -569,7 +571,7 @@ def compare_epochs(
     other: tuple[Quality, IntArray],
     level: float,
     known: bool,
-) -> Epochs:
+) -> EpochComparison:
     """Congruence test of two assessed epochs in the datum over their common points; blocks (n,) by epoch."""
     first, second = one[0], other[0]
     places = [q.adjustment.values["point"][blocks] for q, blocks in (one, other)]
@@ -583,10 +585,10 @@ def compare_epochs(
     result = congruence(
         places[1] - places[0], cofactors, _basis(generators), variance, redundancy, level, known
     )
-    return Epochs(names, result, np.array([test.movement for test in result.points]))
+    return EpochComparison(names, result, np.array([test.movement for test in result.points]))
 
 
-def compare_within(solved: Solved, first: int, second: int, level: float, known: bool) -> Epochs:
+def compare_within(solved: Solved, first: int, second: int, level: float, known: bool) -> EpochComparison:
     """Congruence test of two epochs of one adjustment, over the points that move and were seen in both.
 
     What the network leaves open between the epochs is settled by the points that are stable.
@@ -596,7 +598,7 @@ def compare_within(solved: Solved, first: int, second: int, level: float, known:
     names, d, q, generators = compared(solved, first, second)
     variance = quality.omega / quality.redundancy if quality.redundancy else 1.0
     result = congruence(d, q, _basis(generators), variance, quality.redundancy, level, known)
-    return Epochs(names, result, np.array([test.movement for test in result.points]))
+    return EpochComparison(names, result, np.array([test.movement for test in result.points]))
 
 
 def _movements(quality: Quality, columns: IntArray) -> FloatArray:

@@ -8,7 +8,7 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from mor.errors import NoStartValuesError, Undeterminable
+from mor.errors import NoStartValuesError, UndeterminedObject
 from mor.model import rotations
 from mor.model.observation_types import TURNED_AXIS, ObservationGroup, can_be_at_infinity, target_slot
 from mor.model.parameters import Index, Values
@@ -23,7 +23,7 @@ from mor.project.network import (
 )
 from mor.quality.outliers import Attempt
 from mor.solve.datum import NOTHING_KNOWN, LocalDefects, beside, local_defects, weak_turns
-from mor.solve.iterate import A_WEAK_TURN, RAN_AWAY, Adjustment, Outcome, Settings, adjust
+from mor.solve.iterate import A_WEAK_TURN, RAN_AWAY, Adjustment, Outcome, SolverSettings, adjust
 from mor.solve.problem import Problem, linearise, misclosures, rotation_tangents
 from mor.start.points_at_infinity import RayPoints, nearly_parallel
 from mor.types import BoolArray, FloatArray, IntArray
@@ -38,7 +38,7 @@ _NAMED = ("image", "station", "system", "point")
 
 
 @dataclass(frozen=True)
-class Part:
+class NetworkPart:
     """Names of the things in one part, by namespace."""
 
     names: dict[str, tuple[str, ...]]
@@ -51,7 +51,7 @@ class Part:
         return sum(len(names) for names in self.names.values())
 
 
-def connected_parts(network: Network, groups: Sequence[ObservationGroup]) -> tuple[Part, ...]:
+def connected_parts(network: Network, groups: Sequence[ObservationGroup]) -> tuple[NetworkPart, ...]:
     """Parts of the network, the largest first; fixed points are one part with all that is tied to any of them.
 
     What was left out belongs to none.
@@ -99,7 +99,7 @@ def _on_trajectories(network: Network, first_point: int) -> Iterator[tuple[IntAr
         yield np.repeat(poses + first_point, len(knots)), np.tile(knots, len(poses))
 
 
-def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[Part, ...]:
+def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[NetworkPart, ...]:
     """Things by the part their position belongs to."""
     collected: dict[int, dict[str, list[str]]] = {}
     absent = network.absent.get("point", np.zeros(len(network.blocks["point"].ids), dtype=bool))
@@ -111,7 +111,7 @@ def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[Part, 
             part = int(labels[first_point + int(position)])
             collected.setdefault(part, {}).setdefault(space, []).append(name)
     parts = [
-        Part({space: tuple(names) for space, names in found.items()}, held=number == labels[0])
+        NetworkPart({space: tuple(names) for space, names in found.items()}, held=number == labels[0])
         for number, found in collected.items()
     ]
     return tuple(sorted(parts, key=lambda part: -part.size))
@@ -132,7 +132,7 @@ MOVES_TOGETHER = "it can move together with others, and no observation changes"
 
 
 @dataclass(frozen=True)
-class Things:
+class NetworkObjects:
     """All things of a network that may be left out: points, and images, stations … with all that is their own."""
 
     points: Sequence[str]
@@ -160,7 +160,7 @@ class Things:
         return marked
 
 
-def things_of(network: Network) -> Things:
+def things_of(network: Network) -> NetworkObjects:
     """The things of a network."""
     ids = network.blocks["point"].ids if "point" in network.blocks else ()
     of_blocks = {
@@ -177,7 +177,7 @@ def things_of(network: Network) -> Things:
             thing = thing_of(kind, blocks.ids[k])
             if thing[0] != kind:
                 of_blocks[kind][k] = numbers.setdefault(thing, len(ids) + len(numbers))
-    return Things(ids, list(numbers), of_blocks)
+    return NetworkObjects(ids, list(numbers), of_blocks)
 
 
 def without_loose(network: Network, values: Values, make: Callable[[Network, Values], Problem]) -> Network:
@@ -195,12 +195,12 @@ def without_loose(network: Network, values: Values, make: Callable[[Network, Val
         reduced = without_blocks(reduced, things.marked(reduced, defects.loose), named)
 
 
-def _named(things: Things, defects: LocalDefects, first: bool) -> list[Undeterminable]:
+def _named(things: NetworkObjects, defects: LocalDefects, first: bool) -> list[UndeterminedObject]:
     named = []
     for k in np.flatnonzero(defects.loose).tolist():
         reason = NO_OBSERVATION if defects.rows[k] == 0 else TOO_FEW if defects.too_few[k] else LOOSE
         reason = reason if first else HANGS_ON
-        named.append(Undeterminable(*things.name(k), reason, "left out", int(defects.rows[k])))
+        named.append(UndeterminedObject(*things.name(k), reason, "left out", int(defects.rows[k])))
     return named
 
 
@@ -227,7 +227,7 @@ def without_moved(network: Network, adjustment: Adjustment) -> Network | None:
     left = sum(int(np.count_nonzero(network.blocks[k].free[m])) for k, m in marked.items())
     if not chosen.any() or 2 * left > adjustment.problem.index.count:
         return None
-    named = [Undeterminable(*things.name(k), reason, "left out") for k in np.flatnonzero(chosen).tolist()]
+    named = [UndeterminedObject(*things.name(k), reason, "left out") for k in np.flatnonzero(chosen).tolist()]
     return without_blocks(network, marked, named)
 
 
@@ -424,7 +424,7 @@ LISTED = 20
 _ROWS = 50_000
 
 
-class Movements(NamedTuple):
+class UnsettledUnknowns(NamedTuple):
     """Unknowns that do not come to rest, those that change the observations most first."""
 
     unknowns: tuple[tuple[str, str, str], ...]
@@ -435,7 +435,7 @@ class Movements(NamedTuple):
     """(k,) part of the way that was taken back: 0 for one way, near 1 for an oscillation."""
 
 
-def last_movements(adjustment: Adjustment) -> Movements:
+def last_movements(adjustment: Adjustment) -> UnsettledUnknowns:
     """Return the unknowns that moved in further steps from the last values, or else in the step that was proposed."""
     steps = _further_steps(adjustment)
     if steps.shape[1] == 0:
@@ -447,7 +447,7 @@ def last_movements(adjustment: Adjustment) -> Movements:
     order = np.argsort(-np.nan_to_num(size), kind="stable")[:LISTED]
     order = order[size[order] > 0.0]
     labels = tuple(index.label(int(column)) for column in order)
-    return Movements(labels, steps[order], 1.0 - net[order] / way[order])
+    return UnsettledUnknowns(labels, steps[order], 1.0 - net[order] / way[order])
 
 
 def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustment:
@@ -461,7 +461,7 @@ def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustm
         return adjustment
     if not adjustment.plan.problem.index.count:
         return adjustment
-    begin = adjust(adjustment.problem, adjustment.start, Settings(max_iterations=0))
+    begin = adjust(adjustment.problem, adjustment.start, SolverSettings(max_iterations=0))
     if adjustment.iterations and begin.outcome is not Outcome.SINGULAR:
         return adjustment._replace(outcome=Outcome.DIVERGED, reason=RAN_AWAY)
     if only_here(adjustment):
@@ -477,7 +477,7 @@ def _fits(adjustment: Adjustment) -> bool:
 
 def _hardly_determined(adjustment: Adjustment) -> Adjustment:
     """Singular where the last values show a turn of which nothing is known: it alone keeps the iteration going."""
-    here = adjust(adjustment.problem, adjustment.values, Settings(max_iterations=0))
+    here = adjust(adjustment.problem, adjustment.values, SolverSettings(max_iterations=0))
     turns = weak_turns(here.inverse.weak, here.problem, here.values)
     if not turns or turns[0].sigma <= NOTHING_KNOWN:
         return adjustment
@@ -494,7 +494,7 @@ def only_here(adjustment: Adjustment) -> bool:
         return False
     if _fits(adjustment):
         return False
-    there = adjust(problem, beside(problem, adjustment.values), Settings(max_iterations=0))
+    there = adjust(problem, beside(problem, adjustment.values), SolverSettings(max_iterations=0))
     return there.outcome is not Outcome.SINGULAR
 
 
@@ -503,7 +503,7 @@ def _further_steps(adjustment: Adjustment) -> FloatArray:
     problem, values = adjustment.problem, adjustment.values
     steps: list[FloatArray] = []
     while len(steps) < STEPS and adjustment.outcome is Outcome.NOT_CONVERGED:
-        after = adjust(problem, values, Settings(max_iterations=1))
+        after = adjust(problem, values, SolverSettings(max_iterations=1))
         if not after.iterations or after.outcome is Outcome.DIVERGED:
             break
         steps.append(_difference(problem.index, values, after.values))
@@ -577,8 +577,8 @@ class Means(NamedTuple):
 
 
 def completed(
-    network: Network, start: Values, missing: Sequence[Undeterminable], critical: float
-) -> tuple[dict[str, FloatArray], tuple[Undeterminable, ...]]:
+    network: Network, start: Values, missing: Sequence[UndeterminedObject], critical: float
+) -> tuple[dict[str, FloatArray], tuple[UndeterminedObject, ...]]:
     """Start values with the points whose rays meet at a narrow angle, and what is still missing.
 
     Points at infinity stay without coordinates and are not missing. Points whose rays contradict each other begin as
@@ -606,8 +606,8 @@ def _as_far_as_others(points: FloatArray, found: RayPoints) -> FloatArray:
 
 
 def completed_or_at_infinity(
-    network: Network, start: Values, missing: Sequence[Undeterminable], critical: float
-) -> tuple[dict[str, FloatArray], tuple[Undeterminable, ...]]:
+    network: Network, start: Values, missing: Sequence[UndeterminedObject], critical: float
+) -> tuple[dict[str, FloatArray], tuple[UndeterminedObject, ...]]:
     """The same with the points at infinity among what is missing, named as that."""
     values, left = completed(network, start, missing, critical)
     known: BoolArray = np.asarray(np.isfinite(values["point"]).all(axis=1))
@@ -616,7 +616,7 @@ def completed_or_at_infinity(
     return values, (*left, *(thing._replace(reason=PARALLEL, treatment=AT_INFINITY) for thing in far))
 
 
-def without_unknown(network: Network, start: Values, missing: Sequence[Undeterminable]) -> Network:
+def without_unknown(network: Network, start: Values, missing: Sequence[UndeterminedObject]) -> Network:
     """The network, with start values, without what has none but the points at infinity; ``missing`` says why."""
     names = {(thing.kind, thing.name) for thing in missing}
     unknown = {}
@@ -804,7 +804,7 @@ def _without_far(
         return without_points(network, far.points, PARALLEL), begun
     rays = rows_of_points(network)
     things = [
-        Undeterminable("point", ids[p], PARALLEL, AT_INFINITY, int(rays[p])) for p in far.points.tolist()
+        UndeterminedObject("point", ids[p], PARALLEL, AT_INFINITY, int(rays[p])) for p in far.points.tolist()
     ]
     return with_points_at_infinity(network, begun, far.points, _rotations(far.directions), things)
 
@@ -816,7 +816,7 @@ def without_points(network: Network, points: IntArray, reason: str) -> Network:
     marked, rays = nothing_marked(network), rows_of_points(network)
     marked["point"][points] = True
     ids = network.blocks["point"].ids
-    left = [Undeterminable("point", ids[p], reason, "left out", int(rays[p])) for p in points.tolist()]
+    left = [UndeterminedObject("point", ids[p], reason, "left out", int(rays[p])) for p in points.tolist()]
     return without_blocks(network, marked, left)
 
 

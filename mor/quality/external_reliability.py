@@ -22,7 +22,7 @@ from mor.types import BoolArray, FloatArray, IntArray
 # ------------------------------------------------------------
 
 
-class Entry(NamedTuple):
+class ObservationComponent(NamedTuple):
     """One observation: group, row, component."""
 
     group: int
@@ -30,7 +30,7 @@ class Entry(NamedTuple):
     component: int
 
 
-def movements(quality: Quality, entries: list[Entry], errors: FloatArray) -> FloatArray:
+def movements(quality: Quality, entries: list[ObservationComponent], errors: FloatArray) -> FloatArray:
     """Movement (u, k) of all unknowns by the gross errors (k,) of k observations, in the datum of the adjustment."""
     adjustment = quality.adjustment
     right = np.zeros((adjustment.problem.index.count, len(entries)))
@@ -45,7 +45,7 @@ def movements(quality: Quality, entries: list[Entry], errors: FloatArray) -> Flo
     return into
 
 
-def gradient(adjustment: Adjustment, entry: Entry) -> tuple[IntArray, FloatArray]:
+def gradient(adjustment: Adjustment, entry: ObservationComponent) -> tuple[IntArray, FloatArray]:
     """Aᵀ P e of an observation: unknowns (k,) and values (k,)."""
     problem = adjustment.problem
     tangent = rotation_tangents(problem.index, adjustment.values)
@@ -90,7 +90,7 @@ class EliminatedPoint(NamedTuple):
 
 
 def point_movements(
-    quality: Quality, entries: list[Entry], errors: FloatArray, points: list[list[int]]
+    quality: Quality, entries: list[ObservationComponent], errors: FloatArray, points: list[list[int]]
 ) -> list[FloatArray]:
     """Movements (q, 3) of the point blocks listed for each entry by its gross error, in the datum of the adjustment."""
     eliminated = eliminated_points(quality.adjustment, {p for some in points for p in some})
@@ -105,7 +105,7 @@ def point_movements(
 
 def _movements(
     quality: Quality,
-    entries: list[Entry],
+    entries: list[ObservationComponent],
     errors: FloatArray,
     points: list[list[int]],
     eliminated: Mapping[int, EliminatedPoint],
@@ -210,7 +210,7 @@ _FEW = 2_000
 """Eliminated points up to which they are gathered one by one; a pass over all rays is quicker beyond."""
 
 
-class LocalSystem(NamedTuple):
+class NormalEquationSolver(NamedTuple):
     """The normal equations, for right-hand sides and solutions at chosen unknowns."""
 
     adjustment: Adjustment
@@ -247,16 +247,16 @@ class LocalSystem(NamedTuple):
         return np.searchsorted(self.columns, point.columns)
 
 
-def local_system(adjustment: Adjustment, columns: IntArray) -> LocalSystem:
+def local_system(adjustment: Adjustment, columns: IntArray) -> NormalEquationSolver:
     """The system for the unknowns ``columns`` (any, −1 for what is fixed); points that are touched are in it whole."""
     index, reduced = adjustment.problem.index, adjustment.plan.reduced
     used = np.unique(columns[columns >= 0])
     blocks = np.unique(index.block_of[used[reduced[used] < 0]])
     if len(blocks) > _FEW:
-        return LocalSystem(adjustment, used, None)
+        return NormalEquationSolver(adjustment, used, None)
     used = np.union1d(used, index.columns["point"][blocks].ravel())
     points = eliminated_points(adjustment, set(blocks.tolist()))
-    return LocalSystem(adjustment, used, tuple(points.values()))
+    return NormalEquationSolver(adjustment, used, tuple(points.values()))
 
 
 # ------------------------------------------------------------
@@ -267,7 +267,7 @@ def local_system(adjustment: Adjustment, columns: IntArray) -> LocalSystem:
 # ------------------------------------------------------------
 
 
-class _Part(NamedTuple):
+class _WhitenedRows(NamedTuple):
     """Rows with Jacobians (n, m, K), whitened, and their columns (n, K), −1 where fixed; those in use (n, m)."""
 
     jacobian: FloatArray
@@ -286,9 +286,9 @@ class _Part(NamedTuple):
 class WhitenedRows(NamedTuple):
     """N chosen observations; arrays over them come in one order, that of the parts."""
 
-    system: LocalSystem
+    system: NormalEquationSolver
     """The unknowns they refer to, of which there are c."""
-    parts: tuple[_Part, ...]
+    parts: tuple[_WhitenedRows, ...]
 
     @property
     def size(self) -> int:
@@ -333,7 +333,7 @@ class WhitenedRows(NamedTuple):
         """R z (N, k) for the chosen rows of R and z (N, k) there, 0 elsewhere."""
         return z - self.of_rows(self.system.solve(self.of_unknowns(z)))
 
-    def _places(self, part: _Part) -> IntArray:
+    def _places(self, part: _WhitenedRows) -> IntArray:
         """(n, K) places of the columns among the unknowns; anything where fixed."""
         places = np.searchsorted(self.system.columns, part.columns)
         return np.minimum(places, max(len(self.system.columns) - 1, 0))
@@ -370,23 +370,25 @@ def _entries(cluster: ClusterRows, chosen: Sequence[BoolArray]) -> BoolArray:
 
 def _uncorrelated(
     quality: Quality, number: int, rows: IntArray, use: BoolArray, tangent: FloatArray | None
-) -> _Part:
+) -> _WhitenedRows:
     adjustment = quality.adjustment
     group, index = adjustment.problem.groups[number], adjustment.problem.index
     part = linearise(group, index, adjustment.inverse.values, tangent, rows)
     weight = np.where(use, 1.0 / group.sigma[rows], 0.0)
     row, component = np.broadcast_arrays(rows[:, None], np.arange(use.shape[1])[None])
     place = np.full(use.shape, number), row, component
-    return _Part(part.jacobian * weight[:, :, None], part.columns, use, None, weight, *place)
+    return _WhitenedRows(part.jacobian * weight[:, :, None], part.columns, use, None, weight, *place)
 
 
 def _correlated(
     quality: Quality, cluster: ClusterRows, inside: BoolArray, tangent: FloatArray | None
-) -> _Part:
+) -> _WhitenedRows:
     adjustment, W = quality.adjustment, cluster.whitening
     _, jacobian, columns = cluster_rows(adjustment.problem, cluster, adjustment.inverse.values, tangent)
     place = cluster.groups[None], cluster.rows[None], cluster.components[None]
-    return _Part((W @ jacobian)[None], columns[None], inside[None], W, np.ones(inside[None].shape), *place)
+    return _WhitenedRows(
+        (W @ jacobian)[None], columns[None], inside[None], W, np.ones(inside[None].shape), *place
+    )
 
 
 # ------------------------------------------------------------
@@ -399,10 +401,10 @@ AT_LEAST = 10
 """Observations that are explained where none is flagged."""
 
 
-class Effect(NamedTuple):
+class PointEffect(NamedTuple):
     """Effect of an observation on the point that it moves most."""
 
-    entry: Entry
+    entry: ObservationComponent
     test: float
     r: float
     error: float
@@ -424,7 +426,7 @@ _FAR = 0.1
 """Part of the size of the network beyond which a movement is none that an observation could cause unseen."""
 
 
-def effects(quality: Quality) -> list[Effect]:
+def effects(quality: Quality) -> list[PointEffect]:
     """Effects of the flagged observations, the worst first; of the worst few where none is flagged."""
     entries = _chosen(quality)
     tested = _tested(quality, entries)
@@ -434,7 +436,7 @@ def effects(quality: Quality) -> list[Effect]:
     return [_effect(*each, far) for each in zip(entries, tested, points, moved, strict=True)]
 
 
-def _points_of(quality: Quality, entry: Entry) -> list[int]:
+def _points_of(quality: Quality, entry: ObservationComponent) -> list[int]:
     """Free point blocks that an observation names; frames' own positions are not among them."""
     problem = quality.adjustment.problem
     group, columns = problem.groups[entry.group], problem.index.columns["point"]
@@ -446,17 +448,17 @@ def _points_of(quality: Quality, entry: Entry) -> list[int]:
     return [point for point in named if (columns[point] >= 0).any()]
 
 
-def _chosen(quality: Quality) -> list[Entry]:
+def _chosen(quality: Quality) -> list[ObservationComponent]:
     flagged = sum(int(flags.sum()) for flags in quality.flagged)
     wanted = min(flagged, MOST) or AT_LEAST
-    best: list[tuple[float, Entry]] = []
+    best: list[tuple[float, ObservationComponent]] = []
     for number, (one, group) in enumerate(
         zip(quality.reliability, quality.adjustment.problem.groups, strict=True)
     ):
         size = _sizes(one)
         size[group.left_out] = 0.0
         for place, compared in _largest(size.ravel(), wanted):
-            best.append((compared, Entry(number, *divmod(place, size.shape[1]))))
+            best.append((compared, ObservationComponent(number, *divmod(place, size.shape[1]))))
     best.sort(key=lambda pair: (-pair[0], pair[1]))
     return [entry for _, entry in best[:wanted]]
 
@@ -478,7 +480,7 @@ def _largest(size: FloatArray, wanted: int) -> list[tuple[int, float]]:
 _ERROR = 2
 
 
-def _tested(quality: Quality, entries: list[Entry]) -> FloatArray:
+def _tested(quality: Quality, entries: list[ObservationComponent]) -> FloatArray:
     """(k, 4) test value, redundancy number, estimated and smallest detectable error of each entry."""
     groups, rows, components = np.array(entries, dtype=np.int64).reshape(-1, 3).T
     tested = np.zeros((len(entries), 4))
@@ -491,11 +493,13 @@ def _tested(quality: Quality, entries: list[Entry]) -> FloatArray:
     return tested
 
 
-def _effect(entry: Entry, tested: FloatArray, points: list[int], moved: FloatArray, far: float) -> Effect:
+def _effect(
+    entry: ObservationComponent, tested: FloatArray, points: list[int], moved: FloatArray, far: float
+) -> PointEffect:
     lengths = np.linalg.norm(moved, axis=1)
     most = int(np.argmax(lengths)) if points else -1
     test, r, error, smallest = tested.tolist()
-    return Effect(
+    return PointEffect(
         entry,
         test,
         r,
@@ -526,7 +530,7 @@ def most_at_a_time(quality: Quality) -> int:
     return max(1, _CARRIED_POINTS_NUMBERS // max(quality.adjustment.problem.index.count, 1))
 
 
-def carried_points(quality: Quality, entries: list[Entry]) -> list[IntArray]:
+def carried_points(quality: Quality, entries: list[ObservationComponent]) -> list[IntArray]:
     """Point blocks that each of the observations carries, those first that it carries most of."""
     if not entries:
         return []

@@ -77,7 +77,7 @@ def check_outcome(quality: Quality, number: int) -> CheckOutcome:
 # ------------------------------------------------------------
 
 
-class CommonEffect(NamedTuple):
+class GroupEffect(NamedTuple):
     """An effect on one component of the observations of one group, in internal units."""
 
     kind: Literal["offset", "scale"]
@@ -105,7 +105,7 @@ class CommonEffect(NamedTuple):
 
 def common_effects(
     quality: Quality, rows: WhitenedRows, chosen: list[BoolArray], redundancy: float
-) -> list[CommonEffect]:
+) -> list[GroupEffect]:
     """Effects in the chosen observations, (n, m) of each group, whose Σr is given; the most significant first."""
     forms = [
         (kind, number, component, values)
@@ -135,7 +135,7 @@ def common_effects(
         taken = float(answer[:, k] @ answer[:, k]) / q[k]
         sigma = float(1.0 / np.sqrt(q[k]))
         rest = float(left @ left), redundancy - taken
-        found.append(CommonEffect(kind, number, component, size, sigma, *rest))
+        found.append(GroupEffect(kind, number, component, size, sigma, *rest))
     return sorted(found, key=lambda effect: -abs(effect.test))
 
 

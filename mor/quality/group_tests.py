@@ -268,7 +268,7 @@ _SUMS = 4
 
 
 @dataclass(frozen=True)
-class GroupTest:
+class GroupStatistic:
     """Test of the observations of one thing; σ0 = 1."""
 
     partition: int
@@ -307,11 +307,11 @@ class GroupTests(NamedTuple):
     level: float
     """Of all of them together."""
     level_of_each: float
-    tests: tuple[GroupTest, ...]
+    tests: tuple[GroupStatistic, ...]
     partitions: tuple[Partition, ...]
 
     @property
-    def rejected(self) -> list[GroupTest]:
+    def rejected(self) -> list[GroupStatistic]:
         """Tests that reject, the worst beside all others first."""
         return sorted((test for test in self.tests if test.rejected), key=lambda test: test.log_p_beside_rest)
 
@@ -321,7 +321,7 @@ class GroupTests(NamedTuple):
         limit, rejected = float(np.log(self.level_of_each)), self.rejected
         return bool(rejected) and all(test.log_p_beside_rest > limit for test in rejected)
 
-    def rows(self, test: GroupTest, problem: Problem) -> list[BoolArray]:
+    def rows(self, test: GroupStatistic, problem: Problem) -> list[BoolArray]:
         """(n, m) of each group of observations: those of a test."""
         return rows_of(self.partitions[test.partition], test.number, problem.groups)
 
@@ -469,7 +469,7 @@ def _decided(
     whole: TestedWhole,
     level: float,
     exactly: Callable[[Summed], Moments | None],
-) -> list[GroupTest]:
+) -> list[GroupStatistic]:
     omega, redundancy, count, _ = np.stack([one.sums for one, _ in tests], axis=1)
     limit, both = float(np.log(level)), bounds(redundancy, count, float(whole.redundancy))
     rejects = [log_tail(omega, some) < limit for some in both]
@@ -480,14 +480,14 @@ def _decided(
         least = rejects[0][k] == rejects[1][k] and not rejects[0][k]
         some = known or Moments(*(part[k : k + 1] for part in both[0 if least else 1]))
         log_p = float(log_tail(omega[k : k + 1], some)[0])
-        test = GroupTest(
+        test = GroupStatistic(
             one.partition, one.number, one.of, one.name, also, *numbers, some, log_p, log_p < limit
         )
         decided.append(replace(test, log_p_beside_rest=_beside_rest(whole, test)) if test.rejected else test)
     return decided
 
 
-def _beside_rest(whole: TestedWhole, test: GroupTest) -> float:
+def _beside_rest(whole: TestedWhole, test: GroupStatistic) -> float:
     """ln of the two-sided probability of F(freedom, rest)."""
     rest, rest_omega = whole.redundancy - test.redundancy, whole.omega - test.omega
     if rest <= CONTROLLED or rest_omega <= 0.0:
@@ -498,7 +498,7 @@ def _beside_rest(whole: TestedWhole, test: GroupTest) -> float:
     return float(min(np.log(2.0) + min(above, below), 0.0))
 
 
-def rows_of_test(quality: Quality, test: GroupTest, partition: Partition) -> WhitenedRows:
+def rows_of_test(quality: Quality, test: GroupStatistic, partition: Partition) -> WhitenedRows:
     """The observations of a test, without those that are correlated with others'."""
     return _rows(quality, partition, test.number)
 

@@ -22,7 +22,7 @@ from mor.quality.robust_estimation import (
     settled_weights,
 )
 from mor.solve.inverse import normalised_misclosures
-from mor.solve.iterate import Adjustment, Outcome, Settings, Watcher, adjust
+from mor.solve.iterate import Adjustment, Outcome, SolverSettings, Watcher, adjust
 from mor.solve.problem import Problem, misclosures
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -441,7 +441,7 @@ _GIVEN_UP = ("point", "rotation")
 
 
 @dataclass(frozen=True)
-class Suspects:
+class SuspectedOutliers:
     """Observations left out so that the rest has a solution that fits."""
 
     plain: Adjustment
@@ -463,7 +463,7 @@ class Attempt(NamedTuple):
     """An adjustment, and what it took to reach it from the start values."""
 
     adjustment: Adjustment
-    suspects: Suspects | None = None
+    suspects: SuspectedOutliers | None = None
     robust: Values | None = None
     """Values found with graduated weights, if the plain adjustment was not enough."""
     note: str = ""
@@ -490,7 +490,7 @@ def may_be_absurd(adjustment: Adjustment) -> bool:
 
 
 def without_suspects(
-    plain: Adjustment, settings: Settings | None = None, watch: Watcher | None = None
+    plain: Adjustment, settings: SolverSettings | None = None, watch: Watcher | None = None
 ) -> Attempt:
     """Return the plain adjustment if it is a sensible solution; otherwise repair start values, then leave out suspects.
 
@@ -530,7 +530,7 @@ def _by_weights(plain: Adjustment, watch: Watcher | None, by_parts: bool) -> Gra
 
 
 def _attempt(
-    plain: Adjustment, found: Graduated, settings: Settings | None, watch: Watcher | None
+    plain: Adjustment, found: Graduated, settings: SolverSettings | None, watch: Watcher | None
 ) -> Attempt | None:
     """Return the adjustment of all observations, or of those that fit the weights; ``None`` if neither converges."""
     problem = plain.problem
@@ -541,7 +541,7 @@ def _attempt(
     again = adjust(problem, found.values, most, watch)
     if again.outcome is Outcome.CONVERGED and not _overall(again) > _WORSE * scale:
         return Attempt(again, note=BY_WEIGHTS)
-    suspects = _enough_left(problem, Suspects(plain, found.suspects, found.sizes, ()))
+    suspects = _enough_left(problem, SuspectedOutliers(plain, found.suspects, found.sizes, ()))
     for _ in range(_ROUNDS):
         remaining = left_out(problem, suspects)
         if 2 * remaining.index.count < problem.index.count:
@@ -597,18 +597,18 @@ def _count(masks: Sequence[BoolArray]) -> int:
     return int(sum(np.count_nonzero(mask) for mask in masks))
 
 
-def _are_mostly_lost(problem: Problem, suspects: Suspects) -> bool:
+def _are_mostly_lost(problem: Problem, suspects: SuspectedOutliers) -> bool:
     """True where most suspects are such for what is lost with them: that alone may be what is far off."""
     of_lost = tuple(np.zeros_like(mask) for mask in suspects.masks)
     _add_rows(problem, of_lost, set(suspects.lost))
     return 2 * sum(int(np.count_nonzero(mask)) for mask in of_lost) > suspects.count
 
 
-def _from_near(settings: Settings | None) -> Settings:
-    return Settings(min((settings or Settings()).max_iterations, _FROM_NEAR))
+def _from_near(settings: SolverSettings | None) -> SolverSettings:
+    return SolverSettings(min((settings or SolverSettings()).max_iterations, _FROM_NEAR))
 
 
-def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | None) -> Attempt:
+def _from_far(plain: Adjustment, settings: SolverSettings | None, watch: Watcher | None) -> Attempt:
     """Adjust all observations with their full weights, starting from a solution by directions instead of coordinates.
 
     Where nothing is wrong but the start values, weights may lose a point for ever whose few rays were far off at first.
@@ -617,7 +617,7 @@ def _from_far(plain: Adjustment, settings: Settings | None, watch: Watcher | Non
     sphere = problem_on_the_sphere(plain.problem, plain.start)
     if sphere is None:
         return Attempt(plain)
-    there = adjust(sphere, plain.start, Settings(_FROM_FAR), watch)
+    there = adjust(sphere, plain.start, SolverSettings(_FROM_FAR), watch)
     if there.outcome is not Outcome.CONVERGED:
         return Attempt(plain)
     again = adjust(plain.problem, there.values, _from_near(settings), watch)
@@ -636,7 +636,7 @@ def _same_place(one: Adjustment, other: Adjustment) -> bool:
     return other.outcome is Outcome.CONVERGED and abs(objectives[0] - objectives[1]) <= _SAME * objectives[0]
 
 
-def _outvoted(problem: Problem, suspects: Suspects) -> bool:
+def _outvoted(problem: Problem, suspects: SuspectedOutliers) -> bool:
     """True where most observations of a group are suspects, or all that see a point of which something is given."""
     used = [group.mask & ~group.left_out for group in problem.groups]
     return _given_points_contradicted(problem, suspects, used) or any(
@@ -645,7 +645,9 @@ def _outvoted(problem: Problem, suspects: Suspects) -> bool:
     )
 
 
-def _given_points_contradicted(problem: Problem, suspects: Suspects, used: Sequence[BoolArray]) -> bool:
+def _given_points_contradicted(
+    problem: Problem, suspects: SuspectedOutliers, used: Sequence[BoolArray]
+) -> bool:
     """True where a point that is held or observed itself is seen more than once, and every time by a suspect."""
     given: BoolArray = np.asarray(~(problem.index.columns["point"] >= 0).all(axis=1))
     seen, wrong = (np.zeros(len(given), dtype=np.int64) for _ in range(2))
@@ -687,14 +689,14 @@ def _used(problem: Problem) -> int:
     return sum(int(np.count_nonzero(group.mask & ~group.left_out)) for group in problem.groups)
 
 
-def left_out(problem: Problem, suspects: Suspects) -> Problem:
+def left_out(problem: Problem, suspects: SuspectedOutliers) -> Problem:
     """The problem without the suspects; what was kept out before stays out, and lost blocks are held."""
     kept_out = (group.left_out for group in problem.groups)
     masks = [mask | out for mask, out in zip(suspects.masks, kept_out, strict=True)]
     return replace(exclude(problem, masks), index=index_unknowns(held(problem.index.blocks, suspects.lost)))
 
 
-def with_suspects(rest: Problem, suspects: Suspects) -> tuple[Problem, tuple[BoolArray, ...]]:
+def with_suspects(rest: Problem, suspects: SuspectedOutliers) -> tuple[Problem, tuple[BoolArray, ...]]:
     """The problem of the rest with the suspects in it again, and which they are. Lost blocks stay out."""
     plain = suspects.plain.problem
     gone = tuple(np.zeros(group.observed.shape, dtype=bool) for group in plain.groups)
@@ -724,7 +726,7 @@ def _overall(adjustment: Adjustment) -> float:
     return robust_scales(adjustment.problem, sizes).overall
 
 
-def _enough_left(problem: Problem, suspects: Suspects) -> Suspects:
+def _enough_left(problem: Problem, suspects: SuspectedOutliers) -> SuspectedOutliers:
     """The suspects, and with them whatever has fewer observations left than free components."""
     while True:
         short = {
@@ -754,7 +756,9 @@ def _short(problem: Problem, masks: Sequence[BoolArray], kind: str) -> list[int]
     return [int(block) for block in np.flatnonzero((left < needed) & (before > left))]
 
 
-def _without(problem: Problem, suspects: Suspects, blocks: set[tuple[str, str]]) -> Suspects:
+def _without(
+    problem: Problem, suspects: SuspectedOutliers, blocks: set[tuple[str, str]]
+) -> SuspectedOutliers:
     """The suspects with all observations that refer to these blocks."""
     masks = tuple(mask.copy() for mask in suspects.masks)
     _add_rows(problem, masks, blocks)

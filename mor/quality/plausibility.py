@@ -871,7 +871,7 @@ _LOOKED_AT = {
 _STRAIGHT = ("vector", "local", *SHAPE_TYPES, "image/", "follower/", "moving")
 
 
-class Effect(NamedTuple):
+class CurvatureEffect(NamedTuple):
     """The effect of the curvature on one observation."""
 
     group: ObservationGroup
@@ -922,7 +922,7 @@ def sphere_under(network: Network, values: Values) -> LocalSphere:
     return LocalSphere(EARTH_RADIUS / metres, median_origin(values["point"][used], 1.0 / metres))
 
 
-def largest_effect(network: Network, values: Values) -> Effect | None:
+def largest_effect(network: Network, values: Values) -> CurvatureEffect | None:
     """Return the effect of the curvature that is largest in units of σ; None if there is none to look at."""
     if network.world is not None or network.sphere is not None:
         return None
@@ -939,7 +939,7 @@ def largest_effect(network: Network, values: Values) -> Effect | None:
 
 def _in_group(
     group: ObservationGroup, values: Values, sphere: LocalSphere, sigma: FloatArray, straight: bool
-) -> Effect | None:
+) -> CurvatureEffect | None:
     component = _LOOKED_AT.get(
         group.type.key, 0 if group.type.key == "height_difference" and straight else -1
     )
@@ -960,7 +960,7 @@ def _in_group(
     if not np.isfinite(ratio).any():
         return None
     row = int(np.nanargmax(np.where(np.isfinite(ratio), ratio, np.nan)))
-    return Effect(group, row, component, float(size[row]), float(ratio[row]), float(length[row]))
+    return CurvatureEffect(group, row, component, float(size[row]), float(ratio[row]), float(length[row]))
 
 
 # ------------------------------------------------------------

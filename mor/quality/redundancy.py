@@ -168,7 +168,7 @@ OF_IMAGES = frozenset(
 """Keys of the observation types that are image coordinates of a point, their last block."""
 
 
-class Directions(NamedTuple):
+class WeakDirections(NamedTuple):
     """Contribution (u, k) of weak directions and datum to Q Aᵀ: own (A through)ᵀ."""
 
     own: FloatArray
@@ -183,10 +183,10 @@ class Directions(NamedTuple):
         return added
 
 
-def directions(adjustment: Adjustment, datum: STransformation) -> Directions:
+def directions(adjustment: Adjustment, datum: STransformation) -> WeakDirections:
     """Return the part missing in the cofactors of the factorisation, for the datum of the adjustment."""
     weak = adjustment.inverse.weak
-    return Directions(
+    return WeakDirections(
         np.concatenate([weak, -datum.null @ datum.binding], axis=1),
         np.concatenate([weak, datum.through], axis=1),
     )
@@ -203,7 +203,9 @@ def counted_columns(adjustment: Adjustment, number: int, rows: IntArray, columns
     return counted
 
 
-def add_directions(plan: Plan, lane: RayPlan, chunk: RayChunk, extra: Directions, shares: FloatArray) -> None:
+def add_directions(
+    plan: Plan, lane: RayPlan, chunk: RayChunk, extra: WeakDirections, shares: FloatArray
+) -> None:
     """Add to the shares (n, 2) of the rays of a chunk what the minimal datum lacks, in place."""
     if extra.own.shape[1] == 0:
         return
@@ -277,7 +279,7 @@ def cluster_quality(
     alike: AlikeClusters,
     quality: tuple[ObservationQuality, ...],
     tangent: FloatArray | None,
-    extra: Directions,
+    extra: WeakDirections,
 ) -> dict[int, Correlated]:
     """Quality of the entries of alike clusters, by group; what errors carry is set in ``quality``."""
     plan = adjustment.plan
@@ -320,7 +322,7 @@ def row_cluster_quality(
     clusters: RowClusters,
     quality: ObservationQuality,
     tangent: FloatArray | None,
-    extra: Directions,
+    extra: WeakDirections,
 ) -> dict[int, Correlated]:
     """The same of all clusters of a group that are single rows, together; quality is that of the group."""
     plan, number = adjustment.plan, clusters.group
@@ -626,7 +628,7 @@ def _fill_row_set(
     row_set: RowSet,
     quality: ObservationQuality,
     tangent: FloatArray | None,
-    extra: Directions,
+    extra: WeakDirections,
 ) -> None:
     plan, number = adjustment.plan, row_set.group
     group, index = adjustment.problem.groups[number], adjustment.problem.index

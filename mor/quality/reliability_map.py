@@ -13,7 +13,12 @@ from mor.model.observation_types import ObservationGroup, some_rows
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.assessment import Quality
-from mor.quality.external_reliability import Entry, LocalSystem, gradient, local_system
+from mor.quality.external_reliability import (
+    NormalEquationSolver,
+    ObservationComponent,
+    gradient,
+    local_system,
+)
 from mor.quality.group_tests import Partition, partitions
 from mor.quality.redundancy import OF_IMAGES, Reliability
 from mor.quality.test_statistics import ROWS_AT_A_TIME, in_pieces
@@ -50,9 +55,9 @@ class Controlled(NamedTuple):
     shift: FloatArray
     """Bound of what an undetected error moves its position by; infinite where something is not controlled at all."""
 
-    def entry(self, k: int) -> Entry:
+    def entry(self, k: int) -> ObservationComponent:
         """The weakest observation of one of them."""
-        return Entry(*(int(number) for number in self.weakest[k]))
+        return ObservationComponent(*(int(number) for number in self.weakest[k]))
 
     def worst(self, count: int) -> IntArray:
         """Numbers of the things with the smallest redundancy numbers, the worst first."""
@@ -60,7 +65,7 @@ class Controlled(NamedTuple):
         return seen[np.argsort(self.smallest_r[seen], kind="stable")[:count]]
 
 
-class _Seen(NamedTuple):
+class _RowClasses(NamedTuple):
     """Classes (k,) of some rows of a group, and what is known of these."""
 
     number: int
@@ -113,7 +118,7 @@ def _axes_of(partition: Partition, network: Network, axes: FloatArray) -> FloatA
 
 
 def _of_points(quality: Quality, names: tuple[str, ...], place: IntArray, axes: FloatArray) -> Controlled:
-    def seen() -> Iterator[_Seen]:
+    def seen() -> Iterator[_RowClasses]:
         groups = quality.adjustment.problem.groups
         for number, group in enumerate(groups):
             named = [
@@ -124,18 +129,18 @@ def _of_points(quality: Quality, names: tuple[str, ...], place: IntArray, axes: 
             for rows in _pieces(group.count):
                 some = quality.reliability[number].at(rows)
                 for blocks in named:
-                    yield _Seen(number, rows, place[blocks[rows]], some)
+                    yield _RowClasses(number, rows, place[blocks[rows]], some)
 
     return _gathered("point", names, seen, axes)
 
 
 def _of_partition(quality: Quality, partition: Partition, axes: FloatArray) -> Controlled:
-    def seen() -> Iterator[_Seen]:
+    def seen() -> Iterator[_RowClasses]:
         for number, tests in enumerate(quality.reliability):
             for rows in _pieces(len(tests.quality.v)):
                 classes = partition.of_rows(number, rows)
                 if classes is not None:
-                    yield _Seen(number, rows, classes, tests.at(rows))
+                    yield _RowClasses(number, rows, classes, tests.at(rows))
 
     return _gathered(partition.of, tuple(partition.names), seen, axes)
 
@@ -146,7 +151,7 @@ def _pieces(count: int) -> Iterator[slice]:
 
 
 def _gathered(
-    of: str, names: tuple[str, ...], seen: Callable[[], Iterator[_Seen]], axes: FloatArray
+    of: str, names: tuple[str, ...], seen: Callable[[], Iterator[_RowClasses]], axes: FloatArray
 ) -> Controlled:
     """Return the smallest r of each class, and in a second pass the row that has it."""
     count = len(names)
@@ -358,7 +363,7 @@ _MOST = 64
 """Candidates that are worked out for one weak observation."""
 
 
-class Further(NamedTuple):
+class CandidateObservation(NamedTuple):
     """A further observation: a row of a group, with another target."""
 
     group: int
@@ -370,7 +375,9 @@ class Further(NamedTuple):
     """Redundancy number that the weak observation would have then."""
 
 
-def best_further(quality: Quality, wanted: Sequence[tuple[Entry, list[int]]]) -> list[Further]:
+def best_further(
+    quality: Quality, wanted: Sequence[tuple[ObservationComponent, list[int]]]
+) -> list[CandidateObservation]:
     """Return the further observation that raises the redundancy number of each of some observations most.
 
     Each comes with the free point blocks it refers to. The same observation once more controls it, but repeats what is
@@ -399,8 +406,8 @@ class _Search:
     whitened: FloatArray
     """(k,) a_i."""
     r: float
-    repeated: Further
-    best: Further
+    repeated: CandidateObservation
+    best: CandidateObservation
     found: list[Candidates]
     h: list[FloatArray] = field(default_factory=list)
     """(k, m) of each of the candidates."""
@@ -425,21 +432,25 @@ class _Search:
         for (which, place), gain in zip(self.taken, gains, strict=True):
             if self.r + gain > self.best.r:
                 one = self.found[which]
-                self.best = Further(one.group, int(one.rows[place]), one.target, float(self.r + gain))
+                self.best = CandidateObservation(
+                    one.group, int(one.rows[place]), one.target, float(self.r + gain)
+                )
 
 
-def _begun(quality: Quality, places: CandidatePlaces, entry: Entry, targets: list[int]) -> _Search:
+def _begun(
+    quality: Quality, places: CandidatePlaces, entry: ObservationComponent, targets: list[int]
+) -> _Search:
     columns, values = gradient(quality.adjustment, entry)
     group = quality.adjustment.problem.groups[entry.group]
     sigma = float(group.sigma[entry.row, entry.component])
     r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
     again = (1.0 - r) ** 2 / (2.0 - r)
-    repeated = Further(entry.group, entry.row, -1, r + again)
+    repeated = CandidateObservation(entry.group, entry.row, -1, r + again)
     found = [one for target in targets for one in places.candidates(target)]
     return _Search(columns, values * sigma, r, repeated, repeated._replace(r=r + 0.5 * again), found)
 
 
-def _rank(system: LocalSystem, searches: list[_Search]) -> None:
+def _rank(system: NormalEquationSolver, searches: list[_Search]) -> None:
     """Give each search h and the bounds of its candidates, and the order in which they are worked out."""
     right = np.zeros((len(system.columns), len(searches)))
     for k, one in enumerate(searches):
@@ -451,14 +462,14 @@ def _rank(system: LocalSystem, searches: list[_Search]) -> None:
         one.order = np.argsort(-one.bound, kind="stable")[:_MOST]
 
 
-def _image(one: Candidates, system: LocalSystem, x: FloatArray) -> FloatArray:
+def _image(one: Candidates, system: NormalEquationSolver, x: FloatArray) -> FloatArray:
     """(k, m) A_j x."""
     moved = np.where(one.columns >= 0, x[_places(system, one.columns)], 0.0)
     image: FloatArray = np.einsum("kmc,kc->km", one.jacobian, moved)
     return image
 
 
-def _gains(system: LocalSystem, searches: list[_Search]) -> list[list[float]]:
+def _gains(system: NormalEquationSolver, searches: list[_Search]) -> list[list[float]]:
     """hᵀ R_jj⁻¹ h of the candidates that are taken, those of all searches solved for together."""
     rows = [
         (one.found[which].jacobian[place], one.found[which].columns[place], one.h[which][place])
@@ -494,6 +505,6 @@ def _gain(own: FloatArray, q: FloatArray) -> float:
     return float(np.sum((axes.T @ own) ** 2 / (1.0 + np.maximum(large, 0.0))))
 
 
-def _places(system: LocalSystem, columns: IntArray) -> IntArray:
+def _places(system: NormalEquationSolver, columns: IntArray) -> IntArray:
     """Places of columns among the unknowns of the system; anything where fixed."""
     return np.minimum(np.searchsorted(system.columns, columns), len(system.columns) - 1)

@@ -18,7 +18,7 @@ from mor.quality.assessment import Quality
 from mor.solve.inverse import Factors, damped_step, normalised_misclosures, reweighted_plan
 from mor.solve.iterate import Adjustment, Iteration, Watcher, adjust, counting_on
 from mor.solve.normals import Plan, eliminable_rays, make_plan, objective
-from mor.solve.problem import Cluster, Problem, misclosures
+from mor.solve.problem import CorrelatedObservations, Problem, misclosures
 from mor.start.bundle import ideal_rays
 from mor.types import LARGEST, BoolArray, FloatArray, IntArray
 
@@ -36,14 +36,14 @@ def exclude(problem: Problem, excluded: Sequence[BoolArray]) -> Problem:
     return replace(problem, groups=groups, clusters=_clusters(problem, excluded))
 
 
-def _clusters(problem: Problem, excluded: Sequence[BoolArray]) -> tuple[Cluster, ...]:
+def _clusters(problem: Problem, excluded: Sequence[BoolArray]) -> tuple[CorrelatedObservations, ...]:
     if not problem.clusters:
         return ()
     flat = np.concatenate([mask.ravel() for mask in excluded])
     return tuple(_without(cluster, flat[cluster.entries]) for cluster in problem.clusters)
 
 
-def _without(cluster: Cluster, out: BoolArray) -> Cluster:
+def _without(cluster: CorrelatedObservations, out: BoolArray) -> CorrelatedObservations:
     if not out.any():
         return cluster
     covariance = np.where(out[:, None] ^ out[None, :], 0.0, cluster.covariance)
@@ -290,7 +290,7 @@ def _narrowed(
     """Return the solution with weights of shrinking width, from the widest to the narrowest, until they settle."""
     parts = whole(problem) if parts is None else parts
     plan = make_plan(problem, eliminable_rays(problem, start))
-    place = _Place(start, _sizes(plan, start), _FIRST_DAMPING)
+    place = _IterationState(start, _sizes(plan, start), _FIRST_DAMPING)
     scales = _scales(problem, place.sizes, parts)
     multiples = np.where(_few(problem), WIDEST, widest)
     factors = _factors(problem, place.sizes, multiples, scales)
@@ -317,7 +317,7 @@ def _few(problem: Problem) -> BoolArray:
     return np.asarray(np.array(counts, dtype=np.int64) < _FEW)
 
 
-class _Place(NamedTuple):
+class _IterationState(NamedTuple):
     """State of the iteration: values, |v|/σ at them, and the damping of the next step."""
 
     values: Values
@@ -327,7 +327,7 @@ class _Place(NamedTuple):
     """The last step in units of σ."""
 
 
-def _iteration(problem: Problem, number: int, place: _Place, factors: Factors) -> Iteration:
+def _iteration(problem: Problem, number: int, place: _IterationState, factors: Factors) -> Iteration:
     """The iteration as those who watch see it: with the weighted sum of squares and what weights are left."""
     weighted = sum(float(np.sum(f * s**2)) for f, s in zip(factors, place.sizes, strict=True))
     active = sum(float(np.sum(f * (s > 0.0))) for f, s in zip(factors, place.sizes, strict=True))
@@ -381,7 +381,7 @@ def _change(factors: Factors, before: Factors) -> float:
     return float(np.sqrt(squares / max(sum(a.size for a in factors), 1)))
 
 
-def _descend(weighted: Plan, place: _Place, factors: Factors) -> _Place:
+def _descend(weighted: Plan, place: _IterationState, factors: Factors) -> _IterationState:
     """One step that makes the weighted sum of squares smaller, damped as the gain ratio asks for (H. B. Nielsen)."""
     damping, raise_by = place.damping, 2.0
     while damping < _MOST_DAMPED:
@@ -395,7 +395,7 @@ def _descend(weighted: Plan, place: _Place, factors: Factors) -> _Place:
         if gain > 0.0:
             easier = max(1.0 / 3.0, 1.0 - (2.0 * min(gain, 1.0) - 1.0) ** 3)
             sizes, change = _sizes_of_all(weighted, moved, factors), float(np.sqrt(max(tried.gain, 0.0)))
-            return _Place(moved, sizes, max(damping * easier, _LEAST_DAMPED), change)
+            return _IterationState(moved, sizes, max(damping * easier, _LEAST_DAMPED), change)
         damping, raise_by = damping * raise_by, raise_by * 2.0
     return place._replace(damping=_FIRST_DAMPING)
 
@@ -429,7 +429,7 @@ _LIGHT = 0.1
 """Factor on a weight below which an observation counts as rejected."""
 
 
-class Robust(NamedTuple):
+class RobustSolution(NamedTuple):
     """A robust solution."""
 
     method: Method
@@ -445,7 +445,7 @@ class Robust(NamedTuple):
         return tuple((f < _LIGHT) & group.mask for f, group in zip(self.factors, groups, strict=True))
 
 
-def robust_estimate(quality: Quality, method: Method) -> Robust:
+def robust_estimate(quality: Quality, method: Method) -> RobustSolution:
     """Robust solution that starts from an assessed least-squares one."""
     problem = quality.adjustment.problem
     spread = spread_of(quality)
@@ -458,13 +458,13 @@ def robust_estimate(quality: Quality, method: Method) -> Robust:
             scaled = reweighted(problem, [1.0 / np.sqrt(f) for f in factors])
             found = adjust(scaled, adjustment.values)
             if not found.outcome.is_solution:
-                return Robust(method, adjustment, factors, False)
+                return RobustSolution(method, adjustment, factors, False)
             adjustment, before = found, factors
             factors = factors_of(problem, adjustment.values, spread, stage)
             if change_of(factors, before) < SETTLED:
                 settled = True
                 break
-    return Robust(method, adjustment, factors, settled)
+    return RobustSolution(method, adjustment, factors, settled)
 
 
 def stages_of(method: Method) -> tuple[Method, ...]:

@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from mor.errors import Place
+from mor.errors import Placeholder
 from mor.model import rotations
 from mor.model.images import MOTION_SLOTS
 from mor.model.parameters import IMAGE_VELOCITY, KINDS, MOTIONS, READOUT, ROTATION_RATE, moves_by_angles
@@ -15,7 +15,7 @@ from mor.model.rotations import angles_from_rotation
 from mor.project.entities import thing_of
 from mor.project.planned_network import image_poses
 from mor.project.trajectories import TRAJECTORY
-from mor.quality.determinability import Part, connected_parts
+from mor.quality.determinability import NetworkPart, connected_parts
 from mor.quality.solution import Solved, weak_directions
 from mor.solve.datum import NOTHING_KNOWN, Undetermined, similarities, weak_turns
 from mor.solve.iterate import A_WEAK_TURN, Adjustment
@@ -27,7 +27,7 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS
 # ------------------------------------------------------------
 
 
-class Say(Protocol):
+class Translate(Protocol):
     """Says an English sentence with its values, in the language of the reader."""
 
     def __call__(self, english: str, /, **values: object) -> str:
@@ -37,10 +37,10 @@ class Say(Protocol):
 
 def english(text: str, /, **values: object) -> str:
     """The sentence as it stands."""
-    return text.format(**{name: Place(value) for name, value in values.items()})
+    return text.format(**{name: Placeholder(value) for name, value in values.items()})
 
 
-def enumerated(names: Sequence[str], most: int, say: Say) -> str:
+def enumerated(names: Sequence[str], most: int, say: Translate) -> str:
     """The first names, and how many there are more."""
     listed = ", ".join(names[:most])
     return say("{names} and {count} more", names=listed, count=len(names) - most) if names[most:] else listed
@@ -54,7 +54,7 @@ _SMALL = 1e-5
 _SHOWN = 4
 
 
-def tilt(adjustment: Adjustment, say: Say = english) -> str | None:
+def tilt(adjustment: Adjustment, say: Translate = english) -> str | None:
     """Words for the only free movement of a network, where it is a rotation about a line; ``None`` otherwise.
 
     A movement t + ω × x with t ⊥ ω (and no change of scale) leaves the points of a line in direction ω at rest.
@@ -97,7 +97,7 @@ _LOCKED = 1e-3
 """cos φ from which down ω and κ are a thousand times less certain than the attitude: they are nearly the same turn."""
 
 
-def why_loose(solved: Solved, space: str, name: str, say: Say = english) -> list[str]:
+def why_loose(solved: Solved, space: str, name: str, say: Translate = english) -> list[str]:
     """Lines for a frame (``image``, ``station``) that its points, or its angles, cannot hold; none where they could."""
     things = solved.network.things[space]
     if name not in things.numbers:
@@ -106,7 +106,7 @@ def why_loose(solved: Solved, space: str, name: str, say: Say = english) -> list
     return [*_too_few(solved, space, name, rotation, say), *_locked(solved, space, name, rotation, say)]
 
 
-def _locked(solved: Solved, space: str, name: str, rotation: int, say: Say) -> list[str]:
+def _locked(solved: Solved, space: str, name: str, rotation: int, say: Translate) -> list[str]:
     """Angles of which some are fixed, or tied to those of others, where two of them are the same turn."""
     index = solved.adjustment.problem.index
     _, phi, _ = angles_from_rotation(solved.adjustment.values["rotation"][rotation])
@@ -122,7 +122,7 @@ def _locked(solved: Solved, space: str, name: str, rotation: int, say: Say) -> l
     ]
 
 
-def _too_few(solved: Solved, space: str, name: str, rotation: int, say: Say) -> list[str]:
+def _too_few(solved: Solved, space: str, name: str, rotation: int, say: Translate) -> list[str]:
     """Points that cannot hold a frame."""
     points = _points_seen(solved, rotation)
     names = [solved.network.blocks["point"].ids[p] for p in points]
@@ -162,7 +162,7 @@ def _too_few(solved: Solved, space: str, name: str, rotation: int, say: Say) -> 
     return []
 
 
-def held_by_an_angle(solved: Solved, say: Say = english) -> list[str]:
+def held_by_an_angle(solved: Solved, say: Translate = english) -> list[str]:
     """A line for every system some of whose angles are fixed: these oppose a turn that its points may not know."""
     systems = solved.network.things["system"]
     columns = solved.adjustment.problem.index.columns
@@ -218,7 +218,7 @@ OF_READOUT = frozenset(slot.kind for slot in MOTION_SLOTS)
 """Kinds of blocks that act by their products only."""
 
 
-def readout_sentences(solved: Solved, say: Say = english) -> list[str]:
+def readout_sentences(solved: Solved, say: Translate = english) -> list[str]:
     """One line for every camera whose free readout time no image can tell; both reasons follow from the model."""
     cameras, images = solved.network.things["camera"], solved.network.things["image"]
     lines = []
@@ -324,7 +324,7 @@ _SINGULARITIES_SHOWN = 6
 """Names told of one part or direction."""
 
 
-def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
+def explain_singularity(solved: Solved, say: Translate = english) -> list[str]:
     """One line or more for everything that the observations and the datum leave open."""
     adjustment = solved.adjustment
     if adjustment.defect.undetermined:
@@ -352,7 +352,7 @@ def explain_singularity(solved: Solved, say: Say = english) -> list[str]:
     ]
 
 
-def _unsettled(solved: Solved, say: Say) -> str:
+def _unsettled(solved: Solved, say: Translate) -> str:
     """Say that the datum coordinates do not determine all movements, and whether they are too few for that."""
     problem, movements = solved.adjustment.problem, _movements(solved, say)
     free = problem.index.columns["point"] >= 0
@@ -371,11 +371,11 @@ def _unsettled(solved: Solved, say: Say) -> str:
     )
 
 
-def _movements(solved: Solved, say: Say) -> str:
+def _movements(solved: Solved, say: Translate) -> str:
     return ", ".join(say(name) for name in solved.adjustment.defect.movements)
 
 
-def turned_about(solved: Solved, say: Say = english) -> list[str]:
+def turned_about(solved: Solved, say: Translate = english) -> list[str]:
     """Turns of the whole network that are hardly determined, where there is no solution."""
     adjustment = solved.adjustment
     turns = [
@@ -418,7 +418,7 @@ def _tilts_as_angles(solved: Solved) -> bool:
     )
 
 
-def _open_datum(solved: Solved, say: Say) -> list[str]:
+def _open_datum(solved: Solved, say: Translate) -> list[str]:
     count = solved.adjustment.defect.datum.shape[1]
     movements = _movements(solved, say)
     lines = [
@@ -440,7 +440,7 @@ def _open_datum(solved: Solved, say: Say) -> list[str]:
     ]
 
 
-def _moved(solved: Solved, say: Say) -> str:
+def _moved(solved: Solved, say: Translate) -> str:
     """Names of the blocks that the open movements move."""
     index = solved.adjustment.problem.index
     moved = np.flatnonzero(np.abs(solved.adjustment.defect.datum).max(axis=1) > _STILL)
@@ -448,7 +448,7 @@ def _moved(solved: Solved, say: Say) -> str:
     return enumerated([_name(*block, say) for block in blocks], _SINGULARITIES_SHOWN, say)
 
 
-def _separated(parts: list[Part], say: Say) -> list[str]:
+def _separated(parts: list[NetworkPart], say: Translate) -> list[str]:
     return [
         say("The network falls into {count} parts that no observation connects:", count=len(parts)),
         *(
@@ -462,14 +462,14 @@ def _separated(parts: list[Part], say: Say) -> list[str]:
     ]
 
 
-def _things(part: Part, say: Say) -> str:
+def _things(part: NetworkPart, say: Translate) -> str:
     return "; ".join(
         f"{say(space if len(names) == 1 else space + 's')} {enumerated(names, _SINGULARITIES_SHOWN, say)}"
         for space, names in part.names.items()
     )
 
 
-def _loose(solved: Solved, parts: tuple[Part, ...], separated: bool, say: Say) -> list[str]:
+def _loose(solved: Solved, parts: tuple[NetworkPart, ...], separated: bool, say: Translate) -> list[str]:
     """Directions inside the network, those of one block together; none that its falling apart explains already."""
     alone = {
         (space, name)
@@ -518,7 +518,7 @@ def _unexplained(solved: Solved) -> list[Undetermined]:
     ]
 
 
-def _geometry(solved: Solved, alone: set[tuple[str, str]], say: Say) -> list[str]:
+def _geometry(solved: Solved, alone: set[tuple[str, str]], say: Translate) -> list[str]:
     """Images and stations among what is loose that see too few points, or all on one line."""
     frames = dict.fromkeys(
         thing_of(kind, block) for direction in _unexplained(solved) for kind, block, _ in direction.unknowns
@@ -531,7 +531,7 @@ def _geometry(solved: Solved, alone: set[tuple[str, str]], say: Say) -> list[str
     ]
 
 
-def weakness(solved: Solved, say: Say = english) -> list[str]:
+def weakness(solved: Solved, say: Translate = english) -> list[str]:
     """One line for every direction that is determined, but hardly."""
     if solved.quality is None:
         return []
@@ -563,7 +563,7 @@ def weakness(solved: Solved, say: Say = english) -> list[str]:
     return lines
 
 
-def _one_block(kind: str, block: str, directions: list[Undetermined], say: Say) -> str:
+def _one_block(kind: str, block: str, directions: list[Undetermined], say: Translate) -> str:
     cure = _cure(kind, block, say)
     if len(directions) == 1 and len(directions[0].unknowns) > 1:
         return say(
@@ -581,7 +581,7 @@ def _one_block(kind: str, block: str, directions: list[Undetermined], say: Say) 
     )
 
 
-def _together(direction: Undetermined, blocks: list[tuple[str, str]], say: Say) -> list[str]:
+def _together(direction: Undetermined, blocks: list[tuple[str, str]], say: Translate) -> list[str]:
     named = [f"{_name(kind, block, say)} ({_components(direction, kind, block)})" for kind, block in blocks]
     firsts: dict[str, str] = {}
     for kind, block in blocks:
@@ -600,7 +600,7 @@ def _components(direction: Undetermined, kind: str, block: str) -> str:
     return ", ".join(c for k, b, c in direction.unknowns if (k, b) == (kind, block))
 
 
-def _name(kind: str, block: str, say: Say) -> str:
+def _name(kind: str, block: str, say: Translate) -> str:
     space, name = thing_of(kind, block)
     if KINDS[kind] in MOTIONS:
         return say("the {part} of {names}", part=say(kind), names=f"{say('point')} {name}")
@@ -615,5 +615,5 @@ def _name(kind: str, block: str, say: Say) -> str:
     return thing
 
 
-def _cure(kind: str, block: str, say: Say) -> str:
+def _cure(kind: str, block: str, say: Translate) -> str:
     return say(_KNOT if thing_of(kind, block)[0] == "knot" else _CURES[kind.split("/")[0]])

@@ -13,7 +13,7 @@ from mor.model.parameters import Values
 from mor.quality.assessment import Levels, Quality, assess, is_complete
 from mor.quality.outliers import (
     SUSPECT,
-    Suspects,
+    SuspectedOutliers,
     cost_of_residuals,
     reintersected,
     sizes_of,
@@ -22,7 +22,7 @@ from mor.quality.outliers import (
 )
 from mor.quality.robust_estimation import exclude
 from mor.quality.test_statistics import ObservationQuality, comparable, critical_value, sidak
-from mor.solve.iterate import Adjustment, Iteration, Settings, adjust
+from mor.solve.iterate import Adjustment, Iteration, SolverSettings, adjust
 from mor.solve.problem import Problem
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -54,14 +54,14 @@ class Entry(NamedTuple):
     """Of the network, where it is in parts: groups and rows are numbered in each of them."""
 
 
-class Tested(NamedTuple):
+class TestedEntry(NamedTuple):
     """An entry and its test value."""
 
     entry: Entry
     test: float
 
 
-class Slot(NamedTuple):
+class BlockRows(NamedTuple):
     """Points, or frames, of some rows of a group."""
 
     kind: str
@@ -87,10 +87,10 @@ class FlaggedRows(NamedTuple):
     """(k,) image points all components of which are controlled for themselves."""
     absorbed: FloatArray
     """(k,) the largest (1 − r)/r of a row's components; infinite for correlated ones."""
-    slots: tuple[Slot, ...]
+    slots: tuple[BlockRows, ...]
 
 
-class Candidate(NamedTuple):
+class ExclusionCandidate(NamedTuple):
     """A row that may go in this round."""
 
     size: float
@@ -100,7 +100,7 @@ class Candidate(NamedTuple):
     blocks: Mapping[Block, int]
     """Its free points and frames, with the number of rows that these have in this part."""
     absorbed: float
-    tested: tuple[Tested, ...]
+    tested: tuple[TestedEntry, ...]
     """What goes with it: all components of an image point that are controlled for themselves, or the worst one."""
 
 
@@ -147,7 +147,7 @@ def candidates(
     cannot: Collection[Entry],
     places: Sequence[int] | None = None,
     part: int = 0,
-) -> list[Candidate]:
+) -> list[ExclusionCandidate]:
     """Return entries that may be removed in a round, without those in ``cannot``: all above half of the largest |w|.
 
     ``places``: where each group stands among those of the whole network, of which this is a part.
@@ -157,7 +157,7 @@ def candidates(
         _BESIDE_THE_WORST * max((float(size.max()) for size in sizes), default=0.0), np.nextafter(0.0, 1.0)
     )
     return [
-        Candidate(
+        ExclusionCandidate(
             float(size[k].max()),
             (places[one.group] if places is not None else one.group, part, int(one.rows[k])),
             {(slot.kind, slot.names[k]): int(slot.rows[k]) for slot in one.slots if slot.rows[k] >= 0},
@@ -169,7 +169,9 @@ def candidates(
     ]
 
 
-def worst_first(all_candidates: Iterable[Candidate], shared: Mapping[Block, int]) -> list[Tested]:
+def worst_first(
+    all_candidates: Iterable[ExclusionCandidate], shared: Mapping[Block, int]
+) -> list[TestedEntry]:
     """The worst of the candidates, and others nearly as bad that are not so for its error, nor for each other's.
 
     ``shared``: points and frames that several parts have, with the number of rows of all parts.
@@ -177,7 +179,7 @@ def worst_first(all_candidates: Iterable[Candidate], shared: Mapping[Block, int]
     ordered = sorted(all_candidates, key=lambda one: (-one.size, *one.place))
     used: dict[Block, float] = {}
     room: dict[Block, int] = {}
-    chosen: list[Tested] = []
+    chosen: list[TestedEntry] = []
     for one in ordered:
         if one.size < _BESIDE_THE_WORST * ordered[0].size:
             break
@@ -201,18 +203,19 @@ def _may_go(one: FlaggedRows, cannot: Collection[Entry], part: int) -> BoolArray
     return flags
 
 
-def _going(one: FlaggedRows, k: int, sizes: FloatArray, part: int) -> tuple[Tested, ...]:
+def _going(one: FlaggedRows, k: int, sizes: FloatArray, part: int) -> tuple[TestedEntry, ...]:
     """The worst component of a row; all components of a ray, where each is controlled for itself."""
     components = np.flatnonzero(one.active[k]) if one.together[k] else [int(np.argmax(sizes))]
     return tuple(
-        Tested(Entry(one.group, int(one.rows[k]), int(c), part), float(one.tests[k, c])) for c in components
+        TestedEntry(Entry(one.group, int(one.rows[k]), int(c), part), float(one.tests[k, c]))
+        for c in components
     )
 
 
-def _slot(problem: Problem, kind: str, blocks: IntArray, counts: IntArray) -> Slot:
+def _slot(problem: Problem, kind: str, blocks: IntArray, counts: IntArray) -> BlockRows:
     free = (problem.index.columns[kind][blocks] >= 0).any(axis=1)
     ids = problem.index.blocks[kind].ids
-    return Slot(kind, tuple(ids[block] for block in blocks.tolist()), np.where(free, counts[blocks], -1))
+    return BlockRows(kind, tuple(ids[block] for block in blocks.tolist()), np.where(free, counts[blocks], -1))
 
 
 def _absorbed_of_controlled(one: ObservationQuality) -> FloatArray:
@@ -303,7 +306,7 @@ def _of(group: ObservationGroup, points: BoolArray) -> BoolArray:
 # at in the end (:mod:`mor.quality.snooping`). The two coordinates of a ray are one pointing and go together,
 # as long as both are controlled.
 #
-# A network may be at hand in parts (:class:`Tried`): the rounds are the same.
+# A network may be at hand in parts (:class:`AssessedAdjustment`): the rounds are the same.
 # ------------------------------------------------------------
 
 _MOST_ROUNDS = 100
@@ -329,7 +332,7 @@ class Snooped(NamedTuple):
     """Of the network, where it is in parts."""
 
 
-class Snooping(NamedTuple):
+class SnoopingResult(NamedTuple):
     """Outcome of data snooping."""
 
     sigma0_before: float
@@ -342,7 +345,7 @@ class Snooping(NamedTuple):
     clean: bool
     """False where a flagged observation could not be excluded."""
 
-    def after(self, earlier: Snooping) -> Snooping:
+    def after(self, earlier: SnoopingResult) -> SnoopingResult:
         """Both together, this one being the later."""
         return earlier._replace(quality=self.quality, steps=(*earlier.steps, *self.steps), clean=self.clean)
 
@@ -356,7 +359,7 @@ class Excluded(NamedTuple):
     """True where its row may come back: every entry of it that is out fits the rest."""
 
 
-class Tried(Protocol):
+class AssessedAdjustment(Protocol):
     """An assessed adjustment without what is out; of a network as a whole, or of one in parts."""
 
     @property
@@ -367,7 +370,7 @@ class Tried(Protocol):
     def excluded(self) -> tuple[Excluded, ...]:
         """Removed entries, in their order."""
 
-    def worst(self, cannot: Collection[Entry]) -> list[Tested]:
+    def worst(self, cannot: Collection[Entry]) -> list[TestedEntry]:
         """Return entries to remove, the worst first, without those in ``cannot``; empty if none is flagged."""
 
     def without(self, out: Out) -> Self | None:
@@ -380,10 +383,10 @@ class Tried(Protocol):
         """The same with points where all their observations put them, and what is out there, if they are elsewhere."""
 
 
-T = TypeVar("T", bound=Tried)
+T = TypeVar("T", bound=AssessedAdjustment)
 
 
-class Ended(NamedTuple, Generic[T]):
+class SnoopingRounds(NamedTuple, Generic[T]):
     """End of the rounds of data snooping."""
 
     tried: T
@@ -398,7 +401,7 @@ def snoop(
     aposteriori: bool,
     excluded: Masks | None = None,
     watch: Watcher | None = None,
-) -> Snooping:
+) -> SnoopingResult:
     """Snoop through a problem from an assessed adjustment of it; ``excluded`` (n, m) is out to begin with."""
     first = _Whole(problem, levels, aposteriori, watch, quality)
     begun, out = None, Out()
@@ -410,10 +413,10 @@ def snoop(
     tried, out = (begun, out) if begun is not None else (first, Out())
     ended = snooping_rounds(tried, out, first.redundancy)
     kept_out = tuple(group.left_out for group in problem.groups)
-    return Snooping(quality.sigma0, kept_out, ended.tried.quality, ended.steps, ended.clean)
+    return SnoopingResult(quality.sigma0, kept_out, ended.tried.quality, ended.steps, ended.clean)
 
 
-def snooping_rounds(tried: T, out: Out, redundancy: int) -> Ended[T]:
+def snooping_rounds(tried: T, out: Out, redundancy: int) -> SnoopingRounds[T]:
     """Take out and put back until nothing else is to be done, in at most 100 rounds.
 
     ``redundancy`` is that of all observations.
@@ -450,19 +453,21 @@ def snooping_rounds(tried: T, out: Out, redundancy: int) -> Ended[T]:
         else:
             (cannot if chosen else stays_out).add((chosen or fitting)[0].entry)
             for_good.update(one.entry for one in ([] if chosen else fitting[:1]))
-    return Ended(tried, tuple(steps), clean)
+    return SnoopingRounds(tried, tuple(steps), clean)
 
 
-def _fitting(tried: Tried, stays_out: Set[Entry]) -> list[Tested]:
+def _fitting(tried: AssessedAdjustment, stays_out: Set[Entry]) -> list[TestedEntry]:
     """Excluded entries that may come back."""
-    return [Tested(one.entry, one.test) for one in tried.excluded if one.fits and one.entry not in stays_out]
+    return [
+        TestedEntry(one.entry, one.test) for one in tried.excluded if one.fits and one.entry not in stays_out
+    ]
 
 
-def _tested(tried: Tried, entries: Set[Entry]) -> list[Tested]:
-    return [Tested(one.entry, one.test) for one in tried.excluded if one.entry in entries]
+def _tested(tried: AssessedAdjustment, entries: Set[Entry]) -> list[TestedEntry]:
+    return [TestedEntry(one.entry, one.test) for one in tried.excluded if one.entry in entries]
 
 
-def _steps(number: int, changed: list[Tested], out: Out) -> list[Snooped]:
+def _steps(number: int, changed: list[TestedEntry], out: Out) -> list[Snooped]:
     return [
         Snooped(number, *one.entry[:3], one.test, one.entry not in out, one.entry.part) for one in changed
     ]
@@ -503,7 +508,7 @@ class _Whole(NamedTuple):
     def excluded(self) -> tuple[Excluded, ...]:
         return excluded_entries(self.quality, self._kept_out)
 
-    def worst(self, cannot: Collection[Entry]) -> list[Tested]:
+    def worst(self, cannot: Collection[Entry]) -> list[TestedEntry]:
         return worst_first(candidates(flagged_rows(self.quality), cannot), {})
 
     def without(self, out: Out) -> _Whole | None:
@@ -586,12 +591,12 @@ def is_mostly_out(excluded: int, observations: int) -> bool:
     return 2 * excluded > observations and excluded >= _AT_LEAST
 
 
-def mostly_out(snooping: Snooping) -> list[TakenOut]:
+def mostly_out(snooping: SnoopingResult) -> list[TakenOut]:
     """Frames and points of which more than half of the observations were taken out."""
     return [one for one in taken_out(snooping) if one.mostly]
 
 
-def taken_out(snooping: Snooping, also: Collection[tuple[str, str]] = ()) -> list[TakenOut]:
+def taken_out(snooping: SnoopingResult, also: Collection[tuple[str, str]] = ()) -> list[TakenOut]:
     """Frames and points of which observations were taken out; ``also`` some others (kind, name), where observed."""
     blocks = snooping.quality.adjustment.problem.index.blocks
     found = []
@@ -607,7 +612,7 @@ def taken_out(snooping: Snooping, also: Collection[tuple[str, str]] = ()) -> lis
     return found
 
 
-def _counted(snooping: Snooping, kind: str, count: int) -> tuple[IntArray, IntArray]:
+def _counted(snooping: SnoopingResult, kind: str, count: int) -> tuple[IntArray, IntArray]:
     """(b,) rows of each block of a kind that were taken out, and that there were."""
     out, whole = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
     groups = snooping.quality.adjustment.problem.groups
@@ -638,8 +643,8 @@ Assessed = Callable[[Adjustment], Quality]
 
 
 def put_back(
-    quality: Quality, suspects: Suspects, assessed: Assessed, settings: Settings | None = None
-) -> tuple[Quality, Suspects | None]:
+    quality: Quality, suspects: SuspectedOutliers, assessed: Assessed, settings: SolverSettings | None = None
+) -> tuple[Quality, SuspectedOutliers | None]:
     """Quality of the adjustment with those suspects in it again that fit, and the others; ``None`` where none is left.
 
     ``assessed``: how an adjustment is assessed. What was given up with a lost block stays out.

@@ -23,12 +23,12 @@ from mor.quality.assessment import (
     sigma_of_geometry,
     told_by_user,
 )
-from mor.quality.determinability import Movements, last_movements
-from mor.quality.external_reliability import Effect, effects
-from mor.quality.global_tests import CommonEffect, common_effects, fits_one_factor, fixed_point_tests
+from mor.quality.determinability import UnsettledUnknowns, last_movements
+from mor.quality.external_reliability import PointEffect, effects
+from mor.quality.global_tests import GroupEffect, common_effects, fits_one_factor, fixed_point_tests
 from mor.quality.group_tests import (
     CommonToFlagged,
-    GroupTest,
+    GroupStatistic,
     GroupTests,
     Moments,
     common_to_flagged,
@@ -36,10 +36,10 @@ from mor.quality.group_tests import (
     log_tail,
     rows_of_test,
 )
-from mor.quality.outliers import Suspects, with_suspects
+from mor.quality.outliers import SuspectedOutliers, with_suspects
 from mor.quality.reliability_map import Controlled, reliability_map
-from mor.quality.robust_estimation import Method, Robust, reweighted, robust_estimate
-from mor.quality.snooping import Snooping, snoop
+from mor.quality.robust_estimation import Method, RobustSolution, reweighted, robust_estimate
+from mor.quality.snooping import SnoopingResult, snoop
 from mor.quality.test_statistics import ObservationQuality, log_p_normal, log_p_student
 from mor.quality.variance_components import Components, components, iterated_components
 from mor.quality.variance_components import Method as ComponentMethod
@@ -110,14 +110,14 @@ _MOST_MOVEMENTS = 7
 class Explained(NamedTuple):
     """Change that would bring a rejected group into line with its σ."""
 
-    test: GroupTest
+    test: GroupStatistic
     flagged: int
     """Number of its observations that the test of single observations flags."""
     share_of_flagged: float
     """Their part of its part of vᵀPv."""
     largest: float
     """The largest |w| of these, 0 where none is flagged."""
-    effect: CommonEffect | None
+    effect: GroupEffect | None
     """The most significant offset or scale, where it is significant beside what it leaves."""
     suffices: bool
     """True where with the effect the test accepts."""
@@ -136,7 +136,7 @@ which is neglected, is δ/(2D) of the first. For δ = 2σ (95 %) and σ = D/100 
 ellipsoids hold to two digits."""
 
 
-class Determined(NamedTuple):
+class Determination(NamedTuple):
     """Determination of the result, independent of residuals. σ are those of ``sigma_of_geometry``."""
 
     size: float
@@ -162,7 +162,7 @@ class Determined(NamedTuple):
         return self.as_a_whole and not self.beyond and not self.directions
 
 
-class Verdict(NamedTuple):
+class OverallAssessment(NamedTuple):
     """The tests of the whole and of the groups together, and whether the result is determined."""
 
     tests: GroupTests
@@ -172,7 +172,7 @@ class Verdict(NamedTuple):
     """True if groups are rejected, none of them beside the others, and the w of all are normal with one factor."""
     chosen_only: bool
     """True where the fixed coordinates are the datum and no more: no observation controls them."""
-    determined: Determined
+    determined: Determination
 
     @property
     def contradicted(self) -> bool:
@@ -180,7 +180,7 @@ class Verdict(NamedTuple):
         return bool(self.tests.rejected)
 
 
-def verdict(quality: Quality, network: Network, tests: GroupTests | None = None) -> Verdict:
+def verdict(quality: Quality, network: Network, tests: GroupTests | None = None) -> OverallAssessment:
     """The tests of all groups of an adjustment, known ones or new ones, and what would explain those that reject."""
     tests = tests or group_tests(quality, network)
     rejected = tests.rejected
@@ -191,26 +191,26 @@ def verdict(quality: Quality, network: Network, tests: GroupTests | None = None)
     explained = [] if alike else [_explained(quality, tests, test) for test in looked_at]
     # Two that contradict each other gain alike: round-off must not say which comes first.
     explained.sort(key=lambda one: -float(f"{one.gain:.6g}"))
-    return Verdict(tests, tuple(explained), alike, _chosen_only(quality), determined(quality))
+    return OverallAssessment(tests, tuple(explained), alike, _chosen_only(quality), determined(quality))
 
 
-def determined(quality: Quality) -> Determined:
+def determined(quality: Quality) -> Determination:
     """Return how well the points of an adjustment are determined."""
     adjustment = quality.adjustment
     size, directions = 2.0 * median_distance(adjustment), len(weak_directions(quality))
     if "point" not in quality.cofactors or size == 0.0:
-        return Determined(size, 0, 0.0, 0.0, (), directions)
+        return Determination(size, 0, 0.0, 0.0, (), directions)
     index = adjustment.problem.index
     judged = np.flatnonzero((index.columns["point"] >= 0).any(axis=1) & ~told_by_user(quality, "point"))
     if len(judged) == 0:
-        return Determined(size, 0, 0.0, 0.0, (), directions)
+        return Determination(size, 0, 0.0, 0.0, (), directions)
     variance = rotations.eigvalsh(quality.cofactors["point"][judged])[:, -1]
     sigma = sigma_of_geometry(quality) * np.sqrt(np.maximum(variance, 0.0))
     order = np.argsort(-sigma, kind="stable")
     order = order[sigma[order] > LARGEST_SIGMA * size]
     ids = index.blocks["point"].ids
     beyond = tuple((*thing_of("point", ids[judged[k]]), float(sigma[k])) for k in order.tolist())
-    return Determined(size, len(judged), float(sigma.max()), float(np.median(sigma)), beyond, directions)
+    return Determination(size, len(judged), float(sigma.max()), float(np.median(sigma)), beyond, directions)
 
 
 def _chosen_only(quality: Quality) -> bool:
@@ -228,7 +228,7 @@ def only_chosen_of(fixed: int, freedom: int) -> bool:
     return bool(0 < fixed <= _MOST_MOVEMENTS and freedom == 0)
 
 
-def _explained(quality: Quality, tests: GroupTests, test: GroupTest) -> Explained:
+def _explained(quality: Quality, tests: GroupTests, test: GroupStatistic) -> Explained:
     chosen = tests.rows(test, quality.adjustment.problem)
     single = _single_observations(quality, chosen, test.omega)
     if test.omega < test.redundancy:  # residuals that are too small: no effect makes them so
@@ -245,7 +245,7 @@ def _explained(quality: Quality, tests: GroupTests, test: GroupTest) -> Explaine
     return Explained(test, *single, found[0] if found else None, bool(enough))
 
 
-def _beside_what_is_left(effect: CommonEffect, critical: float) -> bool:
+def _beside_what_is_left(effect: GroupEffect, critical: float) -> bool:
     """True where an effect is significant beside the residuals it leaves: those of a gross error have any offset."""
     if effect.redundancy < _LEAST_LEFT:
         return False
@@ -253,7 +253,7 @@ def _beside_what_is_left(effect: CommonEffect, critical: float) -> bool:
     return bool(log_p_student(square, effect.redundancy)[0] < log_p_normal(np.array([critical]))[0])
 
 
-def _accepted(test: GroupTest, effect: CommonEffect, limit: float) -> bool:
+def _accepted(test: GroupStatistic, effect: GroupEffect, limit: float) -> bool:
     """True where there is something left to test with an effect, and the test does not reject it."""
     if effect.redundancy < _LEAST_LEFT:
         return False
@@ -282,7 +282,7 @@ def _single_observations(quality: Quality, chosen: list[BoolArray], omega: float
 # ------------------------------------------------------------
 
 
-class Wanted(NamedTuple):
+class TreatmentOptions(NamedTuple):
     """Treatment that the project asks for."""
 
     snooping: bool = False
@@ -295,12 +295,16 @@ class Treatment(NamedTuple):
     """Treatment that was applied."""
 
     components: Components
-    snooping: Snooping | None = None
-    robust: Robust | None = None
+    snooping: SnoopingResult | None = None
+    robust: RobustSolution | None = None
 
 
 def treat(
-    quality: Quality, levels: Levels, aposteriori: bool, wanted: Wanted, suspects: Suspects | None = None
+    quality: Quality,
+    levels: Levels,
+    aposteriori: bool,
+    wanted: TreatmentOptions,
+    suspects: SuspectedOutliers | None = None,
 ) -> tuple[Quality, Treatment]:
     """Robust comparison, data snooping (starting from what the robust solution rejects), variance components.
 
@@ -334,7 +338,7 @@ def treat(
 # ------------------------------------------------------------
 
 
-class Amount(NamedTuple):
+class AddedParameter(NamedTuple):
     """Value of the parameter that a mistake adds."""
 
     name: str
@@ -343,7 +347,7 @@ class Amount(NamedTuple):
     """Internal units."""
 
 
-class PossibleCause(NamedTuple):
+class ScoredHypothesis(NamedTuple):
     """A mistake that would explain what is rejected, by a score test: not verified by an adjustment."""
 
     cause: str
@@ -357,7 +361,7 @@ class PossibleCause(NamedTuple):
     parameters: int
     log10_p: float
     """Decimal logarithm of the probability that chance decreases vᵀPv as much."""
-    amount: Amount | None
+    amount: AddedParameter | None
     rows: tuple[tuple[int, int], ...] = ()
     """(group, row) of the observations that it changes, if they are few."""
 
@@ -371,15 +375,15 @@ class Solved:
     quality: Quality | None
     treatment: Treatment | None = None
     """What was done about gross errors and weights; ``None`` where there was no solution."""
-    suspects: Suspects | None = None
+    suspects: SuspectedOutliers | None = None
     """What was left out because all observations together have no solution."""
-    possible_causes: tuple[PossibleCause, ...] = ()
+    possible_causes: tuple[ScoredHypothesis, ...] = ()
     """Mistakes that would explain what is rejected, by score tests; the best first."""
     tested: tuple[tuple[ObservationQuality, ...], GroupTests] | None = None
     """Tests of groups that were needed before, and the quality of the observations that they are of."""
 
     @cached_property
-    def movements(self) -> Movements | None:
+    def movements(self) -> UnsettledUnknowns | None:
         """Unknowns that do not come to rest if there is no solution; computed once for all reports."""
         if self.adjustment.reason == REDUNDANCY_LOST:
             return None  # it did come to rest
@@ -388,7 +392,7 @@ class Solved:
         return None
 
     @cached_property
-    def effects(self) -> tuple[Effect, ...]:
+    def effects(self) -> tuple[PointEffect, ...]:
         """Effects of the suspicious observations; computed once for all reports."""
         return tuple(effects(self.quality)) if self.quality is not None else ()
 
@@ -398,7 +402,7 @@ class Solved:
         return common_to_flagged(self.quality, self.network) if self.quality is not None else ()
 
     @cached_property
-    def verdict(self) -> Verdict | None:
+    def verdict(self) -> OverallAssessment | None:
         """The tests of the groups and what would explain those that reject, worked out once for all reports."""
         if self.quality is None:
             return None

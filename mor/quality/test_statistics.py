@@ -368,7 +368,7 @@ _DIGITS = 7
 _DECIMALS = 6
 
 
-class GlobalTest(NamedTuple):
+class ChiSquareTest(NamedTuple):
     """Two-sided χ² test of vᵀPv against the redundancy, for σ0 a priori = 1."""
 
     statistic: float
@@ -383,13 +383,13 @@ class GlobalTest(NamedTuple):
         return self.redundancy == 0 or self.lower <= self.statistic <= self.upper
 
 
-def global_test(statistic: float, redundancy: int, level: float) -> GlobalTest:
+def global_test(statistic: float, redundancy: int, level: float) -> ChiSquareTest:
     """χ² test of Ω = vᵀPv with f = redundancy degrees of freedom at the given level."""
     if redundancy == 0:
-        return GlobalTest(statistic, 0.0, 0.0, level, 0)
+        return ChiSquareTest(statistic, 0.0, 0.0, level, 0)
     lower = 2.0 * float(gammaincinv(0.5 * redundancy, 0.5 * level))
     upper = float(chdtri(redundancy, 0.5 * level))
-    return GlobalTest(statistic, lower, upper, level, redundancy)
+    return ChiSquareTest(statistic, lower, upper, level, redundancy)
 
 
 def normalised_residuals(quality: ObservationQuality) -> FloatArray:

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 import polars as pl
 
-from mor.errors import Undeterminable
+from mor.errors import UndeterminedObject
 from mor.model.observation_types import DEFLECTIONS, GEOID
 from mor.model.parameters import (
     BASE,
@@ -591,7 +591,7 @@ def start_names(section: str, count: int) -> list[str]:
     return [f"start_{section}_{number}.csv" for number in range(1, count + 1)]
 
 
-def remarks(things: Sequence[Undeterminable]) -> str:
+def remarks(things: Sequence[UndeterminedObject]) -> str:
     """Comments that say what did not take part, or only with its direction."""
     lines = [
         f"# {thing.treatment}: {thing.kind} {json.dumps(thing.name, ensure_ascii=False)}: {thing.reason}"

@@ -20,7 +20,7 @@ SCHEMA = "mor-batch"
 SCHEMA_VERSION = 1
 
 
-class Row(NamedTuple):
+class BatchRow(NamedTuple):
     """Outcome of one project."""
 
     name: str
@@ -49,7 +49,7 @@ class Row(NamedTuple):
         return self.code != 0 or bool(self.differences)
 
 
-def batch_data(rows: Sequence[Row]) -> dict[str, Any]:
+def batch_data(rows: Sequence[BatchRow]) -> dict[str, Any]:
     """The table as plain data; no times, so that the same input gives the same bytes."""
     projects = []
     for row in rows:
@@ -66,7 +66,7 @@ def batch_data(rows: Sequence[Row]) -> dict[str, Any]:
     }
 
 
-def batch_text(rows: Sequence[Row], words: Words) -> str:
+def batch_text(rows: Sequence[BatchRow], words: Words) -> str:
     """The table as text, those that fail marked; then why."""
     compared = any(row.differences is not None for row in rows)
     headers = ["project", "verdict", "n", "redundancy", "sigma0 [1]", "flagged", "uncontrolled"]
@@ -85,7 +85,7 @@ def batch_text(rows: Sequence[Row], words: Words) -> str:
     return "\n".join(lines) + "\n"
 
 
-def reason(row: Row, words: Words) -> str:
+def reason(row: BatchRow, words: Words) -> str:
     """Why a project fails, in a few words; empty if there is nothing to say."""
     parts = [words.told(row.reason)] if row.reason else []
     if row.differences:
@@ -93,7 +93,7 @@ def reason(row: Row, words: Words) -> str:
     return "; ".join(parts)
 
 
-def summary(rows: Sequence[Row], words: Words) -> str:
+def summary(rows: Sequence[BatchRow], words: Words) -> str:
     """Count the projects, and those that fail."""
     bad = sum(row.fails for row in rows)
     if not bad:
@@ -101,7 +101,7 @@ def summary(rows: Sequence[Row], words: Words) -> str:
     return words("{count:project|projects}, {failed} FAIL.", count=len(rows), failed=bad)
 
 
-def _cells(row: Row, compared: bool, words: Words) -> list[str]:
+def _cells(row: BatchRow, compared: bool, words: Words) -> list[str]:
     numbers = (row.observations, row.redundancy)
     more = [("–" if row.differences in (None, -1) else str(row.differences))] if compared else []
     return [
@@ -146,7 +146,7 @@ _HEADERS = (
 )
 
 
-def batch_page(rows: Sequence[Row], words: Words) -> str:
+def batch_page(rows: Sequence[BatchRow], words: Words) -> str:
     """One page with the table; each project leads to its report."""
     heads = "".join(f"<th>{escape(words.header(name))}</th>" for name in _HEADERS)
     lines = "\n".join(_line(row, words) for row in rows)
@@ -158,7 +158,7 @@ def batch_page(rows: Sequence[Row], words: Words) -> str:
     )
 
 
-def _line(row: Row, words: Words) -> str:
+def _line(row: BatchRow, words: Words) -> str:
     file = "report.txt" if row.observations is not None else "log.txt"
     name = escape(escaped(row.name))
     cells = [
@@ -178,7 +178,7 @@ def _number(value: int | None) -> str:
     return "" if value is None else str(value)
 
 
-def junit_xml(rows: Sequence[Row], words: Words) -> str:
+def junit_xml(rows: Sequence[BatchRow], words: Words) -> str:
     """JUnit XML: a test case for each project; a failure where it fails, an error where it crashed."""
     errors = [row for row in rows if row.fails and row.code in (None, 70)]
     failures = [row for row in rows if row.fails and row not in errors]

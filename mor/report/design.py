@@ -13,15 +13,15 @@ from markupsafe import Markup, escape
 
 from mor.errors import escaped
 from mor.output_files import Content
-from mor.plan.ranking import Ranked, Step
+from mor.plan.ranking import GreedyStep, Ranked
 from mor.plan.requirements import (
     MOST_UNITS,
     MOST_UNKNOWNS,
     REASONS,
-    Judged,
-    Outcome,
+    PlanMeasures,
     RequiredControl,
     RequiredPrecision,
+    RequirementResult,
     Sighted,
     Switching,
     Unit,
@@ -34,7 +34,7 @@ from mor.quality.solution import Solved
 from mor.report import layout, text_findings, text_tables
 from mor.report import verdict as words_of_reliability
 from mor.report.estimates import image_table, point_table, station_table
-from mor.report.identity import Identity, identity_of
+from mor.report.identity import RunIdentity, identity_of
 from mor.report.language import Words, datum_name
 from mor.report.layout import (
     DIGITS,
@@ -76,7 +76,7 @@ _OF_MEASUREMENT = (
 )
 
 
-def design_data(solved: Solved, judged: Sequence[Judged], of: Identity) -> dict[str, Any]:
+def design_data(solved: Solved, judged: Sequence[RequirementResult], of: RunIdentity) -> dict[str, Any]:
     """Return the expected precision of a plan; nothing in it depends on measured values."""
     about = {key: value for key, value in summary(solved).items() if key not in _OF_MEASUREMENT}
     about["schema_version"] = SCHEMA_VERSION
@@ -95,7 +95,7 @@ def design_data(solved: Solved, judged: Sequence[Judged], of: Identity) -> dict[
     return data
 
 
-def requirement_row(judged: Judged, solved: Solved) -> dict[str, Any]:
+def requirement_row(judged: RequirementResult, solved: Solved) -> dict[str, Any]:
     """A requirement with its verdict, in the units of the project."""
     wanted = judged.requirement
     row = {
@@ -112,7 +112,7 @@ def requirement_row(judged: Judged, solved: Solved) -> dict[str, Any]:
     return {"what": "sigma" if isinstance(wanted, RequiredPrecision) else "reliability", **row, "unit": unit}
 
 
-def _where(judged: Judged, solved: Solved) -> str:
+def _where(judged: RequirementResult, solved: Solved) -> str:
     wanted = judged.requirement
     if isinstance(wanted, RequiredControl):
         number, row, component = judged.where
@@ -179,7 +179,7 @@ _LETTER, _LINE = 7.2, 13.0
 _BAR, _GAP, _NAMES, _BARS = 11, 14, 220, 520
 
 
-class Drawing(NamedTuple):
+class NetworkDrawing(NamedTuple):
     """Points with their covariances, and where sights begin and end, in project axes."""
 
     names: Sequence[str]
@@ -204,7 +204,9 @@ class Drawing(NamedTuple):
         return 0.05 * _MOST / largest if largest > 0.0 else 1.0
 
 
-def network_drawing(found: Drawing, sights: Sequence[tuple[str, Sequence[str]]], words: Words) -> Markup:
+def network_drawing(
+    found: NetworkDrawing, sights: Sequence[tuple[str, Sequence[str]]], words: Words
+) -> Markup:
     """The network: a path for each of the sights (kind, names of its ends), an ellipse of 1σ for each point."""
     axes, signs = list(found.axes), np.array(found.signs)
     everything = np.array([*found.places, *found.at.values()]).reshape(-1, 3)[:, axes] * signs
@@ -243,7 +245,7 @@ def network_drawing(found: Drawing, sights: Sequence[tuple[str, Sequence[str]]],
     )
 
 
-def _drawn(found: Drawing, covariance: FloatArray) -> FloatArray:
+def _drawn(found: NetworkDrawing, covariance: FloatArray) -> FloatArray:
     """(2, 2) covariances in the axes of the drawing, in its units."""
     axes = list(found.axes)
     part = covariance[np.ix_(axes, axes)] * np.outer(found.signs, found.signs)
@@ -262,7 +264,7 @@ def _point(number: int, name: str, at: FloatArray, covariance: FloatArray) -> st
     )
 
 
-def _labels(found: Drawing, xy: FloatArray, height: float) -> list[str]:
+def _labels(found: NetworkDrawing, xy: FloatArray, height: float) -> list[str]:
     """Names of points where nothing else is; none where there is no such place."""
     known = np.flatnonzero(np.isfinite(xy).all(axis=1))[:_MOST_LABELS].tolist()
     size = np.array([(_LETTER * len(found.names[k]), _LINE) for k in known]).reshape(-1, 2)
@@ -276,7 +278,7 @@ def _labels(found: Drawing, xy: FloatArray, height: float) -> list[str]:
     return said
 
 
-def _scale_bar(found: Drawing, height: float) -> str:
+def _scale_bar(found: NetworkDrawing, height: float) -> str:
     """A bar for the size of the ellipses."""
     wanted = 100.0 / found.ellipse_scale
     unit, factor = small_unit(found.unit, wanted)
@@ -343,7 +345,7 @@ _SCHEMA = {
 }
 
 
-def now_row(now: Outcome, network: Network) -> dict[str, Any]:
+def now_row(now: PlanMeasures, network: Network) -> dict[str, Any]:
     """Return the row of the unchanged plan; ``rms_sigma`` is in parts of the limits, or in the length unit."""
     return {
         "shortfall": float(now.shortfall[0]),
@@ -355,7 +357,7 @@ def now_row(now: Outcome, network: Network) -> dict[str, Any]:
 
 
 def ranking_table(
-    network: Network, planned: Sequence[Ranked], candidates: Sequence[Ranked], steps: Sequence[Step]
+    network: Network, planned: Sequence[Ranked], candidates: Sequence[Ranked], steps: Sequence[GreedyStep]
 ) -> pl.DataFrame:
     """All of them: ``spare`` for planned observations, ``add`` for candidates, ``greedy`` for the choices in turn."""
     texts: dict[tuple[bool, int], dict[str, pl.Series]] = {}
@@ -392,7 +394,7 @@ def _row(
     return (kind, group.type.name, group.name, *places, rank, measurements, *said, one.possible)
 
 
-def _unit(now: Outcome, network: Network) -> str:
+def _unit(now: PlanMeasures, network: Network) -> str:
     """Length unit of the mean σ; empty if σ are required, for then it is in parts of their limits."""
     return "" if np.isfinite(now.largest_ratio[0]) else network.project.units.length
 
@@ -401,7 +403,9 @@ def _number(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def ranking_text(frame: pl.DataFrame, now: Outcome, network: Network, unestimable: int, words: Words) -> str:
+def ranking_text(
+    frame: pl.DataFrame, now: PlanMeasures, network: Network, unestimable: int, words: Words
+) -> str:
     """Return the changes that lose least, those that gain most, and the greedy plan as text."""
     lines = [
         heading(words("Value of single observations")),
@@ -446,7 +450,7 @@ def ranking_text(frame: pl.DataFrame, now: Outcome, network: Network, unestimabl
     return "\n".join(lines)
 
 
-def _rms(now: Outcome, network: Network) -> str:
+def _rms(now: PlanMeasures, network: Network) -> str:
     unit = _unit(now, network)
     return f"rms sigma [{unit}]" if unit else "rms / limit"
 
@@ -485,7 +489,11 @@ WHAT = {
 
 
 def design_text(
-    solved: Solved, judged: Sequence[Judged], words: Words, of: Identity, more: Sequence[str] = ()
+    solved: Solved,
+    judged: Sequence[RequirementResult],
+    words: Words,
+    of: RunIdentity,
+    more: Sequence[str] = (),
 ) -> str:
     """The report of a plan: the verdict on what is required first, ``more`` sections, then what can be expected."""
     about = identity_of(solved.network.project, of)
@@ -511,14 +519,14 @@ def design_text(
     return paragraphs(escaped("\n\n".join(section for section in sections if section))) + "\n"
 
 
-def verdict(solved: Solved, judged: Sequence[Judged], words: Words) -> list[str]:
+def verdict(solved: Solved, judged: Sequence[RequirementResult], words: Words) -> list[str]:
     """State whether the plan can be adjusted and meets its requirements, and its visibility limits."""
     outside = count_outside_the_format(solved.network)
     said = "{count:planned image point lies|planned image points lie} outside the format of the camera."
     return [*_verdict(solved, judged, words), *([words(said, count=outside)] if outside else [])]
 
 
-def _verdict(solved: Solved, judged: Sequence[Judged], words: Words) -> list[str]:
+def _verdict(solved: Solved, judged: Sequence[RequirementResult], words: Words) -> list[str]:
     if solved.quality is None:
         reason = words.told(solved.adjustment.reason)
         return [words("THE PLAN HAS NO SOLUTION: {reason}.", reason=reason)]
@@ -531,7 +539,7 @@ def _verdict(solved: Solved, judged: Sequence[Judged], words: Words) -> list[str
 
 
 def head(
-    solved: Solved, judged: Sequence[Judged], words: Words, persons: Sequence[tuple[str, str]] = ()
+    solved: Solved, judged: Sequence[RequirementResult], words: Words, persons: Sequence[tuple[str, str]] = ()
 ) -> str:
     """Return title, verdict and key figures."""
     data = summary(solved)
@@ -559,7 +567,7 @@ def head(
     return "\n".join(lines)
 
 
-def requirement_section(solved: Solved, judged: Sequence[Judged], words: Words) -> str:
+def requirement_section(solved: Solved, judged: Sequence[RequirementResult], words: Words) -> str:
     """Each requirement with its limit, the worst value, and where that is."""
     if not judged:
         return ""
@@ -630,10 +638,10 @@ def _images(solved: Solved, words: Words) -> str:
 # ------------------------------------------------------------
 
 _NAMED = 8
-Named = tuple[str, Solved, Sequence[Judged]]
+Named = tuple[str, Solved, Sequence[RequirementResult]]
 
 
-def variant_row(name: str, solved: Solved, judged: Sequence[Judged]) -> dict[str, Any]:
+def variant_row(name: str, solved: Solved, judged: Sequence[RequirementResult]) -> dict[str, Any]:
     """Return counts, mean σ of the free points, and requirements of a variant."""
     quality = solved.quality
     row: dict[str, Any] = {
@@ -765,7 +773,7 @@ USUAL_FILES = ("design.json", "design.txt", "design.html")
 
 def write_design(
     solved: Solved,
-    judged: Sequence[Judged],
+    judged: Sequence[RequirementResult],
     text: str,
     data: str,
     more: dict[str, Content],
@@ -797,11 +805,11 @@ _SIGMAS = ("sx", "sy", "sz")
 
 def design_page(
     solved: Solved,
-    judged: Sequence[Judged],
+    judged: Sequence[RequirementResult],
     sighted: Sequence[Sighted],
     variants: Sequence[dict[str, Any]],
     words: Words,
-    of: Identity,
+    of: RunIdentity,
 ) -> str:
     """Verdict, requirements, the network with its ellipses, observations to switch, variants, points."""
     about = identity_of(solved.network.project, of)
@@ -840,7 +848,7 @@ def design_page(
     )
 
 
-def _requirement(one: Judged, solved: Solved, words: Words) -> dict[str, Any]:
+def _requirement(one: RequirementResult, solved: Solved, words: Words) -> dict[str, Any]:
     row = requirement_row(one, solved)
     unit = "" if row["unit"] == "1" else f" {row['unit']}"
     limit, worst = (
@@ -856,7 +864,7 @@ def _requirement(one: Judged, solved: Solved, words: Words) -> dict[str, Any]:
     }
 
 
-def _drawing(solved: Solved) -> Drawing:
+def _drawing(solved: Solved) -> NetworkDrawing:
     """Positions, and error ellipses of the points, in the axes of the drawing."""
     quality, network = solved.quality, solved.network
     assert quality is not None
@@ -878,7 +886,7 @@ def _drawing(solved: Solved) -> Drawing:
                 zip(frame["id"].cast(pl.String), frame.select("x", "y", "z").to_numpy(), strict=True)
             )
     at = {**others, **dict(zip(names, places, strict=True))}
-    return Drawing(
+    return NetworkDrawing(
         names, places, covariances, at, chosen, (signs[0], -signs[1]), network.project.units.length
     )
 
@@ -924,7 +932,11 @@ def _decimals(solved: Solved) -> int:
 
 
 def _payload(
-    found: Switching, drawing: Drawing, judged: Sequence[Judged], solved: Solved, words: Words
+    found: Switching,
+    drawing: NetworkDrawing,
+    judged: Sequence[RequirementResult],
+    solved: Solved,
+    words: Words,
 ) -> str:
     """Rows, cofactors and what is required, for the script: numbers exactly as they are."""
     quality, network = solved.quality, solved.network
@@ -959,7 +971,7 @@ def _payload(
     return json.dumps(data, ensure_ascii=False, allow_nan=False).replace("</", "<\\/")
 
 
-def _wanted(one: Judged, blocks: IntArray, noncentrality: float) -> dict[str, Any]:
+def _wanted(one: RequirementResult, blocks: IntArray, noncentrality: float) -> dict[str, Any]:
     """A requirement for the script; external reliability as the redundancy number that it is."""
     wanted = one.requirement
     if isinstance(wanted, RequiredPrecision):

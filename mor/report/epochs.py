@@ -12,13 +12,13 @@ import polars as pl
 from markupsafe import Markup
 
 from mor.input_files import note_input
-from mor.quality.deformation import Epochs, MovementTest, blocks_of
+from mor.quality.deformation import EpochComparison, MovementTest, blocks_of
 from mor.quality.solution import Solved
 from mor.report.estimates import movement_rows, point_table
-from mor.report.identity import Identity, identity_of
+from mor.report.identity import RunIdentity, identity_of
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import DIGITS, fixed, small_unit
-from mor.report.movements import Moved, moved_points, movement_drawing, series_drawing
+from mor.report.movements import PointMovements, moved_points, movement_drawing, series_drawing
 from mor.report.page import asset, environment, running_heads
 from mor.report.page_data import drawn_axes
 from mor.report.summary import summary
@@ -55,7 +55,7 @@ def movement_table(
     return frame.with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
-def verdict(epochs: Epochs, level: float, known: bool, words: Words = ENGLISH) -> list[str]:
+def verdict(epochs: EpochComparison, level: float, known: bool, words: Words = ENGLISH) -> list[str]:
     """The congruence test in words."""
     result = epochs.result
     test = result.global_test
@@ -95,7 +95,7 @@ def verdict(epochs: Epochs, level: float, known: bool, words: Words = ENGLISH) -
 # ------------------------------------------------------------
 
 
-class Epoch(NamedTuple):
+class EpochResults(NamedTuple):
     """Summary and identity of an epoch as in ``results.json``, and its source."""
 
     place: str
@@ -104,8 +104,8 @@ class Epoch(NamedTuple):
 
 
 def comparison_page(
-    epochs: tuple[Epoch, Epoch],
-    found: Moved,
+    epochs: tuple[EpochResults, EpochResults],
+    found: PointMovements,
     table: pl.DataFrame,
     verdict: list[str],
     known: bool,
@@ -140,10 +140,10 @@ def comparison_page(
     )
 
 
-def _facts(epochs: tuple[Epoch, Epoch], words: Words) -> list[tuple[str, str, str]]:
+def _facts(epochs: tuple[EpochResults, EpochResults], words: Words) -> list[tuple[str, str, str]]:
     """Rows of what was compared: name, first epoch, second epoch."""
 
-    def said(of: Epoch) -> dict[str, str]:
+    def said(of: EpochResults) -> dict[str, str]:
         data, sigma0 = of.summary, of.summary["sigma0"]
         test = data["global_test"]
         return {
@@ -183,17 +183,17 @@ def _cells(row: dict[str, Any], places: int, known: bool, words: Words) -> dict[
 # ------------------------------------------------------------
 
 
-def epoch(place: Path, solved: Solved) -> Epoch:
+def epoch(place: Path, solved: Solved) -> EpochResults:
     """An epoch, with the identity its results had; of a project, which has none yet, that of its file."""
     file = place / "results.json" if place.is_dir() else place
-    identity = identity_of(solved.network.project, Identity())
+    identity = identity_of(solved.network.project, RunIdentity())
     if file.name == "results.json" and file.is_file():
         note_input(file)
         identity |= json.loads(file.read_text(encoding="utf-8")).get("identity", {})
-    return Epoch(str(place), summary(solved), identity)
+    return EpochResults(str(place), summary(solved), identity)
 
 
-def moved(first: Solved, found: Epochs, table: pl.DataFrame) -> Moved:
+def moved(first: Solved, found: EpochComparison, table: pl.DataFrame) -> PointMovements:
     """Places of the first epoch, movements and covariances, in project axes."""
     M = first.network.edge.matrix
     tests = found.result.points
@@ -203,7 +203,7 @@ def moved(first: Solved, found: Epochs, table: pl.DataFrame) -> Moved:
     backwards = [False, False, False]
     backwards[right], backwards[1 - right] = drawn["right_reversed"], drawn["up_reversed"]
     cofactors = np.array([test.cofactors for test in tests]).reshape(-1, 3, 3)
-    return Moved(
+    return PointMovements(
         names=found.names,
         places=places @ M,
         movements=np.array([test.movement @ M for test in tests]).reshape(-1, 3),
@@ -224,7 +224,7 @@ MOST_SERIES = 60
 MOST_ROWS = 300
 
 
-def movements_page(solved: Solved, of: Identity, words: Words) -> str:
+def movements_page(solved: Solved, of: RunIdentity, words: Words) -> str:
     """Verdict, drawing of the movements from the first to the last epoch, curves against time, tables."""
     identity = identity_of(solved.network.project, of)
     title = solved.network.project.title or words("Movements of points")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from mor.errors import Undeterminable
+from mor.errors import UndeterminedObject
 from mor.model.cameras import CAMERA_MODELS
 from mor.model.contract import places_of
 from mor.model.observation_types import is_image_point
@@ -18,11 +18,11 @@ from mor.model.rotations import cross_matrix
 from mor.model.shapes import SHAPE_TYPES
 from mor.project.axes import Edge, split
 from mor.project.prior_knowledge import feature_label
-from mor.project.reference_system import World
+from mor.project.reference_system import EarthModel
 from mor.project.schema import Axes, Feature
 from mor.project.shapes import FREEDOM
 from mor.quality.assessment import Quality, joint_cofactors
-from mor.quality.deformation import Movements, Tested, movements
+from mor.quality.deformation import MovementTests, TestedVectors, movements
 from mor.quality.precision import error_ellipses, error_ellipsoids, follower_blocks, follower_poses, of_images
 from mor.quality.redundancy import Reliability
 from mor.quality.solution import Solved
@@ -572,16 +572,16 @@ def undeterminable_rows(solved: Solved) -> list[dict[str, Any]]:
     ]
 
 
-def undeterminable_table(things: Sequence[dict[str, Any] | Undeterminable]) -> pl.DataFrame:
+def undeterminable_table(things: Sequence[dict[str, Any] | UndeterminedObject]) -> pl.DataFrame:
     """The rows as a table."""
-    rows = [_row(thing) | _NOTHING if isinstance(thing, Undeterminable) else thing for thing in things]
+    rows = [_row(thing) | _NOTHING if isinstance(thing, UndeterminedObject) else thing for thing in things]
     return pl.DataFrame(rows, schema=SCHEMA)
 
 
 _NOTHING: dict[str, float | None] = dict.fromkeys(("dx", "dy", "dz", "sigma"))
 
 
-def _row(thing: Undeterminable) -> dict[str, Any]:
+def _row(thing: UndeterminedObject) -> dict[str, Any]:
     return {
         "kind": thing.kind,
         "id": thing.name,
@@ -817,7 +817,7 @@ _COMPONENTS = ("x", "y", "z", "cos_x", "cos_y", "cos_z")
 
 
 @once
-def found_movements(solved: Solved) -> Movements | None:
+def found_movements(solved: Solved) -> MovementTests | None:
     """Movements of an adjustment, worked out once."""
     return movements(solved)
 
@@ -857,7 +857,7 @@ def movement_rows(solved: Solved) -> pl.DataFrame:
     )
 
 
-def _with_tests(solved: Solved, tested: Tested, begins: dict[str, Any], size: int) -> pl.DataFrame:
+def _with_tests(solved: Solved, tested: TestedVectors, begins: dict[str, Any], size: int) -> pl.DataFrame:
     quality = solved.quality
     assert quality is not None
     M = solved.network.edge.matrix
@@ -919,7 +919,7 @@ def place_table(solved: Solved) -> pl.DataFrame:
     return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
-def _sigma(solved: Solved, world: World, positions: FloatArray) -> FloatArray:
+def _sigma(solved: Solved, world: EarthModel, positions: FloatArray) -> FloatArray:
     """σ (n, 3) east, north, up at positions (n, 3), NaN if there is no solution."""
     if solved.quality is None:
         return np.full(positions.shape, np.nan)

@@ -28,7 +28,7 @@ from mor.report.layout import (
     small_unit,
 )
 from mor.report.page_data import PageData, drawn_axes
-from mor.report.view import Rays, View, Window, distortion, places, radial_curve, window
+from mor.report.view import RayPairs, View, Window, distortion, places, radial_curve, window
 from mor.types import FloatArray, IntArray
 from mor.units import LENGTH_UNITS
 
@@ -302,7 +302,7 @@ class Overlap(NamedTuple):
     """(up, right) images that measured points in the cell."""
 
 
-def overlap(view: View, rays: Rays) -> Overlap | None:
+def overlap(view: View, rays: RayPairs) -> Overlap | None:
     """Images over each cell of a grid; nothing if what images measured spans no area.
 
     Counted is what was measured, not what an image might show: a cell has every image once that measured one of its

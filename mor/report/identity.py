@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 from mor import __version__
 from mor.errors import InputError, Message
 from mor.input_files import ReadFile
-from mor.project.schema import Project
+from mor.project.schema import ProjectFile
 from mor.report.language import ENGLISH, Words
 
 # ------------------------------------------------------------
@@ -24,7 +24,7 @@ EPOCH = "SOURCE_DATE_EPOCH"
 """Variable that sets the date of reports, in seconds since 1970 (reproducible-builds.org)."""
 
 
-class Identity(NamedTuple):
+class RunIdentity(NamedTuple):
     """Files that an adjustment was read from, and the options it was asked for with."""
 
     files: tuple[ReadFile, ...] = ()
@@ -33,7 +33,7 @@ class Identity(NamedTuple):
     options: tuple[str, ...] = ()
 
 
-def identity_of(project: Project, identity: Identity) -> dict[str, Any]:
+def identity_of(project: ProjectFile, identity: RunIdentity) -> dict[str, Any]:
     """The identity of a report as plain data. Raises :class:`InputError` for a date that is none."""
     report = project.report
     return {

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from mor.errors import InputError, Message, Place, nearest
+from mor.errors import InputError, Message, Placeholder, nearest
 
 # ------------------------------------------------------------
 # Sentences with values in them, said in another language: mistakes, notes, reasons, help.
@@ -42,7 +42,7 @@ _DEEPEST = 6
 """Clauses within clauses."""
 
 
-class _Part(NamedTuple):
+class _TemplatePart(NamedTuple):
     """Fixed words, and the place for a value behind them (``None``: none)."""
 
     fixed: str
@@ -50,13 +50,13 @@ class _Part(NamedTuple):
     words: str = ""
 
 
-def parts(template: str) -> list[_Part]:
+def parts(template: str) -> list[_TemplatePart]:
     """A template taken apart; places without a name are counted: {} {} is {0} {1}. Raises ``ValueError``."""
     found, count = [], 0
     for fixed, name, words, way in Formatter().parse(template):
         if name == "":
             name, count = str(count), count + 1
-        found.append(_Part(fixed, name if name is None or not way else f"{name}!{way}", words or ""))
+        found.append(_TemplatePart(fixed, name if name is None or not way else f"{name}!{way}", words or ""))
     return found
 
 
@@ -157,7 +157,7 @@ class Sentences:
             if part.words == NAMES:
                 written.append(value)
             elif "|" in part.words:
-                written.append(format(Place(value.split(" ", 1)[0]), part.words))
+                written.append(format(Placeholder(value.split(" ", 1)[0]), part.words))
             elif part.words == WORD or " " in value:
                 written.append(self._said(value, depth))
             else:
@@ -189,7 +189,8 @@ class Words:
     def __call__(self, english: str, /, **values: object) -> str:
         """A sentence with its values; texts that are numbers get the decimal sign of the language."""
         said = {
-            key: Place(value if key in _NAMES else self.number(str(value))) for key, value in values.items()
+            key: Placeholder(value if key in _NAMES else self.number(str(value)))
+            for key, value in values.items()
         }
         return self.catalogue.get(english, english).format(**said)
 

@@ -34,7 +34,7 @@ _TIP = (
 )
 
 
-class Moved(NamedTuple):
+class PointMovements(NamedTuple):
     """Points of both epochs: names, places, movements (n, 3) and their covariances (n, 3, 3), in project axes."""
 
     names: tuple[str, ...]
@@ -49,7 +49,7 @@ class Moved(NamedTuple):
     """Which axis is drawn to the right in a plan: 0 or 1."""
 
 
-def moved_points(points: pl.DataFrame, last: pl.DataFrame, xy: str, unit: str) -> Moved:
+def moved_points(points: pl.DataFrame, last: pl.DataFrame, xy: str, unit: str) -> PointMovements:
     """Movements of points to their last epoch, ``last``, at the places of the table of points; ``xy``: the axes."""
     placed = last.join(
         points.select(pl.col("id").cast(pl.String), *(pl.col(a).alias(f"at_{a}") for a in "xyz")),
@@ -59,7 +59,7 @@ def moved_points(points: pl.DataFrame, last: pl.DataFrame, xy: str, unit: str) -
     )
     drawn = drawn_axes(xy)
     backwards = {drawn["right"]: drawn["right_reversed"], drawn["up"]: drawn["up_reversed"]}
-    return Moved(
+    return PointMovements(
         names=tuple(placed["point"]),
         places=placed.select("at_x", "at_y", "at_z").to_numpy(),
         movements=placed.select("x", "y", "z").to_numpy(),
@@ -80,7 +80,7 @@ def widest_view(places: FloatArray, right: int) -> tuple[int, int]:
     return (right if extent[right] >= extent[up] else up), 2
 
 
-def movement_drawing(found: Moved, words: Words = ENGLISH) -> Markup:
+def movement_drawing(found: PointMovements, words: Words = ENGLISH) -> Markup:
     """Points, their movements and ellipses at one scale, with a bar for it; what has moved thick, with its name."""
     frame = frame_of(found.places)
     axes = widest_view(found.places if frame is None else np.array(frame), found.right)
@@ -101,7 +101,7 @@ def movement_drawing(found: Moved, words: Words = ENGLISH) -> Markup:
     )
 
 
-def _on_paper(found: Moved, axes: tuple[int, int]) -> tuple[FloatArray, FloatArray, float, float]:
+def _on_paper(found: PointMovements, axes: tuple[int, int]) -> tuple[FloatArray, FloatArray, float, float]:
     """Places on the drawing (n, 2), how far each stands outside, units per unit of the project, and the height."""
     signs = np.array([-1.0 if found.reversed[k] else 1.0 for k in axes]) * (1.0, -1.0)
     xy = found.places[:, axes] * signs
@@ -141,7 +141,7 @@ def _vector(start: FloatArray, end: FloatArray, moved: bool) -> str:
     return dot + line + (' marker-end="url(#tip)"/>' if moved else "/>")
 
 
-def _labels(found: Moved, xy: FloatArray, tips: FloatArray, height: float) -> list[str]:
+def _labels(found: PointMovements, xy: FloatArray, tips: FloatArray, height: float) -> list[str]:
     """Names, those of moved points first, each where nothing else is; none where there is no such place."""
     order = np.argsort(~found.moved, kind="stable")[:_MOST_LABELS].tolist()
     size = np.array([(_LETTER * len(found.names[k]), _LINE) for k in order]).reshape(-1, 2)

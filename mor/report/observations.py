@@ -17,12 +17,12 @@ from mor.model.observation_types import ObservationGroup, is_image_point, some_r
 from mor.project.document import Document
 from mor.project.network import Network
 from mor.quality.assessment import Quality
-from mor.quality.external_reliability import Effect
+from mor.quality.external_reliability import PointEffect
 from mor.quality.global_tests import FixedPointTest, check_outcome, fixed_point_tests
 from mor.quality.redundancy import Reliability, student_square
 from mor.quality.reliability_map import uncontrolled
 from mor.quality.snooping import Snooped, TakenOut, mostly_out
-from mor.quality.solution import Amount, Solved
+from mor.quality.solution import AddedParameter, Solved
 from mor.quality.test_statistics import (
     ROWS_AT_A_TIME,
     ObservationQuality,
@@ -524,7 +524,7 @@ def fixed_point_row(name: str, test: FixedPointTest, axes: FloatArray) -> dict[s
     }
 
 
-def suspicious(solved: Solved, effect: Effect) -> dict[str, Any]:
+def suspicious(solved: Solved, effect: PointEffect) -> dict[str, Any]:
     """One suspicious observation in project axes and units."""
     group = solved.adjustment.problem.groups[effect.entry.group]
     sizes = np.zeros((1, group.observed.shape[1]))
@@ -722,7 +722,7 @@ def diagnosis(network: Network, found: Diagnosis, document: Document, folder: Pa
     }
 
 
-def _amount(network: Network, amount: Amount | None) -> dict[str, Any] | None:
+def _amount(network: Network, amount: AddedParameter | None) -> dict[str, Any] | None:
     """The value of an additional parameter, with its unit."""
     if amount is None:
         return None

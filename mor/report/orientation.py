@@ -28,8 +28,8 @@ from mor.start.plane_object import (
     scale_from_length,
     shape_of_plane,
 )
-from mor.start.relative_orientation import Candidate, RelativeOrientation
-from mor.start.stereo_model import CONDITIONS, Auxiliary, Chain, Joined, Model, auxiliary_of, joined
+from mor.start.relative_orientation import OrientationCandidate, RelativeOrientation
+from mor.start.stereo_model import CONDITIONS, Auxiliary, Chain, Joined, StereoModel, auxiliary_of, joined
 from mor.types import BoolArray, FloatArray
 from mor.units import ANGLE_UNITS
 
@@ -38,7 +38,7 @@ from mor.units import ANGLE_UNITS
 # ------------------------------------------------------------
 
 
-class Measured(NamedTuple):
+class HomologousPoints(NamedTuple):
     """Homologous image points: identifiers and coordinates (n, images, 2), NaN if not measured."""
 
     ids: tuple[str, ...]
@@ -46,7 +46,7 @@ class Measured(NamedTuple):
     file: str = ""
 
 
-def read_homologous(path: Path) -> Measured:
+def read_homologous(path: Path) -> HomologousPoints:
     """Table with the columns id, x1, y1, x2, y2, … Raises :class:`InputError` with every mistake found."""
     try:
         frame = pl.read_csv(read_bytes(path), infer_schema=False)
@@ -58,7 +58,7 @@ def read_homologous(path: Path) -> Measured:
     problems = [*_checked_names(ids, path), *wrong]
     if problems:
         raise InputError(sorted(problems, key=lambda problem: problem.line))
-    return Measured(tuple(ids), numbers.reshape(frame.height, -1, 2), str(path))
+    return HomologousPoints(tuple(ids), numbers.reshape(frame.height, -1, 2), str(path))
 
 
 def _columns(found: list[str], path: Path) -> list[str]:
@@ -112,7 +112,7 @@ def _numbers(frame: pl.DataFrame, names: list[str], path: Path) -> tuple[FloatAr
     return result, problems
 
 
-def check_names(measured: Measured, names: tuple[str, ...]) -> None:
+def check_names(measured: HomologousPoints, names: tuple[str, ...]) -> None:
     """Raise :class:`InputError` for names of points that the table does not have."""
     problems = [
         Message(f"point {name!r} does not exist{nearest(name, measured.ids)}", measured.file)
@@ -123,7 +123,7 @@ def check_names(measured: Measured, names: tuple[str, ...]) -> None:
         raise InputError(problems)
 
 
-def bundles(measured: Measured, constants: FloatArray, sigma: float) -> list[Bundle]:
+def bundles(measured: HomologousPoints, constants: FloatArray, sigma: float) -> list[Bundle]:
     """One bundle for each image, with its camera constant; image coordinates relative to the principal point."""
     rays = np.concatenate(
         [
@@ -186,7 +186,7 @@ def by_turn(angles: FloatArray) -> FloatArray:
 # ------------------------------------------------------------
 
 
-class Wanted(NamedTuple):
+class ObjectSystem(NamedTuple):
     """Scale, system and unit of angles in which the user wants the object."""
 
     length: tuple[str, str, float] | None
@@ -195,7 +195,9 @@ class Wanted(NamedTuple):
     unit: str
 
 
-def planar(measured: Measured, constants: FloatArray, sigma: float, off: tuple[str, ...] = ()) -> PlaneShape:
+def planar(
+    measured: HomologousPoints, constants: FloatArray, sigma: float, off: tuple[str, ...] = ()
+) -> PlaneShape:
     """Shape of the plane object from all images; ``off`` names points beside the plane, else they are looked for.
 
     Raises :class:`InputError` for names that are not there.
@@ -211,7 +213,7 @@ def is_known(shape: PlaneShape) -> bool:
 
 
 def planar_data(
-    measured: Measured, shape: PlaneShape, constants: FloatArray, wanted: Wanted
+    measured: HomologousPoints, shape: PlaneShape, constants: FloatArray, wanted: ObjectSystem
 ) -> dict[str, Any]:
     """Plane object and cameras; lengths in the unit of the given length, else the first two points are one apart."""
     check_names(measured, () if wanted.length is None else wanted.length[:2])
@@ -228,7 +230,7 @@ def planar_data(
     }
 
 
-def _tie(measured: Measured, shape: PlaneShape, wanted: Wanted) -> Length:
+def _tie(measured: HomologousPoints, shape: PlaneShape, wanted: ObjectSystem) -> Length:
     """The points that carry origin, direction and length."""
     known = np.isfinite(shape.points[:, 0])
     if wanted.length is None:
@@ -243,7 +245,9 @@ def _tie(measured: Measured, shape: PlaneShape, wanted: Wanted) -> Length:
     return Length(first, second, wanted.length[2], wanted.length_sigma)
 
 
-def _solution(measured: Measured, shape: PlaneShape, constants: FloatArray, wanted: Wanted) -> dict[str, Any]:
+def _solution(
+    measured: HomologousPoints, shape: PlaneShape, constants: FloatArray, wanted: ObjectSystem
+) -> dict[str, Any]:
     tie = _tie(measured, shape, wanted)
     scale = scale_from_length(shape, tie.first, tie.second, tie.length)
     placed = (on_wall if wanted.wall else on_level_plane)(shape, tie.first, tie.second, scale)
@@ -258,7 +262,7 @@ def _solution(measured: Measured, shape: PlaneShape, constants: FloatArray, want
 
 
 def _points(
-    measured: Measured, shape: PlaneShape, placed: PlacedPlane, covariance: FloatArray
+    measured: HomologousPoints, shape: PlaneShape, placed: PlacedPlane, covariance: FloatArray
 ) -> list[dict[str, Any]]:
     frames, rows = 6 * len(placed.positions), []
     for k, name in enumerate(measured.ids):
@@ -294,7 +298,7 @@ def _images(placed: PlacedPlane, covariance: FloatArray, per_unit: float) -> lis
 
 
 def _derived(
-    measured: Measured,
+    measured: HomologousPoints,
     shape: PlaneShape,
     placed: PlacedPlane,
     covariance: FloatArray,
@@ -343,13 +347,13 @@ class Oriented(NamedTuple):
     used: BoolArray
     """(m, n) rays that count: those of wrong pairs do not."""
     chain: Chain | None
-    model: Model | None
+    model: StereoModel | None
     """Nothing where a pair is not oriented, or no scale passes from one pair to the next."""
     rivals: int
     """Other combinations of the orientations of ambiguous pairs with which all images fit together as well."""
 
 
-def relative(measured: Measured, constants: FloatArray, sigma: float) -> Oriented:
+def relative(measured: HomologousPoints, constants: FloatArray, sigma: float) -> Oriented:
     """Orient every pair of neighbouring images, chain the models and adjust them."""
     images = bundles(measured, constants, sigma)
     seen: BoolArray = np.asarray(np.isfinite(measured.coordinates).all(axis=2)).T
@@ -397,7 +401,7 @@ def solved(found: Oriented) -> bool:
 
 
 def relative_data(
-    measured: Measured, found: Oriented, unit: str, attitude: FloatArray | None = None
+    measured: HomologousPoints, found: Oriented, unit: str, attitude: FloatArray | None = None
 ) -> dict[str, Any]:
     """All of it, angles in ``unit``; the keys of the first pair stand on their own as well.
 
@@ -475,7 +479,7 @@ def _rinner(auxiliary: Auxiliary) -> dict[str, Any]:
     }
 
 
-def _candidate(candidate: Candidate, o: RelativeOrientation) -> dict[str, Any]:
+def _candidate(candidate: OrientationCandidate, o: RelativeOrientation) -> dict[str, Any]:
     return {
         "base": numbers(candidate.base),
         "rotation": numbers(candidate.rotation),

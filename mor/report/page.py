@@ -19,7 +19,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 from scipy.special import ndtr
 
-from mor.errors import InputError, Message, Undeterminable
+from mor.errors import InputError, Message, UndeterminedObject
 from mor.model.parameters import INTERIORS
 from mor.quality.solution import Solved
 from mor.report.figures import camera_figures, overlap, overlap_map, test_figures
@@ -445,8 +445,8 @@ def _causes(data: PageData) -> list[Statement]:
     ]
 
 
-def _thing(row: dict[str, Any]) -> Undeterminable:
-    return Undeterminable(row["kind"], row["id"], row["reason"], row["treatment"], row["observations"])
+def _thing(row: dict[str, Any]) -> UndeterminedObject:
+    return UndeterminedObject(row["kind"], row["id"], row["reason"], row["treatment"], row["observations"])
 
 
 def _emptied(data: PageData) -> list[str]:

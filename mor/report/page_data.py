@@ -24,7 +24,7 @@ from mor.report.estimates import bearings_of
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import frame_of, round_length
 from mor.report.view import (
-    Rays,
+    RayPairs,
     View,
     Window,
     centres,
@@ -54,7 +54,7 @@ def _measures() -> list[pl.Expr]:
     ]
 
 
-def points_with_tests(view: View, rays: Rays, angle_unit: str) -> pl.DataFrame:
+def points_with_tests(view: View, rays: RayPairs, angle_unit: str) -> pl.DataFrame:
     """The table of points with mean and smallest r, largest |w| and the best intersection angle."""
     used = view.used.filter(_TOUCHING).select("at", "from", "to", "r", "w")
     named = pl.concat(
@@ -238,7 +238,7 @@ class PageData(NamedTuple):
     """A view with what follows from it."""
 
     view: View
-    rays: Rays
+    rays: RayPairs
     measured: pl.DataFrame
     """One row for each ray, see :func:`mor.report.page_data.image_points`."""
     windows: dict[str, Window]

@@ -19,7 +19,7 @@ LINES, LENGTHS = 7, 5
 """Lines, and lengths in each, that VDI/VDE 2634 part 1 asks for at least."""
 
 
-class Part(NamedTuple):
+class SigmaGroup(NamedTuple):
     """Observations that have one standard deviation, and the degrees of freedom that remain of them."""
 
     name: str
@@ -33,7 +33,7 @@ class Procedure(NamedTuple):
     title: str
     type: str
     observations: int
-    parts: tuple[Part, ...]
+    parts: tuple[SigmaGroup, ...]
     unit: str
     per_unit: float
     """Internal units in one of ``unit``."""
@@ -44,7 +44,7 @@ PROCEDURES = {
         "Test of horizontal directions by ISO 17123-3:2001, full procedure",
         "directions",
         60,
-        (Part("", ("horizontal",), 32),),
+        (SigmaGroup("", ("horizontal",), 32),),
         "mgon",
         1e-3 * ANGLE_UNITS["gon"],
     ),
@@ -52,7 +52,7 @@ PROCEDURES = {
         "Test of a distance meter by ISO 17123-4:2012, full procedure",
         "distance",
         21,
-        (Part("", ("distance",), 14),),
+        (SigmaGroup("", ("distance",), 14),),
         "mm",
         1e-3,
     ),
@@ -60,7 +60,7 @@ PROCEDURES = {
         "Test of a GNSS receiver (RTK) by ISO 17123-8:2015, full procedure",
         "coordinates",
         90,
-        (Part("position", ("x", "y"), 56), Part("height", ("z",), 28)),
+        (SigmaGroup("position", ("x", "y"), 56), SigmaGroup("height", ("z",), 28)),
         "mm",
         1e-3,
     ),
@@ -72,7 +72,7 @@ three series of five sets of the coordinates of two points."""
 class Figures(NamedTuple):
     """Results of a part of a test, in the unit of its procedure."""
 
-    part: Part
+    part: SigmaGroup
     s: float
     """Experimental standard deviation of an observation."""
     sigma: float

@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 from polars.io.plugins import register_io_source
 
-from mor.errors import Undeterminable
+from mor.errors import UndeterminedObject
 from mor.input_files import inputs_of_run
 from mor.linalg.compilation import as_here, kernels_used
 from mor.long_arrays import is_limited
@@ -48,7 +48,7 @@ from mor.report.estimates import (
     undeterminable_table,
     variance_components,
 )
-from mor.report.identity import FILE, Identity, identity_of, may_write, note_rows, readme
+from mor.report.identity import FILE, RunIdentity, identity_of, may_write, note_rows, readme
 from mor.report.language import LANGUAGES, words_of, words_of_page
 from mor.report.observations import (
     SCHEMA,
@@ -81,7 +81,7 @@ INLINE = 10_000
 
 
 def results(
-    solved: Solved, tables: dict[str, str], of: Identity, files: Sequence[str] | None = None
+    solved: Solved, tables: dict[str, str], of: RunIdentity, files: Sequence[str] | None = None
 ) -> dict[str, Any]:
     """Content of ``results.json``, ``of`` what was read.
 
@@ -342,7 +342,7 @@ def tables_by_size(solved: Solved) -> Literal["worst", "all"]:
 def write_results(
     solved: Solved,
     document: Document,
-    of: Identity,
+    of: RunIdentity,
     place: Reservation,
     choice: Choice | None = None,
 ) -> None:
@@ -375,7 +375,7 @@ def write_results(
             beside.shutdown(wait=False, cancel_futures=True)
 
 
-def write_undeterminable(things: Sequence[Undeterminable], place: Reservation) -> None:
+def write_undeterminable(things: Sequence[UndeterminedObject], place: Reservation) -> None:
     """Write a folder with nothing but the table of what has no start values, which are too many for a screen."""
     write_folder(place, {UNDETERMINABLE_FILE: table_writer(undeterminable_table(things))})
 
@@ -394,7 +394,7 @@ def _external(solved: Solved, choice: Choice) -> dict[str, Writer]:
 
 
 def _reports(
-    solved: Solved, of: Identity, names: dict[str, str], files: Sequence[str], choice: Choice
+    solved: Solved, of: RunIdentity, names: dict[str, str], files: Sequence[str], choice: Choice
 ) -> dict[str, Callable[[], str]]:
     """The reports by their names, each as what makes its text.
 
@@ -517,25 +517,25 @@ def write_project(placed: Placed, document: Document, source: Path, place: Reser
     write_folder(place, {**writers, PROJECT: text})
 
 
-def results_text(solved: Solved, of: Identity) -> str:
+def results_text(solved: Solved, of: RunIdentity) -> str:
     """``results.json`` as text, for programs that read standard output."""
     return to_json(results(solved, {}, of))
 
 
-def _page(solved: Solved, of: Identity, file: str, language: str) -> str:
+def _page(solved: Solved, of: RunIdentity, file: str, language: str) -> str:
     from mor.report.page import page
     from mor.report.view import view_of
 
     return page(view_of(solved, observation_table(solved, SHOWN), file, of), words_of_page(language))
 
 
-def _page_of_movements(solved: Solved, of: Identity, language: str) -> str:
+def _page_of_movements(solved: Solved, of: RunIdentity, language: str) -> str:
     from mor.report.epochs import movements_page
 
     return movements_page(solved, of, words_of_page(language))
 
 
-def _failure_page(solved: Solved, of: Identity, language: str) -> str:
+def _failure_page(solved: Solved, of: RunIdentity, language: str) -> str:
     from mor.report.page import failure_page
 
     notes = note_rows(solved.network.notes, of.folder)

@@ -16,13 +16,13 @@ Number = float | None
 Share = Annotated[float, Field(ge=-1.0, le=1.0)] | None
 
 
-class Part(BaseModel):
+class OpenModel(BaseModel):
     """Further keys may follow."""
 
     model_config = ConfigDict(extra="allow", strict=True)
 
 
-class Input(Part):
+class Input(OpenModel):
     """A file that was read."""
 
     file: str = Field(description="Name, counted from the folder of the project")
@@ -30,7 +30,7 @@ class Input(Part):
     sha256: str = Field(description="SHA-256 of it, as sha256sum prints it")
 
 
-class Note(Part):
+class Note(OpenModel):
     """A note made while the project was read."""
 
     message: str = Field(description="What was noted, in words")
@@ -38,7 +38,7 @@ class Note(Part):
     line: int = Field(description="Line of it; 0: none")
 
 
-class Identity(Part):
+class Identity(OpenModel):
     """Identity of the results: program, operator, client, input files."""
 
     program: str = Field(default="", description="Program and version")
@@ -56,14 +56,14 @@ class Identity(Part):
     inputs: list[Input] = Field(default_factory=list, description="Files that were read, in that order")
 
 
-class Units(Part):
+class Units(OpenModel):
     """Units of all values that say none of their own."""
 
     length: str = Field(description="Unit of lengths and coordinates")
     angle: str = Field(description="Unit of angles")
 
 
-class Axes(Part):
+class Axes(OpenModel):
     """Axes and senses of the project."""
 
     xy: str = Field(description="Directions of the x and y axes: en is x east, y north")
@@ -75,14 +75,14 @@ class Axes(Part):
     )
 
 
-class Direction(Part):
+class Direction(OpenModel):
     """A direction that is not determined: unknowns and the proportion in which they move."""
 
     unknowns: list[str] = Field(description="Thing and component of each unknown that moves")
     amounts: list[float] = Field(description="How far each of them moves, the largest 1")
 
 
-class Sigma0(Part):
+class Sigma0(OpenModel):
     """Standard deviation of unit weight."""
 
     apriori: float = Field(description="As set")
@@ -92,7 +92,7 @@ class Sigma0(Part):
     used_for_sigma: float = Field(description="What cofactors were multiplied with to become σ")
 
 
-class GlobalTest(Part):
+class GlobalTest(OpenModel):
     """Two-sided χ² test of vᵀPv."""
 
     statistic: float = Field(description="vᵀPv for σ0 a priori")
@@ -102,7 +102,7 @@ class GlobalTest(Part):
     accepted: bool = Field(description="True where the statistic lies between the limits")
 
 
-class Step(Part):
+class Step(OpenModel):
     """One iteration."""
 
     number: int = Field(description="Number of the iteration, from 1")
@@ -111,7 +111,7 @@ class Step(Part):
     damping: float = Field(description="Damping of the step, 0 without")
 
 
-class Component(Part):
+class Component(OpenModel):
     """A component of a block."""
 
     value: float = Field(description="Its value")
@@ -120,7 +120,7 @@ class Component(Part):
     t: Number = Field(default=None, description="|value| / σ, the test of its significance")
 
 
-class Position(Part):
+class Position(OpenModel):
     """A name, coordinates and their σ."""
 
     id: str = Field(description="Its name")
@@ -209,7 +209,7 @@ class System(Posed):
     sscale: Number = Field(description="σ of the scale")
 
 
-class Pair(Part):
+class Pair(OpenModel):
     """A relative orientation of stereo images."""
 
     id: str = Field(description="Its name")
@@ -227,7 +227,7 @@ class Pair(Part):
     skappa: Number = Field(description="σ of κ*")
 
 
-class Format(Part):
+class Format(OpenModel):
     """Image size in px, pixel size in camera units, where coordinates count from."""
 
     width: float = Field(description="Image width, px")
@@ -236,14 +236,14 @@ class Format(Part):
     origin: Literal["centred", "corner"] = Field(description="Where image coordinates count from")
 
 
-class Correlations(Part):
+class Correlations(OpenModel):
     """Correlation matrix of the estimated components."""
 
     components: list[str] = Field(description="Names of the rows and columns")
     matrix: list[list[float]] | None = Field(description="Correlations, row by row")
 
 
-class Camera(Part):
+class Camera(OpenModel):
     """An interior orientation."""
 
     id: str = Field(description="Its name")
@@ -255,7 +255,7 @@ class Camera(Part):
     correlations: Correlations = Field(description="Correlations of the components that are unknowns")
 
 
-class Feature(Part):
+class Feature(OpenModel):
     """A plane, a line or another shape."""
 
     id: str = Field(description="Its name")
@@ -287,7 +287,7 @@ class Feature(Part):
     form: float = Field(description="Form deviation: the largest of their residuals minus the smallest")
 
 
-class Other(Part):
+class Other(OpenModel):
     """An estimated block that belongs to no other table."""
 
     kind: str = Field(description="What kind of block it is")
@@ -295,7 +295,7 @@ class Other(Part):
     components: dict[str, Component] = Field(description="Its unknowns by component")
 
 
-class Group(Part):
+class Group(OpenModel):
     """An observation group."""
 
     name: str = Field(description="Table, camera or instrument it comes from")
@@ -315,7 +315,7 @@ class Group(Part):
     sigma_of_factor: Number = Field(default=None, description="Standard deviation of that factor")
 
 
-class VarianceComponents(Part):
+class VarianceComponents(OpenModel):
     """Estimation of the variance components of the groups."""
 
     method: Literal["simplified", "helmert"] = Field(description="Each group by itself, or the full system")
@@ -324,7 +324,7 @@ class VarianceComponents(Part):
     rounds: int = Field(description="Number of adjustments it took")
 
 
-class FixedPoint(Part):
+class FixedPoint(OpenModel):
     """Test of the coordinates a point is held at."""
 
     id: str = Field(description="Its name")
@@ -336,7 +336,7 @@ class FixedPoint(Part):
     p_estimated: Number = Field(description="Its probability")
 
 
-class Relative(Part):
+class Relative(OpenModel):
     """The difference of two points: how well their distance and their relative place are known."""
 
     from_: str = Field(alias="from", description="The first point")
@@ -352,7 +352,7 @@ class Relative(Part):
     sdz: float = Field(description="σ of the difference of heights")
 
 
-class Check(Part):
+class Check(OpenModel):
     """Deviations of a group that was kept out, adjusted − known, one component."""
 
     group: str = Field(description="Table it comes from")
@@ -366,7 +366,7 @@ class Check(Part):
     exceeding: int = Field(description="Number of deviations beyond the critical value")
 
 
-class Residual(Part):
+class Residual(OpenModel):
     """A row of residuals.csv."""
 
     model_config = ConfigDict(extra="allow", strict=True, serialize_by_alias=True)
@@ -407,7 +407,7 @@ class Residual(Part):
 # ------------------------------------------------------------
 
 
-class Place(Part):
+class Place(OpenModel):
     """Name of an observation."""
 
     model_config = ConfigDict(extra="allow", strict=True, serialize_by_alias=True)
@@ -444,7 +444,7 @@ class SnoopingStep(Place):
     w: float = Field(description="Test statistic")
 
 
-class MostlyOut(Part):
+class MostlyOut(OpenModel):
     """An image, station or point of which more than half of the observations were taken out."""
 
     of: str = Field(description="image, station or point")
@@ -453,7 +453,7 @@ class MostlyOut(Part):
     observations: int = Field(description="Number of its observations")
 
 
-class Snooping(Part):
+class Snooping(OpenModel):
     """Data snooping."""
 
     clean: bool = Field(description="True where nothing is flagged at the end")
@@ -464,7 +464,7 @@ class Snooping(Part):
     steps: list[SnoopingStep] = Field(description="What was taken out and put back, in order")
 
 
-class Robust(Part):
+class Robust(OpenModel):
     """The robust solution beside the least-squares one."""
 
     method: Literal["l1", "danish"] = Field(description="Estimator")
@@ -476,7 +476,7 @@ class Robust(Part):
     rms_shift: float = Field(description="Root mean square of these differences")
 
 
-class InCommon(Part):
+class InCommon(OpenModel):
     """A point, image, station or table that many flagged observations refer to."""
 
     of: Literal["group", "image", "camera", "station", "set", "instrument", "system", "point"] = Field(
@@ -488,7 +488,7 @@ class InCommon(Part):
     all_flagged: int = Field(description="Number of all rows of observations that are flagged or left out")
 
 
-class GrossErrors(Part):
+class GrossErrors(OpenModel):
     """Tests of single observations; empty without a solution."""
 
     beta0: Number = Field(default=None, description="Power of the test of single observations")
@@ -515,7 +515,7 @@ class Suspect(Place):
     misfit: float = Field(description="|v|/σ against the robust solution")
 
 
-class Suspects(Part):
+class Suspects(OpenModel):
     """Observations left out so that the rest has a solution."""
 
     outcome: Literal["converged", "not converged", "diverged"] = Field(
@@ -527,7 +527,7 @@ class Suspects(Part):
     observations: list[Suspect] = Field(description="The worst first, at most 10 000")
 
 
-class Amount(Part):
+class Amount(OpenModel):
     """Estimate of an additional unknown."""
 
     name: str = Field(description="offset, scale, height, c")
@@ -535,7 +535,7 @@ class Amount(Part):
     unit: str = Field(description="Its unit")
 
 
-class PossibleCause(Part):
+class PossibleCause(OpenModel):
     """A mistake that would explain what is rejected, by a score test at the solution."""
 
     cause: str = Field(description="Key of the cause")
@@ -553,7 +553,7 @@ class PossibleCause(Part):
 # ------------------------------------------------------------
 
 
-class Undeterminable(Part):
+class Undeterminable(OpenModel):
     """A row of undetermined.csv: a thing that nothing determines."""
 
     kind: str = Field(description="point, image, station, system, pair")
@@ -569,7 +569,7 @@ class Undeterminable(Part):
     sigma: Number = Field(description="Its standard deviation across, the larger one, an angle")
 
 
-class Moving(Part):
+class Moving(OpenModel):
     """An unknown that does not come to rest."""
 
     kind: str = Field(description="Kind of its block")
@@ -589,7 +589,7 @@ class Misfit(Residual):
     misfit: Number = Field(description="abs(v) / sigma")
 
 
-class Failure(Part):
+class Failure(OpenModel):
     """State of an adjustment without a solution."""
 
     notice: str = Field(description="What the values of such results are worth")
@@ -602,14 +602,14 @@ class Failure(Part):
 # ------------------------------------------------------------
 
 
-class Epoch(Part):
+class Epoch(OpenModel):
     """A time at which something was measured."""
 
     epoch: str = Field(description="As the project has it")
     year: float = Field(description="The same in years")
 
 
-class Motion(Part):
+class Motion(OpenModel):
     """Motion model of a point; for an annual oscillation x … are the sine terms."""
 
     point: str = Field(description="Its name")
@@ -634,7 +634,7 @@ class Motion(Part):
     moved: bool = Field(description="true: significant")
 
 
-class Knot(Part):
+class Knot(OpenModel):
     """A knot of a trajectory."""
 
     trajectory: str = Field(description="Name of the trajectory")
@@ -654,7 +654,7 @@ class Knot(Part):
     skappa: Number = Field(description="σ of κ")
 
 
-class Boresight(Part):
+class Boresight(OpenModel):
     """From the axes of a trajectory to those of an inertial system."""
 
     instrument: str = Field(description="Its name")
@@ -673,7 +673,7 @@ class Boresight(Part):
 Kind = Literal["group", "image", "camera", "station", "set", "instrument", "system"]
 
 
-class Named(Part):
+class Named(OpenModel):
     """A thing that observations belong to."""
 
     of: Kind = Field(description="What it is; group is a table of observations")
@@ -697,7 +697,7 @@ class GroupTest(Named):
     rejected: bool = Field(description="True where p is below level_of_each_group")
 
 
-class CommonEffect(Part):
+class CommonEffect(OpenModel):
     """An offset or scale that all observations of a group may have in common. It is offered, and never applied."""
 
     kind: Literal["offset", "scale"] = Field(description="Added to each observation, or a part of its size")
@@ -722,7 +722,7 @@ class Explanation(Named):
     effect: CommonEffect | None = Field(description="The most significant effect, null where none is")
 
 
-class Conventions(Part):
+class Conventions(OpenModel):
     """Values that were chosen because no observation determines them."""
 
     movements: list[str] = Field(description="Movements of the whole that the datum settles")
@@ -732,7 +732,7 @@ class Conventions(Part):
     )
 
 
-class IllDetermined(Part):
+class IllDetermined(OpenModel):
     """A point or the place of a frame with a σ beyond the limit."""
 
     kind: str = Field(description="point, image, station, …")
@@ -740,7 +740,7 @@ class IllDetermined(Part):
     sigma: float = Field(description="Largest semi-axis of its error ellipsoid, length unit of the project")
 
 
-class Determined(Part):
+class Determined(OpenModel):
     """Determination of the result, with σ a priori, or a posteriori if these are smaller."""
 
     as_a_whole: bool = Field(description="False where σ of more than half of the points are beyond the limit")
@@ -757,7 +757,7 @@ class Determined(Part):
     directions: int = Field(description="Number of weak directions, see hardly_determined")
 
 
-class Verdict(Part):
+class Verdict(OpenModel):
     """The tests of the whole and of all groups together, and whether the result is determined."""
 
     accepted: bool | None = Field(
@@ -788,7 +788,7 @@ class Verdict(Part):
     determined: Determined = Field(description="Whether the result is determined")
 
 
-class Further(Part):
+class Further(OpenModel):
     """A further observation of the kinds at hand."""
 
     again: bool = Field(description="True where the weak observation itself is to be measured once more")
@@ -811,7 +811,7 @@ class Uncontrolled(Place):
     )
 
 
-class Weakest(Part):
+class Weakest(OpenModel):
     """Mean redundancy of a point, image, station or set."""
 
     id: str = Field(description="Its name")
@@ -826,7 +826,7 @@ class Weakest(Part):
     )
 
 
-class ReliabilityMap(Part):
+class ReliabilityMap(OpenModel):
     """Internal and external reliability by point, image, station and set."""
 
     least_redundancy: float = Field(description="r below which an observation is called uncontrolled")
@@ -848,7 +848,7 @@ class ReliabilityMap(Part):
 # ------------------------------------------------------------
 
 
-class Results(Part):
+class Results(OpenModel):
     """Results of an adjustment by mor, version 1."""
 
     schema_name: Literal["mor-results"] = Field(alias="schema", description="What this file is")

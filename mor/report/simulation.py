@@ -43,10 +43,10 @@ from mor.project.entities import AT, said_thing
 from mor.project.network import Network
 from mor.project.rows import AIR
 from mor.project.schema import Observations
-from mor.project.tables import Place, Source, from_file, from_rows
+from mor.project.tables import Source, TableLocation, from_file, from_rows
 from mor.report import layout
 from mor.report.adjusted_project import Given, Placed, adjusted_project, grids_moved
-from mor.report.identity import Identity, identity_of
+from mor.report.identity import RunIdentity, identity_of
 from mor.report.language import Words
 from mor.report.layout import WIDTH, heading, paragraphs, short, table
 from mor.report.observations import named_places
@@ -225,7 +225,7 @@ def _wrapped(group: ObservationGroup, component: int, given: FloatArray) -> Floa
 
 def _raw(document: Document, source: Path, section: str, number: int, entry: Observations) -> Source:
     """The table of an entry as it stands there; it has been read before, so that it has no mistakes."""
-    at = Place(document, (section, number), source)
+    at = TableLocation(document, (section, number), source)
     found = from_rows(entry, at, []) if entry.rows is not None else from_file(entry, {}, at, [])
     assert found is not None
     return found
@@ -387,7 +387,7 @@ _NAMES = {
 
 
 def monte_carlo_data(
-    network: Network, truth: Truth, tally: Tally, seed: int, starts: bool, of: Identity
+    network: Network, truth: Truth, tally: Tally, seed: int, starts: bool, of: RunIdentity
 ) -> dict[str, Any]:
     """The findings, and bias and σ of every unknown, as plain data."""
     n = max(float(tally.solved), 1.0)
@@ -439,7 +439,7 @@ def verdict(found: list[Finding], words: Words) -> str:
 
 
 def monte_carlo_text(
-    network: Network, truth: Truth, tally: Tally, seed: int, starts: bool, words: Words, of: Identity
+    network: Network, truth: Truth, tally: Tally, seed: int, starts: bool, words: Words, of: RunIdentity
 ) -> str:
     """The report of a simulation."""
     found = findings(truth, tally)

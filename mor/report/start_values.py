@@ -18,7 +18,7 @@ from mor.report.page_data import drawn_axes
 from mor.report.plots import sheet
 from mor.solve.inverse import Local, local_precision
 from mor.solve.problem import Problem
-from mor.start.part import Approximation, Join, Rule, rule
+from mor.start.part import Approximation, Join, Phrase, rule
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE_UNITS
 
@@ -53,7 +53,7 @@ class StartValue(NamedTuple):
     """Components that were found or replaced; what is observed or fixed stays."""
     part: int | None
     """The part in which it was known first, 0 for the object system; ``None`` if it has no value."""
-    how: Rule | None
+    how: Phrase | None
     components: tuple[str, ...]
     values: FloatArray
     """(k,) in project axes and units."""
@@ -433,7 +433,7 @@ def _line(row: StartValue, words: Words) -> list[str]:
     ]
 
 
-def sentence(how: Rule, words: Words) -> str:
+def sentence(how: Phrase, words: Words) -> str:
     """A rule in the words of a language; names of things with the word for what they are."""
     return words(how.words, **{name: _named(value, words) for name, value in how.values.items()})
 

@@ -12,7 +12,7 @@ from mor import __version__
 from mor.model.parameters import KINDS, index_unknowns
 from mor.project.entities import said_thing, thing_of
 from mor.project.network import Network
-from mor.project.schema import Project
+from mor.project.schema import ProjectFile
 from mor.quality.reliability_map import uncontrolled_count
 from mor.quality.singularity import weakness
 from mor.quality.solution import Solved
@@ -33,7 +33,7 @@ SCHEMA = "mor-results"
 SCHEMA_VERSION = 2
 
 
-class Ended(NamedTuple):
+class AdjustmentOutcome(NamedTuple):
     """Outcome of an adjustment."""
 
     outcome: str
@@ -50,7 +50,7 @@ class Ended(NamedTuple):
 def summary(solved: Solved) -> dict[str, Any]:
     """Outcome, counts, σ0, global test, datum, conventions."""
     adjustment = solved.adjustment
-    ended = Ended(
+    ended = AdjustmentOutcome(
         adjustment.outcome.value,
         adjustment.reason,
         solved.quality is not None,
@@ -66,8 +66,8 @@ def summary(solved: Solved) -> dict[str, Any]:
 
 
 def summary_of(
-    project: Project,
-    ended: Ended,
+    project: ProjectFile,
+    ended: AdjustmentOutcome,
     undetermined: list[dict[str, Any]],
     undeterminable: list[dict[str, Any]],
     numbers: dict[str, Any],

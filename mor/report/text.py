@@ -11,7 +11,7 @@ from mor.quality.solution import Solved
 from mor.report import layout, text_findings, text_tables
 from mor.report import verdict as words_of_reliability
 from mor.report.estimates import group_table, interior_rows, point_table
-from mor.report.identity import Identity, identity_of, note_rows
+from mor.report.identity import RunIdentity, identity_of, note_rows
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import ALL, fixed, in_words, paragraphs, short, table
 from mor.report.layout import WIDTH as COLUMNS_WIDTH
@@ -360,7 +360,7 @@ def _groups(solved: Solved, words: Words) -> list[str]:
 def text_report(
     solved: Solved,
     words: Words = ENGLISH,
-    of: Identity = Identity(),  # noqa: B008 - frozen
+    of: RunIdentity = RunIdentity(),  # noqa: B008 - frozen
     full: bool = False,
 ) -> str:
     """The whole report in a language, ``of`` what was read; ``full`` with nothing left to the tables beside it.

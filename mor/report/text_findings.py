@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from mor.errors import Undeterminable
+from mor.errors import UndeterminedObject
 from mor.quality.determinability import OF_THE_START
 from mor.quality.singularity import explain_singularity, turned_about, weakness
 from mor.quality.solution import Solved
@@ -463,7 +463,7 @@ def listed(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN_UNDETERMIN
     return "\n".join(lines)
 
 
-def sentences_of_things(things: Sequence[Undeterminable], words: Words = ENGLISH) -> list[str]:
+def sentences_of_things(things: Sequence[UndeterminedObject], words: Words = ENGLISH) -> list[str]:
     """Count the undetermined unknowns, name the first, and say where all of them are listed."""
     left = [thing for thing in things if thing.treatment == "left out"]
     far = [thing for thing in things if thing.treatment == "at infinity"]
@@ -483,7 +483,7 @@ def sentences_of_things(things: Sequence[Undeterminable], words: Words = ENGLISH
     return lines
 
 
-def _names(things: Sequence[Undeterminable], words: Words) -> str:
+def _names(things: Sequence[UndeterminedObject], words: Words) -> str:
     listed = ", ".join(f"{words.listed(thing.kind)} {thing.name}" for thing in things[:_NAMED])
     more = len(things) - _NAMED
     return words("{names} and {count} more", names=listed, count=more) if more > 0 else listed

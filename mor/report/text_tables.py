@@ -10,7 +10,7 @@ import polars as pl
 
 from mor.model.parameters import IMAGE_VELOCITY, INTERIORS, KINDS, ROTATION_RATE
 from mor.project.axes import ImageScale
-from mor.project.schema import Project, Settings
+from mor.project.schema import ProjectFile, Settings
 from mor.quality.precision import confidence_factor
 from mor.quality.solution import Solved
 from mor.report.estimates import (
@@ -153,7 +153,7 @@ def ellipse_section(solved: Solved, words: Words = ENGLISH) -> str:
     return "\n".join(lines)
 
 
-def plan(rows: Sequence[Mapping[str, Any]], project: Project, words: Words) -> str:
+def plan(rows: Sequence[Mapping[str, Any]], project: ProjectFile, words: Words) -> str:
     """The ellipses in plan of points: ``id``, ``a``, ``b`` and ``azimuth``."""
     length, angle = project.units.length, angle_unit_of(project)
     headers = ["point", f"a [{length}]", f"b [{length}]", f"azimuth of a [{angle}]"]
@@ -333,7 +333,7 @@ def image_section(solved: Solved, words: Words = ENGLISH) -> str:
 
 
 def listed(
-    frame: pl.DataFrame, project: Project, scales: Mapping[str, ImageScale], words: Words
+    frame: pl.DataFrame, project: ProjectFile, scales: Mapping[str, ImageScale], words: Words
 ) -> list[str]:
     """The rows of a table of images; ``scales`` are those of image coordinates, by camera."""
     unit, angle = project.units.length, angle_unit_of(project)

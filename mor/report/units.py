@@ -14,7 +14,7 @@ from mor.model.observation_types import External, ObservationGroup
 from mor.model.parameters import IMAGE_VELOCITY, INTERIORS, KINDS, ROTATION_RATE, moves_by_angles
 from mor.model.rotations import angles_from_rotation
 from mor.project.prior_knowledge import feature_label
-from mor.project.schema import Project
+from mor.project.schema import ProjectFile
 from mor.quality.precision import angle_cofactors
 from mor.quality.solution import Solved
 from mor.types import BoolArray, FloatArray, IntArray
@@ -38,7 +38,7 @@ def angle_unit(solved: Solved) -> str:
     return angle_unit_of(solved.network.project)
 
 
-def angle_unit_of(project: Project) -> str:
+def angle_unit_of(project: ProjectFile) -> str:
     """The same of a project."""
     unit = project.units.angle
     return "deg" if unit == "dms" else unit

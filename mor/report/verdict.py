@@ -12,22 +12,22 @@ from mor.model.observation_types import ObservationGroup
 from mor.quality.assessment import Quality
 from mor.quality.external_reliability import (
     HARDLY_CONTROLLED,
-    Entry,
+    ObservationComponent,
     carried_points,
     most_at_a_time,
     point_movements,
 )
-from mor.quality.global_tests import CommonEffect
-from mor.quality.group_tests import GroupTest
+from mor.quality.global_tests import GroupEffect
+from mor.quality.group_tests import GroupStatistic
 from mor.quality.reliability_map import (
+    CandidateObservation,
     Controlled,
-    Further,
     best_further,
     detectable,
     uncontrolled,
     uncontrolled_count,
 )
-from mor.quality.solution import LARGEST_SIGMA, Determined, Explained, Solved, Verdict
+from mor.quality.solution import LARGEST_SIGMA, Determination, Explained, OverallAssessment, Solved
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import fixed, heading, in_words, short, table
 from mor.report.observations import place
@@ -122,7 +122,7 @@ def _is_like_curvature(effect: dict[str, Any] | None) -> bool:
 
 
 def rows_of_verdict(
-    judged: Verdict,
+    judged: OverallAssessment,
     accepted: bool | None,
     uncontrolled: int,
     explanations: list[dict[str, Any]],
@@ -152,7 +152,7 @@ def rows_of_verdict(
     }
 
 
-def _determined(found: Determined) -> dict[str, Any]:
+def _determined(found: Determination) -> dict[str, Any]:
     return {
         "as_a_whole": found.as_a_whole,
         "everywhere": found.everywhere,
@@ -167,7 +167,7 @@ def _determined(found: Determined) -> dict[str, Any]:
     }
 
 
-def _says(accepted: bool | None, uncontrolled: int, found: Determined | None) -> str:
+def _says(accepted: bool | None, uncontrolled: int, found: Determination | None) -> str:
     if found is not None and not found.as_a_whole:
         return "not determined"
     if accepted is None:
@@ -179,7 +179,7 @@ def _says(accepted: bool | None, uncontrolled: int, found: Determined | None) ->
     return "accepted, observations uncontrolled" if uncontrolled else "accepted"
 
 
-def group_test_row(test: GroupTest) -> dict[str, Any]:
+def group_test_row(test: GroupStatistic) -> dict[str, Any]:
     """One test."""
     return {
         "of": test.of,
@@ -206,7 +206,7 @@ def _explanation(solved: Solved, one: Explained) -> dict[str, Any]:
     }
 
 
-def _effect(solved: Solved, effect: CommonEffect, suffices: bool) -> dict[str, Any]:
+def _effect(solved: Solved, effect: GroupEffect, suffices: bool) -> dict[str, Any]:
     """An effect in project axes and units."""
     group = solved.adjustment.problem.groups[effect.group]
     out = ends_of_group(group)
@@ -279,7 +279,7 @@ def barely_determined(unknown: IntArray, observations: IntArray) -> BoolArray:
     return (observations > 0) & (unknown > 0) & (observations <= unknown + 1)
 
 
-def _uncontrolled(quality: Quality) -> tuple[int, list[Entry]]:
+def _uncontrolled(quality: Quality) -> tuple[int, list[ObservationComponent]]:
     """Number of uncontrolled observations, and those with the smallest redundancy numbers."""
     found = []
     for number, one in enumerate(quality.groups):
@@ -293,10 +293,12 @@ def _uncontrolled(quality: Quality) -> tuple[int, list[Entry]]:
     r, *entries = np.concatenate(found, axis=1)
     first = np.lexsort((*reversed(entries), r))[:RELIABILITY_MAP_NAMED]
     named = np.stack(entries, axis=1)[first].astype(np.int64).tolist()
-    return len(r), [Entry(*entry) for entry in named]
+    return len(r), [ObservationComponent(*entry) for entry in named]
 
 
-def _observations(solved: Solved, quality: Quality, entries: list[Entry]) -> list[dict[str, Any]]:
+def _observations(
+    solved: Solved, quality: Quality, entries: list[ObservationComponent]
+) -> list[dict[str, Any]]:
     told = entries[: most_at_a_time(quality)]
     carried = carried_points(quality, told)
     cures = best_further(quality, [(entry, _targets(solved, entry)) for entry in entries[:CURED]])
@@ -314,7 +316,7 @@ def _observations(solved: Solved, quality: Quality, entries: list[Entry]) -> lis
     return rows
 
 
-def _weakest(quality: Quality, entry: Entry, nabla: float) -> dict[str, Any]:
+def _weakest(quality: Quality, entry: ObservationComponent, nabla: float) -> dict[str, Any]:
     """An observation with its r and ∇, which comes in internal units, in the units of the project."""
     group = quality.adjustment.problem.groups[entry.group]
     r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
@@ -332,7 +334,7 @@ def _said_size(group: ObservationGroup, component: int, size: float) -> float:
     return float(said_sizes(group, internal)[0, outside])
 
 
-def _targets(solved: Solved, entry: Entry) -> list[int]:
+def _targets(solved: Solved, entry: ObservationComponent) -> list[int]:
     """Free point blocks that an observation refers to, but for those of frames."""
     problem = solved.adjustment.problem
     group, columns = problem.groups[entry.group], problem.index.columns["point"]
@@ -344,7 +346,7 @@ def _targets(solved: Solved, entry: Entry) -> list[int]:
     return [block for block in dict.fromkeys(blocks) if (columns[block] >= 0).any()]
 
 
-def _cure(solved: Solved, further: Further) -> dict[str, Any]:
+def _cure(solved: Solved, further: CandidateObservation) -> dict[str, Any]:
     group = solved.adjustment.problem.groups[further.group]
     again = further.target < 0
     names = {

@@ -26,7 +26,7 @@ SCHEMA_VERSION = 1
 _LIBRARIES = ("numpy", "scipy", "polars", "pydantic", "numba", "pyproj")
 
 
-class Check(NamedTuple):
+class ReferenceCheck(NamedTuple):
     """Numbers of one kind against their reference values; the one that comes nearest to its limit stands for all."""
 
     group: str
@@ -62,7 +62,7 @@ class Check(NamedTuple):
         return self.share <= 1.0
 
 
-def verification_data(checks: Iterable[Check]) -> dict[str, Any]:
+def verification_data(checks: Iterable[ReferenceCheck]) -> dict[str, Any]:
     """The checks as plain data, with program, libraries, machine and time (UTC, or ``SOURCE_DATE_EPOCH``)."""
     rows = [
         {

@@ -27,7 +27,7 @@ from mor.report.estimates import (
     relative_rows,
     station_table,
 )
-from mor.report.identity import Identity, identity_of, note_rows
+from mor.report.identity import RunIdentity, identity_of, note_rows
 from mor.report.observations import SCHEMA, check_rows, gross_errors, possible_causes, suspects
 from mor.report.summary import SCHEMA_VERSION, summary
 from mor.report.units import points
@@ -102,7 +102,7 @@ def view_of(
     solved: Solved,
     residuals: pl.DataFrame,
     file: str = "residuals.csv",
-    of: Identity = Identity(),  # noqa: B008 - frozen
+    of: RunIdentity = RunIdentity(),  # noqa: B008 - frozen
 ) -> View:
     """The view of an adjustment that converged, with its table of residuals, the file that has it, what was read."""
     images = image_table(solved)
@@ -286,14 +286,14 @@ _CHUNK = 2_000_000
 """Pairs of rays looked at together."""
 
 
-class Rays(NamedTuple):
+class RayPairs(NamedTuple):
     """Rays as pairs of numbers: frame (image or station, images first) and point."""
 
     frame: IntArray
     point: IntArray
 
 
-def rays_of(view: View) -> Rays:
+def rays_of(view: View) -> RayPairs:
     """Every ray of an image and every sight of a station to a point of the table of points, once each."""
     points = _numbers(view.points["id"], "to", "point", 0)
     images = _numbers(view.images["id"], "from", "frame", 0)
@@ -307,7 +307,7 @@ def rays_of(view: View) -> Rays:
     ]
     pairs = pl.concat(parts).join(points, on="to", maintain_order="left").select("frame", "point")
     pairs = pairs.drop_nulls().unique(maintain_order=True)
-    return Rays(pairs["frame"].to_numpy(), pairs["point"].to_numpy())
+    return RayPairs(pairs["frame"].to_numpy(), pairs["point"].to_numpy())
 
 
 def _numbers(ids: pl.Series, key: str, name: str, first: int) -> pl.DataFrame:
@@ -349,7 +349,7 @@ def places(view: View) -> FloatArray:
     return view.points.select("x", "y", "z").to_numpy() if view.points.height else np.zeros((0, 3))
 
 
-def intersection_angles(rays: Rays, start: FloatArray, end: FloatArray) -> FloatArray:
+def intersection_angles(rays: RayPairs, start: FloatArray, end: FloatArray) -> FloatArray:
     """(p,) radians between those two rays of each point that meet best, at most π/2; NaN with fewer than two."""
     result = np.full(len(end), np.nan)
     along = end[rays.point] - start[rays.frame]
@@ -425,7 +425,7 @@ _NOT_DISTORTION = {"c", "f", "xh", "yh", "fx", "fy", "cx", "cy"}
 _AZIMUTHS = 16
 
 
-class Distortion(NamedTuple):
+class DistortionField(NamedTuple):
     """Distortion at n ideal image points (n, 2), with covariances (n, 2, 2); image unit of the camera."""
 
     shift: FloatArray
@@ -440,10 +440,10 @@ class RadialCurve(NamedTuple):
     sigma: FloatArray
 
 
-def distortion(camera: dict[str, Any], ideal: FloatArray) -> Distortion:
+def distortion(camera: dict[str, Any], ideal: FloatArray) -> DistortionField:
     """Distortion of a camera (an entry of ``cameras``) at ideal points (n, 2) counted from the principal point."""
     shift, by_terms, covariance = _linearised(camera, ideal)
-    return Distortion(shift, by_terms @ covariance @ np.swapaxes(by_terms, 1, 2))
+    return DistortionField(shift, by_terms @ covariance @ np.swapaxes(by_terms, 1, 2))
 
 
 def radial_curve(camera: dict[str, Any], largest: float, count: int = 61) -> RadialCurve:

@@ -30,7 +30,7 @@ _SAME = ("numpy", "scipy", "polars")
 
 
 @dataclass
-class Cluster:
+class ComputeCluster:
     """A cluster that does tasks."""
 
     client: Any
@@ -105,7 +105,7 @@ _IDLE = {
 
 
 @contextmanager
-def connected(folder: Path, address: str) -> Iterator[Cluster]:
+def connected(folder: Path, address: str) -> Iterator[ComputeCluster]:
     """The cluster at an address, all workers of which see ``folder``.
 
     Raises :class:`InputError` where they cannot do the work: another version, files they do not see.
@@ -124,7 +124,7 @@ def connected(folder: Path, address: str) -> Iterator[Cluster]:
         raise InputError([Message(_NO_SCHEDULER, address)]) from None
     with client:
         _check(client, folder)
-        yield Cluster(client)
+        yield ComputeCluster(client)
 
 
 _NO_SCHEDULER = (

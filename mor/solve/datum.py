@@ -11,7 +11,7 @@ import numpy as np
 
 from mor.model import rotations
 from mor.model.parameters import Index, Values, move
-from mor.solve.problem import Datum, Problem, linearise, rotation_tangents
+from mor.solve.problem import DatumDefinition, Problem, linearise, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ------------------------------------------------------------
@@ -581,7 +581,7 @@ class STransformation:
         return _outer(g @ self.core, h) - _outer(g, w) - _outer(u, h)
 
 
-def datum_mask(datum: Datum, index: Index) -> BoolArray:
+def datum_mask(datum: DatumDefinition, index: Index) -> BoolArray:
     """(u,) the unknowns that carry the datum."""
     mask = np.zeros(index.count, dtype=bool)
     for kind, chosen in datum.mask.items():
@@ -611,7 +611,7 @@ def constraint(null: FloatArray, problem: Problem, values: Values) -> Constraint
     return Constraint(normals, mask)
 
 
-def corrections(datum: Datum, index: Index, values: Values) -> FloatArray:
+def corrections(datum: DatumDefinition, index: Index, values: Values) -> FloatArray:
     """(u,) total corrections x − x₀ of the masked unknowns, zero elsewhere."""
     total = np.zeros(index.count)
     for kind, chosen in datum.mask.items():
@@ -668,7 +668,7 @@ def into_datum(
     return turned, gain
 
 
-class _Bent(NamedTuple):
+class _MovementChange(NamedTuple):
     """Change of the movements with a step of the network."""
 
     derivative: FloatArray
@@ -677,7 +677,7 @@ class _Bent(NamedTuple):
     """(4, d) turns and scale in each movement."""
 
 
-def _bent(null: FloatArray, problem: Problem, values: Values, total: FloatArray) -> _Bent | None:
+def _bent(null: FloatArray, problem: Problem, values: Values, total: FloatArray) -> _MovementChange | None:
     """K of the movements at ``values``; ``None`` where it is nothing beside BᵀG or no number, or B stays as it is."""
     chosen = problem.datum.mask.get("point")
     if chosen is None or problem.datum.movements is not None or null.shape[1] == 0:
@@ -701,7 +701,7 @@ def _bent(null: FloatArray, problem: Problem, values: Values, total: FloatArray)
     with np.errstate(over="ignore", invalid="ignore"):
         by_field = np.einsum("na,nbg->abg", apart, fields) @ movements
         derivative = np.einsum("bag,abj,gk->kj", linear, by_field, movements[3:])
-    return _Bent(derivative, movements[3:]) if np.isfinite(derivative).all() else None
+    return _MovementChange(derivative, movements[3:]) if np.isfinite(derivative).all() else None
 
 
 def s_transformation(null: FloatArray, constraint: Constraint, through: FloatArray) -> STransformation:

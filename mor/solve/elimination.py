@@ -17,8 +17,8 @@ from mor.model.parameters import Values
 from mor.solve import clique_kernels, cofactor_kernels, moving_ray_kernels, product_kernels, ray_kernels
 from mor.solve.clique_kernels import VANISHING, Pattern
 from mor.solve.problem import Problem, rotation_tangents
-from mor.solve.product_kernels import ImageRays, System
-from mor.solve.ray_kernels import ALONG, MOVING, FrameChange, FrameValues, Measured
+from mor.solve.product_kernels import ImageRays, ReducedSystemArrays
+from mor.solve.ray_kernels import ALONG, MOVING, FrameChange, FrameValues, RayMeasurements
 from mor.solve.rays import Chunk, GroupFrames, RayPlan, frame_change, frame_values, pieces
 from mor.types import BoolArray, FloatArray, IntArray, SmallIntArray
 
@@ -125,7 +125,7 @@ _ENTRIES_AT_A_TIME = 1_000_000
 
 
 @dataclass(frozen=True)
-class _Part:
+class _DenseRays:
     """Rays of some points, and the part of the reduced system that they meet, as a dense matrix.
 
     Attributes:
@@ -263,7 +263,7 @@ class _Places(NamedTuple):
     dense: DensePart
     local: IntArray
 
-    def of(self, rays: Rays) -> _Part:
+    def of(self, rays: Rays) -> _DenseRays:
         """The rays of the points, with the columns of their frames only."""
         pointers = rays.point_pointers[self.points.start : self.points.stop + 1]
         some = Rays(
@@ -274,10 +274,10 @@ class _Places(NamedTuple):
             pointers - pointers[0],
             self.frame,
         )
-        return _Part(some, self.dense, self.local)
+        return _DenseRays(some, self.dense, self.local)
 
 
-def _parts(rays: Rays, structure: BlockStructure) -> Iterator[_Part]:
+def _parts(rays: Rays, structure: BlockStructure) -> Iterator[_DenseRays]:
     """Yield the rays of as many points at a time as make no large dense matrix.
 
     Where they go is kept from one pass to the next in a small project, whose passes are many.
@@ -383,7 +383,7 @@ _FOURS = 4
 """Columns that are worked on together where cofactors are worked out."""
 
 
-class Eliminated(NamedTuple):
+class PointFactors(NamedTuple):
     """Factors of the points of a chunk, kept for the back-substitution."""
 
     held: BoolArray
@@ -395,7 +395,7 @@ class Eliminated(NamedTuple):
     """(p, 3) −Σ aᵀ residual."""
 
 
-def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Eliminated:
+def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> PointFactors:
     """Eliminate the points of a chunk of rays and add what they leave to the reduced system, in place.
 
     Args:
@@ -410,7 +410,7 @@ def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Elim
     """
     _refuse_columns_beyond(rays.columns, reduced.matrix.structure.unknowns)
     if not compilation.wanted():
-        return Eliminated(*accumulate_by_numpy(rays, reduced, damping))
+        return PointFactors(*accumulate_by_numpy(rays, reduced, damping))
     residual, by_point, by_others, frame, columns, pointers = _arrays(_wide(rays, clique_kernels.COLUMNS))
     pattern, system = _pattern(reduced.matrix.structure), _system(reduced)
     gathering = product_kernels.begin_gathering(columns, pattern)
@@ -427,7 +427,7 @@ def accumulate(rays: Rays, reduced: ReducedSystem, damping: float = 0.0) -> Elim
 
 def accumulate_images(
     columns: IntArray, rays: ImageRays, reduced: ReducedSystem, damping: float = 0.0
-) -> tuple[Eliminated, float]:
+) -> tuple[PointFactors, float]:
     """Linearise image rays of frames with these columns (f, K) and do the same; compiled only.
 
     Returns:
@@ -559,13 +559,15 @@ def _arrays(rays: Rays) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, I
     )
 
 
-def _system(reduced: ReducedSystem) -> System:
+def _system(reduced: ReducedSystem) -> ReducedSystemArrays:
     """Return the arrays of a reduced system as the kernels take them."""
-    return System(reduced.matrix.values, reduced.right_hand_side, reduced.diagonal, reduced.gradient)
+    return ReducedSystemArrays(
+        reduced.matrix.values, reduced.right_hand_side, reduced.diagonal, reduced.gradient
+    )
 
 
-def _nothing_noted(points: int) -> Eliminated:
-    return Eliminated(np.empty((points, 3), dtype=np.bool_), np.empty((points, 3)))
+def _nothing_noted(points: int) -> PointFactors:
+    return PointFactors(np.empty((points, 3), dtype=np.bool_), np.empty((points, 3)))
 
 
 def _wide(rays: Rays, together: int) -> Rays:
@@ -619,7 +621,7 @@ _Work = tuple[FloatArray, FloatArray, FloatArray]
 
 
 @dataclass(frozen=True)
-class _Place:
+class _LinearisationPoint:
     """Values at which the rays are linearised."""
 
     problem: Problem
@@ -642,7 +644,7 @@ def ray_chunks(problem: Problem, plan: RayPlan, reduced: IntArray, values: Value
 
     The arrays of a piece are overwritten by the next one: fresh memory costs a tenth of the whole pass.
     """
-    place = _Place(problem, plan, values)
+    place = _LinearisationPoint(problem, plan, values)
     columns = _reduced_columns(plan, reduced)
     parts = [tuple(pieces(chunk, plan.pointers)) for chunk in plan.chunks]
     work = _workspace(plan, list(chain(*parts)))
@@ -666,7 +668,7 @@ def eliminate_chunks(
     problem: Problem, plan: RayPlan, reduced: IntArray, values: Values, system: ReducedSystem, damping: float
 ) -> Iterator[EliminatedChunk]:
     """Linearise all chunks and eliminate their points; what they leave is added to the system, in place."""
-    place = _Place(problem, plan, values)
+    place = _LinearisationPoint(problem, plan, values)
     columns = _reduced_columns(plan, reduced)
     work: _Work | None = None
     for chunk in plan.chunks:
@@ -685,7 +687,7 @@ def point_steps(
     problem: Problem, plan: RayPlan, values: Values, step: FloatArray, damping: float
 ) -> Iterator[tuple[slice, FloatArray]]:
     """The steps (p, 3) with which the points of each chunk follow a step (u,) of all other unknowns."""
-    place = _Place(problem, plan, values)
+    place = _LinearisationPoint(problem, plan, values)
     change: FrameChange | None = None
     work: _Work | None = None
     for chunk in plan.chunks:
@@ -710,7 +712,7 @@ def point_steps(
 
 def ray_residuals(problem: Problem, plan: RayPlan, values: Values) -> Iterator[tuple[Chunk, FloatArray]]:
     """Residuals (n, 2) of the rays of every chunk, computed − observed, divided by σ; 0 where not observed."""
-    place = _Place(problem, plan, values)
+    place = _LinearisationPoint(problem, plan, values)
     for chunk in plan.chunks:
         residual = np.empty((chunk.rays.stop - chunk.rays.start, 2))
         frame = chunk.frames[plan.frame[chunk.rays]]
@@ -747,7 +749,7 @@ def _workspace(plan: RayPlan, chunks: Sequence[Chunk]) -> _Work:
     return np.empty((n, 2)), np.empty((n, 2, 3)), np.empty((n, 2, plan.frames.columns.shape[1]))
 
 
-def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray, work: _Work) -> RayChunk:
+def _ray_chunk(place: _LinearisationPoint, chunk: Chunk, columns: IntArray, work: _Work) -> RayChunk:
     plan = place.plan
     local = plan.frame[chunk.rays].astype(np.int64)
     frame = chunk.frames[local]
@@ -779,7 +781,7 @@ def _ray_chunk(place: _Place, chunk: Chunk, columns: IntArray, work: _Work) -> R
     return RayChunk(chunk.points, group_of_ray, plan.row[chunk.rays], measured.weight, rays)
 
 
-def _image_rays(place: _Place, chunk: Chunk) -> ImageRays:
+def _image_rays(place: _LinearisationPoint, chunk: Chunk) -> ImageRays:
     plan = place.plan
     points = np.take(
         place.values["point"], plan.points[chunk.points], axis=0
@@ -788,28 +790,30 @@ def _image_rays(place: _Place, chunk: Chunk) -> ImageRays:
     return ImageRays(place.frames, layout, chunk.frames, local, pointers, points, _measured(plan, chunk))
 
 
-def _fits(place: _Place, chunk: Chunk) -> bool:
+def _fits(place: _LinearisationPoint, chunk: Chunk) -> bool:
     """True where some rays of the chunk have a compiled form."""
     return compilation.wanted() and bool((place.frames.model[chunk.frames] >= 0).any())
 
 
-def _all_compiled(place: _Place, chunk: Chunk) -> bool:
+def _all_compiled(place: _LinearisationPoint, chunk: Chunk) -> bool:
     """True where all rays of the chunk have a compiled form."""
     return compilation.wanted() and bool((place.frames.model[chunk.frames] >= 0).all())
 
 
-def _any_moving(place: _Place, chunk: Chunk) -> bool:
+def _any_moving(place: _LinearisationPoint, chunk: Chunk) -> bool:
     """True where some rays of the chunk are of a rolling shutter."""
     model = place.frames.model[chunk.frames]
     return bool(((model >= MOVING) & (model < ALONG)).any())
 
 
-def _any_along(place: _Place, chunk: Chunk) -> bool:
+def _any_along(place: _LinearisationPoint, chunk: Chunk) -> bool:
     """True where some rays of the chunk are along a trajectory."""
     return bool((place.frames.model[chunk.frames] >= ALONG).any())
 
 
-def _left_to_numpy(place: _Place, chunk: Chunk, frame: IntArray) -> Iterator[tuple[GroupFrames, IntArray]]:
+def _left_to_numpy(
+    place: _LinearisationPoint, chunk: Chunk, frame: IntArray
+) -> Iterator[tuple[GroupFrames, IntArray]]:
     """Rays of a chunk that have no compiled form, group by group."""
     plain = [g for g in place.plan.frames.groups if g.model < 0 or not compilation.wanted()]
     if not plain:
@@ -822,7 +826,7 @@ def _left_to_numpy(place: _Place, chunk: Chunk, frame: IntArray) -> Iterator[tup
 
 
 def _by_frame(
-    place: _Place, group: GroupFrames, frame: IntArray, computed: Computed, width: int
+    place: _LinearisationPoint, group: GroupFrames, frame: IntArray, computed: Computed, width: int
 ) -> FloatArray:
     """Jacobian (n, 2, K) by the unknowns of the frames."""
     result = np.zeros((len(frame), 2, width))
@@ -835,7 +839,7 @@ def _by_frame(
     return result
 
 
-def _measured(plan: RayPlan, chunk: Chunk) -> Measured:
+def _measured(plan: RayPlan, chunk: Chunk) -> RayMeasurements:
     return plan.measurements.of(chunk.rays)
 
 

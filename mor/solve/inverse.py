@@ -16,7 +16,7 @@ from mor.linalg.symbolic import Elimination
 from mor.model.parameters import Values
 from mor.solve.elimination import ray_residuals
 from mor.solve.normals import (
-    Normals,
+    NormalEquations,
     Plan,
     build_normals,
     full_directions,
@@ -85,12 +85,12 @@ class Inverse(NamedTuple):
             x = x + self.weak @ (self.weak.T @ columns)
         return x.reshape(rhs.shape)
 
-    def step(self, normals: Normals) -> FloatArray:
+    def step(self, normals: NormalEquations) -> FloatArray:
         """Gauss-Newton step (u,) of normal equations whose reduced right-hand side is there already."""
         regular, weak = self.parts_of_step(normals)
         return regular + weak
 
-    def parts_of_step(self, normals: Normals) -> tuple[FloatArray, FloatArray]:
+    def parts_of_step(self, normals: NormalEquations) -> tuple[FloatArray, FloatArray]:
         """The Gauss-Newton step (u,) without the weak directions, and (u,) along them."""
         reduced = self._reduced(normals.reduced_rhs[:, None])[:, 0]
         return full_step(self.plan, self.values, reduced), self.weak @ (self.weak.T @ normals.rhs)
@@ -125,7 +125,7 @@ class Anchored(NamedTuple):
 
 
 def invert(
-    plan: Plan, normals: Normals, values: Values, anchors: IntArray, factor: Factor | None = None
+    plan: Plan, normals: NormalEquations, values: Values, anchors: IntArray, factor: Factor | None = None
 ) -> Inverse:
     """Split what the anchors (k,) hold into null and weak directions.
 
@@ -146,7 +146,7 @@ def invert(
     return Inverse(plan, values, factor, scale, directions[:, is_null], weak)
 
 
-def invert_alike(plan: Plan, normals: Normals, values: Values, anchors: IntArray) -> Inverse:
+def invert_alike(plan: Plan, normals: NormalEquations, values: Values, anchors: IntArray) -> Inverse:
     """Factorise where the anchors are known to hold null vectors and nothing else, as they did near by."""
     scale = _unit_diagonal(normals)
     factor = _factorised(plan, normals, scale, anchors)
@@ -161,11 +161,11 @@ def invert_alike(plan: Plan, normals: Normals, values: Values, anchors: IntArray
     )
 
 
-def _factorised(plan: Plan, normals: Normals, scale: FloatArray, anchors: IntArray) -> Factor:
+def _factorised(plan: Plan, normals: NormalEquations, scale: FloatArray, anchors: IntArray) -> Factor:
     return factorise(with_diagonal(normals.matrix.scaled(scale), anchors, 1.0), plan.elimination)
 
 
-def find_anchors(plan: Plan, normals: Normals) -> Anchored:
+def find_anchors(plan: Plan, normals: NormalEquations) -> Anchored:
     """Unknowns to anchor: vanishing pivots first, then whatever inverse iteration still finds hardly determined."""
     return anchors_of(normals.matrix.scaled(_unit_diagonal(normals)), plan.elimination)
 
@@ -261,7 +261,7 @@ def _spread_out(directions: FloatArray) -> IntArray:
     return np.sort(order[: directions.shape[1]]).astype(np.int64)
 
 
-def _unit_diagonal(normals: Normals) -> FloatArray:
+def _unit_diagonal(normals: NormalEquations) -> FloatArray:
     diagonal = normals.diagonal
     scale: FloatArray = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
     return scale

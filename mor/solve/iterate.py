@@ -31,7 +31,7 @@ from mor.solve.datum import (
 from mor.solve.elimination import Rays, ray_chunks
 from mor.solve.inverse import DampedStep, Inverse, damped_step, find_anchors, invert, invert_alike
 from mor.solve.normals import (
-    Normals,
+    NormalEquations,
     Plan,
     build_normals,
     eliminable_rays,
@@ -168,7 +168,7 @@ class Adjustment(NamedTuple):
     reason: str
     start: Values
     values: Mapping[str, FloatArray]
-    normals: Normals
+    normals: NormalEquations
     anchors: IntArray
     inverse: Inverse
     defect: Defect
@@ -232,7 +232,7 @@ class Taken(NamedTuple):
     values: Mapping[str, FloatArray]
     damping: float
     share: float
-    normals: Normals | None = None
+    normals: NormalEquations | None = None
     next_damping: float = 0.0
     """Damping with which the next damped step begins, if this one is damped."""
     step: FloatArray | None = None
@@ -555,7 +555,7 @@ def _sigmas(state: Adjustment, unknown: int) -> tuple[float, float]:
     return tuple(np.sqrt(np.maximum(squares, 0.0)).tolist())
 
 
-def round_off(plan: Plan, values: Values, normals: Normals, weak: FloatArray) -> float:
+def round_off(plan: Plan, values: Values, normals: NormalEquations, weak: FloatArray) -> float:
     """τ: the largest step in units of σ that is nothing but round-off of the observations and coordinates."""
     problem = plan.problem
     sizes = _sizes_of_unknowns(plan, values)
@@ -657,7 +657,7 @@ _SMALL_STEP = 1e-4
 """Movement, in parts of the size of the network, by which second derivatives are taken."""
 
 
-class Settings(NamedTuple):
+class SolverSettings(NamedTuple):
     """Settings of the solver."""
 
     max_iterations: int = 50
@@ -665,17 +665,17 @@ class Settings(NamedTuple):
 
 
 def adjust(
-    problem: Problem, start: Values, settings: Settings | None = None, watch: Watcher | None = None
+    problem: Problem, start: Values, settings: SolverSettings | None = None, watch: Watcher | None = None
 ) -> Adjustment:
     """Adjust from the start values. The outcome says whether it converged; nothing is raised for a bad network."""
-    settings = settings or Settings()
+    settings = settings or SolverSettings()
     plan = make_plan(problem, eliminable_rays(problem, start))
     check_room(memory_of_adjustment(plan), "the adjustment", LESS)
     with threads_for(plan.elimination.largest_front):
         return _iterated(plan, start, settings, watch)
 
 
-def _iterated(plan: Plan, start: Values, settings: Settings, watch: Watcher | None) -> Adjustment:
+def _iterated(plan: Plan, start: Values, settings: SolverSettings, watch: Watcher | None) -> Adjustment:
     state = _begin(plan, start)
     while (
         state.outcome is Outcome.NOT_CONVERGED

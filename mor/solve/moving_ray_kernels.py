@@ -15,9 +15,9 @@ from mor.solve.ray_kernels import (
     FrameChange,
     FrameValues,
     Layout,
-    Measured,
     Paths,
-    Sight,
+    ProjectedPoint,
+    RayMeasurements,
     clear_row,
     fill_by_interior,
     set_row,
@@ -37,7 +37,7 @@ _SERIES = 0.0025
 """Square of the angle below which the series have all digits."""
 
 
-class Turn(NamedTuple):
+class SmallRotation(NamedTuple):
     """A small rotation vector ψ, and the factors of ψ× and ψ×ψ× in exp([ψ]×), and of the last in its right Jacobian."""
 
     psi: Vector
@@ -53,7 +53,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 @compile_kernel
-def small_turn(x: float, y: float, z: float) -> Turn:
+def small_turn(x: float, y: float, z: float) -> SmallRotation:
     """Return the rotation by a vector."""
     square = x * x + y * y + z * z
     if square < _SERIES:
@@ -64,7 +64,7 @@ def small_turn(x: float, y: float, z: float) -> Turn:
         angle = sqrt(square)
         sine, cosine = sin(angle) / angle, (1.0 - cos(angle)) / square
         third = (1.0 - sine) / square
-    return Turn((x, y, z), sine, cosine, third)
+    return SmallRotation((x, y, z), sine, cosine, third)
 
 
 @compile_kernel
@@ -78,28 +78,28 @@ def polynomial(q: Vector, once: Vector, first: float, second: float, twice: Vect
 
 
 @compile_kernel
-def turned(turn: Turn, q: Vector) -> Vector:
+def turned(turn: SmallRotation, q: Vector) -> Vector:
     """Return exp([ψ]×) q."""
     once = cross(turn.psi, q)
     return polynomial(q, once, turn.sine, turn.cosine, cross(turn.psi, once))
 
 
 @compile_kernel
-def turned_back(turn: Turn, row: Vector) -> Vector:
+def turned_back(turn: SmallRotation, row: Vector) -> Vector:
     """Return the row times exp([ψ]×)."""
     once = cross(row, turn.psi)
     return polynomial(row, once, turn.sine, turn.cosine, cross(once, turn.psi))
 
 
 @compile_kernel
-def by_psi(turn: Turn, q: Vector) -> Vector:
+def by_psi(turn: SmallRotation, q: Vector) -> Vector:
     """Return J(−ψ) q with the right Jacobian J."""
     once = cross(turn.psi, q)
     return polynomial(q, once, turn.cosine, turn.third, cross(turn.psi, once))
 
 
 @compile_kernel
-def row_by_psi(turn: Turn, row: Vector) -> Vector:
+def row_by_psi(turn: SmallRotation, row: Vector) -> Vector:
     """Return the row times J(−ψ)."""
     once = cross(row, turn.psi)
     return polynomial(row, once, turn.cosine, turn.third, cross(once, turn.psi))
@@ -123,7 +123,7 @@ What is left of that is taken along to first order; the derivatives are those at
 it, for the point moves in the image by a small part of its height while it is read out."""
 
 
-class Meeting(NamedTuple):
+class ShutterCrossing(NamedTuple):
     """A point where it and the shutter meet.
 
     Attributes:
@@ -140,10 +140,10 @@ class Meeting(NamedTuple):
 
     phase: float
     time: float
-    turn: Turn
+    turn: SmallRotation
     shifted: Vector
     star: Vector
-    sight: Sight
+    sight: ProjectedPoint
     x: float
     y: float
     across: tuple[float, float, float, float]
@@ -151,7 +151,7 @@ class Meeting(NamedTuple):
 
 
 @compile_kernel
-def meet(values: FrameValues, f: int, lever: Vector, i: FloatArray, u: float, v: float) -> Meeting:
+def meet(values: FrameValues, f: int, lever: Vector, i: FloatArray, u: float, v: float) -> ShutterCrossing:
     """Return where a point at ``lever`` = D (X − X0) meets the shutter, looked for from (u, v), as measured."""
     T, model, e, r0 = values.readout[f], values.model[f] % MOVING, values.eccentricity[f], values.r0[f]
     gx, gy, g0 = values.clock[f, 0], values.clock[f, 1], values.clock[f, 2]
@@ -179,7 +179,7 @@ def meet(values: FrameValues, f: int, lever: Vector, i: FloatArray, u: float, v:
         x, y = found_x, found_y
     across = 1.0 + dx * gx * later, dx * gy * later, dy * gx * later, 1.0 + dy * gy * later
     drift = across[0] * dx + across[1] * dy, across[2] * dx + across[3] * dy
-    return Meeting(phase, t, turn, shifted, star, seen, found_x, found_y, across, drift)
+    return ShutterCrossing(phase, t, turn, shifted, star, seen, found_x, found_y, across, drift)
 
 
 @compile_kernel
@@ -189,7 +189,7 @@ def linearise_moving(
     frame: IntArray,
     pointers: IntArray,
     points: FloatArray,
-    rays: Measured,
+    rays: RayMeasurements,
     residual: FloatArray,
     by_point: FloatArray,
     by_others: FloatArray,
@@ -250,7 +250,12 @@ def lever_of(values: FrameValues, f: int, points: FloatArray, p: int) -> Vector:
 
 @compile_kernel
 def set_motion(
-    row: FloatArray, layout: Layout, met: Meeting, by_shifted: Vector, by_star: Vector, by_readout: float
+    row: FloatArray,
+    layout: Layout,
+    met: ShutterCrossing,
+    by_shifted: Vector,
+    by_star: Vector,
+    by_readout: float,
 ) -> None:
     """Set the derivatives of one component by eccentricity, velocity, rate and readout time."""
     time, turn = met.time, met.turn
@@ -276,7 +281,7 @@ def moving_residuals(
     frame: IntArray,
     pointers: IntArray,
     points: FloatArray,
-    rays: Measured,
+    rays: RayMeasurements,
     residual: FloatArray,
 ) -> None:
     """Set residuals (n, 2) of the rays of rolling shutters divided by σ, and nothing else."""
@@ -303,7 +308,7 @@ def follow_moving(
     frame: IntArray,
     pointers: IntArray,
     points: FloatArray,
-    rays: Measured,
+    rays: RayMeasurements,
     residual: FloatArray,
     by_point: FloatArray,
 ) -> None:
@@ -347,7 +352,9 @@ def follow_moving(
 
 
 @compile_kernel
-def star_change(values: FrameValues, change: FrameChange, f: int, lever: Vector, met: Meeting) -> Vector:
+def star_change(
+    values: FrameValues, change: FrameChange, f: int, lever: Vector, met: ShutterCrossing
+) -> Vector:
     """Return by how much the point moves in the image system at a fixed time, where its frame changes."""
     D, time, turn = values.D[f], met.time, met.turn
     X, Y, Z = change.centre[f, 0], change.centre[f, 1], change.centre[f, 2]
@@ -396,10 +403,10 @@ class Passing(NamedTuple):
         by_readout: derivatives of x and y by the readout time.
     """
 
-    turn: Turn
+    turn: SmallRotation
     lever: Vector
     star: Vector
-    sight: Sight
+    sight: ProjectedPoint
     x: float
     y: float
     across: tuple[float, float, float, float]
@@ -409,10 +416,10 @@ class Passing(NamedTuple):
 class Look(NamedTuple):
     """A point as it is seen at one time; (dx, dy) is its velocity in the image."""
 
-    turn: Turn
+    turn: SmallRotation
     lever: Vector
     star: Vector
-    sight: Sight
+    sight: ProjectedPoint
     dx: float
     dy: float
 
@@ -568,7 +575,7 @@ def linearise_along(
     frame: IntArray,
     pointers: IntArray,
     points: FloatArray,
-    rays: Measured,
+    rays: RayMeasurements,
     residual: FloatArray,
     by_point: FloatArray,
     by_others: FloatArray,
@@ -638,7 +645,7 @@ def set_knots(
     f: int,
     w: FloatArray,
     by_point: Vector,
-    turn: Turn,
+    turn: SmallRotation,
     by_turn: Vector,
 ) -> None:
     """Set the derivatives of one component by the knots, from those by the point and by the rotation of the pose."""
@@ -686,7 +693,7 @@ def residuals_along(
     frame: IntArray,
     pointers: IntArray,
     points: FloatArray,
-    rays: Measured,
+    rays: RayMeasurements,
     residual: FloatArray,
 ) -> None:
     """Set residuals (n, 2) of the rays along trajectories divided by σ, and nothing else."""
@@ -713,7 +720,7 @@ def follow_along(
     frame: IntArray,
     pointers: IntArray,
     points: FloatArray,
-    rays: Measured,
+    rays: RayMeasurements,
     residual: FloatArray,
     by_point: FloatArray,
 ) -> None:

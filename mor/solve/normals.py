@@ -36,8 +36,8 @@ from mor.solve.elimination import (
 )
 from mor.solve.problem import (
     AlikeClusters,
-    Cluster,
     ClusterRows,
+    CorrelatedObservations,
     Problem,
     alike_clusters,
     columns_of_clusters,
@@ -161,7 +161,9 @@ def _row_set(
     return RowSet(number, rows[used], weight[used])
 
 
-def _cluster_rows(offsets: IntArray, width_of_group: IntArray, cluster: Cluster) -> ClusterRows:
+def _cluster_rows(
+    offsets: IntArray, width_of_group: IntArray, cluster: CorrelatedObservations
+) -> ClusterRows:
     groups = np.searchsorted(offsets, cluster.entries, side="right") - 1
     within = cluster.entries - offsets[groups]
     widths = width_of_group[groups]
@@ -419,7 +421,7 @@ def point_of_ray(rays: Rays) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
 # ------------------------------------------------------------
 
 
-class Normals(NamedTuple):
+class NormalEquations(NamedTuple):
     """Normal equations."""
 
     matrix: BlockMatrix
@@ -433,10 +435,10 @@ class Normals(NamedTuple):
     objective: float
     """lᵀPl."""
 
-    def spent(self) -> Normals:
+    def spent(self) -> NormalEquations:
         """The objective alone: of a solution nobody asks for the system, and it takes room."""
         none = np.zeros(0)
-        return Normals(BlockMatrix(self.matrix.structure, none), none, none, none, self.objective)
+        return NormalEquations(BlockMatrix(self.matrix.structure, none), none, none, none, self.objective)
 
 
 class WhiteRows(NamedTuple):
@@ -447,7 +449,7 @@ class WhiteRows(NamedTuple):
     columns: IntArray
 
 
-def build_normals(plan: Plan, values: Values, damping: float = 0.0) -> Normals:
+def build_normals(plan: Plan, values: Values, damping: float = 0.0) -> NormalEquations:
     """One pass over all rows; ``damping`` μ adds μ diag N (Levenberg-Marquardt)."""
     structure = plan.target.structure
     block_values = np.zeros(int(structure.position[-1]))
@@ -474,7 +476,7 @@ def build_normals(plan: Plan, values: Values, damping: float = 0.0) -> Normals:
     rhs[plan.kept] = system.gradient
     if damping:
         add_to_diagonal(matrix, damping * system.diagonal)
-    return Normals(matrix, reduced_rhs, system.diagonal, rhs, total)
+    return NormalEquations(matrix, reduced_rhs, system.diagonal, rhs, total)
 
 
 def _arrays(system: ReducedSystem) -> tuple[FloatArray, ...]:

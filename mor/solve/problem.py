@@ -112,14 +112,14 @@ def evaluated(group: ObservationGroup, values: Values, rows: AnyIntArray | slice
 # ------------------------------------------------------------
 
 
-class Cluster(NamedTuple):
+class CorrelatedObservations(NamedTuple):
     """Correlated observations: entry numbers (k,) and their covariance matrix (k, k)."""
 
     entries: IntArray
     covariance: FloatArray
 
 
-class Datum(NamedTuple):
+class DatumDefinition(NamedTuple):
     """Components that carry the datum where observations leave it open, and the coordinates they refer to.
 
     ``mask[kind]`` (n, size) is true for the components whose total corrections from ``reference[kind]`` the inner
@@ -140,8 +140,8 @@ class Problem:
 
     index: Index
     groups: tuple[ObservationGroup, ...]
-    clusters: tuple[Cluster, ...]
-    datum: Datum
+    clusters: tuple[CorrelatedObservations, ...]
+    datum: DatumDefinition
 
     @cached_property
     def equations(self) -> Equations:

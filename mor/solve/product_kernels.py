@@ -31,7 +31,7 @@ from mor.solve.clique_kernels import (
     whiten_points,
 )
 from mor.solve.moving_ray_kernels import follow_along, follow_moving, linearise_along, linearise_moving
-from mor.solve.ray_kernels import FrameChange, FrameValues, Layout, Measured, Paths, follow, linearise
+from mor.solve.ray_kernels import FrameChange, FrameValues, Layout, Paths, RayMeasurements, follow, linearise
 from mor.types import BoolArray, FloatArray, IntArray, SmallIntArray
 
 # ------------------------------------------------------------
@@ -515,7 +515,7 @@ def subtract_column_of_point(
 # ------------------------------------------------------------
 
 
-class System(NamedTuple):
+class ReducedSystemArrays(NamedTuple):
     """The arrays of a ``ReducedSystem``."""
 
     values: FloatArray
@@ -635,7 +635,7 @@ def gather_points(
 
 
 @compile_kernel
-def finish_gathering(gathering: Gathering, pattern: Pattern, system: System) -> bool:
+def finish_gathering(gathering: Gathering, pattern: Pattern, system: ReducedSystemArrays) -> bool:
     """Add what is gathered to the reduced system; return False where a pair of blocks is not stored."""
     columns, runs, met, store, waiting, sums, _ = gathering
     subtracted = subtract_products(store, waiting[0], met, pattern, system.values)
@@ -714,7 +714,7 @@ class ImageRays(NamedTuple):
     local: SmallIntArray
     pointers: IntArray
     points: FloatArray
-    measured: Measured
+    measured: RayMeasurements
 
     @property
     def paths(self) -> Paths | None:
@@ -753,7 +753,7 @@ def gather_image_rays(
             in_chunk[i] = local[begin + i]
             overall[i] = frames[in_chunk[i]]
         own = pointers[first : last + 1] - begin
-        piece = Measured(observed[begin:end], weight[begin:end], measured[begin:end], clock[begin:end])
+        piece = RayMeasurements(observed[begin:end], weight[begin:end], measured[begin:end], clock[begin:end])
         residual, by_point, by_other = residuals[:n], by_points[:n], by_others[:n]
         linearise(values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other)
         linearise_moving(
@@ -796,7 +796,7 @@ def solve_image_points(
         for i in range(n):
             overall[i] = frames[local[begin + i]]
         own = pointers[first : last + 1] - begin
-        piece = Measured(observed[begin:end], weight[begin:end], measured[begin:end], clock[begin:end])
+        piece = RayMeasurements(observed[begin:end], weight[begin:end], measured[begin:end], clock[begin:end])
         residual, by_point = residuals[:n], by_points[:n]
         follow(values, change, overall[:n], own, points[first:last], piece, residual, by_point)
         follow_moving(values, change, overall[:n], own, points[first:last], piece, residual, by_point)

@@ -264,7 +264,7 @@ def project(
     return seen.x, seen.y
 
 
-class Sight(NamedTuple):
+class ProjectedPoint(NamedTuple):
     """A point in the image.
 
     Attributes:
@@ -280,7 +280,9 @@ class Sight(NamedTuple):
 
 
 @compile_kernel
-def sight(model: int, X: float, Y: float, Z: float, i: FloatArray, r0: float, u: float, v: float) -> Sight:
+def sight(
+    model: int, X: float, Y: float, Z: float, i: FloatArray, r0: float, u: float, v: float
+) -> ProjectedPoint:
     """Return the image coordinates of a point X, Y, Z in the image system, with their derivatives by it."""
     per_depth = -1.0 / Z
     x, y = i[0] * X * per_depth, i[0] * Y * per_depth
@@ -306,7 +308,7 @@ def sight(model: int, X: float, Y: float, Z: float, i: FloatArray, r0: float, u:
         (xx * scale, xy * scale, xx * x_by_depth + xy * y_by_depth),
         (yx * scale, yy * scale, yx * x_by_depth + yy * y_by_depth),
     )
-    return Sight(found_x, found_y, by_star, (xx, xy, yx, yy))
+    return ProjectedPoint(found_x, found_y, by_star, (xx, xy, yx, yy))
 
 
 @compile_kernel
@@ -451,7 +453,7 @@ class Layout(NamedTuple):
     knots: IntArray
 
 
-class Measured(NamedTuple):
+class RayMeasurements(NamedTuple):
     """Measurements of n rays, (n, 2) each: weights are 1/σ, 0 where nothing was observed.
 
     ``clock`` (n, 3) is when rays along trajectories are: time since knot 0, row, and seconds by rows; none (0, 3) where
@@ -471,7 +473,7 @@ def linearise(
     frame: IntArray,
     pointers: IntArray,
     points: FloatArray,
-    rays: Measured,
+    rays: RayMeasurements,
     residual: FloatArray,
     by_point: FloatArray,
     by_others: FloatArray,
@@ -575,7 +577,7 @@ def residuals(
     frame: IntArray,
     pointers: IntArray,
     points: FloatArray,
-    rays: Measured,
+    rays: RayMeasurements,
     residual: FloatArray,
 ) -> None:
     """Set residuals (n, 2) divided by σ, and nothing else."""
@@ -612,7 +614,7 @@ def follow(
     frame: IntArray,
     pointers: IntArray,
     points: FloatArray,
-    rays: Measured,
+    rays: RayMeasurements,
     residual: FloatArray,
     by_point: FloatArray,
 ) -> None:

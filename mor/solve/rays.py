@@ -28,8 +28,8 @@ from mor.solve.ray_kernels import (
     FrameChange,
     FrameValues,
     Layout,
-    Measured,
     Paths,
+    RayMeasurements,
 )
 from mor.types import AnyIntArray, FloatArray, IntArray, SmallIntArray
 
@@ -577,14 +577,14 @@ class Measurements(NamedTuple):
     row: SmallIntArray | None = None
     """(n,) row of each ray in its group, where the measurements are taken from there."""
 
-    def of(self, rays: slice) -> Measured:
+    def of(self, rays: slice) -> RayMeasurements:
         """Measurements of the rays of one chunk."""
         count = rays.stop - rays.start
         weight = self.weight[:count] if len(self.weight) < len(self.observed) else self.weight[rays]
         if self.row is None:
-            return Measured(self.observed[rays], weight, self.measured[rays], self.clock[rays])
+            return RayMeasurements(self.observed[rays], weight, self.measured[rays], self.clock[rays])
         observed = np.take(self.observed, self.row[rays], axis=0)  # in a quarter of the time of an index
-        return Measured(observed, weight, observed, self.clock[rays])
+        return RayMeasurements(observed, weight, observed, self.clock[rays])
 
 
 class RayPlan(NamedTuple):

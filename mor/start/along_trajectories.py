@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.errors import Undeterminable
+from mor.errors import UndeterminedObject
 from mor.model import rotations
 from mor.model.cameras import CAMERA_MODELS
 from mor.model.images import PHASE, ROW, SCANNER, is_read_out_along
@@ -46,7 +46,7 @@ _FITS = 0.1
 _ROUNDS = 8
 
 
-class Sights(NamedTuple):
+class TimedRays(NamedTuple):
     """n points that are known, as they are seen from a flight."""
 
     time: FloatArray
@@ -71,7 +71,7 @@ class Flight(NamedTuple):
         return places
 
 
-def positions_of(sights: Sights, rotations: FloatArray) -> Flight | None:
+def positions_of(sights: TimedRays, rotations: FloatArray) -> Flight | None:
     """The flight whose attitudes (n, 3, 3) at the sights are known; ``None`` where these leave it open."""
     middle = float(sights.time.mean())
     across = cross_matrix(np.einsum("nji,nj->ni", rotations, sights.ray))
@@ -84,7 +84,7 @@ def positions_of(sights: Sights, rotations: FloatArray) -> Flight | None:
     return Flight(middle, found[:3] + sights.point.mean(axis=0), found[3:], rotations[0])
 
 
-def attitude_of(sights: Sights, positions: FloatArray) -> FloatArray | None:
+def attitude_of(sights: TimedRays, positions: FloatArray) -> FloatArray | None:
     """The one rotation (3, 3) of a flight whose positions (n, 3) at the sights are known; ``None`` where it is open."""
     away = sights.point - positions
     away = away / np.linalg.norm(away, axis=1, keepdims=True)
@@ -95,13 +95,13 @@ def attitude_of(sights: Sights, positions: FloatArray) -> FloatArray | None:
     return D if _rms(sights.ray - away @ D.T) < _FITS else None
 
 
-def level_flight(sights: Sights) -> Flight | None:
+def level_flight(sights: TimedRays) -> Flight | None:
     """The flight of a camera that looks down, more or less; ``None`` where the points leave it open or do not fit."""
     start = _in_plan(sights)
     return None if start is None else _tilted(sights, start)
 
 
-def _in_plan(sights: Sights) -> Flight | None:
+def _in_plan(sights: TimedRays) -> Flight | None:
     """A level flight; the height above each point is that above all of them, and what it lies higher or lower."""
     down = -sights.ray[:, 2]
     if len(down) < _LEAST_SIGHTS or not (down > 0.0).all():
@@ -125,7 +125,7 @@ def _in_plan(sights: Sights) -> Flight | None:
     return Flight(middle, place, np.array([*found[2:4], 0.0]), D)  # type: ignore[index]
 
 
-def _tilted(sights: Sights, flight: Flight) -> Flight | None:
+def _tilted(sights: TimedRays, flight: Flight) -> Flight | None:
     """Gauss and Newton's method: the rays pass their points as near as may be, tilts and climb are near 0."""
     level, climb = flight.rotation, _CLIMB * max(float(np.linalg.norm(flight.velocity)), 1e-9)
     tilt, left = np.zeros(3), np.inf
@@ -221,8 +221,8 @@ def without_trajectories(network: Network) -> Network:
 
 
 def seen_along_trajectories(
-    network: Network, missing: tuple[Undeterminable, ...]
-) -> tuple[Undeterminable, ...]:
+    network: Network, missing: tuple[UndeterminedObject, ...]
+) -> tuple[UndeterminedObject, ...]:
     """Name what has no start value, and the rays to a point from trajectories whose start values are missing."""
     rows: Counter[str] = Counter()
     for group in network.groups:
@@ -360,18 +360,18 @@ def _start_next_stretch(
     return None
 
 
-def _sights_of(stretch: _Stretch, seen: list[_SeenAlong], start: Mapping[str, FloatArray]) -> Sights:
+def _sights_of(stretch: _Stretch, seen: list[_SeenAlong], start: Mapping[str, FloatArray]) -> TimedRays:
     """Points with coordinates that are seen from a stretch."""
-    parts = [Sights(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))]
+    parts = [TimedRays(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))]
     for own in seen:
         points = start["point"][own.point]
         mine = np.isin(own.first, stretch.positions) & np.isfinite(points).all(axis=1)
-        parts.append(Sights(own.time[mine], own.ray[mine], points[mine]))
-    return Sights(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+        parts.append(TimedRays(own.time[mine], own.ray[mine], points[mine]))
+    return TimedRays(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def _straight(
-    stretch: _Stretch, sights: Sights, start: Mapping[str, FloatArray]
+    stretch: _Stretch, sights: TimedRays, start: Mapping[str, FloatArray]
 ) -> tuple[FloatArray, FloatArray] | None:
     """Positions (k, 3) and rotations (k, 3, 3) of the knots of a straight flight."""
     positions, rotations = start["point"][stretch.positions], start["rotation"][stretch.rotations]

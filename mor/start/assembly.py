@@ -71,8 +71,8 @@ from mor.start.local_adjustment import (
     rigid_seeds,
     seed_polar,
 )
-from mor.start.movement import Movement, Turn
-from mor.start.part import Approximation, Frame, Part, Rule, rule, untied
+from mor.start.movement import FreeRotation, Movement
+from mor.start.part import Approximation, Frame, Part, Phrase, rule, untied
 from mor.start.points_at_infinity import nearly_parallel
 from mor.start.pose_again import pose_again
 from mor.start.scene import (
@@ -85,7 +85,7 @@ from mor.start.scene import (
     scene_of,
 )
 from mor.start.seeds import (
-    Pairs,
+    FramePairs,
     common_pairs,
     pose_by_rays,
     seed_bundles,
@@ -116,8 +116,8 @@ class Assembly:
     given_up: BoolArray = field(default_factory=lambda: np.zeros((3, 0), dtype=bool))
     """(3, frames) of which no two, or none with a neighbour in a part, can be oriented relative to each other; those
     that a doubtful orientation was tried of."""
-    pairs: Pairs | None = None
-    reasons: list[Rule] = field(default_factory=list)
+    pairs: FramePairs | None = None
+    reasons: list[Phrase] = field(default_factory=list)
     doubtful: int = 0
     """How often a part began with a doubtful pair, or none of the pairs tried led to one."""
     begun: int = 0
@@ -528,7 +528,7 @@ def _below(one: _End, other: _End) -> bool:
     return one.squares < other.squares and not _same(one, other)
 
 
-def _with(network: Network, found: Approximation, end: _End, how: Rule) -> Approximation:
+def _with(network: Network, found: Approximation, end: _End, how: Phrase) -> Approximation:
     """Everything that is not given as the solution has it: what was found may have been rough."""
     given = network.start
     start = {kind: np.where(np.isfinite(given[kind]), given[kind], end.values[kind]) for kind in found.start}
@@ -860,14 +860,16 @@ def _assembled_near_given(network: Network, reduced: Network, scene: Scene) -> A
     return assembly
 
 
-def _left_free(network: Network) -> tuple[Turn, bool]:
+def _left_free(network: Network) -> tuple[FreeRotation, bool]:
     """Return the turns that the observations leave free, and whether they determine the size."""
     types = [group.type for group in network.groups]
     keys = {type_.key for type_ in types}
     if keys & _ORIENTING:
-        turn = Turn.NONE
+        turn = FreeRotation.NONE
     else:
-        turn = Turn.ANY if all(key.split("/")[0] in _TURNING for key in keys) else Turn.VERTICAL
+        turn = (
+            FreeRotation.ANY if all(key.split("/")[0] in _TURNING for key in keys) else FreeRotation.VERTICAL
+        )
     scaled = any(component.quantity.length for type_ in types for component in type_.components)
     return turn, scaled
 

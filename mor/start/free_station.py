@@ -28,7 +28,7 @@ CANDIDATES = 6
 """Measurements of which each is left out on trial: those that fit worst."""
 
 
-class Fit(NamedTuple):
+class FitQuality(NamedTuple):
     """Agreement of some measurements."""
 
     sigma0: float
@@ -37,7 +37,7 @@ class Fit(NamedTuple):
     """(k,) how far each is off, in any unit; empty where they lead to nothing."""
 
 
-def agreeing(count: int, fit: Callable[[IntArray], Fit], limit: float, least: int) -> IntArray:
+def agreeing(count: int, fit: Callable[[IntArray], FitQuality], limit: float, least: int) -> IntArray:
     """Rows (k,) of ``count`` measurements that agree to ``limit``; all of them where no ``least`` of them do.
 
     ``fit``: how well some rows agree. A third of all may be left out: of the rest more would have to be wrong alike.
@@ -75,7 +75,7 @@ class SectionOutcome(Enum):
     APART = "the arcs do not intersect: a distance or the scale is wrong"
 
 
-class Section(NamedTuple):
+class PlaneIntersection(NamedTuple):
     """Points that fit, the best first."""
 
     outcome: SectionOutcome
@@ -95,7 +95,7 @@ SMALLEST_ANGLE = 1e-4
 REFINEMENTS = 20
 
 
-def bearing_section(stations: FloatArray, bearings: FloatArray) -> Section:
+def bearing_section(stations: FloatArray, bearings: FloatArray) -> PlaneIntersection:
     """Point from n ≥ 2 bearings (n,) at ``stations`` (n, 2); more than two by least squares of the angles."""
     stations, t = np.asarray(stations, dtype=float), np.asarray(bearings, dtype=float)
     if len(t) < 2:
@@ -120,13 +120,13 @@ def bearing_section(stations: FloatArray, bearings: FloatArray) -> Section:
         if float(np.max(np.abs(step))) < 1e-14 * float(np.max(ranges)):
             break
     if np.any(np.einsum("ni,ni->n", along, point - stations) < 0.0):
-        return Section(SectionOutcome.BEHIND, point[None], float("nan"))
+        return PlaneIntersection(SectionOutcome.BEHIND, point[None], float("nan"))
     difference = misclosures_of_bearings(stations, t, point)
     sigma0 = float(np.sqrt(difference @ difference / (len(t) - 2))) if len(t) > 2 else float("nan")
-    return Section(SectionOutcome.DETERMINED, point[None], sigma0)
+    return PlaneIntersection(SectionOutcome.DETERMINED, point[None], sigma0)
 
 
-def arc_section(stations: FloatArray, distances: FloatArray) -> Section:
+def arc_section(stations: FloatArray, distances: FloatArray) -> PlaneIntersection:
     """Points from n ≥ 2 horizontal distances (n,) at ``stations`` (n, 2).
 
     Two distances leave two points, the one to the left of the line from the first to the second station
@@ -159,7 +159,7 @@ def _best_pair(separations: FloatArray, d: FloatArray) -> tuple[int, int]:
     return int(i), int(j)
 
 
-def _two_arcs(first: FloatArray, d1: float, second: FloatArray, d2: float) -> Section:
+def _two_arcs(first: FloatArray, d1: float, second: FloatArray, d2: float) -> PlaneIntersection:
     base = second - first
     length = float(np.linalg.norm(base))
     along = (length**2 + d1**2 - d2**2) / (2.0 * length)
@@ -168,16 +168,16 @@ def _two_arcs(first: FloatArray, d1: float, second: FloatArray, d2: float) -> Se
     left = np.array([-direction[1], direction[0]])
     foot = first + along * direction
     if abs(square) < (SMALLEST_ANGLE * d1) ** 2:
-        return Section(SectionOutcome.TOUCHING, foot[None], float("nan"))
+        return PlaneIntersection(SectionOutcome.TOUCHING, foot[None], float("nan"))
     if square < 0.0:
         return _none(SectionOutcome.APART)
     height = float(np.sqrt(square))
-    return Section(
+    return PlaneIntersection(
         SectionOutcome.AMBIGUOUS, np.stack([foot + height * left, foot - height * left]), float("nan")
     )
 
 
-def _many_arcs(stations: FloatArray, d: FloatArray, section: Section) -> Section:
+def _many_arcs(stations: FloatArray, d: FloatArray, section: PlaneIntersection) -> PlaneIntersection:
     if not len(section.points):
         return section
     refined = [_refined_arc(stations, d, point) for point in section.points]
@@ -188,8 +188,8 @@ def _many_arcs(stations: FloatArray, d: FloatArray, section: Section) -> Section
     in_line = values[1] < 1e-6 * values[0]
     points = np.stack([refined[index] for index in order])
     if section.outcome is SectionOutcome.AMBIGUOUS and not in_line:
-        return Section(SectionOutcome.DETERMINED, points[:1], sigma0)
-    return Section(section.outcome, points, sigma0)
+        return PlaneIntersection(SectionOutcome.DETERMINED, points[:1], sigma0)
+    return PlaneIntersection(section.outcome, points, sigma0)
 
 
 def misclosures_of_arcs(stations: FloatArray, d: FloatArray, point: FloatArray) -> FloatArray:
@@ -213,8 +213,8 @@ def _refined_arc(stations: FloatArray, d: FloatArray, point: FloatArray) -> Floa
     return point
 
 
-def _none(outcome: SectionOutcome) -> Section:
-    return Section(outcome, np.zeros((0, 2)), float("nan"))
+def _none(outcome: SectionOutcome) -> PlaneIntersection:
+    return PlaneIntersection(outcome, np.zeros((0, 2)), float("nan"))
 
 
 # ------------------------------------------------------------
@@ -564,7 +564,7 @@ _PRESSURES = (0.0, 0.1, 1.0, 10.0)
 
 
 @dataclass(frozen=True)
-class Lengths:
+class PointDistances:
     """Distances between ``count`` points, numbered from 0."""
 
     count: int
@@ -573,20 +573,22 @@ class Lengths:
     value: FloatArray
     sigma: FloatArray
 
-    def among(self, points: IntArray) -> Lengths:
+    def among(self, points: IntArray) -> PointDistances:
         """The distances among some points (sorted), which get new numbers in their order."""
         here = np.isin(self.start, points) & np.isin(self.end, points)
         start, end = (np.searchsorted(points, one[here]) for one in (self.start, self.end))
-        return Lengths(len(points), start, end, self.value[here], self.sigma[here])
+        return PointDistances(len(points), start, end, self.value[here], self.sigma[here])
 
 
-def shape_of_distances(lengths: Lengths, dimension: int) -> FloatArray | None:
+def shape_of_distances(lengths: PointDistances, dimension: int) -> FloatArray | None:
     """Coordinates (n, dimension) up to a movement and a mirror; ``None`` where there is no shape, or more than one."""
     unknowns = lengths.count * dimension - dimension * (dimension + 1) // 2
     if len(lengths.value) < unknowns:
         return None
     size = float(np.mean(lengths.value))
-    scaled = Lengths(lengths.count, lengths.start, lengths.end, lengths.value / size, lengths.sigma / size)
+    scaled = PointDistances(
+        lengths.count, lengths.start, lengths.end, lengths.value / size, lengths.sigma / size
+    )
     shapes = _shapes(scaled, dimension)
     if not shapes:
         return None
@@ -597,7 +599,7 @@ def shape_of_distances(lengths: Lengths, dimension: int) -> FloatArray | None:
     return size * shape
 
 
-def _shapes(lengths: Lengths, dimension: int) -> list[tuple[float, FloatArray]]:
+def _shapes(lengths: PointDistances, dimension: int) -> list[tuple[float, FloatArray]]:
     """Shapes that fit, with the root mean squares of their residuals in units of σ."""
     draw = np.random.default_rng(1)
     shapes: list[tuple[float, FloatArray]] = []
@@ -614,7 +616,7 @@ def _shapes(lengths: Lengths, dimension: int) -> list[tuple[float, FloatArray]]:
     return shapes
 
 
-def _scaling(lengths: Lengths, dimension: int) -> FloatArray:
+def _scaling(lengths: PointDistances, dimension: int) -> FloatArray:
     """Classical scaling of the lengths of the shortest paths."""
     graph = scipy.sparse.csr_array(
         (lengths.value, (lengths.start, lengths.end)), shape=(lengths.count, lengths.count)
@@ -626,7 +628,7 @@ def _scaling(lengths: Lengths, dimension: int) -> FloatArray:
     return largest[:, ::-1]
 
 
-def _pressed(lengths: Lengths, points: FloatArray, dimension: int) -> FloatArray:
+def _pressed(lengths: PointDistances, points: FloatArray, dimension: int) -> FloatArray:
     """Minimal stress in more dimensions, then with ever heavier weight on those too many, then without them."""
     for pressure in _PRESSURES:
         points = _minimal_stress(lengths, points, dimension, pressure)
@@ -634,12 +636,14 @@ def _pressed(lengths: Lengths, points: FloatArray, dimension: int) -> FloatArray
     return _minimal_stress(lengths, centred[:, :dimension], dimension, 0.0)
 
 
-def _residuals(lengths: Lengths, points: FloatArray) -> FloatArray:
+def _residuals(lengths: PointDistances, points: FloatArray) -> FloatArray:
     off: FloatArray = np.linalg.norm(points[lengths.end] - points[lengths.start], axis=1) - lengths.value
     return off
 
 
-def _minimal_stress(lengths: Lengths, points: FloatArray, dimension: int, pressure: float) -> FloatArray:
+def _minimal_stress(
+    lengths: PointDistances, points: FloatArray, dimension: int, pressure: float
+) -> FloatArray:
     damping = 1e-2
     cost = _cost(lengths, points, dimension, pressure)
     for _ in range(_STEPS):
@@ -665,11 +669,11 @@ def _minimal_stress(lengths: Lengths, points: FloatArray, dimension: int, pressu
     return points
 
 
-def _cost(lengths: Lengths, points: FloatArray, dimension: int, pressure: float) -> float:
+def _cost(lengths: PointDistances, points: FloatArray, dimension: int, pressure: float) -> float:
     return float(np.sum(_residuals(lengths, points) ** 2) + pressure * np.sum(points[:, dimension:] ** 2))
 
 
-def _derivatives(lengths: Lengths, towards: FloatArray) -> FloatArray:
+def _derivatives(lengths: PointDistances, towards: FloatArray) -> FloatArray:
     """(m, n·d) rows of the distances: ``towards`` (m, d) at their ends, the opposite at their starts."""
     rows, d = np.arange(len(towards)), towards.shape[1]
     A = np.zeros((len(towards), lengths.count, d))
@@ -683,14 +687,14 @@ def _different(one: FloatArray, other: FloatArray) -> bool:
     return bool(np.sqrt(np.mean((apart[0] - apart[1]) ** 2)) > SAME_DISTANCE)
 
 
-def _stiff(lengths: Lengths, points: FloatArray, unknowns: int) -> bool:
+def _stiff(lengths: PointDistances, points: FloatArray, unknowns: int) -> bool:
     """True where no point can move while all distances stay."""
     A = _derivatives(lengths, points[lengths.end] - points[lengths.start])
     values = rotations.singular_values(A)
     return bool(values[unknowns - 1] > FLEXIBLE * values[0])
 
 
-def core_of(lengths: Lengths, links: int, most: int) -> IntArray:
+def core_of(lengths: PointDistances, links: int, most: int) -> IntArray:
     """Points (k,) of which each has distances to ``links`` others or more; of many ``most`` that hang together best."""
     neighbours: list[set[int]] = [set() for _ in range(lengths.count)]
     for a, b in zip(lengths.start.tolist(), lengths.end.tolist(), strict=True):

@@ -13,11 +13,18 @@ from scipy.special import chdtri
 from mor.model import rotations
 from mor.model.rotations import angles_by_tangent, angles_from_rotation
 from mor.start.bundle import Bundle, cross
-from mor.start.killian import COLLINEAR, Turn, fit_homography, fit_turn, solutions_of_homography, thickness
+from mor.start.killian import (
+    COLLINEAR,
+    BundleRotation,
+    fit_homography,
+    fit_turn,
+    solutions_of_homography,
+    thickness,
+)
 from mor.start.relative_orientation import (
-    Candidate,
     Coplanarity,
     LinearSolution,
+    OrientationCandidate,
     RelativeOrientation,
     RelativeOutcome,
     SceneGeometry,
@@ -59,7 +66,7 @@ ACCIDENT = 12
 """Fewer points than that lie, to their precision, on one quadric with both centres now and then by accident."""
 
 
-class Judged(NamedTuple):
+class PairAssessment(NamedTuple):
     """Parts of the result."""
 
     geometry: SceneGeometry
@@ -71,7 +78,7 @@ class Judged(NamedTuple):
     """(b, D*) of the orientations that carry a plane over; empty where the points are in none."""
 
 
-def failed(outcome: RelativeOutcome, points: int, turn: Turn | None = None) -> RelativeOrientation:
+def failed(outcome: RelativeOutcome, points: int, turn: BundleRotation | None = None) -> RelativeOrientation:
     """Return a result without an orientation; of a pure rotation ``turn`` is known."""
     nothing, covariance = np.full(3, np.nan), np.full((6, 6), np.nan)
     attitude = np.full((3, 3), np.nan) if turn is None else turn.rotation
@@ -98,7 +105,7 @@ def failed(outcome: RelativeOutcome, points: int, turn: Turn | None = None) -> R
     )
 
 
-def result(a: Bundle, b: Bundle, judged: Judged) -> RelativeOrientation:
+def result(a: Bundle, b: Bundle, judged: PairAssessment) -> RelativeOrientation:
     """Choose among the adjusted orientations, first by fit, then by the points in front, and judge the choice."""
     if not judged.adjusted:
         return failed(RelativeOutcome.NO_BASE, len(a))
@@ -138,14 +145,16 @@ def _geometry(found: SceneGeometry, outcome: RelativeOutcome, points: int) -> Sc
     return found
 
 
-def _of_plane(a: Bundle, b: Bundle, judged: Judged, chosen: Coplanarity) -> tuple[Candidate, ...]:
+def _of_plane(
+    a: Bundle, b: Bundle, judged: PairAssessment, chosen: Coplanarity
+) -> tuple[OrientationCandidate, ...]:
     def away(one: tuple[FloatArray, FloatArray]) -> float:
         return float(np.linalg.norm(one[0] - chosen.base) + np.linalg.norm(one[1] - chosen.rotation))
 
     return tuple(candidate(a, b, *one) for one in sorted(judged.of_plane, key=away))
 
 
-def _choice(a: Bundle, b: Bundle, judged: Judged) -> tuple[Coplanarity, list[Coplanarity]]:
+def _choice(a: Bundle, b: Bundle, judged: PairAssessment) -> tuple[Coplanarity, list[Coplanarity]]:
     """Choose the solution with fewest points certainly behind a camera, then with the least sum of squares.
 
     A point behind within its errors could be far away in front: its parallax counts with the residuals.
@@ -193,14 +202,14 @@ def _distance(first: Coplanarity, second: Coplanarity) -> float:
     return float(np.hypot(rotation, np.linalg.norm(first.base - second.base)))
 
 
-def candidate(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> Candidate:
+def candidate(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> OrientationCandidate:
     """Count the points in front of an orientation."""
     front = in_front(a, b, base, rotation)
     both = int(np.sum(np.all(front, axis=1)))
-    return Candidate(base, rotation, int(np.sum(front[:, 0])), int(np.sum(front[:, 1])), both)
+    return OrientationCandidate(base, rotation, int(np.sum(front[:, 0])), int(np.sum(front[:, 1])), both)
 
 
-def candidates_of(a: Bundle, b: Bundle, chosen: Coplanarity) -> tuple[Candidate, ...]:
+def candidates_of(a: Bundle, b: Bundle, chosen: Coplanarity) -> tuple[OrientationCandidate, ...]:
     """Return the four candidates of an adjusted orientation, that orientation first."""
     four = four_candidates(auxiliary_unknowns(chosen.base, chosen.rotation))
     ordered = sorted(four, key=lambda c: -float(c[0] @ chosen.base) - float(np.sum(c[1] * chosen.rotation)))
@@ -286,7 +295,7 @@ def _outcome(
     return RelativeOutcome.DETERMINED if sigma_hold(a, b, chosen, covariance) else RelativeOutcome.WEAK
 
 
-def _same_but_behind(c: Candidate) -> int:
+def _same_but_behind(c: OrientationCandidate) -> int:
     return min(c.in_front_of_a, c.in_front_of_a + c.in_front_of_b - 2 * c.in_front_of_both)
 
 
@@ -314,7 +323,7 @@ LOST = 2.9e-7
 """Probability that points on a critical surface show a rank of the linear system by their errors alone (5 σ)."""
 
 
-class Seed(NamedTuple):
+class StartOrientation(NamedTuple):
     """An orientation to start the adjustment from."""
 
     base: FloatArray
@@ -352,7 +361,7 @@ def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
         everywhere = [best_of_four(a, b, auxiliary_unknowns(*one)) for one in minima]
         adjusted = distinct(adjusted + adjust_seeds(a, b, everywhere))
     of_plane = [(seed.base, seed.rotation) for seed in seeds] if geometry is SceneGeometry.PLANE else []
-    return result(a, b, Judged(geometry, linear.singular_values, adjusted, of_plane))
+    return result(a, b, PairAssessment(geometry, linear.singular_values, adjusted, of_plane))
 
 
 def linear_system(a: Bundle, b: Bundle) -> LinearSolution:
@@ -411,13 +420,13 @@ def _refusal(a: Bundle, b: Bundle) -> RelativeOutcome | None:
     return None
 
 
-def _seeds(a: Bundle, b: Bundle, linear: LinearSolution) -> tuple[SceneGeometry, list[Seed]]:
+def _seeds(a: Bundle, b: Bundle, linear: LinearSolution) -> tuple[SceneGeometry, list[StartOrientation]]:
     homography = fit_homography(a, b)
     redundancy = homography.redundancy
     if homography.objective <= redundancy + 5.0 * np.sqrt(2.0 * redundancy):
         planes = solutions_of_homography(homography.matrix, a.rays, b.rays)
         return SceneGeometry.PLANE, [
-            Seed(plane.base / np.linalg.norm(plane.base), plane.rotation)
+            StartOrientation(plane.base / np.linalg.norm(plane.base), plane.rotation)
             for plane in planes
             if np.linalg.norm(plane.base) > 0.0
         ]
@@ -427,21 +436,21 @@ def _seeds(a: Bundle, b: Bundle, linear: LinearSolution) -> tuple[SceneGeometry,
     return geometry, [best_of_four(a, b, ik) for ik in (corrected, linear.ik)]
 
 
-def best_of_four(a: Bundle, b: Bundle, ik: FloatArray) -> Seed:
+def best_of_four(a: Bundle, b: Bundle, ik: FloatArray) -> StartOrientation:
     """Return the candidate of ``ik`` (3, 3), of four, with most points in front of both bundles."""
     return facing(a, b, ik)[0]
 
 
-def facing(a: Bundle, b: Bundle, ik: FloatArray) -> tuple[Seed, BoolArray]:
+def facing(a: Bundle, b: Bundle, ik: FloatArray) -> tuple[StartOrientation, BoolArray]:
     """The best of the four candidates of ``ik`` (3, 3), and which points (n,) it has in front of both bundles."""
-    candidates = [Seed(*candidate) for candidate in four_candidates(ik)]
+    candidates = [StartOrientation(*candidate) for candidate in four_candidates(ik)]
     first, opposite = (both_fronts(a, b, *one) for one in candidates[:2])
     fronts = [np.all(front, axis=1) for front in (first[0], opposite[0], opposite[1], first[1])]
     best = int(np.argmax([np.count_nonzero(front) for front in fronts]))
     return candidates[best], fronts[best]
 
 
-def five_point_seeds(a: Bundle, b: Bundle) -> list[Seed]:
+def five_point_seeds(a: Bundle, b: Bundle) -> list[StartOrientation]:
     """Return the best orientations among those of fixed pseudo-random five-point samples."""
     generator = np.random.default_rng(len(a))
     chosen = np.stack([generator.permutation(len(a))[:5] for _ in range(SAMPLES)])
@@ -468,7 +477,7 @@ def _apart(first: FloatArray, second: FloatArray) -> bool:
     return min(float(np.linalg.norm(first - second)), float(np.linalg.norm(first + second))) > 0.02
 
 
-def adjust_seeds(a: Bundle, b: Bundle, seeds: list[Seed]) -> list[Coplanarity]:
+def adjust_seeds(a: Bundle, b: Bundle, seeds: list[StartOrientation]) -> list[Coplanarity]:
     """Adjust every seed and turn it the way that most points lie in front; distinct results, best objective first.
 
     Seeds that are far behind the best after a few steps are given up.
@@ -720,7 +729,7 @@ BY_ITSELF_OF_FIT = 1e-4
 """Probability that a right orientation fits worse."""
 
 
-def fitting_orientations(a: Bundle, b: Bundle) -> list[Seed]:
+def fitting_orientations(a: Bundle, b: Bundle) -> list[StartOrientation]:
     """Orientations (b, D*) of bundle ``b`` in ``a`` that fit n ≥ 5 homologous rays, the best first.
 
     Distinct ones, with all points in front of both bundles (from eight points on: but for a few).
@@ -731,11 +740,11 @@ def fitting_orientations(a: Bundle, b: Bundle) -> list[Seed]:
         found = robust_relative_orientation(a, b).orientation
         if not found.outcome.usable:
             return []
-        candidates = [Seed(found.base, found.rotation)]
-        return candidates + [Seed(one.base, one.rotation) for one in found.alternatives]
+        candidates = [StartOrientation(found.base, found.rotation)]
+        return candidates + [StartOrientation(one.base, one.rotation) for one in found.alternatives]
     chosen = np.array(list(combinations(range(len(a)), FEWEST))[:SAMPLES_OF_FIT])
     unknowns = five_point_unknowns(a.directions[chosen], b.directions[chosen])
     adjusted = adjust_seeds(a, b, [best_of_four(a, b, ik) for ik in apart(a, b, unknowns, MOST)])
     limit = float(chdtri(max(len(a) - FEWEST, 0.1), BY_ITSELF_OF_FIT))
-    fitting = [Seed(one.base, one.rotation) for one in adjusted if one.objective <= limit]
+    fitting = [StartOrientation(one.base, one.rotation) for one in adjusted if one.objective <= limit]
     return [seed for seed in fitting if bool(np.all(in_front(a, b, *seed)))]

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.errors import CONTRADICTED, Undeterminable
+from mor.errors import CONTRADICTED, UndeterminedObject
 from mor.model import rotations
 from mor.model.observation_types import target_slot
 from mor.model.parameters import Blocks
@@ -19,8 +19,8 @@ from mor.project.network import Network
 from mor.project.shapes import Held, fit_shape
 from mor.start.bundle import Similarity, SimilarityOutcome, congruence, similarity
 from mor.start.intersection import posed_frames
-from mor.start.movement import OPEN, PRECISION, Movement, Ties, Turn, movement
-from mor.start.part import SLACKS, Frame, Join, Part, Rule, Tie, empty_part, given_pose
+from mor.start.movement import OPEN, PRECISION, FreeRotation, Movement, Ties, movement
+from mor.start.part import SLACKS, Frame, Join, Part, Phrase, Tie, empty_part, given_pose
 from mor.start.scene import Scene, StereoPair, forget_marks, make_upright
 from mor.start.sights import Terrestrial
 from mor.types import BoolArray, FloatArray, IntArray
@@ -194,7 +194,7 @@ def free_movements(target: Part, source: Part) -> int:
     return 3 + turns + (not (target.scaled and source.scaled))
 
 
-def lay_upon(part: Part, places: FloatArray, turn: Turn, scaled: bool) -> None:
+def lay_upon(part: Part, places: FloatArray, turn: FreeRotation, scaled: bool) -> None:
     """Carry a part as near as possible to where some points (points, 3) are said to be.
 
     Args:
@@ -260,14 +260,18 @@ def _remember(target: Part, source: Part, found: Movement | None) -> None:
 def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
     """The movement from source to target by their common points, centres and attitudes."""
     both = source.levelled and target.levelled
-    turn = (Turn.NONE if source.oriented and target.oriented else Turn.VERTICAL) if both else Turn.ANY
+    turn = (
+        (FreeRotation.NONE if source.oriented and target.oriented else FreeRotation.VERTICAL)
+        if both
+        else FreeRotation.ANY
+    )
     points, goals = _common_points(target, source, scene, both)
     centres, places = _common_centres(target, source, scene)
     axes, goal_axes = _common_attitudes(target, source, scene)
     ties = Ties(
         np.concatenate([points, centres]),
         np.concatenate([goals, places]),
-        *((axes[:0], goal_axes[:0]) if turn is Turn.NONE else (axes, goal_axes)),
+        *((axes[:0], goal_axes[:0]) if turn is FreeRotation.NONE else (axes, goal_axes)),
     )
     found = movement(ties, turn, source.scaled and target.scaled)
     if found is None or not (both and found.open == 1 and not np.isfinite(ties.target[:, 2]).any()):
@@ -537,7 +541,7 @@ def _fill(
     D = start["rotation"][one.rotation]
     if not turned and (recomputed or np.isnan(D).any()):
         none = np.zeros((0, 3))
-        found = movement(Ties(scale * points, one.local, none, none), Turn.ANY, not free)
+        found = movement(Ties(scale * points, one.local, none, none), FreeRotation.ANY, not free)
         if found is None:
             return
         scale, D = scale * found.scale, found.rotation
@@ -627,7 +631,7 @@ def _follower_pose(network: Network, frame: Frame) -> tuple[FloatArray, FloatArr
 
 def fill_in(
     network: Network, part: Part, frames: Sequence[Frame], measured: Terrestrial
-) -> tuple[dict[str, FloatArray], dict[str, Rule], tuple[Undeterminable, ...]]:
+) -> tuple[dict[str, FloatArray], dict[str, Phrase], tuple[UndeterminedObject, ...]]:
     """Start values of all blocks, how they were obtained, and what is missing."""
     start = {kind: values.copy() for kind, values in network.start.items()}
     points = start["point"]
@@ -691,7 +695,7 @@ def _fill_pairs(network: Network, start: dict[str, FloatArray], part: Part, fram
             start["base"][base] = D_a @ (O_b - O_a)
 
 
-def _named(network: Network, part: Part) -> dict[str, Rule]:
+def _named(network: Network, part: Part) -> dict[str, Phrase]:
     """Return the way in which things were obtained, by their names in the project."""
     ids = network.blocks["point"].ids
     named = {}
@@ -714,9 +718,9 @@ _ENOUGH = {"image": 4, "station": 2}
 """Points of known place that an image or a set needs to see for its attitude."""
 
 
-def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> tuple[Undeterminable, ...]:
+def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> tuple[UndeterminedObject, ...]:
     """Name each thing without a value once, with the likely reason."""
-    found: dict[tuple[str, str], Undeterminable] = {}
+    found: dict[tuple[str, str], UndeterminedObject] = {}
     contradicted = _contradicted(network, start)
     for kind, values in start.items():
         lost = ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
@@ -728,7 +732,7 @@ def missing_start_values(network: Network, start: Mapping[str, FloatArray]) -> t
             reason = _REASONS.get(thing[0], "no start value is given")
             reason = CONTRADICTED if thing in contradicted else reason
             reason = reason if rows[number] else "no observation refers to it"
-            found.setdefault(thing, Undeterminable(*thing, reason, "", int(rows[number])))
+            found.setdefault(thing, UndeterminedObject(*thing, reason, "", int(rows[number])))
     return tuple(found.values())
 
 

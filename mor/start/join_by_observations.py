@@ -12,7 +12,7 @@ from mor.model.observation_types import ObservationGroup, is_image_point, read_o
 from mor.model.rotations import exponential
 from mor.project.network import Network
 from mor.start.bundle import Similarity, SimilarityOutcome
-from mor.start.movement import Movement, Turn
+from mor.start.movement import FreeRotation, Movement
 from mor.start.part import Part
 from mor.start.scene import Scene
 from mor.types import BoolArray, FloatArray, IntArray
@@ -39,7 +39,7 @@ _PEELED = 5
 _ABSURD = 1e6
 
 
-class Moves(NamedTuple):
+class SimilarityTransformations(NamedTuple):
     """Many movements x → s R (x − m) + c of the source, m its middle, with what else is not known.
 
     Observations refer to the vertical, to north and to the length unit; where the target knows none of them it stands
@@ -62,7 +62,7 @@ class Moves(NamedTuple):
     """(k, 3, 3) Q"""
 
 
-class Rows(NamedTuple):
+class GroupRows(NamedTuple):
     """Rows of a group: numbers among the points and rotations that take part, σ beside what parts are bent by."""
 
     group: ObservationGroup
@@ -204,7 +204,7 @@ def _sets(scene: Scene, told: IntArray, turned: IntArray) -> IntArray:
     return np.unique(np.array(found, dtype=np.int64))
 
 
-def rows_between(network: Network, sides: Sides) -> list[Rows]:
+def rows_between(network: Network, sides: Sides) -> list[GroupRows]:
     """The rows of which everything is known or wanted, and that a movement may change."""
     found = []
     for group in network.groups:
@@ -235,7 +235,7 @@ def _usable(network: Network, group: ObservationGroup, sides: Sides) -> IntArray
     return usable
 
 
-def only_used(sides: Sides, rows: list[Rows]) -> tuple[Sides, list[Rows], IntArray]:
+def only_used(sides: Sides, rows: list[GroupRows]) -> tuple[Sides, list[GroupRows], IntArray]:
     """Sides and rows with none but the points and rotations that rows refer to, and the numbers (n,) of those points.
 
     What is looked for stays.
@@ -270,7 +270,7 @@ def only_used(sides: Sides, rows: list[Rows]) -> tuple[Sides, list[Rows], IntArr
     return kept, renumbered, np.flatnonzero(points)
 
 
-def _rows(network: Network, group: ObservationGroup, rows: IntArray) -> Rows:
+def _rows(network: Network, group: ObservationGroup, rows: IntArray) -> GroupRows:
     # As everywhere in start values: how far an image moves while it is read out is left to the adjustment.
     taken = read_out_at_once(some_rows(group, rows))
     blocks, constant = [], np.ones(len(rows))
@@ -287,10 +287,10 @@ def _rows(network: Network, group: ObservationGroup, rows: IntArray) -> Rows:
             unit[:, k] = constant
     if taken.type.key in ("distance", "horizontal_distance"):
         unit = np.abs(taken.observed)
-    return Rows(taken, tuple(blocks), np.hypot(taken.sigma, PRECISION * unit))
+    return GroupRows(taken, tuple(blocks), np.hypot(taken.sigma, PRECISION * unit))
 
 
-def residuals(rows: list[Rows], sides: Sides, moves: Moves) -> FloatArray:
+def residuals(rows: list[GroupRows], sides: Sides, moves: SimilarityTransformations) -> FloatArray:
     """(k, n) misclosures of all rows, in units of what they are good to."""
     k = len(moves.scale)
     points, turns = placed(sides, moves)
@@ -313,7 +313,7 @@ def residuals(rows: list[Rows], sides: Sides, moves: Moves) -> FloatArray:
     return np.clip(np.nan_to_num(np.concatenate(found, axis=1), nan=_ABSURD), -_ABSURD, _ABSURD)
 
 
-def placed(sides: Sides, moves: Moves) -> tuple[FloatArray, FloatArray]:
+def placed(sides: Sides, moves: SimilarityTransformations) -> tuple[FloatArray, FloatArray]:
     """Points (k, n, 3) and rotations (k, m, 3, 3) after movements, as observations refer to them."""
     k = len(moves.scale)
     points = np.broadcast_to(sides.points, (k, *sides.points.shape)).copy()
@@ -452,8 +452,8 @@ STARTS = 500
 """Starts at the least: turns that are sampled come again with other shifts and scales."""
 MEMORY = 3e7
 """Coordinates that are held at once, at the most."""
-_TURNS = {Turn.ANY: 3, Turn.VERTICAL: 1, Turn.NONE: 0}
-_TIMES = {Turn.ANY: 4, Turn.VERTICAL: 2, Turn.NONE: 1}
+_TURNS = {FreeRotation.ANY: 3, FreeRotation.VERTICAL: 1, FreeRotation.NONE: 0}
+_TIMES = {FreeRotation.ANY: 4, FreeRotation.VERTICAL: 2, FreeRotation.NONE: 1}
 """Times as many starts, where the target may be turned against what observations refer to."""
 FEWEST_DIRECTIONS = 3
 WANTED = 3
@@ -465,7 +465,7 @@ _SAME = 1e-6
 class Stance(NamedTuple):
     """Reference that the target lacks and observations need: vertical, north, and the length unit."""
 
-    turn: Turn
+    turn: FreeRotation
     unit: bool
     """True where neither part knows it."""
     by_source: bool
@@ -474,7 +474,7 @@ class Stance(NamedTuple):
     @property
     def is_known(self) -> bool:
         """True where nothing is left to look for."""
-        return self.turn is Turn.NONE and not self.unit and not self.by_source
+        return self.turn is FreeRotation.NONE and not self.unit and not self.by_source
 
     @property
     def unknowns(self) -> int:
@@ -482,16 +482,16 @@ class Stance(NamedTuple):
         return _TURNS[self.turn] + self.unit
 
 
-KNOWN = Stance(Turn.NONE, False, False)
+KNOWN = Stance(FreeRotation.NONE, False, False)
 
 
-def sampled_turns(turn: Turn) -> FloatArray:
+def sampled_turns(turn: FreeRotation) -> FloatArray:
     """Return rotations (k, 3, 3) over all attitudes, about the vertical, or none."""
-    if turn is Turn.NONE:
+    if turn is FreeRotation.NONE:
         return np.eye(3)[None]
     angles = 2.0 * np.pi * np.arange(72) / 72
     about = exponential(np.stack([0.0 * angles, 0.0 * angles, angles], axis=1))
-    if turn is Turn.VERTICAL:
+    if turn is FreeRotation.VERTICAL:
         return about
     k = np.arange(60) + 0.5
     z, around = 1.0 - 2.0 * k / 60.0, np.pi * (1.0 + 5.0**0.5) * k
@@ -502,11 +502,17 @@ def sampled_turns(turn: Turn) -> FloatArray:
 
 def stance_of(target: Part, source: Part) -> Stance:
     """Return the reference that a target lacks; no source knows more of directions."""
-    turn = Turn.NONE if target.oriented else Turn.VERTICAL if target.levelled else Turn.ANY
+    turn = (
+        FreeRotation.NONE
+        if target.oriented
+        else FreeRotation.VERTICAL
+        if target.levelled
+        else FreeRotation.ANY
+    )
     return Stance(turn, not (target.scaled or source.scaled), source.scaled and not target.scaled)
 
 
-class Sight(NamedTuple):
+class UnorientedSet(NamedTuple):
     """A set whose orientation is looked for: its place, points of known place, directions to them."""
 
     place: int
@@ -520,7 +526,7 @@ class Search(NamedTuple):
     """Unknowns of a search, and all observations of them."""
 
     sides: Sides
-    rows: list[Rows]
+    rows: list[GroupRows]
     own: FloatArray
     """(n, 3) common points in the source, about its middle."""
     goal: FloatArray
@@ -529,10 +535,10 @@ class Search(NamedTuple):
     size: float
     """Of the source."""
     middle: FloatArray
-    turn: Turn
+    turn: FreeRotation
     scaled: bool
     stance: Stance = KNOWN
-    sights: tuple[Sight, ...] = ()
+    sights: tuple[UnorientedSet, ...] = ()
 
     def compressed(self) -> Search:
         """The same with none but the points that rows refer to."""
@@ -543,7 +549,7 @@ class Search(NamedTuple):
         for one in self.sights:
             told = number[one.points] >= 0
             points, place = number[one.points[told]], int(number[one.place])
-            sights.append(Sight(place, points, one.directions[told], one.rises[told]))
+            sights.append(UnorientedSet(place, points, one.directions[told], one.rises[told]))
         return self._replace(sides=sides, rows=rows, sights=tuple(sights))
 
     @property
@@ -556,14 +562,14 @@ class Search(NamedTuple):
         """All of them; those of the stance are the last."""
         return self.movements + len(self.sides.sets) + 3 * len(self.sides.places) + self.stance.unknowns
 
-    def residuals(self, states: Moves) -> FloatArray:
+    def residuals(self, states: SimilarityTransformations) -> FloatArray:
         """(k, n) in units of what everything is good to."""
         off = residuals(self.rows, self.sides, states)
         moved = states.scale[:, None, None] * (self.own @ np.swapaxes(states.rotation, 1, 2))
         there = (moved + states.shift[:, None, :] - self.goal) / self.goal_sigma
         return np.concatenate([off, there[:, np.isfinite(self.goal)]], axis=1)
 
-    def moved(self, states: Moves, steps: FloatArray) -> Moves:
+    def moved(self, states: SimilarityTransformations, steps: FloatArray) -> SimilarityTransformations:
         """States after steps (k, unknowns): parts of the size, radians, logarithms of scale and unit."""
         unit = (states.scale * self.size)[:, None]
         n, sets = self.movements, len(self.sides.sets)
@@ -571,7 +577,7 @@ class Search(NamedTuple):
         stance = self.unknowns - self.stance.unknowns
         places = steps[:, n + sets : stance].reshape(len(steps), -1, 3)
         of_target = np.exp(steps[:, -1]) if self.stance.unit else np.ones(len(steps))
-        return Moves(
+        return SimilarityTransformations(
             states.scale * factor,
             exponential(_turns(steps[:, 3:], self.turn)) @ states.rotation,
             states.shift + unit * steps[:, :3],
@@ -582,12 +588,12 @@ class Search(NamedTuple):
         )
 
 
-def _turns(steps: FloatArray, turn: Turn) -> FloatArray:
+def _turns(steps: FloatArray, turn: FreeRotation) -> FloatArray:
     """(k, 3) rotation vectors, from the first columns of steps."""
     turns = np.zeros((len(steps), 3))
-    if turn is Turn.ANY:
+    if turn is FreeRotation.ANY:
         turns = steps[:, :3]
-    elif turn is Turn.VERTICAL:
+    elif turn is FreeRotation.VERTICAL:
         turns[:, 2] = steps[:, 0]
     return turns
 
@@ -607,20 +613,20 @@ def standing(search: Search) -> Search:
     needs_turn = _differ(floating, states, states._replace(stance=turned))
     needs_unit = _differ(floating, states, states._replace(unit=np.full(3, 1.7)))
     stance = Stance(
-        search.stance.turn if needs_turn else Turn.NONE,
+        search.stance.turn if needs_turn else FreeRotation.NONE,
         search.stance.unit and needs_unit,
         search.stance.by_source and needs_unit,
     )
     return search if stance.is_known else floating._replace(stance=stance)
 
 
-def _differ(search: Search, one: Moves, other: Moves) -> bool:
+def _differ(search: Search, one: SimilarityTransformations, other: SimilarityTransformations) -> bool:
     """True where observations fit two stances differently, whatever the orientations of sets are."""
     off = [search.residuals(states._replace(kappas=_orientations(search, states))) for states in (one, other)]
     return bool((np.abs(off[1] - off[0]) > _SAME * (1.0 + np.abs(off[0]))).any())
 
 
-def starts(search: Search) -> Moves:
+def starts(search: Search) -> SimilarityTransformations:
     """Turns all over, with shifts and scales drawn about what is common or in reach."""
     draw = np.random.default_rng(1)
     turns = sampled_turns(search.turn)
@@ -630,7 +636,7 @@ def starts(search: Search) -> Moves:
     turns = turns[draw.permutation(len(turns))[: max(most, 50)]] if len(turns) > most else turns
     states = _drawn(search, draw, turns)
     k = len(turns)
-    if search.stance.turn is not Turn.NONE:
+    if search.stance.turn is not FreeRotation.NONE:
         some = sampled_turns(search.stance.turn)
         states = states._replace(stance=some[draw.integers(len(some), size=k)])
     if search.stance.unit:
@@ -645,7 +651,7 @@ def starts(search: Search) -> Moves:
     return states._replace(kappas=_orientations(search, states))
 
 
-def _drawn(search: Search, draw: np.random.Generator, turns: FloatArray) -> Moves:
+def _drawn(search: Search, draw: np.random.Generator, turns: FloatArray) -> SimilarityTransformations:
     """A state for each turn (k, 3, 3), of a target that knows all that observations refer to."""
     k = len(turns)
     scale = np.ones(k) if search.scaled else _scales(search, k, draw)
@@ -663,7 +669,7 @@ def _drawn(search: Search, draw: np.random.Generator, turns: FloatArray) -> Move
     away = reach[:, None] * draw.uniform(0.2, 2.0, (k, 1, 1)) * draw.standard_normal((k, wanted, 3))
     kappas = np.zeros((k, len(search.sides.sets)))
     upright = np.ones(k), np.tile(np.eye(3), (k, 1, 1))
-    return Moves(scale, turns, shift, kappas, shift[:, None, :] + away, *upright)
+    return SimilarityTransformations(scale, turns, shift, kappas, shift[:, None, :] + away, *upright)
 
 
 def _scales(search: Search, count: int, draw: np.random.Generator) -> FloatArray:
@@ -687,7 +693,7 @@ def _lengths(search: Search) -> float:
     return float(np.nanmax(np.concatenate(lengths))) if lengths else 0.0
 
 
-def _stationed(search: Search, states: Moves) -> Moves:
+def _stationed(search: Search, states: SimilarityTransformations) -> SimilarityTransformations:
     """States whose stations that are looked for are free stations, by three directions and more to known points."""
     points = placed(search.sides, states)[0]
     places = states.places.copy()
@@ -729,7 +735,7 @@ def _free_stations(points: FloatArray, directions: FloatArray, rises: FloatArray
     return np.asarray(np.concatenate([plan, height[:, None]], axis=1) + middle[:, 0])
 
 
-def _orientations(search: Search, states: Moves) -> FloatArray:
+def _orientations(search: Search, states: SimilarityTransformations) -> FloatArray:
     """(k, a) of sets, from the places that their points have at the start: the circular mean."""
     points, _ = placed(search.sides, states)
     kappas = np.zeros((len(states.scale), len(search.sides.sets)))
@@ -812,12 +818,16 @@ def _search(
     source: Part,
     scene: Scene,
     sides: Sides,
-    rows: list[Rows],
+    rows: list[GroupRows],
     common: IntArray,
     middle: FloatArray,
 ) -> Search:
     both = source.levelled and target.levelled
-    turn = (Turn.NONE if source.oriented and target.oriented else Turn.VERTICAL) if both else Turn.ANY
+    turn = (
+        (FreeRotation.NONE if source.oriented and target.oriented else FreeRotation.VERTICAL)
+        if both
+        else FreeRotation.ANY
+    )
     goal = target.points[common].copy()
     goal[:, 2] += scene.target_heights[common] if target.lifts and not source.lifts else 0.0
     own = sides.points[sides.known.points == 2]
@@ -837,14 +847,14 @@ def _search(
     )
 
 
-def _sights(scene: Scene, sides: Sides) -> tuple[Sight, ...]:
+def _sights(scene: Scene, sides: Sides) -> tuple[UnorientedSet, ...]:
     """One set of each orientation that is looked for, with the points that either part knows."""
     found = []
     for block in sides.sets.tolist():
         sight = next(one for one in scene.terrestrial.sights if one.rotation == block)
         told = (sides.known.points[sight.points] > 0) & np.isfinite(sight.directions)
         rises = np.tan(sight.verticals[told])
-        found.append(Sight(sight.position, sight.points[told], sight.directions[told], rises))
+        found.append(UnorientedSet(sight.position, sight.points[told], sight.directions[told], rises))
     return tuple(found)
 
 
@@ -899,12 +909,14 @@ def _whatever(further: FloatArray, rows: FloatArray, least: float) -> FloatArray
 
 def _apart(search: Search, found: Minima, one: int, other: int, axes: FloatArray) -> bool:
     """True where two movements differ in what is determined."""
-    a, b = (Moves(*(array[k] for array in found.states)) for k in (one, other))
+    a, b = (SimilarityTransformations(*(array[k] for array in found.states)) for k in (one, other))
     turn = b.rotation @ a.rotation.T
     small = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     cosine = 0.5 * (np.trace(turn) - 1.0)
     small = small if cosine > 0.0 else small + np.pi / 2.0
-    turns = {Turn.ANY: small, Turn.VERTICAL: small[2:], Turn.NONE: small[:0]}[search.turn]
+    turns = {FreeRotation.ANY: small, FreeRotation.VERTICAL: small[2:], FreeRotation.NONE: small[:0]}[
+        search.turn
+    ]
     size = np.maximum(a.scale, b.scale) * search.size
     scales = [] if search.scaled else [np.log(b.scale / a.scale)]
     difference = np.concatenate([(b.shift - a.shift) / size, turns, scales])
@@ -912,7 +924,7 @@ def _apart(search: Search, found: Minima, one: int, other: int, axes: FloatArray
 
 
 def _movement(search: Search, found: Minima, number: int) -> Similarity:
-    states = some(Moves(*found.states), np.array([number]))
+    states = some(SimilarityTransformations(*found.states), np.array([number]))
     scale, rotation = float(states.scale[0]), states.rotation[0]
     shift = states.shift[0] - scale * rotation @ search.middle
     return Similarity(SimilarityOutcome.DETERMINED, scale, rotation, shift, np.zeros((0, 3)), 0.0)

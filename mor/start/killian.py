@@ -131,7 +131,7 @@ def significance_of_points(a: Bundle, b: Bundle, homography: Homography, fitted:
     return np.asarray(np.sum(along**2 / np.maximum(values, UNCONTROLLED), axis=1))
 
 
-class Turn(NamedTuple):
+class BundleRotation(NamedTuple):
     """The rotation between two bundles from one centre."""
 
     rotation: FloatArray
@@ -142,7 +142,7 @@ class Turn(NamedTuple):
     """(3, 3) of a small rotation δ of D*, for the a-priori σ of the rays."""
 
 
-def fit_turn(a: Bundle, b: Bundle, iterations: int = 10) -> Turn:
+def fit_turn(a: Bundle, b: Bundle, iterations: int = 10) -> BundleRotation:
     """Adjust H = D*, a pure rotation, to n ≥ 2 homologous rays: what is left when there is no base."""
     rotation = nearest_rotation(b.directions.T @ a.directions)
     corrections = np.zeros((len(a), 4))
@@ -157,7 +157,7 @@ def fit_turn(a: Bundle, b: Bundle, iterations: int = 10) -> Turn:
             break
     residuals = _conditions(a, b, rotation, corrections)[1]
     covariance = np.asarray(rotations.pinv(normal, hermitian=True), dtype=np.float64)
-    return Turn(rotation, float(residuals @ residuals), covariance)
+    return BundleRotation(rotation, float(residuals @ residuals), covariance)
 
 
 def significance_of_gaps(homography: Homography) -> float:
@@ -262,7 +262,7 @@ UNSQUARED = 1e-5
 """Misclosure of the unsquared (7), relative to its terms, up to which a candidate is a solution."""
 
 
-class Angles(NamedTuple):
+class QuadrilateralAngles(NamedTuple):
     """Angles of one image of the quadrilateral."""
 
     cot_first: FloatArray
@@ -315,7 +315,7 @@ class Quadrilateral(NamedTuple):
     """True if all four corners lie in front of both images."""
 
 
-def angles_in_image(corners: FloatArray) -> Angles:
+def angles_in_image(corners: FloatArray) -> QuadrilateralAngles:
     """Angles at O from the rays (4, 3) to the corners 1, 2, 3, 4; 12 and 34 are the diagonals.
 
     The diagonals must cross between the corners in the image (a convex quadrilateral, rightly paired).
@@ -328,7 +328,7 @@ def angles_in_image(corners: FloatArray) -> Angles:
     cotangents = [_cot(crossing, ray) for ray in (one, two, three, four)]
     across_one, across_three = one - (one @ crossing) * crossing, three - (three @ crossing) * crossing
     k = float(unit(across_one) @ unit(across_three))
-    return Angles(np.array(cotangents[:2]), np.array(cotangents[2:]), k, crossing)
+    return QuadrilateralAngles(np.array(cotangents[:2]), np.array(cotangents[2:]), k, crossing)
 
 
 def diagonals_cross(corners: FloatArray) -> bool:
@@ -347,7 +347,7 @@ def _cot(first: FloatArray, second: FloatArray) -> float:
     return float(first @ second) / max(float(np.linalg.norm(cross(first, second))), 1e-300)
 
 
-def linking_constants(a: Angles, b: Angles) -> Linking:
+def linking_constants(a: QuadrilateralAngles, b: QuadrilateralAngles) -> Linking:
     """C1, K1 from the diagonal 12, C2, K2 from 34 (1'a), (1'b)."""
     c1, k1 = _constants(a.cot_first, b.cot_first)
     c2, k2 = _constants(a.cot_second, b.cot_second)
@@ -428,7 +428,12 @@ def _quadratic(leading: float, half: float, constant: float) -> list[float]:
 
 
 def _complete(
-    link: Linking, a: Angles, b: Angles, rho: float, cot_phi_b: float, cot_psi_b: float
+    link: Linking,
+    a: QuadrilateralAngles,
+    b: QuadrilateralAngles,
+    rho: float,
+    cot_phi_b: float,
+    cot_psi_b: float,
 ) -> Quadrilateral:
     cot_phi_a, cot_psi_a = (cot_phi_b - link.k1) / link.c1, (cot_psi_b - link.k2) / link.c2
     factor = rho / (link.c1 * link.c2)

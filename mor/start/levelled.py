@@ -8,10 +8,10 @@ import numpy as np
 
 from mor.model import rotations
 from mor.start.free_station import (
-    Fit,
+    FitQuality,
     FreeStation,
-    Lengths,
-    Section,
+    PlaneIntersection,
+    PointDistances,
     SectionOutcome,
     StationOutcome,
     agreeing,
@@ -23,10 +23,10 @@ from mor.start.free_station import (
     misclosures_of_bearings,
     shape_of_distances,
 )
-from mor.start.movement import Ties, Turn, movement
-from mor.start.part import Distances, Part, Rule, empty_part, rule
+from mor.start.movement import FreeRotation, Ties, movement
+from mor.start.part import Distances, Part, Phrase, empty_part, rule
 from mor.start.scene import LocalSystem, Scene
-from mor.start.sights import Choices, Sight, Terrestrial, orient
+from mor.start.sights import Choices, LevelledSet, Terrestrial, orient
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ------------------------------------------------------------
@@ -66,7 +66,7 @@ def _level_known(part: Part, block: int) -> bool:
     return bool(np.isfinite(part.points[block, :2]).all())
 
 
-def _place(part: Part, block: int, xy: FloatArray, how: Rule) -> None:
+def _place(part: Part, block: int, xy: FloatArray, how: Phrase) -> None:
     part.points[block, :2] = np.where(np.isfinite(part.points[block, :2]), part.points[block, :2], xy)
     part.how[f"point {block}"] = how
 
@@ -92,7 +92,7 @@ def _orient(part: Part, measured: Terrestrial) -> bool:
     return added
 
 
-def _unknown_sights(part: Part, sight: Sight) -> list[tuple[int, float]]:
+def _unknown_sights(part: Part, sight: LevelledSet) -> list[tuple[int, float]]:
     """Sighted points that are not known in plan, and the directions to them."""
     unknown = np.isnan(part.points[sight.points, :2]).any(axis=1) & np.isfinite(sight.directions)
     return list(zip(sight.points[unknown].tolist(), sight.directions[unknown].tolist(), strict=True))
@@ -189,14 +189,14 @@ def grow_arcs(part: Part, distances: Distances) -> bool:
     return added
 
 
-def _bearings_that_agree(stations: FloatArray, bearings: FloatArray) -> tuple[Section, int]:
+def _bearings_that_agree(stations: FloatArray, bearings: FloatArray) -> tuple[PlaneIntersection, int]:
     """The section of those bearings that agree, and how many these are."""
 
-    def fit(rows: IntArray) -> Fit:
+    def fit(rows: IntArray) -> FitQuality:
         section = bearing_section(stations[rows], bearings[rows])
         if section.outcome is not SectionOutcome.DETERMINED:
-            return Fit(np.inf, np.zeros(0))
-        return Fit(
+            return FitQuality(np.inf, np.zeros(0))
+        return FitQuality(
             section.sigma0, np.abs(misclosures_of_bearings(stations[rows], bearings[rows], section.point))
         )
 
@@ -204,14 +204,16 @@ def _bearings_that_agree(stations: FloatArray, bearings: FloatArray) -> tuple[Se
     return bearing_section(stations[rows], bearings[rows]), len(rows)
 
 
-def _arcs_that_agree(stations: FloatArray, lengths: FloatArray) -> tuple[Section, int]:
+def _arcs_that_agree(stations: FloatArray, lengths: FloatArray) -> tuple[PlaneIntersection, int]:
     """The section of those arcs that agree, and how many these are."""
 
-    def fit(rows: IntArray) -> Fit:
+    def fit(rows: IntArray) -> FitQuality:
         section = arc_section(stations[rows], lengths[rows])
         if section.outcome is not SectionOutcome.DETERMINED:
-            return Fit(np.inf, np.zeros(0))
-        return Fit(section.sigma0, np.abs(misclosures_of_arcs(stations[rows], lengths[rows], section.point)))
+            return FitQuality(np.inf, np.zeros(0))
+        return FitQuality(
+            section.sigma0, np.abs(misclosures_of_arcs(stations[rows], lengths[rows], section.point))
+        )
 
     rows = agreeing(len(lengths), fit, SECTION_FITS * float(np.median(lengths)), least=3)
     return arc_section(stations[rows], lengths[rows]), len(rows)
@@ -248,7 +250,7 @@ def _free_stations(part: Part, measured: Terrestrial, distances: Distances) -> b
     return added
 
 
-def _free_station(part: Part, sight: Sight, distances: Distances) -> tuple[FloatArray, float] | None:
+def _free_station(part: Part, sight: LevelledSet, distances: Distances) -> tuple[FloatArray, float] | None:
     known = np.isfinite(part.points[sight.points, :2]).all(axis=1)
     points = sight.points[known]
     if len(points) < 2:
@@ -269,10 +271,10 @@ def _station_that_agrees(
     def station(rows: IntArray) -> FreeStation:
         return free_station_level(points[rows], directions[rows], lengths[rows], SIGMA_DIRECTION, sigma)
 
-    def fit(rows: IntArray) -> Fit:
+    def fit(rows: IntArray) -> FitQuality:
         found = station(rows)
         scaled = np.nan_to_num(np.abs(found.residuals) / [SIGMA_DIRECTION, sigma])
-        return Fit(float(np.nan_to_num(found.sigma0, nan=np.inf)), scaled.max(axis=1, initial=0.0))
+        return FitQuality(float(np.nan_to_num(found.sigma0, nan=np.inf)), scaled.max(axis=1, initial=0.0))
 
     least = 5 if np.isnan(lengths).all() else 4
     if len(points) < least:
@@ -532,7 +534,7 @@ def _pose_of_system(
         return None
     none = np.zeros((0, 3))
     ties = Ties(part.points[system.points[known]], system.coordinates[known], none, none)
-    found = movement(ties, Turn.ANY, part.scaled and system.scaled)
+    found = movement(ties, FreeRotation.ANY, part.scaled and system.scaled)
     if found is None or found.open or found.misfit > fits or found.alternatives:
         return None
     return found.scale * found.rotation, found.shift, system
@@ -674,7 +676,7 @@ def seed_distances(scene: Scene, system: Part, known: BoolArray, tried: set[tupl
     return None
 
 
-def _in_plan(scene: Scene, system: Part) -> Lengths:
+def _in_plan(scene: Scene, system: Part) -> PointDistances:
     """Horizontal distances, measured or following from slopes with verticals or known heights."""
     distances = scene.distances[1]
     rows = [
@@ -686,17 +688,17 @@ def _in_plan(scene: Scene, system: Part) -> Lengths:
     return _lengths(scene, [row for row in rows if np.isfinite(row[2])])
 
 
-def _in_space(scene: Scene) -> Lengths:
+def _in_space(scene: Scene) -> PointDistances:
     """Slope distances between points themselves, without heights of instruments and targets."""
     slopes = scene.distances[1].slope.items()
     return _lengths(scene, [(a, b, length) for (a, b), (length, rise) in slopes if a < b and rise == 0.0])
 
 
-def _lengths(scene: Scene, rows: list[tuple[int, int, float]]) -> Lengths:
+def _lengths(scene: Scene, rows: list[tuple[int, int, float]]) -> PointDistances:
     start, end = (np.array([row[k] for row in rows], dtype=np.int64) for k in (0, 1))
     value = np.array([row[2] for row in rows])
     sigma = np.array([scene.distances[1].sigma.get((a, b), 0.0) for a, b, _ in rows])
-    return Lengths(scene.points, start, end, value, sigma)
+    return PointDistances(scene.points, start, end, value, sigma)
 
 
 def grow_distances(part: Part, distances: Distances) -> bool:

@@ -19,7 +19,7 @@ from mor.start.part import SLACKS, Frame, Part, Sightings, empty_part, loosened,
 from mor.start.relative_orientation import nearest_rotation
 from mor.start.resection import (
     AGREES,
-    Observed,
+    KnownPosition,
     Pose,
     Resection,
     ResectionOutcome,
@@ -117,10 +117,10 @@ def _tied(part: Part, frame: Frame, bundle: Bundle, targets: FloatArray, pose: P
     return pose if observed is None else adjust_pose(bundle, targets, pose, 15, observed)
 
 
-def observed_centre(part: Part, frame: Frame, pose: Pose, targets: FloatArray) -> Observed | None:
+def observed_centre(part: Part, frame: Frame, pose: Pose, targets: FloatArray) -> KnownPosition | None:
     """Projection centre that a given position says at this attitude, and its σ."""
     known, place, sigma = observed_centres(part, [frame], pose.rotation[None], targets)
-    return Observed(place[0], sigma[0]) if known[0] else None
+    return KnownPosition(place[0], sigma[0]) if known[0] else None
 
 
 def observed_centres(
@@ -160,7 +160,7 @@ _LOOSE = 1e-9
 """Part of the diagonal added to it, so that what nothing ties stays where it is."""
 
 
-class _Rays(NamedTuple):
+class _PosedRays(NamedTuple):
     """Rays of posed frames to the points that take part."""
 
     bundle: Bundle
@@ -211,7 +211,7 @@ def _shuffled(points: IntArray) -> IntArray:
     return (points * 2654435769) % 2**32
 
 
-def _rays(part: Part, seen: Sightings, poses: PosedFrames, points: IntArray, column: IntArray) -> _Rays:
+def _rays(part: Part, seen: Sightings, poses: PosedFrames, points: IntArray, column: IntArray) -> _PosedRays:
     rays = seen.of_points(points)
     point = np.repeat(np.arange(len(points)), seen.pointers[points + 1] - seen.pointers[points])
     posed = np.isfinite(poses.centres[seen.frame[rays], 0])
@@ -219,14 +219,14 @@ def _rays(part: Part, seen: Sightings, poses: PosedFrames, points: IntArray, col
     sigma = loosened(seen.sigma[rays], max(part.slack, SLACKS[1]))
     frame = seen.frame[rays]
     bundle = direction_bundle(seen.rays[rays], sigma)
-    return _Rays(bundle, frame, column[frame], point, seen.height[rays], part.fixed[points])
+    return _PosedRays(bundle, frame, column[frame], point, seen.height[rays], part.fixed[points])
 
 
 def _step(
     part: Part,
     frames: Sequence[Frame],
     poses: PosedFrames,
-    rays: _Rays,
+    rays: _PosedRays,
     X: FloatArray,
     moving: Sequence[int],
 ) -> FloatArray:
@@ -255,7 +255,9 @@ def _step(
     return _solved(reduced, frame_side.ravel() - reach @ point_side.ravel()).reshape(-1, 6)
 
 
-def _linearised(poses: PosedFrames, rays: _Rays, X: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _linearised(
+    poses: PosedFrames, rays: _PosedRays, X: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Residuals (n, 2), derivatives (n, 2, 6) by the pose and (n, 2, 3) by the point; 0 for rays that pass by."""
     D = poses.turns[rays.frame]
     away = X[rays.point] - poses.centres[rays.frame]

@@ -32,7 +32,7 @@ _CAUCHY = 3.0
 _REMEMBERED = 256
 
 
-class Turn(Enum):
+class FreeRotation(Enum):
     """Turns that a movement is free to make."""
 
     ANY = "any"
@@ -73,7 +73,7 @@ class Movement(NamedTuple):
         return _similarity(self.scale, self.rotation, self.shift)
 
 
-def movement(ties: Ties, turn: Turn, scaled: bool) -> Movement | None:
+def movement(ties: Ties, turn: FreeRotation, scaled: bool) -> Movement | None:
     """The movement that fits best; ``scaled``: both systems have the same scale. ``None`` where nothing ties them."""
     if not np.isfinite(ties.target).any() and len(ties.source_axes) == 0:
         return None
@@ -86,7 +86,7 @@ def _best(
     target: FloatArray,
     source_axes: FloatArray,
     target_axes: FloatArray,
-    turn: Turn,
+    turn: FreeRotation,
     scaled: bool,
 ) -> Movement | None:
     ties, known = Ties(source, target, source_axes, target_axes), np.isfinite(target)
@@ -157,11 +157,11 @@ def _normalised(ties: Ties, known: BoolArray) -> _Normalised:
     )
 
 
-def _starts(ties: _Normalised, turn: Turn, scaled: bool) -> FloatArray:
+def _starts(ties: _Normalised, turn: FreeRotation, scaled: bool) -> FloatArray:
     """Rotations (k, 3, 3) to start from, the most promising ones."""
-    if turn is Turn.NONE:
+    if turn is FreeRotation.NONE:
         return np.eye(3)[None]
-    sampled = _about_vertical(36) if turn is Turn.VERTICAL else _all_attitudes(ties)
+    sampled = _about_vertical(36) if turn is FreeRotation.VERTICAL else _all_attitudes(ties)
     sampled = np.concatenate([sampled, *_closed_forms(ties, turn, scaled)])
     cost = _costs(ties, sampled, scaled)
     return sampled[np.argsort(cost, kind="stable")[:_REFINED]]
@@ -191,9 +191,9 @@ def _towards(axis: FloatArray) -> FloatArray:
     return np.stack([x, np.cross(axis, x), axis], axis=1)
 
 
-def _closed_forms(ties: _Normalised, turn: Turn, scaled: bool) -> list[FloatArray]:
+def _closed_forms(ties: _Normalised, turn: FreeRotation, scaled: bool) -> list[FloatArray]:
     """Rotations from points known in all components of use: from all of them and, against errors, from triples."""
-    axes = 2 if turn is Turn.VERTICAL else 3
+    axes = 2 if turn is FreeRotation.VERTICAL else 3
     full = np.flatnonzero(ties.known[:, :axes].all(axis=1))
     if len(full) < axes:
         return []
@@ -236,7 +236,7 @@ def _costs(ties: _Normalised, rotations: FloatArray, scaled: bool) -> FloatArray
     return np.asarray(cost + off.sum(axis=(1, 2)) + np.where(behind, 1e-3, 0.0))
 
 
-def _refined(ties: _Normalised, R: FloatArray, turn: Turn, scaled: bool) -> _Fit | None:
+def _refined(ties: _Normalised, R: FloatArray, turn: FreeRotation, scaled: bool) -> _Fit | None:
     """Gauss-Newton from a rotation; residuals that are large beside the others count less (Cauchy)."""
     fixed = ties.sizes[0] / ties.sizes[1]
     s, t = (fixed if scaled else _scale(ties, R)), np.zeros(3)
@@ -288,12 +288,12 @@ def _scale(ties: _Normalised, R: FloatArray) -> float:
     return found if found > 0.0 else 0.1
 
 
-def _moves(turn: Turn, scaled: bool) -> BoolArray:
+def _moves(turn: FreeRotation, scaled: bool) -> BoolArray:
     """(7,) movements that are free: shift, turn, logarithm of the scale."""
     turns = {
-        Turn.ANY: (True, True, True),
-        Turn.VERTICAL: (False, False, True),
-        Turn.NONE: (False, False, False),
+        FreeRotation.ANY: (True, True, True),
+        FreeRotation.VERTICAL: (False, False, True),
+        FreeRotation.NONE: (False, False, False),
     }
     return np.array([True, True, True, *turns[turn], not scaled])
 
@@ -329,8 +329,8 @@ def _similarity(scale: float, rotation: FloatArray, shift: FloatArray) -> Simila
 
 
 __all__ = [
+    "FreeRotation",
     "Movement",
     "Ties",
-    "Turn",
     "movement",
 ]

@@ -9,14 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.errors import Place, Undeterminable
+from mor.errors import Placeholder, UndeterminedObject
 from mor.model.cameras import CAMERA_MODELS, CameraModel
 from mor.model.contract import names_of
 from mor.model.observation_types import ObservationGroup, is_image_point
 from mor.project.network import Network
 from mor.project.prior_knowledge import farthest_from_line, feature_label, turned_towards
 from mor.start.bundle import Similarity, ideal_rays
-from mor.start.sights import Sight, Terrestrial, direction_sets, frame_verticals, polar_rays
+from mor.start.sights import LevelledSet, Terrestrial, direction_sets, frame_verticals, polar_rays
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ------------------------------------------------------------
@@ -24,19 +24,19 @@ from mor.types import BoolArray, FloatArray, IntArray
 # ------------------------------------------------------------
 
 
-class Rule(NamedTuple):
+class Phrase(NamedTuple):
     """An English sentence with places, and what stands in them: names of things ("image I1") and numbers."""
 
     words: str
     values: Mapping[str, str | int | float]
 
     def __str__(self) -> str:
-        return self.words.format(**{name: Place(value) for name, value in self.values.items()})
+        return self.words.format(**{name: Placeholder(value) for name, value in self.values.items()})
 
 
-def rule(words: str, /, **values: str | int | float) -> Rule:
+def rule(words: str, /, **values: str | int | float) -> Phrase:
     """A rule, its values by the names of their places."""
-    return Rule(words, values)
+    return Phrase(words, values)
 
 
 # ------------------------------------------------------------
@@ -60,7 +60,7 @@ class Join(NamedTuple):
     """A part, as it was when it became a part of another one."""
 
     number: int
-    began: Rule
+    began: Phrase
     into: int
     """Number of the part it joined; 0 is the object system."""
     points: IntArray
@@ -128,7 +128,7 @@ def loosened(sigma: FloatArray, slack: float) -> FloatArray:
     return np.hypot(sigma, slack)
 
 
-class _Rays(NamedTuple):
+class _ImageRays(NamedTuple):
     """Rays of images, image after image."""
 
     image: IntArray
@@ -136,8 +136,8 @@ class _Rays(NamedTuple):
     rays: FloatArray
     sigma: FloatArray
 
-    def take(self, chosen: IntArray | BoolArray | slice) -> _Rays:
-        return _Rays(self.image[chosen], self.point[chosen], self.rays[chosen], self.sigma[chosen])
+    def take(self, chosen: IntArray | BoolArray | slice) -> _ImageRays:
+        return _ImageRays(self.image[chosen], self.point[chosen], self.rays[chosen], self.sigma[chosen])
 
 
 def image_frames(network: Network) -> list[Frame]:
@@ -160,8 +160,8 @@ def image_frames(network: Network) -> list[Frame]:
     ]
 
 
-def _joined(found: Sequence[_Rays]) -> _Rays:
-    return _Rays(
+def _joined(found: Sequence[_ImageRays]) -> _ImageRays:
+    return _ImageRays(
         np.concatenate([one.image for one in found]),
         np.concatenate([one.point for one in found]),
         np.concatenate([one.rays for one in found]),
@@ -177,18 +177,18 @@ def _pose_key(network: Network, blocks: Mapping[str, IntArray]) -> IntArray:
     return key
 
 
-def _measured_rays(network: Network, group: ObservationGroup, owners: IntArray, keys: IntArray) -> _Rays:
+def _measured_rays(network: Network, group: ObservationGroup, owners: IntArray, keys: IntArray) -> _ImageRays:
     """Rays of the completely measured rows of a group, and the images they belong to."""
     slots = zip(group.type.slots, group.blocks, strict=True)
     blocks = {slot.part: numbers.astype(np.int64) for slot, numbers in slots if slot.of == "image"}
     rays, sigma = _image_rays(network, group, CAMERA_MODELS[group.type.key.partition("/")[2]])
     image = owners[np.searchsorted(keys, _pose_key(network, blocks))]
     point = group.blocks[-1].astype(np.int64)
-    found, whole = _Rays(image, point, rays, sigma), np.asarray(group.mask.all(axis=1))
+    found, whole = _ImageRays(image, point, rays, sigma), np.asarray(group.mask.all(axis=1))
     return found if whole.all() else found.take(whole)
 
 
-def _image_frame(network: Network, rays: _Rays, up: FloatArray) -> Frame:
+def _image_frame(network: Network, rays: _ImageRays, up: FloatArray) -> Frame:
     images = network.things["image"]
     number = int(rays.image[0])
     blocks = {part: int(numbers[number]) for part, numbers in images.parts.items()}
@@ -351,7 +351,7 @@ class Part:
     """Frame number → (projection centre, rotation D)."""
     kappas: dict[int, float] = field(default_factory=dict)
     """Sight number → κ of a levelled set."""
-    how: dict[str, Rule] = field(default_factory=dict)
+    how: dict[str, Phrase] = field(default_factory=dict)
     """Name → how it was obtained."""
     posed_again: dict[int, int] = field(default_factory=dict)
     """Frame number → how many of its points were known when its pose was last tested."""
@@ -375,7 +375,7 @@ class Part:
     """False where it may be mirrored: distances alone do not tell."""
     number: int = 0
     """0 is the object system, others count as they begin."""
-    began: Rule = field(default_factory=lambda: rule("what is given"))
+    began: Phrase = field(default_factory=lambda: rule("what is given"))
     """What it began with."""
     joined: list[Join] = field(default_factory=list)
     """The parts it took up, in the order in which they joined it or one another."""
@@ -581,11 +581,11 @@ class Approximation(NamedTuple):
     """Start values, how each was obtained, and what is still missing."""
 
     start: Mapping[str, FloatArray]
-    how: Mapping[str, Rule]
+    how: Mapping[str, Phrase]
     """Name of a point, image or station → how its start value was obtained."""
-    missing: tuple[Undeterminable, ...]
+    missing: tuple[UndeterminedObject, ...]
     """What has no start value yet, and why."""
-    remarks: tuple[Rule, ...] = ()
+    remarks: tuple[Phrase, ...] = ()
     """Why frames could not begin a part of their own, where something is missing."""
     replaced: tuple[str, ...] = ()
     """Given start values that the observations contradict, which others took the place of."""
@@ -593,7 +593,7 @@ class Approximation(NamedTuple):
     """The parts that began beside the object system, in the order in which they joined another one."""
     frames: tuple[Frame, ...] = ()
     """Images and theodolite sets by the numbers they have in ``parts``."""
-    sights: tuple[Sight, ...] = ()
+    sights: tuple[LevelledSet, ...] = ()
     """Levelled sets by the numbers they have in ``parts``."""
     untied: tuple[Join, ...] = ()
     """Parts that lie where they do because nothing was found that ties them, or not in all movements."""

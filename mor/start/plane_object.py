@@ -355,7 +355,7 @@ class PlaneShape(NamedTuple):
     """Other shapes that fit about as well, if the outcome is ambiguous."""
 
 
-class _Rays(NamedTuple):
+class _PlaneRays(NamedTuple):
     bundles: Sequence[Bundle]
     seen: BoolArray
     """(m, n)"""
@@ -371,7 +371,7 @@ def shape_of_plane(bundles: Sequence[Bundle], off: BoolArray | None = None) -> P
     named in the outcome (of the first pair where they are pairwise).
     """
     seen = np.stack([np.all(np.isfinite(bundle.rays), axis=1) for bundle in bundles])
-    rays = _Rays(bundles, seen, _in_plane(bundles, seen) if off is None else ~off)
+    rays = _PlaneRays(bundles, seen, _in_plane(bundles, seen) if off is None else ~off)
     pairs = []
     for k in range(1, len(bundles)):
         both = seen[0] & seen[k] & rays.in_plane
@@ -396,7 +396,7 @@ def _in_plane(bundles: Sequence[Bundle], seen: BoolArray) -> BoolArray:
     return inside
 
 
-def _hypotheses(rays: _Rays, pairs: list[PlaneSolutions]) -> list[list[PlaneOrientation]]:
+def _hypotheses(rays: _PlaneRays, pairs: list[PlaneSolutions]) -> list[list[PlaneOrientation]]:
     """One orientation per pair, for each normal that the first image can see the plane under."""
     normals: list[FloatArray] = []
     for number, pair in enumerate(pairs, 1):
@@ -409,13 +409,13 @@ def _hypotheses(rays: _Rays, pairs: list[PlaneSolutions]) -> list[list[PlaneOrie
     ]
 
 
-def _double(rays: _Rays, number: int, pair: PlaneSolutions) -> PlaneOrientation:
+def _double(rays: _PlaneRays, number: int, pair: PlaneSolutions) -> PlaneOrientation:
     both = rays.seen[0] & rays.seen[number] & rays.in_plane
     matrix = np.eye(3) if pair.homography is None else pair.homography.matrix
     return along_normal(matrix, rays.bundles[0].rays[both], rays.bundles[number].rays[both])
 
 
-def _under(rays: _Rays, number: int, pair: PlaneSolutions, normal: FloatArray) -> PlaneOrientation:
+def _under(rays: _PlaneRays, number: int, pair: PlaneSolutions, normal: FloatArray) -> PlaneOrientation:
     """Image ``number`` under a normal; one at the first centre bears any."""
     if pair.outcome is PlaneOutcome.NO_BASE or pair.homography is None:
         return pair.solutions[0]._replace(normal=normal)
@@ -428,7 +428,7 @@ def _under(rays: _Rays, number: int, pair: PlaneSolutions, normal: FloatArray) -
     )
 
 
-def _start(rays: _Rays, chosen: list[PlaneOrientation]) -> PlaneState:
+def _start(rays: _PlaneRays, chosen: list[PlaneOrientation]) -> PlaneState:
     """Plane system: the first image one unit above its origin."""
     normal = chosen[0].normal
     across = tangent_axes(normal)
@@ -445,7 +445,7 @@ def _start(rays: _Rays, chosen: list[PlaneOrientation]) -> PlaneState:
     return PlaneState(points, positions, rotations)
 
 
-def _adjusted(rays: _Rays, start: PlaneState) -> PlaneShape:
+def _adjusted(rays: _PlaneRays, start: PlaneState) -> PlaneShape:
     """Adjust the plane, then the points off it with it; of those the worst are left out one by one until it fits."""
     used = rays.seen & rays.in_plane
     adjusted = adjust_plane(rays.bundles, used, start, rays.in_plane)
@@ -466,7 +466,7 @@ def _adjusted(rays: _Rays, start: PlaneState) -> PlaneShape:
     return _shape(rays, adjusted, off, limit)
 
 
-def _with_points(rays: _Rays, state: PlaneState, off: BoolArray) -> PlaneState:
+def _with_points(rays: _PlaneRays, state: PlaneState, off: BoolArray) -> PlaneState:
     points = state.points.copy()
     for index in np.flatnonzero(off):
         images = np.flatnonzero(rays.seen[:, index])
@@ -476,7 +476,7 @@ def _with_points(rays: _Rays, state: PlaneState, off: BoolArray) -> PlaneState:
     return state._replace(points=points)
 
 
-def _shape(rays: _Rays, adjusted: AdjustedPlane, off: BoolArray, limit: float) -> PlaneShape:
+def _shape(rays: _PlaneRays, adjusted: AdjustedPlane, off: BoolArray, limit: float) -> PlaneShape:
     state = adjusted.state
     covariance = covariance_in(
         adjusted, inner_constraints(adjusted, rays.in_plane & np.any(rays.seen, axis=0))
@@ -511,7 +511,7 @@ def _sigma_normal(state: PlaneState, covariance: FloatArray) -> float:
     return float(np.sqrt(np.max(rotations.eigvalsh(spread)))) if np.all(np.isfinite(spread)) else float("inf")
 
 
-def _decided(rays: _Rays, pairs: list[PlaneSolutions], shapes: list[PlaneShape]) -> PlaneShape:
+def _decided(rays: _PlaneRays, pairs: list[PlaneSolutions], shapes: list[PlaneShape]) -> PlaneShape:
     def rank(shape: PlaneShape) -> tuple[int, float]:
         return int(np.sum(shape.left_out)), float(np.nansum(shape.residuals**2))
 
@@ -543,7 +543,7 @@ def _visible_outcome(best: PlaneShape, rivals: bool, soft: bool, pairs: list[Pla
     return PlaneOutcome.WEAK if soft else PlaneOutcome.UNIQUE
 
 
-def _soft(rays: _Rays, pairs: list[PlaneSolutions], shape: PlaneShape) -> bool:
+def _soft(rays: _PlaneRays, pairs: list[PlaneSolutions], shape: PlaneShape) -> bool:
     """Return whether the σ promise more than the measurements hold.
 
     Where the normal is turned by three and five σ along the axes of its error ellipse, and all else is adjusted again,
@@ -599,7 +599,7 @@ def _invariants(shape: PlaneShape) -> FloatArray:
     return np.concatenate([first[:, 2], (shape.rotations[1:] @ first.T).ravel()])
 
 
-def _failed(outcome: PlaneOutcome, rays: _Rays) -> PlaneShape:
+def _failed(outcome: PlaneOutcome, rays: _PlaneRays) -> PlaneShape:
     images, count = rays.seen.shape
     return PlaneShape(
         outcome,

@@ -59,7 +59,7 @@ class SceneGeometry(Enum):
     UNKNOWN = "not examined"
 
 
-class Candidate(NamedTuple):
+class OrientationCandidate(NamedTuple):
     """One of the four orientations that fulfil the coplanarity conditions alike."""
 
     base: FloatArray
@@ -95,15 +95,15 @@ class RelativeOrientation(NamedTuple):
     """(n,) residual coplanarity: signed length of the corrections of a pair, in units of σ."""
     front: BoolArray
     """(n, 2) the point is in front of A, of B."""
-    candidates: tuple[Candidate, ...]
+    candidates: tuple[OrientationCandidate, ...]
     """The four candidates, the chosen one first."""
-    alternatives: tuple[Candidate, ...]
+    alternatives: tuple[OrientationCandidate, ...]
     """Other orientations that fit about as well, if the outcome is ambiguous."""
     unknowns: FloatArray
     """(3, 3) Rinner's ik of the adjusted orientation."""
     singular_values: FloatArray
     """(9,) of the linear system in units of σ, descending; the last belongs to the solution."""
-    plane_orientations: tuple[Candidate, ...] = ()
+    plane_orientations: tuple[OrientationCandidate, ...] = ()
     """Of points in one plane: the two orientations that carry it over, the one nearest to the result first."""
 
     @property
@@ -322,7 +322,7 @@ PARALLAX = 3.0
 """Rays whose angle is below so many σ are parallel: in front if they point to the same side."""
 
 
-class Misfit(NamedTuple):
+class CoplanarityResiduals(NamedTuple):
     """Adjusted observations of given parameters."""
 
     residuals: FloatArray
@@ -354,7 +354,7 @@ class Coplanarity(NamedTuple):
     converged: bool
 
 
-def misfit(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> Misfit:
+def misfit(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> CoplanarityResiduals:
     """Smallest corrections to the rays of ``a`` and ``b`` (n each) that make them meet."""
     ik = auxiliary_unknowns(base, rotation)
     axes_a, axes_b = a.whitened_axes, b.whitened_axes
@@ -374,7 +374,7 @@ def misfit(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> Misf
         corrections = -slopes * (residuals / spread)[:, None]
         rays_a = a.rays + np.einsum("nij,nj->ni", axes_a, corrections[:, :2])
         rays_b = b.rays + np.einsum("nij,nj->ni", axes_b, corrections[:, 2:])
-    return Misfit(residuals, corrections, rays_a, rays_b, spread)
+    return CoplanarityResiduals(residuals, corrections, rays_a, rays_b, spread)
 
 
 def first_order_residuals(a: Bundle, b: Bundle, ik: FloatArray) -> FloatArray:
@@ -430,7 +430,9 @@ def turned_by(base: FloatArray, rotation: FloatArray, step: FloatArray) -> tuple
     return exponential(axis) @ base, rotate(rotation, step[3:])
 
 
-def design(state: Misfit, base: FloatArray, rotation: FloatArray, axes: FloatArray) -> FloatArray:
+def design(
+    state: CoplanarityResiduals, base: FloatArray, rotation: FloatArray, axes: FloatArray
+) -> FloatArray:
     """Derivatives (n, k + 3) of the residuals by k movements ``axes`` (3, k) of the base, and by δ."""
     turned = state.rays_b @ rotation
     across = cross(base, state.rays_a)

@@ -46,7 +46,7 @@ def pose_design(bundle: Bundle, points: FloatArray, pose: Pose) -> tuple[FloatAr
     return computed.residuals.ravel(), np.concatenate([by_position, by_rotation], axis=2).reshape(-1, 6)
 
 
-class Observed(NamedTuple):
+class KnownPosition(NamedTuple):
     """A position known beforehand: GNSS, a station, control."""
 
     place: FloatArray
@@ -56,7 +56,11 @@ class Observed(NamedTuple):
 
 
 def adjust_pose(
-    bundle: Bundle, points: FloatArray, pose: Pose, iterations: int = 40, observed: Observed | None = None
+    bundle: Bundle,
+    points: FloatArray,
+    pose: Pose,
+    iterations: int = 40,
+    observed: KnownPosition | None = None,
 ) -> Pose:
     """Least-squares pose from n ≥ 3 points (n, 3), starting at ``pose``; steps are damped only where they must be.
 
@@ -86,7 +90,11 @@ def _contiguous(array: FloatArray) -> FloatArray:
 
 
 def adjust_pose_plainly(
-    bundle: Bundle, points: FloatArray, pose: Pose, iterations: int = 40, observed: Observed | None = None
+    bundle: Bundle,
+    points: FloatArray,
+    pose: Pose,
+    iterations: int = 40,
+    observed: KnownPosition | None = None,
 ) -> Pose:
     """The same without a compiler: the readable form."""
     damping = 0.0
@@ -112,7 +120,7 @@ def adjust_pose_plainly(
 
 
 def _design(
-    bundle: Bundle, points: FloatArray, pose: Pose, observed: Observed | None
+    bundle: Bundle, points: FloatArray, pose: Pose, observed: KnownPosition | None
 ) -> tuple[FloatArray, FloatArray]:
     residuals, design = pose_design(bundle, points, pose)
     if observed is None:

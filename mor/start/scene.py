@@ -33,13 +33,13 @@ from mor.start.part import (
 from mor.start.sights import (
     FITS,
     OPEN,
-    Angles,
     Choices,
     HorizontalSet,
-    Lengths,
-    Sight,
+    LevelledSet,
+    PositionDifferences,
     Terrestrial,
     Vertical,
+    VerticalAngles,
     bearing,
     terrestrial,
     vertical_of_directions,
@@ -51,7 +51,7 @@ from mor.types import FloatArray, IntArray
 # ------------------------------------------------------------
 
 
-class Cluster(NamedTuple):
+class TiedPoints(NamedTuple):
     """Points tied by differences."""
 
     points: IntArray
@@ -60,7 +60,7 @@ class Cluster(NamedTuple):
     """(n, m) heights or coordinates, the first point at zero."""
 
 
-def clusters(differences: Lengths) -> list[Cluster]:
+def clusters(differences: PositionDifferences) -> list[TiedPoints]:
     """Clusters by height differences (m = 1) or vectors (m = 3), heights of instrument and target taken off."""
     values = differences.value.copy()
     values[:, -1] += differences.start_height - differences.end_height
@@ -78,12 +78,12 @@ def clusters(differences: Lengths) -> list[Cluster]:
 
 def _cluster(
     graph: scipy.sparse.csr_array, edge: dict[tuple[int, int], FloatArray], points: IntArray, first: int
-) -> Cluster:
+) -> TiedPoints:
     order, before = breadth_first_order(graph, first, directed=False)
     placed = {first: np.zeros_like(next(iter(edge.values())))}
     for number in order[1:].tolist():
         placed[number] = placed[int(before[number])] + edge[int(before[number]), number]
-    return Cluster(points[order], np.array([placed[number] for number in order.tolist()]))
+    return TiedPoints(points[order], np.array([placed[number] for number in order.tolist()]))
 
 
 # ------------------------------------------------------------
@@ -132,8 +132,8 @@ class Scene:
     measured: IntArray
     """Point blocks that images, theodolites or lengths refer to."""
     pairs: tuple[StereoPair, ...]
-    level_lines: tuple[Cluster, ...]
-    vector_clusters: tuple[Cluster, ...]
+    level_lines: tuple[TiedPoints, ...]
+    vector_clusters: tuple[TiedPoints, ...]
     systems: tuple[LocalSystem, ...]
     partial_systems: tuple[LocalSystem, ...]
     """Those of which single coordinates are measured, with all their points."""
@@ -438,7 +438,7 @@ def _sets(part: Part, scene: Scene) -> list[HorizontalSet]:
     return sorted(found, key=lambda one: -len(one.points))[:MOST_SETS]
 
 
-def _set(part: Part, sight: Sight) -> HorizontalSet:
+def _set(part: Part, sight: LevelledSet) -> HorizontalSet:
     known = part.known(sight.points) & np.isfinite(sight.directions) & (sight.points != sight.position)
     rows = np.flatnonzero(known)
     if len(rows) > MOST_POINTS:
@@ -447,14 +447,14 @@ def _set(part: Part, sight: Sight) -> HorizontalSet:
     return HorizontalSet(place, part.points[sight.points[rows]], sight.directions[rows])
 
 
-def _angles(part: Part, scene: Scene) -> Angles:
+def _angles(part: Part, scene: Scene) -> VerticalAngles:
     """Vertical angles between known points; heights of instruments and targets must not matter beside the distance."""
     measured = scene.distances[1]
     start, end = (part.points[block] for block in measured.ends.T)
     length = np.linalg.norm(end - start, axis=1)
     near = np.abs(measured.rises) <= FITS * length * part.scaled
     rows = np.flatnonzero(np.isfinite(length) & near)[: MOST_SETS * MOST_POINTS]
-    return Angles(start[rows], end[rows], np.arctan(measured.tangents[rows]))
+    return VerticalAngles(start[rows], end[rows], np.arctan(measured.tangents[rows]))
 
 
 # ------------------------------------------------------------
@@ -641,7 +641,7 @@ def direct_roughly(part: Part, scene: Scene) -> None:
     part.transform(_movement(1.0, np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])))
 
 
-def _between_known(part: Part, lines: Sequence[Cluster]) -> tuple[FloatArray, FloatArray]:
+def _between_known(part: Part, lines: Sequence[TiedPoints]) -> tuple[FloatArray, FloatArray]:
     """Differences (n, 3) of known points and of their heights (n,), along lines of levelling of any length."""
     known = np.asarray(np.isfinite(part.points).all(axis=1))
     start, end, dz = [], [], []
@@ -708,7 +708,7 @@ def _ratios(present: FloatArray, measured: FloatArray) -> FloatArray:
     return np.asarray(measured[usable] / present[usable])
 
 
-def _spans(part: Part, frames: Sequence[Frame], lengths: Lengths) -> FloatArray:
+def _spans(part: Part, frames: Sequence[Frame], lengths: PositionDifferences) -> FloatArray:
     """Present lengths (n,): from the centre of the instrument, where a frame at that height is posed, to the target."""
     start = part.points[lengths.start].copy()
     centres = {

@@ -16,14 +16,18 @@ from mor.model.rotations import exponential
 from mor.start.bundle import direction_bundle, remembered, unit
 from mor.start.free_station import PlanShape, StationOutcome, free_station_level, three_bundles
 from mor.start.image_pair import FEWEST as FITTING_FEWEST
-from mor.start.image_pair import RobustOrientation, fitting_orientations, robust_relative_orientation
-from mor.start.image_pair import Seed as Orientation
+from mor.start.image_pair import (
+    RobustOrientation,
+    StartOrientation,
+    fitting_orientations,
+    robust_relative_orientation,
+)
 from mor.start.join_by_observations import Minima, minima, some
-from mor.start.part import SLACKS, Frame, Part, Rule, Sightings, empty_part, loosened, rule
+from mor.start.part import SLACKS, Frame, Part, Phrase, Sightings, empty_part, loosened, rule
 from mor.start.relative_orientation import RelativeOutcome, nearest_rotation
 from mor.start.resection import nearly_resect_three_points
 from mor.start.scene import Scene
-from mor.start.sights import Sight, Terrestrial
+from mor.start.sights import LevelledSet, Terrestrial
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ------------------------------------------------------------
@@ -47,7 +51,7 @@ _REMEMBERED = 512
 """Pairs that are not oriented again: every beginning, and every change tried of a network, comes to most of them."""
 
 
-class Pairs(NamedTuple):
+class FramePairs(NamedTuple):
     """Pairs of frames that see common points, those with most of them first."""
 
     first: IntArray
@@ -60,11 +64,11 @@ class Seed(NamedTuple):
     """A part of two frames, or why there is none."""
 
     part: Part | None
-    reason: Rule | None
+    reason: Phrase | None
     """What the best pair lacks; ``None`` where there is a part, or no pair."""
 
 
-def common_pairs(seen: Sightings) -> Pairs:
+def common_pairs(seen: Sightings) -> FramePairs:
     """All pairs of frames that see common points, as far as they are worth a count.
 
     The rays of a point are taken ``WINDOW`` at a time, and only frames within one window are paired:
@@ -79,18 +83,18 @@ def common_pairs(seen: Sightings) -> Pairs:
     by_frame.data[:] = 1
     common = scipy.sparse.triu(by_frame @ by_frame.T, k=1).tocoo()
     order = np.argsort(-common.data, kind="stable")
-    return Pairs(*(array[order].astype(np.int64) for array in (common.row, common.col, common.data)))
+    return FramePairs(*(array[order].astype(np.int64) for array in (common.row, common.col, common.data)))
 
 
 def seed_bundles(
-    frames: Sequence[Frame], among: IntArray, pairs: Pairs, points: int, passed: int = 0
+    frames: Sequence[Frame], among: IntArray, pairs: FramePairs, points: int, passed: int = 0
 ) -> Seed:
     """A part of two frames, base 1, of the pair ``among`` some (numbers of pairs) that is oriented best.
 
     ``passed``: so many that are better are passed over, as far as there are others.
     """
     oriented: list[tuple[float, Part]] = []
-    reason: Rule | None = None
+    reason: Phrase | None = None
     both = among[pairs.common[among] >= FEWEST_COMMON]
     first, second = pairs.first[both], pairs.second[both]
     if len(both) == 0:
@@ -100,7 +104,7 @@ def seed_bundles(
         if tried >= PAIRS_TRIED and oriented:
             break
         found = _oriented(frames, i, j, points)
-        if isinstance(found, Rule):
+        if isinstance(found, Phrase):
             reason = reason or found
             continue
         oriented.append(found)
@@ -110,7 +114,7 @@ def seed_bundles(
     return Seed(oriented[min(passed, len(oriented) - 1)][1], None) if oriented else Seed(None, reason)
 
 
-def _too_few(frames: Sequence[Frame], pairs: Pairs, among: IntArray) -> Rule | None:
+def _too_few(frames: Sequence[Frame], pairs: FramePairs, among: IntArray) -> Phrase | None:
     if len(among) == 0:
         return None
     one, other = frames[int(pairs.first[among[0]])], frames[int(pairs.second[among[0]])]
@@ -169,7 +173,7 @@ def common_rays(one: Frame, other: Frame) -> tuple[IntArray, IntArray]:
     return at_one, at_other
 
 
-def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | Rule:
+def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[float, Part] | Phrase:
     at_i, at_j = common_rays(frames[i], frames[j])
     one, other = frames[i], frames[j]
     measured = one.rays[at_i], one.sigma[at_i], other.rays[at_j], other.sigma[at_j]
@@ -256,7 +260,7 @@ Grow = Callable[[Part, int], object]
 """Grows a part by a number of frames."""
 
 
-def seed_doubtful(scene: Scene, among: IntArray, pairs: Pairs, grow: Grow) -> Part | None:
+def seed_doubtful(scene: Scene, among: IntArray, pairs: FramePairs, grow: Grow) -> Part | None:
     """A part of the pair ``among`` some whose best orientation the most rays of further frames agree with.
 
     Where no further frame can be posed, a pair of which a single orientation fits begins it, weak as it may be, and at
@@ -296,7 +300,7 @@ def _candidates(scene: Scene, i: int, j: int) -> list[Part]:
     return []
 
 
-def _part(scene: Scene, i: int, j: int, seed: Orientation, slack: float, common: int, of: int) -> Part:
+def _part(scene: Scene, i: int, j: int, seed: StartOrientation, slack: float, common: int, of: int) -> Part:
     one, other = scene.frames[i].name, scene.frames[j].name
     part = empty_part(scene.points)
     part.slack = slack
@@ -381,7 +385,7 @@ def _bearings_at(measured: Terrestrial) -> Counter[int]:
 
 
 def _promise_of_bearing(
-    sight: Sight, reach: dict[int, set[int]], meeting: Counter[int], with_distances: bool
+    sight: LevelledSet, reach: dict[int, set[int]], meeting: Counter[int], with_distances: bool
 ) -> int:
     """Bearings that meet at the end with fewer of them; one that nothing else meets does not make a network."""
     ends = [sight.position, int(sight.points[0])]
@@ -401,7 +405,9 @@ def _measured_from(measured: Terrestrial) -> dict[int, set[int]]:
     return reach
 
 
-def _promise(measured: Terrestrial, sight: Sight, reach: dict[int, set[int]], with_distances: bool) -> int:
+def _promise(
+    measured: Terrestrial, sight: LevelledSet, reach: dict[int, set[int]], with_distances: bool
+) -> int:
     """Sighted points, where the set can begin a part: with distances two of them, without another station."""
     sighted = sight.points[np.isfinite(sight.directions)]
     if len(sighted) < 2:
@@ -412,7 +418,7 @@ def _promise(measured: Terrestrial, sight: Sight, reach: dict[int, set[int]], wi
     return len(sighted) if _other_station(measured, sight) is not None else 0
 
 
-def _other_station(measured: Terrestrial, sight: Sight) -> tuple[int, float] | None:
+def _other_station(measured: Terrestrial, sight: LevelledSet) -> tuple[int, float] | None:
     """The first sighted point that is itself a station, and its direction."""
     stations = {other.position for other in measured.sights}
     for point, direction in zip(sight.points.tolist(), sight.directions, strict=True):
@@ -421,7 +427,7 @@ def _other_station(measured: Terrestrial, sight: Sight) -> tuple[int, float] | N
     return None
 
 
-def _base(measured: Terrestrial, sight: Sight) -> tuple[int, float]:
+def _base(measured: Terrestrial, sight: LevelledSet) -> tuple[int, float]:
     """The point at the other end of the base, and the direction to it."""
     if sight.oriented:
         return int(sight.points[0]), float(sight.directions[0])
@@ -452,7 +458,7 @@ SIGMA = 1e-5
 
 def seed_plan(
     measured: Terrestrial, unknown: set[int], points: int, tried: set[int]
-) -> tuple[Part | None, Rule | None]:
+) -> tuple[Part | None, Phrase | None]:
     """A part of the three sets that share most points, or why there is none; ``tried`` remembers sets."""
     sets = _largest_sets(measured, unknown, tried)
     chosen = _best_three(measured, sets)
@@ -497,24 +503,24 @@ def _best_three(measured: Terrestrial, sets: list[int]) -> tuple[int, ...] | Non
     return best if best and len(set.intersection(*(seen[n] for n in best))) >= FEWEST else None
 
 
-def _seen(sight: Sight) -> IntArray:
+def _seen(sight: LevelledSet) -> IntArray:
     return sight.points[np.isfinite(sight.directions)]
 
 
-def _common(sights: list[Sight]) -> IntArray:
+def _common(sights: list[LevelledSet]) -> IntArray:
     """Points that all of them see, ``SAMPLE`` at the most."""
     common = reduce(np.intersect1d, [_seen(sight) for sight in sights])
     return np.asarray(common[np.linspace(0, len(common) - 1, min(len(common), SAMPLE)).astype(int)])
 
 
-def _directions(sight: Sight, points: IntArray) -> FloatArray:
+def _directions(sight: LevelledSet, points: IntArray) -> FloatArray:
     """Directions of a set to points that it sees, the first one where it sees them several times."""
     seen = np.flatnonzero(np.isfinite(sight.directions))
     first = {int(sight.points[row]): row for row in seen[::-1].tolist()}
     return sight.directions[[first[p] for p in points.tolist()]]
 
 
-def _misfit(shape: PlanShape, points: IntArray, others: list[Sight]) -> float:
+def _misfit(shape: PlanShape, points: IntArray, others: list[LevelledSet]) -> float:
     """Radians by which rays pass by, of the worst of the three stations and of others that see the points, too."""
     worst = shape.misfit
     for sight in others:
@@ -533,7 +539,7 @@ def _misfit(shape: PlanShape, points: IntArray, others: list[Sight]) -> float:
 
 
 def _seed_plan_part(
-    chosen: tuple[int, ...], sights: list[Sight], common: IntArray, shape: PlanShape, points: int
+    chosen: tuple[int, ...], sights: list[LevelledSet], common: IntArray, shape: PlanShape, points: int
 ) -> Part:
     part = empty_part(points)
     part.levelled = True

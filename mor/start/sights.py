@@ -349,7 +349,7 @@ UPRIGHT = 1.0 - 1e-5
 """Cosine of the tilt up to which an instrument counts as levelled (0.3 gon)."""
 
 
-class Sight(NamedTuple):
+class LevelledSet(NamedTuple):
     """A levelled set at one position: directions r = t + κ clockwise, vertical directions; NaN where there is none."""
 
     name: str
@@ -365,7 +365,7 @@ class Sight(NamedTuple):
     verticals: FloatArray
 
 
-class Lengths(NamedTuple):
+class PositionDifferences(NamedTuple):
     """Measured lengths, height differences or vectors between positions, with the heights of instrument and target."""
 
     start: IntArray
@@ -383,12 +383,12 @@ class Lengths(NamedTuple):
 class Terrestrial(NamedTuple):
     """Everything terrestrial that start values can be taken from."""
 
-    sights: tuple[Sight, ...]
-    slopes: Lengths
-    horizontals: Lengths
-    height_differences: Lengths
-    vectors: Lengths
-    verticals: Lengths
+    sights: tuple[LevelledSet, ...]
+    slopes: PositionDifferences
+    horizontals: PositionDifferences
+    height_differences: PositionDifferences
+    vectors: PositionDifferences
+    verticals: PositionDifferences
     """Vertical directions between two positions, reduced to face one."""
 
 
@@ -410,12 +410,12 @@ def terrestrial(network: Network) -> Terrestrial:
     )
 
 
-def _sets(network: Network) -> list[Sight]:
+def _sets(network: Network) -> list[LevelledSet]:
     """Sets that stand upright; a tilted one is a frame like an image, no more."""
     up = frame_verticals(network)
     heights = network.start["height"][:, 0]
     return [
-        Sight(
+        LevelledSet(
             one.name,
             one.position,
             one.rotation,
@@ -431,7 +431,7 @@ def _sets(network: Network) -> list[Sight]:
     ]
 
 
-def _angles(group: ObservationGroup) -> list[Sight]:
+def _angles(group: ObservationGroup) -> list[LevelledSet]:
     """Angles at one point, those with common legs joined to one set."""
     at, back, fore = group.blocks
     sights = []
@@ -453,7 +453,7 @@ def _angles(group: ObservationGroup) -> list[Sight]:
             points = np.array(list(legs), dtype=np.int64)
             none = np.full(len(points), np.nan)
             sights.append(
-                Sight(
+                LevelledSet(
                     "angles",
                     int(station),
                     -1,
@@ -468,21 +468,23 @@ def _angles(group: ObservationGroup) -> list[Sight]:
     return sights
 
 
-def _bearings(group: ObservationGroup) -> list[Sight]:
+def _bearings(group: ObservationGroup) -> list[LevelledSet]:
     start, start_height, end, end_height = group.blocks
     del start_height, end_height
     return [
-        Sight("bearing", int(a), -1, True, 0.0, np.array([b]), np.zeros(1), np.array([t]), np.full(1, np.nan))
+        LevelledSet(
+            "bearing", int(a), -1, True, 0.0, np.array([b]), np.zeros(1), np.array([t]), np.full(1, np.nan)
+        )
         for a, b, t in zip(start, end, group.observed[:, 0], strict=True)
     ]
 
 
-def _lengths(network: Network, key: str) -> Lengths:
+def _lengths(network: Network, key: str) -> PositionDifferences:
     groups = [group for group in network.groups if group.type.key == key]
     return _collected(network, groups, [group.observed for group in groups])
 
 
-def _verticals(network: Network) -> Lengths:
+def _verticals(network: Network) -> PositionDifferences:
     groups, values = [], []
     for group in network.groups:
         if group.type.key == "zenith_angle":
@@ -497,11 +499,13 @@ def _verticals(network: Network) -> Lengths:
     return _collected(network, groups, values)
 
 
-def _collected(network: Network, groups: list[ObservationGroup], values: list[FloatArray]) -> Lengths:
+def _collected(
+    network: Network, groups: list[ObservationGroup], values: list[FloatArray]
+) -> PositionDifferences:
     none = np.zeros(0, dtype=np.int64)
     heights = network.start["height"][:, 0]
     width = values[0].shape[1] if values else 1
-    return Lengths(
+    return PositionDifferences(
         np.concatenate([none, *(group.blocks[0] for group in groups)]),
         np.concatenate([none, *(group.blocks[2] for group in groups)]),
         np.concatenate([np.zeros(0), *(heights[group.blocks[1]] for group in groups)]),
@@ -549,7 +553,7 @@ class HorizontalSet(NamedTuple):
     directions: FloatArray
 
 
-class Angles(NamedTuple):
+class VerticalAngles(NamedTuple):
     """Vertical angles above the horizon (n,) from points (n, 3) to points (n, 3)."""
 
     start: FloatArray
@@ -572,7 +576,7 @@ class Vertical(NamedTuple):
     """False where another vertical fits alike."""
 
 
-def vertical_of_directions(sets: list[HorizontalSet], angles: Angles) -> Vertical | None:
+def vertical_of_directions(sets: list[HorizontalSet], angles: VerticalAngles) -> Vertical | None:
     """The vertical that most directions agree with; ``None`` where fewer are left than it takes."""
     sets = [one for one in sets if len(one.points) > _taken(one)]
     equations = sum(len(one.points) - _taken(one) for one in sets) + len(angles.values)
@@ -594,7 +598,7 @@ def _taken(one: HorizontalSet) -> int:
 
 
 def _judged(
-    objectives: FloatArray, ups: FloatArray, sets: list[HorizontalSet], angles: Angles
+    objectives: FloatArray, ups: FloatArray, sets: list[HorizontalSet], angles: VerticalAngles
 ) -> Vertical | None:
     """The first of verticals (k, 3), with objectives (k,) in ascending order."""
     up = ups[0]
@@ -610,7 +614,9 @@ def _judged(
     return Vertical(up, agreeing, redundancy, sigma, alone) if redundancy >= 0 else None
 
 
-def _refined(ups: FloatArray, sets: list[HorizontalSet], angles: Angles) -> tuple[FloatArray, FloatArray]:
+def _refined(
+    ups: FloatArray, sets: list[HorizontalSet], angles: VerticalAngles
+) -> tuple[FloatArray, FloatArray]:
     """Objectives (k,) and verticals (k, 3) at the minima near verticals; residuals that are large count less."""
     residuals = _residuals(ups, sets, angles)
     for step in range(_STEPS):
@@ -627,7 +633,7 @@ def _refined(ups: FloatArray, sets: list[HorizontalSet], angles: Angles) -> tupl
 
 
 def _derivatives(
-    ups: FloatArray, sets: list[HorizontalSet], angles: Angles, residuals: FloatArray
+    ups: FloatArray, sets: list[HorizontalSet], angles: VerticalAngles, residuals: FloatArray
 ) -> FloatArray:
     """(k, n, 2) of the residuals (k, n) by the two tilts of verticals (k, 3)."""
     there = np.concatenate([_tilted(ups, np.tile(step, (len(ups), 1))) for step in _DIFFERENCE * np.eye(2)])
@@ -656,7 +662,7 @@ def _objectives(residuals: FloatArray, width: float) -> FloatArray:
     return np.asarray(np.log1p(np.square(residuals / width)).sum(axis=1))
 
 
-def _residuals(ups: FloatArray, sets: list[HorizontalSet], angles: Angles) -> FloatArray:
+def _residuals(ups: FloatArray, sets: list[HorizontalSet], angles: VerticalAngles) -> FloatArray:
     """(k, n) angular residuals of all sets and vertical angles for verticals (k, 3)."""
     axes = _plan_axes(ups)
     found = [np.zeros((len(ups), 0))]

@@ -11,7 +11,7 @@ import numpy as np
 from mor.model import rotations as tolerant
 from mor.model.rotations import cross_matrix, rotate
 from mor.start.bundle import Bundle, reproject, tangent_axes
-from mor.start.image_pair import AS_GOOD, Judged, RobustOrientation, candidate, linear_system, result
+from mor.start.image_pair import AS_GOOD, PairAssessment, RobustOrientation, candidate, linear_system, result
 from mor.start.intersection import IntersectionOutcome, intersect
 from mor.start.relative_orientation import (
     RelativeOrientation,
@@ -111,7 +111,7 @@ class Chain(NamedTuple):
     """The image whose distance from the first one is the unit of length."""
 
 
-class Model(NamedTuple):
+class StereoModel(NamedTuple):
     """The adjusted model."""
 
     positions: FloatArray
@@ -187,7 +187,7 @@ def _ranges(pair: RelativeOrientation, a: Bundle, b: Bundle) -> tuple[FloatArray
     return np.asarray(from_a), np.asarray(from_b)
 
 
-def adjust_model(bundles: Sequence[Bundle], seen: BoolArray, start: Chain) -> Model:
+def adjust_model(bundles: Sequence[Bundle], seen: BoolArray, start: Chain) -> StereoModel:
     """Bundle adjustment of the chain ``start`` and of every point that its rays, ``seen`` (m, n), determine."""
     points, reasons = _intersected(bundles, seen, start)
     used = seen & np.isfinite(points[:, 0])
@@ -300,7 +300,7 @@ def _model(
     normals: _Normals,
     used: BoolArray,
     reasons: tuple[IntersectionOutcome, ...],
-) -> Model:
+) -> StereoModel:
     scale = 1.0 / np.sqrt(np.maximum(np.diag(normals.frames), 1e-300))
     unknowns = tolerant.inv(normals.frames * np.outer(scale, scale)) * np.outer(scale, scale)
     basis = _basis(adjusted.positions, adjusted.unit)
@@ -311,7 +311,7 @@ def _model(
     redundancy = 2 * int(np.sum(used)) - 3 * len(index) - len(scale)
     sigma0 = float(np.sqrt(normals.objective / redundancy)) if redundancy > 0 else float("nan")
     positions, rotations = adjusted.positions, adjusted.rotations
-    return Model(positions, rotations, points, blocks, covariance, reasons, sigma0, redundancy)
+    return StereoModel(positions, rotations, points, blocks, covariance, reasons, sigma0, redundancy)
 
 
 # ------------------------------------------------------------
@@ -332,7 +332,7 @@ class Joined(NamedTuple):
 
     pairs: list[RobustOrientation]
     chain: Chain | None
-    model: Model | None
+    model: StereoModel | None
     """Nothing where no scale passes from one pair to the next."""
     rivals: int
     """Other combinations of orientations that fit as well."""
@@ -356,7 +356,7 @@ def joined(pairs: Sequence[RobustOrientation], images: Sequence[Bundle], used: B
     return min(same, key=lambda one: _away(one.chain, model))._replace(rivals=len(rivals))
 
 
-def _away(one: Chain | Model | None, model: Model) -> float:
+def _away(one: Chain | StereoModel | None, model: StereoModel) -> float:
     """Largest difference of a position or an attitude."""
     if one is None:
         return np.inf
@@ -380,7 +380,7 @@ def _orientations(pair: RobustOrientation, a: Bundle, b: Bundle) -> list[RobustO
     of_plane = [(one.base, one.rotation) for one in found.plane_orientations]
     for k, one in enumerate(found.alternatives):
         adjusted = adjust_coplanarity(a, b, one.base, one.rotation, iterations=1)
-        other = result(a, b, Judged(found.geometry, found.singular_values, [adjusted], of_plane))
+        other = result(a, b, PairAssessment(found.geometry, found.singular_values, [adjusted], of_plane))
         rest = found.alternatives[:k] + found.alternatives[k + 1 :]
         others = (candidate(a, b, found.base, found.rotation), *rest)
         residuals = pair.residuals.copy()

@@ -9,7 +9,7 @@ from mor.solve.iterate import (
     ACCURACY,
     Iteration,
     Outcome,
-    Settings,
+    SolverSettings,
     adjust,
     left_after,
     round_off,
@@ -104,7 +104,7 @@ def test_a_solution_is_a_solution_at_once(make):
     free = points if make is not mixed_network else None
     problem = scene.problem(np.random.default_rng(1), free)
     first = adjust(problem, scene.start(1e-3))
-    again = adjust(problem, first.values, Settings(max_iterations=3))
+    again = adjust(problem, first.values, SolverSettings(max_iterations=3))
     assert again.outcome is Outcome.CONVERGED
     assert len(again.iterations) <= 2
     np.testing.assert_allclose(again.values["point"], first.values["point"], atol=1e-10)

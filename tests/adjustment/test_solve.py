@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from mor.model.parameters import move
-from mor.solve.iterate import Outcome, Settings, adjust
+from mor.solve.iterate import Outcome, SolverSettings, adjust
 from tests.dense_reference import dense_system
 from tests.scenarios.scenes import (
     OBJECT_POINTS,
@@ -99,7 +99,7 @@ def test_what_the_watcher_sees_is_what_is_kept():
 def test_too_few_iterations_are_said_to_be_too_few():
     scene, points = photo_block()
     problem = scene.problem(None, points)
-    adjustment = adjust(problem, scene.start(1e-2), Settings(max_iterations=1))
+    adjustment = adjust(problem, scene.start(1e-2), SolverSettings(max_iterations=1))
     assert adjustment.outcome is Outcome.NOT_CONVERGED
     assert len(adjustment.iterations) == 1
 

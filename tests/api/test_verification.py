@@ -11,10 +11,10 @@ import pytest
 
 import mor
 from mor.api import verification
-from mor.api.verification import About, Task, carried_out, reference_data, tasks
+from mor.api.verification import About, VerificationTask, carried_out, reference_data, tasks
 from mor.cli import run
 from mor.report.language import words_of_planning
-from mor.report.verification import Check
+from mor.report.verification import ReferenceCheck
 
 REGRESSIONS = json.loads((reference_data() / "nist" / "regression.json").read_text(encoding="utf-8"))
 GERMAN = words_of_planning("de").catalogue
@@ -105,16 +105,16 @@ def test_a_check_that_raises_has_failed():
     def fails(about):
         raise ValueError("no solution")
 
-    (check,) = carried_out(Task(About("closed forms", "x", "y"), fails))
+    (check,) = carried_out(VerificationTask(About("closed forms", "x", "y"), fails))
     assert not check.passed
     assert check.place == "ValueError: no solution"
 
 
 def _few(monkeypatch, difference):
-    check = Check(
+    check = ReferenceCheck(
         "closed forms", "levelling loop", "residuals", "<book>", "P1", 3, 1.0, 1.0 + difference, 0.1
     )
-    task = Task(About("closed forms", "levelling loop", "<book>"), lambda about: [check])
+    task = VerificationTask(About("closed forms", "levelling loop", "<book>"), lambda about: [check])
     monkeypatch.setattr(verification, "tasks", lambda: [task])
     assert [one.passed for one in mor.verify()] == [difference < 0.1]
 

@@ -8,13 +8,13 @@ import pytest
 import mor
 from mor.errors import NoStartValuesError
 from mor.model.rotations import rotation_from_angles
-from mor.start.along_trajectories import Sights, attitude_of, level_flight, positions_of
+from mor.start.along_trajectories import TimedRays, attitude_of, level_flight, positions_of
 from tools.flight_start_trials import flown, said
 
 
 def straight(
     turns: tuple[float, float, float], relief: float, climb: float = 0.0
-) -> tuple[Sights, np.ndarray, np.ndarray]:
+) -> tuple[TimedRays, np.ndarray, np.ndarray]:
     """Nine points seen along a straight flight, its positions at the sights, and its rotation."""
     random = np.random.default_rng(3)
     time = np.linspace(100.0, 116.0, 9)
@@ -24,7 +24,7 @@ def straight(
     star = np.stack([random.uniform(-400, 400, 9), random.uniform(-300, 300, 9), np.full(9, -1000.0)], axis=1)
     star *= 1.0 + relief * random.uniform(-1.0, 1.0, 9)[:, None]
     points = positions + star @ D
-    return Sights(time, star / np.linalg.norm(star, axis=1, keepdims=True), points), positions, D
+    return TimedRays(time, star / np.linalg.norm(star, axis=1, keepdims=True), points), positions, D
 
 
 def test_positions_follow_from_attitudes_and_attitudes_from_positions() -> None:
@@ -48,10 +48,10 @@ def test_a_level_flight_is_exact_and_a_tilted_one_is_near() -> None:
 
 def test_what_leaves_a_flight_open_starts_nothing() -> None:
     sights, positions, D = straight((0.0, 0.0, 2.5), 0.1)
-    two = Sights(*(part[:2] for part in sights))
+    two = TimedRays(*(part[:2] for part in sights))
     assert level_flight(two) is None
     assert positions_of(two, np.broadcast_to(D, (2, 3, 3))) is None
-    assert attitude_of(Sights(*(part[:1] for part in sights)), positions[:1]) is None
+    assert attitude_of(TimedRays(*(part[:1] for part in sights)), positions[:1]) is None
     assert level_flight(sights._replace(ray=-sights.ray)) is None  # upwards
     wrong = sights._replace(point=sights.point[::-1])
     assert level_flight(wrong) is None

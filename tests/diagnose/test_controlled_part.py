@@ -13,8 +13,8 @@ import pytest
 from mor.api import pipeline
 from mor.api.pipeline import make_problem
 from mor.diagnose.control import control_hypotheses, control_tables, sigma_hypotheses
-from mor.diagnose.hypothesis import Fit, Hypothesis, Situation, controlled_part, with_group
-from mor.diagnose.search import Tried, _beginnings, _in_order, promises
+from mor.diagnose.hypothesis import Hypothesis, NetworkFit, Situation, controlled_part, with_group
+from mor.diagnose.search import SolvedHypothesis, _beginnings, _in_order, promises
 from mor.project.network import Network
 from mor.quality.solution import Solved
 from mor.solve.iterate import adjust
@@ -117,14 +117,14 @@ def test_of_explanations_that_are_alike_the_start_values_choose() -> None:
     def hypothesis(cause: str) -> Hypothesis:
         return Hypothesis(cause, (), lambda network: network, "")
 
-    fits = [Fit({}, 1.0, 1, length, 1.0) for length in (10.0, 12.0, 40.0)]
+    fits = [NetworkFit({}, 1.0, 1, length, 1.0) for length in (10.0, 12.0, 40.0)]
     tried = [
-        Tried(hypothesis("sigma unit"), fits[0], 0.0),
-        Tried(hypothesis("control unit"), fits[1], 600.0),
-        Tried(hypothesis("axes exchanged"), fits[2], 900.0),
+        SolvedHypothesis(hypothesis("sigma unit"), fits[0], 0.0),
+        SolvedHypothesis(hypothesis("control unit"), fits[1], 600.0),
+        SolvedHypothesis(hypothesis("axes exchanged"), fits[2], 900.0),
     ]
     situation = partial(Situation, make=make_problem, begin=lambda changed: None)
     empty = situation(None, {}, {}, None)  # type: ignore[arg-type]
-    empty.__dict__["fit"] = Fit({}, 1e3, 1, 1000.0, 1.0)
+    empty.__dict__["fit"] = NetworkFit({}, 1e3, 1, 1000.0, 1.0)
     order = [one.hypothesis.cause for one in _in_order(empty, tried)]
     assert order == ["control unit", "sigma unit", "axes exchanged"]

@@ -23,7 +23,7 @@ from mor.diagnose.hypothesis import (
 )
 from mor.project.document import Document
 from mor.project.network import Network
-from mor.quality.solution import Amount
+from mor.quality.solution import AddedParameter
 from tests.scenarios.planted_mistakes.survey import SAMPLES
 from tests.scenarios.small_projects import write
 
@@ -48,7 +48,7 @@ def _read(path: Path) -> tuple[Document, Network]:
     return document, pipeline.read_network(document, path.parent)
 
 
-def _applied(path: Path, edits: tuple[Edit, ...], amount: Amount | None = None) -> str:
+def _applied(path: Path, edits: tuple[Edit, ...], amount: AddedParameter | None = None) -> str:
     """Apply the diff with ``patch``, and return it."""
     document, _ = _read(path)
     diff = as_diff(document, path.parent, edits, amount)
@@ -94,7 +94,7 @@ def test_a_row_in_the_project_file_and_a_row_by_its_name(tmp_path: Path) -> None
     path = write(tmp_path, INLINE)
     _, network = _read(path)
     height = CellEdit(("points",), "z", with_amount(lambda _old, new: new), cells={"id": "C"})
-    _applied(path, (*cells(network, 0, [1], "from", to("A")), height), Amount("height", 7.25))
+    _applied(path, (*cells(network, 0, [1], "from", to("A")), height), AddedParameter("height", 7.25))
     text = path.read_text()
     assert "[A, C, 94.472]  # first\n      - [A, C, 94.472]" in text
     assert "[C, 50, 80, 7.2500]" in text

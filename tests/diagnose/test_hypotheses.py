@@ -23,7 +23,7 @@ from mor.quality.outliers import (
     slots_of_ends,
 )
 from mor.quality.solution import Solved
-from mor.solve.iterate import Settings, adjust
+from mor.solve.iterate import SolverSettings, adjust
 from tests.scenarios.planted_mistakes.survey import survey
 from tests.scenarios.planted_mistakes.trial import trial
 from tests.scenarios.small_projects import LEVELLING, write
@@ -84,11 +84,11 @@ def test_the_reduction_by_a_height_is_that_of_an_adjustment_with_it(tmp_path: Pa
     sights = [one for one in height_sights(network) if one.things[0] in ("P4", "NE1")]
     begin = lambda changed: changed.start  # noqa: E731
     situation = Situation(network, plain.start, plain.values, plain, make_problem, begin)
-    promised = _reductions(adjust(plain.problem, plain.values, Settings(0)), sights)
+    promised = _reductions(adjust(plain.problem, plain.values, SolverSettings(0)), sights)
     off = np.random.default_rng(1).normal(0.0, 1e-3, plain.values["point"].shape)
     free = plain.problem.index.blocks["point"].free
     beside = {**plain.values, "point": plain.values["point"] + np.where(free, off, 0.0)}
-    not_there = adjust(plain.problem, beside, Settings(0))
+    not_there = adjust(plain.problem, beside, SolverSettings(0))
     np.testing.assert_allclose(_reductions(not_there, sights), promised, rtol=0, atol=0.02)
     for one, reduction in zip(sights, promised, strict=True):
         changed = _hypothesis(situation, one, 1).change(network)

@@ -13,7 +13,7 @@ from pydantic import BaseModel
 
 from mor.project.document import read_yaml
 from mor.project.observations import TYPE_NAMES
-from mor.project.schema import Project
+from mor.project.schema import ProjectFile
 from tests.scenarios.small_projects import mor
 
 ROOT = Path(__file__).parents[2]
@@ -85,7 +85,7 @@ def test_every_observation_type_has_an_example() -> None:
 
 def test_there_are_examples_of_most_sections() -> None:
     shown = {key for example in EXAMPLES for key in read_yaml(example, "example").data}
-    assert set(Project.model_fields) - shown <= {"units", "pairs", "line_times"}
+    assert set(ProjectFile.model_fields) - shown <= {"units", "pairs", "line_times"}
 
 
 def models(annotation: Any) -> set[type[BaseModel]]:
@@ -99,7 +99,7 @@ def models(annotation: Any) -> set[type[BaseModel]]:
 def keys() -> list[tuple[str, str]]:
     return sorted(
         (model.__name__, field.alias or key)
-        for model in models(Project)
+        for model in models(ProjectFile)
         for key, field in model.model_fields.items()
     )
 

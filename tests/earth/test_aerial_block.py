@@ -17,7 +17,7 @@ from mor.api.pipeline import read_document, read_network
 from mor.model.earth import Ellipsoid, Horizon, east_north_up
 from mor.model.observation_types import projected_position
 from mor.model.rotations import angles_from_rotation, nearest_rotation, rotation_from_angles
-from mor.project.reference_system import World, reference_system
+from mor.project.reference_system import EarthModel, reference_system
 from tests.scenarios.small_projects import mor, table, write
 from tests.selection import slow_after
 
@@ -47,7 +47,7 @@ def test_the_projection_is_linearised_where_it_was_observed() -> None:
     """Half a metre away, 200 km from the central meridian: scale and convergence are those of PROJ."""
     system = reference_system("EPSG:25832")
     horizon = Horizon(Ellipsoid(6378137.0, 1 / 298.257222101), np.radians(49.0), np.radians(11.5))
-    world = World(system, horizon, 1.0, orthometric=True)
+    world = EarthModel(system, horizon, 1.0, orthometric=True)
     given = np.array([[700000.0, 5435000.0, 380.0]])
     place = world.to_object(given, np.array([GEOID]))
     constants = np.concatenate([place, world.grid(place).reshape(-1, 4), given], axis=1)

@@ -18,7 +18,7 @@ from mor.model.observation_types import IMAGE_TYPES, PLAIN_TYPES, wrap
 from mor.model.parameters import KINDS
 from mor.model.rotations import rotate, rotation_from_angles
 from mor.quality.assessment import assess, standard_deviations
-from mor.solve.iterate import Settings, adjust
+from mor.solve.iterate import SolverSettings, adjust
 from tests.scenarios.small_projects import mor as command
 from tests.scenarios.small_projects import write
 from tests.scenarios.sphere_scenes import RADIUS, Place, network, sight
@@ -96,7 +96,7 @@ def errors(seed: int, free: bool, curved: bool = True) -> tuple[float, float, fl
     if not curved:
         project.pop("curvature")
     built, start = determinable_start(mor.read(project).network)
-    solved = adjust(make_problem(built, start, start), start, Settings(50))
+    solved = adjust(make_problem(built, start, start), start, SolverSettings(50))
     assert solved.outcome.is_solution
     quality = assess(solved, levels(built.project.settings), False)
     name = list(where)[-1]

@@ -13,13 +13,13 @@ from mor.model.observation_types import control, earth_types, projected_attitude
 from mor.model.parameters import KINDS
 from mor.model.rotations import rotate, rotation_from_angles
 from mor.project.earth import plane_of
-from mor.project.reference_system import World, reference_system
+from mor.project.reference_system import EarthModel, reference_system
 from tests.scenarios.small_projects import write
 
 GRS80 = Ellipsoid(6378137.0, 1.0 / 298.257222101)
 HORIZON = Horizon(GRS80, np.radians(47.3), np.radians(11.4))
 SYSTEM = reference_system("EPSG:25832")
-WORLD = World(SYSTEM, HORIZON, 1.0, orthometric=False, extent=np.array([[-3e4, -3e4], [3e4, 3e4]]))
+WORLD = EarthModel(SYSTEM, HORIZON, 1.0, orthometric=False, extent=np.array([[-3e4, -3e4], [3e4, 3e4]]))
 PLANE = plane_of(SYSTEM, WORLD)
 OTHERS = (control(HORIZON), projected_attitude(HORIZON), projected_bearing(HORIZON, PLANE))
 TYPES = {**earth_types(HORIZON), **{type_.key: type_ for type_ in OTHERS}}
@@ -199,7 +199,7 @@ def test_bearings_in_the_plane_are_those_of_proj(crs, extent):
     system = reference_system(crs)
     ellipsoid = system.ellipsoid
     horizon = Horizon(ellipsoid, HORIZON.latitude, HORIZON.longitude)
-    world = World(
+    world = EarthModel(
         system, horizon, 1.0, orthometric=False, extent=np.array([[-extent, -extent], [extent, extent]])
     )
     random = np.random.default_rng(9)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mor.model.contract import with_sigma_model
-from mor.model.observation_types import SetUp
+from mor.model.observation_types import SetUpSigmas
 from tests.scenarios.scenes import Scene
 
 
@@ -30,16 +30,18 @@ def test_the_part_that_grows_with_the_distance_is_added_in_squares():
 
 
 def test_centring_along_a_distance():
-    assert sigma_of("distance", 1e-3, centring=SetUp(2e-3, 2e-3)) == pytest.approx(3e-3, rel=1e-12)
+    assert sigma_of("distance", 1e-3, centring=SetUpSigmas(2e-3, 2e-3)) == pytest.approx(3e-3, rel=1e-12)
 
 
 def test_centring_across_a_sight_acts_with_the_distance():
-    found = sigma_of("bearing", 1e-6, centring=SetUp(3e-3, 4e-3))
+    found = sigma_of("bearing", 1e-6, centring=SetUpSigmas(3e-3, 4e-3))
     assert found == pytest.approx(np.hypot(1e-6, 5e-3 / 500.0), rel=1e-12)
 
 
 def test_centring_does_not_touch_height_differences():
-    assert sigma_of("height_difference", 1e-3, centring=SetUp(5e-3, 5e-3)) == pytest.approx(1e-3, rel=1e-12)
+    assert sigma_of("height_difference", 1e-3, centring=SetUpSigmas(5e-3, 5e-3)) == pytest.approx(
+        1e-3, rel=1e-12
+    )
 
 
 def test_centring_of_an_angle_by_its_closed_form():
@@ -48,14 +50,14 @@ def test_centring_of_an_angle_by_its_closed_form():
     for name, place in (("A", [0.0, 0.0, 0.0]), ("B", [40.0, 30.0, 2.0]), ("C", [-60.0, 80.0, -1.0])):
         scene.add("point", name, place)
     scene.observe("angle", "A", "B", "C", sigma=1e-9)
-    group = replace(scene.problem().groups[0], centring=SetUp(2e-3, 3e-3))
+    group = replace(scene.problem().groups[0], centring=SetUpSigmas(2e-3, 3e-3))
     a, b, c = 50.0, 100.0, np.hypot(100.0, 50.0)
     expected = np.sqrt(3e-3**2 * (1 / a**2 + 1 / b**2) + 2e-3**2 * c**2 / (a * b) ** 2)
     assert with_sigma_model(group, scene.values()).sigma[0, 0] == pytest.approx(expected, rel=1e-9)
 
 
 def test_errors_of_height_act_on_zenith_angles_and_height_differences():
-    upright = SetUp(instrument_height=3e-3, target_height=4e-3)
+    upright = SetUpSigmas(instrument_height=3e-3, target_height=4e-3)
     assert sigma_of("height_difference", 1e-3, centring=upright) == pytest.approx(
         np.hypot(1e-3, 5e-3), rel=1e-12
     )

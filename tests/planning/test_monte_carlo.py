@@ -11,7 +11,7 @@ from functools import partial
 import numpy as np
 import pytest
 
-from mor.api.simulation import CHUNK, Trial, by_processes, chunk_of, prepared, run_trial
+from mor.api.simulation import CHUNK, SimulationTask, by_processes, chunk_of, prepared, run_trial
 from mor.cli import run
 from mor.errors import InputError
 from mor.plan.simulation import Finding, coverage_intervals, errors, findings, interval_noise, one_run
@@ -22,7 +22,7 @@ from tests.scenarios.batch_scenes import PLAN
 def trial(tmp_path):
     path = tmp_path / "project.yaml"
     path.write_text(PLAN, encoding="utf-8")
-    return Trial(path, "", 1)
+    return SimulationTask(path, "", 1)
 
 
 def _told(count):
@@ -77,10 +77,10 @@ def _with_sigma_of(problem, other):
 def test_errors_have_the_covariances_of_the_project(trial):
     ready = prepared(trial)
     problem = ready.truth.problem
-    from mor.solve.problem import Cluster
+    from mor.solve.problem import CorrelatedObservations
 
     covariance = 4e-6 * (0.5 * np.eye(10) + 0.5)
-    problem = replace(problem, clusters=(Cluster(np.arange(10), covariance),))
+    problem = replace(problem, clusters=(CorrelatedObservations(np.arange(10), covariance),))
     generator = np.random.default_rng(5)
     drawn = np.array([errors(problem, generator)[0].ravel() for _ in range(4000)])
     assert np.allclose(np.cov(drawn.T), covariance, atol=4e-7)

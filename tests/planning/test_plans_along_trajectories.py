@@ -18,7 +18,7 @@ from mor.project.network import Network
 from mor.quality.assessment import assess
 from mor.quality.solution import Solved, with_poses
 from mor.report.output_folder import reserve
-from mor.solve.iterate import Settings, adjust
+from mor.solve.iterate import SolverSettings, adjust
 from sample_projects.expected import ROOT
 from tests.scenarios.small_projects import mor, write
 
@@ -44,7 +44,7 @@ def _placed(folder: Path) -> Network:
 def _adjusted(folder: Path) -> Solved:
     """The adjustment and its quality, without the search for the causes of residuals that are too small."""
     network, start = determinable_start(read_network(read_document(folder / "project.yaml"), folder))
-    adjustment = adjust(make_problem(network, start, start), start, Settings(50))
+    adjustment = adjust(make_problem(network, start, start), start, SolverSettings(50))
     return with_poses(
         Solved(network, adjustment, assess(adjustment, levels(network.project.settings), aposteriori=False))
     )

@@ -16,7 +16,7 @@ from mor.model.observation_types import MOVING_TYPES
 from mor.model.rotations import exponential, rotation_from_angles
 from mor.plan.simulation import Wishes
 from mor.project.entities import Trajectory
-from mor.solve.iterate import Settings, adjust
+from mor.solve.iterate import SolverSettings, adjust
 from tests.mistakes import mistakes
 from tests.scenarios.shutter_flights import READOUT, Files, Moment, moments, simulated
 from tests.scenarios.small_projects import Run, mor
@@ -57,7 +57,7 @@ def test_points_are_where_an_independent_simulation_sees_them(tmp_path: Path, cu
     given = simulated(0, cubic, "{free: 30 ms}", strips=1)
     project = written(tmp_path / "p", given)
     network, start = determinable_start(read_network(read_document(project), project.parent))
-    found = adjust(make_problem(network, start, start), start, Settings(30))
+    found = adjust(make_problem(network, start, start), start, SolverSettings(30))
     assert found.values["readout"][0, 0] == pytest.approx(READOUT, abs=1e-10)
     places = found.values["point"][network.things["point"].parts["position"]]
     true = np.stack([given.points[name] for name in network.things["point"].ids])

@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
-from mor.report.view import Rays, covered, distortion, intersection_angles, radial_curve, window
+from mor.report.view import RayPairs, covered, distortion, intersection_angles, radial_curve, window
 
 
 def test_angle_is_that_of_the_two_rays_nearest_to_a_right_angle() -> None:
     start = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [5.0, 0.0, 0.0], [5.0, 30.0, 0.0]])
     end = np.array([[5.0, 5.0, 0.0], [5.0, 50.0, 0.0], [0.0, 1.0, 0.0]])
-    rays = Rays(np.array([0, 2, 3, 0, 1, 2, 0]), np.array([0, 1, 1, 1, 1, 0, 2]))
+    rays = RayPairs(np.array([0, 2, 3, 0, 1, 2, 0]), np.array([0, 1, 1, 1, 1, 0, 2]))
     angles = intersection_angles(rays, start, end)
     assert angles[0] == pytest.approx(np.pi / 4.0)
     assert angles[1] == pytest.approx(2.0 * np.arctan2(5.0, 50.0))
@@ -21,7 +21,7 @@ def test_angle_is_that_of_the_two_rays_nearest_to_a_right_angle() -> None:
 
 
 def test_opposite_rays_do_not_intersect() -> None:
-    rays = Rays(np.array([0, 1]), np.array([0, 0]))
+    rays = RayPairs(np.array([0, 1]), np.array([0, 0]))
     angle = intersection_angles(rays, np.array([[0.0, 0, 0], [2.0, 0, 0]]), np.array([[1.0, 0.0, 0.0]]))
     assert angle[0] == pytest.approx(0.0, abs=1e-7)
 

@@ -18,7 +18,7 @@ from mor.report import observations as assessed_rows
 from mor.report import results as results_json
 from mor.report import results as write_module
 from mor.report.estimates import point_table
-from mor.report.identity import Identity
+from mor.report.identity import RunIdentity
 from mor.report.observations import SCHEMA, observation_table, uncontrolled_residuals, worst_residuals
 from mor.report.output_folder import reserve
 from mor.report.results import Choice, residual_writer, write_results
@@ -184,7 +184,7 @@ def test_pictures_need_all_residuals_and_say_so(
 
 def _write(solved: Solved, document: Document, source: Path, folder: Path, choice: Choice) -> None:
     with reserve(folder, force=True) as place:
-        write_results(solved, document, Identity((), source), place, choice)
+        write_results(solved, document, RunIdentity((), source), place, choice)
 
 
 @pytest.mark.usefixtures("small_pieces")

@@ -18,7 +18,7 @@ from mor.model.parameters import KINDS, Blocks, index_unknowns, moves_by_angles
 from mor.model.rotations import angles_from_rotation, rotate, rotation_from_angles
 from mor.model.trajectory import CUBIC, LINEAR, on_trajectory
 from mor.solve.iterate import Adjustment, Outcome, adjust
-from mor.solve.problem import Cluster, Datum, Problem
+from mor.solve.problem import CorrelatedObservations, DatumDefinition, Problem
 from mor.types import FloatArray
 
 GON = np.pi / 200.0
@@ -153,7 +153,7 @@ class Scene:
                 starts[names.index(g)] + row * groups[names.index(g)].observed.shape[1] + component
                 for g, row, component in entries
             ]
-            clusters.append(Cluster(np.array(numbers, dtype=np.int64), covariance))
+            clusters.append(CorrelatedObservations(np.array(numbers, dtype=np.int64), covariance))
         if noise is not None:
             _make_noisy(groups, clusters, noise)
         ids = list(self.truth.get("point", {}))
@@ -163,7 +163,9 @@ class Scene:
             index,
             groups,
             tuple(clusters),
-            Datum("by hand", datum is not None, {"point": mask.reshape(-1, 3)}, {"point": coordinates}),
+            DatumDefinition(
+                "by hand", datum is not None, {"point": mask.reshape(-1, 3)}, {"point": coordinates}
+            ),
         )
 
     def _group(self, name: str, rows: Rows) -> ObservationGroup:
@@ -205,7 +207,7 @@ class Scene:
 
 
 def _make_noisy(
-    groups: Sequence[ObservationGroup], clusters: Sequence[Cluster], noise: np.random.Generator
+    groups: Sequence[ObservationGroup], clusters: Sequence[CorrelatedObservations], noise: np.random.Generator
 ) -> None:
     starts = np.concatenate([[0], np.cumsum([group.observed.size for group in groups])])
     flat = np.concatenate(

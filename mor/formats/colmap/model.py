@@ -34,7 +34,7 @@ class ColmapCamera(NamedTuple):
     line: int = 0
 
 
-class Pose(NamedTuple):
+class QuaternionPose(NamedTuple):
     """A movement x' = R(q) x + t; q = (w, x, y, z)."""
 
     quaternion: tuple[float, float, float, float]
@@ -45,7 +45,7 @@ class ColmapImage(NamedTuple):
     """An image: its pose (camera from world) and image points."""
 
     id: int
-    pose: Pose
+    pose: QuaternionPose
     camera: int
     name: str
     xy: FloatArray
@@ -59,7 +59,7 @@ class Sensor(NamedTuple):
     """A camera of a rig, with its pose from that of the reference camera where it is known."""
 
     camera: int
-    pose: Pose | None
+    pose: QuaternionPose | None
 
 
 class Rig(NamedTuple):
@@ -69,13 +69,13 @@ class Rig(NamedTuple):
     sensors: tuple[Sensor, ...]
 
 
-class Frame(NamedTuple):
+class RigFrame(NamedTuple):
     """Images a rig took at one time."""
 
     id: int
     rig: int
     images: tuple[int, ...]
-    pose: Pose
+    pose: QuaternionPose
 
 
 @dataclass(frozen=True)
@@ -87,7 +87,7 @@ class ColmapModel:
     point_ids: IntArray
     point_xyz: FloatArray
     rigs: list[Rig] = field(default_factory=list)
-    frames: list[Frame] = field(default_factory=list)
+    frames: list[RigFrame] = field(default_factory=list)
 
 
 def empty_points() -> tuple[FloatArray, IntArray]:
@@ -103,13 +103,13 @@ FLIP = np.diag([1.0, -1.0, -1.0])
 """COLMAP's camera axes (right, down, forward) from mor's (right, up, backward), and back."""
 
 
-def ours(pose: Pose) -> tuple[FloatArray, FloatArray]:
+def ours(pose: QuaternionPose) -> tuple[FloatArray, FloatArray]:
     """Rotation D (3, 3), object to image axes, and projection centre (3,): x = R X + t is D = F R, X0 = −Rᵀ t."""
     R = rotation_of_quaternion(np.array(pose.quaternion))
     return FLIP @ R, -(R.T @ np.array(pose.translation))
 
 
-def relative(pose: Pose) -> tuple[FloatArray, FloatArray]:
+def relative(pose: QuaternionPose) -> tuple[FloatArray, FloatArray]:
     """Rotation D* and base b* of a stereo follower: x_B = R x_A + t is X*_B = D* (X*_A − b*), D* = F R F."""
     D = FLIP @ rotation_of_quaternion(np.array(pose.quaternion)) @ FLIP
     return D, -(D.T @ FLIP @ np.array(pose.translation))

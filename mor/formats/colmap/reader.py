@@ -20,9 +20,9 @@ from mor.formats.colmap.model import (
     ColmapCamera,
     ColmapImage,
     ColmapModel,
-    Frame,
-    Pose,
+    QuaternionPose,
     Rig,
+    RigFrame,
     Sensor,
     camera_of,
     empty_points,
@@ -52,7 +52,7 @@ def followers(model: ColmapModel, draft: Draft) -> tuple[list[Row], dict[int, Fo
     """Rows of pairs, and the images by their numbers that follow another one."""
     images = {image.id: image for image in model.images}
     rigs = {rig.id: rig for rig in model.rigs if len(rig.sensors) > 1}
-    poses: dict[str, Pose] = {}
+    poses: dict[str, QuaternionPose] = {}
     result: dict[int, Follower] = {}
     for frame in model.frames:
         rig = rigs.get(frame.rig)
@@ -73,7 +73,7 @@ def followers(model: ColmapModel, draft: Draft) -> tuple[list[Row], dict[int, Fo
     return [_pair(name, pose) for name, pose in poses.items()], result
 
 
-def _pair(name: str, pose: Pose) -> Row:
+def _pair(name: str, pose: QuaternionPose) -> Row:
     D, base = relative(pose)
     return Row([name, *(repr(float(v)) for v in (*base, *angles_from_rotation(D)))], 0)
 
@@ -129,10 +129,12 @@ class Bytes:
         self.at = end + 1
         return name
 
-    def pose(self) -> Pose:
+    def pose(self) -> QuaternionPose:
         """Quaternion and translation."""
         numbers = [float(number) for number in self.take(_POSE)]
-        return Pose((numbers[0], numbers[1], numbers[2], numbers[3]), (numbers[4], numbers[5], numbers[6]))
+        return QuaternionPose(
+            (numbers[0], numbers[1], numbers[2], numbers[3]), (numbers[4], numbers[5], numbers[6])
+        )
 
     def finish(self) -> None:
         """Raise :class:`InputError` where something is left."""
@@ -220,7 +222,7 @@ def read_rigs(path: Path) -> list[Rig]:
     return rigs
 
 
-def read_frames(path: Path) -> list[Frame]:
+def read_frames(path: Path) -> list[RigFrame]:
     """``frames.bin``."""
     file = Bytes(path)
     frames = []
@@ -230,7 +232,7 @@ def read_frames(path: Path) -> list[Frame]:
         count = int(file.take("<I")[0])
         file.need(count * 16)
         images = [int(file.take("<iIQ")[2]) for _ in range(count)]
-        frames.append(Frame(number, rig, tuple(images), pose))
+        frames.append(RigFrame(number, rig, tuple(images), pose))
     file.finish()
     return frames
 
@@ -270,9 +272,9 @@ def _whole(word: str) -> int:
     return int(word)
 
 
-def _pose(words: list[str]) -> Pose:
+def _pose(words: list[str]) -> QuaternionPose:
     q = [parse_number(word) for word in words]
-    return Pose((q[0], q[1], q[2], q[3]), (q[4], q[5], q[6]))
+    return QuaternionPose((q[0], q[1], q[2], q[3]), (q[4], q[5], q[6]))
 
 
 def read_text_cameras(path: Path, draft: Draft) -> list[ColmapCamera]:
@@ -377,14 +379,14 @@ def _rig(words: list[str]) -> Rig:
     return Rig(rig, tuple(sensors))
 
 
-def read_text_frames(path: Path, draft: Draft) -> list[Frame]:
+def read_text_frames(path: Path, draft: Draft) -> list[RigFrame]:
     """``frames.txt``."""
     frames = []
     for line, words in _lines(path, draft):
         try:
             _form(words, 10, "number, rig, qw qx qy qz, tx ty tz, number of data, (type, sensor, image) …")
             images = tuple(_whole(word) for word in words[12::3])
-            frames.append(Frame(_whole(words[0]), _whole(words[1]), images, _pose(words[2:9])))
+            frames.append(RigFrame(_whole(words[0]), _whole(words[1]), images, _pose(words[2:9])))
         except (LineError, ValueError, IndexError) as error:
             draft.problem(str(error) if str(error) else "found too few words", line, str(path))
     return frames

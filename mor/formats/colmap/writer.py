@@ -11,7 +11,7 @@ import polars as pl
 
 from mor.errors import InputError, Message, counted
 from mor.formats.colmap.model import MODELS, ColmapCamera, camera_from, theirs
-from mor.formats.content import Content, Things, block, content_of, frames, not_carried, placed_points
+from mor.formats.content import Content, ContentTable, block, content_of, frames, not_carried, placed_points
 from mor.formats.draft import Written
 from mor.model.rotations import rotation_from_angles
 from mor.project.document import Document
@@ -20,7 +20,7 @@ from mor.types import FloatArray
 _TRACK = "<II"
 
 
-class Model:
+class SparseModel:
     """Cameras, images and points to be written, by their COLMAP numbers."""
 
     def __init__(self, content: Content):
@@ -45,7 +45,7 @@ class Model:
 def write_colmap(document: Document, folder: Path, target: Path) -> Written:
     """Text files in the folder ``target``. Raises :class:`InputError` for what COLMAP cannot say."""
     content = content_of(document, folder)
-    model = Model(content)
+    model = SparseModel(content)
     files = {
         "cameras.txt": "".join(camera_line(camera) for camera in model.cameras.values()),
         "images.txt": "".join(_image_lines(model)),
@@ -57,7 +57,7 @@ def write_colmap(document: Document, folder: Path, target: Path) -> Written:
 def write_colmap_binary(document: Document, folder: Path, target: Path) -> Written:
     """Binary files in the folder ``target``. Raises :class:`InputError` for what COLMAP cannot say."""
     content = content_of(document, folder)
-    model = Model(content)
+    model = SparseModel(content)
     cameras = [_camera_bytes(camera) for camera in model.cameras.values()]
     files = {
         "cameras.bin": cameras,
@@ -68,7 +68,7 @@ def write_colmap_binary(document: Document, folder: Path, target: Path) -> Writt
     return _written(packed, content, model, target)
 
 
-def _written(files: dict[Path, bytes], content: Content, model: Model, target: Path) -> Written:
+def _written(files: dict[Path, bytes], content: Content, model: SparseModel, target: Path) -> Written:
     notes = [*model.left_out, *not_carried(content, ("image",), ("pairs",), "a COLMAP model")]
     if content.project.pairs:
         notes.append(Message("stereo pairs are written as single images with their poses", str(target)))
@@ -115,7 +115,7 @@ def numbered(names: Sequence[str]) -> dict[str, int]:
     return {name: k for k, name in enumerate(names, start=1)}
 
 
-def _poses(content: Content, found: Things, problems: list[Message]) -> FloatArray:
+def _poses(content: Content, found: ContentTable, problems: list[Message]) -> FloatArray:
     """(n, 7) quaternion and translation of every image; followers get theirs from their leader."""
     values = found.values
     D = rotation_from_angles(values[:, 3:])
@@ -136,7 +136,7 @@ def _grouped(names: Sequence[str], of: Sequence[str]) -> list[list[int]]:
     return result
 
 
-def _tracks(model: Model) -> dict[int, list[tuple[int, int]]]:
+def _tracks(model: SparseModel) -> dict[int, list[tuple[int, int]]]:
     """Image number and place in it of the rays of each point."""
     tracks: dict[int, list[tuple[int, int]]] = {number: [] for number in model.point_numbers.values()}
     for image, rows in enumerate(model.of_image, start=1):
@@ -156,7 +156,7 @@ def camera_line(camera: ColmapCamera) -> str:
     return f"{camera.id} {camera.model} {camera.width} {camera.height} {_words(camera.parameters)}\n"
 
 
-def _image_lines(model: Model) -> list[str]:
+def _image_lines(model: SparseModel) -> list[str]:
     lines = []
     for k, name in enumerate(model.images.ids):
         lines.append(f"{k + 1} {_words(model.poses[k])} {model.camera_of[k]} {name}\n")
@@ -165,7 +165,7 @@ def _image_lines(model: Model) -> list[str]:
     return lines
 
 
-def _point_lines(model: Model) -> list[str]:
+def _point_lines(model: SparseModel) -> list[str]:
     tracks = _tracks(model)
     return [
         f"{number} {_words(xyz)} 0 0 0 -1 {' '.join(f'{i} {p}' for i, p in tracks[number])}\n"
@@ -178,7 +178,7 @@ def _camera_bytes(camera: ColmapCamera) -> bytes:
     return head + struct.pack(f"<{len(camera.parameters)}d", *camera.parameters)
 
 
-def _image_bytes(model: Model) -> list[bytes]:
+def _image_bytes(model: SparseModel) -> list[bytes]:
     form = np.dtype([("xy", "<f8", (2,)), ("point", "<i8")])
     parts = []
     for k, name in enumerate(model.images.ids):
@@ -190,7 +190,7 @@ def _image_bytes(model: Model) -> list[bytes]:
     return parts
 
 
-def _point_bytes(model: Model) -> list[bytes]:
+def _point_bytes(model: SparseModel) -> list[bytes]:
     tracks = _tracks(model)
     parts = []
     for number, xyz in zip(model.point_numbers.values(), model.points.values, strict=True):

@@ -89,7 +89,7 @@ class Collected:
 
 
 @dataclass
-class Measurements(Collected):
+class MeasurementFile(Collected):
     """Lines of a measurement file, and what is read of them."""
 
     lines: list[str] = field(default_factory=list)
@@ -158,7 +158,7 @@ def read_geoid(path: Path, draft: Draft) -> dict[str, tuple[float, float, float]
 # ------------------------------------------------------------
 
 
-class Kind(NamedTuple):
+class MeasurementKind(NamedTuple):
     """A kind of measurement: its type in a project, the columns of its names, that of its value."""
 
     type: str
@@ -171,18 +171,18 @@ class Kind(NamedTuple):
 
 _LINE = ("from", "to")
 KINDS = {
-    "A": Kind("angle", ("at", "from", "to"), "angle", angle=True),
-    "B": Kind("azimuth", _LINE, "azimuth", angle=True),
-    "C": Kind("ellipsoid_chord", _LINE, "distance"),
-    "E": Kind("ellipsoid_arc", _LINE, "distance"),
-    "H": Kind("orthometric_height", ("point",), "height"),
-    "K": Kind("astronomic_azimuth", _LINE, "azimuth", angle=True),
-    "L": Kind("height_difference", _LINE, "dz"),
-    "M": Kind("mean_sea_level_distance", _LINE, "distance"),
-    "R": Kind("ellipsoidal_height", ("point",), "height"),
-    "S": Kind("distance", _LINE, "distance", heights=True),
-    "V": Kind("zenith_angle", _LINE, "zenith_angle", angle=True, heights=True),
-    "Z": Kind("vertical_direction", _LINE, "vertical_direction", angle=True, heights=True),
+    "A": MeasurementKind("angle", ("at", "from", "to"), "angle", angle=True),
+    "B": MeasurementKind("azimuth", _LINE, "azimuth", angle=True),
+    "C": MeasurementKind("ellipsoid_chord", _LINE, "distance"),
+    "E": MeasurementKind("ellipsoid_arc", _LINE, "distance"),
+    "H": MeasurementKind("orthometric_height", ("point",), "height"),
+    "K": MeasurementKind("astronomic_azimuth", _LINE, "azimuth", angle=True),
+    "L": MeasurementKind("height_difference", _LINE, "dz"),
+    "M": MeasurementKind("mean_sea_level_distance", _LINE, "distance"),
+    "R": MeasurementKind("ellipsoidal_height", ("point",), "height"),
+    "S": MeasurementKind("distance", _LINE, "distance", heights=True),
+    "V": MeasurementKind("zenith_angle", _LINE, "zenith_angle", angle=True, heights=True),
+    "Z": MeasurementKind("vertical_direction", _LINE, "vertical_direction", angle=True, heights=True),
 }
 LEFT_OUT = {
     "I": "astronomic latitudes",
@@ -193,7 +193,7 @@ LEFT_OUT = {
 """Unsupported measurement types, by the letters of DynAdjust."""
 
 
-def read_line(found: Measurements, code: str) -> None:
+def read_line(found: MeasurementFile, code: str) -> None:
     """One measurement. Raises ``ValueError`` with words."""
     kind, text = KINDS[code], found.lines[found.at]
     names = found.stations_of(text, len(kind.names))
@@ -243,7 +243,7 @@ _FROM, _TARGET = slice(2, 42), NAMES[2]
 _COLUMNS = ("station", "to", "horizontal", "sigma", "set")
 
 
-class Sight(NamedTuple):
+class SetDirection(NamedTuple):
     """A target of a set: its direction as d-m-s, its σ in seconds."""
 
     target: str
@@ -253,7 +253,7 @@ class Sight(NamedTuple):
     off: bool = False
 
 
-def read_directions(found: Measurements) -> None:
+def read_directions(found: MeasurementFile) -> None:
     """A set of a DNA file. Raises ``ValueError`` with words."""
     text = found.lines[found.at]
     station, target = (text[place].strip() for place in NAMES[:2])
@@ -266,23 +266,23 @@ def read_directions(found: Measurements) -> None:
     put_set(found, station, sights, said, off)
 
 
-def _goes_on(found: Measurements) -> bool:
+def _goes_on(found: MeasurementFile) -> bool:
     """Return True if the next line is one of the same set: its station is left out."""
     text = found.lines[found.at + 1] if found.at + 1 < len(found.lines) else ""
     return text[:1] in (CODE, " ") and not text[_FROM].strip() and bool(text[_TARGET].strip())
 
 
-def _sight(found: Measurements, target: str) -> Sight:
+def _sight(found: MeasurementFile, target: str) -> SetDirection:
     text = found.lines[found.at][VALUES:]
     words = measured_words(text, 4)
     if len(words) != 4:
         raise ValueError(f"found {len(words)} numbers, expected an angle and its σ")
     off = found.lines[found.at][1:2] == "*"
     parse_number(words[3])
-    return Sight(target, sexagesimal_words(text, words), words[3], found.at + 1, off)
+    return SetDirection(target, sexagesimal_words(text, words), words[3], found.at + 1, off)
 
 
-def put_set(found: Collected, station: str, sights: list[Sight], said: str, off: bool) -> None:
+def put_set(found: Collected, station: str, sights: list[SetDirection], said: str, off: bool) -> None:
     """Put a set into the draft. ``said``: number of targets behind the first; ``off``: all of it is switched off.
 
     Raises ``ValueError`` where there are not so many, or one is there twice.
@@ -328,7 +328,7 @@ VECTORS = "vectors"
 """Where the baselines that are in no cluster are collected."""
 
 
-def read_cluster(found: Measurements, code: str) -> None:
+def read_cluster(found: MeasurementFile, code: str) -> None:
     """A baseline, or a cluster of baselines or positions with one covariance matrix."""
     first, text = found.at + 1, found.lines[found.at]
     off = text[1:2] == "*"
@@ -384,7 +384,7 @@ def put_cluster(
         _put_geocentric(found, code, rows, whole)
 
 
-def _values(found: Measurements, Q: FloatArray, k: int, behind: int) -> list[str]:
+def _values(found: MeasurementFile, Q: FloatArray, k: int, behind: int) -> list[str]:
     """Three values; their covariances, and those with the members behind, go into the lower triangle of a matrix."""
     values = []
     a = 3 * k
@@ -414,7 +414,7 @@ def scales_of(scales: list[float]) -> list[float]:
     return scales
 
 
-def _put_scaled(found: Collected, stations: list[Station], frame: str) -> None:
+def _put_scaled(found: Collected, stations: list[StationRecord], frame: str) -> None:
     """Put clusters with scales in latitude, longitude and height, at the station where each vector begins."""
     by_name = {station.name: station for station in stations}
     for code, form, rows, Q, scales in found.scaled:
@@ -493,7 +493,7 @@ _HELD = "1e-6"
 _SIGMAS = ("sigma_east", "sigma_north", "sigma_up")
 
 
-class Station(NamedTuple):
+class StationRecord(NamedTuple):
     """A station as a file has it: what is held, the kind of its coordinates, their texts, the zone of a map grid."""
 
     name: str
@@ -505,16 +505,16 @@ class Station(NamedTuple):
     off: bool = False
 
 
-def stations_of_lines(path: Path, draft: Draft) -> Iterator[Station]:
+def stations_of_lines(path: Path, draft: Draft) -> Iterator[StationRecord]:
     """Stations of a DNA file. Raises :class:`InputError` if it is none."""
     for line, text in enumerate(marked_lines(path, draft)[1:], start=2):
         if text.strip():
             values = [text[place].strip() for place in (slice(28, 48), slice(48, 68), slice(68, 88))]
             name, held, kind = text[:20].strip(), text[20:23].upper(), text[24:27].upper()
-            yield Station(name, held, kind, values, text[88:90].strip(), line, text[:1] == "*")
+            yield StationRecord(name, held, kind, values, text[88:90].strip(), line, text[:1] == "*")
 
 
-def put_stations(path: Path, stations: Iterable[Station], found: Collected, frame: str) -> None:
+def put_stations(path: Path, stations: Iterable[StationRecord], found: Collected, frame: str) -> None:
     """Stations that take part: free, held, or held in some components."""
     draft = found.draft
     tables: dict[str, list[Row]] = {"free": [], "held": [], "in part": []}
@@ -604,7 +604,7 @@ def _sigmas(held: str, kind: str) -> list[str | None]:
     return [_HELD if held[k] == "C" else None for k in order]
 
 
-def _place(station: Station, frame: str, N: float) -> list[str]:
+def _place(station: StationRecord, frame: str, N: float) -> list[str]:
     """Latitude, longitude (degrees) and height as given, of X, Y, Z the one above the geoid."""
     words, kind = station.values, station.kind
     if kind == "LLH":
@@ -695,14 +695,14 @@ def root_of(path: Path) -> Element:
     return root
 
 
-def stations_of_xml(path: Path) -> Iterator[Station]:
+def stations_of_xml(path: Path) -> Iterator[StationRecord]:
     """Stations of a file. Raises :class:`InputError` if it is none of DynaML."""
     for element in root_of(path).all("DnaStation"):
         place = next(iter(element.all("StationCoord")), element)
         values = [_text(place, name) for name in ("XAxis", "YAxis", "Height")]
         held, kind = _text(element, "Constraints").upper(), _text(element, "Type").upper()
         zone = _text(place, "HemisphereZone").lstrip("SsNn")
-        yield Station(_text(element, "Name"), held, kind, values, zone, element.line)
+        yield StationRecord(_text(element, "Name"), held, kind, values, zone, element.line)
 
 
 def read_measurement(found: Collected, element: Element) -> None:
@@ -746,10 +746,10 @@ def _read_directions(found: Collected, element: Element) -> None:
     put_set(found, _text(element, "First"), sights, said, off=False)
 
 
-def _dynaml_sight(element: Element, target: str) -> Sight:
+def _dynaml_sight(element: Element, target: str) -> SetDirection:
     value, sigma = _sexagesimal(_needed(element, "Value")), _needed(element, "StdDev")
     parse_number(sigma)
-    return Sight(target, value, sigma, element.line, _is_off(element))
+    return SetDirection(target, value, sigma, element.line, _is_off(element))
 
 
 def _is_off(element: Element) -> bool:
@@ -844,7 +844,7 @@ def read_dynadjust(path: Path) -> Document:
     draft = Draft(str(measured))
     lines = marked_lines(measured, draft)
     frame = frame_of(lines, draft)
-    found = Measurements(draft, read_geoid(beside(path, ".geo"), draft), lines=lines)
+    found = MeasurementFile(draft, read_geoid(beside(path, ".geo"), draft), lines=lines)
     _begin(found, path.stem, frame)
     while found.at < len(found.lines):
         line = found.at + 1
@@ -882,7 +882,7 @@ def _begin(found: Collected, title: str, frame: str) -> None:
     found.draft.put("world", {"crs": f"EPSG:{SYSTEMS[frame]}", "heights": heights}, 1)
 
 
-def _finish(found: Collected, file: Path, stations: Iterable[Station], frame: str) -> Document:
+def _finish(found: Collected, file: Path, stations: Iterable[StationRecord], frame: str) -> Document:
     stations = list(stations)
     _put_scaled(found, stations, frame)
     put_vectors(found)
@@ -895,7 +895,7 @@ def _finish(found: Collected, file: Path, stations: Iterable[Station], frame: st
     return found.draft.finish()
 
 
-def _measurement(found: Measurements) -> None:
+def _measurement(found: MeasurementFile) -> None:
     text = found.lines[found.at]
     code = text[:1]
     if code == "*" or not text.strip():

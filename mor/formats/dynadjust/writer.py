@@ -12,10 +12,10 @@ import numpy as np
 from mor.errors import InputError, Message
 from mor.formats.content import Content, content_of, not_carried
 from mor.formats.draft import Written
-from mor.formats.dynadjust.reader import KINDS, MEASURED, ROOT, STATIONS, SYSTEMS, Kind
+from mor.formats.dynadjust.reader import KINDS, MEASURED, ROOT, STATIONS, SYSTEMS, MeasurementKind
 from mor.formats.networks import (
     EarthPoints,
-    Group,
+    ObservationTable,
     SetUps,
     circle_in_face_one,
     clockwise_from_north,
@@ -29,7 +29,7 @@ from mor.formats.networks import (
 from mor.model.observation_types import PLAIN_TYPES, earth_types
 from mor.project.document import Document
 from mor.project.network import build_network
-from mor.project.reference_system import World
+from mor.project.reference_system import EarthModel
 from mor.types import FloatArray
 
 # ------------------------------------------------------------
@@ -42,7 +42,7 @@ _DIRECTIONS = "directions"
 EPOCH = "01.01.2020"
 
 
-class Line(NamedTuple):
+class SingleMeasurement(NamedTuple):
     """A measurement of its own: rad or m, its σ, heights of instrument and target (m)."""
 
     code: str
@@ -52,7 +52,7 @@ class Line(NamedTuple):
     heights: tuple[float, float] | None
 
 
-class Directions(NamedTuple):
+class MeasuredDirections(NamedTuple):
     """A set: station, targets, directions and their σ (rad)."""
 
     station: str
@@ -61,7 +61,7 @@ class Directions(NamedTuple):
     sigmas: list[float]
 
 
-class Cluster(NamedTuple):
+class MeasurementCluster(NamedTuple):
     """A baseline (G), or members of a cluster (X, Y in XYZ or LLH); m, m², and rad of latitudes and longitudes."""
 
     code: str
@@ -73,7 +73,7 @@ class Cluster(NamedTuple):
     """(3n, 3n)."""
 
 
-Measurement = Line | Directions | Cluster
+Measurement = SingleMeasurement | MeasuredDirections | MeasurementCluster
 
 
 class Outgoing(NamedTuple):
@@ -136,7 +136,7 @@ def _refuse(content: Content) -> None:
         raise InputError(problems)
 
 
-def _frame(content: Content, world: World) -> str:
+def _frame(content: Content, world: EarthModel) -> str:
     geodetic = world.system.crs.geodetic_crs
     name = geodetic.name.upper() if geodetic is not None else ""
     frame = next((frame for frame in SYSTEMS if name == frame), "")
@@ -147,7 +147,7 @@ def _frame(content: Content, world: World) -> str:
 
 
 def _measurements(
-    content: Content, group: Group, N: dict[str, float], set_ups: SetUps
+    content: Content, group: ObservationTable, N: dict[str, float], set_ups: SetUps
 ) -> Iterator[Measurement]:
     if group.entry.type in _CLUSTERS:
         yield from _clusters(content, group, N)
@@ -157,7 +157,7 @@ def _measurements(
         yield from _lines(content, group, KINDS[_CODES[group.entry.type]])
 
 
-def _lines(content: Content, group: Group, kind: Kind) -> Iterator[Line]:
+def _lines(content: Content, group: ObservationTable, kind: MeasurementKind) -> Iterator[SingleMeasurement]:
     code, metres = _CODES[kind.type], content.edge.metres
     names = [group.rows.text(name) for name in kind.names]
     heights = [np.nan_to_num(group.rows.number(f"{end}_height")) * metres for end in ("from", "to")]
@@ -166,25 +166,27 @@ def _lines(content: Content, group: Group, kind: Kind) -> Iterator[Line]:
         if np.isfinite(value):
             ends = (float(heights[0][row]), float(heights[1][row])) if kind.heights else (0.0, 0.0)
             own = [column[row] for column in names]
-            yield Line(code, own, float(value) * unit, float(sigma) * unit, ends if any(ends) else None)
+            yield SingleMeasurement(
+                code, own, float(value) * unit, float(sigma) * unit, ends if any(ends) else None
+            )
 
 
-def _sets(group: Group, set_ups: SetUps) -> Iterator[Directions]:
+def _sets(group: ObservationTable, set_ups: SetUps) -> Iterator[MeasuredDirections]:
     """Sets in the order of their first sights; face two as it would read in face one."""
     rows = group.rows
     value = circle_in_face_one(group.values[:, 0], rows.number("face"))
-    sets: dict[tuple[str, str], Directions] = {}
+    sets: dict[tuple[str, str], MeasuredDirections] = {}
     names = zip(rows.text("station"), rows.text("set"), rows.text("to"), strict=True)
     for row, (station, set_, to) in enumerate(names):
         if np.isfinite(value[row]):
-            one = sets.setdefault((station, set_), Directions(set_ups.point(station), [], [], []))
+            one = sets.setdefault((station, set_), MeasuredDirections(set_ups.point(station), [], [], []))
             one.targets.append(to)
             one.values.append(float(value[row]))
             one.sigmas.append(float(group.sigma[row, 0]))
     yield from sets.values()
 
 
-def _clusters(content: Content, group: Group, N: dict[str, float]) -> Iterator[Cluster]:
+def _clusters(content: Content, group: ObservationTable, N: dict[str, float]) -> Iterator[MeasurementCluster]:
     vectors, geodetic = group.entry.type == "gnss_vector", group.entry.type == "geodetic_position"
     code = "Y" if not vectors else "X" if group.entry.covariance is not None else "G"
     names = [group.rows.text(name) for name in (("from", "to") if vectors else ("point",))]
@@ -193,10 +195,10 @@ def _clusters(content: Content, group: Group, N: dict[str, float]) -> Iterator[C
             _values(content, group, row, N.get(names[0][row], 0.0) if geodetic else 0.0) for row in rows
         ]
         own = [[column[row] for column in names] for row in rows]
-        yield Cluster(code, "LLH" if geodetic else "XYZ", own, values, Q)
+        yield MeasurementCluster(code, "LLH" if geodetic else "XYZ", own, values, Q)
 
 
-def _values(content: Content, group: Group, row: int, N: float) -> list[str]:
+def _values(content: Content, group: ObservationTable, row: int, N: float) -> list[str]:
     three = group.values[row].tolist()
     if group.entry.type != "geodetic_position":
         return [repr(float(value) * content.edge.metres) for value in three]
@@ -287,15 +289,15 @@ def geoid_lines(stations: EarthPoints) -> list[str]:
 
 
 def _measurement_lines(one: Measurement, frame: str) -> Iterator[str]:
-    if isinstance(one, Cluster):
+    if isinstance(one, MeasurementCluster):
         yield from _cluster_lines(one, frame)
-    elif isinstance(one, Directions):
+    elif isinstance(one, MeasuredDirections):
         yield from _direction_lines(one)
     else:
         yield _plain_line(one)
 
 
-def _plain_line(one: Line) -> str:
+def _plain_line(one: SingleMeasurement) -> str:
     head = f"{one.code} " + "".join(f"{name:<20}" for name in one.names)
     if KINDS[one.code].angle:
         text = _angle(one.value, one.sigma)
@@ -311,7 +313,7 @@ def _angle(value: float, sigma: float) -> str:
     return f"{f'{sign}{degrees}':>17} {minutes:02d} {fixed(seconds, 4):0>7} {fixed(seconds_of(sigma), 3):>8}"
 
 
-def _direction_lines(one: Directions) -> Iterator[str]:
+def _direction_lines(one: MeasuredDirections) -> Iterator[str]:
     """The station with its first target and the number of the others, then those."""
     angles = [_angle(value, sigma) for value, sigma in zip(one.values, one.sigmas, strict=True)]
     yield f"D {one.station:<20}{one.targets[0]:<20}{len(angles) - 1:<20}{angles[0]}"
@@ -319,7 +321,7 @@ def _direction_lines(one: Directions) -> Iterator[str]:
         yield f"D {'':<40}{target:<20}{angle}"
 
 
-def _cluster_lines(one: Cluster, frame: str) -> Iterator[str]:
+def _cluster_lines(one: MeasurementCluster, frame: str) -> Iterator[str]:
     scales, count = "   1.00      1.00      1.00      1.00", len(one.names)
     for k, (names, values) in enumerate(zip(one.names, one.values, strict=True)):
         second = one.form if one.code == "Y" else names[1]
@@ -392,9 +394,9 @@ def _stations(found: Outgoing) -> Iterator[str]:
 
 def _measured(one: Measurement, frame: str) -> Iterator[str]:
     yield "  <DnaMeasurement>"
-    if isinstance(one, Cluster):
+    if isinstance(one, MeasurementCluster):
         lines = _cluster(one, frame)
-    elif isinstance(one, Directions):
+    elif isinstance(one, MeasuredDirections):
         lines = _directions(one)
     else:
         lines = _line(one)
@@ -407,7 +409,7 @@ def _head(code: str) -> Iterator[str]:
     yield "<Ignore/>"
 
 
-def _line(one: Line) -> Iterator[str]:
+def _line(one: SingleMeasurement) -> Iterator[str]:
     yield from _head(one.code)
     for tag, name in zip(("First", "Second", "Third"), one.names, strict=False):
         yield _element(tag, name)
@@ -426,7 +428,7 @@ def _dynaml_writer_angle(value: float, sigma: float) -> Iterator[str]:
     yield _element("StdDev", fixed(seconds_of(sigma), 3))
 
 
-def _directions(one: Directions) -> Iterator[str]:
+def _directions(one: MeasuredDirections) -> Iterator[str]:
     yield from _head("D")
     yield _element("First", one.station)
     yield _element("Second", one.targets[0])
@@ -439,7 +441,7 @@ def _directions(one: Directions) -> Iterator[str]:
         yield "</Directions>"
 
 
-def _cluster(one: Cluster, frame: str) -> Iterator[str]:
+def _cluster(one: MeasurementCluster, frame: str) -> Iterator[str]:
     yield from _head(one.code)
     yield _element("ReferenceFrame", frame)
     yield _element("Epoch", EPOCH)

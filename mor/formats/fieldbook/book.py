@@ -60,7 +60,7 @@ class Sight(NamedTuple):
     """True if the instrument recorded it before its station: the circle may have been turned in between."""
 
 
-class Place(NamedTuple):
+class PointRecord(NamedTuple):
     """Coordinates of a point in metres, ``None`` if the book has none, and their line."""
 
     east: float | None
@@ -70,7 +70,7 @@ class Place(NamedTuple):
 
 
 @dataclass
-class SetUp:
+class InstrumentSetUp:
     """An instrument over a point."""
 
     station: str
@@ -92,16 +92,16 @@ class FieldBook:
     """deg or gon."""
     stations_follow: bool = False
     """True if sights before the first station record belong to it; otherwise their station is unknown."""
-    set_ups: list[SetUp] = field(default_factory=list)
-    points: dict[str, Place] = field(default_factory=dict)
+    set_ups: list[InstrumentSetUp] = field(default_factory=list)
+    points: dict[str, PointRecord] = field(default_factory=dict)
     """Given coordinates of points."""
-    computed: dict[str, Place] = field(default_factory=dict)
+    computed: dict[str, PointRecord] = field(default_factory=dict)
     """Coordinates of points that the instrument computed; the points of a book without readings."""
     waiting: list[Sight] = field(default_factory=list)
     """Sights that belong to the station record that follows."""
     unlocated: set[int] = field(default_factory=set)
     """Lines of the sights whose records have no computed coordinates, in a format that may have them."""
-    replaced: dict[str, tuple[Place, Place]] = field(default_factory=dict)
+    replaced: dict[str, tuple[PointRecord, PointRecord]] = field(default_factory=dict)
     """Given coordinates that came again, different from before: the first and the last ones."""
     unnamed_height: float = 0.0
     """Instrument height of a station that the book does not name."""
@@ -115,7 +115,7 @@ class FieldBook:
         place: tuple[float | None, float | None, float | None] | None = None,
         claims: bool = False,
         resection: int = 0,
-    ) -> SetUp:
+    ) -> InstrumentSetUp:
         """Open a set-up; sights that wait belong to it.
 
         With ``claims`` the last sights of the set-up before may belong to it as well: an instrument may record a
@@ -138,7 +138,9 @@ class FieldBook:
         if place is not None:
             add = self.computed_point if since and station not in self.points else self.station_point
             add(station, *place, line)
-        opened = SetUp(station, line, height, [sight._replace(before=True) for sight in self.waiting])
+        opened = InstrumentSetUp(
+            station, line, height, [sight._replace(before=True) for sight in self.waiting]
+        )
         self.waiting = []
         self.set_ups.append(opened)
         return opened
@@ -154,7 +156,7 @@ class FieldBook:
         if before is not None and self.waiting:
             return
         located = any(sight.line not in self.unlocated for sight in sights)
-        here = None if place is None else Place(*place, 0)
+        here = None if place is None else PointRecord(*place, 0)
         old = None
         if before is not None:
             old = self.points.get(before.station) or self.computed.get(before.station)
@@ -182,7 +184,7 @@ class FieldBook:
             self._place_waiting()
             self.waiting = sights[first:]
 
-    def _misfit(self, station: Place, sight: Sight) -> float | None:
+    def _misfit(self, station: PointRecord, sight: Sight) -> float | None:
         """Misfit of a distance in plan to given coordinates, 1 at most if it agrees; ``None`` without both."""
         target = self.points.get(sight.target)
         length = sight.horizontal_distance
@@ -236,7 +238,7 @@ class FieldBook:
         self.draft.note(f"readings without a station before them: it is called {name}", line)
         self.set_up(name, line, self.unnamed_height)
 
-    def backsight(self, set_up: SetUp, sight: Sight, turned: bool = False) -> None:
+    def backsight(self, set_up: InstrumentSetUp, sight: Sight, turned: bool = False) -> None:
         """Add the reading that the circle was set to at the backsight, unless a sight measured it.
 
         With ``turned`` a first sight to the backsight that reads something else was made before the circle was set.
@@ -271,9 +273,9 @@ class FieldBook:
             return
         old = self.points.get(name)
         if old is None:
-            self.points[name] = Place(east, north, height, line)
+            self.points[name] = PointRecord(east, north, height, line)
             return
-        new = Place(
+        new = PointRecord(
             old.east if east is None else east,
             old.north if north is None else north,
             old.height if height is None else height,
@@ -288,7 +290,7 @@ class FieldBook:
     ) -> None:
         """Add coordinates that the instrument computed: they are used only if the book has no readings."""
         if any((east, north, height)):
-            self.computed[name] = Place(east, north, height, line)
+            self.computed[name] = PointRecord(east, north, height, line)
             self.leave_out(COMPUTED, line)
         else:
             self.leave_out(_ZERO, line)
@@ -422,7 +424,7 @@ class FieldBook:
             self._unnamed(waiting[0].line)
             self.set_ups[-1].sights, self.set_ups[-1].used = waiting, True
 
-    def _join_circles(self, set_up: SetUp) -> None:
+    def _join_circles(self, set_up: InstrumentSetUp) -> None:
         """Put the sights before and after a station record into one set where the readings allow it.
 
         An instrument turns its circle to grid north when it takes over the station it computed. Readings before that
@@ -459,7 +461,7 @@ class FieldBook:
             for s in set_up.sights
         ]
 
-    def _turned(self, set_up: SetUp, early: Sequence[Sight], full: float) -> float | None:
+    def _turned(self, set_up: InstrumentSetUp, early: Sequence[Sight], full: float) -> float | None:
         """What the readings before a station record lack to be azimuths; ``None`` if no coordinates tell."""
         place = self.points.get(set_up.station) or self.computed.get(set_up.station)
         turns = [
@@ -473,7 +475,7 @@ class FieldBook:
             return None
         return full / tau * atan2(sum(map(sin, turns)), sum(map(cos, turns)))
 
-    def _azimuth(self, station: Place, target: str) -> float | None:
+    def _azimuth(self, station: PointRecord, target: str) -> float | None:
         """Azimuth (rad) between given coordinates."""
         end = self.points.get(target)
         if end is None or None in end[:2] or None in station[:2]:
@@ -489,7 +491,7 @@ def records(path: Path, draft: Draft) -> Iterator[tuple[int, str]]:
             yield line, bare
 
 
-def _put_points(book: FieldBook, occupied: Sequence[SetUp]) -> None:
+def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp]) -> None:
     draft = book.draft
     stations = {set_up.station for set_up in occupied}
     sighted = {sight.target for set_up in occupied for sight in set_up.sights}
@@ -541,7 +543,7 @@ _COLUMNS = {
 """Columns of the observations that sights become, by type."""
 
 
-def _put_sights(book: FieldBook, occupied: Sequence[SetUp]) -> None:
+def _put_sights(book: FieldBook, occupied: Sequence[InstrumentSetUp]) -> None:
     """Stations, and the readings of each kind with their sets and faces."""
     draft = book.draft
     names = _station_names(occupied)
@@ -571,7 +573,7 @@ def _put_sights(book: FieldBook, occupied: Sequence[SetUp]) -> None:
     )
 
 
-def _put_curvature(book: FieldBook, occupied: Sequence[SetUp]) -> None:
+def _put_curvature(book: FieldBook, occupied: Sequence[InstrumentSetUp]) -> None:
     """Model the curvature of the earth if there are zenith angles: instruments record them as they are read."""
     sights = [sight for set_up in occupied for sight in set_up.sights if sight.zenith is not None]
     if sights:
@@ -584,7 +586,7 @@ def _put_curvature(book: FieldBook, occupied: Sequence[SetUp]) -> None:
 
 
 def _readings(
-    set_up: SetUp, station: str, sight: Sight, number: int, circle: float
+    set_up: InstrumentSetUp, station: str, sight: Sight, number: int, circle: float
 ) -> dict[str, tuple[float | str | int | None, ...]]:
     """Rows by type that a sight becomes, in the order of the columns."""
     found: dict[str, tuple[float | str | int | None, ...]] = {}
@@ -606,7 +608,7 @@ def _readings(
     return found
 
 
-def _station_names(set_ups: Sequence[SetUp]) -> list[str]:
+def _station_names(set_ups: Sequence[InstrumentSetUp]) -> list[str]:
     """The point; where an instrument stands over it again, or the name is taken, with a number."""
     seen: dict[str, int] = {}
     names = []

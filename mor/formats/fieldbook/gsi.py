@@ -17,7 +17,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mor.formats.draft import Draft
-from mor.formats.fieldbook.book import LEVEL, FieldBook, Place, Sight, records, sexagesimal
+from mor.formats.fieldbook.book import LEVEL, FieldBook, PointRecord, Sight, records, sexagesimal
 from mor.project.document import Document
 
 _WORD = re.compile(r"^(\d\d)([\d.]{4})([+-])(.+)$")
@@ -41,7 +41,7 @@ Words = dict[str, tuple[str, str]]
 """Information and signed value by word index."""
 
 
-class _Block(NamedTuple):
+class _GsiBlock(NamedTuple):
     words: Words
     line: int
 
@@ -63,7 +63,7 @@ def read_gsi(path: Path) -> Document:
     draft = Draft(str(path))
     book = FieldBook(draft, stations_follow=True)
     blocks = [block for line, text in records(path, draft) for block in _blocks(text, line, draft)]
-    reader = _Reader(book, blocks)
+    reader = _GsiReader(book, blocks)
     for block in blocks:
         try:
             reader.block(block)
@@ -73,7 +73,7 @@ def read_gsi(path: Path) -> Document:
     return draft.finish()
 
 
-def _blocks(text: str, line: int, draft: Draft) -> Iterator[_Block]:
+def _blocks(text: str, line: int, draft: Draft) -> Iterator[_GsiBlock]:
     """The blocks of a line; lines that begin with ! are comments."""
     if text.startswith("!"):
         return
@@ -84,11 +84,11 @@ def _blocks(text: str, line: int, draft: Draft) -> Iterator[_Block]:
             draft.problem(f"found {word!r}, expected words like 21.322+12345600", line)
             return
         if match[1] in ("11", "41") and words:
-            yield _Block(words, line)
+            yield _GsiBlock(words, line)
             words = {}
         words[match[1]] = match[2], match[3] + match[4]
     if words:
-        yield _Block(words, line)
+        yield _GsiBlock(words, line)
 
 
 def _plain(value: str) -> str:
@@ -101,7 +101,7 @@ def _millimetres(value: str) -> float | None:
     return int(value) * 1e-3 if value[1:].isdecimal() and value[1:].isascii() else None
 
 
-def _station_codes(blocks: list[_Block]) -> set[str]:
+def _station_codes(blocks: list[_GsiBlock]) -> set[str]:
     """Codes whose blocks open set-ups: all of them have a point and an instrument height."""
     targets = {_plain(block.words["11"][1]) for block in blocks if "11" in block.words and block.readings}
     recorded = any({"84", "88"} & set(block.words) and not block.readings for block in blocks)
@@ -120,10 +120,10 @@ def _station_codes(blocks: list[_Block]) -> set[str]:
     return {code for code, fits in found.items() if all(fits) and code in named | set(_STATION_CODES)}
 
 
-class _Reader:
+class _GsiReader:
     """The code blocks that open set-ups, the station that blocks of readings repeat, and the target height."""
 
-    def __init__(self, book: FieldBook, blocks: list[_Block]) -> None:
+    def __init__(self, book: FieldBook, blocks: list[_GsiBlock]) -> None:
         self.book = book
         self.codes = _station_codes(blocks)
         self.heights_in_codes = not any("87" in block.words for block in blocks)
@@ -139,7 +139,7 @@ class _Reader:
                 f"code blocks {words} open set-ups: 42 is the station, 43 the instrument height", first.line
             )
 
-    def block(self, block: _Block) -> None:
+    def block(self, block: _GsiBlock) -> None:
         """One block."""
         words, line = block
         if block.code:
@@ -159,7 +159,7 @@ class _Reader:
                 if index not in _READ and not (index == "32" and "31" not in words):
                     self.book.leave_out(_NAMES.get(index, f"word {index}"), line)
 
-    def _code(self, block: _Block) -> None:
+    def _code(self, block: _GsiBlock) -> None:
         words, line = block
         if block.code in self.codes:
             height = _millimetres(words["43"][1]) or 0.0
@@ -221,11 +221,11 @@ class _Reader:
             self.book.set_up(name, line, place=(place[0], place[1], place[2]))
         self.station = place
 
-    def _coordinates(self, name: str, block: _Block) -> None:
+    def _coordinates(self, name: str, block: _GsiBlock) -> None:
         """Coordinates in a block of readings, or right after it, are computed; others are given."""
         if not {"81", "82", "83"} & set(block.words):
             return
-        place = Place(*self._place(block.words, block.line, 81), block.line)
+        place = PointRecord(*self._place(block.words, block.line, 81), block.line)
         if block.readings or self.sighted == name:
             self.book.computed_point(name, *place)
         else:

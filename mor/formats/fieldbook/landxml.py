@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mor.errors import InputError, Message
 from mor.formats.draft import Draft, Element, parse_number, parse_xml
-from mor.formats.fieldbook.book import COMPUTED, FieldBook, SetUp, Sight, sexagesimal
+from mor.formats.fieldbook.book import COMPUTED, FieldBook, InstrumentSetUp, Sight, sexagesimal
 from mor.input_files import PROJECT, read_bytes
 from mor.project.document import Document
 
@@ -139,8 +139,8 @@ class _Survey:
     """North, east and perhaps height of the points, with their lines."""
     names: dict[str, str] = field(default_factory=dict)
     """What references call a point, by its name."""
-    stations: dict[str, SetUp] = field(default_factory=dict)
-    backsights: list[tuple[SetUp, Sight]] = field(default_factory=list)
+    stations: dict[str, InstrumentSetUp] = field(default_factory=dict)
+    backsights: list[tuple[InstrumentSetUp, Sight]] = field(default_factory=list)
     computed: set[str] = field(default_factory=set)
     """Points whose coordinates the instrument computed, by name or identifier."""
 
@@ -261,7 +261,7 @@ class _Survey:
             return
         station.sights.append(sight)
 
-    def _station(self, key: str) -> SetUp:
+    def _station(self, key: str) -> InstrumentSetUp:
         if key not in self.stations:
             raise ValueError(f"found the setupID {key!r}, which no InstrumentSetup has")
         return self.stations[key]
@@ -351,7 +351,7 @@ def read_jobxml(path: Path) -> Document:
         found = f"<{root.name}>" + (" without a <FieldBook>" if root.name == "JOBFile" else "")
         words = f"found {found}, expected <JOBFile> with a <FieldBook>"
         raise InputError([Message(words, draft.file, root.line)])
-    reader = _Reader(FieldBook(draft))
+    reader = _LandXmlReader(FieldBook(draft))
     for record in records.children:
         try:
             reader.record(record)
@@ -361,12 +361,12 @@ def read_jobxml(path: Path) -> Document:
     return draft.finish()
 
 
-class _Reader:
+class _LandXmlReader:
     """Records that others refer to, and the book."""
 
     def __init__(self, book: FieldBook) -> None:
         self.book = book
-        self.stations: dict[str, SetUp] = {}
+        self.stations: dict[str, InstrumentSetUp] = {}
         self.targets: dict[str, tuple[float, float]] = {}
         """Height and prism constant, m."""
         self.ppm = 0.0

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from mor.formats.draft import Draft, parse_number
-from mor.formats.fieldbook.book import FieldBook, SetUp, Sight, records, sexagesimal
+from mor.formats.fieldbook.book import FieldBook, InstrumentSetUp, Sight, records, sexagesimal
 from mor.project.document import Document
 
 
@@ -61,7 +61,7 @@ class _Nikon:
         self.state = {"angle units": "DDDMMSS", "coord order": "NEZ", "dist units": "Metres"}
         self.resection = 0
         """Line where a resection began that no station record ended yet."""
-        self.backsights: list[tuple[SetUp, Sight]] = []
+        self.backsights: list[tuple[InstrumentSetUp, Sight]] = []
 
     def record(self, text: str, line: int) -> None:
         """One record."""

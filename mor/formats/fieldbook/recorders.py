@@ -148,7 +148,7 @@ _GIVEN = ("", "FIX", "FIXED", "CTRL", "CONTROL", "REF", "NONE")
 def read_idx(path: Path) -> Document:
     """The project of an IDX file. Raises :class:`InputError` with every mistake found."""
     draft = Draft(str(path))
-    reader = _Reader(FieldBook(draft))
+    reader = _SectionReader(FieldBook(draft))
     for line, text in records(path, draft):
         try:
             reader.line(text.strip(), line)
@@ -158,7 +158,7 @@ def read_idx(path: Path) -> Document:
     return draft.finish()
 
 
-class _Reader:
+class _SectionReader:
     """The section the reading is in, and the columns its head declares."""
 
     def __init__(self, book: FieldBook) -> None:

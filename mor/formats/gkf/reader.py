@@ -92,7 +92,7 @@ def _one_of(*choices: str) -> Check:
     return check
 
 
-class Rule(NamedTuple):
+class ElementRule(NamedTuple):
     """Child elements and attributes, required and optional, of an element."""
 
     children: tuple[str, ...] = ()
@@ -112,12 +112,12 @@ _SIGHT = {
     "to_dh": parse_number,
     "extern": _anything,
 }
-_LENGTH = Rule((), {"to": _identifier, "val": _positive}, _SIGHT)
-_ANGULAR = Rule((), {"to": _identifier, "val": _angle}, _SIGHT)
+_LENGTH = ElementRule((), {"to": _identifier, "val": _positive}, _SIGHT)
+_ANGULAR = ElementRule((), {"to": _identifier, "val": _angle}, _SIGHT)
 _MEASURED = ("direction", "distance", "angle", "s-distance", "z-angle", "azimuth", "dh")
 RULES = {
-    "gama-local": Rule(("network",), {}, {"xmlns": _anything, "version": _anything}),
-    "network": Rule(
+    "gama-local": ElementRule(("network",), {}, {"xmlns": _anything, "version": _anything}),
+    "network": ElementRule(
         ("description", "parameters", "points-observations"),
         {},
         {
@@ -126,8 +126,8 @@ RULES = {
             "epoch": parse_number,
         },
     ),
-    "description": Rule(),
-    "parameters": Rule(
+    "description": ElementRule(),
+    "parameters": ElementRule(
         (),
         {},
         {
@@ -142,7 +142,7 @@ RULES = {
             **dict.fromkeys(("ellipsoid", "cov-band", "iterations"), _anything),
         },
     ),
-    "points-observations": Rule(
+    "points-observations": ElementRule(
         ("point", "obs", "coordinates", "height-differences", "vectors"),
         {},
         {
@@ -152,7 +152,7 @@ RULES = {
             ),
         },
     ),
-    "point": Rule(
+    "point": ElementRule(
         (),
         {"id": _identifier},
         {
@@ -162,7 +162,7 @@ RULES = {
             "extern": _anything,
         },
     ),
-    "obs": Rule(
+    "obs": ElementRule(
         (*_MEASURED, "cov-mat"),
         {},
         {"from": _identifier, "orientation": _angle, "from_dh": parse_number, "extern": _anything},
@@ -172,7 +172,7 @@ RULES = {
     "z-angle": _ANGULAR,
     "distance": _LENGTH,
     "s-distance": _LENGTH,
-    "angle": Rule(
+    "angle": ElementRule(
         (),
         {"bs": _identifier, "fs": _identifier, "val": _angle},
         {
@@ -182,20 +182,20 @@ RULES = {
             "extern": _anything,
         },
     ),
-    "height-differences": Rule(("dh", "cov-mat"), {}, {"extern": _anything}),
-    "dh": Rule(
+    "height-differences": ElementRule(("dh", "cov-mat"), {}, {"extern": _anything}),
+    "dh": ElementRule(
         (),
         {"from": _identifier, "to": _identifier, "val": parse_number},
         {"stdev": _positive, "dist": _positive, "extern": _anything},
     ),
-    "coordinates": Rule(("point", "cov-mat"), {}, {"extern": _anything}),
-    "vectors": Rule(("vec", "cov-mat"), {}, {"extern": _anything}),
-    "vec": Rule(
+    "coordinates": ElementRule(("point", "cov-mat"), {}, {"extern": _anything}),
+    "vectors": ElementRule(("vec", "cov-mat"), {}, {"extern": _anything}),
+    "vec": ElementRule(
         (),
         {"from": _identifier, "to": _identifier, **dict.fromkeys(("dx", "dy", "dz"), parse_number)},
         {"from_dh": parse_number, "to_dh": parse_number, "extern": _anything},
     ),
-    "cov-mat": Rule((), {"dim": _count, "band": _count}),
+    "cov-mat": ElementRule((), {"dim": _count, "band": _count}),
 }
 
 
@@ -570,7 +570,7 @@ CC = GON / 1e4
 """Radians per gon and per cc; the σ of lengths are mm."""
 
 
-class Part(NamedTuple):
+class ElementPart(NamedTuple):
     """Element, attribute, and value in face one (internal units) of a component."""
 
     element: str
@@ -587,21 +587,21 @@ def _from_horizon(value: FloatArray, face: FloatArray) -> FloatArray:
     return np.pi / 2 - value
 
 
-PARTS: dict[str, tuple[Part, ...]] = {
-    "horizontal_distance": (Part("distance", "val", _same),),
-    "distance": (Part("s-distance", "val", _same),),
-    "directions": (Part("direction", "val", circle_in_face_one),),
+PARTS: dict[str, tuple[ElementPart, ...]] = {
+    "horizontal_distance": (ElementPart("distance", "val", _same),),
+    "distance": (ElementPart("s-distance", "val", _same),),
+    "directions": (ElementPart("direction", "val", circle_in_face_one),),
     "zenith_directions": (
-        Part("direction", "val", circle_in_face_one),
-        Part("z-angle", "val", zenith_in_face_one),
+        ElementPart("direction", "val", circle_in_face_one),
+        ElementPart("z-angle", "val", zenith_in_face_one),
     ),
-    "angle": (Part("angle", "val", _same),),
-    "bearing": (Part("azimuth", "val", _same),),
-    "zenith_angle": (Part("z-angle", "val", zenith_in_face_one),),
-    "vertical_direction": (Part("z-angle", "val", _from_horizon),),
-    "height_difference": (Part("dh", "val", _same),),
-    "vector": tuple(Part("vec", name, _same) for name in ("dx", "dy", "dz")),
-    "coordinates": tuple(Part("point", name, _same) for name in "xyz"),
+    "angle": (ElementPart("angle", "val", _same),),
+    "bearing": (ElementPart("azimuth", "val", _same),),
+    "zenith_angle": (ElementPart("z-angle", "val", zenith_in_face_one),),
+    "vertical_direction": (ElementPart("z-angle", "val", _from_horizon),),
+    "height_difference": (ElementPart("dh", "val", _same),),
+    "vector": tuple(ElementPart("vec", name, _same) for name in ("dx", "dy", "dz")),
+    "coordinates": tuple(ElementPart("point", name, _same) for name in "xyz"),
 }
 """Types that GNU Gama has, with their components in order."""
 NAMES = {

@@ -9,10 +9,10 @@ from xml.sax.saxutils import escape, quoteattr
 import numpy as np
 
 from mor.errors import InputError, Message
-from mor.formats.content import Content, Things, content_of, not_carried, points
+from mor.formats.content import Content, ContentTable, content_of, not_carried, points
 from mor.formats.draft import Written
 from mor.formats.gkf.reader import CC, GON, NAMES, PARTS
-from mor.formats.networks import Group, groups, heights_of, stations, tilted_stations
+from mor.formats.networks import ObservationTable, groups, heights_of, stations, tilted_stations
 from mor.model.observation_types import PLAIN_TYPES
 from mor.project.document import Document
 from mor.project.schema import Datum
@@ -73,7 +73,7 @@ def _check(content: Content) -> None:
         raise InputError(problems)
 
 
-def _points(found: Things, content: Content) -> Iterator[str]:
+def _points(found: ContentTable, content: Content) -> Iterator[str]:
     """Points with their coordinates: fixed, adjusted, or adjusted and constrained, by position and height."""
     dimensions, problems = content.project.settings.dimensions, []
     constrained = _constrained(found, content)
@@ -100,7 +100,7 @@ def _points(found: Things, content: Content) -> Iterator[str]:
         raise InputError(problems)
 
 
-def _constrained(found: Things, content: Content) -> set[tuple[str, str]]:
+def _constrained(found: ContentTable, content: Content) -> set[tuple[str, str]]:
     """Points and parts that carry the datum of a free network."""
     datum = content.project.datum
     if datum == "fixed":
@@ -123,7 +123,7 @@ def _constrained(found: Things, content: Content) -> set[tuple[str, str]]:
     }
 
 
-def _observed_points(found: Things, content: Content) -> list[str]:
+def _observed_points(found: ContentTable, content: Content) -> list[str]:
     """Coordinates with σ, as observed ones without correlation."""
     metres = content.edge.metres
     lines, variances = [], []
@@ -140,15 +140,17 @@ def _observed_points(found: Things, content: Content) -> list[str]:
     return ["<coordinates>", *lines, matrix, "</coordinates>"]
 
 
-def _clusters(found: list[Group]) -> list[list[Group]]:
+def _clusters(found: list[ObservationTable]) -> list[list[ObservationTable]]:
     """Tables that share a covariance matrix together, all others alone."""
-    clusters: dict[str, list[Group]] = {}
+    clusters: dict[str, list[ObservationTable]] = {}
     for number, group in enumerate(found):
         clusters.setdefault(group.entry.cluster or f"\0{number}", []).append(group)
     return list(clusters.values())
 
 
-def _observations(cluster: list[Group], known: dict[str, tuple[str, float]], metres: float) -> list[str]:
+def _observations(
+    cluster: list[ObservationTable], known: dict[str, tuple[str, float]], metres: float
+) -> list[str]:
     """Elements of tables: by station and set where they have sets, else one after the other."""
     sections: dict[tuple[str, str], list[str]] = {}
     units: list[float] = []
@@ -202,7 +204,7 @@ def _unit(element: str, metres: float) -> float:
     return CC if element in _ANGULAR else 1e-3 / metres
 
 
-def _section(group: Group, references: dict[str, str], row: int) -> tuple[str, str]:
+def _section(group: ObservationTable, references: dict[str, str], row: int) -> tuple[str, str]:
     element = PARTS[group.entry.type][0].element
     if element in _SECTIONS:
         return _SECTIONS[element], ""
@@ -212,7 +214,7 @@ def _section(group: Group, references: dict[str, str], row: int) -> tuple[str, s
 
 
 def _elements(
-    group: Group,
+    group: ObservationTable,
     references: dict[str, str],
     heights: tuple[float, float],
     values: FloatArray,
@@ -237,7 +239,7 @@ def _elements(
     return [f"{' '.join(inside)}/>" for inside in result.values()]
 
 
-def _matrix(group: Group, units: FloatArray, factors: FloatArray) -> str:
+def _matrix(group: ObservationTable, units: FloatArray, factors: FloatArray) -> str:
     """The whole upper triangle, in GNU Gama's units."""
     covariance = np.array(group.covariance)
     own = factors if group.entry.covariance is not None else np.ones(len(units))

@@ -53,7 +53,7 @@ _MONTHS = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct",
 
 
 @dataclass
-class _Block:
+class _RecordValues:
     """Values of one observation, or of a station, by the names of their commands."""
 
     values: dict[str, str] = field(default_factory=dict)
@@ -77,8 +77,8 @@ class Definition:
     required: list[str] = field(default_factory=list)
     skipped: int = 0
     lookups: dict[str, dict[str, str]] = field(default_factory=dict)
-    station: _Block = field(default_factory=_Block)
-    observations: list[_Block] = field(default_factory=list)
+    station: _RecordValues = field(default_factory=_RecordValues)
+    observations: list[_RecordValues] = field(default_factory=list)
 
     def value(self, definition: str, cells: dict[str, str]) -> str:
         """What a definition means on a line: the first of its alternatives that is not blank."""
@@ -132,7 +132,7 @@ def definition_of(path: Path, options: dict[str, str], draft: Draft) -> Definiti
         elif name == "lookup":
             lookup = found.lookups.setdefault(rest.lower(), {})
         elif name == "observation":
-            block = _Block()
+            block = _RecordValues()
             found.observations.append(block)
         elif name == "end_observation":
             block = found.station
@@ -184,7 +184,7 @@ def _divide(found: Definition, rest: str) -> None:
             found.reader |= {"escapechar": value, "doublequote": False}
 
 
-def records(path: Path, found: Definition, blocks: list[_Block], draft: Draft) -> Iterator[Record]:
+def records(path: Path, found: Definition, blocks: list[_RecordValues], draft: Draft) -> Iterator[Record]:
     """What the lines of a file mean, one record for each block. Raises :class:`InputError`."""
     if not path.is_file():
         raise InputError([Message("this file does not exist", str(path))])

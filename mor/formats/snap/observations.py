@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.errors import InputError, Message, nearest
-from mor.formats.draft import Draft, Row, parse_number, read_lines
+from mor.formats.draft import Draft, Line, Row, parse_number, read_lines
 from mor.formats.snap.delimited import Definition, Record, angle_words, date_by, form_of, records
 from mor.project.reference_system import ReferenceSystem, reference_system
 from mor.types import FloatArray
@@ -24,13 +24,6 @@ from mor.types import FloatArray
 #
 # Source: the help of SNAP, *Station coordinate file format*, *Observation file format*, *The #data command*.
 # ------------------------------------------------------------
-
-
-class Line(NamedTuple):
-    """Words of a line, continued ones put together, and its number; no words where it is empty."""
-
-    words: list[str]
-    number: int
 
 
 _QUOTED = re.compile(r"(?:[^\s\"']|\"[^\"]*\"|'[^']*'|[\"'])+")
@@ -70,7 +63,7 @@ def _without_comment(text: str) -> str:
     return text
 
 
-class Words:
+class WordReader:
     """Words of a line, taken one after the other."""
 
     def __init__(self, words: list[str]) -> None:
@@ -108,7 +101,7 @@ class Words:
         return True
 
 
-def angle(words: Words, form: str, hemispheres: str = "") -> float:
+def angle(words: WordReader, form: str, hemispheres: str = "") -> float:
     """Degrees of an angle in the form ``dms``, ``hp`` (d.mmss) or ``deg``; of a place with its hemisphere.
 
     ``hemispheres`` are the letters of the positive and the negative one; plain degrees may go without. Raises
@@ -172,7 +165,7 @@ class Error(NamedTuple):
         return float(np.hypot(self.seconds, np.degrees(np.hypot(across, raised)) * 3600.0))
 
 
-def error_of(words: Words) -> Error:
+def error_of(words: WordReader) -> Error:
     """The σ that a command says: numbers with their units. Raises ``ValueError``."""
     found = dict.fromkeys(Error._fields, 0.0)
     while words:
@@ -230,7 +223,7 @@ _VECTOR_UNITS = {
 """Fields of an error, and their factors, by data type and unit."""
 
 
-def vector_error_of(words: Words, code: str) -> VectorError:
+def vector_error_of(words: WordReader, code: str) -> VectorError:
     """Errors of ``20 30 50 mm 10 25 100 ppm`` of a data type. Raises ``ValueError``."""
     found: dict[str, tuple[float, ...]] = {}
     units = _VECTOR_UNITS[code]
@@ -275,7 +268,7 @@ _COLUMNS = {"deflections": ["deflection_north", "deflection_east"], "geoid_heigh
 """Columns behind a height that an option announces, in their order."""
 
 
-class Station(NamedTuple):
+class SnapStation(NamedTuple):
     """A station as it was given; angles in degrees, deflections in arc seconds."""
 
     place: tuple[float, float, float]
@@ -288,7 +281,7 @@ class Station(NamedTuple):
     """File that its coordinates are from."""
 
 
-class Stations(NamedTuple):
+class StationFile(NamedTuple):
     """All stations of a file."""
 
     path: Path
@@ -299,7 +292,7 @@ class Stations(NamedTuple):
     orthometric: bool
     geoid: bool
     deflections: bool
-    by_name: dict[str, Station]
+    by_name: dict[str, SnapStation]
     spelt: dict[str, str]
     """Names by their capitals."""
 
@@ -322,7 +315,7 @@ class Stations(NamedTuple):
         return east_north_up(latitude, longitude)
 
 
-def read_stations(path: Path, draft: Draft, form: Definition | None = None) -> Stations:
+def read_stations(path: Path, draft: Draft, form: Definition | None = None) -> StationFile:
     """Stations of a coordinate file, of a delimited one by its definition. Raises :class:`InputError`."""
     lines = (
         [line for line in lines_of(path, draft) if line.words]
@@ -349,7 +342,7 @@ def read_stations(path: Path, draft: Draft, form: Definition | None = None) -> S
     if vertical and not geoid:
         words = f"{code}: the geoid of {code.partition('/')[2]} is not in this file; add geoid_heights to it"
         raise InputError([Message(words, str(path), lines[1].number)])
-    found = Stations(
+    found = StationFile(
         path,
         " ".join(lines[0].words),
         code,
@@ -406,7 +399,7 @@ def _divided(path: Path, form: Definition, draft: Draft) -> list[Line]:
                 raise ValueError("expected a code, two coordinates and a height")
             if geographic:
                 ends = zip(place, ("NS", "EW"), strict=True)
-                place = [repr(angle(Words(angle_words(text, two)), angles, two)) for text, two in ends]
+                place = [repr(angle(WordReader(angle_words(text, two)), angles, two)) for text, two in ends]
             row = [texts["code"], *place, texts["height"], *(texts.get(name) or "0" for name in optional)]
             lines.append(Line([*row, *(own.get(name, "-") for name in classes)], number))
         except ValueError as error:
@@ -415,7 +408,7 @@ def _divided(path: Path, form: Definition, draft: Draft) -> list[Line]:
 
 
 def merge_stations(
-    stations: Stations, path: Path, parts: set[str], draft: Draft, form: Definition | None = None
+    stations: StationFile, path: Path, parts: set[str], draft: Draft, form: Definition | None = None
 ) -> None:
     """Take ``coordinates``, ``classes``, ``existing_classes`` or new ``stations`` over from another file.
 
@@ -454,8 +447,8 @@ def _system(code: str, path: Path, line: int) -> tuple[str, str]:
     return SYSTEMS[known], f"{known} of one epoch" if version else ""
 
 
-def _read(found: Stations, line: Line, form: str, classes: list[str]) -> None:
-    words = Words(line.words)
+def _read(found: StationFile, line: Line, form: str, classes: list[str]) -> None:
+    words = WordReader(line.words)
     name = words.take("a station")
     if name.upper() in found.spelt:
         raise ValueError(f"station {name!r} is there twice")
@@ -477,7 +470,7 @@ def _read(found: Stations, line: Line, form: str, classes: list[str]) -> None:
     N = words.number("a geoid height") if found.geoid else 0.0
     values = {key: words.take(f"{key} of station {name!r}") for key in classes}
     found.spelt[name.upper()] = name
-    found.by_name[name] = Station(
+    found.by_name[name] = SnapStation(
         (place[0], place[1], height), N, deflection, line.number, values, found.path
     )
 
@@ -493,7 +486,7 @@ Chosen = Callable[[str], bool]
 """Whether a station is on a list."""
 
 
-def station_list(words: Words, stations: Stations, end: str = "") -> Chosen:
+def station_list(words: WordReader, stations: StationFile, end: str = "") -> Chosen:
     """Stations that a list means, up to the word ``end``. Raises ``ValueError``."""
     parts: list[list[set[str]]] = [[set()]]
     strict = True
@@ -512,7 +505,7 @@ def station_list(words: Words, stations: Stations, end: str = "") -> Chosen:
     return lambda name: name.upper() in chosen
 
 
-def _stations_of(word: str, words: Words, stations: Stations, strict: bool) -> set[str]:
+def _stations_of(word: str, words: WordReader, stations: StationFile, strict: bool) -> set[str]:
     names = {name.upper() for name in stations.by_name}
     code = word.removeprefix("\\").upper()
     if code in names:
@@ -543,7 +536,7 @@ def _stations_of(word: str, words: Words, stations: Stations, strict: bool) -> s
 _RING = re.compile(r"\(([^()]+)\)")
 
 
-def _stations_in_area(code: str, file: str, stations: Stations) -> set[str]:
+def _stations_in_area(code: str, file: str, stations: StationFile) -> set[str]:
     """Stations in an odd number of rings ``(x1 y1, x2 y2, …)`` of a file. Raises ``ValueError``."""
     path = stations.path.parent / file
     path = path if path.is_file() else path.with_suffix(".wkt")
@@ -567,12 +560,12 @@ def _stations_in_area(code: str, file: str, stations: Stations) -> set[str]:
     return {name.upper() for name, found in zip(stations.by_name, inside, strict=True) if found}
 
 
-def _stations_in_file(file: str, stations: Stations, strict: bool) -> set[str]:
+def _stations_in_file(file: str, stations: StationFile, strict: bool) -> set[str]:
     path = stations.path.parent / file
     path = path if path.is_file() else path.with_suffix(".stl")
     found: set[str] = set()
     for line in lines_of(path, Draft(str(path))):
-        words = Words(line.words if strict else ["ignore_missing", *line.words])
+        words = WordReader(line.words if strict else ["ignore_missing", *line.words])
         chosen = station_list(words, stations)
         found |= {name.upper() for name in stations.by_name if chosen(name)}
     return found
@@ -622,7 +615,7 @@ class Period(NamedTuple):
         return date is not None and (self.since or date) <= date and not (self.until and date >= self.until)
 
 
-def period_of(words: Words) -> Period:
+def period_of(words: WordReader) -> Period:
     """``before``, ``after`` or ``between`` with their dates; all dates without these words. Raises ``ValueError``."""
     if words.skip("before"):
         return Period(None, date_of(words.take("a date")))
@@ -667,7 +660,7 @@ class Selection(NamedTuple):
         return self.stations is None or (all if self.all_ends else any)(map(self.stations, names))
 
 
-def selection_of(words: Words, factor: float, stations: Stations) -> Selection:
+def selection_of(words: WordReader, factor: float, stations: StationFile) -> Selection:
     """The observations that the rest of a command selects. Raises ``ValueError``."""
     found = Selection(factor, [])
     while words:
@@ -830,7 +823,7 @@ class Set(NamedTuple):
 
 
 def set_of(
-    stations: Stations,
+    stations: StationFile,
     members: list[Member],
     form: str,
     error: VectorError | None,
@@ -867,7 +860,7 @@ def _distinct(members: list[Member], kind: str) -> list[Selection]:
     return list({id(one): one for m in members for one in m.held if one.kind == kind}.values())
 
 
-def _offsets(stations: Stations, members: list[Member]) -> FloatArray:
+def _offsets(stations: StationFile, members: list[Member]) -> FloatArray:
     """Covariances of common errors: of the equipment at a station, and of the centroid of a set of positions.
 
     Vectors of a set begin at one station: a station is an end of all of them on the same side.
@@ -884,7 +877,7 @@ def _offsets(stations: Stations, members: list[Member]) -> FloatArray:
     return Q
 
 
-def _common(stations: Stations, names: list[str], one: Selection, ends: FloatArray) -> FloatArray:
+def _common(stations: StationFile, names: list[str], one: Selection, ends: FloatArray) -> FloatArray:
     axes = stations.axes(sorted(set(names)))
     horizontal, vertical = np.square(one.errors)
     E = axes.T @ np.diag([horizontal, horizontal, vertical]) @ axes
@@ -928,7 +921,7 @@ def _type(columns: list[str]) -> str:
 
 
 def _covariance(
-    stations: Stations,
+    stations: StationFile,
     members: list[Member],
     form: str,
     error: VectorError | None,
@@ -981,7 +974,7 @@ def _of_set(members: list[Member], form: str, numbers: list[float]) -> FloatArra
     return scaled
 
 
-def _of_command(stations: Stations, members: list[Member], error: VectorError | None) -> FloatArray:
+def _of_command(stations: StationFile, members: list[Member], error: VectorError | None) -> FloatArray:
     """Covariances of ``#gps_enu_error``: of members of a set such that vectors between them have its errors, too.
 
     Positions (``#gx_enu_error``) have the covariances that the command gives, in the axes of the later one.
@@ -1024,7 +1017,7 @@ def _of_command(stations: Stations, members: list[Member], error: VectorError | 
 # ------------------------------------------------------------
 
 
-class Kind(NamedTuple):
+class DataKind(NamedTuple):
     """A kind of data: its type in a project and the column of its value."""
 
     type: str
@@ -1037,22 +1030,22 @@ class Kind(NamedTuple):
 
 
 KINDS = {
-    "HA": Kind("directions", "horizontal", "line", "ha"),
-    "AZ": Kind("azimuth", "azimuth", "line", "az"),
-    "SD": Kind("distance", "distance", default="ds"),
-    "ED": Kind("ellipsoid_arc", "distance", default="ds"),
-    "MD": Kind("mean_sea_level_distance", "distance", default="ds"),
-    "HD": Kind("height_reduced_distance", "distance", default="ds"),
-    "DR": Kind("distance", "distance", default="ds"),
-    "ZD": Kind("zenith_angle", "zenith_angle", "line", "zd"),
-    "LV": Kind("height_difference", "dz", default="lv"),
-    "LT": Kind("geodetic_position", "latitude", "NS", "lt", point=True),
-    "LN": Kind("geodetic_position", "longitude", "EW", "ln", point=True),
-    "OH": Kind("orthometric_height", "height", default="oh", point=True),
-    "EH": Kind("ellipsoidal_height", "height", default="eh", point=True),
-    "PB": Kind("projected_bearing", "bearing", "line", "az"),
-    "GB": Kind("gnss_vector", ""),
-    "GX": Kind("gnss_position", "", point=True),
+    "HA": DataKind("directions", "horizontal", "line", "ha"),
+    "AZ": DataKind("azimuth", "azimuth", "line", "az"),
+    "SD": DataKind("distance", "distance", default="ds"),
+    "ED": DataKind("ellipsoid_arc", "distance", default="ds"),
+    "MD": DataKind("mean_sea_level_distance", "distance", default="ds"),
+    "HD": DataKind("height_reduced_distance", "distance", default="ds"),
+    "DR": DataKind("distance", "distance", default="ds"),
+    "ZD": DataKind("zenith_angle", "zenith_angle", "line", "zd"),
+    "LV": DataKind("height_difference", "dz", default="lv"),
+    "LT": DataKind("geodetic_position", "latitude", "NS", "lt", point=True),
+    "LN": DataKind("geodetic_position", "longitude", "EW", "ln", point=True),
+    "OH": DataKind("orthometric_height", "height", default="oh", point=True),
+    "EH": DataKind("ellipsoidal_height", "height", default="eh", point=True),
+    "PB": DataKind("projected_bearing", "bearing", "line", "az"),
+    "GB": DataKind("gnss_vector", ""),
+    "GX": DataKind("gnss_position", "", point=True),
 }
 """By SNAP's letters."""
 _ALSO = {"GPS": "GB"}
@@ -1067,7 +1060,7 @@ _COMMENTS = ("time", "note", "bearing_orientation_error")
 DEFAULT = "DEFAULT"
 
 
-class Item(NamedTuple):
+class LineObservation(NamedTuple):
     """One observation of a line: its kind and what stands there of it, in this order."""
 
     code: str
@@ -1088,7 +1081,7 @@ class Data:
     """Content of all data files, and the state set by commands of the current one."""
 
     draft: Draft
-    stations: Stations
+    stations: StationFile
     names: dict[str, tuple[int, str]] = field(default_factory=dict)
     """Stations that are observed, with the line and the file that names them first."""
     tables: dict[tuple[str, str, str], list[Row]] = field(default_factory=dict)
@@ -1127,7 +1120,7 @@ class Data:
     refraction: str = DEFAULT
     projection: str = ""
     """EPSG code of the projection that bearings are of."""
-    items: list[Item] = field(default_factory=list)
+    items: list[LineObservation] = field(default_factory=list)
     prefix: list[str] = field(default_factory=list)
     """Date and classifications of a whole line, before its observations."""
     grouped: bool = False
@@ -1215,15 +1208,15 @@ def read_data(path: Path, data: Data, scale: float = 1.0, recodes: Path | None =
                 data.header = None
             elif line.words[0].startswith("#"):
                 words = [line.words[0][1:], *line.words[1:]]
-                _command(data, Words(words if words[0] else words[1:]))
+                _command(data, WordReader(words if words[0] else words[1:]))
             elif data.covariances is not None:
-                numbers = Words(line.words)
+                numbers = WordReader(line.words)
                 while numbers:
                     data.covariances.append(numbers.number("a covariance"))
                 if len(data.covariances) >= _count(data):
                     _end_of_set(data)
             else:
-                _observations(data, Words(line.words))
+                _observations(data, WordReader(line.words))
         except ValueError as error:
             data.draft.problem(str(error), line.number, str(path))
     _end_of_set(data)
@@ -1266,7 +1259,7 @@ def _delimited(data: Data, code: str, record: Record, scale: float, new_set: boo
             f"reference frame {values['reference_frame']}: vectors are taken in the frame of the stations"
         )
     numbers = _errors_of(data, code, values)
-    data.items = [Item(code, ("value", "error") if numbers else ("value",))]
+    data.items = [LineObservation(code, ("value", "error") if numbers else ("value",))]
     station = [values.get("instrument_station", ""), values.get("instrument_height") or "0"]
     target = [values.get("target_station", ""), values.get("target_height") or "0"]
     data.heights = True
@@ -1275,11 +1268,11 @@ def _delimited(data: Data, code: str, record: Record, scale: float, new_set: boo
         raise ValueError("expected the names of the stations")
     if data.grouped:
         if new_set:
-            _observations(data, Words(station))
+            _observations(data, WordReader(station))
         ends = target
     rejected = ["*"] * (values.get("rejected", "").upper() == "Y")
     value = angle_words(values.get("value", ""), kind.angular.replace("line", ""))
-    _observations(data, Words([*rejected, *ends, *value, *numbers]))
+    _observations(data, WordReader([*rejected, *ends, *value, *numbers]))
 
 
 def _factor(text: str) -> float:
@@ -1297,7 +1290,7 @@ def _errors_of(data: Data, code: str, values: dict[str, str]) -> list[str]:
     form = values.get(f"{what}_error_type", "").lower()
     numbers = text.split()
     if form == "calculated":
-        words = Words(re.sub(r"(\d)([a-z])", r"\1 \2", text.lower()).split())
+        words = WordReader(re.sub(r"(\d)([a-z])", r"\1 \2", text.lower()).split())
         if what == "vector":
             data.vector_errors[code] = vector_error_of(words, code)
         else:
@@ -1320,7 +1313,7 @@ def _errors_of(data: Data, code: str, values: dict[str, str]) -> list[str]:
     return numbers
 
 
-def _command(data: Data, words: Words) -> None:
+def _command(data: Data, words: WordReader) -> None:
     name = words.take("a command").lower()
     if name == "end_set":
         data.covariances = []
@@ -1366,7 +1359,7 @@ def _command(data: Data, words: Words) -> None:
         raise ValueError(f"command #{name} is not supported")
 
 
-def _data(data: Data, words: Words) -> None:
+def _data(data: Data, words: WordReader) -> None:
     """``#data sd error ha no_heights``: what stands on the lines that follow."""
     items: list[tuple[str, list[str]]] = []
     data.grouped, data.heights, data.header, data.prefix = False, True, None, []
@@ -1388,14 +1381,14 @@ def _data(data: Data, words: Words) -> None:
             raise ValueError(f"found {word!r}, expected a data type ({', '.join(KINDS)}) or one of its items")
     if not items:
         raise ValueError("found no data type behind #data")
-    data.items = [Item(code, tuple(f if "value" in f else ["value", *f])) for code, f in items]
+    data.items = [LineObservation(code, tuple(f if "value" in f else ["value", *f])) for code, f in items]
     if len({KINDS[item.code].point for item in data.items}) > 1:
         data.items = []
         raise ValueError("data of points and of lines are mixed")
     data.grouped |= any(item.code in _SETS for item in data.items)
 
 
-def _observations(data: Data, words: Words) -> None:
+def _observations(data: Data, words: WordReader) -> None:
     """A line: its stations and what was observed."""
     if not data.items:
         raise ValueError("observations before a #data command that says what they are")
@@ -1422,15 +1415,15 @@ def _observations(data: Data, words: Words) -> None:
         raise ValueError(f"found {words.peek()!r} behind the observations")
 
 
-def _height(data: Data, words: Words) -> float:
+def _height(data: Data, words: WordReader) -> float:
     return words.number("a height above the station") if data.heights and words else 0.0
 
 
 def _item(
     data: Data,
-    item: Item,
+    item: LineObservation,
     ends: list[tuple[str, float]],
-    words: Words,
+    words: WordReader,
     rejected: bool,
     before: dict[str, str],
 ) -> None:
@@ -1480,7 +1473,7 @@ def _item(
             data.in_sets.setdefault((item.code, data.sets), []).append((row, held))
 
 
-def _value(data: Data, kind: Kind, words: Words) -> float:
+def _value(data: Data, kind: DataKind, words: WordReader) -> float:
     if not kind.angular:
         return words.number("a value")
     return angle(words, data.form, "" if kind.angular == "line" else kind.angular)
@@ -1527,7 +1520,7 @@ def _scalar(
     return row
 
 
-def _sigma(data: Data, kind: Kind, names: list[str], value: float, sigma: list[float] | None) -> float:
+def _sigma(data: Data, kind: DataKind, names: list[str], value: float, sigma: list[float] | None) -> float:
     """σ in metres or arc seconds."""
     if sigma is not None:
         return sigma[0] * (3600.0 if kind.angular and data.form == "deg" else 1.0)

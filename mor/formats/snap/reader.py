@@ -13,8 +13,8 @@ from mor.formats.snap.observations import (
     DEFAULT,
     Data,
     Recode,
-    Stations,
-    Words,
+    StationFile,
+    WordReader,
     lines_of,
     merge_stations,
     period_of,
@@ -201,7 +201,7 @@ def _read_commands(
     for line in lines_of(path, draft, quoted=True):
         if not line.words:
             continue
-        words = Words(line.words)
+        words = WordReader(line.words)
         name = words.take("a command").lower()
         try:
             if name == "include":
@@ -222,14 +222,14 @@ def _read_commands(
             draft.problem(str(error), line.number, str(path))
 
 
-def _file_of(words: Words, path: Path) -> Path:
+def _file_of(words: WordReader, path: Path) -> Path:
     return path.parent / words.take("the name of a file").strip("\"'")
 
 
 _PARTS = ("coordinates", "classes", "existing_classes", "stations")
 
 
-def _added(path: Path, name: str, words: Words) -> tuple[Path, set[str]]:
+def _added(path: Path, name: str, words: WordReader) -> tuple[Path, set[str]]:
     """Another coordinate file, and what is taken from it: of another coordinate_file its new stations."""
     parts = {"stations"} if name == "coordinate_file" else set()
     while name == "add_coordinate_file" and not words.skip("from"):
@@ -245,7 +245,7 @@ def _added(path: Path, name: str, words: Words) -> tuple[Path, set[str]]:
     return _file_of(words, path), parts
 
 
-def _form(words: Words, places: list[Path], usual: str, draft: Draft) -> Definition | None:
+def _form(words: WordReader, places: list[Path], usual: str, draft: Draft) -> Definition | None:
     """The definition behind the word csv; it stands beside the command file, or one that includes it."""
     if not words.skip("csv"):
         return None
@@ -258,21 +258,23 @@ def _form(words: Words, places: list[Path], usual: str, draft: Draft) -> Definit
     return definition_of(next((file for file in files if file.is_file()), files[0]), options, draft)
 
 
-def _end(words: Words) -> None:
+def _end(words: WordReader) -> None:
     if words:
         raise ValueError(
             f"found {words.rest()!r} behind the name of the file: only SNAP's own form and csv are read"
         )
 
 
-def _factor(words: Words) -> float:
+def _factor(words: WordReader) -> float:
     factor = words.number("a factor")
     if not factor > 0.0:
         raise ValueError(f"found the factor {factor:g}, expected one above 0")
     return factor
 
 
-def _command(found: _Commands, path: Path, name: str, words: Words, places: list[Path], draft: Draft) -> bool:
+def _command(
+    found: _Commands, path: Path, name: str, words: WordReader, places: list[Path], draft: Draft
+) -> bool:
     """Follow a command; False if it is not one of these."""
     if name == "title":
         found.title = words.rest()
@@ -314,7 +316,7 @@ def _command(found: _Commands, path: Path, name: str, words: Words, places: list
     return True
 
 
-def _mode(found: _Commands, words: Words) -> None:
+def _mode(found: _Commands, words: WordReader) -> None:
     while words:
         word = words.take("a mode").lower()
         if word in ("adjustment", "adjust", "data_check", "free_net", "free_net_adjustment"):
@@ -327,7 +329,7 @@ def _mode(found: _Commands, words: Words) -> None:
 
 def _follow(commands: _Commands, data: Data, command: _Command) -> None:
     """Follow a command about stations or observations. Raises ``ValueError``."""
-    words, name = Words(command.words), command.name
+    words, name = WordReader(command.words), command.name
     if name == "recode":
         _recode(data, words)
     elif name == "ignore_missing_stations":
@@ -345,7 +347,7 @@ def _follow(commands: _Commands, data: Data, command: _Command) -> None:
         _fix(commands, data, command)
 
 
-def _recode(data: Data, words: Words) -> None:
+def _recode(data: Data, words: WordReader) -> None:
     code = words.take("the code of a station").upper()
     if code == "FILE":
         data.recodes += recodes_of(_file_of(words, data.stations.path))
@@ -372,12 +374,12 @@ def _recode(data: Data, words: Words) -> None:
         data.recodes.append(Recode(one.upper(), renamed, period, sigma))
 
 
-def _select(data: Data, name: str, words: Words) -> None:
+def _select(data: Data, name: str, words: WordReader) -> None:
     if name == "classification":
         key, factor = words.take("a classification"), 1.0
         if words.skip("ignore") or words.skip("reject"):
             factor = 0.0
-        criterion = Words([f"{key}={words.take('a value')}"])
+        criterion = WordReader([f"{key}={words.take('a value')}"])
         if words.skip("error_factor"):
             factor *= words.number("a factor")
         data.selections.append(selection_of(criterion, factor, data.stations))
@@ -401,7 +403,7 @@ def _select(data: Data, name: str, words: Words) -> None:
     data.selections.append(found._replace(kind=kind, errors=errors))
 
 
-def _errors(words: Words) -> tuple[float, float]:
+def _errors(words: WordReader) -> tuple[float, float]:
     """One or two errors in metres, horizontal and vertical."""
     horizontal = words.number("an error")
     vertical = horizontal if words.peek().lower() == "m" else words.number("an error")
@@ -412,7 +414,7 @@ def _errors(words: Words) -> tuple[float, float]:
 
 def _fix(commands: _Commands, data: Data, command: _Command) -> None:
     """``fix``, ``float`` and ``free``: σ of stations, horizontal and vertical."""
-    words = Words(command.words)
+    words = WordReader(command.words)
     if words.skip("automatically"):
         raise ValueError(f"{command.name} automatically is not supported, expected stations or all")
     kept, parts = [], (True, True)
@@ -422,7 +424,7 @@ def _fix(commands: _Commands, data: Data, command: _Command) -> None:
             parts = (word.lower() != "vertical", word.lower() != "horizontal")
         else:
             kept.append(word)
-    chosen = station_list(Words(kept), data.stations)
+    chosen = station_list(WordReader(kept), data.stations)
     sigma: tuple[float | None, float | None] = (None, None)
     if command.name != "free":
         sigma = (0.0, 0.0) if command.name == "fix" else command.float_errors
@@ -485,7 +487,7 @@ def _sigma(commands: _Commands, name: str) -> tuple[float | None, float | None]:
     return commands.sigmas.get(name, (None, None))
 
 
-def _row(stations: Stations, name: str) -> Row:
+def _row(stations: StationFile, name: str) -> Row:
     given = stations.by_name[name]
     deflection = map(repr, given.deflection) if stations.deflections else [None, None]
     return Row([name, *map(repr, given.place), repr(given.N), *deflection], given.line)

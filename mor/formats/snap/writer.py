@@ -14,7 +14,7 @@ from mor.formats.content import Content, content_of, not_carried
 from mor.formats.draft import Written
 from mor.formats.networks import (
     EarthPoints,
-    Group,
+    ObservationTable,
     SetUps,
     circle_in_face_one,
     clockwise_from_north,
@@ -26,12 +26,12 @@ from mor.formats.networks import (
     tilted_stations,
     world_of,
 )
-from mor.formats.snap.observations import KINDS, PROJECTIONS, SYSTEMS, Kind
+from mor.formats.snap.observations import KINDS, PROJECTIONS, SYSTEMS, DataKind
 from mor.formats.snap.reader import BOMFORD
 from mor.model.observation_types import PLAIN_TYPES, earth_types
 from mor.project.document import Document
 from mor.project.network import build_network
-from mor.project.reference_system import ReferenceSystem, World, reference_system
+from mor.project.reference_system import EarthModel, ReferenceSystem, reference_system
 from mor.project.schema import Instrument, Value
 from mor.types import FloatArray
 from mor.units import ANGLE_UNITS, Quantity
@@ -59,7 +59,9 @@ class Writing(NamedTuple):
     """Name of the projection of the project, or nothing."""
 
 
-def data_lines(content: Content, found: list[Group], points: list[str], projection: str) -> list[str]:
+def data_lines(
+    content: Content, found: list[ObservationTable], points: list[str], projection: str
+) -> list[str]:
     """All observations. Raises :class:`InputError` for what SNAP cannot say."""
     writing = Writing(content, SetUps(content, points), projection)
     lines = ["#deg_angles", "#gps_error_type full"]
@@ -68,7 +70,7 @@ def data_lines(content: Content, found: list[Group], points: list[str], projecti
     return lines
 
 
-def _of_group(writing: Writing, group: Group) -> Iterator[str]:
+def _of_group(writing: Writing, group: ObservationTable) -> Iterator[str]:
     type_ = group.entry.type
     if type_ in VECTORS:
         yield from _gnss(writing, group)
@@ -86,7 +88,7 @@ def _degrees(angle: float) -> str:
     return repr(float(np.degrees(angle)))
 
 
-def _texts(group: Group, kind: Kind, row: int, metres: float) -> str:
+def _texts(group: ObservationTable, kind: DataKind, row: int, metres: float) -> str:
     """Value and σ."""
     value, sigma = float(group.values[row, 0]), float(group.sigma[row, 0])
     if kind.angular:
@@ -94,13 +96,15 @@ def _texts(group: Group, kind: Kind, row: int, metres: float) -> str:
     return f"{value * metres!r} {sigma * metres!r}"
 
 
-def _heights(writing: Writing, group: Group, references: dict[str, str], row: int) -> tuple[float, float]:
+def _heights(
+    writing: Writing, group: ObservationTable, references: dict[str, str], row: int
+) -> tuple[float, float]:
     if group.entry.type not in _RAISED:
         return 0.0, 0.0
     return heights_of(group, references, row, {}, writing.content.edge.metres)
 
 
-def _scalars(writing: Writing, group: Group) -> Iterator[str]:
+def _scalars(writing: Writing, group: ObservationTable) -> Iterator[str]:
     """Observations of one line each."""
     code = _CODES[group.entry.type]
     kind = KINDS[code]
@@ -130,7 +134,7 @@ def refraction_code(instrument: str | None) -> str:
     return instrument.removeprefix("refraction ").replace(" ", "_").upper() if instrument else NO_REFRACTION
 
 
-def _projection(writing: Writing, group: Group) -> str:
+def _projection(writing: Writing, group: ObservationTable) -> str:
     given = (group.entry.projection or "").upper()
     name = next((name for name, code in PROJECTIONS.items() if code == given), "")
     if not name and not given:
@@ -141,7 +145,7 @@ def _projection(writing: Writing, group: Group) -> str:
     return name
 
 
-def _sets(writing: Writing, group: Group) -> Iterator[str]:
+def _sets(writing: Writing, group: ObservationTable) -> Iterator[str]:
     """Sets of directions, each with its orientation; face two as it would read in face one."""
     rows = group.rows
     value = circle_in_face_one(group.values[:, 0], rows.number("face"))
@@ -156,7 +160,7 @@ def _sets(writing: Writing, group: Group) -> Iterator[str]:
         yield from ("", writing.set_ups.point(station), *lines)
 
 
-def _ratios(writing: Writing, group: Group) -> Iterator[str]:
+def _ratios(writing: Writing, group: ObservationTable) -> Iterator[str]:
     """Distances with a free scale of their own, as a set of ratios from one station."""
     metres, from_ = writing.content.edge.metres, group.rows.text("from")
     rows = np.flatnonzero(np.isfinite(group.values[:, 0])).tolist()
@@ -174,7 +178,7 @@ def _ratios(writing: Writing, group: Group) -> Iterator[str]:
         yield f"{to} {_texts(group, KINDS['DR'], row, metres)}"
 
 
-def _positions(writing: Writing, group: Group) -> Iterator[str]:
+def _positions(writing: Writing, group: ObservationTable) -> Iterator[str]:
     """Latitudes, longitudes and heights by themselves; correlated ones are a mistake."""
     Q = group.covariance
     if group.entry.covariance is not None or (Q is not None and np.any(Q - np.diag(np.diagonal(Q)))):
@@ -194,7 +198,7 @@ def _positions(writing: Writing, group: Group) -> Iterator[str]:
             yield f"{names[row]} {text}"
 
 
-def _gnss(writing: Writing, group: Group) -> Iterator[str]:
+def _gnss(writing: Writing, group: ObservationTable) -> Iterator[str]:
     """Vectors and positions: alone with their covariances, clusters as sets with their matrix."""
     code = "GB" if group.entry.type == "gnss_vector" else "GX"
     alone = group.entry.covariance is None
@@ -216,21 +220,21 @@ def _gnss(writing: Writing, group: Group) -> Iterator[str]:
             yield f"#data {code} error no_heights"
 
 
-def _antennas(writing: Writing, group: Group, row: int, code: str) -> tuple[float, float]:
+def _antennas(writing: Writing, group: ObservationTable, row: int, code: str) -> tuple[float, float]:
     return heights_of(group, {}, row, {}, writing.content.edge.metres) if code == "GB" else (0.0, 0.0)
 
 
-def _ends(writing: Writing, group: Group, row: int) -> list[str]:
+def _ends(writing: Writing, group: ObservationTable, row: int) -> list[str]:
     names = ("from", "to") if group.entry.type == "gnss_vector" else ("point",)
     return [group.rows.text(name)[row] for name in names]
 
 
-def _three(writing: Writing, group: Group, row: int) -> str:
+def _three(writing: Writing, group: ObservationTable, row: int) -> str:
     return " ".join(repr(float(value) * writing.content.edge.metres) for value in group.values[row])
 
 
 def _set(
-    writing: Writing, group: Group, rows: list[int], heights: list[tuple[float, float]]
+    writing: Writing, group: ObservationTable, rows: list[int], heights: list[tuple[float, float]]
 ) -> Iterator[str]:
     """Members of a set; vectors all begin in the station of its first line."""
     ends = [_ends(writing, group, row) for row in rows]
@@ -291,7 +295,7 @@ def write_snap(document: Document, folder: Path, target: Path) -> Written:
     return Written(texts, _notes(content, found, target))
 
 
-def _notes(content: Content, found: list[Group], target: Path) -> list[Message]:
+def _notes(content: Content, found: list[ObservationTable], target: Path) -> list[Message]:
     notes = not_carried(content, TYPES, ("stations", "instruments"), "SNAP")
     words = []
     if raised(content, found):
@@ -339,7 +343,7 @@ def _known(instrument: Instrument, type_: str, uses: int) -> bool:
     return type_ == "distance" and uses == 1 and free
 
 
-def _system(content: Content, world: World) -> str:
+def _system(content: Content, world: EarthModel) -> str:
     """SNAP's code of the coordinate system."""
     for code, epsg in SYSTEMS.items():
         if _name(reference_system(epsg)) == _name(world.system):
@@ -374,7 +378,7 @@ def _check_points(points: EarthPoints, file: str) -> None:
         raise InputError(problems)
 
 
-def _coordinates(points: EarthPoints, world: World) -> list[str]:
+def _coordinates(points: EarthPoints, world: EarthModel) -> list[str]:
     """Options and stations; angles of coordinates in decimal degrees."""
     geographic = world.system.kind == "geographic"
     geoid, deflected = bool(np.isfinite(points.geoid).any()), bool(points.deflections.any())

@@ -244,7 +244,7 @@ def test_movements_that_bend_against_themselves_to_round_off_are_not_solved_for(
     plainly, _ = into_datum(step, null, bound, problem, values)
     for direction in np.random.default_rng(5).normal(size=(50, d)):
         derivative = across @ (np.outer(direction, direction) - np.eye(d))
-        bent = s_transformation._Bent(derivative, np.zeros((4, d)))
+        bent = s_transformation._MovementChange(derivative, np.zeros((4, d)))
         monkeypatch.setattr(s_transformation, "_bent", lambda *_, bent=bent: bent)
         moved, gain = into_datum(step, null, bound, problem, values)
         np.testing.assert_array_equal(moved, plainly)

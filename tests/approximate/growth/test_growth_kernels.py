@@ -8,7 +8,7 @@ from mor.start.bundle import direction_bundle, image_bundle
 from mor.start.intersection import meet, meet_plainly, posed_frames
 from mor.start.local_adjustment import settle
 from mor.start.part import Frame, empty_part, sightings
-from mor.start.resection import Observed, Pose, adjust_pose, adjust_pose_plainly
+from mor.start.resection import KnownPosition, Pose, adjust_pose, adjust_pose_plainly
 from mor.start.seeds import WINDOW, common_pairs
 
 
@@ -21,7 +21,7 @@ def test_a_pose_is_adjusted_alike_by_both_forms(scenes, count, observed):
         bundle = image_bundle(made.rays[0], 0.005)
         place, rotation = made.cameras[0]
         start = Pose(place + rng.normal(0, 0.1, 3), rotate(rotation, rng.normal(0, 0.1, 3)))
-        known = Observed(place + 0.01, np.array([0.01, 0.02, 1e-5])) if observed else None
+        known = KnownPosition(place + 0.01, np.array([0.01, 0.02, 1e-5])) if observed else None
         compiled = adjust_pose(bundle, made.points, start, observed=known)
         plain = adjust_pose_plainly(bundle, made.points, start, observed=known)
         np.testing.assert_allclose(compiled.position, plain.position, atol=1e-7)
@@ -35,9 +35,13 @@ def test_an_observed_position_holds_the_pose_with_its_weight(scenes):
     place, rotation = made.cameras[0]
     bundle = direction_bundle(made.rays[0], 1e-4)
     moved = place + 1e-3
-    held = adjust_pose(bundle, made.points, Pose(place, rotation), observed=Observed(moved, np.full(3, 1e-9)))
+    held = adjust_pose(
+        bundle, made.points, Pose(place, rotation), observed=KnownPosition(moved, np.full(3, 1e-9))
+    )
     np.testing.assert_allclose(held.position, moved, atol=1e-9)
-    free = adjust_pose(bundle, made.points, Pose(place, rotation), observed=Observed(moved, np.full(3, 1e6)))
+    free = adjust_pose(
+        bundle, made.points, Pose(place, rotation), observed=KnownPosition(moved, np.full(3, 1e6))
+    )
     np.testing.assert_allclose(free.position, adjust_pose(bundle, made.points, held).position, atol=1e-8)
 
 

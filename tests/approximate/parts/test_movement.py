@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from mor.model.rotations import rotation_from_angles
-from mor.start.movement import Ties, Turn, movement
+from mor.start.movement import FreeRotation, Ties, movement
 
 NONE = np.zeros((0, 3))
 HIDDEN = {
@@ -27,7 +27,7 @@ def systems(seed, count, far):
 @pytest.mark.parametrize("seed", range(4))
 def test_control_of_any_components_fixes_all_seven(hidden, far, seed):
     source, target, _, scale = systems(seed, len(hidden), far)
-    found = movement(Ties(source, np.where(hidden, np.nan, target), NONE, NONE), Turn.ANY, False)
+    found = movement(Ties(source, np.where(hidden, np.nan, target), NONE, NONE), FreeRotation.ANY, False)
     assert found.open == 0
     near = [
         float(np.abs(one.scale * source @ one.rotation.T + one.translation - target).max()) < 1e-5 * scale
@@ -40,7 +40,7 @@ def test_control_of_any_components_fixes_all_seven(hidden, far, seed):
 def test_a_vertical_and_two_points_fix_all_but_nothing():
     source, target, R, scale = systems(7, 2, 10.0)
     up = np.array([[0.0, 0.0, 1.0]])
-    found = movement(Ties(source, target, up @ R, up), Turn.ANY, False)
+    found = movement(Ties(source, target, up @ R, up), FreeRotation.ANY, False)
     assert found.open == 0
     np.testing.assert_allclose(found.rotation, R, atol=1e-6)
     assert found.scale == pytest.approx(scale)
@@ -49,19 +49,19 @@ def test_a_vertical_and_two_points_fix_all_but_nothing():
 @pytest.mark.parametrize(("count", "open_"), [(1, 4), (2, 1), (3, 0)])
 def test_what_stays_open_is_counted(count, open_):
     source, target, _, _ = systems(3, count, 1.0)
-    assert movement(Ties(source, target, NONE, NONE), Turn.ANY, False).open == open_
+    assert movement(Ties(source, target, NONE, NONE), FreeRotation.ANY, False).open == open_
 
 
 def test_one_point_far_off_does_not_spoil_the_rest():
     source, target, R, _ = systems(5, 12, 100.0)
     target[3] += 2.0
-    found = movement(Ties(source, target, NONE, NONE), Turn.ANY, False)
+    found = movement(Ties(source, target, NONE, NONE), FreeRotation.ANY, False)
     np.testing.assert_allclose(found.rotation, R, atol=1e-2)
 
 
 def test_a_single_place_far_off_tells_no_scale():
     """A part of a millionth of its size begins an adjustment that is singular there."""
     source, target, R, _ = systems(3, 1, 1e6)
-    found = movement(Ties(source, target, np.eye(3), R.T), Turn.ANY, False)
+    found = movement(Ties(source, target, np.eye(3), R.T), FreeRotation.ANY, False)
     assert found.open == 1
     assert found.scale == pytest.approx(1.0)

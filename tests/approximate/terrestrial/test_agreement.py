@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from mor.start.free_station import Fit, StationOutcome, agreeing
+from mor.start.free_station import FitQuality, StationOutcome, agreeing
 from mor.start.levelled import _arcs_that_agree, _bearings_that_agree, _station_that_agrees
 
 
@@ -44,7 +44,7 @@ def test_where_too_many_would_have_to_go_all_stay():
     values = np.array([0.0, 1.0, 2.0, 3.0, 4.0, 5.0])
 
     def fit(rows):
-        return Fit(float(np.std(values[rows])), np.abs(values[rows] - values[rows].mean()))
+        return FitQuality(float(np.std(values[rows])), np.abs(values[rows] - values[rows].mean()))
 
     np.testing.assert_array_equal(agreeing(6, fit, 0.1, least=2), np.arange(6))
     assert len(agreeing(6, fit, 1.2, least=2)) == 4

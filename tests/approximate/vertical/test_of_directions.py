@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from mor.model.rotations import exponential
-from mor.start.sights import Angles, HorizontalSet, vertical_of_directions
+from mor.start.sights import HorizontalSet, VerticalAngles, vertical_of_directions
 
-NO_ANGLES = Angles(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
+NO_ANGLES = VerticalAngles(np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0))
 
 
 def turned_scene(seed, count=12):
@@ -55,7 +55,7 @@ def test_vertical_angles_between_known_points_tell_it_too():
     line = points[1:] - points[0]
     values = np.arcsin(line[:, 2] / np.linalg.norm(line, axis=1)) + 1e-4 * draw.standard_normal(len(line))
     start = np.repeat(points[:1], len(line), axis=0)
-    found = vertical_of_directions([], Angles(start @ D.T, points[1:] @ D.T, values))
+    found = vertical_of_directions([], VerticalAngles(start @ D.T, points[1:] @ D.T, values))
     np.testing.assert_allclose(found.up, D[:, 2], atol=2e-3)
 
 

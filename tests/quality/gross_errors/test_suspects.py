@@ -12,7 +12,7 @@ from mor.quality.outliers import BY_WEIGHTS, left_out, may_be_absurd, without_su
 from mor.quality.robust_estimation import graduated_weights
 from mor.quality.snooping import put_back
 from mor.solve.inverse import normalised_misclosures, reweighted_plan
-from mor.solve.iterate import Outcome, Settings, adjust
+from mor.solve.iterate import Outcome, SolverSettings, adjust
 from mor.solve.normals import eliminable_rays, make_plan, objective
 from tests.scenarios.gross_error_scenes import KINDS, disturbed, names_exchanged, spoiled
 from tests.scenarios.reliability_scenes import correlated_everywhere
@@ -87,7 +87,7 @@ def test_where_most_rays_to_control_are_wrong_whole_groups_lead():
     start = disturbed(scene, np.random.default_rng(7005), 0.01, GON)
     given = np.flatnonzero(~(scene.problem.index.columns["point"] >= 0).any(axis=1))[:2]
     start["point"][given] = start["point"][given[::-1]]
-    rest, suspects, *_ = without_suspects(adjust(scene.problem, start, Settings(1)))
+    rest, suspects, *_ = without_suspects(adjust(scene.problem, start, SolverSettings(1)))
     assert rest.outcome is Outcome.CONVERGED
     of_both = np.isin(scene.problem.groups[0].blocks[-1], given)
     np.testing.assert_array_equal(suspects.masks[0].any(axis=1), of_both)

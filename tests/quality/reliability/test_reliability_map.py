@@ -10,8 +10,8 @@ import pytest
 
 from mor.model.observation_types import ObservationGroup
 from mor.quality.assessment import Quality, assess
-from mor.quality.external_reliability import Entry, carried_points, point_movements
-from mor.quality.reliability_map import Further, aimed_at, best_further, detectable, uncontrolled
+from mor.quality.external_reliability import ObservationComponent, carried_points, point_movements
+from mor.quality.reliability_map import CandidateObservation, aimed_at, best_further, detectable, uncontrolled
 from mor.quality.solution import Solved
 from mor.solve.iterate import adjust
 from mor.solve.problem import Problem, misclosures
@@ -34,16 +34,16 @@ def quality_of(name: str) -> Quality:
     return quality
 
 
-def entries_of(quality: Quality, limit: float) -> list[Entry]:
+def entries_of(quality: Quality, limit: float) -> list[ObservationComponent]:
     """Observations with r below a limit."""
     return [
-        Entry(number, int(row), int(component))
+        ObservationComponent(number, int(row), int(component))
         for number, one in enumerate(quality.groups)
         for row, component in np.argwhere(np.nan_to_num(one.r, nan=1.0) < limit)
     ]
 
 
-def targets(quality: Quality, entry: Entry) -> list[int]:
+def targets(quality: Quality, entry: ObservationComponent) -> list[int]:
     group = quality.adjustment.problem.groups[entry.group]
     return [
         int(blocks[entry.row])
@@ -52,7 +52,7 @@ def targets(quality: Quality, entry: Entry) -> list[int]:
     ]
 
 
-def with_row(problem: Problem, values: object, further: Further) -> Problem:
+def with_row(problem: Problem, values: object, further: CandidateObservation) -> Problem:
     """The problem with the further observation, its value that of the solution: residuals change only through it."""
     group = problem.groups[further.group]
     rows = np.array([further.row])
@@ -112,7 +112,7 @@ def test_the_best_further_observation_is_the_best_of_all() -> None:
     tried = []
     for station, row in stations.items():
         if station not in sees and group.blocks[0][row] != target:
-            one = Further(entry.group, row, target, 0.0)
+            one = CandidateObservation(entry.group, row, target, 0.0)
             quality_then = assess(adjust(with_row(problem, adjustment.values, one), adjustment.values))
             tried.append(float(quality_then.groups[entry.group].r[entry.row, entry.component]))
     assert tried
@@ -129,7 +129,7 @@ def test_no_undetected_error_moves_a_point_further_than_the_map_says(name: str) 
     for number, group in enumerate(quality.adjustment.problem.groups):
         rows, components = np.nonzero(np.nan_to_num(quality.groups[number].r) > 1e-4)
         for k in random.permutation(len(rows))[:25]:
-            entry = Entry(number, int(rows[k]), int(components[k]))
+            entry = ObservationComponent(number, int(rows[k]), int(components[k]))
             seen = [b for b in targets(quality, entry) if b in place]
             if not seen:
                 continue
@@ -152,7 +152,7 @@ def test_the_map_has_the_smallest_redundancy_number_of_each_point(name: str) -> 
             quality.groups[number].r[row]
             for number, group in enumerate(quality.adjustment.problem.groups)
             for row in range(group.count)
-            if blocks[k] in targets(quality, Entry(number, row, 0))
+            if blocks[k] in targets(quality, ObservationComponent(number, row, 0))
         ]
         if own:
             assert points.smallest_r[k] == pytest.approx(np.nanmin(np.concatenate(own)), abs=1e-12)

@@ -8,7 +8,7 @@ import scipy.stats
 
 from mor.quality import external_reliability as local_influence
 from mor.quality.assessment import assess
-from mor.quality.external_reliability import Entry, effects, movements, point_movements
+from mor.quality.external_reliability import ObservationComponent, effects, movements, point_movements
 from mor.quality.redundancy import student_square
 from mor.quality.test_statistics import chi2_level, log_p_chi2, log_p_f, log_p_normal, noncentrality, sidak
 from mor.solve.iterate import Outcome, adjust
@@ -120,7 +120,7 @@ def test_gross_errors_move_the_unknowns_as_foretold(make):
     problem = scene.problem(None, free)  # without noise: residuals times curvature are no part of it
     before = adjust(problem, scene.start(1e-3))
     quality = assess(before)
-    entry = Entry(0, 7, 1)
+    entry = ObservationComponent(0, 7, 1)
     error = 1e-3 * problem.groups[0].sigma[7, 1]
     (foretold,) = movements(quality, [entry], np.array([error])).T
     problem.groups[0].observed[7, 1] += error
@@ -136,7 +136,7 @@ def test_external_reliability_bounds_the_effect_on_any_point():
     scene, points = photo_block(scale_bar=True)
     quality = assess(solve(scene, np.random.default_rng(4), points))
     for row in range(0, 60, 7):
-        entry = Entry(0, row, 0)
+        entry = ObservationComponent(0, row, 0)
         reliability = quality.reliability[0]
         (moved,) = movements(quality, [entry], reliability.smallest[row, :1]).T
         columns = quality.adjustment.problem.index.columns["point"]
@@ -192,7 +192,7 @@ def test_influence_of_rays_is_the_movement_of_their_point_across_the_ray(make, f
     problem = quality.adjustment.problem
     number = next(k for k, group in enumerate(problem.groups) if group.type.key == "image/mor")
     group, influence = problem.groups[number], quality.reliability[number].influence
-    entries = [Entry(number, row, c) for row in range(group.count) for c in (0, 1)]
+    entries = [ObservationComponent(number, row, c) for row in range(group.count) for c in (0, 1)]
     errors = np.array([quality.reliability[number].error[e.row, e.component] for e in entries])
     whole = movements(quality, entries, errors)
     values = quality.adjustment.values
@@ -222,7 +222,7 @@ def test_movements_of_the_points_next_to_an_error_are_those_of_the_whole(name, n
     for number, group in enumerate(problem.groups):
         for row in range(0, group.count, 3):
             component = int(np.flatnonzero(group.mask[row])[-1])
-            entries.append(Entry(number, row, component))
+            entries.append(ObservationComponent(number, row, component))
             slots = zip(group.type.slots, group.blocks, strict=True)
             named.append([int(blocks[row]) for slot, blocks in slots if slot.kind == "point"])
     errors = np.linspace(1.0, 2.0, len(entries)) * 1e-3
@@ -240,7 +240,7 @@ def test_effects_name_the_worst_observation_and_its_point():
     problem.groups[0].observed[17, 0] += 30e-3
     quality = assess(adjust(problem, scene.start(1e-3)))
     worst = effects(quality)[0]
-    assert worst.entry == Entry(0, 17, 0)
+    assert worst.entry == ObservationComponent(0, 17, 0)
     assert worst.error == pytest.approx(30e-3, rel=0.2)
     assert worst.point == problem.groups[0].blocks[-1][17]
     assert np.linalg.norm(worst.movement) > 0.0

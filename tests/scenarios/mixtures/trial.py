@@ -9,7 +9,7 @@ from mor.api.pipeline import determinable_start, make_problem, read_document, re
 from mor.errors import InputError
 from mor.linalg.cholesky import NotFiniteError
 from mor.quality.solution import Solved
-from mor.solve.iterate import Adjustment, Outcome, Settings, adjust
+from mor.solve.iterate import Adjustment, Outcome, SolverSettings, adjust
 from tests.scenarios.mixtures.project_file import write_project
 from tests.scenarios.mixtures.world import World
 
@@ -99,6 +99,6 @@ def _adjusted(path: Path) -> Adjustment | str:
     except InputError as error:
         return f"not started: {str(error)[:300]}"
     try:
-        return adjust(make_problem(network, start, start), start, Settings(MOST_ITERATIONS))
+        return adjust(make_problem(network, start, start), start, SolverSettings(MOST_ITERATIONS))
     except NotFiniteError as error:
         return f"start values coincide: {error}"

@@ -11,7 +11,7 @@ import numpy as np
 from mor.api.pipeline import make_problem, read_document, read_network, solve_network
 from mor.model.rotations import angles_from_rotation
 from mor.project.network import Network
-from mor.solve.iterate import Settings, adjust
+from mor.solve.iterate import SolverSettings, adjust
 
 C, SIGMA = 30.0, 0.002
 
@@ -80,7 +80,7 @@ def far_trial(seed: int, side: int, own: bool, given: bool, folder: Path) -> str
     The minimum is where plain least squares come to rest that begin at the truth, camera constants and all.
     """
     network = _network(far_points(seed, side, own, True, C), folder)
-    truth = adjust(make_problem(network, network.start, network.start), network.start, Settings(50))
+    truth = adjust(make_problem(network, network.start, network.start), network.start, SolverSettings(50))
     assert truth.outcome.is_solution
     solved = solve_network(_network(far_points(seed, side, own, given), folder))
     if solved.quality is None:
