@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -52,6 +53,8 @@ _REFINED, _STEPS = 8, 30
 """Fits that are refined, those with the smallest Σ v², and steps of each."""
 _AGREEING, _SAME = 5, 1e-3
 """Refined fits that must lead to the same, smallest Σ v² to try no other, and the relative difference allowed."""
+_RADII = {"torus": (1.0, 2.0)}
+"""Factors of the radius of the circle through the points: in a thick torus this circle follows the tube."""
 _MOST = 400
 """Points that a fit takes; of more, evenly chosen ones."""
 
@@ -85,7 +88,7 @@ def fit_shape(
     shape: FloatArray,
     held: Held | None = None,
 ) -> FittedShape | None:
-    """Fit a shape to points (n, 3) by least squares; ``None`` if they are too few or lie on no such shape.
+    """FittedShape a shape to points (n, 3) by least squares; ``None`` if they are too few or lie on no such shape.
 
     Components of ``shape`` (3,) that are known stay, those that are not are NaN. ``held`` is what another feature
     determines. Without it the offset r̄ is 0.
@@ -110,17 +113,19 @@ def fit_shape(
         else np.zeros(3, dtype=bool),
         free.shape & np.isnan(known),
     )
+    found = [_guess(type_, q, D, known, free) for D in _candidates(q, free, held)]
     guesses = [
-        guess for D in _candidates(q, free, held) if (guess := _guess(type_, q, D, known, free)) is not None
+        [_enlarged(guess, factor, free) for guess in found if guess is not None]
+        for factor in _RADII.get(type_, (1.0,))
     ]
     best = _refined(type_, q, guesses, free)
     if best is None:
         return None
-    D, _, offset, found = _opened_upwards(best) if free.turns.any() else best
-    found, offset = found * np.array([size, size, 1.0]), offset * size
+    D, _, offset, sizes = _opened_upwards(best) if free.turns.any() else best
+    sizes, offset = sizes * np.array([size, size, 1.0]), offset * size
     if origin is None:
-        return FittedShape(D, centre - offset @ D, np.zeros(3), found)
-    return FittedShape(D, centre, offset, found)
+        return FittedShape(D, centre - offset @ D, np.zeros(3), sizes)
+    return FittedShape(D, centre, offset, sizes)
 
 
 def _candidates(q: FloatArray, free: Freedom, held: Held | None) -> list[FloatArray]:
@@ -176,8 +181,13 @@ def _guess(type_: str, q: FloatArray, D: FloatArray, known: FloatArray, free: Fr
     return FittedShape(D, np.zeros(3), offset, np.where(np.isnan(known), shape, known))
 
 
-def _refined(type_: str, q: FloatArray, guesses: list[FittedShape], free: Freedom) -> FittedShape | None:
-    """The best of the best guesses after a least-squares adjustment of each."""
+def _enlarged(fit: FittedShape, factor: float, free: Freedom) -> FittedShape:
+    """The same with another radius, unless that is known."""
+    return fit._replace(shape=fit.shape * np.where(free.shape & [True, False, False], factor, 1.0))
+
+
+def _refined(type_: str, q: FloatArray, guesses: list[list[FittedShape]], free: Freedom) -> FittedShape | None:
+    """The best of the best guesses of each list after a least-squares adjustment of each."""
     from scipy.optimize import least_squares
 
     def adjusted(fit: FittedShape) -> FittedShape:
@@ -188,7 +198,8 @@ def _refined(type_: str, q: FloatArray, guesses: list[FittedShape], free: Freedo
         return _moved(fit, found.x, free)
 
     fits: list[tuple[float, FittedShape]] = []
-    for guess in sorted(guesses, key=lambda guess: _squares(type_, q, guess))[:_REFINED]:
+    ordered = [sorted(some, key=lambda guess: _squares(type_, q, guess))[:_REFINED] for some in guesses]
+    for guess in chain.from_iterable(ordered):
         fit = adjusted(guess)
         fits = sorted([*fits, (_squares(type_, q, fit), fit)], key=lambda one: one[0])
         if len(fits) >= _AGREEING and fits[_AGREEING - 1][0] <= (1.0 + _SAME) * fits[0][0]:
