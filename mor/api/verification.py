@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from functools import partial
 from math import atan, log, pi, sqrt
 from pathlib import Path
@@ -18,7 +19,8 @@ from scipy.spatial.transform import Rotation
 
 import mor
 from mor.api.pipeline import read_document, read_network, solve_network
-from mor.api.simulation import SimulationTask, chunk_of, prepared
+from mor.api.simulation import CHUNK, SimulationTask, chunk_of, prepared
+from mor.api.workers import Task, done_alone
 from mor.errors import InputError, Message
 from mor.linalg.compilation import chosen_by_size, kernels_used
 from mor.machine import processors_used
@@ -130,6 +132,8 @@ def tasks() -> list[VerificationTask]:
         )
     about = About("threads", "block of two images", "the same adjustment by one thread")
     found.append(VerificationTask(about, _threads))
+    about = About("processes", _SIMULATED[0], "the same simulation by one process")
+    found.append(VerificationTask(about, partial(_processes, folder / f"{_SIMULATED[0]}.yaml")))
     for network in _SIMULATED:
         about = About("Monte Carlo", network, "theory of least squares; limits of chance, level 0.001")
         found.append(VerificationTask(about, partial(_monte_carlo, folder / f"{network}.yaml")))
@@ -935,7 +939,8 @@ _WORKED_START_VALUES: dict[str, tuple[str, Callable[[dict[str, Any], About], Ite
 
 
 # ------------------------------------------------------------
-# Threads: a block large enough to be shared among threads, with one thread and with two.
+# Threads and processes: a block large enough to be shared among threads, with one thread and with two, and simulated
+# measurements by one process and by two. The order of sums does not depend on their number, so no digit differs.
 # ------------------------------------------------------------
 
 _SHARED_POINTS = 25_000
@@ -971,7 +976,7 @@ def _threads(about: About) -> Iterator[ReferenceCheck]:
         network = read_network(read_yaml("\n".join(lines), "verification"), Path(folder))
     one, two = (_by_threads(network, count) for count in (1, 2))
     for quantity, reference in one.items():
-        yield from about.check(quantity, _numbers("value", two[quantity], reference, 1e-12))
+        yield from about.check(quantity, _numbers("value", two[quantity], reference, 0.0))
 
 
 def _by_threads(network: Network, count: int) -> dict[str, FloatArray]:
@@ -986,6 +991,38 @@ def _by_threads(network: Network, count: int) -> dict[str, FloatArray]:
         "σ of coordinates": np.sqrt(diagonals),
         "redundancy numbers": quality.groups[0].r,
     }
+
+
+def _processes(path: Path, about: About) -> Iterator[ReferenceCheck]:
+    """Simulated measurements of a network, shared between two processes, and all in this one."""
+    with (
+        TemporaryDirectory(prefix="mor", ignore_cleanup_errors=True) as folder,
+        ThreadPoolExecutor(2) as pool,
+    ):
+        chunks = [(0, CHUNK), (CHUNK, CHUNK)]
+        shared = [
+            Task((str(path.resolve()), str(first), str(count)), Path(f"{first}.log"))
+            for first, count in chunks
+        ]
+        begin = partial(done_alone, _write_tally, folder=Path(folder))
+        for task, done in zip(shared, pool.map(begin, range(2), shared), strict=True):
+            if done.code != 0:
+                raise RuntimeError(done.death or (Path(folder) / task.log).read_text(encoding="utf-8"))
+        numbers: list[Number] = []
+        ready = prepared(SimulationTask(path, "", _SEED))
+        for first, count in chunks:
+            with np.load(Path(folder) / f"{first}.npz") as found:
+                for name, reference in chunk_of(ready, first, count).arrays().items():
+                    numbers += _numbers(name, found[name], reference, 0.0)
+    yield from about.check("sums over simulated measurements", numbers)
+
+
+def _write_tally(path: str, first: str, count: str) -> int:
+    """Work out some runs in a process of their own, and write their tally into its folder."""
+    with kernels_used(False):
+        tally = chunk_of(prepared(SimulationTask(Path(path), "", _SEED)), int(first), int(count))
+    np.savez(f"{first}.npz", **tally.arrays())  # type: ignore[arg-type]
+    return 0
 
 
 # ------------------------------------------------------------

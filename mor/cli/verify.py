@@ -34,7 +34,7 @@ def command(output: Path | None, force: bool, as_json: bool, lang: str, quiet: b
       mor verify --json | jq .failed
 
     The checks compare numbers that this installation computes with reference values: NIST's data sets of linear
-    regression, networks of textbooks and of other programs, blocks of images, closed forms, threads, and a
+    regression, networks of textbooks and of other programs, blocks of images, closed forms, threads, processes, and a
     simulation. The report names the source, the reference value, the value found, the difference and its limit, and
     the program, the libraries and the machine. It takes about half a minute.
 

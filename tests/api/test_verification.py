@@ -96,9 +96,25 @@ def test_names_quantities_and_sources_are_there_in_german(quick):
 def test_two_threads_give_what_one_gives():
     (task,) = [task for task in tasks() if task.about.group == "threads"]
     checks = carried_out(task)
-    assert [check.passed for check in checks] == [True] * 5
+    assert [(check.passed, check.limit) for check in checks] == [(True, 0.0)] * 5
     assert sum(check.numbers for check in checks) > 200_000
     assert {task.about.group, task.about.name, task.about.source} <= set(GERMAN)
+
+
+@pytest.mark.slow
+def test_two_processes_give_what_one_gives(monkeypatch):
+    (task,) = [task for task in tasks() if task.about.group == "processes"]
+    (check,) = carried_out(task)
+    assert (check.passed, check.limit) == (True, 0.0)
+    assert check.numbers > 200
+    assert {check.group, check.source, check.quantity} <= set(GERMAN)
+    monkeypatch.setattr(verification, "_SEED", 2)  # of this process only
+    (check,) = carried_out(task)
+    assert not check.passed
+    assert np.isfinite(check.found)
+    monkeypatch.setattr(verification, "_write_tally", run)  # a function that fails in the other process
+    (check,) = carried_out(task)
+    assert check.place.startswith("RuntimeError: ")
 
 
 def test_a_check_that_raises_has_failed():
