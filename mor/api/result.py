@@ -25,6 +25,7 @@ if TYPE_CHECKING:
     from mor.quality.solution import Solved
     from mor.report.covariance import Labelled, RelativePose
     from mor.report.identity import RunIdentity
+    from mor.report.view import View
     from mor.solve.iterate import Watcher
 
 
@@ -375,6 +376,22 @@ class Result:
 
         return text_report(self.solved, words_of(language), self._identity)
 
+    def protocol(
+        self,
+        standard: str,
+        *,
+        against: Result | None = None,
+        permissible: tuple[float, float] | None = None,
+    ) -> dict[str, Any]:
+        """Return the protocol of a test (``iso17123-4``, …) as plain data, like ``mor report --protocol``.
+
+        ``against`` is another test to compare with, ``permissible`` (A, K) of VDI/VDE 2634 part 1 in mm and mm/m.
+        Raises :class:`mor.InputError` if the results are not of the full procedure.
+        """
+        from mor.report.protocol import protocol
+
+        return protocol(self._view, standard, None if against is None else against._view, permissible)
+
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``results.json`` as plain data."""
         from mor.report.results import results
@@ -420,6 +437,12 @@ class Result:
         from mor.report.identity import RunIdentity
 
         return RunIdentity(self.project.files, self.project.folder)
+
+    @property
+    def _view(self) -> View:
+        from mor.report.view import view_of_rows
+
+        return view_of_rows(self.to_dict(), self.points.frame, self.images.frame, self.observations.frame)
 
     @property
     def _solution(self) -> Solved:

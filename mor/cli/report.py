@@ -25,8 +25,8 @@ from mor.cli.options import InputPath, OutputPath
     "--output",
     metavar="FILE",
     type=OutputPath(),
-    show_default="report.pdf or report.html in RESULTS",
-    help="File to write.",
+    show_default="report.pdf, report.html or protocol.txt in RESULTS",
+    help="File to write. A protocol ends in .txt, .html or .json.",
 )
 @click.option("-f", "--force", is_flag=True, help="Replace an existing file.")
 @click.option(
@@ -37,7 +37,7 @@ from mor.cli.options import InputPath, OutputPath
 @click.option(
     "--protocol",
     type=click.Choice(["iso17123-3", "iso17123-4", "iso17123-8", "vdi2634-1"]),
-    help="Write the protocol of a test by this standard, as text.",
+    help="Write the protocol of a test by this standard.",
 )
 @click.option(
     "--against",
@@ -91,11 +91,9 @@ def command(
     name = "report.pdf" if pdf else "report.html" if protocol is None else "protocol.txt"
     if (pdf and protocol is not None) or (against is not None and protocol is None):
         raise InputError([Message("--protocol goes without --pdf, and --against with --protocol")])
-    if (protocol == "vdi2634-1") != (permissible is not None and max(permissible) > 0.0):
-        raise InputError([Message("--permissible goes with --protocol vdi2634-1, and is not zero")])
-    if protocol == "vdi2634-1" and against is not None:
-        raise InputError([Message("--against goes with the protocols of ISO 17123")])
     target = output or results / name
+    if protocol is not None and target.suffix.lower() not in (".txt", ".html", ".json"):
+        raise InputError([Message("expected a name that ends in .txt, .html or .json", str(target))])
     if not (results / "results.json").is_file():
         raise InputError([Message("there is no results.json in this folder", str(results))])
     listed = listed_files(results)
@@ -106,14 +104,14 @@ def command(
     check_file(target, force)
     view, words = view_of_folder(results), words_of_page(lang)
     if protocol is not None:
-        from mor.report.protocol import length_protocol, protocol_text
+        from mor.report.output_folder import to_json
+        from mor.report.protocol import protocol as protocol_of
+        from mor.report.protocol import protocol_page, protocol_text
 
-        other = None if against is None else view_of_folder(against)
-        if permissible is not None:
-            text = length_protocol(view, permissible, words_of(lang))
-        else:
-            text = protocol_text(view, other, protocol, words_of(lang))
-        write_file(target, text, force)
+        data = protocol_of(view, protocol, None if against is None else view_of_folder(against), permissible)
+        writers = {".txt": protocol_text, ".html": protocol_page}
+        write = writers.get(target.suffix.lower())
+        write_file(target, to_json(data) if write is None else write(data, words_of(lang)), force)
     elif pdf:
         from mor.report.paper import report_on_paper
 

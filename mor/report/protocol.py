@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from html import escape
 from typing import Any, NamedTuple
 
 import numpy as np
 import polars as pl
 from scipy.special import chdtri, fdtri, stdtrit
 
-from mor.errors import InputError, Message
+from mor.errors import InputError, Message, nearest
 from mor.report.language import Words
 from mor.report.layout import LINE, WIDTH, fixed, heading, paragraphs, persons, short, table
+from mor.report.verification import page_facts, page_table, plain_page
 from mor.report.view import View
 from mor.units import ANGLE_UNITS, LENGTH_UNITS
 
@@ -195,91 +197,140 @@ def length_tests(view: View, permissible: tuple[float, float]) -> list[Statistic
     return tests
 
 
-def length_protocol(view: View, permissible: tuple[float, float], words: Words) -> str:
-    """Return the protocol of lengths by VDI/VDE 2634 part 1, on one page."""
-    tests = length_tests(view, permissible)
-    a, k = (words.number(short(value)) for value in permissible)
-    largest = max(
-        abs(row["largest"])
-        for row in view.checks
-        if row["type"] == "distance" and row["component"] == "distance"
-    )
-    facts = [
-        (words("permissible"), f"{a} mm + {k} mm/m · L"),
-        (
-            words("largest length measurement error"),
-            f"{words.number(fixed(largest * LENGTH_UNITS[view.length] * 1e3, 4))} mm",
-        ),
-    ]
-    title = words("Test of lengths by VDI/VDE 2634 part 1")
-    return _page(view, title, facts, words("Lines: the error nearest to its limit"), tests, words)
+# ------------------------------------------------------------
+# The protocol as plain data, and from these a text and a page, each on one sheet.
+# ------------------------------------------------------------
+
+SCHEMA, SCHEMA_VERSION = "mor-protocol", 1
+VDI, VDI_TITLE = "vdi2634-1", "Test of lengths by VDI/VDE 2634 part 1"
 
 
-def protocol_text(view: View, other: View | None, protocol: str, words: Words) -> str:
-    """Return the protocol of a test, and of its comparison with another one, on one page."""
-    procedure, found = PROCEDURES[protocol], figures(view, protocol)
-    tests = statistical_tests(found, None if other is None else figures(other, protocol), protocol)
+def protocol(
+    view: View, standard: str, against: View | None = None, permissible: tuple[float, float] | None = None
+) -> dict[str, Any]:
+    """Return the protocol of a test. ``permissible``: see :func:`length_tests`, for VDI/VDE 2634 part 1 only.
 
-    def said(value: float | None) -> str:
-        return f"{words.number(fixed(value, 3))} {procedure.unit}"
+    Raises :class:`InputError` if the results are not of the full procedure, or the options do not suit the standard.
+    """
+    if standard != VDI and standard not in PROCEDURES:
+        raise InputError([Message(f"unknown protocol {standard}{nearest(standard, [*PROCEDURES, VDI])}")])
+    if (standard == VDI) != (permissible is not None and max(permissible) > 0.0):
+        raise InputError([Message("--permissible goes with --protocol vdi2634-1, and is not zero")])
+    if standard == VDI and against is not None:
+        raise InputError([Message("--against goes with the protocols of ISO 17123")])
+    parts: list[dict[str, Any]] = []
+    if permissible is not None:
+        tests, title = length_tests(view, permissible), VDI_TITLE
+    else:
+        found, title = figures(view, standard), PROCEDURES[standard].title
+        tests = statistical_tests(found, None if against is None else figures(against, standard), standard)
+        for one in found:
+            of_part = {"name": one.part.name, "freedom": one.part.freedom, "unit": PROCEDURES[standard].unit}
+            parts.append(of_part | {key: value for key, value in one._asdict().items() if key != "part"})
+    return {
+        "schema": SCHEMA,
+        "schema_version": SCHEMA_VERSION,
+        "standard": standard,
+        "title": title,
+        "project": view.summary["title"],
+        "identity": view.identity,
+        "parts": parts,
+        "permissible": None if permissible is None else dict(zip("AK", permissible, strict=True)),
+        "largest_error": None if permissible is None else _largest_error(view),
+        "tests": [test._asdict() | {"passed": test.passed} for test in tests],
+        "passed": all(test.passed for test in tests),
+    }
 
-    facts: list[tuple[str, Any]] = []
-    for one in found:
-        freedom = words("{s}, {freedom} degrees of freedom", s=said(one.s), freedom=one.part.freedom)
-        facts.append((_name("standard deviation s", one.part.name, words), freedom))
-        facts.append((_name("to be tested", one.part.name, words), said(one.sigma)))
-        if one.offset is not None:
-            facts.append((words("zero offset"), f"{said(one.offset)}, sigma {said(one.sigma_offset)}"))
-    title = words("Statistical tests, confidence level 95 %")
-    return _page(view, words(procedure.title), facts, title, tests, words)
+
+def _largest_error(view: View) -> float:
+    """Largest length measurement error, in mm."""
+    rows = [row for row in view.checks if row["type"] == row["component"] == "distance"]
+    return max(abs(float(row["largest"])) for row in rows) * LENGTH_UNITS[view.length] * 1e3
+
+
+def _facts(data: dict[str, Any], words: Words) -> list[tuple[str, str]]:
+    """Names and texts of the head."""
+
+    def said(value: float, unit: str, decimals: int = 3) -> str:
+        return f"{words.number(fixed(value, decimals))} {unit}"
+
+    facts = [(words("project"), data["project"] or "–"), *persons(data["identity"], words)]
+    for one in data["parts"]:
+        unit = one["unit"]
+        freedom = words("{s}, {freedom} degrees of freedom", s=said(one["s"], unit), freedom=one["freedom"])
+        facts.append((_name("standard deviation s", one["name"], words), freedom))
+        facts.append((_name("to be tested", one["name"], words), said(one["sigma"], unit)))
+        if one["offset"] is not None:
+            sigma = said(one["sigma_offset"], unit)
+            facts.append((words("zero offset"), f"{said(one['offset'], unit)}, sigma {sigma}"))
+    if data["permissible"] is not None:
+        a, k = (words.number(short(value)) for value in data["permissible"].values())
+        facts.append((words("permissible"), f"{a} mm + {k} mm/m · L"))
+        facts.append((words("largest length measurement error"), said(data["largest_error"], "mm", 4)))
+    return [*facts, (words("program"), data["identity"]["program"])]
 
 
 def _name(name: str, part: str, words: Words) -> str:
     return ", ".join(words(one) for one in (name, part) if one)
 
 
-def _page(
-    view: View,
-    title: str,
-    facts: list[tuple[str, Any]],
-    title_of_tests: str,
-    tests: list[StatisticalTest],
-    words: Words,
-) -> str:
-    facts = [
-        (words("project"), view.summary["title"] or "–"),
-        *persons(view.identity, words),
-        *facts,
-        (words("program"), view.identity["program"]),
-    ]
-    width = max(len(name) for name, _ in facts)
-    rows = [
-        [
-            f"{test.letter}) {_name(test.name, test.part, words)}",
-            test.unit,
-            *("-" if v is None else words.number(short(v, 4)) for v in (test.found, test.low, test.high)),
-            words("accepted") if test.passed else words("rejected"),
-        ]
-        for test in tests
-    ]
-    headers = ["test", "unit", "found", "at least", "at most", "verdict"]
-    signed = f"{words('place and date').ljust(len(LINE))}    {words('signature')}"
-    return (
-        paragraphs(
-            "\n".join(
-                [
-                    title,
-                    "=" * min(len(title), WIDTH),
-                    *(f"{name.ljust(width)}  {text}" for name, text in facts),
-                    "",
-                    heading(title_of_tests),
-                    table(headers, rows, 2, words, last_left=True),
-                    "",
-                    "",
-                    f"{LINE}    {LINE}",
-                    signed,
-                ]
-            )
+_HEADERS = ("test", "unit", "found", "at least", "at most", "verdict")
+
+
+def _tests(data: dict[str, Any], words: Words) -> tuple[str, list[list[str]]]:
+    """Title and rows of the table of tests."""
+    rows = []
+    for test in data["tests"]:
+        numbers = (test["found"], test["low"], test["high"])
+        rows.append(
+            [
+                f"{test['letter']}) {_name(test['name'], test['part'], words)}",
+                test["unit"],
+                *("-" if v is None else words.number(short(v, 4)) for v in numbers),
+                words("accepted") if test["passed"] else words("rejected"),
+            ]
         )
-        + "\n"
+    title = "Lines: the error nearest to its limit" if data["permissible"] is not None else _CONFIDENCE
+    return words(title), rows
+
+
+_CONFIDENCE = "Statistical tests, confidence level 95 %"
+
+
+def protocol_text(data: dict[str, Any], words: Words) -> str:
+    """Return the protocol as text."""
+    facts, title, (title_of_tests, rows) = _facts(data, words), words(data["title"]), _tests(data, words)
+    width = max(len(name) for name, _ in facts)
+    signed = f"{words('place and date').ljust(len(LINE))}    {words('signature')}"
+    lines = [
+        title,
+        "=" * min(len(title), WIDTH),
+        *(f"{name.ljust(width)}  {text}" for name, text in facts),
+        "",
+        heading(title_of_tests),
+        table(_HEADERS, rows, 2, words, last_left=True),
+        "",
+        "",
+        f"{LINE}    {LINE}",
+        signed,
+    ]
+    return paragraphs("\n".join(lines)) + "\n"
+
+
+def protocol_page(data: dict[str, Any], words: Words) -> str:
+    """Return the protocol as a page without scripts."""
+    title_of_tests, rows = _tests(data, words)
+    marked = ((row, not test["passed"]) for row, test in zip(rows, data["tests"], strict=True))
+    signed = f"{words('place and date')}, {words('signature')}"
+    title = words(data["title"])
+    return plain_page(
+        title,
+        [
+            f"<h1>{escape(title)}</h1>",
+            page_facts(_facts(data, words)),
+            f"<h2>{escape(title_of_tests)}</h2>",
+            page_table("", _HEADERS, marked, words),
+            f'<p style="margin-top:4rem">{LINE}<br>{escape(signed)}</p>',
+        ],
+        words,
     )

@@ -217,28 +217,40 @@ tr.fails td { color: #a40000; font-weight: 600; }
 
 def verification_page(data: dict[str, Any], words: Words) -> str:
     """The report as one page without scripts."""
-    said = escape(verdict(data, words))
     parts = [
-        f'<!doctype html>\n<html lang="{words.language}">\n<meta charset="utf-8">\n'
-        f'<meta name="viewport" content="width=device-width">\n<title>{said}</title>\n<style>{_STYLE}</style>\n'
-        f"<h1>{escape(words('Verification of this installation'))}</h1>\n<p><strong>{said}</strong></p>",
-        "<table>",
-        *(f"<tr><th>{escape(n)}</th><td>{escape(v)}</td></tr>" for n, v in _head(data, words)),
-        "</table>",
-        _page_table("", _GROUP_HEADERS, ((row, int(row[3]) > 0) for row in _groups(data, words)), words),
+        f"<h1>{escape(words('Verification of this installation'))}</h1>",
+        f"<p><strong>{escape(verdict(data, words))}</strong></p>",
+        page_facts(_head(data, words)),
+        page_table("", _GROUP_HEADERS, ((row, int(row[3]) > 0) for row in _groups(data, words)), words),
     ]
     for group, members in groupby(data["checks"], key=lambda row: row["group"]):
         parts.append(f"<h2>{escape(words.listed(group))}</h2>")
         for (name, source), rows in groupby(members, key=lambda row: (row["name"], row["source"])):
             title = f"<b>{escape(words.listed(name))}</b>: {escape(words.listed(source))}"
             cells = ((_row(row, words), not row["passed"]) for row in rows)
-            parts += [f"<p>{title}</p>", _page_table("checks", _HEADERS, cells, words)]
-    return "\n".join([*parts, "</html>\n"])
+            parts += [f"<p>{title}</p>", page_table("checks", _HEADERS, cells, words)]
+    return plain_page(verdict(data, words), parts, words)
 
 
-def _page_table(
+def plain_page(title: str, parts: Iterable[str], words: Words) -> str:
+    """A page of HTML parts."""
+    head = (
+        f'<!doctype html>\n<html lang="{words.language}">\n<meta charset="utf-8">\n'
+        f'<meta name="viewport" content="width=device-width">\n<title>{escape(title)}</title>\n<style>{_STYLE}</style>'
+    )
+    return "\n".join([head, *parts, "</html>\n"])
+
+
+def page_facts(facts: Iterable[tuple[str, str]]) -> str:
+    """Names and texts as a table."""
+    rows = (f"<tr><th>{escape(name)}</th><td>{escape(escaped(text))}</td></tr>" for name, text in facts)
+    return "\n".join(["<table>", *rows, "</table>"])
+
+
+def page_table(
     kind: str, headers: Iterable[str], rows: Iterable[tuple[list[str], bool]], words: Words
 ) -> str:
+    """Rows of texts as a table, those that failed marked."""
     heads = "".join(f"<th>{escape(words(name))}</th>" for name in headers)
     lines = (
         f"<tr{' class=fails' if failed else ''}>"

@@ -176,6 +176,7 @@ class Scene:
         y = part(0)(start[free], self.points.T)
         weight = 1e8 * np.eye(2) if y.ndim == 2 else 1e8
         data = odr.Data(self.points.T, 0.0 * y, we=weight, wd=1.0)
+
         def run(some: np.ndarray, moved: np.ndarray | None):
             fit = odr.ODR(data, model, some, moved, sstol=0.0, partol=1e-16, maxit=200)
             fit.set_job(fit_type=0, deriv=3)

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import mor as api
 from mor.report.protocol import figures, length_tests, statistical_tests
 from mor.report.view import view_of_folder
 from tests.scenarios.small_projects import mor
@@ -88,6 +89,34 @@ def test_page(tmp_path: Path, language: str) -> None:
     assert len(text.splitlines()) < 40
 
 
+@pytest.mark.parametrize("language", ["en", "de"])
+def test_page_data_and_python_say_the_same(tmp_path: Path, language: str) -> None:
+    """The numbers of the text stand on the page and, in full, in JSON and in Python."""
+    s, delta, s_delta = by_hand(measured(tmp_path, 6, -0.003, 0.001))
+    results = tmp_path / "line.results"
+    for form in ("html", "json"):
+        options = ("--protocol", "iso17123-4", "--lang", language, "-o", tmp_path / f"page.{form}")
+        assert mor("report", results, *options).code == 0
+    data = json.loads((tmp_path / "page.json").read_text(encoding="utf-8"))
+    (part,) = data["parts"]
+    found = [part[key] for key in ("s", "sigma", "offset", "sigma_offset", "freedom")]
+    assert found == pytest.approx([s * 1e3, 2.0, delta * 1e3, s_delta * 1e3, 14], rel=1e-7)
+    assert [(test["letter"], test["passed"]) for test in data["tests"]] == [("a", True), ("c", False)]
+    assert (data["passed"], data["standard"]) == (False, "iso17123-4")
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    said = f"{s * 1e3:.3f} mm"
+    assert (said.replace(".", ",") if language == "de" else said) in page
+    assert page.count("class=fails") == 1
+    assert ("Nullpunktabweichung, absolut" in page) == (language == "de")
+    result = api.adjust(tmp_path / "line.yaml")
+    here = result.protocol("iso17123-4", against=result)
+    assert here["parts"] == data["parts"]
+    assert [test["letter"] for test in here["tests"]] == ["a", "b", "c"]
+    assert here["tests"][1]["found"] == 1.0
+    with pytest.raises(api.InputError, match="did you mean 'iso17123-4'"):
+        result.protocol("iso17123-44")
+
+
 def test_directions(tmp_path: Path) -> None:
     """s by the sums of the standard: residuals of directions reduced to the first target, less their mean in a set."""
     assert mor("new", tmp_path / "test.yaml", "--protocol", "iso17123-3").code == 0
@@ -127,6 +156,8 @@ def test_other_results_are_refused(tmp_path: Path) -> None:
     assert run.code == 2
     assert "found 20 observations, expected 21" in run.err
     assert mor("report", tmp_path / "line.results", "--protocol", "iso17123-4", "--pdf").code == 2
+    run = mor("report", tmp_path / "line.results", "--protocol", "iso17123-4", "-o", tmp_path / "x.csv")
+    assert (run.code, "ends in .txt, .html or .json" in run.err) == (2, True)
     assert mor("new", tmp_path / "x.yaml", table, "--protocol", "iso17123-4").code == 2
 
 
@@ -212,8 +243,15 @@ def test_lengths(tmp_path: Path) -> None:
     text = (tmp_path / "test.results" / "protocol.txt").read_text(encoding="utf-8")
     assert f"größte Längenmessabweichung  {errors.max():.4f} mm".replace(".", ",") in text
     assert text.count("angenommen") == (errors <= limits).all(axis=1).sum()
+    data = api.adjust(tmp_path / "test.yaml").protocol("vdi2634-1", permissible=(0.01, 0.01))
+    assert data["largest_error"] == pytest.approx(errors.max(), rel=1e-6)
+    assert data["permissible"] == {"A": 0.01, "K": 0.01}
     assert mor("report", tmp_path / "test.results", *options[:2], "-o", tmp_path / "x.txt").code == 2
     (tmp_path / "lengths.csv").write_text("\n".join([lines[0], *table[:-1]]) + "\n")
     assert mor("adjust", tmp_path / "test.yaml", "--no-html", "-f").code == 0
     run = mor("report", tmp_path / "test.results", *options[:5], "-o", tmp_path / "x.txt")
-    assert (run.code, "found 4 lengths from L7-1" in run.err) == (2, True)
+    assert (run.code, "found 4 lengths from L7-1, expected at least 5" in run.err) == (2, True)
+    (tmp_path / "lengths.csv").write_text("\n".join([lines[0], *table[:-5]]) + "\n")
+    assert mor("adjust", tmp_path / "test.yaml", "--no-html", "-f").code == 0
+    run = mor("report", tmp_path / "test.results", *options[:5], "-o", tmp_path / "x.txt")
+    assert (run.code, "found 6 lines, expected at least 7" in run.err) == (2, True)
