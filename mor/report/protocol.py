@@ -192,7 +192,9 @@ def length_tests(view: View, permissible: tuple[float, float]) -> list[Statistic
         limits = permissible[0] + permissible[1] * rows["observed"].to_numpy() * metres
         worst = int(np.argmax(errors / limits))
         tests.append(
-            StatisticalTest(name, "length measurement error", "", errors[worst], None, limits[worst], "mm")
+            StatisticalTest(
+                name, "length measurement error", "", float(errors[worst]), None, float(limits[worst]), "mm"
+            )
         )
     return tests
 

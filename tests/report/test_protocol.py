@@ -246,6 +246,12 @@ def test_lengths(tmp_path: Path) -> None:
     data = api.adjust(tmp_path / "test.yaml").protocol("vdi2634-1", permissible=(0.01, 0.01))
     assert data["largest_error"] == pytest.approx(errors.max(), rel=1e-6)
     assert data["permissible"] == {"A": 0.01, "K": 0.01}
+    assert mor("report", tmp_path / "test.results", *options[:5], "-o", tmp_path / "page.json").code == 0
+    written = json.loads((tmp_path / "page.json").read_text(encoding="utf-8"))
+    assert [test["passed"] for test in written["tests"]] == (errors <= limits).all(axis=1).tolist()
+    assert mor("report", tmp_path / "test.results", *options, "-o", tmp_path / "page.html").code == 0
+    page = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert f"{errors.max():.4f} mm".replace(".", ",") in page
     assert mor("report", tmp_path / "test.results", *options[:2], "-o", tmp_path / "x.txt").code == 2
     (tmp_path / "lengths.csv").write_text("\n".join([lines[0], *table[:-1]]) + "\n")
     assert mor("adjust", tmp_path / "test.yaml", "--no-html", "-f").code == 0
