@@ -14,6 +14,7 @@ from mor.model.parameters import INTERIORS
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import (
     LINE,
+    correlation_table,
     coverage_words,
     digits_worth,
     fixed,
@@ -309,11 +310,7 @@ def certificate_text(one: Certificate, words: Words = ENGLISH) -> str:
         ),
     ]
     if matrix is not None and len(names) > 1:
-        body = [[name, *(fixed(x, 3) for x in matrix[k][: k + 1])] for k, name in enumerate(names)]
-        padded = [[*row, *[""] * (len(names) + 1 - len(row))] for row in body]
-        parts.append(
-            "\n".join([heading(words("Correlations [1]")), table(["", *names], padded, words=words)])
-        )
+        parts.append("\n".join([heading(words("Correlations [1]")), correlation_table(names, matrix, words)]))
     signed = f"{words('place and date').ljust(len(LINE))}    {words('signature')}"
     parts.append(f"\n{LINE}    {LINE}\n{signed}")
     return paragraphs("\n\n".join(parts)) + "\n"

@@ -39,7 +39,17 @@ from mor.report.estimates import (
     variance_components,
 )
 from mor.report.language import ENGLISH, Words, datum_name
-from mor.report.layout import ANGLE_DIGITS, DIGITS, digits_worth, fixed, heading, short, small_unit, table
+from mor.report.layout import (
+    ANGLE_DIGITS,
+    DIGITS,
+    correlation_table,
+    digits_worth,
+    fixed,
+    heading,
+    short,
+    small_unit,
+    table,
+)
 from mor.report.observations import (
     check_rows,
     largest_length_error,
@@ -81,9 +91,7 @@ def _camera(row: dict[str, Any], length: str, words: Words) -> str:
         lines.append(f"r0 = {words.number(format(row['r0'], '.6g'))} {unit}")
     names, matrix = row["correlations"]["components"], row["correlations"]["matrix"]
     if matrix is not None and len(names) > 1:
-        body = [[name, *(fixed(matrix[i][j], 3) for j in range(i + 1))] for i, name in enumerate(names)]
-        padded = [line + [""] * (len(names) + 1 - len(line)) for line in body]
-        lines += ["", words("Correlations [1]"), table(["", *names], padded, words=words)]
+        lines += ["", words("Correlations [1]"), correlation_table(names, matrix, words)]
     return "\n".join(lines)
 
 

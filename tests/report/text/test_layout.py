@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from mor.report.layout import fixed, table
+from mor.report.language import words_of
+from mor.report.layout import correlation_table, fixed, table
 
 
 def test_columns_are_as_wide_as_their_widest_cell_and_two_wider_than_their_header() -> None:
@@ -29,4 +30,14 @@ def test_no_number_is_a_dash() -> None:
         "-",
         "-",
         "0.00",
+    ]
+
+
+def test_components_in_a_correlation_matrix_have_their_names_in_every_language() -> None:
+    matrix = [[1.0, 0.5], [0.5, 1.0]]
+    assert correlation_table(["c", "distance"], matrix, words_of("de")).splitlines() == [
+        "              c    distance",
+        "--------  -----  ----------",
+        "c         1,000",
+        "distance  0,500       1,000",
     ]
