@@ -244,27 +244,33 @@ def _explained(solved: Solved, words: Words) -> str:
 
 
 def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
-    """One line for each feature, two for a right angle."""
+    """Two tables with one line for each feature, two for a right angle: place and direction, and their σ."""
     frame = feature_table(solved)
     if frame.height == 0 or solved.quality is None:
         return ""
-    unit = solved.network.project.units.length
+    unit, angle = solved.network.project.units.length, angle_unit(solved)
     d = DIGITS[unit]
-    rows = [
-        [
-            f"{words.listed(row['type'])} {row['id']}"
-            + (f", {words.listed(row['part'])}" if row["part"] else ""),
-            *(fixed(row[name], 7) for name in ("dx", "dy", "dz")),
-            *(fixed(row[name], d) for name in ("distance", "x", "y", "z", "rms", "form")),
-        ]
-        for row in frame.to_dicts()
+    places, sigmas = [], []
+    for row in frame.to_dicts():
+        name = f"{words.listed(row['type'])} {row['id']}"
+        name += f", {words.listed(row['part'])}" if row["part"] else ""
+        direction = [fixed(row[key], 7) for key in ("dx", "dy", "dz")]
+        places.append([name, *direction, *(fixed(row[key], d) for key in ("distance", "x", "y", "z"))])
+        lengths = [fixed(row[key], d) for key in ("sx", "sy", "sz", "rms", "form")]
+        sigmas.append([name, fixed(row["sd"], ANGLE_DIGITS[angle]), *lengths])
+    headers = ["feature", *(f"{n} [1]" for n in ("dX", "dY", "dZ"))]
+    headers += [f"{name} [{unit}]" for name in ("distance", "X", "Y", "Z")]
+    of_sigmas = [
+        "feature",
+        f"sd [{angle}]",
+        *(f"{name} [{unit}]" for name in ("sX", "sY", "sZ", "rms", "form")),
     ]
-    lengths = [f"{name} [{unit}]" for name in ("distance", "X", "Y", "Z", "rms", "form")]
-    headers = ["feature", *(f"{n} [1]" for n in ("dX", "dY", "dZ")), *lengths]
     note = words(
-        "d: normal of a plane, direction of a line or axis; X Y Z: centre, apex, or mean of the points on it"
+        "d: normal of a plane, direction of a line or axis; X Y Z: centre, apex, or mean of the points on it; "
+        "sd: largest sigma of d"
     )
-    return f"{heading(words('Planes, lines and shapes'))}\n{table(headers, rows, words=words)}\n{note}"
+    tables = (table(headers, places, words=words), table(of_sigmas, sigmas, words=words))
+    return "\n".join([heading(words("Planes, lines and shapes")), "\n\n".join(tables), note])
 
 
 # ------------------------------------------------------------
