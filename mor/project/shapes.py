@@ -186,7 +186,9 @@ def _enlarged(fit: FittedShape, factor: float, free: Freedom) -> FittedShape:
     return fit._replace(shape=fit.shape * np.where(free.shape & [True, False, False], factor, 1.0))
 
 
-def _refined(type_: str, q: FloatArray, guesses: list[list[FittedShape]], free: Freedom) -> FittedShape | None:
+def _refined(
+    type_: str, q: FloatArray, guesses: list[list[FittedShape]], free: Freedom
+) -> FittedShape | None:
     """The best of the best guesses of each list after a least-squares adjustment of each."""
     from scipy.optimize import least_squares
 
