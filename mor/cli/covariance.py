@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from mor.cli.console import tell
+from mor.cli.console import language_of_command
 from mor.cli.options import InputPath, OutputPath, coverage_option
 
 if TYPE_CHECKING:
@@ -113,7 +113,7 @@ def command(
     from mor.linalg.compilation import chosen_by_size
     from mor.output_files import check_file, write_file
     from mor.report.covariance import check_covariance, freedom_of
-    from mor.report.language import ENGLISH
+    from mor.report.language import words_of
     from mor.report.layout import coverage_words
 
     named = (points, images, cameras)
@@ -133,7 +133,8 @@ def command(
             output, lambda path: _write(path, solved, named, blocks, relative, relative_pose, coverage), force
         )
     if coverage is not None:
-        tell(coverage_words(coverage, freedom_of(solved), ENGLISH))
+        said = coverage_words(coverage, freedom_of(solved), words_of(language_of_command()))
+        click.echo(said, err=True)
 
 
 def _write(

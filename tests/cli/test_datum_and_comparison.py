@@ -164,6 +164,10 @@ def test_expanded_uncertainties_are_multiples_of_sigma(tmp_path: Path) -> None:
     assert (
         f"{100.0 * (1.0 - 2.0 * student.sf(2.0, freedom)):.2f} % (Student's t, {freedom} degrees" in run.err
     )
+    again = ("--points", "P3", "--coverage", "2", "--lang", "de", "-o", tmp_path / "de.csv")
+    assert re.search(
+        r"k = 2: Überdeckungswahrscheinlichkeit \d\d,\d\d %", mor("covariance", results, *again).err
+    )
     for option, value, sigma in (("--blocks", "Ux", "xx"), ("--relative", "Udistance", "sdistance")):
         given = [option] if option == "--blocks" else [option, "P1,P2"]
         table = tmp_path / f"{option}.csv"
