@@ -260,11 +260,8 @@ def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
         sigmas.append([name, fixed(row["sd"], ANGLE_DIGITS[angle]), *lengths])
     headers = ["feature", *(f"{n} [1]" for n in ("dX", "dY", "dZ"))]
     headers += [f"{name} [{unit}]" for name in ("distance", "X", "Y", "Z")]
-    of_sigmas = [
-        "feature",
-        f"sd [{angle}]",
-        *(f"{name} [{unit}]" for name in ("sX", "sY", "sZ", "rms", "form")),
-    ]
+    units = {"sd": angle, **dict.fromkeys(("sX", "sY", "sZ", "rms", "form"), unit)}
+    of_sigmas = ["feature", *(f"{name} [{of}]" for name, of in units.items())]
     note = words(
         "d: normal of a plane, direction of a line or axis; X Y Z: centre, apex, or mean of the points on it; "
         "sd: largest sigma of d"
