@@ -88,7 +88,7 @@ def fit_shape(
     shape: FloatArray,
     held: Held | None = None,
 ) -> FittedShape | None:
-    """FittedShape a shape to points (n, 3) by least squares; ``None`` if they are too few or lie on no such shape.
+    """Fit a shape to points (n, 3) by least squares; ``None`` if they are too few or lie on no such shape.
 
     Components of ``shape`` (3,) that are known stay, those that are not are NaN. ``held`` is what another feature
     determines. Without it the offset r̄ is 0.
