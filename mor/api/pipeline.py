@@ -48,7 +48,7 @@ from mor.quality.snooping import put_back
 from mor.quality.solution import ScoredHypothesis, Solved, TreatmentOptions, treat, with_poses
 from mor.quality.test_statistics import critical_value
 from mor.solve.datum import beside
-from mor.solve.iterate import Adjustment, Outcome, SolverSettings, Watcher, adjust, counting_on
+from mor.solve.iterate import Adjustment, Outcome, Patience, SolverSettings, Watcher, adjust, counting_on
 from mor.solve.problem import CorrelatedObservations, DatumDefinition, Problem, undefined_rows
 from mor.start.part import Approximation
 from mor.types import FloatArray
@@ -61,6 +61,8 @@ from mor.types import FloatArray
 
 SETTLING = 40
 """Iterations in which start values that are in doubt have to lead to a solution."""
+IMPATIENT = Patience(6, 1e-2, 1e-2)
+"""Start values are judged by where an iteration leads: what creeps there would take too long to tell."""
 
 
 def make_problem(
@@ -167,7 +169,7 @@ def _settled(
     if not all_known(start):
         return None
     try:
-        found = adjust(make_problem(network, start, start), start, SolverSettings(SETTLING))
+        found = adjust(make_problem(network, start, start), start, SolverSettings(SETTLING, IMPATIENT))
     except NotFiniteError:
         return None
     if found.outcome is Outcome.SINGULAR:

@@ -270,14 +270,6 @@ def points_in_doubt(problem: Problem, sizes: tuple[FloatArray, ...], but: Collec
     two rays meet once, a ray and a distance or three distances twice. So as many components as are suspect, and three,
     are outvoted by what fits, if that is more. So many as are looked at, less the others (``but``).
     """
-    points, _ = doubtful_points(problem, sizes, but)
-    return [int(k) for k in points[: max(POINTS - len(but), 0)]]
-
-
-def doubtful_points(
-    problem: Problem, sizes: tuple[FloatArray, ...], but: Collection[int] = ()
-) -> tuple[IntArray, IntArray]:
-    """All points in doubt (k,), the most doubtful first, and by how much more fits than is suspect at each (k,)."""
     bad, good = (np.zeros(len(problem.index.columns["point"]), dtype=np.int64) for _ in range(2))
     for group, size in zip(problem.groups, sizes, strict=True):
         used = group.mask & ~group.left_out
@@ -290,7 +282,7 @@ def doubtful_points(
     in_doubt[list(but)] = False
     points = np.flatnonzero(in_doubt)
     points = points[np.argsort((good - bad)[points], kind="stable")]
-    return points, (good - bad)[points]
+    return [int(k) for k in points[: max(POINTS - len(but), 0)]]
 
 
 def _told_of(problem: Problem, point: int) -> list[_Observed]:
@@ -413,6 +405,8 @@ def _arguments(one: _Observed, values: Values, places: FloatArray) -> tuple[list
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
+_LONG_TAILS = 1.6
+"""Root mean square of residuals in units of their robust σ: 1 if normal, 1.7 with 2 % errors of ten σ among them."""
 LARGEST_WEIGHT = "its observations contradict each other or the rest"
 """Reason why a thing is left out."""
 _SAME = 1e-6
@@ -481,12 +475,18 @@ class Attempt(NamedTuple):
 
 
 def may_be_absurd(adjustment: Adjustment) -> bool:
-    """True where a converged solution fits so badly, half of its residuals beyond 3 σ, that another one might exist."""
+    """True where a converged solution fits so badly that another one might exist.
+
+    Half of its residuals are beyond 3 σ, and they have long tails: residuals that are normal with one larger σ come of
+    σ that are too small, and no other place fits better.
+    """
     problem = adjustment.problem
     redundancy = problem.observations - problem.index.count + adjustment.defect.dimension
-    if redundancy <= 0 or adjustment.normals.objective <= redundancy * _WORSE**2:
+    squares = adjustment.normals.objective
+    if redundancy <= 0 or squares <= redundancy * _WORSE**2:
         return False
-    return _overall(adjustment) > _WORSE
+    overall = _overall(adjustment)
+    return overall > _WORSE and squares > problem.observations * (_LONG_TAILS * overall) ** 2
 
 
 def without_suspects(

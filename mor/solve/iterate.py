@@ -437,12 +437,21 @@ _RATE_KNOWN_TO = 4.0
 """Margin for a rate of convergence that is taken from two steps."""
 _CREEPS = 0.25
 """Rate from which on steps creep: near a solution they fall faster where residuals are no larger than their σ."""
-_STANDING = 10
-"""Iterations that are compared with as many before them."""
 _STANDS = 1e-3
 """Part of vᵀPv by which it still falls at a standstill, at most: σ0 then keeps its first three digits."""
-_CRAWLS = 1e-6
-"""The same of ten damped iterations: a point on its way to infinity gains little by little."""
+
+
+class Patience(NamedTuple):
+    """What an iteration may gain at a standstill, at most."""
+
+    iterations: int = 10
+    """They are compared with as many before them."""
+    gain: float = _STANDS
+    """Part of vᵀPv that all of them gain."""
+    damped: float = 1e-6
+    """The same of damped ones in the second half: a point on its way to infinity gains little by little."""
+
+
 _EPS = float(np.finfo(float).eps)
 
 
@@ -482,25 +491,26 @@ def without_progress(iterations: tuple[Iteration, ...]) -> int:
     return next(larger, len(objectives))
 
 
-def stands_still(iterations: tuple[Iteration, ...]) -> bool:
+def stands_still(iterations: tuple[Iteration, ...], patience: Patience | None = None) -> bool:
     """Return True if twenty iterations have made neither vᵀPv smaller, nor the steps, nor the damping.
 
     Steps that shrink slowly, all those to come together by less than one σ, do not stand still. Nor does an iteration
     whose damping falls: its steps grow along a direction that was damped. Steps of zero are not compared: an adjustment
     in another datum that begins at the solution begins with one.
     """
-    if len(iterations) < 2 * _STANDING:
+    count, gain, damped = patience or Patience()
+    if len(iterations) < 2 * count:
         return False
-    earlier, later = iterations[-2 * _STANDING : -_STANDING], iterations[-_STANDING:]
-    if earlier[0].objective - later[-1].objective > _STANDS * later[-1].objective:
+    earlier, later = iterations[-2 * count : -count], iterations[-count:]
+    if earlier[0].objective - later[-1].objective > gain * later[-1].objective:
         return False
-    if later[-1].damping and later[0].objective - later[-1].objective > _CRAWLS * later[-1].objective:
+    if later[-1].damping and later[0].objective - later[-1].objective > damped * later[-1].objective:
         return False
     if 0.0 < later[-1].damping < 0.5 * later[0].damping:
         return False
     steps = [iteration.largest_change for iteration in earlier if iteration.largest_change > ACCURACY]
     before, now = min(steps, default=0.0), min(iteration.largest_change for iteration in later)
-    rate = (now / before) ** (1.0 / _STANDING) if before > 0.0 else 0.0
+    rate = (now / before) ** (1.0 / count) if before > 0.0 else 0.0
     return now > 0.5 * before and (rate >= 1.0 or now * rate / (1.0 - rate) > 1.0)
 
 
@@ -662,6 +672,7 @@ class SolverSettings(NamedTuple):
 
     max_iterations: int = 50
     """Most iterations without progress; twice as many in all."""
+    patience: Patience | None = None
 
 
 def adjust(
@@ -685,7 +696,7 @@ def _iterated(plan: Plan, start: Values, settings: SolverSettings, watch: Watche
         state = _advance(state)
         if watch is not None and state.iterations:
             watch(state.iterations[-1])
-        if state.outcome is Outcome.NOT_CONVERGED and stands_still(state.iterations):
+        if state.outcome is Outcome.NOT_CONVERGED and stands_still(state.iterations, settings.patience):
             return state._replace(reason=STANDS_STILL)
     return state
 
