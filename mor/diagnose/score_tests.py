@@ -14,8 +14,8 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import replace
-from itertools import combinations
-from typing import NamedTuple
+from itertools import combinations, pairwise
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -38,11 +38,14 @@ from mor.solve.iterate import Outcome, SolverSettings, adjust
 from mor.solve.problem import Problem, evaluated, linearise, misclosures, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray
 
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
+
 LEVEL = 1e-3
 """Family-wise level of all score tests together."""
 OFFERED = 3
 _ENTRIES = 20_000_000
-"""Numbers (observations times parameters) that are held at a time."""
+"""Numbers (unknowns times parameters) that are held at a time."""
 _FEW_ROWS = 1000
 """Rows of a possible cause that are handed on."""
 _ALMOST = 0.9
@@ -678,8 +681,8 @@ def _where(group: ObservationGroup, row: int) -> str:
 
 
 def _chunks(candidates: Sequence[_Candidate], quality: Quality) -> Iterator[list[_Candidate]]:
-    """Candidates together as far as their columns fit into memory."""
-    most = max(_ENTRIES // max(quality.adjustment.problem.observations, 1), 1)
+    """Candidates together as far as the solutions for their columns fit into memory."""
+    most = max(_ENTRIES // max(quality.adjustment.problem.index.count, 1), 1)
     chunk: list[_Candidate] = []
     width = 0
     for one in candidates:
@@ -691,28 +694,77 @@ def _chunks(candidates: Sequence[_Candidate], quality: Quality) -> Iterator[list
     yield chunk
 
 
-def _scores(quality: Quality, candidates: Sequence[_Candidate], count: int) -> list[_Scored]:
+class _Columns(NamedTuple):
+    """Columns Z = W B of some candidates, side by side."""
+
+    slices: list[slice]
+    """Those of each candidate."""
+    Z: csc_array
+    """(N, P)."""
+    right: FloatArray
+    """(c, P) AᵀPB at the unknowns that are touched."""
+    solved: FloatArray
+    """(c, P) Q AᵀPB."""
+    g: FloatArray
+    """(P,) −BᵀPv."""
+
+    def squares(self, some: slice) -> FloatArray:
+        """(p,) the diagonal of BᵀPB."""
+        data, pointers = self.Z.data, self.Z.indptr[some.start : some.stop + 1]
+        return np.array([data[first:end] @ data[first:end] for first, end in pairwise(pointers)])
+
+    def multipliers(self, some: slice) -> FloatArray:
+        """M (p, p)."""
+        Z = self.Z[:, some]
+        return np.asarray((Z.T @ Z).toarray() - self.right[:, some].T @ self.solved[:, some])
+
+
+def _columns(quality: Quality, candidates: Sequence[_Candidate]) -> _Columns:
+    from scipy.sparse import coo_array
+
     rows = _rows(quality, candidates)
+    ends = np.cumsum([0, *(one.parameters for one in candidates)])
+    none = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
+    entries = [none]
+    for one, first in zip(candidates, ends[:-1], strict=True):
+        for number, own, derivatives in one.parts:
+            place = np.broadcast_to(rows.places[number][own][:, :, None], derivatives.shape)
+            column = np.broadcast_to(first + np.arange(one.parameters), derivatives.shape)
+            used = (place >= 0) & (derivatives != 0.0)
+            entries.append((place[used], column[used], derivatives[used]))
+    row, column, derivative = (np.concatenate(part) for part in zip(*entries, strict=True))
+    B = coo_array((derivative, (row, column)), shape=(rows.design.shape[0], int(ends[-1]))).tocsc()
+    Z = (rows.whitening @ B).tocsc()
     residuals = rows.whitened([np.nan_to_num(one.v) for one in quality.groups])
-    z = np.concatenate([_columns(quality, rows, one) for one in candidates], axis=1)
-    answer = rows.residuals_of(z)
-    found, first = [], 0
-    for one in candidates:
-        mine = slice(first, first + one.parameters)
-        first += one.parameters
-        scored = _score(quality, one, z[:, mine], answer[:, mine], residuals, count)
+    right = rows.design.T @ Z
+    if right.shape[1] > right.shape[0]:  # few unknowns: their cofactors are less than the solutions
+        solved = (right.T @ rows.system.solve(np.eye(right.shape[0]))).T
+    else:
+        solved = rows.system.solve(right.toarray())
+    slices = [slice(first, end) for first, end in pairwise(ends.tolist())]
+    return _Columns(slices, Z, right.toarray(), solved, -(Z.T @ residuals))
+
+
+def _scores(quality: Quality, candidates: Sequence[_Candidate], count: int) -> list[_Scored]:
+    found, columns = [], _columns(quality, candidates)
+    squares = columns.squares(slice(0, len(columns.g)))
+    alone = squares - np.einsum("cp,cp->p", columns.right, columns.solved)
+    for one, mine in zip(candidates, columns.slices, strict=True):
+        whole = squares[mine]
+        M = columns.multipliers(mine) if one.parameters > 1 else alone[mine, None]
+        scored = _score(quality, one, columns.g[mine], M, whole, count)
         if scored is not None:
             found.append(scored)
     return found
 
 
 def _score(
-    quality: Quality, one: _Candidate, z: FloatArray, answer: FloatArray, residuals: FloatArray, count: int
+    quality: Quality, one: _Candidate, g: FloatArray, M: FloatArray, whole: FloatArray, count: int
 ) -> _Scored | None:
-    g, M, whole = -z.T @ residuals, z.T @ answer, z.T @ z
-    size = np.sqrt(np.maximum(np.diag(whole), 1e-300))
+    """Score from g (p,), M (p, p), and the diagonal of BᵀPB (p,)."""
+    size = np.sqrt(np.maximum(whole, 1e-300))
     scaled = rotations.eigvalsh(M / np.outer(size, size))
-    if not np.isfinite(M).all() or not np.diag(whole).all() or scaled[0] <= CONTROLLED:
+    if not np.isfinite(M).all() or not whole.all() or scaled[0] <= CONTROLLED:
         return None
     if one.definite:
         x = np.ones(1)
@@ -742,18 +794,6 @@ def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
     groups = quality.adjustment.problem.groups
     used = [mask & group.mask & ~group.left_out for mask, group in zip(chosen, groups, strict=True)]
     return whitened_rows(quality, used)
-
-
-def _columns(quality: Quality, rows: WhitenedRows, one: _Candidate) -> FloatArray:
-    """(N, p) whitened columns of a candidate."""
-    groups = quality.adjustment.problem.groups
-    columns = []
-    for parameter in range(one.parameters):
-        arrays = [np.zeros(group.observed.shape) for group in groups]
-        for number, own, derivatives in one.parts:
-            np.add.at(arrays[number], own, derivatives[:, :, parameter])
-        columns.append(rows.whitened(arrays))
-    return np.stack(columns, axis=1)
 
 
 def _single(quality: Quality) -> float:
@@ -811,7 +851,7 @@ def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> t
     too_many: set[str] = set()
     for cause in _TOGETHER:
         some = [one for one in candidates if one.cause == cause]
-        if len(some) < 2 or len(some) * quality.adjustment.problem.observations > _ENTRIES:
+        if len(some) < 2 or len(some) * quality.adjustment.problem.index.count > _ENTRIES:
             continue
         chosen = _greedy(quality, some, count)
         if len(chosen) == _JOINED:
@@ -831,26 +871,25 @@ def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> t
 
 def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_Scored]:
     """The candidates that gain most, each beside those chosen before it."""
-    rows = _rows(quality, some)
-    residuals = rows.whitened([np.nan_to_num(one.v) for one in quality.groups])
-    z = [_columns(quality, rows, one) for one in some]
-    ends = np.cumsum([own.shape[1] for own in z])[:-1]
-    answer = np.split(rows.residuals_of(np.concatenate(z, axis=1)), ends, axis=1)
+    columns = _columns(quality, some)
+    every = slice(0, len(columns.g))
+    M, whole, g = columns.multipliers(every), columns.squares(every), columns.g.copy()
     chosen: list[_Scored] = []
     left = list(range(len(some)))
     while left and len(chosen) < _JOINED:
-        scores = {k: _score(quality, some[k], z[k], answer[k], residuals, count) for k in left}
+        scores = {}
+        for k in left:
+            mine = columns.slices[k]
+            scores[k] = _score(quality, some[k], g[mine], M[mine, mine], whole[mine], count)
         best = max(left, key=lambda k: _told_apart(one.length) if (one := scores[k]) is not None else -np.inf)
-        one = scores[best]
+        one, own = scores[best], columns.slices[best]
         if one is None or one.length <= 0.0 or one.gain < _LEFT_OVER * sum(other.gain for other in chosen):
             break
         chosen.append(one)
         left.remove(best)
-        residuals = residuals + answer[best] @ one.x
+        g -= M[:, own] @ one.x
         if not some[best].definite:  # its parameters are estimated together with those of the others
-            inverse = rotations.inv(z[best].T @ answer[best])
-            for k in left:
-                answer[k] = answer[k] - answer[best] @ (inverse @ (answer[best].T @ z[k]))
+            M -= M[:, own] @ rotations.solve(M[own, own], M[own])
     return chosen
 
 

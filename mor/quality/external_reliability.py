@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -12,8 +12,11 @@ from mor.quality.assessment import Quality
 from mor.quality.redundancy import Reliability
 from mor.quality.test_statistics import comparable, in_pieces, least_alike
 from mor.solve.iterate import Adjustment
-from mor.solve.problem import ClusterRows, cluster_rows, linearise, rotation_tangents
+from mor.solve.problem import cluster_rows, linearise, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 # ------------------------------------------------------------
 # What gross errors of chosen observations do to all unknowns.
@@ -267,128 +270,75 @@ def local_system(adjustment: Adjustment, columns: IntArray) -> NormalEquationSol
 # ------------------------------------------------------------
 
 
-class _WhitenedRows(NamedTuple):
-    """Rows with Jacobians (n, m, K), whitened, and their columns (n, K), −1 where fixed; those in use (n, m)."""
-
-    jacobian: FloatArray
-    columns: IntArray
-    use: BoolArray
-    whitening: FloatArray | None
-    """(m, m) of a cluster, which is one row; ``None``: the weights below."""
-    weight: FloatArray
-    """(n, m) 1/σ."""
-    group: IntArray
-    """(n, m) where each entry stands."""
-    row: IntArray
-    component: IntArray
-
-
 class WhitenedRows(NamedTuple):
-    """N chosen observations; arrays over them come in one order, that of the parts."""
+    """N chosen observations, in the order of the groups, and of rows and components in them."""
 
     system: NormalEquationSolver
     """The unknowns they refer to, of which there are c."""
-    parts: tuple[_WhitenedRows, ...]
-
-    @property
-    def size(self) -> int:
-        """N."""
-        return int(sum(np.count_nonzero(part.use) for part in self.parts))
+    places: tuple[IntArray, ...]
+    """(n, m) of each group: which of the N an observation is; −1 where it is not chosen."""
+    design: csr_array
+    """(N, c) W A."""
+    whitening: csr_array
+    """(N, N) W."""
 
     def whitened(self, values: Sequence[FloatArray]) -> FloatArray:
         """(N,) W y, for y given as one array (n, m) for each group; what is not chosen counts as 0."""
-        found = [np.zeros(0)]
-        for part in self.parts:
-            own = np.zeros(part.use.shape)
-            for number in np.unique(part.group):
-                here = (part.group == number) & part.use
-                own[here] = values[number][part.row[here], part.component[here]]
-            white = own @ part.whitening.T if part.whitening is not None else own * part.weight
-            found.append(white[part.use])
-        return np.concatenate(found)
-
-    def of_rows(self, x: FloatArray) -> FloatArray:
-        """(N, k) W A x for changes x (c, k) of the unknowns."""
-        found = [np.zeros((0, x.shape[1]))]
-        for part in self.parts:
-            moved = np.where((part.columns >= 0)[:, :, None], x[self._places(part)], 0.0)
-            found.append((part.jacobian @ moved)[part.use])
-        return np.concatenate(found)
-
-    def of_unknowns(self, z: FloatArray) -> FloatArray:
-        """(c, k) (W A)ᵀ z for z (N, k)."""
-        count = len(self.system.columns)
-        result, first = np.zeros((count + 1, z.shape[1])), 0
-        for part in self.parts:
-            own = np.zeros((*part.use.shape, z.shape[1]))
-            size = int(np.count_nonzero(part.use))
-            own[part.use] = z[first : first + size]
-            first += size
-            products = np.einsum("nmc,nmk->nck", part.jacobian, own)
-            place = np.where(part.columns >= 0, self._places(part), count)
-            np.add.at(result, place.ravel(), products.reshape(-1, z.shape[1]))
-        return result[:count]  # what is fixed has gathered in the last row
+        y = [np.zeros(0), *(own[place >= 0] for own, place in zip(values, self.places, strict=True))]
+        return np.asarray(self.whitening @ np.concatenate(y))
 
     def residuals_of(self, z: FloatArray) -> FloatArray:
         """R z (N, k) for the chosen rows of R and z (N, k) there, 0 elsewhere."""
-        return z - self.of_rows(self.system.solve(self.of_unknowns(z)))
-
-    def _places(self, part: _WhitenedRows) -> IntArray:
-        """(n, K) places of the columns among the unknowns; anything where fixed."""
-        places = np.searchsorted(self.system.columns, part.columns)
-        return np.minimum(places, max(len(self.system.columns) - 1, 0))
+        return np.asarray(z - self.design @ self.system.solve(self.design.T @ z))
 
 
 def whitened_rows(quality: Quality, chosen: Sequence[BoolArray]) -> WhitenedRows:
     """The chosen observations (n, m) of each group. Of a correlated cluster all have to be chosen, or none."""
+    from scipy.sparse import coo_array
+
     adjustment = quality.adjustment
-    tangent = rotation_tangents(adjustment.problem.index, adjustment.inverse.values)
-    alone = [mask.copy() for mask in chosen]
-    parts = []
+    problem, values = adjustment.problem, adjustment.inverse.values
+    tangent = rotation_tangents(problem.index, values)
+    ends = np.cumsum([0, *(np.count_nonzero(mask) for mask in chosen)])
+    places = tuple(np.full(mask.shape, -1, dtype=np.int64) for mask in chosen)
+    for place, mask, first in zip(places, chosen, ends[:-1], strict=True):
+        place[mask] = first + np.arange(np.count_nonzero(mask))
+    count, alone = int(ends[-1]), [mask.copy() for mask in chosen]
+    none = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
+    design, whitening = [none], [none]
     for cluster in adjustment.plan.clusters:
-        inside = _entries(cluster, chosen)
-        for number, mask in enumerate(alone):
-            here = cluster.groups == number
-            mask[cluster.rows[here], cluster.components[here]] = False
+        entries = list(zip(cluster.groups, cluster.rows, cluster.components, strict=True))
+        at = np.array([places[group][row, component] for group, row, component in entries])
+        for group, row, component in entries:
+            alone[group][row, component] = False
+        inside = at >= 0
         if inside.any():
-            parts.append(_correlated(quality, cluster, inside, tangent))
-    for number, mask in enumerate(alone):
+            _, jacobian, columns = cluster_rows(problem, cluster, values, tangent)
+            design.append(_entries(at[inside], columns[None], (cluster.whitening @ jacobian)[inside]))
+            whitening.append(
+                _entries(at[inside], at[inside][None], cluster.whitening[np.ix_(inside, inside)])
+            )
+    for group, place, mask in zip(problem.groups, places, alone, strict=True):
         rows = np.flatnonzero(mask.any(axis=1))
         if len(rows):
-            parts.append(_uncorrelated(quality, number, rows, mask[rows], tangent))
-    columns = [part.columns.ravel() for part in parts]
-    return WhitenedRows(
-        local_system(adjustment, np.concatenate([np.zeros(0, dtype=np.int64), *columns])), tuple(parts)
-    )
+            part, use = linearise(group, problem.index, values, tangent, rows), mask[rows]
+            weight, at = 1.0 / group.sigma[rows][use], place[rows][use]
+            columns = np.repeat(part.columns, use.sum(axis=1), axis=0)
+            design.append(_entries(at, columns, part.jacobian[use] * weight[:, None]))
+            whitening.append((at, at, weight))
+    row, column, entry = (np.concatenate(part) for part in zip(*design, strict=True))
+    system = local_system(adjustment, column)
+    column = np.searchsorted(system.columns, column)
+    A = coo_array((entry, (row, column)), shape=(count, len(system.columns))).tocsr()
+    row, column, entry = (np.concatenate(part) for part in zip(*whitening, strict=True))
+    return WhitenedRows(system, places, A, coo_array((entry, (row, column)), shape=(count, count)).tocsr())
 
 
-def _entries(cluster: ClusterRows, chosen: Sequence[BoolArray]) -> BoolArray:
-    """(k,) entries of a cluster that are chosen."""
-    places = zip(cluster.groups, cluster.rows, cluster.components, strict=True)
-    return np.array([chosen[group][row, component] for group, row, component in places], dtype=bool)
-
-
-def _uncorrelated(
-    quality: Quality, number: int, rows: IntArray, use: BoolArray, tangent: FloatArray | None
-) -> _WhitenedRows:
-    adjustment = quality.adjustment
-    group, index = adjustment.problem.groups[number], adjustment.problem.index
-    part = linearise(group, index, adjustment.inverse.values, tangent, rows)
-    weight = np.where(use, 1.0 / group.sigma[rows], 0.0)
-    row, component = np.broadcast_arrays(rows[:, None], np.arange(use.shape[1])[None])
-    place = np.full(use.shape, number), row, component
-    return _WhitenedRows(part.jacobian * weight[:, :, None], part.columns, use, None, weight, *place)
-
-
-def _correlated(
-    quality: Quality, cluster: ClusterRows, inside: BoolArray, tangent: FloatArray | None
-) -> _WhitenedRows:
-    adjustment, W = quality.adjustment, cluster.whitening
-    _, jacobian, columns = cluster_rows(adjustment.problem, cluster, adjustment.inverse.values, tangent)
-    place = cluster.groups[None], cluster.rows[None], cluster.components[None]
-    return _WhitenedRows(
-        (W @ jacobian)[None], columns[None], inside[None], W, np.ones(inside[None].shape), *place
-    )
+def _entries(rows: IntArray, columns: IntArray, values: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+    """Row, column and value of each entry of (n, K) that is not 0, for ``rows`` (n,) and ``columns`` (n or 1, K)."""
+    columns = np.broadcast_to(columns, values.shape)
+    free = (columns >= 0) & (values != 0.0)
+    return np.broadcast_to(rows[:, None], values.shape)[free], columns[free], values[free]
 
 
 # ------------------------------------------------------------

@@ -227,7 +227,7 @@ def bounds(redundancy: FloatArray, count: FloatArray, whole: float) -> tuple[Mom
 
 def moments(rows: WhitenedRows, redundancy: float) -> Moments:
     """Moments (1,) of the part of vᵀPv of the chosen observations; ``redundancy`` is their Σr."""
-    count = rows.size
+    count = rows.design.shape[0]
     probes = np.eye(count if count <= MOST_PROBES else 0)
     if count > MOST_PROBES:
         several = int(np.clip(np.ceil(_OF_REDUNDANCY / redundancy), 2, MOST_PROBES))

@@ -88,7 +88,7 @@ def test_correlated_observations_are_whitened_as_they_are_dense() -> None:
     own = everything.whitened([np.nan_to_num(one.v) for one in quality.groups])
     assert own @ own == pytest.approx(float(np.sum((whitening @ v) ** 2)), rel=1e-9)
     assert own @ own == pytest.approx(quality.omega, rel=1e-6)
-    squares = float(np.sum(everything.residuals_of(np.eye(everything.size)) ** 2))
+    squares = float(np.sum(everything.residuals_of(np.eye(everything.design.shape[0])) ** 2))
     assert squares == pytest.approx(quality.redundancy, rel=1e-6)
     assert np.trace(R) == pytest.approx(quality.redundancy, rel=1e-6)
 
