@@ -282,11 +282,11 @@ def test_readings_that_are_no_angles_are_left_out() -> None:
         ("a.gsi", "110001+00000001 21.102+10000000\n11000", r"a\.gsi:2: found '11000', expected words"),
         ("a.gsi", "110001+00000001 21.109+10000000", r"a\.gsi:1: word 21: found unit '9'"),
         ("a.sdr", "00NMSDR33 V04 25-Nov-15 12:33 911111", r"a\.sdr:1: found angles of kind 9"),
-        ("a.m5", "For M5|Adr 1|PI1   2|SD 1.2 ft|Hz 12.6101 DMS|", r"a\.m5:1: found SD in 'ft'"),
+        ("a.m5", "For M5|Adr 1|PI1   2|SD 1.2 in|Hz 12.6101 DMS|", r"a\.m5:1: found SD in 'in'"),
         (
             "a.m5",
             "For M5|Adr 1|TO  Start-Line  BF  1|    |    |    |\nFor M5|Adr 2|KD1  B1  1|Rb 1.5 m |HD 25.3 m |  |",
-            "level readings: books of levels are not read",
+            "staff readings without a counterpart",
         ),
         ("a.job", "5=P1\nfive=3", r"a\.job:2: found 'five=3'"),
         ("a.job", "9=3", "neither a point nor a reading"),

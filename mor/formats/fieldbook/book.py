@@ -20,6 +20,14 @@ from typing import NamedTuple
 
 from mor.errors import counted
 from mor.formats.draft import Draft, Row, read_lines
+from mor.formats.fieldbook.level import (
+    ALONE,
+    REPEATED,
+    SIGMA_KILOMETRE,
+    SIGMA_SET_UP,
+    Difference,
+    Levelling,
+)
 
 SIGMA_ANGLE = "3 arcsec"
 SIGMA_DISTANCE, PPM = "2 mm", "2"
@@ -40,7 +48,6 @@ CIRCLE_SET = 1e-4
 """Part of the full circle (2 arcmin) within which a sight reads what the circle was set to."""
 COMPUTED = "coordinates that the instrument computed from its readings"
 _ZERO = "coordinates that are all 0"
-LEVEL = "level readings: books of levels are not read"
 
 
 class Sight(NamedTuple):
@@ -103,6 +110,8 @@ class FieldBook:
     """Lines of the sights whose records have no computed coordinates, in a format that may have them."""
     replaced: dict[str, tuple[PointRecord, PointRecord]] = field(default_factory=dict)
     """Given coordinates that came again, different from before: the first and the last ones."""
+    levelling: Levelling = field(default_factory=Levelling)
+    """Staff readings of a level."""
     unnamed_height: float = 0.0
     """Instrument height of a station that the book does not name."""
     skipped: dict[str, list[int]] = field(default_factory=dict)
@@ -315,6 +324,7 @@ class FieldBook:
         """Put everything into the draft."""
         draft = self.draft
         self._settle()
+        levelled = self._level()
         for what, lines in self.skipped.items():
             draft.note(f"not read: {what} ({counted(len(lines), 'record')}, lines {_spans(lines)})", lines[0])
         if self.replaced:
@@ -332,18 +342,52 @@ class FieldBook:
         draft.put("units", {"length": "m", "angle": self.angle})
         draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
         occupied = [set_up for set_up in self.set_ups if set_up.sights]
-        _put_points(self, occupied)
+        _put_points(self, occupied, levelled)
         if occupied:
             _put_sights(self, occupied)
             _put_curvature(self, occupied)
+        if levelled:
+            _put_levelling(self, levelled)
+        if occupied or levelled:
             settings = {"undetermined": "leave_out"}
-            if not self._spatial():
+            if not occupied:
+                settings["dimensions"] = "z"
+            elif not self._spatial() and not levelled:
                 settings["dimensions"] = "xy"
             draft.put("settings", settings)
         elif draft.data.get("points"):
             draft.note("there are no readings: the points are all there is")
         if not draft.data.get("points"):
             draft.problem(f"there is neither a point nor a reading{self._only()}")
+
+    def level_height(self, point: str, height: float | None, line: int) -> None:
+        """The height of a point in a levelling line: computed behind its readings, given at the start of a line."""
+        if self.levelling.is_result(point):
+            self.levelling.result(point, height)
+            self.leave_out(COMPUTED, line)
+            return
+        reached = point in self.levelling.reached
+        self.levelling.begin()
+        if height is not None:
+            (self.computed_point if reached else self.point)(point, None, None, height, line)
+
+    def _level(self) -> list[Difference]:
+        """Height differences between points."""
+        rows, renamed = self.levelling.finish()
+        for what, lines in ((ALONE, self.levelling.alone), (REPEATED, self.levelling.repeated)):
+            for line in lines:
+                self.leave_out(what, line)
+        if renamed:
+            names = ", ".join(renamed[:_NAMED]) + (", …" if len(renamed) > _NAMED else "")
+            self.draft.note(
+                f"{counted(len(renamed), 'name')} of turning points in several lines at different heights, which are "
+                f"called NAME (2) and so on: {names}",
+                rows[0].line,
+            )
+        for row in rows:
+            if row.start == row.end:
+                self.leave_out("height differences from a point to itself", row.line)
+        return [row for row in rows if row.start != row.end]
 
     def _spatial(self) -> bool:
         """Return whether anything tells heights: a zenith angle, a slope distance or a given height."""
@@ -357,7 +401,7 @@ class FieldBook:
         return f"; it has only: {'; '.join(found)}" if found else ""
 
     def _settle(self) -> None:
-        """Place sights that still wait, drop sights to the station itself, and tell computed from given stations."""
+        """PointRecord sights that still wait, drop sights to the station itself, and tell computed from given stations."""
         self._place_waiting()
         for set_up in self.set_ups:
             for sight in set_up.sights:
@@ -367,7 +411,7 @@ class FieldBook:
         for set_up in self.set_ups:
             self._join_circles(set_up)
         self._part_names()
-        if not any(set_up.sights for set_up in self.set_ups):
+        if not any(set_up.sights for set_up in self.set_ups) and not self.levelling.reached:
             self.skipped.pop(COMPUTED, None)
             self.points = {**self.computed, **self.points}
 
@@ -491,13 +535,14 @@ def records(path: Path, draft: Draft) -> Iterator[tuple[int, str]]:
             yield line, bare
 
 
-def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp]) -> None:
+def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: Sequence[Difference]) -> None:
     draft = book.draft
-    stations = {set_up.station for set_up in occupied}
-    sighted = {sight.target for set_up in occupied for sight in set_up.sights}
-    taking_part = [name for name in book.points if name in stations | sighted]
-    control = len(taking_part) >= 2 or not occupied
-    sigma = SIGMA_CONTROL if control and occupied else None
+    measured = {set_up.station for set_up in occupied}
+    measured |= {sight.target for set_up in occupied for sight in set_up.sights}
+    measured |= {name for row in levelled for name in (row.start, row.end)}
+    taking_part = [name for name in book.points if name in measured]
+    control = len(taking_part) >= 2 or not measured
+    sigma = SIGMA_CONTROL if control and measured else None
     known = [
         Row(
             [
@@ -515,7 +560,7 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp]) -> None:
     if sigma:
         words = f"coordinates of the book are observed with σ = {sigma} m: it says none"
         draft.note(words, known[0].line)
-    elif known and occupied:
+    elif known and measured:
         draft.note(
             "coordinates of the book are start values: one point does not define the datum of a network",
             known[0].line,
@@ -527,6 +572,9 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp]) -> None:
         first.setdefault(set_up.station, set_up.line)
         for sight in set_up.sights:
             first.setdefault(sight.target, sight.line)
+    for row in levelled:
+        first.setdefault(row.start, row.line)
+        first.setdefault(row.end, row.line)
     others = [Row([name], line) for name, line in first.items() if name not in book.points]
     if others:
         draft.table("points", ("id",), others)
@@ -571,6 +619,25 @@ def _put_sights(book: FieldBook, occupied: Sequence[InstrumentSetUp]) -> None:
     draft.note(
         f"{words}, {SIGMA_DISTANCE} and {PPM} ppm for distances: no field book says any", occupied[0].line
     )
+
+
+def _put_levelling(book: FieldBook, levelled: Sequence[Difference]) -> None:
+    """Height differences with the lengths of their sights, and those of set-ups without distances."""
+    for length, sigma in ((True, SIGMA_KILOMETRE), (False, SIGMA_SET_UP)):
+        rows = [
+            Row([row.start, row.end, repr(row.value), repr(row.length) if length else None], row.line)
+            for row in levelled
+            if (row.length is not None) == length
+        ]
+        if rows:
+            columns = ("from", "to", "dz", "length")
+            book.draft.table("observations", columns, rows, type="height_difference", values={"sigma": sigma})
+    words = (
+        f"{counted(len(levelled), 'height difference')} in {counted(len(book.levelling.lines), 'levelling line')}; "
+        f"σ = {SIGMA_KILOMETRE} for 1 km of levelling, {SIGMA_SET_UP} for a set-up without distances: no field book "
+        "says any"
+    )
+    book.draft.note(words, levelled[0].line)
 
 
 def _put_curvature(book: FieldBook, occupied: Sequence[InstrumentSetUp]) -> None:

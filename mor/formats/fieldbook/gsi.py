@@ -5,6 +5,9 @@ Word index: 11 point, 21 horizontal circle, 22 zenith, 31 slope, 32 horizontal d
 target, 84 85 86 of the station, 87 height of the target, 88 of the instrument; 25 is what the circle was turned by when
 the station was recorded (Leica, "GSI ONLINE", 2002).
 
+Levels write 331 to 336 staff readings with the distance in 32, 83 height, 571 to 574 sums; a code block with ``?``
+begins a line.
+
 A block begins with word 11 or 41; a line has one or several. Instruments record a station before or after its sights:
 after a resection or a backsight the station follows. Blocks of readings have 81 to 83 if the station was known.
 """
@@ -17,7 +20,8 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mor.formats.draft import Draft
-from mor.formats.fieldbook.book import LEVEL, FieldBook, PointRecord, Sight, records, sexagesimal
+from mor.formats.fieldbook.book import FieldBook, PointRecord, Sight, records, sexagesimal
+from mor.formats.fieldbook.level import Reading
 from mor.project.document import Document
 
 _WORD = re.compile(r"^(\d\d)([\d.]{4})([+-])(.+)$")
@@ -50,8 +54,9 @@ class _GsiBlock(NamedTuple):
         return _plain(self.words["41"][1]) if "41" in self.words else ""
 
     @property
-    def level(self) -> bool:
-        return self.words.get("33", ("....", ""))[0][0] in "1256"
+    def level(self) -> str:
+        """Kind of a staff reading: the third digit of the words 330 to 336, empty for other blocks."""
+        return self.words.get("33", ("....", ""))[0][0].strip(".")
 
     @property
     def readings(self) -> bool:
@@ -142,12 +147,20 @@ class _GsiReader:
     def block(self, block: _GsiBlock) -> None:
         """One block."""
         words, line = block
-        if block.code:
+        if self.levels and "?" in words.get("41", ("", ""))[1]:
+            self.book.levelling.begin()
+        elif block.code:
             self._code(block)
         elif "11" not in words:
             self.book.leave_out(_NAMES.get(next(iter(words)), f"word {next(iter(words))}"), line)
-        elif block.level or (self.levels and not block.readings):
-            self.book.leave_out(LEVEL, line)
+        elif block.level:
+            self._staff(_plain(words["11"][1]), block)
+        elif self.levels and not block.readings:
+            height = _length(words, "83", line, self.book)
+            if height is None:
+                self.book.leave_out("level blocks without a reading", line)
+            else:
+                self.book.level_height(_plain(words["11"][1]), height, line)
         else:
             name = _plain(words["11"][1])
             if block.readings:
@@ -158,6 +171,21 @@ class _GsiReader:
             for index in words:
                 if index not in _READ and not (index == "32" and "31" not in words):
                     self.book.leave_out(_NAMES.get(index, f"word {index}"), line)
+
+    def _staff(self, name: str, block: _GsiBlock) -> None:
+        """A staff reading: 331 and 335 are back, 332 and 336 forward, 333 an intermediate sight."""
+        words, line = block
+        value = _length(words, "33", line, self.book)
+        levelling = self.book.levelling
+        sight = {
+            **dict.fromkeys("15", levelling.sight_back),
+            **dict.fromkeys("26", levelling.sight_forward),
+            "3": levelling.sight_between,
+        }.get(block.level)
+        if sight is None or value is None:
+            self.book.leave_out("staff readings outside a line", line)
+        else:
+            sight(Reading(name, value, _length(words, "32", line, self.book), line))
 
     def _code(self, block: _GsiBlock) -> None:
         words, line = block

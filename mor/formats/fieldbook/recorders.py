@@ -8,7 +8,8 @@ from itertools import pairwise
 from pathlib import Path
 
 from mor.formats.draft import Draft, parse_number
-from mor.formats.fieldbook.book import LEVEL, FieldBook, Sight, records, sexagesimal
+from mor.formats.fieldbook.book import FieldBook, Sight, records, sexagesimal
+from mor.formats.fieldbook.level import REPEATED, Reading
 from mor.project.document import Document
 
 # ------------------------------------------------------------
@@ -251,10 +252,12 @@ class _SectionReader:
 # ------------------------------------------------------------
 
 _VALUE = re.compile(r"^(\S+?)_?\s+(-?[\d.]+)\s*(\S*)$")
-_KNOWN = ("SD", "HD", "Hz", "V1", "Y", "X", "Z", "th", "ih")
-_ALIASES = {"D": "SD", "E": "HD"}
+_KNOWN = ("SD", "HD", "Hz", "V1", "Y", "X", "Z", "th", "ih", "Rb", "Rf", "Rz")
+_ALIASES = {"D": "SD", "E": "HD", "Lr": "Rb", "Lv": "Rf", "Lz": "Rz", "L": "R"}
 """Names of Zeiss instruments."""
 _M5_UNITS = {"gon": "gon", "grd": "gon", "grad": "gon", "deg": "deg", "m": "m"}
+_M5_NAME, _M5_WIDTH = slice(4, 12), 27
+"""Columns of the point in the field of a level, and the width from which that field has columns."""
 
 
 def read_m5(path: Path) -> Document:
@@ -291,9 +294,15 @@ class _M5Reader:
         """One line."""
         values = self._values(cells, line)
         kind, *words = what.split()
-        if kind.startswith("KD"):
-            self.book.leave_out(LEVEL, line)
+        if kind in ("KD1", "KN1"):
+            self._level(what, values, line)
+        elif kind.startswith("KD"):
+            self.book.leave_out("sums of levelling lines", line)
         elif kind == "TO":
+            if words and words[0].lower().startswith("start"):
+                self.book.levelling.begin()
+            elif [word.lower() for word in words[:2]] == ["station", "repeated"]:
+                self.book.levelling.repeat()
             self.book.leave_out("texts of the program", line)
         elif kind.startswith("TI"):
             self._text(words, values, line)
@@ -315,11 +324,30 @@ class _M5Reader:
                 values[name] = sexagesimal(text), "deg"
             elif unit in _M5_UNITS:
                 values[name] = parse_number(text), _M5_UNITS[unit]
+            elif unit == "ft":
+                values[name] = parse_number(text) * 0.3048, "m"
             elif name in _KNOWN:
-                raise ValueError(f"found {name} in {unit!r}, expected m, gon, deg or DMS")
+                raise ValueError(f"found {name} in {unit!r}, expected m, ft, gon, deg or DMS")
             else:
                 self.book.leave_out(f"value {name}", line)
         return values
+
+    def _level(self, what: str, values: dict[str, tuple[float, str]], line: int) -> None:
+        """A record of a level: a staff reading, or the height of a point."""
+        name = what[_M5_NAME].strip() if len(what) >= _M5_WIDTH else "".join(what.split()[1:2])
+        if "####" in what:
+            self.book.leave_out(REPEATED, line)
+            return
+        distance = values.get("HD", (None,))[0]
+        levelling = self.book.levelling
+        sights = {"Rb": levelling.sight_back, "Rf": levelling.sight_forward, "Rz": levelling.sight_between}
+        read = [key for key in sights if key in values]
+        for key in read:
+            sights[key](Reading(name, values[key][0], distance, line))
+        if not read and "Z" in values:
+            self.book.level_height(name, values["Z"][0], line)
+        elif not read:
+            self.book.leave_out("staff readings outside a line", line)
 
     def _text(self, words: list[str], values: dict[str, tuple[float, str]], line: int) -> None:
         if "STAT" in words:
@@ -413,6 +441,8 @@ def read_rw5(path: Path) -> Document:
         except ValueError as error:
             draft.problem(str(error), line)
     reader.close()
+    if not reader.mode:
+        draft.note("no MO record tells the units: lengths are taken as metres, angles as degrees, minutes, seconds")
     reader.book.finish(reader.title or path.stem)
     return draft.finish()
 
@@ -434,6 +464,8 @@ class _RW5Reader:
         self.book = book
         self.title = ""
         self.metres = 1.0
+        self.mode = False
+        """True once a record told the units."""
         self.station, self.height, self.target = "", 0.0, 0.0
         self.backsight: tuple[str, float, int] = ("", 0.0, 0)
         """Point, reading of the circle and line of the last BK."""
@@ -448,7 +480,8 @@ class _RW5Reader:
             self._gnss_point(cells, line)
         elif kind == "JB":
             self.title = cells.get("NM", "")
-        elif kind == "MO":
+        elif kind == "MO" or (kind == "--MO" and not self.mode):
+            self.mode = True
             self._mode(cells, line)
         elif kind in ("OC", "SP"):
             self._point(kind, cells, line)

@@ -1,0 +1,196 @@
+"""Levelling in a field book: staff readings become height differences between two points.
+
+A set-up has one or several readings back to one point and forward to another. The height difference is the mean of the
+readings back less the mean of those forward. A reading to another point, the height that the instrument computes, or a
+new line ends the set-up. Intermediate sights have the mean of the readings back of their set-up.
+
+Instruments number turning points anew in every line. A name that lies inside two lines is therefore one point only if
+the recorded heights agree.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from statistics import fmean
+from typing import NamedTuple
+
+SIGMA_KILOMETRE, SIGMA_SET_UP = "1 mm", "0.3 mm"
+"""Standard deviations of a height difference over 1 km, and of one set-up without distances: no field book has any."""
+_SAME_HEIGHT = 0.01
+"""Metres within which recorded heights of a point agree."""
+ALONE = "staff readings without a counterpart"
+REPEATED = "staff readings that were repeated"
+
+
+class Reading(NamedTuple):
+    """A staff reading and the distance to the staff in metres, ``None`` if it was not measured."""
+
+    point: str
+    value: float
+    distance: float | None
+    line: int
+
+
+class Difference(NamedTuple):
+    """A height difference and the length of its sights in metres, ``None`` if a distance is missing."""
+
+    start: str
+    end: str
+    value: float
+    length: float | None
+    line: int
+
+
+@dataclass
+class LevellingLine:
+    """Height differences of a line in their order, and the heights that the instrument computed."""
+
+    differences: list[Difference] = field(default_factory=list)
+    sides: list[Difference] = field(default_factory=list)
+    """Intermediate sights."""
+    heights: dict[str, float] = field(default_factory=dict)
+
+    def inside(self) -> set[str]:
+        """Names of points of the line that are neither its first nor its last."""
+        names = {name for row in (*self.differences, *self.sides) for name in (row.start, row.end)}
+        return names - self.ends()
+
+    def ends(self) -> set[str]:
+        """First and last point."""
+        return {self.differences[0].start, self.differences[-1].end} if self.differences else set()
+
+
+@dataclass
+class Levelling:
+    """Lines of levelling, and the set-up that is open."""
+
+    lines: list[LevellingLine] = field(default_factory=list)
+    back: list[Reading] = field(default_factory=list)
+    fore: list[Reading] = field(default_factory=list)
+    between: list[Reading] = field(default_factory=list)
+    last_back: list[Reading] = field(default_factory=list)
+    """Readings back of the set-up before."""
+    reached: set[str] = field(default_factory=set)
+    """Points with readings."""
+    current: str = ""
+    """Last point that was sighted forward or between."""
+    alone: list[int] = field(default_factory=list)
+    """Lines of readings without a counterpart."""
+    repeated: list[int] = field(default_factory=list)
+    """Lines of readings of set-ups that were measured again."""
+
+    def begin(self) -> None:
+        """Begin a line."""
+        self.close()
+        self.last_back, self.current = [], ""
+        if not self.lines or self.lines[-1].differences or self.lines[-1].sides:
+            self.lines.append(LevellingLine())
+
+    def sight_back(self, reading: Reading) -> None:
+        """Add a reading back; without a name it is to the point sighted forward before."""
+        named = reading if reading.point else reading._replace(point=self.current or f"line {reading.line}")
+        self._add(named, self.back, self.fore)
+
+    def sight_forward(self, reading: Reading) -> None:
+        """Add a reading forward; a turning point may have no name."""
+        if not reading.point:
+            again = self.fore[-1].point if self.fore else f"turning point {reading.line}"
+            reading = reading._replace(point=again)
+        self._add(reading, self.fore, self.back)
+        self.current = reading.point
+
+    def sight_between(self, reading: Reading) -> None:
+        """Add an intermediate sight: of the open set-up, or of the one before."""
+        if self.back or not self.last_back:
+            self.between.append(reading)
+        else:
+            self._line().sides.append(_difference(self.last_back, [reading]))
+        self.reached.add(reading.point)
+        self.current = reading.point
+
+    def _add(self, reading: Reading, same: list[Reading], other: list[Reading]) -> None:
+        if same and same[-1].point != reading.point:
+            later = [r for r in other if r.line > same[-1].line and r.point != reading.point]
+            if later and len(later) < len(other):
+                other[:] = [r for r in other if r not in later]
+            else:
+                later = []
+            self.close()
+            other.extend(later)
+        same.append(reading)
+        self.reached.add(reading.point)
+
+    def is_result(self, point: str) -> bool:
+        """Return whether a height of the point is computed from the readings before it."""
+        return not point or point == self.current
+
+    def result(self, point: str, height: float | None) -> None:
+        """End the set-up at the height that the instrument computed."""
+        name = point or self.current
+        self.close()
+        if height is not None:
+            self._line().heights[name] = height
+
+    def repeat(self) -> None:
+        """Forget the readings of the open set-up: it is measured again."""
+        self.repeated += [r.line for r in (*self.back, *self.fore, *self.between)]
+        self.current = self.back[0].point if self.back else self.current
+        self.back, self.fore, self.between = [], [], []
+
+    def close(self) -> None:
+        """End the set-up."""
+        if self.back and self.fore:
+            self._line().differences.append(_difference(self.back, self.fore))
+        elif not (self.back and self.between):
+            self.alone += [r.line for r in (*self.back, *self.fore)]
+        if self.back:
+            self._line().sides += [_difference(self.back, [reading]) for reading in self.between]
+            self.last_back = list(self.back)
+        else:
+            self.alone += [r.line for r in self.between]
+        self.back.clear()
+        self.fore.clear()
+        self.between.clear()
+
+    def _line(self) -> LevellingLine:
+        if not self.lines:
+            self.lines.append(LevellingLine())
+        return self.lines[-1]
+
+    def finish(self) -> tuple[list[Difference], list[str]]:
+        """Height differences of all lines, and the names that were used again for other points."""
+        self.close()
+        self.lines = [line for line in self.lines if line.differences or line.sides]
+        ends = set[str]().union(*(line.ends() for line in self.lines))
+        known: dict[str, list[float | None]] = {}
+        renamed: list[str] = []
+        found: list[Difference] = []
+        for line in self.lines:
+            names = {}
+            for name in sorted(line.inside() - ends):
+                height, places = line.heights.get(name), known.setdefault(name, [])
+                same = [
+                    k
+                    for k, other in enumerate(places)
+                    if height is not None and other is not None and abs(height - other) <= _SAME_HEIGHT
+                ]
+                if not same:
+                    places.append(height)
+                number = 1 + (same[0] if same else len(places) - 1)
+                if number > 1:
+                    names[name] = f"{name} ({number})"
+                    renamed.append(name)
+            found += [
+                row._replace(start=names.get(row.start, row.start), end=names.get(row.end, row.end))
+                for row in (*line.differences, *line.sides)
+            ]
+        return found, list(dict.fromkeys(renamed))
+
+
+def _difference(back: list[Reading], fore: list[Reading]) -> Difference:
+    """Height difference of mean readings."""
+    distances = [[r.distance for r in side if r.distance] for side in (back, fore)]
+    complete = all(len(d) == len(side) for d, side in zip(distances, (back, fore), strict=True))
+    length = sum(fmean(d) for d in distances) if complete else None
+    value = fmean(r.value for r in back) - fmean(r.value for r in fore)
+    return Difference(back[0].point, fore[0].point, value, length, back[0].line)

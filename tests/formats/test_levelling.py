@@ -1,0 +1,145 @@
+"""Books of digital levels: the values are computed by hand from the staff readings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from mor.api.pipeline import solve_network
+from mor.formats import read_foreign
+from mor.project.document import Document
+from tests.reference_data import network_of
+
+M5 = """\
+For M5|Adr     1|TO  LOOP.DAT                   |                      |                      |                      |
+For M5|Adr     2|TO  Start-Line         BF     1|                      |                      |                      |
+For M5|Adr     3|KD1       B1                  1|                      |                      |Z        50.00000 m   |
+For M5|Adr     4|KD1       B1       08:00:001  1|Rb        1.50000 m   |HD         30.000 m   |                      |
+For M5|Adr     5|KD1 ########       08:00:201  1|Rf        2.50000 m   |HD         20.000 m   |                      |
+For M5|Adr     6|TO  Measurement repeated       |                      |                      |                      |
+For M5|Adr     7|KD1        1       08:00:401  1|Rf        1.20000 m   |HD         20.000 m   |                      |
+For M5|Adr     8|KD1        1                  1|                      |                      |Z        50.30000 m   |
+For M5|Adr     9|KD1        1       08:01:001  1|Rb        1.70000 m   |HD         25.000 m   |                      |
+For M5|Adr    10|KD1        7       08:01:101  1|Rz        0.40000 m   |HD         11.000 m   |Z        51.60000 m   |
+For M5|Adr    11|KD1       B2       08:01:401  1|Rf        1.60000 m   |HD         25.000 m   |                      |
+For M5|Adr    12|KD1       B2                  1|                      |                      |Z        50.40000 m   |
+For M5|Adr    13|KD2       B2              2   1|Sh        0.40000 m   |Db          55.00 m   |Df          45.00 m   |
+For M5|Adr    14|TO  End-Line                  1|                      |                      |                      |
+For M5|Adr    15|TO  Start-Line         BF     2|                      |                      |                      |
+For M5|Adr    16|KD1       B2                  2|                      |                      |Z        50.40000 m   |
+For M5|Adr    17|KD1       B2       08:02:001  2|Lr        1.10000 m   |E          15.000 m   |                      |
+For M5|Adr    18|KD1        1       08:02:401  2|Lv        0.90000 m   |E          15.000 m   |                      |
+For M5|Adr    19|KD1        1                  2|                      |                      |Z        50.60000 m   |
+For M5|Adr    20|KD1        1       08:03:001  2|Lr        0.80000 m   |E          10.000 m   |                      |
+For M5|Adr    21|KD1       B1       08:03:401  2|Lv        1.90000 m   |E          10.000 m   |                      |
+For M5|Adr    22|TO  Station repeated          2|                      |                      |                      |
+For M5|Adr    23|KD1        1       08:04:001  2|Lr        1.00000 m   |E          10.000 m   |                      |
+For M5|Adr    24|KD1       B1       08:04:401  2|Lv        1.60060 m   |E          10.000 m   |                      |
+For M5|Adr    25|KD1       B1                  2|                      |                      |Z        49.99940 m   |
+"""
+
+
+def _read(tmp_path: Path, name: str, text: str) -> Document:
+    path = tmp_path / name
+    path.write_text(text)
+    return read_foreign(path)
+
+
+def _rows(document: Document) -> list[tuple[Any, ...]]:
+    """From, to, height difference, and length."""
+    return [
+        (row[0], row[1], round(float(row[2]), 6), *(round(float(cell), 4) for cell in row[3:]))
+        for table in document.data["observations"]
+        for row in table["rows"]
+    ]
+
+
+def _notes(document: Document) -> str:
+    return " ".join(map(str, document.notes))
+
+
+def test_a_level_of_zeiss(tmp_path: Path) -> None:
+    document = _read(tmp_path, "loop.dat", M5)
+    assert _rows(document) == [
+        ("B1", "1", 0.3, 50.0),
+        ("1", "B2", 0.1, 50.0),
+        ("1", "7", 1.3, 36.0),
+        ("B2", "1 (2)", 0.2, 30.0),
+        ("1 (2)", "B1", -0.6006, 20.0),
+    ]
+    assert document.data["points"][0]["rows"] == [["B1", "50.0"]]
+    assert "not read: coordinates that the instrument computed" in _notes(document)
+    assert document.data["settings"] == {"undetermined": "leave_out", "dimensions": "z"}
+    notes = _notes(document)
+    assert "not read: staff readings that were repeated (3 records, lines 5, 20–21)" in notes
+    assert "1 name of turning points in several lines at different heights" in notes
+    assert "5 height differences in 2 levelling lines; σ = 1 mm for 1 km" in notes
+
+
+def test_a_levelling_loop_is_adjusted(tmp_path: Path) -> None:
+    """The misclosure of 0.6 mm is spread by the lengths of the sights: 0.4 mm over 100 of 150 m."""
+    solved = solve_network(network_of(_read(tmp_path, "loop.dat", M5), tmp_path))
+    points = solved.network.things["point"]
+    values = solved.adjustment.values["point"]
+    heights = {name: float(values[points.part(name, "position")][2]) for name in points.ids}
+    assert heights["B2"] - heights["B1"] == pytest.approx(0.4 + 0.0006 * 100.0 / 150.0, abs=1e-9)
+    assert heights["7"] - heights["1"] == pytest.approx(1.3, abs=1e-9)
+
+
+def test_a_level_of_leica_in_both_orders(tmp_path: Path) -> None:
+    text = """\
+*410001+?..............4
+*110002+0000000000000100 83..58+0000000001000000
+*110003+0000000000000100 32...8+0000000001000000 331.08+0000000000150000 390...+0000000000000002 391.08+0000000000000001
+*110004+00000000000000T1 32...8+0000000001100000 332.08+0000000000120000
+*110005+00000000000000T1 32...8+0000000001100000 336.08+0000000000120010
+*110006+0000000000000100 32...8+0000000001000000 335.08+0000000000150020
+*110007+00000000000000T1 574.08+0000000000000010 83..08+0000000001030005
+*110008+00000000000000B2 32...8+0000000001200000 332.08+0000000000140000
+*110009+00000000000000T1 32...8+0000000001300000 331.08+0000000000110000
+*110010+00000000000000T1 32...8+0000000001300000 335.08+0000000000110000
+*110011+00000000000000B2 32...8+0000000001200000 336.08+0000000000140000
+*110012+00000000000000B2 571.08+0000000000000000 572.08+0000000000000010 83..08+0000000001000005
+"""
+    document = _read(tmp_path, "a.gsi", text)
+    assert _rows(document) == [("100", "T1", 0.30005, 21.0), ("T1", "B2", -0.3, 25.0)]
+    assert [row[:2] for row in document.data["points"][0]["rows"]] == [["100", "10.0"]]
+    assert document.data["datum"] == "free"
+
+
+def test_set_ups_without_heights_between_them(tmp_path: Path) -> None:
+    """A reading to another point ends a set-up; a reading back that follows the last one forward begins the next."""
+    text = """\
+110001+0000000A 32...6+00200000 331.06+00015000
+110002+0000000P 32...6+00100000 332.06+00010000
+110003+0000000A 32...6+00200000 331.06+00016000
+110004+0000000Q 32...6+00300000 332.06+00010000
+110005+0000000Q 32...6+00300000 331.06+00012000
+110006+0000000R 332.06+00010500
+110007+0000000S 32...6+00100000 330.06+00010500
+"""
+    document = _read(tmp_path, "a.gsi", text)
+    assert _rows(document) == [("A", "P", 0.5, 30.0), ("A", "Q", 0.6, 50.0), ("Q", "R", 0.15)]
+    sigmas = [table["values"]["sigma"] for table in document.data["observations"]]
+    assert sigmas == ["1 mm", "0.3 mm"]
+    assert "not read: staff readings outside a line (1 record, lines 7)" in _notes(document)
+
+
+def test_points_without_names_and_feet(tmp_path: Path) -> None:
+    text = (
+        "For M5|Adr 1|KD1       B1                  1|      |    |Z  100.0 ft |\n"
+        "For M5|Adr 2|KD1       B1       08:00:001  1|Rb 5.0 ft |HD 100.0 ft |  |\n"
+        "For M5|Adr 3|KD1                08:00:001  1|Rf 4.0 ft |HD 100.0 ft |  |\n"
+        "For M5|Adr 4|KD1                08:00:001  1|          |           |Z 101.0 ft|\n"
+        "For M5|Adr 5|KD1                08:00:001  1|Rb 3.0 ft |HD 100.0 ft |  |\n"
+        "For M5|Adr 6|KD1       B2       08:00:001  1|Rf 5.0 ft |HD 100.0 ft |  |\n"
+        "For M5|Adr 7|KD1       B3       08:00:001  1|Rb 5.0 ft |HD 100.0 ft |  |\n"
+    )
+    document = _read(tmp_path, "a.dat", text)
+    assert _rows(document) == [
+        ("B1", "turning point 3", 0.3048, 60.96),
+        ("turning point 3", "B2", -0.6096, 60.96),
+    ]
+    assert "not read: staff readings without a counterpart (1 record, lines 7)" in _notes(document)
