@@ -442,7 +442,9 @@ def read_rw5(path: Path) -> Document:
             draft.problem(str(error), line)
     reader.close()
     if not reader.mode:
-        draft.note("no MO record tells the units: lengths are taken as metres, angles as degrees, minutes, seconds")
+        draft.note(
+            "no MO record tells the units: lengths are taken as metres, angles as degrees, minutes, seconds"
+        )
     reader.book.finish(reader.title or path.stem)
     return draft.finish()
 
