@@ -25,15 +25,19 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 # ------------------------------------------------------------
 
 _FROM = (
-    "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ"
+    "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ|occupied"
+    "|fromstation|stationid|stationname|std"
 )
-_TO = "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|fs"
+_TO = "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
 _POINT = (
     "point|pointid|pt|ptid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
+    "|ptno|ptnr|ptname|pnr|pointno|pointnr|pointname|pointnumber|punktname|gcpid|gcpname|gcplabel|markerid|markername"
 )
 _HEIGHTS = {
-    "from_height": "fromheight|ih|hi|instrumentheight|instrheight|geraetehoehe|instrumentenhoehe|standhoehe",
-    "to_height": "toheight|th|ht|hr|targetheight|prismheight|reflectorheight|rodheight|zielhoehe|reflektorhoehe",
+    "from_height": "fromheight|ih|hi|instrumentheight|instrheight|geraetehoehe|instrumentenhoehe|standhoehe|hinst"
+    "|heightofinstrument|instrumenthoehe|kippachsenhoehe",
+    "to_height": "toheight|th|ht|hr|targetheight|prismheight|reflectorheight|rodheight|zielhoehe|reflektorhoehe|rh"
+    "|heightoftarget|poleheight|prismenhoehe|spiegelhoehe|tafelhoehe",
 }
 _SIGHT = {
     "station_height": f"fromheight|{_HEIGHTS['from_height']}",
@@ -43,20 +47,32 @@ _SIGHT = {
     "epoch": "epoch|epoche",
 }
 _BETWEEN = {**_HEIGHTS, "sigma": "", "epoch": "epoch|epoche"}
+_LENGTHS = "laenge|linelength|length|distance|dist|strecke|d"
+"""Names of a distance that beside a height difference is the length of a levelling line."""
 _DISTANCE = "distance|length|dist|strecke|sd|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke"
 _HORIZONTAL = (
     "horizontal|hz|ha|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
-    "|hzrichtung|horizontalrichtung"
+    "|hzrichtung|horizontalrichtung|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel"
 )
-_ZENITH = "zenith|v|za|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va"
+_ZENITH = (
+    "zenith|v|za|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
+    "|verticalcircle|verticalreading|vertikalwinkel"
+)
+_ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
+"""Kind and column of vertical circles that read elevations, whose columns have the same names."""
+_ELEVATION = 45.0
+"""Degrees or gon: the median of zenith angles is larger, that of elevations is smaller."""
 _POINTS = {
-    "x": "x|x0|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert",
-    "y": "y|y0|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert",
-    "z": "z|z0|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe",
+    "x": "x|x0|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert|xgcp|xcoord|xcoordinate|mapx",
+    "y": "y|y0|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy",
+    "z": "z|z0|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|rl|reducedlevel",
 }
-_STATED = {f"sigma_{name}": f"s{name}|std{name}|stdev{name}" for name in "xyz"} | {
-    "sigma": "std|stdev|accuracy"
-}
+_STATED = {
+    f"sigma_{ours}": "|".join(
+        f"{word}{name}" for name in names for word in ("s", "std", "stdev", "sd", "sigma")
+    )
+    for ours, names in (("x", "xe"), ("y", "yn"), ("z", "zhu"))
+} | {"sigma": "std|stdev|accuracy"}
 _COVARIANCES = {
     f"cov_d{a}_d{b}": f"c{a}{b}|cov{a}{b}|q{a}{b}|covd{a}d{b}"
     for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
@@ -66,10 +82,10 @@ _VECTOR = {f"d{name}": f"d{name}|delta{name}" for name in "xyz"}
 KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "image": (
         {
-            "image": "image|img|imageid|imagename|photo|photoid|bild|foto|filename|picture",
+            "image": "image|img|imageid|imagename|photo|photoid|bild|foto|filename|picture|imagefile|photoname",
             "point": f"{_POINT}|id|target",
-            "x": "x|u|col|column|px|pixelx|spalte",
-            "y": "y|v|row|line|py|pixely|zeile",
+            "x": "x|u|col|column|px|pixelx|spalte|imx|imagex|ximage|xpixel",
+            "y": "y|v|row|line|py|pixely|zeile|imy|imagey|yimage|ypixel",
         },
         {"sigma": "", "sigma_x": "sx", "sigma_y": "sy"},
     ),
@@ -87,7 +103,12 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {**_SIGHT, "sigma": ""},
     ),
     "angle": (
-        {"at": "at|station|vertex", "from": "from|von", "to": "to|nach", "angle": "angle|winkel"},
+        {
+            "at": "at|station|vertex|occupied|occ|instrument",
+            "from": "from|von|backsight|bs",
+            "to": "to|nach|foresight|fs",
+            "angle": "angle|winkel|angleright|horizontalangle",
+        },
         {**_BETWEEN, "at_height": "ih|hi"},
     ),
     "vector": (
@@ -103,7 +124,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "height_difference": (
         {"from": _FROM, "to": _TO, "dz": "dz|dh|deltah|deltaz|heightdifference|heightdiff|hoehenunterschied"},
-        {"sigma": "std|stdev", "length": "km|lengthkm|laenge|linelength", "epoch": "epoch|epoche"},
+        {"sigma": "std|stdev", "length": f"km|lengthkm|{_LENGTHS}", "epoch": "epoch|epoche"},
     ),
     "images": (
         {"id": "id|image|imageid|imagename|photo|bild|foto", "omega": "", "phi": "", "kappa": ""},
@@ -123,6 +144,8 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
 
 The first kind whose columns are all there is taken. Names are compared in lower case without blanks and signs.
 """
+_BACKSIGHT = ("backsight", "bs")
+"""Names of the point from which an angle is turned; zenith angle and distance of the row are to the other one."""
 _ALSO = {
     "zenith_directions": ("distance",),
     "directions": ("distance", "height_difference"),
@@ -135,6 +158,7 @@ PLACES = ("point", "at", "from", "to", "station")
 """Columns of measurements that name points."""
 _LONGEST_HEADING = 200
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
+_LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _DMS = re.compile(r"[-+]?\d+\s*[-°:]\s*\d+\s*[-'′:]\s*\d")
 _ANGLES = ("horizontal", "zenith", "angle", "bearing", "zenith_angle", "vertical_direction")
@@ -197,9 +221,10 @@ def recognise(path: Path) -> list[Found]:
                 "(name, x, y, z) may be without"
             )
             raise InputError([Message(words, str(path), 1)])
-        header = _OF_POINTS
+        header = (*_OF_POINTS, *(f"column{k}" for k in range(5, len(rows[0]) + 1)))
     named = _named(header)
     kinds = _kinds(named)
+    _tell_elevations(kinds, header, rows[has_header:])
     if not kinds:
         raise InputError(
             [
@@ -229,6 +254,22 @@ def recognise(path: Path) -> list[Found]:
         )
         for kind, columns in kinds.items()
     ]
+
+
+def _tell_elevations(
+    kinds: dict[str, dict[str, str]], header: Sequence[str], rows: Sequence[Sequence[str]]
+) -> None:
+    """Turn columns of zenith angles that hold elevations into columns of vertical angles."""
+    for kind, (other, column) in _ELEVATIONS.items():
+        old = "zenith" if kind == "zenith_directions" else kind
+        if kind not in kinds:
+            continue
+        place = header.index(kinds[kind][old])
+        cells = (row[place].strip().replace(",", ".") for row in rows if len(row) > place)
+        values = [abs(float(match[0])) for match in map(_LEADING.match, cells) if match]
+        if values and median(values) < _ELEVATION:
+            columns = kinds.pop(kind)
+            kinds[other] = {column if name == old else name: cell for name, cell in columns.items()}
 
 
 def told_apart(tables: Sequence[Found]) -> list[Found]:
@@ -278,22 +319,32 @@ def _cells(path: Path) -> tuple[str, tuple[tuple[str, ...], ...], tuple[str, ...
 
 
 def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether the rows are name, x, y, z, and perhaps codes that are no numbers."""
     return bool(rows) and all(
-        len(row) == 4 and row[0].strip() and all(_NUMBER.fullmatch(cell.strip()) for cell in row[1:])
+        len(row) == len(rows[0]) >= 4
+        and row[0].strip()
+        and all(_NUMBER.fullmatch(cell.strip()) for cell in row[1:4])
+        and not any(_NUMBER.fullmatch(cell.strip()) for cell in row[4:])
         for row in rows
     )
 
 
 def _kinds(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
     """Columns by their names in a project, for every kind that the table holds."""
-    for kind in KINDS:
+    names = {text for _, text, _ in named}
+    backsights = not names.isdisjoint(_BACKSIGHT)
+    for kind in ("angle", *KINDS) if backsights else KINDS:
         columns = _columns(kind, named)
         if columns is not None:
             break
     else:
         return {}
     found = {kind: columns}
-    for other in _ALSO.get(kind, ()):
+    if kind == "distance" and _normalised(_name_and_unit(columns[kind])[0]) in _LENGTHS.split("|"):
+        levelled = _columns("height_difference", named)
+        if levelled is not None:
+            return {"height_difference": levelled}
+    for other in ("zenith_angle", "distance") if kind == "angle" and backsights else _ALSO.get(kind, ()):
         own = KINDS[other][0].keys() - {"from", "to"}
         free = [entry for entry in named if entry[0] not in columns.values() or _shared(columns, entry[0])]
         more = _columns(other, free)
@@ -554,7 +605,7 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> 
         f"{key}: {yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=100_000).splitlines()[0]}"
         for key, value in keys.items()
     ]
-    if table.header == _OF_POINTS and not table.has_header:
+    if table.header[:4] == _OF_POINTS and not table.has_header:
         lines[0] += "  # CHECK the order: the file has no header"
     lines = [
         f"{line}  # CHECK: found standard deviations that are large in the unit of length"

@@ -119,6 +119,18 @@ def test_columns_in_other_words_and_units(tmp_path: Path) -> None:
         ("Δx,id,to,from", None),
         ("from,to,dh", "height_difference"),
         ("station,to,horizontal,vertical", "directions"),
+        ("PtNo,Easting,Northing,Elevation,Remark", "points"),
+        ("GCP_Name,X_GCP,Y_GCP,Z_GCP,ErrorX", "points"),
+        ("image_name,gcp_id,col,row", "image"),
+        ("Image,Marker,X (px),Y (px)", "image"),
+        ("SETUP,TARGET,HAR,VA,SD,TH,IH", "zenith_directions"),
+        ("Std;Ziel;Hz [gon];V [gon];SD [m]", "zenith_directions"),
+        ("Occupied,Backsight,Foresight,Angle Right,Distance", "angle"),
+        ("Occupied,Backsight,Foresight,Horizontal Angle,Distance", "angle"),
+        ("from,to,height_diff,distance_km", "height_difference"),
+        ("from,to,dh,distance", "height_difference"),
+        ("from,to,dh,slope distance", "distance"),
+        ("Station,BS,IS,FS,Rise,Fall,RL,Distance", None),
     ],
 )
 def test_what_a_table_is(tmp_path: Path, header: str, kind: str | None) -> None:
@@ -129,6 +141,78 @@ def test_what_a_table_is(tmp_path: Path, header: str, kind: str | None) -> None:
             recognise(path)
     else:
         assert recognise(path)[0].kind == kind
+
+
+def _recognised(tmp_path: Path, text: str) -> list[tuple[str, dict[str, str]]]:
+    path = tmp_path / "t.csv"
+    path.write_text(text, encoding="utf-8")
+    return [(found.kind, dict(found.columns)) for found in recognise(path)]
+
+
+@pytest.mark.parametrize(
+    ("values", "kinds"),
+    [
+        (("89.5", "91.25"), [("zenith_directions", "zenith")]),
+        (("-0.5", "1.25"), [("directions", "vertical")]),
+        (("2-30-15", "-12-01-00"), [("directions", "vertical")]),
+        (("270.5", "268.75"), [("zenith_directions", "zenith")]),
+    ],
+)
+def test_vertical_angles_are_zenith_angles_or_elevations_by_their_values(
+    tmp_path: Path, values: tuple[str, str], kinds: list[tuple[str, str]]
+) -> None:
+    rows = "".join(f"A,P{k},{10 * k}.5,{value}\n" for k, value in enumerate(values))
+    found = _recognised(tmp_path, f"Station,Target,Horizontal Angle,Vertical Angle\n{rows}")
+    assert [
+        (kind, next(c for c in columns if columns[c] == "Vertical Angle")) for kind, columns in found
+    ] == kinds
+
+
+def test_elevations_between_points(tmp_path: Path) -> None:
+    ((kind, columns),) = _recognised(tmp_path, "from,to,Vertical Angle\nA,B,3.5\nA,C,-4.5\n")
+    assert (kind, columns["vertical_direction"]) == ("vertical_direction", "Vertical Angle")
+
+
+def test_an_angle_from_a_backsight_has_its_distance_to_the_foresight(tmp_path: Path) -> None:
+    head = "Occupied,Backsight,Foresight,Angle Right,Distance"
+    found = _recognised(tmp_path, f"{head}\nS1,A,B,90.5,100.1\nB,S1,C,180.2,50.0\n")
+    assert found == [
+        ("angle", {"at": "Occupied", "from": "Backsight", "to": "Foresight", "angle": "Angle Right"}),
+        ("distance", {"from": "Occupied", "to": "Foresight", "distance": "Distance"}),
+    ]
+
+
+def test_the_distance_of_a_levelling_line_is_its_length(tmp_path: Path) -> None:
+    table, project = tmp_path / "lines.csv", tmp_path / "p.yaml"
+    table.write_text("from,to,height_diff,distance_km\nA,B,1.234,0.5\nB,C,-0.5,0.4\nC,A,-0.733,0.3\n")
+    assert run(["new", str(project), str(table), "--datum", "free"]) == 0
+    (entry,) = read_document(project).data["observations"]
+    assert (entry["type"], entry["columns"]) == (
+        "height_difference",
+        {"height_diff": "dz", "distance_km": "length"},
+    )
+    assert entry["units"] == {"length": "km"}
+
+
+def test_a_list_of_points_with_codes_needs_no_head(tmp_path: Path) -> None:
+    table, project = tmp_path / "points.txt", tmp_path / "p.yaml"
+    table.write_text("1,5000.00,4000.00,100.0,TBM\n2,5010.00,4010.00,101.0,\n")
+    assert run(["new", str(project), str(table)]) == 0
+    (entry,) = read_document(project).data["points"]
+    assert entry["columns"] == ["id", "x", "y", "z", None]
+
+
+def test_standard_deviations_by_axis(tmp_path: Path) -> None:
+    ((_, columns),) = _recognised(tmp_path, "NAME,NORTHING,EASTING,HEIGHT,SD_N,SD_E,SD_H\nA,1,2,3,1,2,3\n")
+    assert columns == {
+        "id": "NAME",
+        "x": "EASTING",
+        "y": "NORTHING",
+        "z": "HEIGHT",
+        "sigma_x": "SD_E",
+        "sigma_y": "SD_N",
+        "sigma_z": "SD_H",
+    }
 
 
 FIELD_BOOK = """Station;Ziel;Hz;V;Strecke;ih;th;Bemerkung
