@@ -552,7 +552,8 @@ def build_network(
     datum = _datum(reading)
     _check_pairs(reading)
     if not problems and (plain or others or not elsewhere):
-        check_feasible(reading, [*plain, *others], bool(datum.mask.any()) or not datum.free)
+        carries = bool(datum.mask.any()) or not datum.free
+        check_feasible(reading, [*plain, *others], carries, len(document.notes))
         check_held_on_earth(reading, [*plain, *others], datum.free)
     if problems:
         raise InputError(problems)

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.errors import Message, nearest
+from mor.errors import Message, counted, nearest
 from mor.model.contract import names_of, one_name
 from mor.model.observation_types import (
     OBSERVED_DIFFERENCES,
@@ -586,11 +586,19 @@ def _upright(directions: FloatArray) -> FloatArray:
 # ------------------------------------------------------------
 
 
-def check_feasible(reading: Reading, groups: Iterable[ObservationGroup], carries_datum: bool) -> None:
-    """Tell what cannot be adjusted; ``carries_datum`` is false where the datum names no coordinates."""
+def check_feasible(
+    reading: Reading, groups: Iterable[ObservationGroup], carries_datum: bool, left_out: int = 0
+) -> None:
+    """Tell what cannot be adjusted; ``carries_datum`` is false where the datum names no coordinates.
+
+    ``left_out`` is the number of notes on what was not read of a foreign file.
+    """
     groups = list(groups)
     if not groups:
-        reading.problems.append(reading.at("observations").problem("there are no observations"))
+        words = "there are no observations"
+        if left_out:
+            words = f"there are no observations; mor convert lists what was not read ({counted(left_out, 'note')})"
+        reading.problems.append(reading.at("observations").problem(words))
     elif not reading.shop.store("point").ids:
         reading.problems.append(reading.at("points").problem("there are no points, images or stations"))
     for group in groups:

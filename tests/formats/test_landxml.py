@@ -188,3 +188,12 @@ def test_the_part_of_leica_is_said_not_to_be_read(tmp_path: Path) -> None:
     assert before == [
         "HexagonLandXML is not read: ppm, prism constants and codes; distances are those of LandXML's own part"
     ]
+
+
+def test_a_design_without_a_survey_says_what_it_has(tmp_path: Path) -> None:
+    path = tmp_path / "road.xml"
+    path.write_text(
+        '<LandXML version="1.2"><Units><Metric linearUnit="meter"/></Units><Surfaces/><Alignments/></LandXML>'
+    )
+    with pytest.raises(InputError, match=r"it has only: Surfaces \(1 record\); Alignments \(1 record\)"):
+        read_foreign(path)

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mor.api.pipeline import solve_network
+from mor.errors import InputError
 from mor.formats import format_of, read_foreign
 from mor.project.document import Document
 from tests.reference_data import network_of
@@ -442,3 +443,18 @@ def test_a_book_without_heights_is_in_the_plane(tmp_path: Path) -> None:
         f"2=S{k}\n23=1112\n5=A\n7={hz}\n11=50.0\n5=B\n7=80.0\n11=40.0\n" for k, hz in enumerate((0.5, 9.0))
     )
     assert _read(tmp_path, "b.job", text).data["settings"]["dimensions"] == "xy"
+
+
+def test_points_without_readings_say_that_records_were_left_out(tmp_path: Path) -> None:
+    text = "JB,NMjob\nMO,AD0,UN1\nSP,PNA,N 10,E 20,EL1\nGPS,PN1,LA45.1,LN-66.0,EL3.0\n"
+    with pytest.raises(InputError, match="no observations; mor convert lists what was not read"):
+        network_of(_read(tmp_path, "a.rw5", text), tmp_path)
+
+
+def test_the_units_of_a_commented_record_count_if_there_is_no_other(tmp_path: Path) -> None:
+    book = "OC,OPA,N 0,E 0,EL0\nLS,HI5.0,HR0\nSS,OPA,FPB,AR10.0,ZE90.0,SD100.0\n"
+    (row,) = _rows(_read(tmp_path, "a.rw5", f"--MO,AD0,UN0,SF1.0,EC0,EO0.0,AU0\n{book}"), "distance")
+    assert float(row["distance"]) == pytest.approx(30.48)
+    (row,) = _rows(_read(tmp_path, "b.rw5", f"MO,AD0,UN1\n--MO,AD0,UN0\n{book}"), "distance")
+    assert float(row["distance"]) == 100.0
+    assert "no MO record tells the units" in _notes(_read(tmp_path, "c.rw5", book))

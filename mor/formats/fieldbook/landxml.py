@@ -47,6 +47,17 @@ _LEFT_OUT = {"vertDistance", "northDiff", "eastDiff", "upDiff"}
 _COMPUTED = ("computed", "calculated", "derived")
 _INSIDE = ("ObservationGroup", "Survey", "InstrumentSetup")
 """Elements that observations and set-ups stand in."""
+_DESIGN = (
+    "Alignments",
+    "GradeModel",
+    "Monuments",
+    "Parcels",
+    "PipeNetworks",
+    "PlanFeatures",
+    "Roadways",
+    "Surfaces",
+)
+"""Parts of a file that have no observations."""
 _LEICA = "HexagonLandXML"
 """Leica's part of a file (HeXML), beside that of LandXML."""
 _CLASSES_COMPUTED = ("measured", "averaged", "estimated", "navigated")
@@ -89,6 +100,9 @@ def read_landxml(path: Path) -> Document:
             f"{_LEICA} is not read: ppm, prism constants and codes; distances are those of LandXML's own part"
         )
         draft.note(words, element.line)
+    for element in root.children:
+        if element.name in _DESIGN:
+            survey.book.leave_out(element.name, element.line)
     survey.finish(_title(root) or path.stem)
     return draft.finish()
 
