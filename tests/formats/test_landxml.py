@@ -197,3 +197,33 @@ def test_a_design_without_a_survey_says_what_it_has(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match=r"it has only: Surfaces \(1 record\); Alignments \(1 record\)"):
         read_foreign(path)
+
+
+def test_set_ups_that_backsights_name_and_points_from_side_shots(tmp_path: Path) -> None:
+    """Civil 3D names the set-up of a group in its backsight; side shots have computed coordinates."""
+    path = tmp_path / "civil.xml"
+    path.write_text(
+        """<LandXML version="1.1"><Units><Imperial linearUnit="foot" angularUnit="decimal dd.mm.ss"/></Units>
+        <CgPoints><CgPoint name="1" pntSurv="control">100 200 10</CgPoint>
+        <CgPoint name="2" pntSurv="control">300 200 10</CgPoint>
+        <CgPoint name="7" pntSurv="sideShot">100 400 10</CgPoint></CgPoints>
+        <Survey><InstrumentSetup id="s1" stationName="1" instrumentHeight="5"><InstrumentPoint pntRef="1"/>
+        </InstrumentSetup>
+        <ObservationGroup id="o1"><TargetPoint pntRef="1"/>
+        <Backsight circle="0." setupID="s1"><BacksightPoint pntRef="2"/></Backsight>
+        <RawObservation horizAngle="-359.5958" zenithAngle="90.0000" slopeDistance="200" targetHeight="5">
+        <TargetPoint pntRef="2"/></RawObservation>
+        <RawObservation horizAngle="-270.0000" zenithAngle="90.0000" slopeDistance="200" targetHeight="5">
+        <TargetPoint pntRef="7"/></RawObservation></ObservationGroup></Survey></LandXML>"""
+    )
+    document = read_foreign(path)
+    given = [row[0] for row in document.data["points"][0]["rows"]]
+    assert given == ["1", "2"]
+    assert "coordinates that the instrument computed" in " ".join(map(str, document.notes))
+    (angles,) = (t for t in document.data["observations"] if t["type"] == "zenith_directions")
+    rows = [dict(zip(angles["columns"], row, strict=True)) for row in angles["rows"]]
+    assert [(row["station"], row["to"]) for row in rows] == [("1", "2"), ("1", "7")]
+    assert float(rows[0]["horizontal"]) % 360.0 == pytest.approx(2.0 / 3600.0, abs=1e-9)
+    assert float(rows[1]["horizontal"]) % 360.0 == pytest.approx(90.0)
+    (lengths,) = (t for t in document.data["observations"] if t["type"] == "distance")
+    assert float(lengths["rows"][1][lengths["columns"].index("distance")]) == pytest.approx(60.96)

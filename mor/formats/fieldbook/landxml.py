@@ -176,7 +176,8 @@ class _Survey:
         name = (element.attributes.get("name") or element.attributes.get("oID") or "").strip()
         if not name:
             raise ValueError("found no name")
-        if element.attributes.get("oID", "").strip() in self.computed or name in self.computed:
+        measured = element.attributes.get("pntSurv", "").lower() == "sideshot"
+        if measured or element.attributes.get("oID", "").strip() in self.computed:
             self.computed.add(name)
         self._place(name, element)
 
@@ -236,7 +237,7 @@ class _Survey:
                 self._try(partial(self._backsight, key), child)
             elif child.name in _INSIDE:
                 own = child.attributes.get("id" if child.name == "InstrumentSetup" else "setupID", "")
-                self.observations_in(child, own or key)
+                self.observations_in(child, own or _set_up_of_backsight(child) or key)
             elif child.name not in _DESCRIBING:
                 self.book.leave_out(child.name, child.line)
 
@@ -329,6 +330,12 @@ class _Survey:
                 known, place[1], place[0], height, line
             )
         self.book.finish(title)
+
+
+def _set_up_of_backsight(group: Element) -> str:
+    """The set-up of a group that only its backsight names, as Civil 3D writes it."""
+    backsights = (child for child in group.all("Backsight") if child.all("BacksightPoint"))
+    return next((name for child in backsights if (name := child.attributes.get("setupID", ""))), "")
 
 
 def _angle(element: Element, name: str, unit: str) -> float | None:
