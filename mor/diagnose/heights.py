@@ -173,8 +173,10 @@ def height_sights(network: Network) -> Iterator[HeightRows]:
 
 def _collect(sets, keys, number, rows, slot) -> None:  # type: ignore[no-untyped-def]
     """Add the rows of a group to the sets they belong to by their keys."""
-    for key in dict.fromkeys(keys):
-        mine = np.array([k == key for k in keys], dtype=bool)
+    places: dict[tuple[str, tuple[str, ...]], list[int]] = {}
+    for place, key in enumerate(keys):
+        places.setdefault(key, []).append(place)
+    for key, mine in places.items():
         sets.setdefault(key, []).append((number, rows[mine], slot))
 
 

@@ -41,6 +41,8 @@ from mor.types import BoolArray, FloatArray, IntArray
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
+_CONTROLLED = 1e-6
+"""Redundancy number above which residuals tell anything of an observation."""
 LEVEL = 1e-3
 """Family-wise level of all score tests together."""
 OFFERED = 3
@@ -168,7 +170,7 @@ def _candidates(
         yield from _turned_circles(values, number, group, flagged[number])
         yield from _exchanges(values, number, group, quality, flagged[number])
     yield from _set_ups(problem, network, values, adjusted, flagged)
-    yield from _heights(problem, network, values)
+    yield from _heights(problem, network, values, quality)
     yield from _antennas(problem, network, values, adjusted)
     yield from _control(problem, network, values, adjusted, flagged, quality)
     yield from _curvature(problem, network, values, adjusted)
@@ -544,12 +546,15 @@ def _of_exchanged_points(
     return tuple(parts)
 
 
-def _heights(problem: Problem, network: Network, values: Values) -> Iterator[_Candidate]:
-    """Heights of instruments and targets at set-ups."""
+def _heights(problem: Problem, network: Network, values: Values, quality: Quality) -> Iterator[_Candidate]:
+    """Heights of instruments and targets at set-ups, if any of their rows is controlled."""
     if "height" not in problem.index.blocks:
         return
+    controlled = [np.nan_to_num(group.r).max(axis=1, initial=0.0) > _CONTROLLED for group in quality.groups]
     for one in height_sights(network):
         if any(rows[-1] >= problem.groups[number].count for number, rows, _ in one.rows):
+            continue
+        if not any(controlled[number][rows].any() for number, rows, _ in one.rows):
             continue
         parts = tuple(
             (number, rows, _slot_columns(problem.groups[number], values, rows, slot, [0]))

@@ -82,7 +82,6 @@ FORMATS: dict[str, FileFormat] = {
         "Bundler (bundle.out)",
         Code("mor.formats.bal", "read_bundler"),
         suffixes=(".out",),
-        untried="no file of Bundler was available: this reader follows its manual",
     ),
     "gkf": FileFormat(
         "GNU Gama network",
@@ -139,7 +138,6 @@ FORMATS: dict[str, FileFormat] = {
         Code("mor.formats.sinex", "read_sinex"),
         Code("mor.formats.sinex", "write_sinex"),
         suffixes=(".snx",),
-        untried="no file of a processing centre was available: this reader follows the format description",
     ),
     "jag3d": FileFormat(
         "JAG3D column text (folder, names of files tell their kinds)",
@@ -197,8 +195,6 @@ FORMATS: dict[str, FileFormat] = {
         _book("landxml", "read_landxml"),
         Code("mor.formats.drawing", "write_landxml"),
         suffixes=(".landxml",),
-        untried="tested on excerpts of a cadastral plan and of a converted field book; no survey of an instrument was "
-        "available",
     ),
     "opencv": FileFormat("OpenCV camera files", write=Code("mor.formats.calibration", "write_opencv")),
 }
