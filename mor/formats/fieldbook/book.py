@@ -25,7 +25,7 @@ from mor.formats.fieldbook.level import (
     REPEATED,
     SIGMA_KILOMETRE,
     SIGMA_SET_UP,
-    Difference,
+    LevelledDifference,
     Levelling,
 )
 
@@ -371,7 +371,7 @@ class FieldBook:
         if height is not None:
             (self.computed_point if reached else self.point)(point, None, None, height, line)
 
-    def _level(self) -> list[Difference]:
+    def _level(self) -> list[LevelledDifference]:
         """Height differences between points."""
         rows, renamed = self.levelling.finish()
         for what, lines in ((ALONE, self.levelling.alone), (REPEATED, self.levelling.repeated)):
@@ -401,7 +401,7 @@ class FieldBook:
         return f"; it has only: {'; '.join(found)}" if found else ""
 
     def _settle(self) -> None:
-        """PointRecord sights that still wait, drop sights to the station itself, and tell computed from given stations."""
+        """Place sights that still wait, drop sights to the station itself, and tell computed from given stations."""
         self._place_waiting()
         for set_up in self.set_ups:
             for sight in set_up.sights:
@@ -535,7 +535,9 @@ def records(path: Path, draft: Draft) -> Iterator[tuple[int, str]]:
             yield line, bare
 
 
-def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: Sequence[Difference]) -> None:
+def _put_points(
+    book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: Sequence[LevelledDifference]
+) -> None:
     draft = book.draft
     measured = {set_up.station for set_up in occupied}
     measured |= {sight.target for set_up in occupied for sight in set_up.sights}
@@ -621,7 +623,7 @@ def _put_sights(book: FieldBook, occupied: Sequence[InstrumentSetUp]) -> None:
     )
 
 
-def _put_levelling(book: FieldBook, levelled: Sequence[Difference]) -> None:
+def _put_levelling(book: FieldBook, levelled: Sequence[LevelledDifference]) -> None:
     """Height differences with the lengths of their sights, and those of set-ups without distances."""
     for length, sigma in ((True, SIGMA_KILOMETRE), (False, SIGMA_SET_UP)):
         rows = [

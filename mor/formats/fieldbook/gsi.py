@@ -21,7 +21,7 @@ from typing import NamedTuple
 
 from mor.formats.draft import Draft
 from mor.formats.fieldbook.book import FieldBook, PointRecord, Sight, records, sexagesimal
-from mor.formats.fieldbook.level import Reading
+from mor.formats.fieldbook.level import StaffReading
 from mor.project.document import Document
 
 _WORD = re.compile(r"^(\d\d)([\d.]{4})([+-])(.+)$")
@@ -185,7 +185,7 @@ class _GsiReader:
         if sight is None or value is None:
             self.book.leave_out("staff readings outside a line", line)
         else:
-            sight(Reading(name, value, _length(words, "32", line, self.book), line))
+            sight(StaffReading(name, value, _length(words, "32", line, self.book), line))
 
     def _code(self, block: _GsiBlock) -> None:
         words, line = block

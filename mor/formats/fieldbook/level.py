@@ -22,7 +22,7 @@ ALONE = "staff readings without a counterpart"
 REPEATED = "staff readings that were repeated"
 
 
-class Reading(NamedTuple):
+class StaffReading(NamedTuple):
     """A staff reading and the distance to the staff in metres, ``None`` if it was not measured."""
 
     point: str
@@ -31,7 +31,7 @@ class Reading(NamedTuple):
     line: int
 
 
-class Difference(NamedTuple):
+class LevelledDifference(NamedTuple):
     """A height difference and the length of its sights in metres, ``None`` if a distance is missing."""
 
     start: str
@@ -45,8 +45,8 @@ class Difference(NamedTuple):
 class LevellingLine:
     """Height differences of a line in their order, and the heights that the instrument computed."""
 
-    differences: list[Difference] = field(default_factory=list)
-    sides: list[Difference] = field(default_factory=list)
+    differences: list[LevelledDifference] = field(default_factory=list)
+    sides: list[LevelledDifference] = field(default_factory=list)
     """Intermediate sights."""
     heights: dict[str, float] = field(default_factory=dict)
 
@@ -65,10 +65,10 @@ class Levelling:
     """Lines of levelling, and the set-up that is open."""
 
     lines: list[LevellingLine] = field(default_factory=list)
-    back: list[Reading] = field(default_factory=list)
-    fore: list[Reading] = field(default_factory=list)
-    between: list[Reading] = field(default_factory=list)
-    last_back: list[Reading] = field(default_factory=list)
+    back: list[StaffReading] = field(default_factory=list)
+    fore: list[StaffReading] = field(default_factory=list)
+    between: list[StaffReading] = field(default_factory=list)
+    last_back: list[StaffReading] = field(default_factory=list)
     """Readings back of the set-up before."""
     reached: set[str] = field(default_factory=set)
     """Points with readings."""
@@ -86,12 +86,12 @@ class Levelling:
         if not self.lines or self.lines[-1].differences or self.lines[-1].sides:
             self.lines.append(LevellingLine())
 
-    def sight_back(self, reading: Reading) -> None:
+    def sight_back(self, reading: StaffReading) -> None:
         """Add a reading back; without a name it is to the point sighted forward before."""
         named = reading if reading.point else reading._replace(point=self.current or f"line {reading.line}")
         self._add(named, self.back, self.fore)
 
-    def sight_forward(self, reading: Reading) -> None:
+    def sight_forward(self, reading: StaffReading) -> None:
         """Add a reading forward; a turning point may have no name."""
         if not reading.point:
             again = self.fore[-1].point if self.fore else f"turning point {reading.line}"
@@ -99,7 +99,7 @@ class Levelling:
         self._add(reading, self.fore, self.back)
         self.current = reading.point
 
-    def sight_between(self, reading: Reading) -> None:
+    def sight_between(self, reading: StaffReading) -> None:
         """Add an intermediate sight: of the open set-up, or of the one before."""
         if self.back or not self.last_back:
             self.between.append(reading)
@@ -108,7 +108,7 @@ class Levelling:
         self.reached.add(reading.point)
         self.current = reading.point
 
-    def _add(self, reading: Reading, same: list[Reading], other: list[Reading]) -> None:
+    def _add(self, reading: StaffReading, same: list[StaffReading], other: list[StaffReading]) -> None:
         if same and same[-1].point != reading.point:
             later = [r for r in other if r.line > same[-1].line and r.point != reading.point]
             if later and len(later) < len(other):
@@ -157,14 +157,14 @@ class Levelling:
             self.lines.append(LevellingLine())
         return self.lines[-1]
 
-    def finish(self) -> tuple[list[Difference], list[str]]:
+    def finish(self) -> tuple[list[LevelledDifference], list[str]]:
         """Height differences of all lines, and the names that were used again for other points."""
         self.close()
         self.lines = [line for line in self.lines if line.differences or line.sides]
         ends = set[str]().union(*(line.ends() for line in self.lines))
         known: dict[str, list[float | None]] = {}
         renamed: list[str] = []
-        found: list[Difference] = []
+        found: list[LevelledDifference] = []
         for line in self.lines:
             names = {}
             for name in sorted(line.inside() - ends):
@@ -187,10 +187,10 @@ class Levelling:
         return found, list(dict.fromkeys(renamed))
 
 
-def _difference(back: list[Reading], fore: list[Reading]) -> Difference:
+def _difference(back: list[StaffReading], fore: list[StaffReading]) -> LevelledDifference:
     """Height difference of mean readings."""
     distances = [[r.distance for r in side if r.distance] for side in (back, fore)]
     complete = all(len(d) == len(side) for d, side in zip(distances, (back, fore), strict=True))
     length = sum(fmean(d) for d in distances) if complete else None
     value = fmean(r.value for r in back) - fmean(r.value for r in fore)
-    return Difference(back[0].point, fore[0].point, value, length, back[0].line)
+    return LevelledDifference(back[0].point, fore[0].point, value, length, back[0].line)

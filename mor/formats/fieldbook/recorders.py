@@ -9,7 +9,7 @@ from pathlib import Path
 
 from mor.formats.draft import Draft, parse_number
 from mor.formats.fieldbook.book import FieldBook, Sight, records, sexagesimal
-from mor.formats.fieldbook.level import REPEATED, Reading
+from mor.formats.fieldbook.level import REPEATED, StaffReading
 from mor.project.document import Document
 
 # ------------------------------------------------------------
@@ -343,7 +343,7 @@ class _M5Reader:
         sights = {"Rb": levelling.sight_back, "Rf": levelling.sight_forward, "Rz": levelling.sight_between}
         read = [key for key in sights if key in values]
         for key in read:
-            sights[key](Reading(name, values[key][0], distance, line))
+            sights[key](StaffReading(name, values[key][0], distance, line))
         if not read and "Z" in values:
             self.book.level_height(name, values["Z"][0], line)
         elif not read:
