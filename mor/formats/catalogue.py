@@ -114,7 +114,6 @@ FORMATS: dict[str, FileFormat] = {
         "STAR*NET input data",
         Code("mor.formats.starnet", "read_starnet"),
         Code("mor.formats.starnet", "write_starnet"),
-        untried="no file of STAR*NET users was available: this reader follows the manual",
     ),
     "dynadjust": FileFormat(
         "DynAdjust DNA files (.stn with .msr, and .geo): networks on the earth",
