@@ -172,6 +172,7 @@ def _numbers(words: list[str], line: Line, draft: Draft) -> bool:
 def _read_datum(section: TextSection, coordinates: Coordinates, draft: Draft) -> None:
     kind = ""
     coordinates.datum_line = section.number
+    before = len(coordinates.covariance)
     for line in section.lines:
         words = list(line.words)
         if words[0].lower() in DATUM_KINDS:
@@ -192,7 +193,11 @@ def _read_datum(section: TextSection, coordinates: Coordinates, draft: Draft) ->
                 coordinates.fixed.add(component)
             elif coordinates.free is not None:
                 coordinates.free.append(component)
-    coordinates.covariance[:] = _complete(coordinates.covariance, section.number, draft)
+    if before and len(coordinates.covariance) > before:
+        draft.problem("observed coordinates are in two sections [Datum], expected one", section.number)
+        coordinates.covariance.clear()
+    elif not before:
+        coordinates.covariance[:] = _complete(coordinates.covariance, section.number, draft)
 
 
 def _complete(rows: list[list[str]], line: int, draft: Draft) -> list[list[str]]:

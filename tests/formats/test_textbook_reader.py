@@ -188,6 +188,13 @@ def test_rows_of_a_dynamic_datum_that_are_neither(tmp_path):
         read_foreign(path)
 
 
+def test_observed_coordinates_in_two_sections(tmp_path):
+    path = tmp_path / "net.dat"
+    path.write_text(DYNAMIC.format(datum="A 1e-6 2e-7\nB 2e-7 4e-6\n[Datum]\ndyn\nA 1e-6 2e-7\nB 2e-7 4e-6"))
+    with pytest.raises(InputError, match=r"observed coordinates are in two sections \[Datum\]"):
+        read_foreign(path)
+
+
 def test_sections_that_few_networks_have(tmp_path):
     """Trigonometric heights, position angles, azimuths, σ as 30", a name with #, a bare name in the datum."""
     path = tmp_path / "net.dat"
