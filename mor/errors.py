@@ -178,7 +178,16 @@ def nearest(name: str, known: Iterable[str]) -> str:
         return ""
     names = list(known)
     if len(names) > MANY_NAMES:
-        names = _alike(name, names)
+        # The hundred names that have the most letters in the same place as ``name``, counted from either end.
+        import numpy as np
+
+        width = len(name) + 1
+        score = np.zeros(len(names), dtype=np.int64)
+        for wanted, found in ((name, names), (name[::-1], [other[::-1] for other in names])):
+            letters = np.array(found, dtype=f"U{width}").view(np.uint32).reshape(len(names), width)
+            own = np.array([wanted], dtype=f"U{width}").view(np.uint32)
+            score = np.maximum(score, np.count_nonzero(letters == own, axis=1))
+        names = [names[k] for k in np.argsort(-score, kind="stable")[:100].tolist()]
     matches = difflib.get_close_matches(name, names, n=1, cutoff=0.6)
     return f"; did you mean {matches[0]!r}?" if matches else ""
 
@@ -187,19 +196,6 @@ _LONGEST_NAME = 200
 """Letters up to which a name may be a mistyped one; comparing takes the square of them."""
 MANY_NAMES = 20_000
 """Names up to which each is compared with care."""
-
-
-def _alike(name: str, names: list[str]) -> list[str]:
-    """The hundred names that have the most letters in the same place as ``name``, counted from either end."""
-    import numpy as np
-
-    width = len(name) + 1
-    score = np.zeros(len(names), dtype=np.int64)
-    for wanted, found in ((name, names), (name[::-1], [other[::-1] for other in names])):
-        letters = np.array(found, dtype=f"U{width}").view(np.uint32).reshape(len(names), width)
-        own = np.array([wanted], dtype=f"U{width}").view(np.uint32)
-        score = np.maximum(score, np.count_nonzero(letters == own, axis=1))
-    return [names[k] for k in np.argsort(-score, kind="stable")[:100].tolist()]
 
 
 # ------------------------------------------------------------

@@ -64,7 +64,7 @@ def check_file(path: Path, force: bool, makes_folders: bool = False) -> None:
             raise InputError([Message("this is a folder, expected a file to write", str(path))])
         if is_input(path):
             raise InputError([Message(_OVER_INPUT, str(path))])
-        if _is_stream(mode):
+        if S_ISCHR(mode) or S_ISFIFO(mode) or S_ISSOCK(mode):
             return
         if not S_ISREG(mode):
             raise InputError([Message("this is a device, expected a file to write", str(path))])
@@ -136,11 +136,6 @@ def named(path: Path) -> Iterator[None]:
         if "null" not in str(error):  # "embedded null byte"
             raise
         raise InputError([Message("this is not a file name", str(path))]) from None
-
-
-def _is_stream(mode: int) -> bool:
-    """True for terminals, pipes and /dev/null: writing into them replaces nothing."""
-    return S_ISCHR(mode) or S_ISFIFO(mode) or S_ISSOCK(mode)
 
 
 def _write_stream(path: Path, content: Content, suffix: str) -> None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -155,7 +155,12 @@ def variant_network(document: Document, folder: Path, name: str, base: Network) 
     network = _with_cameras(document, folder, name, variant) if variant.cameras else base
     problems: list[Message] = []
     at = f"{network.file}: variants: {name}"
-    network = _with_candidates(network, variant, at, problems)
+    names = [group.name for group in network.candidates]
+    chosen = chosen_names(variant.candidates, names, "table of candidates", at, problems)
+    kept = tuple(group for k, group in enumerate(network.candidates) if k not in chosen)
+    network = replace(
+        network, groups=(*network.groups, *(network.candidates[k] for k in chosen)), candidates=kept
+    )
     network = _with_factors(network, variant, at, problems)
     network = _without(network, variant, at, problems)
     if problems:
@@ -201,15 +206,6 @@ def _merged(given: Any, other: Any) -> Any:
     return {**given, **{key: _merged(given.get(key), value) for key, value in other.items()}}
 
 
-def _with_candidates(network: Network, variant: Variant, at: str, problems: list[Message]) -> Network:
-    names = [group.name for group in network.candidates]
-    chosen = chosen_names(variant.candidates, names, "table of candidates", at, problems)
-    kept = tuple(group for k, group in enumerate(network.candidates) if k not in chosen)
-    return replace(
-        network, groups=(*network.groups, *(network.candidates[k] for k in chosen)), candidates=kept
-    )
-
-
 def _with_factors(network: Network, variant: Variant, at: str, problems: list[Message]) -> Network:
     names = [group.name for group in network.groups]
     factors = np.ones(len(names))
@@ -242,7 +238,13 @@ def _without(network: Network, variant: Variant, at: str, problems: list[Message
         replace(group, observed=np.where(rows[:, None], np.nan, group.observed)) if rows.any() else group
         for group, rows in zip(network.groups, out, strict=True)
     )
-    return replace(network, groups=groups, correlations=_kept(network.correlations, out))
+    found = []
+    for one in network.correlations:
+        stays = np.array([not out[g][r] for g, r in zip(one.groups, one.rows, strict=True)], dtype=bool)
+        if stays.any():
+            covariance = one.covariance[np.ix_(stays, stays)]
+            found.append(Correlation(one.groups[stays], one.rows[stays], one.components[stays], covariance))
+    return replace(network, groups=groups, correlations=tuple(found))
 
 
 def _lost_rows(group: ObservationGroup, lost: dict[str, set[str]]) -> BoolArray:
@@ -253,22 +255,6 @@ def _lost_rows(group: ObservationGroup, lost: dict[str, set[str]]) -> BoolArray:
         if gone:
             rows |= names.texts().is_in(sorted(gone)).to_numpy()
     return rows
-
-
-def _kept(correlations: Iterable[Correlation], out: Sequence[BoolArray]) -> tuple[Correlation, ...]:
-    """Correlations of what is left."""
-    found = []
-    for one in correlations:
-        stays = np.array([not out[g][r] for g, r in zip(one.groups, one.rows, strict=True)], dtype=bool)
-        if stays.any():
-            covariance = one.covariance[np.ix_(stays, stays)]
-            found.append(Correlation(one.groups[stays], one.rows[stays], one.components[stays], covariance))
-    return tuple(found)
-
-
-def named_in(variant: Variant, name: str) -> bool:
-    """Return True if a variant leaves a point out by its name: nothing is required of it then."""
-    return any(fnmatchcase(name, pattern) for pattern in variant.without.points)
 
 
 # ------------------------------------------------------------
@@ -379,7 +365,13 @@ def _without_points(required: Requirement, variant: Variant) -> Requirement | No
     """Return the rest of a requirement if a variant leaves points out; nothing if all are left out."""
     if not isinstance(required, RequiredPrecision):
         return required
-    stays: BoolArray = np.array([not named_in(variant, name) for name in required.names], dtype=bool)
+    stays: BoolArray = np.array(
+        [
+            not any(fnmatchcase(name, pattern) for pattern in variant.without.points)
+            for name in required.names
+        ],
+        dtype=bool,
+    )
     names = tuple(name for name, here in zip(required.names, stays, strict=True) if here)
     return required._replace(names=names, blocks=required.blocks[stays]) if names else None
 

@@ -208,11 +208,6 @@ _SAME_SIGMA = 1e-9
 _OWN_SUFFIXES = (".yaml", ".yml", ".csv", ".parquet")
 
 
-def _names_mor(path: Path) -> bool:
-    """Return whether a file of any suffix is a project file: its key ``mor`` begins a line."""
-    return any(line.startswith("mor:") for line in read_text(path, errors="replace").splitlines())
-
-
 def read_document(path: Path, form: str = "") -> Document:
     """Plain data of a project file, or of a file in a foreign format, with lines.
 
@@ -233,7 +228,11 @@ def _document(path: Path, form: str) -> Document:
         if form or is_folder(path) or is_foreign(path):
             return read_foreign(path, form)
     present = path.is_file() or standard_input(path) is not None
-    if path.suffix.lower() not in _OWN_SUFFIXES and present and not _names_mor(path):
+    if (
+        path.suffix.lower() not in _OWN_SUFFIXES
+        and present
+        and not any(line.startswith("mor:") for line in read_text(path, errors="replace").splitlines())
+    ):
         return read_foreign(path)
     if path.suffix.lower() in (".csv", ".parquet") and path.is_file():
         words = "this is a table, expected a project file; mor new begins one from tables"
@@ -318,7 +317,16 @@ def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
         notes += network.untied
     network = replace(network, notes=(*network.notes, *notes))
     if attempt.suspects is not None:
-        network = _with_lost_held(network, attempt.suspects.lost)
+        # The network with blocks (kind, name) held of which only suspects tell, and the word that they are
+        # left out.
+        things = [
+            UndeterminedObject(*thing, LARGEST_WEIGHT, "left out")
+            for thing in dict.fromkeys(thing_of(*block) for block in attempt.suspects.lost)
+        ]
+        marked = {
+            kind: lost_blocks(blocks, kind, attempt.suspects.lost) for kind, blocks in network.blocks.items()
+        }
+        network = with_blocks_held(network, marked, things)
     return _Adjusted(whole, start, network, attempt)
 
 
@@ -371,7 +379,14 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
     tests = group_tests(quality, network)
     tested = (quality.groups, tests)
     possible = _possible_causes(quality, network, tests, suspects)
-    quality, treatment = treat(quality, levels(settings), aposteriori, _wanted(settings), suspects)
+    iterate = settings.variance_components == "iterate"
+    quality, treatment = treat(
+        quality,
+        levels(settings),
+        aposteriori,
+        TreatmentOptions(settings.snooping, settings.robust, iterate, settings.variance_method),
+        suspects,
+    )
     last = quality.adjustment._replace(start=adjustment.start, iterations=adjustment.iterations)
     quality = replace(quality, adjustment=last)
     return Solved(network, last, quality, treatment, suspects, possible, tested)
@@ -407,16 +422,6 @@ def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
         return NOTHING_FOUND
     ended = RejectedAdjustment(plain, solution, quality, told, attempt.robust, solved.possible_causes)
     return causes(adjusted.whole, adjusted.start, ended, make_problem, start_or_nothing, go_on)
-
-
-def _with_lost_held(network: Network, lost: Sequence[tuple[str, str]]) -> Network:
-    """The network with blocks (kind, name) held of which only suspects tell, and the word that they are left out."""
-    things = [
-        UndeterminedObject(*thing, LARGEST_WEIGHT, "left out")
-        for thing in dict.fromkeys(thing_of(*block) for block in lost)
-    ]
-    marked = {kind: lost_blocks(blocks, kind, lost) for kind, blocks in network.blocks.items()}
-    return with_blocks_held(network, marked, things)
 
 
 def _moved_apart(problem: Problem, start: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
@@ -468,11 +473,6 @@ def levels(settings: ProjectSettings) -> Levels:
     )
 
 
-def _wanted(settings: ProjectSettings) -> TreatmentOptions:
-    iterate = settings.variance_components == "iterate"
-    return TreatmentOptions(settings.snooping, settings.robust, iterate, settings.variance_method)
-
-
 def check_minimal(network: Network, adjustment: Adjustment) -> None:
     """Raise :class:`InputError` where a minimal datum names more coordinates than the network has free movements."""
     if network.datum.minimal:
@@ -498,7 +498,19 @@ def _with_settled_sigma(
     for _ in range(SIGMA_ROUNDS):
         problem = make_problem(network, adjustment.start, adjustment.values)
         problem = left_out(problem, suspects) if suspects is not None else problem
-        if same_sigma(problem, adjustment.problem) or not adjustment.outcome.is_solution:
+        if (
+            all(
+                (
+                    a.sigma is b.sigma
+                    or np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True)
+                )
+                and all(
+                    mine is theirs or np.array_equal(mine, theirs)
+                    for mine, theirs in zip(a.blocks, b.blocks, strict=True)
+                )
+                for a, b in zip(problem.groups, adjustment.problem.groups, strict=True)
+            )
+        ) or not adjustment.outcome.is_solution:
             break
         settings = SolverSettings(network.project.settings.max_iterations)
         count = len(adjustment.iterations)
@@ -506,15 +518,3 @@ def _with_settled_sigma(
         further = tuple(step._replace(number=step.number + count) for step in again.iterations)
         adjustment = again._replace(start=adjustment.start, iterations=adjustment.iterations + further)
     return adjustment
-
-
-def same_sigma(one: Problem, other: Problem) -> bool:
-    """Return True if two problems have the same σ and, of trajectories, rows between the same knots."""
-    return all(
-        (a.sigma is b.sigma or np.allclose(a.sigma, b.sigma, rtol=_SAME_SIGMA, atol=0.0, equal_nan=True))
-        and all(
-            mine is theirs or np.array_equal(mine, theirs)
-            for mine, theirs in zip(a.blocks, b.blocks, strict=True)
-        )
-        for a, b in zip(one.groups, other.groups, strict=True)
-    )

@@ -142,9 +142,19 @@ def in_datum(project: Project, target: str, said: str) -> tuple[Project, Solved]
     Fixed coordinates are released where the other datum is free. Raises :class:`InputError` if they strain the
     network: then its residuals depend on them, and only a new adjustment can do without.
     """
+    from mor.api.pipeline import read_network
+    from mor.project.document import read_yaml
     from mor.quality.deformation import released, strained
 
-    other = _with_datum(project, target, said)
+    data = read_yaml(f"datum: {{{target}}}" if ":" in target else f"datum: {target}", said).data
+    document = replace(
+        project.document,
+        data={**project.document.data, **data},
+        lines={**project.document.lines, ("datum",): 0},
+        files={**project.document.files, ("datum",): said},
+    )
+    datum = read_network(document, project.folder).datum._replace(reference=project.network.datum.reference)
+    other = replace(project, document=document, network=replace(project.network, datum=datum))
     if not other.network.datum.free:
         return other, solve(other)
     before = solve(project)
@@ -157,22 +167,6 @@ def in_datum(project: Project, target: str, said: str) -> tuple[Project, Solved]
         words = "the fixed coordinates strain the network: another datum needs a new adjustment without them"
         raise InputError([Message(words, project.document.file)])
     return other, after
-
-
-def _with_datum(project: Project, target: str, said: str) -> Project:
-    """The project with the other datum; start values and reference coordinates stay."""
-    from mor.api.pipeline import read_network
-    from mor.project.document import read_yaml
-
-    data = read_yaml(f"datum: {{{target}}}" if ":" in target else f"datum: {target}", said).data
-    document = replace(
-        project.document,
-        data={**project.document.data, **data},
-        lines={**project.document.lines, ("datum",): 0},
-        files={**project.document.files, ("datum",): said},
-    )
-    datum = read_network(document, project.folder).datum._replace(reference=project.network.datum.reference)
-    return replace(project, document=document, network=replace(project.network, datum=datum))
 
 
 def _with_reference(network: Network, path: Path) -> Network:

@@ -279,7 +279,11 @@ def _pairs(path: Path, pairs: Path, level: float, known: bool, lang: str) -> tup
     solved = solve(reopen(_folder(path)))
     assert solved.quality is not None
     names, tests = [], []
-    for line, (one, other) in _listed(pairs):
+    reader = csv.reader(read_text(pairs, TABLE).splitlines(keepends=True))
+    rows = [(reader.line_num, row[:2]) for row in reader if row][1:]
+    if not rows or any(len(row) < 2 for _, row in rows):
+        raise InputError([Message("expected two columns of points below a header", str(pairs))])
+    for line, (one, other) in rows:
         try:
             tests.append(pair_movement(solved.quality, *point_numbers(solved, (one, other))))
         except InputError as error:
@@ -289,12 +293,3 @@ def _pairs(path: Path, pairs: Path, level: float, known: bool, lang: str) -> tup
     moved = int(table["moved"].sum())
     sentence = "{moved} of {count:pair|pairs} moved (level {level})."
     return table, [words_of(lang)(sentence, moved=moved, count=len(names), level=f"{level:g}")]
-
-
-def _listed(pairs: Path) -> list[tuple[int, list[str]]]:
-    """Line and points of each row of a table of pairs."""
-    reader = csv.reader(read_text(pairs, TABLE).splitlines(keepends=True))
-    rows = [(reader.line_num, row[:2]) for row in reader if row][1:]
-    if not rows or any(len(row) < 2 for _, row in rows):
-        raise InputError([Message("expected two columns of points below a header", str(pairs))])
-    return rows

@@ -375,17 +375,13 @@ def _sighted_exchanged(situation: Situation, control: ControlPoints) -> list[tup
     return sorted(drops, key=lambda pair: -drops[pair])[:_PAIRS]
 
 
-def _swapped(given: FloatArray, pair: tuple[int, int]) -> FloatArray:
-    order = np.arange(len(given))
-    order[list(pair)] = order[list(reversed(pair))]
-    return given[order]
-
-
 def _misfit(
     situation: Situation, control: ControlPoints, adjusted: FloatArray, pair: tuple[int, int]
 ) -> float:
     """Misfit of the given coordinates, two exchanged, to those that were adjusted: as they are, or moved as a whole."""
-    given = _swapped(control.given, pair)
+    order = np.arange(len(control.given))
+    order[list(pair)] = order[list(reversed(pair))]
+    given = control.given[order]
     plain = float(np.median(np.linalg.norm(adjusted - given, axis=1)))
     if len(given) < 4:
         return float(np.sum((adjusted - given) ** 2))

@@ -22,7 +22,7 @@ from mor.diagnose.hypothesis import (
     with_group,
     with_observed,
 )
-from mor.model.observation_types import ObservationGroup, is_image_point
+from mor.model.observation_types import is_image_point
 from mor.model.parameters import Values
 from mor.project.axes import ImageScale
 from mor.project.network import Network
@@ -314,7 +314,10 @@ def _interior(
         changed = replace(changed, blocks={**changed.blocks, kind: blocks._replace(free=free)})
         for number, group in enumerate(changed.groups):
             if group.type.key == f"observed/{kind}":
-                changed = with_group(changed, number, _not_observed(group, block, held))
+                observed: FloatArray = group.observed.copy()
+                rows = np.flatnonzero(group.blocks[0] == block)
+                observed[rows[:, None], held] = np.nan
+                changed = with_group(changed, number, replace(group, observed=observed))
         return changed
 
     def amount(values: Values) -> AddedParameter:
@@ -341,10 +344,3 @@ def _set_free(old: str, _amount: AddedParameter | None) -> str | None:
 
 def _is_observed(network: Network, kind: str, block: int, component: int) -> bool:
     return bool(np.isfinite(network.sigma[kind][block, component]))
-
-
-def _not_observed(group: ObservationGroup, block: int, components: list[int]) -> ObservationGroup:
-    observed: FloatArray = group.observed.copy()
-    rows = np.flatnonzero(group.blocks[0] == block)
-    observed[rows[:, None], components] = np.nan
-    return replace(group, observed=observed)

@@ -59,23 +59,19 @@ class Match(NamedTuple):
 
 def name_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Exchanges first, then single names."""
-    matches = _all_matches(situation)
-    exchanges = [*_exchanges(situation.network, matches), *_at_spoiled_stations(situation)]
-    together: dict[tuple[str, ...], list[Match]] = {}
-    for match in matches:
-        together.setdefault((match.reference, *match.names, match.right), []).append(match)
-    worst = sorted(together.values(), key=lambda same: -sum(match.drop for match in same))[:_TRIED]
-    return [*exchanges[:_TRIED], *(_wrong_name(situation.network, same) for same in worst)]
-
-
-def _all_matches(situation: Situation) -> list[Match]:
-    return [
+    matches = [
         match
         for number, group in enumerate(situation.network.groups)
         if len(group.type.references) > 1
         for place, row in enumerate(situation.worst_rows(number, _ROWS).tolist())
         for match in _matches(situation, number, row, group.count <= _FEW and place < _ALONE)
     ]
+    exchanges = [*_exchanges(situation.network, matches), *_at_spoiled_stations(situation)]
+    together: dict[tuple[str, ...], list[Match]] = {}
+    for match in matches:
+        together.setdefault((match.reference, *match.names, match.right), []).append(match)
+    worst = sorted(together.values(), key=lambda same: -sum(match.drop for match in same))[:_TRIED]
+    return [*exchanges[:_TRIED], *(_wrong_name(situation.network, same) for same in worst)]
 
 
 def _matches(situation: Situation, number: int, row: int, alone: bool) -> Iterator[Match]:

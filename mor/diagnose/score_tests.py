@@ -364,7 +364,10 @@ def _read_otherwise(
         if column in group.type.turns and group.type.references[0].name == "station":
             for name in dict.fromkeys(stations.tolist()):
                 own = stations == name
-                moved[own, column] -= _middle(moved[own, column])
+                angles = moved[own, column]
+                some = angles[:: max(len(angles) // _OF_MANY, 1)]
+                near = np.abs(wrap(some[:, None] - some[None, :])).sum(axis=1)
+                moved[own, column] -= float(some[int(np.argmin(near))])
         moved[:, column] = wrap(moved[:, column])
     return np.asarray(plain - moved)
 
@@ -427,13 +430,6 @@ def _turned_circles(
 
 _MOST_TURNED = 12
 """Places of a set at which the circle may have been turned, those with the largest steps of the misclosures."""
-
-
-def _middle(angles: FloatArray) -> float:
-    """The angle that most of them are near to."""
-    some = angles[:: max(len(angles) // _OF_MANY, 1)]
-    near = np.abs(wrap(some[:, None] - some[None, :])).sum(axis=1)
-    return float(some[int(np.argmin(near))])
 
 
 _OF_MANY = 500
@@ -560,14 +556,16 @@ def _heights(problem: Problem, network: Network, values: Values, quality: Qualit
             (number, rows, _slot_columns(problem.groups[number], values, rows, slot, [0]))
             for number, rows, slot in one.rows
         )
-        yield _Candidate(
-            one.cause, one.things, _height_line(one), parts, amount=("height", _given(network, one))
+        what = (
+            "stations, {}: height" if one.cause == "instrument height" else "observations, to {}: to_height"
         )
-
-
-def _height_line(one: HeightRows) -> str:
-    what = "stations, {}: height" if one.cause == "instrument height" else "observations, to {}: to_height"
-    return what.format(", from ".join(one.things))
+        yield _Candidate(
+            one.cause,
+            one.things,
+            what.format(", from ".join(one.things)),
+            parts,
+            amount=("height", _given(network, one)),
+        )
 
 
 def _given(network: Network, one: HeightRows) -> float:

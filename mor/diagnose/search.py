@@ -248,7 +248,18 @@ def _offered(situation: Situation, before: Before, found: list[SolvedHypothesis]
     """Hypotheses that are better than none beyond chance, the best first."""
     if situation.many_are_out:  # of a single observation only what explains all of it
         found = [one for one in found if len(one.hypothesis.rows) != 1 or nothing_is_left(one.fit)]
-    good = _in_order(situation, [one for one in found if _is_good(situation, before, one.fit)])
+    good = _in_order(
+        situation,
+        [
+            one
+            for one in found
+            if (
+                _gain(situation, one.fit) > _BY_CHANCE
+                and _nearer(one.fit, before)
+                and (one.fit.scale <= max(_ABSURD, _LESS * situation.fit.scale))
+            )
+        ],
+    )
     if good and nothing_is_left(good[0].fit):  # then what explains much less is no rival
         least = _RIVAL * _gain(situation, good[0].fit)
         good = [one for one in good if _gain(situation, one.fit) >= least]
@@ -284,13 +295,6 @@ def nothing_is_left(fit: NetworkFit) -> bool:
 
 def _gain(situation: Situation, fit: NetworkFit) -> float:
     return float(situation.fit.length - fit.length)
-
-
-def _is_good(situation: Situation, before: Before, fit: NetworkFit) -> bool:
-    """True where a change is better than none by more than chance."""
-    return (
-        _gain(situation, fit) > _BY_CHANCE and _nearer(fit, before) and _is_an_explanation(fit, situation.fit)
-    )
 
 
 def _before(situation: Situation, plain: Adjustment) -> Before:
@@ -331,7 +335,8 @@ def causes(
     plain, solution = ended.plain, ended.solution
     if not plain.problem.index.count:
         return NOTHING_FOUND
-    whole = _is_of_all(plain, network)
+    adjusted = plain.problem.groups[: len(network.groups)]
+    whole = [group.count for group in adjusted] == [group.count for group in network.groups]
     if ended.rejected is Rejection.SMALLER and solution is not None:
         values = solution.values if whole else _graduated(make(network, start, start), start)
         there = solution if whole else None
@@ -353,12 +358,6 @@ def causes(
     return possible_causes(situation, _before(situation, plain), go_on)
 
 
-def _is_of_all(plain: Adjustment, network: Network) -> bool:
-    """False where an adjustment is without some of the things of a network, or has points of it at infinity."""
-    adjusted = plain.problem.groups[: len(network.groups)]
-    return [group.count for group in adjusted] == [group.count for group in network.groups]
-
-
 def causes_without_start(
     network: Network,
     unstarted: Iterable[str],
@@ -371,11 +370,6 @@ def causes_without_start(
     names = frozenset(unstarted)
     situation = Situation(network, start, start, None, make, begin, names, settled=False)
     return possible_causes(situation, Before(np.nan, np.inf, 0), go_on)
-
-
-def _is_an_explanation(fit: NetworkFit, without: NetworkFit) -> bool:
-    """False where half of all residuals stay absurd, and hardly become smaller: an iteration that ended elsewhere."""
-    return fit.scale <= max(_ABSURD, _LESS * without.scale)
 
 
 def _nearer(fit: NetworkFit, before: Before) -> bool:
@@ -427,23 +421,18 @@ def tried(
         found = _adjusted(situation, network, begin, hypothesis)
         if found is None:
             continue
-        fit = _fit(situation, network, hypothesis, found)
+        values, defect = found.values, found.defect.dimension
+        lost = 0 if situation.solution is None else situation.defect - defect
+        stretch = hypothesis.stretch
+        if stretch:
+            stretch *= controlled_part(situation, network, found)
+        cost = cost_of_choice(situation.count, hypothesis.candidates, hypothesis.parameters + lost, stretch)
+        fit = fit_of(situation.make(network, values, values), values, defect, situation.count, cost)
         if best is None or fit.length < best.length:
             best = fit
         if best.omega <= _AS_EXPECTED * best.freedom:
             break
     return best
-
-
-def _fit(situation: Situation, network: Network, hypothesis: Hypothesis, found: Adjustment) -> NetworkFit:
-    """Fit of an adjustment of the changed network, including the cost of the choice of the change."""
-    values, defect = found.values, found.defect.dimension
-    lost = 0 if situation.solution is None else situation.defect - defect
-    stretch = hypothesis.stretch
-    if stretch:
-        stretch *= controlled_part(situation, network, found)
-    cost = cost_of_choice(situation.count, hypothesis.candidates, hypothesis.parameters + lost, stretch)
-    return fit_of(situation.make(network, values, values), values, defect, situation.count, cost)
 
 
 def _beginnings(
@@ -548,20 +537,15 @@ def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArr
     for hypothesis in hypotheses:
         changed = hypothesis.change(network)
         told = any(_told(changed, k) for k, g in enumerate(changed.groups) if g is not network.groups[k])
-        own = (hypothesis.stretch if told else 0.0) - _FITS * _fitting(situation, changed)
+        count = 0
+        groups = zip(situation.network.groups, changed.groups, situation.misfitting, strict=False)
+        for old, new, bad in groups:
+            if old is not new:
+                count += int(np.count_nonzero(old.mask & (old.observed != new.observed) & ~bad))
+        own = (hypothesis.stretch if told else 0.0) - _FITS * count
         follow = changed.start is not network.start  # start values that were observed fit in any unit
         promised.append(now - _misfit(changed) + (0.0 if follow else own))
     return np.array(promised)
-
-
-def _fitting(situation: Situation, changed: Network) -> int:
-    """Count the observations that fit, and those that are changed."""
-    count = 0
-    groups = zip(situation.network.groups, changed.groups, situation.misfitting, strict=False)
-    for old, new, bad in groups:
-        if old is not new:
-            count += int(np.count_nonzero(old.mask & (old.observed != new.observed) & ~bad))
-    return count
 
 
 def _told(network: Network, number: int) -> bool:

@@ -203,17 +203,25 @@ def read_alicevision(path: Path) -> Document:
             try:
                 read(block, entry, context)
             except Wrong as error:
-                draft.problem(str(error), file.line(_number_of(entry)))
+                draft.problem(
+                    str(error),
+                    file.line(
+                        str(
+                            next(
+                                (
+                                    entry[key]
+                                    for key in ("intrinsicId", "viewId", "poseId", "landmarkId")
+                                    if key in entry
+                                ),
+                                "",
+                            )
+                        )
+                    ),
+                )
     if entries(whole.get("controlPoints")):
         block.left_out["control points"] += len(list(entries(whole.get("controlPoints"))))
     block.finish(path.stem)
     return draft.finish()
-
-
-def _number_of(entry: dict[str, Any]) -> str:
-    return str(
-        next((entry[key] for key in ("intrinsicId", "viewId", "poseId", "landmarkId") if key in entry), "")
-    )
 
 
 def _alicevision_camera(block: BlockBuilder, given: dict[str, Any], version: Any) -> None:

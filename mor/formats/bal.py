@@ -228,7 +228,15 @@ def write_bal(document: Document, folder: Path, target: Path) -> Written:
     R = rotation_from_angles(found.values[:, 3:])
     t = -np.einsum("nij,nj->ni", R, found.values[:, :3])
     given = np.array([interior[name] for name in found.texts["camera"]]).reshape(-1, 3)
-    numbers = np.concatenate([_rotation_vectors(R), t, given], axis=1)
+    # Rodrigues vectors (n, 3) of rotations (n, 3, 3), by way of quaternions.
+    from mor.model.rotations import quaternions
+
+    q = quaternions(R)
+    sine = np.linalg.norm(q[:, 1:], axis=1)
+    angle = 2.0 * np.arctan2(sine, q[:, 0])
+    factor = np.where(sine > 1e-12, angle / np.where(sine > 0.0, sine, 1.0), 2.0)
+    vectors: FloatArray = q[:, 1:] * factor[:, None]
+    numbers = np.concatenate([vectors, t, given], axis=1)
     lines = [f"{len(found)} {len(places)} {len(rays.images)}"]
     for a, b, (x, y) in zip(rays.images, rays.points, rays.xy.tolist(), strict=True):
         lines.append(f"{image[a]} {point[b]} {x!r} {y!r}")
@@ -262,15 +270,3 @@ def _interior(
     c, square = values["c"], values["c"] ** 2
     pixel = 1.0 if camera.unit == "px" else scale.pixel
     return c / pixel, values.get("A1", 0.0) * square, values.get("A2", 0.0) * square * square
-
-
-def _rotation_vectors(R: FloatArray) -> FloatArray:
-    """Rodrigues vectors (n, 3) of rotations (n, 3, 3), by way of quaternions."""
-    from mor.model.rotations import quaternions
-
-    q = quaternions(R)
-    sine = np.linalg.norm(q[:, 1:], axis=1)
-    angle = 2.0 * np.arctan2(sine, q[:, 0])
-    factor = np.where(sine > 1e-12, angle / np.where(sine > 0.0, sine, 1.0), 2.0)
-    vectors: FloatArray = q[:, 1:] * factor[:, None]
-    return vectors

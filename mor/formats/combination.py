@@ -73,14 +73,30 @@ def _add(whole: _Project, other: _Project) -> None:
         words = f"the axes are not those of {whole.file}: convert one of them by itself first"
         whole.problems.append(Message(words, other.file))
     _in_units_of(whole, other)
-    _share_system(whole, other)
+    held = _has_control(other)
+    datum = other.data.pop("datum", None)
+    if held and not _has_control(whole):
+        whole.data.pop("datum", None)
+        _without_coordinates(whole)
+    elif not held:
+        _without_coordinates(other)
+        if datum is not None and not whole.tables("points"):
+            whole.data.setdefault("datum", datum)
     cameras, more = (project.data.get("cameras") or {} for project in (whole, other))
     for name in sorted(set(cameras) & set(more)):
         words = f"camera {name!r} is in {whole.file}, too"
         whole.problems.append(Message(words, other.file, other.lines.get(("cameras", name), 0)))
     if more:
         whole.data["cameras"] = {**cameras, **more}
-    _merge_settings(whole, other)
+    measured = [dict(p.data.get("settings") or {}) for p in (whole, other) if p.tables("observations")]
+    sizes = {str(settings.get("dimensions", "xyz")) for settings in measured}
+    settings = {**(other.data.get("settings") or {}), **(whole.data.get("settings") or {})}
+    settings.pop("dimensions", None)
+    if len(sizes) == 1 and sizes != {"xyz"}:
+        settings["dimensions"] = sizes.pop()
+    whole.data.pop("settings", None)
+    if settings:
+        whole.data["settings"] = settings
     _take_positions(whole, other)
     _say_once(whole, other)
     for section in _SECTIONS:
@@ -91,32 +107,6 @@ def _add(whole: _Project, other: _Project) -> None:
 def _axes(project: _Project) -> dict[str, str]:
     plain = {"xy": "en", "angles": "clockwise", "bearings_from": "north"}
     return {**plain, **(project.data.get("axes") or {})}
-
-
-def _share_system(whole: _Project, other: _Project) -> None:
-    """Start values in a system that is not that of the control are worse than none, and so is an own datum."""
-    held = _has_control(other)
-    datum = other.data.pop("datum", None)
-    if held and not _has_control(whole):
-        whole.data.pop("datum", None)
-        _without_coordinates(whole)
-    elif not held:
-        _without_coordinates(other)
-        if datum is not None and not whole.tables("points"):
-            whole.data.setdefault("datum", datum)
-
-
-def _merge_settings(whole: _Project, other: _Project) -> None:
-    """Settings of the first file go before; dimensions are those of all observations together."""
-    measured = [dict(p.data.get("settings") or {}) for p in (whole, other) if p.tables("observations")]
-    sizes = {str(settings.get("dimensions", "xyz")) for settings in measured}
-    settings = {**(other.data.get("settings") or {}), **(whole.data.get("settings") or {})}
-    settings.pop("dimensions", None)
-    if len(sizes) == 1 and sizes != {"xyz"}:
-        settings["dimensions"] = sizes.pop()
-    whole.data.pop("settings", None)
-    if settings:
-        whole.data["settings"] = settings
 
 
 def _has_control(project: _Project) -> bool:

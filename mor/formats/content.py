@@ -227,7 +227,9 @@ def image_tables(content: Content) -> Iterator[tuple[Observations, Rows, TableLo
     columns += [Column(name, parse=lambda text, _: float(text), factor=lambda _: 1.0) for name in names]
     for k, entry in enumerate(content.project.observations):
         if entry.type == "image":
-            plain = _plain_values(entry)
+            from mor.project.observations import units_of_values
+
+            plain = units_of_values(entry)
             rows = content.rows("observations", k, plain, columns)
             whole = np.isfinite(rows.number("x")) & np.isfinite(rows.number("y"))
             if not whole.all():
@@ -242,12 +244,6 @@ def given_points(entry: Observations, rows: Rows) -> tuple[FloatArray, FloatArra
     given = np.stack([rows.number("x"), rows.number("y")], axis=1)
     own = np.stack([rows.number("sigma_x"), rows.number("sigma_y")], axis=1)
     return given, np.where(np.isnan(own), rows.number("sigma")[:, None], own) * entry.factor
-
-
-def _plain_values(entry: Observations) -> Observations:
-    from mor.project.observations import units_of_values
-
-    return units_of_values(entry)
 
 
 def _image_points(

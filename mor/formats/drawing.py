@@ -135,23 +135,22 @@ def _on_earth(content: Content) -> Drawing:
     degrees = world.system.kind == "geographic"
     per_unit = [np.degrees(1.0), np.degrees(1.0), world.metres] if degrees else [world.metres] * 3
     xyz = xyz[:, [1, 0, 2] if degrees else [0, 1, 2]] * per_unit
-    sigma = _sigma_of_places(content.folder / "places.csv", ids) * world.metres
+    # σ (n, 3) east, north, up by the table of results, NaN if there is none.
+    path = content.folder / "places.csv"
+    rows: dict[str, dict[str, str | None]] = {}
+    if path.is_file():
+        note_input(path)
+        rows = {row["id"]: row for row in pl.read_csv(path, infer_schema=False).iter_rows(named=True)}
+    columns = ("seast", "snorth", "sup")
+    sigma = (
+        np.array([[_number(rows.get(name, {}).get(key)) for key in columns] for name in ids]) * world.metres
+    )
     nothing = np.full((len(ids), 3), np.nan)
     lines = _lines(content, set(ids))
     centres = np.zeros((0, 3))
     title, urn = content.project.title, world.system.urn
     notes = _left_out(content, positions, placed)
     return Drawing(title, ids, xyz, sigma, nothing, [], centres, lines, "en", urn, degrees, notes)
-
-
-def _sigma_of_places(path: Path, ids: list[str]) -> FloatArray:
-    """σ (n, 3) east, north, up by the table of results, NaN if there is none."""
-    rows: dict[str, dict[str, str | None]] = {}
-    if path.is_file():
-        note_input(path)
-        rows = {row["id"]: row for row in pl.read_csv(path, infer_schema=False).iter_rows(named=True)}
-    columns = ("seast", "snorth", "sup")
-    return np.array([[_number(rows.get(name, {}).get(key)) for key in columns] for name in ids])
 
 
 def _precision(path: Path, ids: list[str], metres: float) -> tuple[FloatArray, FloatArray]:

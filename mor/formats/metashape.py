@@ -46,7 +46,8 @@ def camera_of(sensor: Element) -> tuple[dict[str, Any], bool]:
         raise SensorError(
             f"type {kind!r} has no counterpart in mor that says exactly the same (known: frame)"
         )
-    calibration = _calibration(sensor)
+    found = {c.attributes.get("class", "adjusted"): c for c in sensor.all("calibration")}
+    calibration = found.get("adjusted") or found.get("initial") or next(iter(found.values()), None)
     size = next(iter((calibration.all("resolution") if calibration else []) + sensor.all("resolution")), None)
     if size is None:
         raise SensorError("found no resolution")
@@ -79,12 +80,6 @@ def _number(text: str, what: str) -> float:
         return parse_number(text)
     except ValueError as error:
         raise SensorError(f"{what}: {error}") from None
-
-
-def _calibration(sensor: Element) -> Element | None:
-    """The adjusted calibration, else the initial one."""
-    found = {c.attributes.get("class", "adjusted"): c for c in sensor.all("calibration")}
-    return found.get("adjusted") or found.get("initial") or next(iter(found.values()), None)
 
 
 def _values(calibration: Element | None, sensor: Element, width: float) -> dict[str, float]:
@@ -175,7 +170,11 @@ def read_metashape(path: Path) -> Document:
         _put_cameras(chunk, draft)
         control = _read_markers(chunk, found, draft)
         control = _put_images(chunk, found, control, draft) or control
-        _put_markers(found, draft)
+        rows = [
+            Row([name, *place, *sigma], line) for name, (place, sigma, line) in found.markers_placed.items()
+        ]
+        if rows:
+            draft.table("points", ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), rows)
         _put_projections(chunk, found, draft)
         _put_tie_points(chunk, found, draft)
     except ValueError as error:
@@ -225,7 +224,10 @@ def _numbers(text: str, count: int, what: str) -> FloatArray:
 def _similarity(chunk: Element) -> tuple[FloatArray, FloatArray, float]:
     """Rotation, translation and scale from the chunk to its coordinate system."""
     R, t, s = np.eye(3), np.zeros(3), 1.0
-    for part in _transforms(chunk):
+    for part in (
+        chunk.all("transform")
+        or [t for c in _section(chunk, "components", "component") for t in c.all("transform")][:1]
+    ):
         for child in part.children:
             if child.name == "rotation":
                 R = _numbers(child.text, 9, "rotation").reshape(3, 3)
@@ -234,13 +236,6 @@ def _similarity(chunk: Element) -> tuple[FloatArray, FloatArray, float]:
             elif child.name == "scale":
                 s = float(_numbers(child.text, 1, "scale")[0])
     return R, t, s
-
-
-def _transforms(chunk: Element) -> list[Element]:
-    return (
-        chunk.all("transform")
-        or [t for c in _section(chunk, "components", "component") for t in c.all("transform")][:1]
-    )
 
 
 def _system(chunk: Element) -> str:
@@ -410,12 +405,6 @@ def _observed(
     ]
 
 
-def _put_markers(found: MetashapeChunk, draft: Draft) -> None:
-    rows = [Row([name, *place, *sigma], line) for name, (place, sigma, line) in found.markers_placed.items()]
-    if rows:
-        draft.table("points", ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), rows)
-
-
 def _put_projections(chunk: Element, found: MetashapeChunk, draft: Draft) -> None:
     rows, lost = [], 0
     for frame in _section(chunk, "frames", "frame"):
@@ -495,7 +484,14 @@ def read_reference(path: Path) -> Document:
     """Points, or positions of images, that other files name. Raises :class:`InputError` with every mistake found."""
     draft = Draft(str(path))
     lines = read_lines(path, draft)
-    at = next((k for k, text in enumerate(lines) if _header(text)), None)
+    at = next(
+        (
+            k
+            for k, text in enumerate(lines)
+            if (re.match(r"#?\s*label\s*[,;\t]\s*x/", text, re.IGNORECASE) is not None)
+        ),
+        None,
+    )
     if at is None:
         words = "found no header, expected #Label,X/Easting,Y/Northing,Z/Altitude as Metashape exports it"
         raise InputError([Message(words, draft.file, 1)])
@@ -526,10 +522,6 @@ def read_reference(path: Path) -> Document:
     if decimal:
         draft.note("numbers have decimal commas", at + 2)
     return draft.finish()
-
-
-def _header(text: str) -> bool:
-    return re.match(r"#?\s*label\s*[,;\t]\s*x/", text, re.IGNORECASE) is not None
 
 
 def _put(cells: list[tuple[int, list[str]]], columns: dict[str, int], names: list[str], draft: Draft) -> None:

@@ -406,7 +406,13 @@ def clusters(content: Content, group: ObservationTable, what: str) -> Iterator[t
     A table with a matrix is one cluster, every row of others one of its own. Raises :class:`InputError` for rows with
     some components only, which ``what`` has not.
     """
-    Q = _on_earth_covariance(content, group)
+    assert group.covariance is not None
+    geodetic = group.entry.type == "geodetic_position"
+    metres = content.edge.metres
+    lengths = np.array([1.0, 1.0, metres] if geodetic else [metres] * 3)
+    own = group.factors if group.entry.covariance is not None else np.ones(3)
+    scale = np.tile(own * lengths, len(group.covariance) // 3)
+    Q = np.asarray(group.covariance * np.outer(scale, scale))
     rows = np.flatnonzero(np.isfinite(group.values).all(axis=1)).tolist()
     if 3 * len(rows) != len(Q):
         words = f"{what} has vectors and positions with all three components"
@@ -416,13 +422,3 @@ def clusters(content: Content, group: ObservationTable, what: str) -> Iterator[t
         return
     for k, row in enumerate(rows):
         yield [row], Q[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
-
-
-def _on_earth_covariance(content: Content, group: ObservationTable) -> FloatArray:
-    assert group.covariance is not None
-    geodetic = group.entry.type == "geodetic_position"
-    metres = content.edge.metres
-    lengths = np.array([1.0, 1.0, metres] if geodetic else [metres] * 3)
-    own = group.factors if group.entry.covariance is not None else np.ones(3)
-    scale = np.tile(own * lengths, len(group.covariance) // 3)
-    return np.asarray(group.covariance * np.outer(scale, scale))

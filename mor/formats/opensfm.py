@@ -265,7 +265,12 @@ def read_opensfm(path: Path) -> Document:
     _put_tracks(folder / "tracks.csv", set(shots), set(points), cameras, shots, control, draft)
     if not weighted and not control.ids:
         draft.put("datum", "free")
-    _note_reference(whole, draft)
+    reference = whole.get("reference_lla")
+    if isinstance(reference, dict) and any(reference.values()):
+        words = ", ".join(f"{key} {value}" for key, value in reference.items())
+        draft.note(f"coordinates are east, north, up of the reference point: {words}")
+    if whole.get("rig_instances") and len(whole.get("rig_cameras") or ()) > 1:
+        draft.note("rigs are read as single images")
     return draft.finish()
 
 
@@ -461,12 +466,3 @@ def _sizes(
             width, height = (float(camera["image"][key]) for key in ("width", "height"))
             sizes[name] = max(width, height), width, height
     return sizes
-
-
-def _note_reference(whole: dict[str, Any], draft: Draft) -> None:
-    reference = whole.get("reference_lla")
-    if isinstance(reference, dict) and any(reference.values()):
-        words = ", ".join(f"{key} {value}" for key, value in reference.items())
-        draft.note(f"coordinates are east, north, up of the reference point: {words}")
-    if whole.get("rig_instances") and len(whole.get("rig_cameras") or ()) > 1:
-        draft.note("rigs are read as single images")

@@ -374,7 +374,16 @@ def _put_points(control: list[Row], objects: list[Row], draft: Draft) -> None:
 
     PhotoModeler writes a negative σ for control that was held, which 0 says here.
     """
-    rows = [Row([*row.cells[:4], *(_sigma(cell) for cell in row.cells[4:7])], row.line) for row in control]
+    rows = [
+        Row(
+            [
+                *row.cells[:4],
+                *(cell if cell is not None and float(cell) > 0.0 else "0" for cell in row.cells[4:7]),
+            ],
+            row.line,
+        )
+        for row in control
+    ]
     if rows:
         draft.table("points", ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), rows)
     if any(cell != "0" for row in rows for cell in row.cells[4:7]):
@@ -386,7 +395,3 @@ def _put_points(control: list[Row], objects: list[Row], draft: Draft) -> None:
         draft.table("points", ("id", "x", "y", "z"), others)
     if not control:
         draft.put("datum", "free")
-
-
-def _sigma(cell: str | None) -> str:
-    return cell if cell is not None and float(cell) > 0.0 else "0"

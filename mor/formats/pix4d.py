@@ -62,7 +62,19 @@ def read_pix4d(path: Path) -> Document:
     ]
     draft.table("images", ("id", "camera", *_POSE), rows, str(files[CAMERAS]))
     used = _put_marks(marks, photos, str(files.get(MARKS, "")), draft)
-    _put_points(used, control, str(files.get(MARKS, "")), str(files.get(CONTROL, "")), draft)
+    file = str(files.get(MARKS, ""))
+    control_file = str(files.get(CONTROL, ""))
+    if control:
+        _put_control(control, control_file, draft)
+    known = {row.name for row in control}
+    first: dict[str, NamedValues] = {}
+    for mark in used:
+        if mark.name not in known:
+            first.setdefault(mark.name, mark)
+    if first:
+        draft.table("points", ("id",), [Row([name], mark.line) for name, mark in first.items()], file)
+    if sum(row.name in {mark.name for mark in used} for row in control) < 3:
+        draft.put("datum", "free")
     return draft.finish()
 
 
@@ -193,22 +205,6 @@ def _put_marks(
             "observations", columns, rows, file, type="image", units="px", values={"sigma": SIGMA_MARK}
         )
     return [mark for _, mark in used]
-
-
-def _put_points(
-    marks: list[NamedValues], control: list[NamedValues], file: str, control_file: str, draft: Draft
-) -> None:
-    if control:
-        _put_control(control, control_file, draft)
-    known = {row.name for row in control}
-    first: dict[str, NamedValues] = {}
-    for mark in marks:
-        if mark.name not in known:
-            first.setdefault(mark.name, mark)
-    if first:
-        draft.table("points", ("id",), [Row([name], mark.line) for name, mark in first.items()], file)
-    if sum(row.name in {mark.name for mark in marks} for row in control) < 3:
-        draft.put("datum", "free")
 
 
 def _put_control(control: list[NamedValues], file: str, draft: Draft) -> None:

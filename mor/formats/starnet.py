@@ -64,22 +64,18 @@ def read_lines(lines: list[str]) -> Iterator[DataLine]:
             continue
         words, begun = (begun + text).split(), ""
         if words:
-            yield _line(words, first)
+            heights = None
+            kept = []
+            for word in words[1:]:
+                match = _HEIGHTS.match(word)
+                if match and words[0][:1] != ".":
+                    heights = parse_number(match[1]), parse_number(match[2])
+                else:
+                    kept.append(word)
+            yield DataLine(words[0].upper(), kept, heights, first)
 
 
 _CODE = re.compile(r"(?:\.[A-Za-z0-9]+|[A-Za-z]{1,2}|[A-Za-z]\d)(?:\s|$)")
-
-
-def _line(words: list[str], line: int) -> DataLine:
-    heights = None
-    kept = []
-    for word in words[1:]:
-        match = _HEIGHTS.match(word)
-        if match and words[0][:1] != ".":
-            heights = parse_number(match[1]), parse_number(match[2])
-        else:
-            kept.append(word)
-    return DataLine(words[0].upper(), kept, heights, line)
 
 
 def degrees(text: str) -> float:
@@ -405,19 +401,16 @@ def _leg(lines: list[DataLine], target: str, network: StarNetContext) -> None:
     at, turned = words[0], network.angle(words[1])
     back = before.words[0]
     sigma = network.sigma(words, values, "angle")
-    if before.code == "TB" and _is_bearing(back):
+    if before.code == "TB" and (
+        "-" in back
+        or (back[:1].upper() in "NS" and back[-1:].upper() in "EW" and any(c.isdigit() for c in back))
+    ):
         network.add("bearing", (at, target, (network.angle(back) + turned) % 360.0, sigma), line.number)
     else:
         network.add("angle", (at, back, target, turned, sigma), line.number)
     put_distance([at, target], words[2], network.sigma(words, values + 1, "distance"), line, network)
     if not network.plane:
         put_vertical([at, target], words[3], words, values + 2, line, network)
-
-
-def _is_bearing(word: str) -> bool:
-    return "-" in word or (
-        word[:1].upper() in "NS" and word[-1:].upper() in "EW" and any(c.isdigit() for c in word)
-    )
 
 
 # ------------------------------------------------------------
@@ -436,7 +429,15 @@ def read_starnet(path: Path) -> Document:
     network = StarNetContext(draft, plane=_is_plane(lines))
     for line in lines:
         try:
-            _read(line, network)
+            code = line.code
+            if code.startswith("."):
+                _option(code[1:], [word.upper() for word in line.words], line.number, network)
+            elif code in _CODES:
+                _CODES[code](line, network)
+            elif code in ("G0", "G1", "G2", "G3", "G4", "P", "PH", "EH", "CH"):
+                network.skip("GNSS vectors and positions on the ellipsoid", line.number)
+            else:
+                raise ValueError(f"unknown code, expected one of {', '.join(_CODES)}")
         except ValueError as error:
             draft.problem(f"{line.code}: {error}", line.number)
     _finish(network, path.stem)
@@ -461,18 +462,6 @@ def _is_plane(lines: Sequence[DataLine]) -> bool:
 
 def _count(line: DataLine) -> int:
     return len([word for word in line.words if word not in STATUSES])
-
-
-def _read(line: DataLine, network: StarNetContext) -> None:
-    code = line.code
-    if code.startswith("."):
-        _option(code[1:], [word.upper() for word in line.words], line.number, network)
-    elif code in _CODES:
-        _CODES[code](line, network)
-    elif code in ("G0", "G1", "G2", "G3", "G4", "P", "PH", "EH", "CH"):
-        network.skip("GNSS vectors and positions on the ellipsoid", line.number)
-    else:
-        raise ValueError(f"unknown code, expected one of {', '.join(_CODES)}")
 
 
 def _option(name: str, words: list[str], line: int, network: StarNetContext) -> None:

@@ -145,7 +145,17 @@ def _decided(observations: int, times: int) -> bool:
                         return False
                     _say.get()(COMPILING)
                     _compile_apart()
-                _load()
+                # Take all kernels from the cache; raises where it is not whole.
+                folder = _folder()
+                for name, checksum in json.loads((folder / _SEAL).read_text()).items():
+                    if _checksum(folder / name) != checksum:
+                        raise _UnusableError(DAMAGED.format(file=folder / name))
+                with tempfile.TemporaryFile(dir=folder):  # where Numba cannot write, it does not read either
+                    os.utime(folder)
+                for module, name, signatures in pickle.loads((folder / _SIGNATURES).read_bytes()):
+                    kernel = getattr(import_module(module), name)
+                    for signature in signatures:
+                        kernel.in_numba.compile(signature)
                 _state.append("")
             except Exception as error:  # noqa: BLE001 - whatever Numba or its cache raises: NumPy does the same
                 _state.append(reason_of(error))
@@ -335,7 +345,12 @@ def compile_all(steps: Iterable[Callable[[], object]], done: Callable[[], None])
             for step in steps:
                 step()
                 done()
-        _seal(filled)
+        signatures = [
+            (one.__module__, one.py_func.__name__, one.in_numba.signatures) for one in _kernels if one.called
+        ]
+        (filled / _SIGNATURES).write_bytes(pickle.dumps(signatures))
+        sums = {path.relative_to(filled).as_posix(): _checksum(path) for path in _sealed_files(filled)}
+        (filled / _SEAL).write_text(json.dumps(sums, indent=0))
         if final.exists():
             final.rename(filled.with_suffix(".old"))
         filled.rename(final)
@@ -346,15 +361,6 @@ def compile_all(steps: Iterable[Callable[[], object]], done: Callable[[], None])
     return final
 
 
-def _seal(folder: Path) -> None:
-    signatures = [
-        (one.__module__, one.py_func.__name__, one.in_numba.signatures) for one in _kernels if one.called
-    ]
-    (folder / _SIGNATURES).write_bytes(pickle.dumps(signatures))
-    sums = {path.relative_to(folder).as_posix(): _checksum(path) for path in _sealed_files(folder)}
-    (folder / _SEAL).write_text(json.dumps(sums, indent=0))
-
-
 def _sealed_files(folder: Path) -> Iterator[Path]:
     """All files but the indices, which Numba rewrites when it compiles a kernel for further types of arguments."""
     yield from (folder / _SIGNATURES, *folder.rglob("*.nbc"))
@@ -362,20 +368,6 @@ def _sealed_files(folder: Path) -> Iterator[Path]:
 
 def _checksum(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
-def _load() -> None:
-    """Take all kernels from the cache; raises where it is not whole."""
-    folder = _folder()
-    for name, checksum in json.loads((folder / _SEAL).read_text()).items():
-        if _checksum(folder / name) != checksum:
-            raise _UnusableError(DAMAGED.format(file=folder / name))
-    with tempfile.TemporaryFile(dir=folder):  # where Numba cannot write, it does not read either
-        os.utime(folder)
-    for module, name, signatures in pickle.loads((folder / _SIGNATURES).read_bytes()):
-        kernel = getattr(import_module(module), name)
-        for signature in signatures:
-            kernel.in_numba.compile(signature)
 
 
 def _compile_apart() -> None:
@@ -425,18 +417,17 @@ def _speed() -> tuple[float, float]:
     with suppress(OSError, ValueError, TypeError, KeyError):
         known = json.loads(path.read_text())
         return float(known["numpy"]), float(known["python"])
-    numpy, python = _measured()
+    import numpy as np
+
+    blocks = np.ones((2_000, 6, 6))
+    numpy, python = (
+        _rounds(lambda: blocks @ blocks),
+        _rounds(lambda: [{"a": n, "b": str(n)} for n in range(2_000)]),
+    )
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps({"numpy": numpy, "python": python}))
     return numpy, python
-
-
-def _measured() -> tuple[float, float]:
-    import numpy as np
-
-    blocks = np.ones((2_000, 6, 6))
-    return _rounds(lambda: blocks @ blocks), _rounds(lambda: [{"a": n, "b": str(n)} for n in range(2_000)])
 
 
 def _rounds(work: Callable[[], object]) -> float:

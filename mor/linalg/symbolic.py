@@ -339,7 +339,10 @@ def analyse(structure: BlockStructure) -> Elimination:
     order, parent = _postordered_tree(graph, fill_reducing_order(graph))
     permuted = _permuted(graph, order)
     chain_of_step, chain_parent, into = _merged_chains(structure.sizes[order], parent, permuted)
-    front_of_chain = _representatives(into)
+    final = into.copy()
+    for chain in range(final.size - 1, -1, -1):
+        final[chain] = final[final[chain]]
+    front_of_chain = final
     stays, compact = np.unique(front_of_chain, return_inverse=True)
     upward = chain_parent[stays]
     front_parent = np.where(upward >= 0, compact[front_of_chain[upward]], -1)
@@ -366,14 +369,6 @@ def _merged_chains(
     pivots = np.add.reduceat(sizes, first)
     into = amalgamate(chain_parent, pivots, orders[first], _PRICES)
     return chain_of_step, chain_parent, into
-
-
-def _representatives(into: IntArray) -> IntArray:
-    """Return the chain that each chain ends up in after all merging; parents have larger numbers."""
-    final = into.copy()
-    for chain in range(final.size - 1, -1, -1):
-        final[chain] = final[final[chain]]
-    return final
 
 
 def _in_front_order(

@@ -525,7 +525,14 @@ def project_panorama(
     y = yh + ys * (1.0 + ys**2 * (A1 + ys**2 * A2))
     y_by_ys = 1.0 + ys**2 * (3.0 * A1 + 5.0 * ys**2 * A2)
 
-    along = per_radian * (1.0 + np.sum(interior[:, 10:] * _slopes(waves), axis=1))  # ∂x/∂α
+    along = per_radian * (
+        1.0
+        + np.sum(
+            interior[:, 10:]
+            * np.stack([waves[:, 1], -waves[:, 0], 2.0 * waves[:, 3], -2.0 * waves[:, 2]], axis=1),
+            axis=1,
+        )
+    )  # ∂x/∂α
     upwards = y_by_ys * c * (1.0 + u**2) / (1.0 + at.slope**2)  # ∂y/∂t
     by_interior = np.zeros((len(star), 2, interior.shape[1]))
     by_interior[:, 0, 0], by_interior[:, 1, 0] = (1.0 + rate) * turned, y_by_ys * u
@@ -586,11 +593,6 @@ def _panorama_by_star(
     by_star[:, 1, 1] = upwards / at.depth - by_depth * at.aside * lean / at.reach
     by_star[:, 1, 2] = by_depth * Z / at.reach
     return by_star
-
-
-def _slopes(waves: FloatArray) -> FloatArray:
-    """Derivatives (n, 4) of sin α, cos α, sin 2α, cos 2α by α."""
-    return np.stack([waves[:, 1], -waves[:, 0], 2.0 * waves[:, 3], -2.0 * waves[:, 2]], axis=1)
 
 
 PANORAMA = CameraModel(

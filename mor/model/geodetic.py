@@ -451,11 +451,6 @@ def about_plumb_line(type_: ObservationType, horizon: Horizon) -> ObservationTyp
     return _about_vertical(type_, horizon, (*type_.constants, *further))
 
 
-def about_normal(type_: ObservationType, horizon: Horizon) -> ObservationType:
-    """The twin of a type about the normal of the ellipsoid."""
-    return _about_vertical(type_, horizon, type_.constants)
-
-
 def _about_vertical(
     type_: ObservationType, horizon: Horizon, constants: tuple[Component, ...]
 ) -> ObservationType:
@@ -818,7 +813,7 @@ def earth_types(horizon: Horizon) -> dict[str, ObservationType]:
     types = [
         *(about_plumb_line(type_, horizon) for type_ in _ABOUT_PLUMB_LINE),
         *_AS_EVERYWHERE,
-        _as("azimuth", about_normal(BEARING, horizon)),
+        _as("azimuth", _about_vertical(BEARING, horizon, BEARING.constants)),
         _as("astronomic_azimuth", about_plumb_line(BEARING, horizon)),
         *(make(horizon) for make in _OF_THE_EARTH),
         open_projection(),

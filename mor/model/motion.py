@@ -176,7 +176,14 @@ class Path(NamedTuple):
 
     def at(self, time: FloatArray) -> TrajectoryPoses:
         """Poses at ``time`` (n,) since knot 0."""
-        w, dw = _at_time(self.weights, time)
+        # Polynomials (n, k, d), the constant first, at times (n,): values (n, k) and derivatives (n, k).
+        coefficients = self.weights
+        since = time[:, None]
+        value, slope = coefficients[:, :, -1], np.zeros(coefficients.shape[:2])
+        for power in range(coefficients.shape[2] - 2, -1, -1):
+            slope = slope * since + value
+            value = value * since + coefficients[:, :, power]
+        w, dw = value, slope
         theta, turning = (np.einsum("nk,nkj->nj", of_knots[:, 1:], self.turns) for of_knots in (w, dw))
         back = turn_by(theta)
         turned = np.swapaxes(back.matrix, 1, 2)
@@ -190,16 +197,6 @@ class Path(NamedTuple):
             jacobian=back.jacobian,
             inverse=self.inverse,
         )
-
-
-def _at_time(coefficients: FloatArray, time: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Polynomials (n, k, d), the constant first, at times (n,): values (n, k) and derivatives (n, k)."""
-    since = time[:, None]
-    value, slope = coefficients[:, :, -1], np.zeros(coefficients.shape[:2])
-    for power in range(coefficients.shape[2] - 2, -1, -1):
-        slope = slope * since + value
-        value = value * since + coefficients[:, :, power]
-    return value, slope
 
 
 def path_of(positions: FloatArray, rotations: FloatArray, weights: FloatArray) -> Path:

@@ -228,11 +228,7 @@ def moves_by_angles(blocks: Blocks) -> BoolArray:
     partly = blocks.free.any(axis=1) & ~blocks.free.all(axis=1)
     if blocks.about_axes is not None:
         partly &= ~blocks.about_axes
-    return np.asarray(partly | _share_angles(blocks))
-
-
-def _share_angles(blocks: Blocks) -> BoolArray:
-    """(n,) true for rotations tied to others in some angles, or with differences; equal attitudes turn as one."""
+    # (n,) true for rotations tied to others in some angles, or with differences; equal attitudes turn as one.
     foreign = blocks.owner != np.arange(len(blocks.owner))[:, None]
     tied = foreign.any(axis=1)
     equal = foreign.all(axis=1) & (blocks.owner == blocks.owner[:, :1]).all(axis=1)
@@ -241,7 +237,7 @@ def _share_angles(blocks: Blocks) -> BoolArray:
     share = tied & ~equal
     share[blocks.owner[share].ravel()] = True
     share[equal] |= share[blocks.owner[equal, 0]]
-    return np.asarray(share)
+    return np.asarray(partly | np.asarray(share))
 
 
 def with_shared_components(blocks: Mapping[str, Blocks], values: Values) -> dict[str, FloatArray]:

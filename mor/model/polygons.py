@@ -185,9 +185,19 @@ def _hidden(origins: FloatArray, targets: FloatArray, some: Triangles, clearance
     for sight, triangle in _pairs(some, len(targets), meets):
         left = ~found[sight]
         sight, triangle = sight[left], triangle[left]
-        blocks = _crossed(
-            origins[sight], targets[sight], some.corners[triangle], some.normals[triangle], clearance
-        )
+        # (k,) true where the sight goes through the triangle, and neither of its ends is on it.
+        origin = origins[sight]
+        target = targets[sight]
+        corners = some.corners[triangle]
+        normals = some.normals[triangle]
+        before = np.einsum("ki,ki->k", origin - corners[:, 0], normals)
+        behind = np.einsum("ki,ki->k", target - corners[:, 0], normals)
+        apart = (np.minimum(np.abs(before), np.abs(behind)) > clearance) & (before * behind < 0.0)
+        inside = np.zeros(len(origin), dtype=bool)
+        k = np.flatnonzero(apart)
+        part = (before[k] / (before[k] - behind[k]))[:, None]
+        inside[k] = _within(origin[k] + part * (target[k] - origin[k]), corners[k])
+        blocks = inside
         found[sight[blocks]] = True
     return found
 
@@ -244,20 +254,6 @@ def _through_boxes(origin: FloatArray, inverse: FloatArray, low: FloatArray, hig
         np.maximum(enters, np.minimum(first, second), out=enters)
         np.minimum(leaves, np.maximum(first, second), out=leaves)
     return np.asarray(enters <= leaves)
-
-
-def _crossed(
-    origin: FloatArray, target: FloatArray, corners: FloatArray, normals: FloatArray, clearance: float
-) -> BoolArray:
-    """(k,) true where the sight goes through the triangle, and neither of its ends is on it."""
-    before = np.einsum("ki,ki->k", origin - corners[:, 0], normals)
-    behind = np.einsum("ki,ki->k", target - corners[:, 0], normals)
-    apart = (np.minimum(np.abs(before), np.abs(behind)) > clearance) & (before * behind < 0.0)
-    inside = np.zeros(len(origin), dtype=bool)
-    k = np.flatnonzero(apart)
-    part = (before[k] / (before[k] - behind[k]))[:, None]
-    inside[k] = _within(origin[k] + part * (target[k] - origin[k]), corners[k])
-    return inside
 
 
 def _within(at: FloatArray, corners: FloatArray) -> BoolArray:

@@ -48,7 +48,16 @@ def read_mesh(path: Path) -> Mesh:
             mesh = _obj(content)
         else:
             raise _MeshError("found neither a PLY nor an OBJ file")
-        _check(mesh)
+        if not mesh.faces:
+            raise _MeshError("the mesh has no faces: a cloud of points hides nothing")
+        if not np.isfinite(mesh.vertices).all():
+            raise _MeshError("a vertex has a coordinate that is not a finite number")
+        count = len(mesh.vertices)
+        for number, face in enumerate(mesh.faces, start=1):
+            if len(face) < 3 or face.min() < 0 or face.max() >= count:
+                raise _MeshError(
+                    f"face {number} has {len(face)} corners of {count} vertices: {face.tolist()}"
+                )
     except _MeshError as error:
         raise InputError([Message(str(error), str(path), error.line)]) from None
     return mesh
@@ -60,17 +69,6 @@ class _MeshError(Exception):
     def __init__(self, words: str, line: int = 0) -> None:
         super().__init__(words)
         self.line = line
-
-
-def _check(mesh: Mesh) -> None:
-    if not mesh.faces:
-        raise _MeshError("the mesh has no faces: a cloud of points hides nothing")
-    if not np.isfinite(mesh.vertices).all():
-        raise _MeshError("a vertex has a coordinate that is not a finite number")
-    count = len(mesh.vertices)
-    for number, face in enumerate(mesh.faces, start=1):
-        if len(face) < 3 or face.min() < 0 or face.max() >= count:
-            raise _MeshError(f"face {number} has {len(face)} corners of {count} vertices: {face.tolist()}")
 
 
 def _obj(content: bytes) -> Mesh:
@@ -160,23 +158,20 @@ def _ascii_rows(
     for number in range(1, element.rows + 1):
         text, _, rest = rest.partition(b"\n")
         try:
-            rows.append(_of_words([float(word) for word in text.split()], element))
+            words = [float(word) for word in text.split()]
+            row, at = [], 0
+            for one in element.properties:
+                count = int(words[at]) if one.counted_by else 1
+                at += bool(one.counted_by)
+                row.append(np.array(words[at : at + count]))
+                if len(row[-1]) != count:
+                    raise ValueError
+                at += count
+            rows.append(row)
         except (ValueError, IndexError):
             said = text.decode("ascii", errors="replace").strip()
             raise _MeshError(f"found {said!r}, expected {element.name} {number}", line + number) from None
     return rows, rest
-
-
-def _of_words(words: list[float], element: _Element) -> list[FloatArray]:
-    row, at = [], 0
-    for one in element.properties:
-        count = int(words[at]) if one.counted_by else 1
-        at += bool(one.counted_by)
-        row.append(np.array(words[at : at + count]))
-        if len(row[-1]) != count:
-            raise ValueError
-        at += count
-    return row
 
 
 def _binary_rows(

@@ -162,7 +162,13 @@ def _control(network: Network, wanted: RequiredReliability, problems: list[Messa
 def judged(requirement: Requirement, quality: Quality, absent: BoolArray | None = None) -> RequirementResult:
     """Return whether a quality meets a requirement; point blocks that are ``absent`` (n,) have no σ and do not."""
     if isinstance(requirement, RequiredPrecision):
-        return _judged_precision(requirement, quality, absent)
+        covariance = quality.sigma_factor**2 * np.nan_to_num(quality.cofactors["point"][requirement.blocks])
+        sigma = sigmas(requirement, covariance)
+        if absent is not None:
+            sigma = np.where(absent[requirement.blocks], np.inf, sigma)
+        failing = int(np.count_nonzero(sigma > requirement.limit * (1.0 + _ROUND_OFF)))
+        worst = int(np.argmax(sigma))
+        return RequirementResult(requirement, float(sigma[worst]), (worst,), len(sigma), failing)
     return _judged_control(requirement, quality)
 
 
@@ -174,18 +180,6 @@ def sigmas(requirement: RequiredPrecision, covariance: FloatArray) -> FloatArray
         variance = rotations.eigvalsh(covariance)[:, -1] if len(covariance) else np.zeros(0)
     found: FloatArray = np.sqrt(np.maximum(variance, 0.0))
     return found
-
-
-def _judged_precision(
-    requirement: RequiredPrecision, quality: Quality, absent: BoolArray | None
-) -> RequirementResult:
-    covariance = quality.sigma_factor**2 * np.nan_to_num(quality.cofactors["point"][requirement.blocks])
-    sigma = sigmas(requirement, covariance)
-    if absent is not None:
-        sigma = np.where(absent[requirement.blocks], np.inf, sigma)
-    failing = int(np.count_nonzero(sigma > requirement.limit * (1.0 + _ROUND_OFF)))
-    worst = int(np.argmax(sigma))
-    return RequirementResult(requirement, float(sigma[worst]), (worst,), len(sigma), failing)
 
 
 def _judged_control(requirement: RequiredControl, quality: Quality) -> RequirementResult:

@@ -333,15 +333,11 @@ def place_with_errors(
         if np.abs(wanted / sigma).max() < _CLOSE:
             break
         A = np.concatenate(jacobians)
-        used = _used(A)
+        used = np.asarray((A != 0.0).any(axis=0))
         step = np.zeros(problem.index.count)
         step[used] = rotations.lstsq(A[:, used] / sigma[:, None], wanted / sigma, rcond=1e-12)
         place = move(problem.index, place, step)
     return place
-
-
-def _used(A: FloatArray) -> BoolArray:
-    return np.asarray((A != 0.0).any(axis=0))
 
 
 # ------------------------------------------------------------
@@ -630,7 +626,16 @@ def findings(truth: Truth, tally: Tally) -> list[Finding]:
         s = z * float(np.sqrt(2.0 / (f * n)))
         found.append(Finding("variance", 1.0, float(tally.omega) / (f * n), 1.0 - s, 1.0 + s))
         found.append(_share("global", quality.levels.overall, float(tally.rejected), n, z))
-        found.append(_mean("flagged", quality.levels.snooping, tally.flagged, n, z, _tests(truth)))
+        found.append(
+            _mean(
+                "flagged",
+                quality.levels.snooping,
+                tally.flagged,
+                n,
+                z,
+                int(sum(np.count_nonzero(mask) for mask in truth.testable)),
+            )
+        )
     if len(truth.points):
         found.append(_mean("coverage", CONFIDENCE, tally.coverage, n, z, len(truth.points)))
         found += _of_points(tally, n)
@@ -649,10 +654,6 @@ def findings(truth: Truth, tally: Tally) -> list[Finding]:
 def _share(name: str, p: float, count: float, n: float, z: float) -> Finding:
     half = z * float(np.sqrt(p * (1.0 - p) / n)) + 0.5 / n
     return Finding(name, p, count / n, max(p - half, 0.0), min(p + half, 1.0))
-
-
-def _tests(truth: Truth) -> int:
-    return int(sum(np.count_nonzero(mask) for mask in truth.testable))
 
 
 def _mean(name: str, p: float, sums: FloatArray, n: float, z: float, each: int) -> Finding:

@@ -91,13 +91,6 @@ class Targets(NamedTuple):
     """Blocks of the groups of points."""
 
 
-def targets_of(reading: Reading, positions: FloatArray) -> Targets:
-    """The points of a project, of which all blocks are at ``positions`` (blocks, 3)."""
-    points = reading.shop.things["point"]
-    blocks = points.parts["position"]
-    return Targets(tuple(points.ids), points.numbers, blocks, positions[blocks], reading.groups)
-
-
 def targets_named(
     patterns: Sequence[str], targets: Targets, place: TableLocation, key: str, problems: list[Message]
 ) -> IntArray:
@@ -265,7 +258,13 @@ def _put_normals(
 def _read_normals(
     reading: Reading, given: Normals, place: TableLocation, targets: Targets, normals: FloatArray
 ) -> None:
-    columns = [Column("id", required=True), *(_number(name) for name in ("nx", "ny", "nz"))]
+    columns = [
+        Column("id", required=True),
+        *(
+            Column(name, parse=lambda text, unit: float(text), factor=lambda unit: 1.0, required=True)
+            for name in ("nx", "ny", "nz")
+        ),
+    ]
     rows = read_table(given, columns, place, reading.problems)
     if rows is None:
         return
@@ -278,10 +277,6 @@ def _read_normals(
     chosen = np.array([targets.numbers[name] for name in names if name in targets.numbers], dtype=np.int64)
     values = np.stack([rows.number(name) for name in ("nx", "ny", "nz")], axis=1)[there]
     _put(normals, chosen, values, reading, place, targets)
-
-
-def _number(name: str) -> Column:
-    return Column(name, parse=lambda text, unit: float(text), factor=lambda unit: 1.0, required=True)
 
 
 def _put(
@@ -518,7 +513,11 @@ def with_visible(document: Document, folder: Path) -> tuple[Document, tuple[Sigh
     if reading.problems:
         return document, ()
     start = Start(reading)
-    targets = targets_of(reading, start.values["point"])
+    # The points of a project, of which all blocks are at ``positions`` (blocks, 3).
+    positions = start.values["point"]
+    points = reading.shop.things["point"]
+    blocks = points.parts["position"]
+    targets = Targets(tuple(points.ids), points.numbers, blocks, positions[blocks], reading.groups)
     around = surroundings(reading, targets)
     data: dict[str, Any] = {**document.data, **{s: list(document.data.get(s) or []) for s in _SECTIONS}}
     frames, sighted = dict(document.frames), []

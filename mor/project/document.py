@@ -74,7 +74,8 @@ def write_csv(frame: pl.DataFrame, file: IO[bytes], header: bool = True) -> None
     """Write a table, names guarded; all texts in quotes where one of them would look like a comment otherwise."""
     texts, hidden = pl.col(pl.String), False
     if _any(frame.select(texts.str.contains(rf"^'*{_SIGNS}|{_COMMENT}").any())):
-        frame = frame.with_columns(_guarded(texts))
+        begins = texts.str.contains(f"^'*{_SIGNS}") & ~texts.str.contains(f"^(?:{_NUMBER.pattern})$")
+        frame = frame.with_columns(pl.when(begins).then(texts.str.replace("^", "'")).otherwise(texts))
         hidden = _any(frame.select(texts.str.contains(_COMMENT).any()))
     frame.write_csv(file, include_header=header, quote_style="non_numeric" if hidden else "necessary")
 
@@ -82,12 +83,6 @@ def write_csv(frame: pl.DataFrame, file: IO[bytes], header: bool = True) -> None
 def _any(told: pl.DataFrame) -> bool:
     """Return True if one of the columns, all of one row, says so."""
     return any(map(any, told.rows()))
-
-
-def _guarded(cells: pl.Expr) -> pl.Expr:
-    """Names of columns as they are written."""
-    begins = cells.str.contains(f"^'*{_SIGNS}") & ~cells.str.contains(f"^(?:{_NUMBER.pattern})$")
-    return pl.when(begins).then(cells.str.replace("^", "'")).otherwise(cells)
 
 
 # ------------------------------------------------------------

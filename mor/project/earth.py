@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -12,7 +12,7 @@ from mor.model.curvature import on_sphere
 from mor.model.earth import EARTH_RADIUS, LocalSphere, gaussian_radius
 from mor.model.geodetic import CONVERGENCE, ProjectionPolynomial, projected_attitude, projected_bearing
 from mor.model.observation_types import GEOID, PLAIN_TYPES, ObservationGroup, ObservationType
-from mor.project.axes import Edge, UnitError
+from mor.project.axes import UnitError
 from mor.project.entities import Reading
 from mor.project.reference_system import (
     EarthModel,
@@ -24,7 +24,7 @@ from mor.project.reference_system import (
 )
 from mor.project.schema import Curvature, Observations
 from mor.project.tables import Rows, TableLocation, tell_rows
-from mor.types import BoolArray, FloatArray, IntArray
+from mor.types import FloatArray, IntArray
 from mor.units import ANGLE, LENGTH
 
 # ------------------------------------------------------------
@@ -51,7 +51,7 @@ def place_of_observed(
     reading: Reading, world: EarthModel, blocks: IntArray, rows: Rows, given: FloatArray
 ) -> FloatArray:
     """Constants (n, 10) of positions (n, 3) that were observed in the projection of the project."""
-    N, planned = np.zeros(rows.count), _planned(reading, given)
+    N, planned = np.zeros(rows.count), np.asarray((given == 0.0).all(axis=1) & reading.planned)
     if world.orthometric:
         N = rows.number(GEOID)
         N = np.where(np.isnan(N), world.of_points(GEOID, blocks), N)
@@ -70,11 +70,6 @@ def convergence_of_rows(world: EarthModel, rows: Rows) -> FloatArray:
     if known.any():
         found[known] = world.convergence(there[known])
     return found
-
-
-def _planned(reading: Reading, given: FloatArray) -> BoolArray:
-    """(n,) rows that nobody has measured: their place is that of the plan, and zeros stand for their values."""
-    return np.asarray((given == 0.0).all(axis=1) & reading.planned)
 
 
 def _of_grid(reading: Reading, world: EarthModel, given: FloatArray) -> FloatArray:
@@ -225,7 +220,9 @@ def read_sphere(reading: Reading) -> None:
     if refused or radius is None or origin is None:
         return
     reading.sphere = LocalSphere(radius, origin)
-    reading.types = types_on_sphere(reading.sphere, reading.edge)
+    reading.types = {
+        key: on_sphere(type_, reading.sphere, reading.edge.metres) for key, type_ in PLAIN_TYPES.items()
+    }
     given = np.array(origin) @ reading.edge.matrix  # rows: project axes = matrixᵀ · internal
     unit = reading.edge.units.length
     x, y, z = (f"{value:.10g}" for value in given)
@@ -234,11 +231,6 @@ def read_sphere(reading: Reading) -> None:
         f"x = {x}, y = {y}"
     )
     reading.notes.append(place.problem(words))
-
-
-def types_on_sphere(sphere: LocalSphere, edge: Edge) -> Mapping[str, ObservationType]:
-    """Return the plain observation types by key, with those that the curvature changes on the sphere."""
-    return {key: on_sphere(type_, sphere, edge.metres) for key, type_ in PLAIN_TYPES.items()}
 
 
 def median_origin(positions: FloatArray, metre: float) -> tuple[float, float, float]:

@@ -75,7 +75,10 @@ def refuse_files_named_twice(reading: Reading) -> None:
     directions and distances of one table do.
     """
     seen: dict[tuple[object, ...], int] = {}
-    for section, entries in _entries(reading.project).items():
+    for section, entries in {
+        "observations": list(reading.project.observations),
+        "checks": list(reading.project.checks),
+    }.items():
         for number, entry in enumerate(entries):
             if entry.file is None or reading.document.frame(str(entry.file)) is not None:
                 continue
@@ -96,10 +99,6 @@ def refuse_files_named_twice(reading: Reading) -> None:
                 reading.problems.append(place.problem(words, "file"))
             else:
                 seen[key] = line
-
-
-def _entries(project: ProjectFile) -> dict[str, list[Observations]]:
-    return {"observations": list(project.observations), "checks": list(project.checks)}
 
 
 def _read(entry: Observations) -> tuple[object, ...]:

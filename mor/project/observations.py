@@ -361,7 +361,9 @@ def read_groups(reading: Reading, of_features: bool = False) -> list[ReadGroup]:
             if found is None:
                 continue
             type_ = found
-        if entry.ppm and not _grows(type_):
+        if entry.ppm and not (
+            type_.distances is not None and any(c.quantity.length == 1 for c in type_.components)
+        ):
             reading.problems.append(place.problem(_NO_LENGTH.format(entry.type), "ppm"))
         if entry.type == "image":
             entry = units_of_values(entry)
@@ -661,11 +663,6 @@ _NO_LENGTH = (
     "found ppm for observations of type {}; ppm needs lengths between two points, as of type distance, "
     "height_difference or coordinate_difference: σ grows with the distance between them"
 )
-
-
-def _grows(type_: ObservationType) -> bool:
-    """Return True if some component is a length measured between two places."""
-    return type_.distances is not None and any(c.quantity.length == 1 for c in type_.components)
 
 
 def _centring(reading: Reading, entry: Observations, place: TableLocation) -> SetUpSigmas:

@@ -61,7 +61,7 @@ def rescanned(network: Network, group: ObservationGroup, place: Mapping[str, Flo
         sight = _Sight(group, place, trajectory, mine)
         times[mine] = _crossings(sight, lines)
         rows = _rows_at(lines, times[mine])
-        scale = network.scales[_camera(network, name)]
+        scale = network.scales[network.things["camera"].ids[network.things["image"].part(name, "camera")]]
         y = (scale.centre[1] - rows) * scale.pixel
         timed, rate, _ = row_times(lines, rows)
         clock = trajectory.clock(np.nan_to_num(timed, nan=float(trajectory.times[0])))
@@ -75,10 +75,6 @@ def rescanned(network: Network, group: ObservationGroup, place: Mapping[str, Flo
 def _flown(network: Network, image: str) -> Trajectory:
     number = network.things["image"].part(image, TRAJECTORY)
     return list(network.trajectories.values())[number]
-
-
-def _camera(network: Network, image: str) -> str:
-    return network.things["camera"].ids[network.things["image"].part(image, "camera")]
 
 
 def _rows_at(lines: RowTimes, times: FloatArray) -> FloatArray:
@@ -134,14 +130,24 @@ class _Sight:
 
 def _crossings(sight: _Sight, lines: RowTimes) -> FloatArray:
     """Times (n,) at which points cross the line of their camera for the first time, NaN if they do not."""
-    ends = _ends(sight.trajectory, lines)
+    trajectory = sight.trajectory
+    begin = float(lines.times[0])
+    before = max(int(np.searchsorted(trajectory.times, begin, side="right")) - 1, 0)
+    stretch = trajectory.times[trajectory.stretch == trajectory.stretch[before]]
+    end = float(stretch[-1]) if lines.steady else min(float(stretch[-1]), float(lines.times[-1]))
+    steps = np.arange(_PARTS * (len(stretch) - 1) + 1) / _PARTS
+    times = np.interp(steps, np.arange(len(stretch)), stretch)
+    ends = np.concatenate([[begin], times[(times > begin) & (times < end)], [end] if end > begin else []])
     found = np.full(len(sight.point), np.nan)
     if len(ends) < 2:
         return found
     poses = sight.poses(ends)
     for first in range(0, len(found), _AT_A_TIME):
         rows = np.arange(first, min(first + _AT_A_TIME, len(found)))
-        every = _repeated(poses, len(rows))
+        # The poses (k,) again and again, ``count`` times; of them what a sight needs.
+        count = len(rows)
+        position, rotation = np.tile(poses.position, (count, 1)), np.tile(poses.rotation, (count, 1, 1))
+        every = replace(poses, position=position, rotation=rotation)
         side = sight.aside(every, np.repeat(rows, len(ends))).reshape(len(rows), len(ends))
         crosses = side[:, :-1] * side[:, 1:] <= 0.0  # false where either is NaN
         rows, at = rows[crosses.any(axis=1)], np.argmax(crosses, axis=1)[crosses.any(axis=1)]
@@ -157,23 +163,6 @@ def _halved(sight: _Sight, rows: IntArray, low: FloatArray, high: FloatArray) ->
         same = np.sign(sight.aside(sight.poses(middle), rows)) == before
         low, high = np.where(same, middle, low), np.where(same, high, middle)
     return np.asarray(high)
-
-
-def _repeated(pose: TrajectoryPoses, count: int) -> TrajectoryPoses:
-    """The poses (k,) again and again, ``count`` times; of them what a sight needs."""
-    position, rotation = np.tile(pose.position, (count, 1)), np.tile(pose.rotation, (count, 1, 1))
-    return replace(pose, position=position, rotation=rotation)
-
-
-def _ends(trajectory: Trajectory, lines: RowTimes) -> FloatArray:
-    """Ascending times from the first line on, parts of intervals of knots apart, to the end of the stretch."""
-    begin = float(lines.times[0])
-    before = max(int(np.searchsorted(trajectory.times, begin, side="right")) - 1, 0)
-    stretch = trajectory.times[trajectory.stretch == trajectory.stretch[before]]
-    end = float(stretch[-1]) if lines.steady else min(float(stretch[-1]), float(lines.times[-1]))
-    steps = np.arange(_PARTS * (len(stretch) - 1) + 1) / _PARTS
-    times = np.interp(steps, np.arange(len(stretch)), stretch)
-    return np.concatenate([[begin], times[(times > begin) & (times < end)], [end] if end > begin else []])
 
 
 def _tell_lost(group: ObservationGroup, times: FloatArray) -> None:

@@ -66,18 +66,6 @@ def place_names(world: EarthModel) -> tuple[str, ...]:
     return tuple(name.replace("height", "elevation") for name in world.system.coordinates)
 
 
-def frame_columns(reading: Reading) -> list[Column]:
-    """Columns of places on the earth besides x, y, z; none in a project without ``world``."""
-    world = reading.world
-    if world is None or world.system.kind == "geocentric":
-        return []
-    columns = []
-    for name in place_names(world):
-        quantity = ANGLE if name in ("latitude", "longitude") else LENGTH
-        columns.append(number_column(name, quantity, reading.edge))
-    return [*columns, number_column(GEOID, LENGTH, reading.edge)]
-
-
 def start_places(reading: Reading, rows: Rows, plain: Statuses) -> Statuses:
     """Start values of positions in object coordinates, of columns that :func:`frame_columns` has.
 
@@ -218,7 +206,15 @@ def position_columns(reading: Reading) -> list[Column]:
     if reading.project.world is None:
         return []
 
-    return frame_columns(reading)
+    # Columns of places on the earth besides x, y, z; none in a project without ``world``.
+    world = reading.world
+    if world is None or world.system.kind == "geocentric":
+        return []
+    columns = []
+    for name in place_names(world):
+        quantity = ANGLE if name in ("latitude", "longitude") else LENGTH
+        columns.append(number_column(name, quantity, reading.edge))
+    return [*columns, number_column(GEOID, LENGTH, reading.edge)]
 
 
 def in_dimensions(statuses: Statuses, reading: Reading) -> Statuses:
@@ -708,7 +704,9 @@ def _note(reading: Reading, world: EarthModel) -> None:
 def read_points(reading: Reading) -> None:
     """Object points; coordinates go into internal axes."""
     if reading.project.world is not None:
-        _read_on_earth(reading)
+        nothing = np.zeros(0, dtype=np.int64)
+        reading.shop.things["point"] = entities((), {"position": nothing, "height": nothing})
+        read_world(reading)
         return
     ids: list[str] = []
     numbers: list[IntArray] = []
@@ -727,13 +725,6 @@ def read_points(reading: Reading) -> None:
             reading.groups.setdefault(table.group, []).extend(blocks.tolist())
     position = np.concatenate(numbers) if numbers else np.zeros(0, dtype=np.int64)
     reading.shop.things["point"] = entities(ids, {"position": position, "height": np.zeros_like(position)})
-
-
-def _read_on_earth(reading: Reading) -> None:
-
-    nothing = np.zeros(0, dtype=np.int64)
-    reading.shop.things["point"] = entities((), {"position": nothing, "height": nothing})
-    read_world(reading)
 
 
 def point_columns(reading: Reading) -> list[Column]:

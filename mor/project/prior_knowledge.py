@@ -783,16 +783,16 @@ def _find(reading: Reading, name: str, component: str) -> _BlockComponent:
         known += kind.names
         if component in kind.names:
             block, k = things.part(bare, part), kind.names.index(component)
-            if block < 0 or (block == 0 and kind.key in _WITH_NEUTRAL) or _is_neutral(reading, kind, block):
+            if (
+                block < 0
+                or (block == 0 and kind.key in _WITH_NEUTRAL)
+                or (reading.shop.neutral_blocks.get(kind.key) == block)
+            ):
                 raise ValueError(f"{name} has no {component} of its own: give it one where it is declared")
             scale = reading.scales[camera] if camera is not None else None
             return _BlockComponent(kind.key, block, *_internal(reading, space, kind, k), scale)
     words = f"{name} has no component {component!r}{nearest(component, known)} (known: {', '.join(known)})"
     raise ValueError(words)
-
-
-def _is_neutral(reading: Reading, kind: BlockKind, block: int) -> bool:
-    return reading.shop.neutral_blocks.get(kind.key) == block
 
 
 def _internal(reading: Reading, space: str, kind: BlockKind, component: int) -> tuple[int, float]:

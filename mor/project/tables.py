@@ -274,17 +274,6 @@ def _first_line(cleaned: _Text) -> bytes:
     return cleaned.content[: end if end >= 0 else None]
 
 
-def _separators(content: bytes, separator: str) -> IntArray:
-    """Number of separators in each line."""
-    data = np.frombuffer(content, dtype=np.uint8)
-    ends = _line_ends(data)
-    starts = (
-        np.concatenate([[0], ends[:-1] + 1]) if content.endswith(b"\n") else np.concatenate([[0], ends + 1])
-    )
-    counts: IntArray = np.add.reduceat(data == ord(separator), starts, dtype=np.int64)
-    return counts
-
-
 def _cells(line: str, separator: str) -> list[str]:
     """Cells of a line; a quote that is not closed reaches to its end."""
     try:
@@ -325,7 +314,15 @@ def _one_by_one(
     separator = table.delimiter or ","
     headed = not isinstance(table.columns, list)
     if b'"' not in cleaned.content or separator == " ":
-        found = _separators(cleaned.content, separator)[int(headed) :] + 1
+        data = np.frombuffer(cleaned.content, dtype=np.uint8)
+        ends = _line_ends(data)
+        starts = (
+            np.concatenate([[0], ends[:-1] + 1])
+            if cleaned.content.endswith(b"\n")
+            else np.concatenate([[0], ends + 1])
+        )
+        counts: IntArray = np.add.reduceat(data == ord(separator), starts, dtype=np.int64)
+        found = counts[int(headed) :] + 1
         source = Source([], {}, cleaned.lines[int(headed) :], file)
         tell_rows(problems, found != len(names), source, lambda row: wrong_length(int(found[row]), names))
         if (found != len(names)).any():
@@ -457,7 +454,14 @@ def from_file(
         return None
     try:
         if path.suffix == ".parquet":
-            return _from_frame(_read_parquet(path), table, str(path))
+            lazy = pl.scan_parquet(path)
+            columns = len(lazy.collect_schema())
+            if columns > limit(COLUMNS):
+                raise InputError([Message(too_many_columns(columns), str(path))])
+            rows = lazy.select(pl.len()).collect().item()
+            check_size(rows * columns * _SMALLEST_CELL, path, TABLE)
+            note_file(path)
+            return _from_frame(lazy.collect(), table, str(path))
         if is_spreadsheet(path):
             return _from_frame(read_spreadsheet(path, table.sheet), table, str(path))
         return from_text(read_bytes(path), table, known, str(path), problems)
@@ -474,18 +478,6 @@ def _words(error: InputError, path: Path) -> str:
     near = nearest(path.name, others) if path.name not in others else ""
     said = "; ".join(problem.message for problem in error.problems)
     return said.removeprefix("this file ").removeprefix("this ") + near
-
-
-def _read_parquet(path: Path) -> pl.DataFrame:
-    """A Parquet file, the size of which is known from its description before it is unpacked."""
-    lazy = pl.scan_parquet(path)
-    columns = len(lazy.collect_schema())
-    if columns > limit(COLUMNS):
-        raise InputError([Message(too_many_columns(columns), str(path))])
-    rows = lazy.select(pl.len()).collect().item()
-    check_size(rows * columns * _SMALLEST_CELL, path, TABLE)
-    note_file(path)
-    return lazy.collect()
 
 
 def _from_frame(frame: pl.DataFrame, table: TableEntry, file: str) -> Source:
@@ -509,7 +501,17 @@ def read_table(
     """Rows of a table; ``None`` if ``problems`` were added instead."""
     before = len(problems)
     known = {column.name: column for column in columns}
-    _check_names(table, known, place, problems)
+    named = list(table.values)
+    if isinstance(table.units, dict):
+        named += list(table.units)
+    if isinstance(table.columns, list):
+        named += [name for name in table.columns if name is not None]
+    if isinstance(table.columns, dict):
+        named += [name for name in table.columns.values() if name is not None]
+    for name in dict.fromkeys(named):
+        if name not in known:
+            words = f"unknown column {name!r}{nearest(name, known)} (known here: {', '.join(known)})"
+            problems.append(place.problem(words))
     _check_common_unit(table, known, place, problems)
     source = (
         from_rows(table, place, problems)
@@ -522,22 +524,6 @@ def read_table(
     if len(problems) > before:
         return None
     return _convert(source, table, known, place, problems)
-
-
-def _check_names(
-    table: TableEntry, known: dict[str, Column], place: TableLocation, problems: list[Message]
-) -> None:
-    named = list(table.values)
-    if isinstance(table.units, dict):
-        named += list(table.units)
-    if isinstance(table.columns, list):
-        named += [name for name in table.columns if name is not None]
-    if isinstance(table.columns, dict):
-        named += [name for name in table.columns.values() if name is not None]
-    for name in dict.fromkeys(named):
-        if name not in known:
-            words = f"unknown column {name!r}{nearest(name, known)} (known here: {', '.join(known)})"
-            problems.append(place.problem(words))
 
 
 def _check_common_unit(

@@ -240,7 +240,7 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
     σ are those of :func:`sigma_of_geometry`.
     """
     problem, found, factor = quality.adjustment.problem, [], sigma_of_geometry(quality)
-    size = network_size(quality.adjustment)
+    size = _BEYOND_MEDIAN * median_distance(quality.adjustment)
     for kind, columns in problem.index.columns.items():
         limit = size if kind in _LENGTHS else NOTHING_KNOWN if kind == "rotation" else np.inf
         if not np.isfinite(limit) or limit <= 0.0:
@@ -326,11 +326,6 @@ def _has_direction(quality: Quality, block: int, size: float, factor: float) -> 
     points = quality.adjustment.values["point"]
     distance = float(np.linalg.norm(points[block] - np.median(points, axis=0)))
     return bool(np.isfinite(sigma).all() and sigma[-2] <= max(size, _NARROW * distance))
-
-
-def network_size(adjustment: Adjustment) -> float:
-    """Size of the network, length unit, which points that have run away do not change; 0 where there are no points."""
-    return _BEYOND_MEDIAN * median_distance(adjustment)
 
 
 def median_distance(adjustment: Adjustment) -> float:

@@ -443,7 +443,18 @@ def last_movements(adjustment: Adjustment) -> UnsettledUnknowns:
         steps = wanted[:, None]
     index = adjustment.problem.index
     way, net = np.abs(steps).sum(axis=1), np.abs(steps.sum(axis=1))
-    size = way * np.sqrt(_diagonal(adjustment.problem, adjustment.values))
+    # (u,) diagonal of the normal matrix: what one unit of each unknown does to all observations, squared.
+    problem = adjustment.problem
+    diagonal = np.zeros(problem.index.count + 1)
+    tangent = rotation_tangents(problem.index, adjustment.values)
+    for group in problem.groups:
+        for start in range(0, group.count, _ROWS):
+            rows: IntArray = np.arange(start, min(start + _ROWS, group.count))
+            found = linearise(group, problem.index, adjustment.values, tangent, rows)
+            weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
+            squares = np.nan_to_num(np.sum((weight[:, :, None] * found.jacobian) ** 2, axis=1))
+            np.add.at(diagonal, found.columns, squares)
+    size = way * np.sqrt(diagonal[:-1])
     order = np.argsort(-np.nan_to_num(size), kind="stable")[:LISTED]
     order = order[size[order] > 0.0]
     labels = tuple(index.label(int(column)) for column in order)
@@ -456,7 +467,14 @@ def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustm
     ``untied``: parts of the network lie anywhere, because nothing was found that ties them to the rest.
     """
     if adjustment.outcome is Outcome.NOT_CONVERGED:
-        return _hardly_determined(adjustment)
+        here = adjust(adjustment.problem, adjustment.values, SolverSettings(max_iterations=0))
+        turns = weak_turns(here.inverse.weak, here.problem, here.values)
+        if not turns or turns[0].sigma <= NOTHING_KNOWN:
+            return adjustment
+        iterations = adjustment.iterations
+        return here._replace(
+            outcome=Outcome.SINGULAR, reason=A_WEAK_TURN, start=adjustment.start, iterations=iterations
+        )
     if adjustment.outcome is not Outcome.SINGULAR or adjustment.reason not in (OPEN, UNSETTLED, NO_DATUM):
         return adjustment
     if not adjustment.plan.problem.index.count:
@@ -473,18 +491,6 @@ def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustm
 
 def _fits(adjustment: Adjustment) -> bool:
     return adjustment.normals.objective <= MISFIT * adjustment.problem.observations
-
-
-def _hardly_determined(adjustment: Adjustment) -> Adjustment:
-    """Singular where the last values show a turn of which nothing is known: it alone keeps the iteration going."""
-    here = adjust(adjustment.problem, adjustment.values, SolverSettings(max_iterations=0))
-    turns = weak_turns(here.inverse.weak, here.problem, here.values)
-    if not turns or turns[0].sigma <= NOTHING_KNOWN:
-        return adjustment
-    iterations = adjustment.iterations
-    return here._replace(
-        outcome=Outcome.SINGULAR, reason=A_WEAK_TURN, start=adjustment.start, iterations=iterations
-    )
 
 
 def only_here(adjustment: Adjustment) -> bool:
@@ -528,20 +534,6 @@ def _difference(index: Index, before: Values, after: Values) -> FloatArray:
             change = after[kind] - before[kind]
         step[columns[columns >= 0]] = change[columns >= 0]
     return step
-
-
-def _diagonal(problem: Problem, values: Values) -> FloatArray:
-    """(u,) diagonal of the normal matrix: what one unit of each unknown does to all observations, squared."""
-    diagonal = np.zeros(problem.index.count + 1)
-    tangent = rotation_tangents(problem.index, values)
-    for group in problem.groups:
-        for start in range(0, group.count, _ROWS):
-            rows: IntArray = np.arange(start, min(start + _ROWS, group.count))
-            found = linearise(group, problem.index, values, tangent, rows)
-            weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
-            squares = np.nan_to_num(np.sum((weight[:, :, None] * found.jacobian) ** 2, axis=1))
-            np.add.at(diagonal, found.columns, squares)
-    return diagonal[:-1]
 
 
 # ------------------------------------------------------------
@@ -806,7 +798,11 @@ def _without_far(
     things = [
         UndeterminedObject("point", ids[p], PARALLEL, AT_INFINITY, int(rays[p])) for p in far.points.tolist()
     ]
-    return with_points_at_infinity(network, begun, far.points, _rotations(far.directions), things)
+    # (k, 3, 3) rotations whose third rows are the directions (k, 3).
+    across = rotations.svd(far.directions[:, None, :])[2][:, 1:, :]
+    D = np.concatenate([across, far.directions[:, None, :]], axis=1)
+    D[:, 0] *= np.linalg.det(D)[:, None]
+    return with_points_at_infinity(network, begun, far.points, D, things)
 
 
 def without_points(network: Network, points: IntArray, reason: str) -> Network:
@@ -818,14 +814,6 @@ def without_points(network: Network, points: IntArray, reason: str) -> Network:
     ids = network.blocks["point"].ids
     left = [UndeterminedObject("point", ids[p], reason, "left out", int(rays[p])) for p in points.tolist()]
     return without_blocks(network, marked, left)
-
-
-def _rotations(directions: FloatArray) -> FloatArray:
-    """(k, 3, 3) rotations whose third rows are the directions (k, 3)."""
-    across = rotations.svd(directions[:, None, :])[2][:, 1:, :]
-    D = np.concatenate([across, directions[:, None, :]], axis=1)
-    D[:, 0] *= np.linalg.det(D)[:, None]
-    return D
 
 
 def _values_of(network: Network, values: Values, far: IntArray) -> dict[str, FloatArray]:

@@ -489,7 +489,13 @@ def carried_points(quality: Quality, entries: list[ObservationComponent]) -> lis
     sigma = np.array([problem.groups[e.group].sigma[e.row, e.component] for e in entries])
     moved = movements(quality, entries, sigma)
     Q = np.nan_to_num(quality.cofactors["point"])
-    least = _HALF * _below_eigenvalues(Q)
+    # (p,) bounds from below of the eigenvalues of cofactor matrices (p, 3, 3), 0 of singular ones. The
+    # product of two of the three is at most the square of half of their sum. What round-off does to the
+    # determinant is taken off.
+    trace = np.trace(Q, axis1=1, axis2=2)
+    determinant = np.einsum("pi,pi->p", Q[:, :, 0], np.cross(Q[:, :, 1], Q[:, :, 2]))
+    above = np.maximum(determinant - _FLAT * trace**3, 0.0)
+    least = _HALF * np.asarray(4.0 * np.divide(above, trace**2, out=np.zeros(len(Q)), where=trace > 0.0))
     found = []
     for k in range(len(entries)):
         x = np.where(columns >= 0, moved[columns, k], 0.0)
@@ -499,18 +505,6 @@ def carried_points(quality: Quality, entries: list[ObservationComponent]) -> lis
         order = np.argsort(-np.round(share[carried], 6), kind="stable")
         found.append(some[carried][order])
     return found
-
-
-def _below_eigenvalues(Q: FloatArray) -> FloatArray:
-    """(p,) bounds from below of the eigenvalues of cofactor matrices (p, 3, 3), 0 of singular ones.
-
-    The product of two of the three is at most the square of half of their sum. What round-off does to the determinant
-    is taken off.
-    """
-    trace = np.trace(Q, axis1=1, axis2=2)
-    determinant = np.einsum("pi,pi->p", Q[:, :, 0], np.cross(Q[:, :, 1], Q[:, :, 2]))
-    above = np.maximum(determinant - _FLAT * trace**3, 0.0)
-    return np.asarray(4.0 * np.divide(above, trace**2, out=np.zeros(len(Q)), where=trace > 0.0))
 
 
 def _inverse_roots(Q: FloatArray) -> FloatArray:

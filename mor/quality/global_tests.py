@@ -119,7 +119,12 @@ def common_effects(
     residuals = rows.whitened([np.nan_to_num(one.v) for one in quality.groups])
     white = np.stack(
         [
-            rows.whitened([_only(groups, number, here, values) for here in range(len(groups))])
+            rows.whitened(
+                [
+                    values if here == number else np.zeros(groups[here].observed.shape)
+                    for here in range(len(groups))
+                ]
+            )
             for _, number, _, values in forms
         ],
         axis=1,
@@ -150,10 +155,6 @@ def _forms(group: ObservationGroup, mask: BoolArray, component: int) -> list[_Fo
     if not group.type.wraps[component] and group.type.components[component].quantity.length == 1:
         forms.append(("scale", ones * np.nan_to_num(group.observed)))
     return forms
-
-
-def _only(groups: tuple[ObservationGroup, ...], number: int, here: int, values: FloatArray) -> FloatArray:
-    return values if here == number else np.zeros(groups[here].observed.shape)
 
 
 # ------------------------------------------------------------

@@ -57,10 +57,20 @@ def partitions(problem: Problem, network: Network) -> list[Partition]:
     """All partitions that say anything; tables first."""
     things, groups = network.things, problem.groups
     stations = _standpoints(network)
+    images = things["image"]
+    of_image = _named("image", images.numbers)
+
+    def tell(group: ObservationGroup) -> _Told | None:
+        told = of_image(group)
+        if told is None:
+            return None
+        camera = images.parts["camera"]
+        return told[0], np.where(told[1] >= 0, camera[np.maximum(told[1], 0)], NOBODY)
+
     found = [
         _by_group(groups),
         _partition("image", things["image"].ids, groups, _named("image", things["image"].numbers)),
-        _partition("camera", things["camera"].ids, groups, _by_camera(things["image"])),
+        _partition("camera", things["camera"].ids, groups, tell),
         _partition("station", tuple(dict.fromkeys(stations)), groups, _from_station(stations)),
         _partition("set", things["station"].ids, groups, _named("station", things["station"].numbers)),
         _partition("instrument", things["instrument"].ids, groups, _by_instrument(things["instrument"])),
@@ -101,19 +111,6 @@ def _named(reference: str, classes: Mapping[str, int]) -> _Teller:
                 known[used] = [classes.get(names.known[k], NOBODY) for k in used]
                 return names.numbers, known
         return None
-
-    return tell
-
-
-def _by_camera(images: Entities) -> _Teller:
-    of_image = _named("image", images.numbers)
-
-    def tell(group: ObservationGroup) -> _Told | None:
-        told = of_image(group)
-        if told is None:
-            return None
-        camera = images.parts["camera"]
-        return told[0], np.where(told[1] >= 0, camera[np.maximum(told[1], 0)], NOBODY)
 
     return tell
 

@@ -62,7 +62,11 @@ def cost_of_residuals(sizes: Sequence[FloatArray], count: int, most: float = np.
     """
     every = observed(sizes)
     factor = min(factor_of_sigmas(sizes), most)
-    return cost_of_sums(sums_of_costs(every, factor, count), factor)
+    # Sums over |v|/σ (s,) out of ``count`` observations, with k = 1 and with ``factor``, where that is
+    # larger.
+    plain = float(np.sum(costs_of_sizes(every, count)))
+    scaled = float(np.sum(costs_of_sizes(every / factor, count))) if factor > 1.0 else plain
+    return cost_of_sums(Costs(plain, scaled, every.size), factor)
 
 
 class Costs(NamedTuple):
@@ -74,13 +78,6 @@ class Costs(NamedTuple):
     """The same with another k."""
     size: int
     """Their number."""
-
-
-def sums_of_costs(sizes: FloatArray, factor: float, count: int) -> Costs:
-    """Sums over |v|/σ (s,) out of ``count`` observations, with k = 1 and with ``factor``, where that is larger."""
-    plain = float(np.sum(costs_of_sizes(sizes, count)))
-    scaled = float(np.sum(costs_of_sizes(sizes / factor, count))) if factor > 1.0 else plain
-    return Costs(plain, scaled, sizes.size)
 
 
 def cost_of_sums(sums: Costs, factor: float) -> float:
@@ -164,12 +161,6 @@ class Starts(NamedTuple):
         """(k,) what places (k, 3) of these points cost as further observations of ``count``, the whole way one."""
         away = np.nan_to_num(np.linalg.norm(places - self.places[points], axis=-1))
         return costs_of_sizes(away / self.spread, count) if self.spread > 0.0 else np.zeros(len(away))
-
-
-def starts_of(problem: Problem, values: Values, start: Values) -> Starts:
-    """Return start values of points with their precision, from the distances at which most points are found."""
-    off = np.abs(values["point"] - start["point"])[problem.index.columns["point"] >= 0]
-    return Starts(start["point"], robust_sigma(off[np.isfinite(off)]))
 
 
 class _Observed(NamedTuple):
@@ -450,7 +441,7 @@ class SuspectedOutliers:
     @property
     def count(self) -> int:
         """Number of suspects."""
-        return _count(self.masks)
+        return int(sum(np.count_nonzero(mask) for mask in self.masks))
 
 
 class Attempt(NamedTuple):
@@ -551,10 +542,17 @@ def _attempt(
         rest = adjust(remaining, found.values, settings, watch)
         if rest.outcome is Outcome.CONVERGED:
             if plain.outcome is Outcome.CONVERGED and not (
-                _are_gross(plain, rest) and (_are_few(plain, rest) or not _same_place(plain, again))
+                _are_gross(plain, rest)
+                and (
+                    (_freedom(rest) >= _MANY * (_freedom(plain) - _freedom(rest)))
+                    or not _same_place(plain, again)
+                )
             ):
                 break
-            mostly_lost = _are_mostly_lost(problem, suspects)
+            # True where most suspects are such for what is lost with them: that alone may be what is far off.
+            of_lost = tuple(np.zeros_like(mask) for mask in suspects.masks)
+            _add_rows(problem, of_lost, set(suspects.lost))
+            mostly_lost = 2 * sum(int(np.count_nonzero(mask)) for mask in of_lost) > suspects.count
             recomputed = _from_far(plain, settings, watch) if mostly_lost else Attempt(plain)
             return recomputed if recomputed.adjustment is not plain else Attempt(rest, suspects)
         missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
@@ -573,7 +571,8 @@ def _with_points_moved(problem: Problem, found: Graduated, start: Values, watch:
     """
     if "point" not in problem.index.blocks:
         return found
-    starts, seen = starts_of(problem, found.values, start), set[int]()
+    off = np.abs(found.values["point"] - start["point"])[problem.index.columns["point"] >= 0]
+    starts, seen = Starts(start["point"], robust_sigma(off[np.isfinite(off)])), set[int]()
     for _ in range(_ROUNDS):
         moved = reintersected(problem, found.values, found.sizes, starts, but=seen)
         seen.update(points_in_doubt(problem, found.sizes, seen))
@@ -591,17 +590,6 @@ def _cost(problem: Problem, found: Graduated, starts: Starts) -> float:
     count = _used(problem)
     ways = starts.costs(found.values["point"], slice(None), count)
     return cost_of_residuals(found.sizes, count) + float(np.sum(ways))
-
-
-def _count(masks: Sequence[BoolArray]) -> int:
-    return int(sum(np.count_nonzero(mask) for mask in masks))
-
-
-def _are_mostly_lost(problem: Problem, suspects: SuspectedOutliers) -> bool:
-    """True where most suspects are such for what is lost with them: that alone may be what is far off."""
-    of_lost = tuple(np.zeros_like(mask) for mask in suspects.masks)
-    _add_rows(problem, of_lost, set(suspects.lost))
-    return 2 * sum(int(np.count_nonzero(mask)) for mask in of_lost) > suspects.count
 
 
 def _from_near(settings: SolverSettings | None) -> SolverSettings:
@@ -623,11 +611,6 @@ def _from_far(plain: Adjustment, settings: SolverSettings | None, watch: Watcher
     again = adjust(plain.problem, there.values, _from_near(settings), watch)
     fits = again.outcome is Outcome.CONVERGED and not may_be_absurd(again)
     return Attempt(again, note=BY_DIRECTIONS) if fits else Attempt(plain)
-
-
-def _are_few(plain: Adjustment, rest: Adjustment) -> bool:
-    """True where the rest keeps so much redundancy that it does not matter which of them would fit as well."""
-    return _freedom(rest) >= _MANY * (_freedom(plain) - _freedom(rest))
 
 
 def _same_place(one: Adjustment, other: Adjustment) -> bool:

@@ -720,7 +720,15 @@ def implausible_sigmas(network: Network) -> Iterator[Message]:
         if not group.count or group.type.key.startswith(("observed/", "difference/")):
             continue
         for component in range(group.observed.shape[1]):
-            yield from _component_of_sigma(group, sigma, component)
+            sign, row = _beyond(group, sigma, component)
+            if sign:
+                words = "smaller" if sign > 0 else "larger"
+                name = group.type.components[component].name
+                said = (
+                    f"{group.type.name}, {name}: the standard deviation is {words} than that "
+                    f"of any instrument; check its unit"
+                )
+                yield Message(said, group.file, line_of(group, row))
 
 
 def beyond_any_instrument(network: Network, group: ObservationGroup) -> int:
@@ -731,18 +739,6 @@ def beyond_any_instrument(network: Network, group: ObservationGroup) -> int:
     sigma = sigmas(network)[number]
     signs = {_beyond(group, sigma, component)[0] for component in range(group.observed.shape[1])}
     return signs.pop() if len(signs) == 1 else 0
-
-
-def _component_of_sigma(group: ObservationGroup, sigma: FloatArray, component: int) -> Iterator[Message]:
-    sign, row = _beyond(group, sigma, component)
-    if sign:
-        words = "smaller" if sign > 0 else "larger"
-        name = group.type.components[component].name
-        said = (
-            f"{group.type.name}, {name}: the standard deviation is {words} than that "
-            f"of any instrument; check its unit"
-        )
-        yield Message(said, group.file, line_of(group, row))
 
 
 def _beyond(group: ObservationGroup, sigma: FloatArray, component: int) -> tuple[int, int]:

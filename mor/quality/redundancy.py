@@ -222,12 +222,6 @@ def add_directions(
     shares += np.sum((rays.by_point @ own[point_of_ray(rays)]) * image, axis=2)
 
 
-def lengths_of_rays(chunk: RayChunk) -> FloatArray:
-    """(n, 2) 1/|∂x/∂X|, which makes of shares of rays what an error of 1 carries into their points."""
-    slope = np.sqrt(np.einsum("ncj,ncj->nc", chunk.rays.by_point, chunk.rays.by_point))
-    return _quotient(chunk.weight, slope)
-
-
 def lengths_of_rows(
     adjustment: Adjustment, number: int, rows: IntArray, jacobian: FloatArray, columns: IntArray
 ) -> FloatArray:
@@ -662,7 +656,9 @@ def _fill_rays(
             by_point = chunk.rays.by_point
             fill(rows, place, chunk.weight, white, shares, by_point, CONTROLLED, *arrays)
         else:
-            weight, carries = chunk.weight[place], shares[place] * lengths_of_rays(chunk)[place]
+            # (n, 2) 1/|∂x/∂X|, which makes of shares of rays what an error of 1 carries into their points.
+            slope = np.sqrt(np.einsum("ncj,ncj->nc", chunk.rays.by_point, chunk.rays.by_point))
+            weight, carries = chunk.weight[place], shares[place] * _quotient(chunk.weight, slope)[place]
             _fill(one, rows, weight > 0.0, white[place], carries, weight)
 
 

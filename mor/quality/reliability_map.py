@@ -106,15 +106,11 @@ def reliability_map(quality: Quality, network: Network) -> list[Controlled]:
     found = [_of_points(quality, points.ids, place, axes[blocks])]
     for partition in partitions(problem, network):
         if partition.of in _FRAMES:
-            found.append(_of_partition(quality, partition, _axes_of(partition, network, axes)))
+            # (k,) longest semi-axes of the positions of images and stations.
+            things = network.things["image" if partition.of == "image" else "station"]
+            numbers = [things.numbers[name] for name in partition.names]
+            found.append(_of_partition(quality, partition, axes[things.parts["position"][numbers]]))
     return found
-
-
-def _axes_of(partition: Partition, network: Network, axes: FloatArray) -> FloatArray:
-    """(k,) longest semi-axes of the positions of images and stations."""
-    things = network.things["image" if partition.of == "image" else "station"]
-    numbers = [things.numbers[name] for name in partition.names]
-    return axes[things.parts["position"][numbers]]
 
 
 def _of_points(quality: Quality, names: tuple[str, ...], place: IntArray, axes: FloatArray) -> Controlled:

@@ -290,7 +290,9 @@ def _narrowed(
     """Return the solution with weights of shrinking width, from the widest to the narrowest, until they settle."""
     parts = whole(problem) if parts is None else parts
     plan = make_plan(problem, eliminable_rays(problem, start))
-    place = _IterationState(start, _sizes(plan, start), _FIRST_DAMPING)
+    place = _IterationState(
+        start, tuple(np.abs(found) for found in normalised_misclosures(plan, start)), _FIRST_DAMPING
+    )
     scales = _scales(problem, place.sizes, parts)
     multiples = np.where(_few(problem), WIDEST, widest)
     factors = _factors(problem, place.sizes, multiples, scales)
@@ -301,7 +303,13 @@ def _narrowed(
         scales = tuple(np.minimum(earlier, own) for earlier, own in zip(scales, now, strict=True))
         before, factors = factors, _factors(problem, place.sizes, multiples, scales)
         if watch is not None:
-            watch(_iteration(problem, number, place, before))
+            weighted = sum(float(np.sum(f * s**2)) for f, s in zip(before, place.sizes, strict=True))
+            active = sum(float(np.sum(f * (s > 0.0))) for f, s in zip(before, place.sizes, strict=True))
+            watch(
+                Iteration(
+                    number, weighted, place.change, place.damping, max(int(active) - problem.index.count, 0)
+                )
+            )
         if (multiples == NARROWEST).all() and _change(factors, before) < settled:
             break
     suspects = tuple(
@@ -325,17 +333,6 @@ class _IterationState(NamedTuple):
     damping: float
     change: float = 0.0
     """The last step in units of σ."""
-
-
-def _iteration(problem: Problem, number: int, place: _IterationState, factors: Factors) -> Iteration:
-    """The iteration as those who watch see it: with the weighted sum of squares and what weights are left."""
-    weighted = sum(float(np.sum(f * s**2)) for f, s in zip(factors, place.sizes, strict=True))
-    active = sum(float(np.sum(f * (s > 0.0))) for f, s in zip(factors, place.sizes, strict=True))
-    return Iteration(number, weighted, place.change, place.damping, max(int(active) - problem.index.count, 0))
-
-
-def _sizes(plan: Plan, values: Values) -> tuple[FloatArray, ...]:
-    return tuple(np.abs(found) for found in normalised_misclosures(plan, values))
 
 
 def _joint(group: ObservationGroup, size: FloatArray) -> FloatArray:
@@ -394,16 +391,14 @@ def _descend(weighted: Plan, place: _IterationState, factors: Factors) -> _Itera
         gain = (tried.objective - objective(weighted, moved)) / max(tried.gain, 1e-300) if within else -np.inf
         if gain > 0.0:
             easier = max(1.0 / 3.0, 1.0 - (2.0 * min(gain, 1.0) - 1.0) ** 3)
-            sizes, change = _sizes_of_all(weighted, moved, factors), float(np.sqrt(max(tried.gain, 0.0)))
+            found = normalised_misclosures(weighted, moved)
+            sizes, change = (
+                tuple(np.abs(v) / np.sqrt(f) for v, f in zip(found, factors, strict=True)),
+                float(np.sqrt(max(tried.gain, 0.0))),
+            )
             return _IterationState(moved, sizes, max(damping * easier, _LEAST_DAMPED), change)
         damping, raise_by = damping * raise_by, raise_by * 2.0
     return place._replace(damping=_FIRST_DAMPING)
-
-
-def _sizes_of_all(weighted: Plan, values: Values, factors: Factors) -> tuple[FloatArray, ...]:
-    """Sizes under the weights the observations came with."""
-    found = normalised_misclosures(weighted, values)
-    return tuple(np.abs(v) / np.sqrt(f) for v, f in zip(found, factors, strict=True))
 
 
 # ------------------------------------------------------------
@@ -448,7 +443,7 @@ class RobustSolution(NamedTuple):
 def robust_estimate(quality: Quality, method: Method) -> RobustSolution:
     """Robust solution that starts from an assessed least-squares one."""
     problem = quality.adjustment.problem
-    spread = spread_of(quality)
+    spread = tuple(np.sqrt(np.maximum(np.nan_to_num(group.r, nan=1.0), 0.01)) for group in quality.groups)
     adjustment = quality.adjustment
     factors = factors_of(problem, adjustment.values, spread, "l1")
     settled = False
@@ -470,11 +465,6 @@ def robust_estimate(quality: Quality, method: Method) -> RobustSolution:
 def stages_of(method: Method) -> tuple[Method, ...]:
     """Return the stages in their order: the sum of absolute residuals comes first in all of them."""
     return ("l1",) if method == "l1" else ("l1", "danish")
-
-
-def spread_of(quality: Quality) -> tuple[FloatArray, ...]:
-    """√r (n, m) of each group, never so small that an uncontrolled observation is judged by noise."""
-    return tuple(np.sqrt(np.maximum(np.nan_to_num(group.r, nan=1.0), 0.01)) for group in quality.groups)
 
 
 def change_of(factors: tuple[FloatArray, ...], before: tuple[FloatArray, ...]) -> float:

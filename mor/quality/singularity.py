@@ -174,7 +174,13 @@ def held_by_an_angle(solved: Solved, say: Translate = english) -> list[str]:
         points = _points_seen(solved, rotation)
         if fixed.all() or not fixed.any() or len(points) < 2:
             continue
-        across = _across_a_line(solved, points) / LENGTH_UNITS[length]
+        places = solved.adjustment.values["point"][points]
+        beside = places - places.mean(axis=0)
+        along = rotations.svd(beside)[2][0]
+        across = (
+            float(np.linalg.norm(beside - np.outer(beside @ along, along), axis=1).max())
+            / LENGTH_UNITS[length]
+        )
         lines.append(
             say(
                 "Only the fixed {components} of system {id} prevents it; the points of this system lie "
@@ -188,14 +194,6 @@ def held_by_an_angle(solved: Solved, say: Translate = english) -> list[str]:
             )
         )
     return lines
-
-
-def _across_a_line(solved: Solved, points: IntArray) -> float:
-    """Largest distance of points from the line that fits them best."""
-    places = solved.adjustment.values["point"][points]
-    beside = places - places.mean(axis=0)
-    along = rotations.svd(beside)[2][0]
-    return float(np.linalg.norm(beside - np.outer(beside @ along, along), axis=1).max())
 
 
 def _points_seen(solved: Solved, rotation: int) -> IntArray:
@@ -228,7 +226,12 @@ def readout_sentences(solved: Solved, say: Translate = english) -> list[str]:
             continue
         mine = np.asarray(images.parts[READOUT.key] == block)
         flown = mine & (images.parts[TRAJECTORY] >= 0)
-        if flown.any() and _any_moves(solved, flown):
+        if flown.any() and (
+            any(
+                own.pose.velocity[flown[own.images]].any() or own.pose.rate[flown[own.images]].any()
+                for own in image_poses(solved.network, solved.adjustment.start)
+            )
+        ):
             continue
         motions = {
             kind: np.unique(images.parts[kind][mine & ~flown])
@@ -250,7 +253,10 @@ def readout_sentences(solved: Solved, say: Translate = english) -> list[str]:
                     id=name,
                 )
             )
-        elif all(_scales(solved, kind, own) for kind, own in motions.items()):
+        elif all(
+            bool((_untold(solved, kind, own) | (solved.adjustment.start[kind][own] == 0.0)).all())
+            for kind, own in motions.items()
+        ):
             lines.append(
                 say(
                     "Camera {id}: its readout time and the motions of its images act by their product alone. Fix or "
@@ -259,19 +265,6 @@ def readout_sentences(solved: Solved, say: Translate = english) -> list[str]:
                 )
             )
     return lines
-
-
-def _any_moves(solved: Solved, flown: BoolArray) -> bool:
-    """True where the trajectory of one of the images ``flown`` (n,) moves or turns at its time."""
-    return any(
-        own.pose.velocity[flown[own.images]].any() or own.pose.rate[flown[own.images]].any()
-        for own in image_poses(solved.network, solved.adjustment.start)
-    )
-
-
-def _scales(solved: Solved, kind: str, own: IntArray) -> bool:
-    """True where all components that are not 0 are unknowns that nothing but images tells."""
-    return bool((_untold(solved, kind, own) | (solved.adjustment.start[kind][own] == 0.0)).all())
 
 
 def _untold(solved: Solved, kind: str, own: IntArray) -> BoolArray:
@@ -339,7 +332,24 @@ def explain_singularity(solved: Solved, say: Translate = english) -> list[str]:
                 for part in parts
                 if part.size == 1
             ),
-            *(_separated(tied, say) if len(tied) > 1 else []),
+            *(
+                [
+                    say(
+                        "The network falls into {count} parts that no observation connects:",
+                        count=len(tied),
+                    ),
+                    *(
+                        say("  part {number}: {names}", number=number, names=_things(part, say))
+                        for number, part in enumerate(tied, start=1)
+                    ),
+                    say(
+                        "Remedy: observe points of one part from the other, or points that both have in common, or "
+                        "adjust the parts separately."
+                    ),
+                ]
+                if len(tied) > 1
+                else []
+            ),
             *_loose(solved, parts, len(tied) > 1, say),
         ]
     if adjustment.reason == A_WEAK_TURN:
@@ -429,35 +439,21 @@ def _open_datum(solved: Solved, say: Translate) -> list[str]:
         )
     ]
     if any("combination" in name for name in solved.adjustment.defect.movements):
-        lines.append(say("The movement concerns {names}.", names=_moved(solved, say)))
+        index = solved.adjustment.problem.index
+        moved = np.flatnonzero(np.abs(solved.adjustment.defect.datum).max(axis=1) > _STILL)
+        blocks = dict.fromkeys(index.label(int(column))[:2] for column in moved)
+        lines.append(
+            say(
+                "The movement concerns {names}.",
+                names=enumerated([_name(*block, say) for block in blocks], _SINGULARITIES_SHOWN, say),
+            )
+        )
     about = tilt(solved.adjustment, say)
     lines += [about] if about else []
     return [
         *lines,
         say(
             "Fix or observe coordinates (control points, a scale bar), or write datum: free for a free network."
-        ),
-    ]
-
-
-def _moved(solved: Solved, say: Translate) -> str:
-    """Names of the blocks that the open movements move."""
-    index = solved.adjustment.problem.index
-    moved = np.flatnonzero(np.abs(solved.adjustment.defect.datum).max(axis=1) > _STILL)
-    blocks = dict.fromkeys(index.label(int(column))[:2] for column in moved)
-    return enumerated([_name(*block, say) for block in blocks], _SINGULARITIES_SHOWN, say)
-
-
-def _separated(parts: list[NetworkPart], say: Translate) -> list[str]:
-    return [
-        say("The network falls into {count} parts that no observation connects:", count=len(parts)),
-        *(
-            say("  part {number}: {names}", number=number, names=_things(part, say))
-            for number, part in enumerate(parts, start=1)
-        ),
-        say(
-            "Remedy: observe points of one part from the other, or points that both have in common, or "
-            "adjust the parts separately."
         ),
     ]
 

@@ -8,7 +8,7 @@ from typing import Generic, NamedTuple, Protocol, Self, TypeVar
 
 import numpy as np
 
-from mor.model.observation_types import ObservationGroup, is_image_point
+from mor.model.observation_types import is_image_point
 from mor.model.parameters import Values
 from mor.quality.assessment import Levels, Quality, assess, is_complete
 from mor.quality.outliers import (
@@ -275,7 +275,11 @@ def out_elsewhere(problem: Problem, values: Values, moved: Values, out: Masks) -
     sizes = sizes_of(problem.groups, moved)
     masks = tuple(mask.copy() for mask in out)
     for group, size, mask in zip(problem.groups, sizes, masks, strict=True):
-        rows = _of(group, points)
+        # (n,) rows that see one of some points (k,).
+        seen = np.zeros(group.count, dtype=bool)
+        for slot in slots_of_ends(group):
+            seen |= points[group.blocks[slot]]
+        rows = seen
         suspect = (size > SUSPECT).any(axis=1, keepdims=True)
         mask[rows] = (group.left_out | (group.mask & suspect))[rows]
     return Elsewhere(moved, masks)
@@ -284,14 +288,6 @@ def out_elsewhere(problem: Problem, values: Values, moved: Values, out: Masks) -
 def cost_at(problem: Problem, values: Values) -> float:
     """Return the cost of all observations at some values; removed ones count with the cost of removal."""
     return cost_of_residuals(sizes_of(problem.groups, values), problem.observations)
-
-
-def _of(group: ObservationGroup, points: BoolArray) -> BoolArray:
-    """(n,) rows that see one of some points (k,)."""
-    seen = np.zeros(group.count, dtype=bool)
-    for slot in slots_of_ends(group):
-        seen |= points[group.blocks[slot]]
-    return seen
 
 
 # ------------------------------------------------------------
@@ -583,12 +579,7 @@ class TakenOut(NamedTuple):
     @property
     def mostly(self) -> bool:
         """True where more than half were taken out."""
-        return is_mostly_out(self.excluded, self.observations)
-
-
-def is_mostly_out(excluded: int, observations: int) -> bool:
-    """True where more than half of some rows were taken out, and enough to tell."""
-    return 2 * excluded > observations and excluded >= _AT_LEAST
+        return 2 * self.excluded > self.observations and self.excluded >= _AT_LEAST
 
 
 def mostly_out(snooping: SnoopingResult) -> list[TakenOut]:

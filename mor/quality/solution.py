@@ -218,14 +218,10 @@ def _chosen_only(quality: Quality) -> bool:
     _, fixed = network_components(quality.adjustment.problem, quality.adjustment.values)
     if not fixed.any() or np.count_nonzero(fixed) > _MOST_MOVEMENTS:
         return False
-    return only_chosen_of(
-        int(np.count_nonzero(fixed)), sum(test.freedom for test in fixed_point_tests(quality))
+    return bool(
+        0 < int(np.count_nonzero(fixed)) <= _MOST_MOVEMENTS
+        and sum(test.freedom for test in fixed_point_tests(quality)) == 0
     )
-
-
-def only_chosen_of(fixed: int, freedom: int) -> bool:
-    """True where so many fixed coordinates are the datum and no more: their tests have no degree of freedom."""
-    return bool(0 < fixed <= _MOST_MOVEMENTS and freedom == 0)
 
 
 def _explained(quality: Quality, tests: GroupTests, test: GroupStatistic) -> Explained:

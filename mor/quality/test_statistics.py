@@ -446,19 +446,15 @@ def joint_statistic(
     S = np.where(both, cofactors, 0.0)
     u = np.where(here, np.nan_to_num(weighted), 0.0)
     if weighted.shape[1] == 2:
-        return _of_two(u, S)
+        # The same for two components, in closed form.
+        mean, half = 0.5 * (S[:, 0, 0] + S[:, 1, 1]), 0.5 * (S[:, 0, 0] - S[:, 1, 1])
+        radius = np.hypot(half, S[:, 0, 1])
+        turn = 0.5 * np.arctan2(S[:, 0, 1], half)
+        c, s = np.cos(turn), np.sin(turn)
+        along = np.stack([c * u[:, 0] + s * u[:, 1], c * u[:, 1] - s * u[:, 0]], axis=1)
+        return _along_axes(along, np.stack([mean + radius, mean - radius], axis=1))
     eigenvalues, axes = rotations.eigh(S)
     return _along_axes(np.einsum("nmk,nm->nk", axes, u), eigenvalues)
-
-
-def _of_two(u: FloatArray, S: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """The same for two components, in closed form."""
-    mean, half = 0.5 * (S[:, 0, 0] + S[:, 1, 1]), 0.5 * (S[:, 0, 0] - S[:, 1, 1])
-    radius = np.hypot(half, S[:, 0, 1])
-    turn = 0.5 * np.arctan2(S[:, 0, 1], half)
-    c, s = np.cos(turn), np.sin(turn)
-    along = np.stack([c * u[:, 0] + s * u[:, 1], c * u[:, 1] - s * u[:, 0]], axis=1)
-    return _along_axes(along, np.stack([mean + radius, mean - radius], axis=1))
 
 
 def _along_axes(along: FloatArray, eigenvalues: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -334,18 +334,6 @@ def on_trajectories(placed: Placed, columns: dict[str, Any], pose: dict[str, Any
 # ------------------------------------------------------------
 
 
-def start_tables(placed: Placed) -> dict[str, list[tuple[pl.DataFrame, dict[str, Any]]]]:
-    """Tables of each section of things, with the keys they have in the project."""
-    return {
-        "points": _points(placed),
-        "trajectories": trajectory_tables(placed),
-        "images": _images(placed),
-        "pairs": _pairs(placed),
-        "stations": _stations(placed),
-        "systems": _systems(placed),
-    }
-
-
 def _by_table(
     placed: Placed,
     space: str,
@@ -552,7 +540,15 @@ def adjusted_project(
     """
     data = dict(document.data)
     tables: dict[str, Given] = {}
-    for section, frames in {**start_tables(placed), **(starts or {})}.items():
+    for section, frames in {
+        "points": _points(placed),
+        "trajectories": trajectory_tables(placed),
+        "images": _images(placed),
+        "pairs": _pairs(placed),
+        "stations": _stations(placed),
+        "systems": _systems(placed),
+        **(starts or {}),
+    }.items():
         entries = []
         for name, (frame, keys) in zip(start_names(section, len(frames)), frames, strict=True):
             tables[name] = frame

@@ -137,8 +137,9 @@ def _principal_point(camera: dict[str, Any]) -> FloatArray:
 def _radii(camera: dict[str, Any], measured: pl.DataFrame) -> FloatArray:
     """Distances of image points from the principal point, in the unit of the camera."""
     xy = measured.select("x", "y").to_numpy() * _per_unit(camera, str(measured["unit"][0]))
+    down = _is_corner(camera) and not _counts_from_corner(camera)
     radii: FloatArray = np.linalg.norm(
-        xy - _origin(camera) - _principal_point(camera) * _senses(camera), axis=1
+        xy - _origin(camera) - _principal_point(camera) * np.array([1.0, -1.0 if down else 1.0]), axis=1
     )
     return radii
 
@@ -161,11 +162,6 @@ def _origin(camera: dict[str, Any]) -> FloatArray:
     size = camera["format"]
     middle: FloatArray = np.array([size["width"], size["height"]]) * size["pixel"] / 2.0
     return middle
-
-
-def _senses(camera: dict[str, Any]) -> FloatArray:
-    down = _is_corner(camera) and not _counts_from_corner(camera)
-    return np.array([1.0, -1.0 if down else 1.0])
 
 
 def _corner(camera: dict[str, Any]) -> float | None:
@@ -296,6 +292,15 @@ def certificate_text(one: Certificate, words: Words = ENGLISH) -> str:
     facts = [*_facts(one, words), *_validity(one, words)]
     width = max(len(name) for name, _ in facts)
     names, matrix = one.camera["correlations"]["components"], one.camera["correlations"]["matrix"]
+    rows = [[*cells, "" if inside else words("extrapolated")] for cells, inside in _distortion(one)]
+    small = one.small[0]
+    headers = [
+        f"radius [{one.unit}]",
+        f"distortion [{small}]",
+        f"sigma [{small}]",
+        *_expanded(one, f" [{small}]"),
+        "",
+    ]
     parts = [
         "\n".join(
             [
@@ -306,7 +311,10 @@ def certificate_text(one: Certificate, words: Words = ENGLISH) -> str:
         ),
         "\n".join([heading(words("Parameters")), _parameter_table(one, words)]),
         "\n".join(
-            [heading(words("Radial distortion, mean over all directions")), _distortion_table(one, words)]
+            [
+                heading(words("Radial distortion, mean over all directions")),
+                table(headers, rows, 0, words, last_left=True),
+            ]
         ),
     ]
     if matrix is not None and len(names) > 1:
@@ -342,15 +350,15 @@ def _facts(one: Certificate, words: Words) -> list[tuple[str, str]]:
         ),
         (
             words("global test"),
-            words("{judged}; sigma0 a posteriori / a priori {ratio}", judged=judged, ratio=_ratio(sigma0)),
+            words(
+                "{judged}; sigma0 a posteriori / a priori {ratio}",
+                judged=judged,
+                ratio=fixed(sigma0["ratio_of_sigmas"], 3),
+            ),
         ),
         (words("datum"), datum_name(view.summary["datum"], words)),
         (words("program"), view.identity["program"]),
     ]
-
-
-def _ratio(sigma0: dict[str, Any]) -> str:
-    return fixed(sigma0["ratio_of_sigmas"], 3)
 
 
 def _r0(one: Certificate, words: Words) -> str:
@@ -453,16 +461,3 @@ def _decimals(one: Certificate) -> int:
     """Decimals of distortions: two figures of the largest σ; without σ three."""
     largest = float(one.table.sigma.max(initial=0.0)) * one.small[1]
     return 3 if largest == 0.0 else int(np.clip(1 - np.floor(np.log10(largest)), 0, 7))
-
-
-def _distortion_table(one: Certificate, words: Words) -> str:
-    rows = [[*cells, "" if inside else words("extrapolated")] for cells, inside in _distortion(one)]
-    small = one.small[0]
-    headers = [
-        f"radius [{one.unit}]",
-        f"distortion [{small}]",
-        f"sigma [{small}]",
-        *_expanded(one, f" [{small}]"),
-        "",
-    ]
-    return table(headers, rows, 0, words, last_left=True)

@@ -203,7 +203,9 @@ def _labelled(solved: Solved, blocks: list[tuple[str, int]]) -> Labelled:
             labels.append(f"{kind} {block.ids[number]} {component.name}")
             units.append(
                 component.quantity.unit(
-                    solved.network.project.units.length, angle_unit(solved), _image_unit(solved)
+                    solved.network.project.units.length,
+                    angle_unit(solved),
+                    next((scale.unit for scale in solved.network.scales.values()), "mm"),
                 )
             )
         values.append(_values(solved, kind, number))
@@ -253,10 +255,6 @@ def _values(solved: Solved, kind: str, number: int) -> FloatArray:
         return angles
     values: FloatArray = solved.adjustment.values[kind][number]
     return values @ solved.network.edge.matrix if kind == "point" else values
-
-
-def _image_unit(solved: Solved) -> str:
-    return next((scale.unit for scale in solved.network.scales.values()), "mm")
 
 
 def _quality(solved: Solved) -> Quality:

@@ -161,12 +161,6 @@ def group_rows(solved: Solved) -> list[dict[str, Any]]:
     return rows
 
 
-def planned_table(solved: Solved) -> pl.DataFrame:
-    """All planned observations: the value to be expected, σ, σ adjusted, r, ∇, δ̄0."""
-    frame = observation_table(solved).rename({"observed": "planned"})
-    return frame.select(OBSERVATIONS)
-
-
 # ------------------------------------------------------------
 # Drawings of a plan (SVG): the network with its sights and ellipses, and variants side by side.
 # ------------------------------------------------------------
@@ -783,7 +777,9 @@ def write_design(
     writers: dict[str, Content] = {"design.txt": text, "design.json": data, **more}
     if solved.quality is not None:
         writers["points.csv"] = table_writer(point_table(solved))
-        writers["planned.csv"] = table_writer(planned_table(solved))
+        # All planned observations: the value to be expected, σ, σ adjusted, r, ∇, δ̄0.
+        frame = observation_table(solved).rename({"observed": "planned"})
+        writers["planned.csv"] = table_writer(frame.select(OBSERVATIONS))
         if solved.network.things["image"].ids:
             writers["images.csv"] = table_writer(image_table(solved).drop("rms"))
     write_folder(place, writers)

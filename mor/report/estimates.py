@@ -154,7 +154,11 @@ def _covariances(solved: Solved, numbers: IntArray) -> FloatArray:
 
 def _in_plan(solved: Solved, covariance: FloatArray) -> dict[str, FloatArray]:
     plan = error_ellipses(covariance)
-    return {"a": plan.a, "b": plan.b, "azimuth": bearings(solved, plan.azimuth) % _half_circle(solved)}
+    return {
+        "a": plan.a,
+        "b": plan.b,
+        "azimuth": bearings(solved, plan.azimuth) % float(np.pi / ANGLE_UNITS[angle_unit(solved)]),
+    }
 
 
 def _in_space(solved: Solved, covariance: FloatArray) -> dict[str, FloatArray]:
@@ -190,10 +194,6 @@ def bearings_of(edge: Edge, unit: str, azimuth: FloatArray) -> FloatArray:
     return np.asarray(edge.sense * (azimuth - edge.zero_azimuth) / size % (2.0 * np.pi / size))
 
 
-def _half_circle(solved: Solved) -> float:
-    return float(np.pi / ANGLE_UNITS[angle_unit(solved)])
-
-
 # ------------------------------------------------------------
 # Tables of what was estimated: points, images, cameras, stations, systems, pairs, instruments, groups.
 # ------------------------------------------------------------
@@ -213,7 +213,15 @@ def point_table(solved: Solved) -> pl.DataFrame:
     columns["rays"] = rays[numbers]
     columns["others"] = others[numbers]
     columns |= control_of_points(solved, numbers)
-    columns["status"] = _status(solved, "point", numbers)
+    # Free, partly fixed, fixed, or what was done about what nothing determines: blocks (n,).
+    kind = "point"
+    network = solved.network
+    free = network.blocks[kind].free[numbers]
+    status: IntArray = np.where(free.all(axis=1), 2, np.where(free.any(axis=1), 1, 0))
+    if kind in network.absent:
+        status = np.where(network.absent[kind][numbers], 3, status)
+        status = np.where(np.isin(numbers, list(network.directions)), 4, status)
+    columns["status"] = pl.Series(STATUSES).gather(status)
     return _frame(columns)
 
 
@@ -298,19 +306,17 @@ def pair_table(solved: Solved) -> pl.DataFrame:
     things = solved.network.things["pair"]
     if not things.ids:
         return _frame({"id": []})
+    numbers = things.parts["rotation"]
+    neutral = solved.network.edge._replace(axes=Axes())
     return _frame(
         {
             "id": list(things.ids),
             **_with_sigma(plain(solved, "base", things.parts["base"]), ("bx", "by", "bz")),
-            **_with_sigma(_relative(solved, things.parts["rotation"]), ANGLES),
+            **_with_sigma(
+                rotations(replace(solved, network=replace(solved.network, edge=neutral)), numbers), ANGLES
+            ),
         }
     )
-
-
-def _relative(solved: Solved, numbers: IntArray) -> Estimate:
-    """Relative rotations do not refer to object axes: they are said as they are."""
-    neutral = solved.network.edge._replace(axes=Axes())
-    return rotations(replace(solved, network=replace(solved.network, edge=neutral)), numbers)
 
 
 def interior_rows(solved: Solved) -> list[dict[str, Any]]:
@@ -522,27 +528,16 @@ def _squares(v: FloatArray, factors: FloatArray) -> FloatArray:
     return in_pieces((len(v),), lambda rows: np.asarray(np.nansum((v[rows] / factors) ** 2, axis=1)))
 
 
-def _status(solved: Solved, kind: str, numbers: IntArray) -> pl.Series:
-    """Free, partly fixed, fixed, or what was done about what nothing determines: blocks (n,)."""
-    network = solved.network
-    free = network.blocks[kind].free[numbers]
-    status: IntArray = np.where(free.all(axis=1), 2, np.where(free.any(axis=1), 1, 0))
-    if kind in network.absent:
-        status = np.where(network.absent[kind][numbers], 3, status)
-        status = np.where(np.isin(numbers, list(network.directions)), 4, status)
-    return pl.Series(STATUSES).gather(status)
-
-
 def _frame(columns: dict[str, Any]) -> pl.DataFrame:
     """Columns as a table; names are texts also where there is none, NaN is no value."""
     texts = [name for name in ("id", "camera", "status") if name in columns]
     frame = pl.DataFrame(columns, schema_overrides=dict.fromkeys(texts, pl.String))
-    some = [name for name, column in columns.items() if _has_nan(column)]
+    some = [
+        name
+        for name, column in columns.items()
+        if (isinstance(column, np.ndarray) and column.dtype == np.float64 and bool(np.isnan(column).any()))
+    ]
     return frame.with_columns(pl.col(some).fill_nan(None)) if some else frame
-
-
-def _has_nan(column: object) -> bool:
-    return isinstance(column, np.ndarray) and column.dtype == np.float64 and bool(np.isnan(column).any())
 
 
 # ------------------------------------------------------------

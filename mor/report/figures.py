@@ -135,24 +135,23 @@ def distortion_field(camera: dict[str, Any], area: Window, words: Words = ENGLIS
     traces = _vectors(ideal, tips, words("distortion × {scale}", scale=f"{scale:g}"), BLUE)
     bar = _scale_bar(size, scale, unit, area)
     if largest > 0.0:
-        traces.append(_confidence(around, words, enlarged))
+        traces.append(
+            {
+                "type": "scatter",
+                "mode": "lines",
+                "name": words(
+                    "{share} confidence × {scale}", share=f"{CONFIDENCE:.0%}", scale=f"{enlarged:g}"
+                ),
+                "x": around[0],
+                "y": around[1],
+                "line": {"color": ORANGE, "width": 1.2},
+                "hoverinfo": "skip",
+            }
+        )
         said, factor = small_unit(unit, round_length(size) * scale / enlarged)
         length = f"{round_length(size) * scale / enlarged * factor:g} {said}"
         bar["annotations"][0]["text"] += words("; {length} in the ellipses", length=length)
     return _image_chart(traces, unit, area, bar)
-
-
-def _confidence(around: tuple[list[Any], list[Any]], words: Words, enlarged: float) -> dict[str, Any]:
-    """The ellipses of confidence as one line."""
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "name": words("{share} confidence × {scale}", share=f"{CONFIDENCE:.0%}", scale=f"{enlarged:g}"),
-        "x": around[0],
-        "y": around[1],
-        "line": {"color": ORANGE, "width": 1.2},
-        "hoverinfo": "skip",
-    }
 
 
 def mean_residuals(data: PageData, camera: dict[str, Any]) -> Figure | None:

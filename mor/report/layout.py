@@ -49,7 +49,10 @@ def drawn(
         widths = _narrowed(widths, left, page) if gap == _GAPS[0] else widths
     text = "\n\n".join(
         _block(
-            [[row[k] for k in block] for row in cells], [widths[k] for k in block], _within(block, left), gap
+            [[row[k] for k in block] for row in cells],
+            [widths[k] for k in block],
+            {place for place, k in enumerate(block) if k in left},
+            gap,
         )
         for block in _blocks(widths, gap, page)
     ).replace(_OF_UNIT, " [")
@@ -82,14 +85,13 @@ def _blocks(widths: Sequence[int], gap: str, page: int) -> list[list[int]]:
     return blocks
 
 
-def _within(block: Sequence[int], left: Collection[int]) -> set[int]:
-    return {place for place, k in enumerate(block) if k in left}
-
-
 def _block(cells: Sequence[Sequence[str]], widths: Sequence[int], left: Collection[int], gap: str) -> str:
     lines = []
     for number, row in enumerate(cells):
-        parts = [_broken(cell, width) for cell, width in zip(row, widths, strict=True)]
+        parts = [
+            textwrap.wrap(cell, width, break_on_hyphens=False) if len(cell) > width else [cell]
+            for cell, width in zip(row, widths, strict=True)
+        ]
         height = max(map(len, parts))
         for part in parts:
             missing = [""] * (height - len(part))
@@ -99,10 +101,6 @@ def _block(cells: Sequence[Sequence[str]], widths: Sequence[int], left: Collecti
         if number == 0:
             lines.append(gap.join("-" * width for width in widths))
     return "\n".join(lines)
-
-
-def _broken(cell: str, width: int) -> list[str]:
-    return textwrap.wrap(cell, width, break_on_hyphens=False) if len(cell) > width else [cell]
 
 
 def _line(cells: Sequence[str], widths: Sequence[int], left: Collection[int], gap: str) -> str:

@@ -89,7 +89,10 @@ def movement_drawing(found: PointMovements, words: Words = ENGLISH) -> Markup:
     signs = np.array([-1.0 if found.reversed[k] else 1.0 for k in axes]) * (1.0, -1.0)
     vectors = found.movements[:, axes] * signs
     covariances = found.covariances[:, axes][:, :, axes] * np.outer(signs, signs)
-    scale = _scale(vectors, covariances)
+    around = _AROUND * np.sqrt(np.maximum(np.trace(covariances, axis1=1, axis2=2), 0.0))
+    sizes = np.maximum(np.hypot(vectors[:, 0], vectors[:, 1]), around)
+    largest = float(np.quantile(sizes, 0.95)) if len(sizes) else 0.0
+    scale = 0.1 * _MOST / largest if largest > 0.0 else 1.0
     parts = [_ellipse(p, c * scale**2) for p, c in zip(xy, covariances, strict=True)]
     parts += [_vector(p, p + scale * v, m) for p, v, m in zip(xy, vectors, found.moved, strict=True)]
     parts += _labels(found, xy, xy + scale * vectors, height)
@@ -114,14 +117,6 @@ def _on_paper(found: PointMovements, axes: tuple[int, int]) -> tuple[FloatArray,
     middle = np.array([DRAWING_WIDTH / 2.0, (height - _LEGEND) / 2.0])
     placed: FloatArray = (xy - (low + high) / 2.0) * factor + middle
     return placed, away, factor, height
-
-
-def _scale(vectors: FloatArray, covariances: FloatArray) -> float:
-    """Units of the drawing per unit of movement: the longest of nearly all is a tenth of the drawing."""
-    around = _AROUND * np.sqrt(np.maximum(np.trace(covariances, axis1=1, axis2=2), 0.0))
-    sizes = np.maximum(np.hypot(vectors[:, 0], vectors[:, 1]), around)
-    largest = float(np.quantile(sizes, 0.95)) if len(sizes) else 0.0
-    return 0.1 * _MOST / largest if largest > 0.0 else 1.0
 
 
 def _ellipse(centre: FloatArray, covariance: FloatArray) -> str:

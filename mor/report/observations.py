@@ -18,7 +18,7 @@ from mor.project.document import Document
 from mor.project.network import Network
 from mor.quality.assessment import Quality
 from mor.quality.external_reliability import PointEffect
-from mor.quality.global_tests import FixedPointTest, check_outcome, fixed_point_tests
+from mor.quality.global_tests import check_outcome, fixed_point_tests
 from mor.quality.redundancy import Reliability, student_square
 from mor.quality.reliability_map import uncontrolled
 from mor.quality.snooping import Snooped, TakenOut, mostly_out
@@ -505,23 +505,18 @@ def fixed_point_rows(solved: Solved) -> list[dict[str, Any]]:
         return []
     M, ids = solved.network.edge.matrix, solved.network.blocks["point"].ids
     return [
-        fixed_point_row(ids[test.point], test, M)
+        {
+            "id": ids[test.point],
+            "movement": (test.movement @ M).tolist(),
+            "freedom": test.freedom,
+            "test": test.statistic,
+            "p": float(np.exp(test.log_p)),
+            "test_estimated": test.ratio if np.isfinite(test.ratio) else None,
+            "p_estimated": float(np.exp(test.log_p_estimated)) if np.isfinite(test.log_p_estimated) else None,
+        }
         for test in fixed_point_tests(solved.quality)
         if test.freedom
     ]
-
-
-def fixed_point_row(name: str, test: FixedPointTest, axes: FloatArray) -> dict[str, Any]:
-    """The test of a point; ``axes`` (3, 3) turn its movement into those of the project."""
-    return {
-        "id": name,
-        "movement": (test.movement @ axes).tolist(),
-        "freedom": test.freedom,
-        "test": test.statistic,
-        "p": float(np.exp(test.log_p)),
-        "test_estimated": test.ratio if np.isfinite(test.ratio) else None,
-        "p_estimated": float(np.exp(test.log_p_estimated)) if np.isfinite(test.log_p_estimated) else None,
-    }
 
 
 def suspicious(solved: Solved, effect: PointEffect) -> dict[str, Any]:

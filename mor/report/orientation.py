@@ -52,17 +52,7 @@ def read_homologous(path: Path) -> HomologousPoints:
         frame = pl.read_csv(read_bytes(path), infer_schema=False)
     except pl.exceptions.PolarsError as error:
         raise InputError([Message(f"not a table: {str(error).splitlines()[0]}", str(path))]) from None
-    names = _columns(frame.columns, path)
-    ids = frame["id"].to_list()
-    numbers, wrong = _numbers(frame, names, path)
-    problems = [*_checked_names(ids, path), *wrong]
-    if problems:
-        raise InputError(sorted(problems, key=lambda problem: problem.line))
-    return HomologousPoints(tuple(ids), numbers.reshape(frame.height, -1, 2), str(path))
-
-
-def _columns(found: list[str], path: Path) -> list[str]:
-    """The columns of coordinates; others may stand beside them, but none that is half of an image."""
+    found = frame.columns
     images = 0
     while {f"x{images + 1}", f"y{images + 1}"} <= set(found):
         images += 1
@@ -71,7 +61,13 @@ def _columns(found: list[str], path: Path) -> list[str]:
     if "id" not in found or images < 2 or halves:
         said = f"expected the columns id, x1, y1, x2, y2 …, x and y of every image, found {', '.join(found)}"
         raise InputError([Message(said, str(path), 1)])
-    return expected
+    names = expected
+    ids = frame["id"].to_list()
+    numbers, wrong = _numbers(frame, names, path)
+    problems = [*_checked_names(ids, path), *wrong]
+    if problems:
+        raise InputError(sorted(problems, key=lambda problem: problem.line))
+    return HomologousPoints(tuple(ids), numbers.reshape(frame.height, -1, 2), str(path))
 
 
 def _checked_names(ids: list[str | None], path: Path) -> list[Message]:
@@ -367,7 +363,8 @@ def relative(measured: HomologousPoints, constants: FloatArray, sigma: float) ->
         used[:, np.flatnonzero(both)[~found.agreeing]] = False
     known = [is_orientation_known(pair) for pair in pairs]
     hang_together = any(known) and all(
-        one or _is_turned(pair) for one, pair in zip(known, pairs, strict=True)
+        one or bool(np.all(np.isfinite(pair.orientation.rotation)) and np.isnan(pair.orientation.base[0]))
+        for one, pair in zip(known, pairs, strict=True)
     )
     all_of_them = joined(pairs, images, used) if hang_together else Joined(pairs, None, None, 0)
     auxiliary = [
@@ -388,11 +385,6 @@ def _auxiliary(pair: RobustOrientation, a: Bundle, b: Bundle) -> Auxiliary | Non
 def is_orientation_known(pair: RobustOrientation) -> bool:
     """Return True if the outcome names a solution, unambiguous or not."""
     return pair.orientation.outcome.usable
-
-
-def _is_turned(pair: RobustOrientation) -> bool:
-    """Return True if both images are from one centre, and it is known how the second one is turned."""
-    return bool(np.all(np.isfinite(pair.orientation.rotation)) and np.isnan(pair.orientation.base[0]))
 
 
 def solved(found: Oriented) -> bool:
@@ -421,6 +413,9 @@ def _pair(
     k: int, ids: Any, found: RobustOrientation, auxiliary: Auxiliary | None, per_unit: float, unit: str
 ) -> dict[str, Any]:
     o = found.orientation
+    # Covariance (6, 6) of b and ω* φ* κ*.
+    rows = np.eye(6)
+    rows[3:, 3:] = by_turn(o.angles)
     return {
         "images": [k, k + 1],
         "outcome": o.outcome.name.lower(),
@@ -434,7 +429,10 @@ def _pair(
         "sigma_base": numbers(o.sigma_base),
         "rotation": numbers(o.rotation),
         "angles": {"unit": unit, **with_sigma(ANGLES, o.angles / per_unit, o.sigma_angles / per_unit)},
-        "correlation": {"of": [*BASE, *ANGLES], "matrix": numbers(correlation(_of_angles(o)))},
+        "correlation": {
+            "of": [*BASE, *ANGLES],
+            "matrix": numbers(correlation(np.asarray(rows @ o.covariance @ rows.T))),
+        },
         "sigma0": number_or_none(o.sigma0),
         "auxiliary_unknowns": numbers(o.unknowns),
         "rinner": None if auxiliary is None else _rinner(auxiliary),
@@ -446,13 +444,6 @@ def _pair(
             for name, v, used in zip(ids, found.residuals, found.agreeing, strict=True)
         ],
     }
-
-
-def _of_angles(o: RelativeOrientation) -> FloatArray:
-    """Covariance (6, 6) of b and ω* φ* κ*."""
-    rows = np.eye(6)
-    rows[3:, 3:] = by_turn(o.angles)
-    return np.asarray(rows @ o.covariance @ rows.T)
 
 
 def _rinner(auxiliary: Auxiliary) -> dict[str, Any]:
@@ -578,8 +569,27 @@ def _text_of_pair(pair: dict[str, Any], many: bool, words: Words) -> str:
         )
     lines += _planes(pair, words)
     if pair["usable"]:
-        lines += ["", _parameters(pair, words), _convention(words), "", _correlations(pair, words)]
-        lines += ["", *_text_of_rinner(pair, words), "", _residuals(pair, words)]
+        lines += [
+            "",
+            _parameters(pair, words),
+            words("X_B* = D* (X_A* - b*), |b*| = 1, D* = (Rx(omega*) Ry(phi*) Rz(kappa*))^T"),
+            "",
+            (
+                correlation_table(
+                    ["bX*", "bY*", "bZ*", "omega*", "phi*", "kappa*"], pair["correlation"]["matrix"], words
+                )
+            ),
+        ]
+        rows = [
+            [row["id"], fixed(row["coplanarity"], 3), "" if row["used"] else words.listed("not used")]
+            for row in pair["residuals"]
+        ]
+        lines += [
+            "",
+            *_text_of_rinner(pair, words),
+            "",
+            table(["point", "coplanarity [sigma]", "remark"], rows, words=words),
+        ]
     elif pair["angles"]["omega"] is not None:
         lines += ["", _parameters(pair, words)]
     if pair["alternatives"]:
@@ -614,10 +624,6 @@ def _planes(pair: dict[str, Any], words: Words) -> list[str]:
     return lines
 
 
-def _convention(words: Words) -> str:
-    return words("X_B* = D* (X_A* - b*), |b*| = 1, D* = (Rx(omega*) Ry(phi*) Rz(kappa*))^T")
-
-
 def _parameters(pair: dict[str, Any], words: Words) -> str:
     angles = pair["angles"]
     rows = [
@@ -629,12 +635,6 @@ def _parameters(pair: dict[str, Any], words: Words) -> str:
         for name in ("omega", "phi", "kappa")
     ]
     return table(["parameter", "unit", "value", "sigma"], rows, left=2, words=words)
-
-
-def _correlations(pair: dict[str, Any], words: Words) -> str:
-    return correlation_table(
-        ["bX*", "bY*", "bZ*", "omega*", "phi*", "kappa*"], pair["correlation"]["matrix"], words
-    )
 
 
 def correlation_table(names: list[str], matrix: list[list[float | None]], words: Words) -> str:
@@ -662,14 +662,6 @@ def _text_of_rinner(pair: dict[str, Any], words: Words) -> list[str]:
         for row in found["conditions"]
     ]
     return [*lines, table(["condition", "misclosure, linear", "misclosure, adjusted"], rows, words=words)]
-
-
-def _residuals(pair: dict[str, Any], words: Words) -> str:
-    rows = [
-        [row["id"], fixed(row["coplanarity"], 3), "" if row["used"] else words.listed("not used")]
-        for row in pair["residuals"]
-    ]
-    return table(["point", "coplanarity [sigma]", "remark"], rows, words=words)
 
 
 def _text_of_model(data: dict[str, Any], words: Words) -> str:
@@ -708,7 +700,10 @@ def _text_of_model(data: dict[str, Any], words: Words) -> str:
     keys = ("x", "y", "z", "omega", "phi", "kappa")
     rows = [[str(one["image"]), *_valued(one, keys)] for one in model["images"]]
     lines += ["", table(headers, rows, words=words), ""]
-    rows = [[one["id"], *_valued(one, keys[:3]), _remark(one, words)] for one in model["points"]]
+    rows = [
+        [one["id"], *_valued(one, keys[:3]), ("" if one["remark"] is None else words.listed(one["remark"]))]
+        for one in model["points"]
+    ]
     lines.append(table(["point", *_headed(("X", "Y", "Z"), "1"), "remark"], rows, words=words))
     return "\n".join(lines)
 
@@ -721,10 +716,6 @@ def _decided(rivals: int, words: Words) -> str:
             count=rivals,
         )
     return words("For ambiguous pairs, only the orientations listed first fit the other images.")
-
-
-def _remark(point: dict[str, Any], words: Words) -> str:
-    return "" if point["remark"] is None else words.listed(point["remark"])
 
 
 def _headed(names: tuple[str, ...], unit: str) -> list[str]:
@@ -802,7 +793,7 @@ def _text_of_solution(solution: dict[str, Any], words: Words) -> list[str]:
     results = [
         [words.listed(r["kind"]), r["of"], said, fixed(r["value"], 5), fixed(r["sigma"], 5)]
         for r in solution["results"]
-        for said in [words.listed(_unit(r["kind"], unit))]
+        for said in [words.listed({"angle": unit, OVER_CONSTANT: "length / c"}.get(r["kind"], "length"))]
     ]
     lines = [table(["point", *lengths, "remark"], points, words=words), ""]
     lines += [table(["image", *centres, *turns], images, words=words), ""]
@@ -815,10 +806,6 @@ def _text_of_solution(solution: dict[str, Any], words: Words) -> list[str]:
         ]
         lines += ["", correlation_table(names, matrix, words)]
     return lines
-
-
-def _unit(kind: str, angle: str) -> str:
-    return {"angle": angle, OVER_CONSTANT: "length / c"}.get(kind, "length")
 
 
 def _text_of_value(row: dict[str, Any], keys: tuple[str, ...], digits: int) -> list[str]:

@@ -121,7 +121,11 @@ def reserve(folder: Path, force: bool, names: Iterable[str] = ()) -> Iterator[Re
                     yield place
             finally:
                 _tidy(place)
-                _released(place, lock)
+                with suppress(OSError):
+                    (place.work / "lock").unlink()
+                os.close(lock)
+                with suppress(OSError):  # not empty: the next run has come in
+                    place.work.rmdir()
     finally:
         with suppress(OSError):  # not empty: there are results in them
             for path in missing:
@@ -262,15 +266,6 @@ def _lock(descriptor: int) -> None:
             raise
 
 
-def _released(place: Reservation, lock: int) -> None:
-    """Take away the lock, while it is still held, and then the folder around it."""
-    with suppress(OSError):
-        (place.work / "lock").unlink()
-    os.close(lock)
-    with suppress(OSError):  # not empty: the next run has come in
-        place.work.rmdir()
-
-
 # ------------------------------------------------------------
 # A folder of results on disk: all its files complete, or none of them; never over a file that mor may not touch.
 # ------------------------------------------------------------
@@ -358,7 +353,15 @@ def is_repeated(folder: Path, project: Path, options: Sequence[str]) -> bool:
     files = identity.get("inputs") or []
     same = identity.get("program") == f"mor {__version__}" and identity.get("options") == list(options)
     try:
-        return bool(files) and same and _is_of(files, project) and all(_unchanged(f, project) for f in files)
+        return (
+            bool(files)
+            and same
+            and (
+                project.is_dir()
+                or os.path.realpath(project.parent / files[0]["file"]) == os.path.realpath(project)
+            )
+            and all(_unchanged(f, project) for f in files)
+        )
     except (OSError, KeyError, TypeError, ValueError):
         return False
 
@@ -370,13 +373,6 @@ def _identity(path: Path) -> dict[str, Any]:
         return {}
     found = data.get("identity") if isinstance(data, dict) else None
     return found if isinstance(found, dict) else {}
-
-
-def _is_of(files: Sequence[dict[str, Any]], project: Path) -> bool:
-    """Return True if the project, a file or a folder of a foreign format, is what was read."""
-    return project.is_dir() or os.path.realpath(project.parent / files[0]["file"]) == os.path.realpath(
-        project
-    )
 
 
 def _unchanged(file: dict[str, Any], project: Path) -> bool:

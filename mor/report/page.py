@@ -181,11 +181,6 @@ def used_in_words(data: PageData) -> str:
     return " ".join(parts)
 
 
-def datum_in_words(data: PageData) -> str:
-    """The datum that coordinates and σ refer to."""
-    return data.words("{datum}. Coordinates and σ refer to it.", datum=data.datum)
-
-
 def epoch_in_words(data: PageData) -> str:
     """State how the result can be compared with another epoch."""
     return data.words(
@@ -287,7 +282,7 @@ def judgements(data: PageData) -> list[Statement]:
         _checks(data),
         _points(data),
         _geometry(data),
-        *_cameras(data),
+        *[_camera(camera, data.words) for camera in data.view.cameras],
     ]
     return _signed(statement for statement in parts if statement is not None)
 
@@ -413,7 +408,12 @@ def _rests_on(data: PageData) -> list[Statement]:
     """Datum, what was used of what was read, what would help: no judgement, but asked of every adjustment."""
     say = data.words
     return [
-        Statement(PLAIN, say("Datum"), datum_in_words(data), "key-figures"),
+        Statement(
+            PLAIN,
+            say("Datum"),
+            data.words("{datum}. Coordinates and σ refer to it.", datum=data.datum),
+            "key-figures",
+        ),
         _another_epoch(data),
         Statement(PLAIN, say("Input"), used_in_words(data), "files"),
     ]
@@ -639,10 +639,6 @@ def _geometry(data: PageData) -> Statement | None:
     return Statement(DOUBT if two or narrow else GOOD, data.words("Rays"), words, "tests")
 
 
-def _cameras(data: PageData) -> list[Statement]:
-    return [_camera(camera, data.words) for camera in data.view.cameras]
-
-
 def _camera(camera: dict[str, Any], say: Words) -> Statement:
     first, component = next(iter(camera["components"].items()))
     value = f"{first} = {component['value']:.6g}"
@@ -652,7 +648,14 @@ def _camera(camera: dict[str, Any], say: Words) -> Statement:
         else f" {camera['unit']} ({say('fixed')})"
     )
     names, matrix = camera["correlations"]["components"], camera["correlations"]["matrix"]
-    weak = [name for name, c in camera["components"].items() if _insignificant(name, c)]
+    weak = [
+        name
+        for name, c in camera["components"].items()
+        if (
+            name not in ("c", "fx", "fy", "f", "xh", "yh", "cx", "cy")
+            and bool(c["sigma"] and abs(c["value"]) < 1.96 * c["sigma"])
+        )
+    ]
     words = f"{value}."
     strong = _strongest(names, matrix)
     if strong is not None:
@@ -665,12 +668,6 @@ def _camera(camera: dict[str, Any], say: Words) -> Statement:
     words += " " + say("Not significant: {names}.", names=", ".join(weak)) if weak else ""
     doubt = weak or (strong is not None and abs(strong[2]) > _STRONG)
     return Statement(DOUBT if doubt else GOOD, say("Camera {id}", id=camera["id"]), words, "cameras")
-
-
-def _insignificant(name: str, component: dict[str, Any]) -> bool:
-    return name not in ("c", "fx", "fy", "f", "xh", "yh", "cx", "cy") and bool(
-        component["sigma"] and abs(component["value"]) < 1.96 * component["sigma"]
-    )
 
 
 def _strongest(names: list[str], matrix: list[list[float]] | None) -> tuple[str, str, float] | None:

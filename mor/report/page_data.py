@@ -90,7 +90,11 @@ def image_points(view: View) -> pl.DataFrame:
     if x.height == y.height and all((x[name] == y[name]).all() for name in places):
         both = x.hstack(y.select(pl.col(name).alias(f"{name}_y") for name in others))
     else:
-        both = _joined(x, y, places, others)
+        again = pl.int_range(pl.len()).over(places).alias("again")
+        keys = [*places, "again"]
+        both = x.with_columns(again).join(
+            y.with_columns(again).select(*keys, *others), on=keys, suffix="_y", maintain_order="left"
+        )
     return both.select(
         pl.col("from").alias("image"),
         pl.col("to").alias("point"),
@@ -102,15 +106,6 @@ def image_points(view: View) -> pl.DataFrame:
         ((pl.col("r") + pl.col("r_y")) / 2.0).alias("r"),
         pl.max_horizontal(pl.col("w").abs(), pl.col("w_y").abs()).alias("w"),
         (pl.col("flag") + pl.col("flag_y")).alias("flag"),
-    )
-
-
-def _joined(x: pl.DataFrame, y: pl.DataFrame, places: list[str], others: list[str]) -> pl.DataFrame:
-    """x and y of each ray, where some are missing; what was measured again is told apart by its order."""
-    again = pl.int_range(pl.len()).over(places).alias("again")
-    keys = [*places, "again"]
-    return x.with_columns(again).join(
-        y.with_columns(again).select(*keys, *others), on=keys, suffix="_y", maintain_order="left"
     )
 
 
@@ -157,19 +152,6 @@ def _coverages(view: View, measured: pl.DataFrame, areas: dict[str, Window]) -> 
         size = (area.x[1] - area.x[0]) * (area.y[1] - area.y[0])
         result[str(name)] = 100.0 * covered(rows.select("x", "y").to_numpy(), size)
     return result
-
-
-def sets_with_tests(view: View, words: Words = ENGLISH) -> pl.DataFrame:
-    """Groups of directions by station or set, and all other groups: number, mean and smallest r, largest |w|."""
-    used = view.used.filter(pl.col("type") != "image")
-    is_set = pl.col("type").str.ends_with("directions")
-    named = used.with_columns(
-        pl.when(is_set)
-        .then(pl.lit(f"{words('station')} ") + pl.col("from"))
-        .otherwise(pl.col("group"))
-        .alias("set")
-    )
-    return named.group_by("set", "type", maintain_order=True).agg(_measures())
 
 
 def control_table(view: View) -> pl.DataFrame:
@@ -263,6 +245,14 @@ def page_data(view: View, words: Words = ENGLISH) -> PageData:
     """Return the data of the page of a view, in a language."""
     rays, measured = rays_of(view), image_points(view)
     areas = windows(view, measured)
+    used = view.used.filter(pl.col("type") != "image")
+    is_set = pl.col("type").str.ends_with("directions")
+    named = used.with_columns(
+        pl.when(is_set)
+        .then(pl.lit(f"{words('station')} ") + pl.col("from"))
+        .otherwise(pl.col("group"))
+        .alias("set")
+    )
     return PageData(
         view=view,
         rays=rays,
@@ -270,7 +260,7 @@ def page_data(view: View, words: Words = ENGLISH) -> PageData:
         windows=areas,
         points=points_with_tests(view, rays, angle_unit_of_rays(view)),
         images=images_with_tests(view, measured, areas),
-        sets=sets_with_tests(view, words),
+        sets=named.group_by("set", "type", maintain_order=True).agg(_measures()),
         words=words,
     )
 

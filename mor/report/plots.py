@@ -599,7 +599,17 @@ def overlap_and_rays(view: View, words: Words = ENGLISH) -> Figure:
     figure = sheet(9.0, 4.6)
     left, right = figure.subplots(1, 2, sharex=True, sharey=True)
     _map(left, found, words)
-    _rays(right, view, found, words)
+    rays, xy = view.points["rays"].to_numpy(), places(view)[:, found.axes]
+    for (low, high), (colour, mark, size) in zip(RAY_CLASSES, _LOOKS, strict=True):
+        mine = (rays >= low) & (rays <= (np.inf if high is None else high))
+        if mine.any():
+            name = f"≥ {low}" if high is None else str(low) if low == high else f"{low}–{high}"
+            label = f"{name} ({int(mine.sum())})"
+            right.plot(*xy[mine].T, mark, color=colour, ms=size, ls="none", label=label, rasterized=True)
+    right.legend(
+        title=words("rays"), loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7, title_fontsize=7
+    )
+    right.set_title(words("Points by their rays"), fontsize=9, loc="left")
     for axes in (left, right):
         axes.set_aspect("equal", adjustable="box")
         axes.ticklabel_format(useOffset=False, style="plain")
@@ -634,20 +644,6 @@ def _map(axes: Axes, found: Overlap, words: Words) -> None:
     axes.set_xlim(low[0] - margin, high[0] + margin)
     axes.set_ylim(low[1] - margin, high[1] + margin)
     axes.set_title(words("Images that measured points in each cell"), fontsize=9, loc="left")
-
-
-def _rays(axes: Axes, view: View, found: Overlap, words: Words) -> None:
-    rays, xy = view.points["rays"].to_numpy(), places(view)[:, found.axes]
-    for (low, high), (colour, mark, size) in zip(RAY_CLASSES, _LOOKS, strict=True):
-        mine = (rays >= low) & (rays <= (np.inf if high is None else high))
-        if mine.any():
-            name = f"≥ {low}" if high is None else str(low) if low == high else f"{low}–{high}"
-            label = f"{name} ({int(mine.sum())})"
-            axes.plot(*xy[mine].T, mark, color=colour, ms=size, ls="none", label=label, rasterized=True)
-    axes.legend(
-        title=words("rays"), loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7, title_fontsize=7
-    )
-    axes.set_title(words("Points by their rays"), fontsize=9, loc="left")
 
 
 # ------------------------------------------------------------

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from io import BytesIO
 from pathlib import Path
@@ -138,13 +138,6 @@ def _with_interiors(images: list[dict[str, Any]] | None, solved: Solved) -> list
     if images is None:
         return None
     interiors = image_interiors(solved)
-    return with_interiors(images, interiors)
-
-
-def with_interiors(
-    images: list[dict[str, Any]], interiors: Mapping[str, dict[str, Any]]
-) -> list[dict[str, Any]]:
-    """The same with those interiors, by image."""
     return [{**row, "interior": interiors[row["id"]]} if row["id"] in interiors else row for row in images]
 
 
@@ -235,7 +228,8 @@ def table_writer(frame: pl.DataFrame | str, kind: Format = "csv") -> Writer:
 def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
     """Writer of the whole table of residuals, which is never in memory as a whole."""
     tested = AssessedGroups(solved)
-    unsafe = _has_unsafe_names(solved)
+    names = (name for things in solved.network.things.values() for name in things.ids)
+    unsafe = any_unsafe(names) or any_unsafe(group.name for group in solved.adjustment.problem.groups)
 
     def csv(path: Path) -> None:
         with path.open("wb") as file:
@@ -259,11 +253,6 @@ def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
         whole.sink_parquet(path, compression_level=_LEVEL, row_group_size=_TABLES_FILES_ROWS_TOGETHER)
 
     return parquet if kind == "parquet" else csv
-
-
-def _has_unsafe_names(solved: Solved) -> bool:
-    names = (name for things in solved.network.things.values() for name in things.ids)
-    return any_unsafe(names) or any_unsafe(group.name for group in solved.adjustment.problem.groups)
 
 
 def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:

@@ -62,7 +62,23 @@ def summary(solved: Solved) -> dict[str, Any]:
         adjustment.kernels,
     )
     things = undeterminable_rows(solved)
-    return summary_of(solved.network.project, ended, _undetermined(solved), things, statistics(solved))
+    return summary_of(
+        solved.network.project,
+        ended,
+        (
+            [
+                {
+                    "unknowns": [
+                        f"{said_thing(*unknown[:2])} {unknown[2]}" for unknown in direction.unknowns
+                    ],
+                    "amounts": list(direction.amounts),
+                }
+                for direction in solved.adjustment.defect.undetermined
+            ]
+        ),
+        things,
+        statistics(solved),
+    )
 
 
 def summary_of(
@@ -103,16 +119,6 @@ def summary_of(
             for step in ended.iterations
         ],
     }
-
-
-def _undetermined(solved: Solved) -> list[dict[str, Any]]:
-    return [
-        {
-            "unknowns": [f"{said_thing(*unknown[:2])} {unknown[2]}" for unknown in direction.unknowns],
-            "amounts": list(direction.amounts),
-        }
-        for direction in solved.adjustment.defect.undetermined
-    ]
 
 
 NO_STATISTICS: dict[str, Any] = dict.fromkeys(
@@ -197,20 +203,18 @@ def moving_rows(solved: Solved) -> list[dict[str, Any]]:
                 "of": space,
                 "id": name,
                 "component": component,
-                "unit": quantity.unit(solved.network.project.units.length, angle, _image_unit(solved)),
+                "unit": quantity.unit(
+                    solved.network.project.units.length,
+                    angle,
+                    next((scale.unit for scale in solved.network.scales.values()), "mm"),
+                ),
                 "steps": [_number(step / factor) for step in steps],
-                "way": _way(len(steps), float(back)),
+                "way": (
+                    "wanted" if len(steps) == 1 else "to and fro" if float(back) > OSCILLATES else "away"
+                ),
             }
         )
     return rows
-
-
-def _way(steps: int, back: float) -> str:
-    return "wanted" if steps == 1 else "to and fro" if back > OSCILLATES else "away"
-
-
-def _image_unit(solved: Solved) -> str:
-    return next((scale.unit for scale in solved.network.scales.values()), "mm")
 
 
 def _number(value: float) -> float | None:

@@ -47,6 +47,10 @@ def section(solved: Solved, words: Words = ENGLISH, persons: Sequence[tuple[str,
     ]
     if solved.quality is not None:
         test, sigma0 = data["global_test"], data["sigma0"]
+        quality = solved.quality
+        posterior = quality is not None and quality.sigma_factor != 1.0
+        which = "a posteriori" if posterior else "a priori"
+        datum = datum_name(solved.adjustment.problem.datum.name, words)
         rows += [
             (
                 "redundancy n - u + d",
@@ -59,7 +63,10 @@ def section(solved: Solved, words: Words = ENGLISH, persons: Sequence[tuple[str,
             ("sigma0 a priori", words.number(short(sigma0["apriori"]))),
             ("sigma0 a posteriori", words.number(short(sigma0["aposteriori"], 7))),
             ("vTPv", f"{words.number(fixed(test['statistic'], 3))}, {_limits(test, words)}"),
-            ("standard deviations", _multiplied(solved, words)),
+            (
+                "standard deviations",
+                words("with sigma0 {which}, in the datum: {datum}", which=words(which), datum=datum),
+            ),
             ("units", words("lengths {length}, angles {angle}", **data["units"])),
             ("residuals", words("v = adjusted - observed")),
         ]
@@ -110,7 +117,21 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
     lines += in_common(gross_errors(solved).get("in_common", []), words)
     lines += first_sentence(possible_causes(solved), words)
     lines += sentences_of_things(solved.network.undeterminable, words)
-    return [*lines, *(_uncontrolled(solved, words) if test.redundancy else []), *_emptied(solved, words)]
+    return [
+        *lines,
+        *(_uncontrolled(solved, words) if test.redundancy else []),
+        *(
+            [
+                words(
+                    "Nothing is left of {group}: all its observations were excluded ({count}).",
+                    count=row["excluded"],
+                    group=row["name"],
+                )
+                for row in group_table(solved).to_dicts()
+                if row["observations"] == 0 and row["excluded"] > 0
+            ]
+        ),
+    ]
 
 
 def _uncontrolled(solved: Solved, words: Words) -> list[str]:
@@ -128,19 +149,6 @@ def _uncontrolled(solved: Solved, words: Words) -> list[str]:
     if count > NAMED:
         return [f"{judged}."]
     return [f"{judged}: {'; '.join(in_words(row, words) for row in data['observations'])}."]
-
-
-def _emptied(solved: Solved, words: Words) -> list[str]:
-    """Groups of which nothing takes part any more: what tests accept then says nothing about them."""
-    return [
-        words(
-            "Nothing is left of {group}: all its observations were excluded ({count}).",
-            count=row["excluded"],
-            group=row["name"],
-        )
-        for row in group_table(solved).to_dicts()
-        if row["observations"] == 0 and row["excluded"] > 0
-    ]
 
 
 def _advice(solved: Solved, words: Words) -> list[str]:
@@ -187,14 +195,6 @@ def _limits(test: dict[str, float], words: Words) -> str:
     )
 
 
-def _multiplied(solved: Solved, words: Words) -> str:
-    quality = solved.quality
-    posterior = quality is not None and quality.sigma_factor != 1.0
-    which = "a posteriori" if posterior else "a priori"
-    datum = datum_name(solved.adjustment.problem.datum.name, words)
-    return words("with sigma0 {which}, in the datum: {datum}", which=words(which), datum=datum)
-
-
 # ------------------------------------------------------------
 # The summary on the terminal: accepted or not, what is worst, how good points and cameras are, on one screen.
 # ------------------------------------------------------------
@@ -224,7 +224,20 @@ def _screen(solved: Solved, words: Words, verbose: bool) -> str:
         *_worst(solved, words),
         *_points(solved, words),
         *_cameras(solved, words),
-        *_checks(solved, words),
+        *(
+            [
+                words(
+                    "Check {id}, {component}: rms {rms} {unit}, largest {largest} {unit} ({count})",
+                    id=row["group"],
+                    component=row["component"],
+                    rms=short(row["rms"], 3),
+                    largest=short(row["largest"], 3),
+                    unit=row["unit"],
+                    count=row["count"],
+                )
+                for row in check_rows(solved)[:CHECKS]
+            ]
+        ),
     ]
     head = "\n".join(verdict(solved, words)).split("\n")
     if verbose:
@@ -315,21 +328,6 @@ def _cameras(solved: Solved, words: Words) -> list[str]:
             f"{words('Camera {id}', id=row['id'])}: {name} = {value}{sigma} {row['unit']}{fixed_words}"
         )
     return lines
-
-
-def _checks(solved: Solved, words: Words) -> list[str]:
-    return [
-        words(
-            "Check {id}, {component}: rms {rms} {unit}, largest {largest} {unit} ({count})",
-            id=row["group"],
-            component=row["component"],
-            rms=short(row["rms"], 3),
-            largest=short(row["largest"], 3),
-            unit=row["unit"],
-            count=row["count"],
-        )
-        for row in check_rows(solved)[:CHECKS]
-    ]
 
 
 def _groups(solved: Solved, words: Words) -> list[str]:

@@ -108,7 +108,16 @@ def diagnosed(data: dict[str, Any], words: Words = ENGLISH) -> str:
         lines.append(words("No hypothesis explains the observations better than chance."))
     for number, row in enumerate(data["offered"], 1):
         lines.append(f"{number}. {sentence(row, words)}")
-        lines.append("   " + _effect(row, words))
+        lines.append(
+            "   "
+            + (
+                words(
+                    "vTPv {after} ({freedom:degree|degrees} of freedom)",
+                    after=words.number(short(row["vtpv_after"], 5)),
+                    freedom=row["freedom_after"],
+                )
+            )
+        )
         lines.append("   " + words("to try it: {line}", line=row["line"]))
         lines += _diff(row.get("diff"), words)
     if data["offered"]:
@@ -163,14 +172,6 @@ def sentence(row: dict[str, Any], words: Words = ENGLISH) -> str:
         return said
     amount = row["amount"]
     return f"{said}: {words.listed(amount['name'])} {words.number(short(amount['value'], 6))} {amount['unit']}".rstrip()
-
-
-def _effect(row: dict[str, Any], words: Words) -> str:
-    return words(
-        "vTPv {after} ({freedom:degree|degrees} of freedom)",
-        after=words.number(short(row["vtpv_after"], 5)),
-        freedom=row["freedom_after"],
-    )
 
 
 # ------------------------------------------------------------
@@ -502,7 +503,7 @@ def unsettled_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN
         _iterations(solved, words),
         _moving(solved, words),
         _worst(solved, words, shown),
-        _warning(words),
+        heading(words("NOT A SOLUTION: all values below are those of the last iteration")),
     ]
     return "\n\n".join(part for part in parts if part)
 
@@ -560,7 +561,3 @@ def _worst(solved: Solved, words: Words, shown: int) -> str:
     headers = ["type", "between", "component", "unit", "observed", "v", "sigma", "|v|/sigma"]
     title = heading(words("Largest misfits at the last values (no solution, so v is not a residual)"))
     return "\n".join([title, table(headers, rows, 4, words)])
-
-
-def _warning(words: Words) -> str:
-    return heading(words("NOT A SOLUTION: all values below are those of the last iteration"))

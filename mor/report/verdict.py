@@ -259,19 +259,17 @@ def reliability_rows(solved: Solved) -> dict[str, Any] | None:
         "observations": _observations(solved, quality, entries),
     }
     found = {one.of: one for one in solved.reliability_map}
-    unknown = unknown_coordinates(solved)
+    # (p,) number of unknown coordinates of each point.
+    blocks = solved.network.things["point"].parts["position"]
+    unknown = np.asarray(
+        np.count_nonzero(solved.adjustment.problem.index.columns["point"][blocks] >= 0, axis=1)
+    )
     rows["points_barely_determined"] = int(
         np.count_nonzero(barely_determined(unknown, found["point"].observations))
     )
     for kind, key in KINDS.items():
         rows[key] = _things(solved, found[kind]) if kind in found else []
     return rows
-
-
-def unknown_coordinates(solved: Solved) -> IntArray:
-    """(p,) number of unknown coordinates of each point."""
-    blocks = solved.network.things["point"].parts["position"]
-    return np.asarray(np.count_nonzero(solved.adjustment.problem.index.columns["point"][blocks] >= 0, axis=1))
 
 
 def barely_determined(unknown: IntArray, observations: IntArray) -> BoolArray:

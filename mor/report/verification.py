@@ -82,7 +82,13 @@ def verification_data(checks: Iterable[ReferenceCheck]) -> dict[str, Any]:
         "date": now.isoformat(timespec="seconds"),
         "python": f"{platform.python_implementation()} {platform.python_version()}",
         "libraries": {name: found for name in _LIBRARIES if (found := _version(name))},
-        "linear_algebra": sorted({_library(one) for one in threadpool_info() if one["user_api"] == "blas"}),
+        "linear_algebra": sorted(
+            {
+                " ".join(str(one[key]) for key in ("internal_api", "version", "architecture") if one.get(key))
+                for one in threadpool_info()
+                if one["user_api"] == "blas"
+            }
+        ),
         "system": platform.platform(),
         "processor": _processor(),
         "processors": os.cpu_count(),
@@ -102,10 +108,6 @@ def _version(name: str) -> str:
         return version(name)
     except PackageNotFoundError:
         return ""
-
-
-def _library(info: dict[str, Any]) -> str:
-    return " ".join(str(info[key]) for key in ("internal_api", "version", "architecture") if info.get(key))
 
 
 def _processor() -> str:

@@ -50,7 +50,18 @@ def loose_directions(
     """
     found = basis.T @ datum
     loose = []
-    for direction in _of_single_blocks(basis, index):
+    # Combinations (k,) of the basis that move one parameter block and nothing else, component by component.
+    starts = np.flatnonzero(
+        (np.diff(index.kind_of, prepend=-1) != 0) | (np.diff(index.block_of, prepend=-1) != 0)
+    )
+    heavy = np.add.reduceat(np.sum(basis**2, axis=1), starts) > 1.0 - 2.0 * _ALONE
+    ends = np.append(starts[1:], len(basis))
+    directions: list[FloatArray] = []
+    for start, end in zip(starts[heavy], ends[heavy], strict=True):
+        _, lengths, right = np.linalg.svd(basis[start:end], full_matrices=False)
+        alone = right[1.0 - lengths**2 < _ALONE].T
+        directions.extend((alone @ _echelon(basis[start:end] @ alone)).T)
+    for direction in directions:
         if _adds(found, direction):
             found = np.column_stack([found, direction])
             loose.append(direction)
@@ -104,21 +115,6 @@ def _adds(found: FloatArray, direction: FloatArray) -> bool:
         return True
     basis, _ = np.linalg.qr(found)
     return bool(np.linalg.norm(direction - basis @ (basis.T @ direction)) > 1e-6 * np.linalg.norm(direction))
-
-
-def _of_single_blocks(basis: FloatArray, index: Index) -> list[FloatArray]:
-    """Combinations (k,) of the basis that move one parameter block and nothing else, component by component."""
-    starts = np.flatnonzero(
-        (np.diff(index.kind_of, prepend=-1) != 0) | (np.diff(index.block_of, prepend=-1) != 0)
-    )
-    heavy = np.add.reduceat(np.sum(basis**2, axis=1), starts) > 1.0 - 2.0 * _ALONE
-    ends = np.append(starts[1:], len(basis))
-    directions: list[FloatArray] = []
-    for start, end in zip(starts[heavy], ends[heavy], strict=True):
-        _, lengths, right = np.linalg.svd(basis[start:end], full_matrices=False)
-        alone = right[1.0 - lengths**2 < _ALONE].T
-        directions.extend((alone @ _echelon(basis[start:end] @ alone)).T)
-    return directions
 
 
 def _echelon(movements: FloatArray) -> FloatArray:
@@ -426,7 +422,17 @@ def local_defects(
         (of.sizes > 0) & ~too_few & (entries <= _FEW * of.sizes) & ~_by_rays_only(problem, bodies, count)
     )
     loose = too_few.copy()
-    loose[doubtful] = _singular(_normals(problem, values, bodies, of, doubtful), of.sizes[doubtful])
+    # (n,) true where a matrix of that size, scaled to unit diagonal, is singular to round-off.
+    normals = _normals(problem, values, bodies, of, doubtful)
+    sizes = of.sizes[doubtful]
+    width = normals.shape[1]
+    diagonal = np.diagonal(normals, axis1=1, axis2=2)
+    inside = np.arange(width) < sizes[:, None]
+    scale = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 0.0)
+    scaled = normals * scale[:, :, None] * scale[:, None, :]
+    scaled[:, np.arange(width), np.arange(width)] = np.where(inside, (diagonal > 0.0).astype(float), 1.0)
+    smallest = np.linalg.eigvalsh(scaled)[:, 0] if width else np.ones(len(sizes))
+    loose[doubtful] = np.asarray(smallest < 1e-14 * max(width, 1))
     return LocalDefects(loose, rows, too_few)
 
 
@@ -499,31 +505,17 @@ def _normals(
             part = rows[start : start + _ROWS]
             found = linearise(group, problem.index, values, tangent, part)
             jacobian = found.jacobian / np.where(group.mask[part], group.sigma[part], 1.0)[:, :, None]
-            _add(flat, width, jacobian, body_of[found.columns], place_of[found.columns])
+            # Add the products of columns (n, K) that belong to one body.
+            body = body_of[found.columns]
+            place = place_of[found.columns]
+            for i in range(body.shape[1]):
+                for k in range(body.shape[1]):
+                    same = (body[:, i] >= 0) & (body[:, i] == body[:, k])
+                    if same.any():
+                        products = np.sum(jacobian[same, :, i] * jacobian[same, :, k], axis=1)
+                        cells = (body[same, i] * width + place[same, i]) * width + place[same, k]
+                        np.add.at(flat, cells, products)
     return np.nan_to_num(flat.reshape(count, width, width))
-
-
-def _add(flat: FloatArray, width: int, jacobian: FloatArray, body: IntArray, place: IntArray) -> None:
-    """Add the products of columns (n, K) that belong to one body."""
-    for i in range(body.shape[1]):
-        for k in range(body.shape[1]):
-            same = (body[:, i] >= 0) & (body[:, i] == body[:, k])
-            if same.any():
-                products = np.sum(jacobian[same, :, i] * jacobian[same, :, k], axis=1)
-                cells = (body[same, i] * width + place[same, i]) * width + place[same, k]
-                np.add.at(flat, cells, products)
-
-
-def _singular(normals: FloatArray, sizes: IntArray) -> BoolArray:
-    """(n,) true where a matrix of that size, scaled to unit diagonal, is singular to round-off."""
-    width = normals.shape[1]
-    diagonal = np.diagonal(normals, axis1=1, axis2=2)
-    inside = np.arange(width) < sizes[:, None]
-    scale = np.where(diagonal > 0.0, 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0)), 0.0)
-    scaled = normals * scale[:, :, None] * scale[:, None, :]
-    scaled[:, np.arange(width), np.arange(width)] = np.where(inside, (diagonal > 0.0).astype(float), 1.0)
-    smallest = np.linalg.eigvalsh(scaled)[:, 0] if width else np.ones(len(sizes))
-    return np.asarray(smallest < 1e-14 * max(width, 1))
 
 
 # ------------------------------------------------------------

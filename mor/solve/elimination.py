@@ -187,7 +187,7 @@ def accumulate_by_numpy(rays: Rays, system: ReducedSystem, damping: float) -> tu
     for part in _parts(rays, system.matrix.structure):
         mine = part.rays
         roots, vanished = _inverse_roots(mine, damping)
-        of_points = _gradient_of_points(mine, mine.residual)
+        of_points = _sum_by_point(mine, -np.einsum("ncj,nc->nj", mine.by_point, mine.residual))
         V = _coupling(mine) @ roots[part.point].transpose(0, 2, 1)
         u = np.einsum("pij,pj->pi", roots, of_points)
         flat = part.spread(V).reshape(part.order, -1)
@@ -352,11 +352,6 @@ def _coupling(rays: Rays) -> FloatArray:
     """Return jᵀa (n, K, 3); rows of fixed unknowns are zero."""
     coupling = rays.by_others.transpose(0, 2, 1) @ rays.by_point
     return np.where(rays.columns_of_rays[:, :, None] >= 0, coupling, 0.0)
-
-
-def _gradient_of_points(rays: Rays, residual: FloatArray) -> FloatArray:
-    """Return b_p = −Σ aᵀ residual (p, 3)."""
-    return _sum_by_point(rays, -np.einsum("ncj,nc->nj", rays.by_point, residual))
 
 
 def _sum_by_point(rays: Rays, of_rays: FloatArray) -> FloatArray:

@@ -28,7 +28,7 @@ from mor.solve.normals import (
 )
 from mor.solve.problem import ClusterRows, Problem, linearise, misclosures, misclosures_of, rotation_tangents
 from mor.solve.rays import Measurements, RayPlan
-from mor.types import BoolArray, FloatArray, IntArray
+from mor.types import FloatArray, IntArray
 
 # ------------------------------------------------------------
 # The solved system: factorisation, directions that are null or nearly so, steps and cofactors.
@@ -335,7 +335,18 @@ def local_precision(problem: Problem, values: Values, columns: IntArray) -> Loca
             np.add.at(observations, one[fresh], np.isfinite(seen).sum(axis=1))
     with np.errstate(invalid="ignore", divide="ignore"):
         misfit = np.sqrt(squares / observations)
-    return Local(_sigma(normal, columns >= 0), misfit, observations)
+    used = columns >= 0
+    diagonal = np.sqrt(np.einsum("nii->ni", normal))
+    scale = np.where(diagonal > 0.0, diagonal, 1.0)
+    scaled = normal / (scale[:, :, None] * scale[:, None, :]) + np.where(used, 0.0, 1.0)[:, :, None] * np.eye(
+        normal.shape[1]
+    )
+    sound = np.isfinite(scaled).all(axis=(1, 2))
+    scaled[~sound] = np.eye(normal.shape[1])
+    sound &= np.linalg.eigvalsh(scaled)[:, 0] > DETERMINED
+    scaled[~sound] = np.eye(normal.shape[1])
+    sigma = np.sqrt(np.einsum("nii->ni", np.linalg.inv(scaled))) / scale
+    return Local(np.where(used & sound[:, None], sigma, np.nan), misfit, observations)
 
 
 def _weighted(problem: Problem, values: Values) -> Iterator[tuple[FloatArray, FloatArray, IntArray]]:
@@ -367,21 +378,6 @@ def _add_products(
             products = np.sum(jacobian[same, :, first] * jacobian[same, :, other], axis=1)
             cell = (whose[same, first] * size + place[same, first]) * size + place[same, other]
             np.add.at(normal.reshape(-1), cell, products)
-
-
-def _sigma(normal: FloatArray, used: BoolArray) -> FloatArray:
-    """Roots of the diagonals of the inverse blocks."""
-    diagonal = np.sqrt(np.einsum("nii->ni", normal))
-    scale = np.where(diagonal > 0.0, diagonal, 1.0)
-    scaled = normal / (scale[:, :, None] * scale[:, None, :]) + np.where(used, 0.0, 1.0)[:, :, None] * np.eye(
-        normal.shape[1]
-    )
-    sound = np.isfinite(scaled).all(axis=(1, 2))
-    scaled[~sound] = np.eye(normal.shape[1])
-    sound &= np.linalg.eigvalsh(scaled)[:, 0] > DETERMINED
-    scaled[~sound] = np.eye(normal.shape[1])
-    sigma = np.sqrt(np.einsum("nii->ni", np.linalg.inv(scaled))) / scale
-    return np.where(used & sound[:, None], sigma, np.nan)
 
 
 # ------------------------------------------------------------

@@ -284,14 +284,11 @@ def accept_whole(state: Adjustment, step: FloatArray, shift: FloatArray, change:
     values = move(state.problem.index, state.values, step + shift)
     normals = build_normals(state.plan, values)
     gained = state.normals.objective - normals.objective
-    if normals.objective <= _limit(state) and gained >= _EXPECTED * change**2 - _last_digits(state):
+    if normals.objective <= _limit(state) and gained >= _EXPECTED * change**2 - (
+        1e-12 * state.normals.objective + 1e-6
+    ):
         return Taken(values, 0.0, 1.0, normals, step=step)
     return None
-
-
-def _last_digits(state: Adjustment) -> float:
-    """Differences of vᵀPv that round-off makes."""
-    return 1e-12 * state.normals.objective + 1e-6
 
 
 def _share_of(gained: float, change: float) -> float:
@@ -547,22 +544,17 @@ def is_in_datum(state: Adjustment, step: FloatArray, shift: FloatArray, gain: fl
     sigma = float(np.abs(step[mask]).max(initial=0.0)) / change if change > 0.0 else 0.0
     if moving <= gain * (max(ACCURACY, min(change, 1e-3)) * sigma + digits):
         return True
-    in_datum, anchored = _sigmas(state, int(np.argmax(np.where(mask, np.abs(shift), 0.0))))
-    return moving <= gain * (max(ACCURACY * in_datum, min(ACCURACY, change) * anchored) + digits)
-
-
-def _sigmas(state: Adjustment, unknown: int) -> tuple[float, float]:
-    """σ (for σ0 = 1) of an unknown in the datum of the inner constraints, and in the minimal datum of the anchors.
-
-    They are √(sᵀQs) and √Q_ii, s the row of S = I − G H Bᵀ.
-    """
+    # σ (for σ0 = 1) of an unknown in the datum of the inner constraints, and in the minimal datum of the
+    # anchors. They are √(sᵀQs) and √Q_ii, s the row of S = I − G H Bᵀ.
+    unknown = int(np.argmax(np.where(mask, np.abs(shift), 0.0)))
     null, bound = state.defect.datum, state.constraint.normals
     unit = np.zeros(len(null))
     unit[unknown] = 1.0
     row = unit - bound @ np.linalg.solve(null.T @ bound, null[unknown])
     both = np.stack([row, unit], axis=1)
     squares = np.einsum("uk,uk->k", both, state.inverse.solve(both))
-    return tuple(np.sqrt(np.maximum(squares, 0.0)).tolist())
+    in_datum, anchored = tuple(np.sqrt(np.maximum(squares, 0.0)).tolist())
+    return moving <= gain * (max(ACCURACY * in_datum, min(ACCURACY, change) * anchored) + digits)
 
 
 def round_off(plan: Plan, values: Values, normals: NormalEquations, weak: FloatArray) -> float:

@@ -210,16 +210,8 @@ def _cliques_of_points(rays: RayPlan, reduced: IntArray, block_of: IntArray) -> 
     counts, blocks = _cliques(reduced_columns(rays.frames.columns, reduced), block_of)
     starts = np.cumsum(counts) - counts
     frame = rays.frame_of_ray
-    distinct = _distinct_cliques(rays.pointers, frame)
-    degree = np.diff(rays.pointers)[distinct]
-    chosen = frame[ranges(rays.pointers[distinct], degree)]
-    members = blocks[ranges(starts[chosen], counts[chosen])]
-    ends = np.concatenate([[0], np.cumsum(counts[chosen])])[np.concatenate([[0], np.cumsum(degree)])]
-    return np.diff(ends).astype(np.int64), members
-
-
-def _distinct_cliques(pointers: IntArray, frame: IntArray) -> IntArray:
-    """Points (k,) such that every combination of frames that sees a point occurs, seldom more than once."""
+    # Points (k,) such that every combination of frames that sees a point occurs, seldom more than once.
+    pointers = rays.pointers
     mixed = ((frame + 1).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) ^ (
         frame.astype(np.uint64) << np.uint64(31)
     )
@@ -229,7 +221,12 @@ def _distinct_cliques(pointers: IntArray, frame: IntArray) -> IntArray:
     order = np.lexsort(table)
     first = np.ones(len(order), dtype=bool)
     first[1:] = (np.diff(table[:, order], axis=1) != 0).any(axis=0)
-    return np.sort(order[first])
+    distinct = np.sort(order[first])
+    degree = np.diff(rays.pointers)[distinct]
+    chosen = frame[ranges(rays.pointers[distinct], degree)]
+    members = blocks[ranges(starts[chosen], counts[chosen])]
+    ends = np.concatenate([[0], np.cumsum(counts[chosen])])[np.concatenate([[0], np.cumsum(degree)])]
+    return np.diff(ends).astype(np.int64), members
 
 
 def reduced_blocks(problem: Problem, kept: IntArray, rays: RayPlan) -> tuple[IntArray, IntArray, IntArray]:
@@ -307,19 +304,15 @@ def in_lanes(rays: RayPlan, numbers: int, work: Callable[[RayPlan], Found]) -> l
         numbers: how many numbers the work holds in each lane, so that lanes do not fill the memory.
         work: a pass over the chunks, which may write to arrays at places that are its own.
     """
-    lanes = _lanes(rays, numbers)
+    chunks = rays.chunks
+    count = max(min(MOST_LANES, len(chunks) // 2, NUMBERS_OF_ALL_LANES // max(numbers, 1)), 1)
+    bounds = [len(chunks) * k // count for k in range(count + 1)]
+    lanes = [rays._replace(chunks=chunks[bounds[k] : bounds[k + 1]]) for k in range(count)]
     workers = min(len(lanes), processors())
     if workers <= 1:
         return [work(lane) for lane in lanes]
     with ThreadPoolExecutor(workers) as pool:
         return list(pool.map(lambda one: one(), [as_here(partial(work, lane)) for lane in lanes]))
-
-
-def _lanes(rays: RayPlan, numbers: int) -> list[RayPlan]:
-    chunks = rays.chunks
-    count = max(min(MOST_LANES, len(chunks) // 2, NUMBERS_OF_ALL_LANES // max(numbers, 1)), 1)
-    bounds = [len(chunks) * k // count for k in range(count + 1)]
-    return [rays._replace(chunks=chunks[bounds[k] : bounds[k + 1]]) for k in range(count)]
 
 
 # ------------------------------------------------------------
@@ -632,7 +625,16 @@ def eliminable_rays(problem: Problem, values: Values) -> RayPlan:
     if problem.index.count == 3 * len(candidates):
         return plan_rays(problem, candidates[:0])  # nothing would be left of the reduced system
     rays = plan_rays(problem, candidates)
-    good = _well_determined(_point_normals(problem, rays, values))
+    # Normal matrices (p, 3, 3) of the points, all else known.
+    normal = np.zeros((len(rays.points), 3, 3))
+    reduced = np.arange(problem.index.count)
+
+    def of_lane(lane: RayPlan) -> None:
+        for chunk in ray_chunks(problem, lane, reduced, values):
+            normal[chunk.points] = point_normals(chunk.rays)
+
+    in_lanes(rays, 0, of_lane)
+    good = _well_determined(normal)
     return rays if good.all() else plan_rays(problem, rays.points[good])
 
 
@@ -669,19 +671,6 @@ def _used_otherwise(problem: Problem, count: int) -> BoolArray:
             rows = (cluster.entries[here] - offsets[number]) // group.observed.shape[1]
             used[group.blocks[-1][rows]] = True
     return used
-
-
-def _point_normals(problem: Problem, rays: RayPlan, values: Values) -> FloatArray:
-    """Normal matrices (p, 3, 3) of the points, all else known."""
-    normal = np.zeros((len(rays.points), 3, 3))
-    reduced = np.arange(problem.index.count)
-
-    def of_lane(lane: RayPlan) -> None:
-        for chunk in ray_chunks(problem, lane, reduced, values):
-            normal[chunk.points] = point_normals(chunk.rays)
-
-    in_lanes(rays, 0, of_lane)
-    return normal
 
 
 def _well_determined(normal: FloatArray) -> BoolArray:

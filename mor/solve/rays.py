@@ -62,11 +62,6 @@ def knot_parts(knots: int) -> tuple[str, ...]:
     return ("position", *(part for _, part in further), "rotation", *(part for part, _ in further))
 
 
-def knot_starts(columns: IntArray) -> dict[str, int]:
-    """First columns of the parts of further knots, from those of a layout (3, 2) or (0, 2)."""
-    return dict(zip(KNOT_PARTS, columns.ravel().tolist(), strict=False))
-
-
 def along_trajectory(group: ObservationGroup) -> bool:
     """True for image coordinates along trajectories that have a compiled form."""
     return _form(group) is not None
@@ -387,7 +382,7 @@ def _picks(group: GroupFrames, observed: ObservationGroup, index: Index, layout:
             Pick(k, np.arange(size), np.arange(end - size, end))
             for (k, size), end in zip(sizes.items(), ends, strict=True)
         )
-    starts = {**layout._asdict(), **knot_starts(layout.knots)}
+    starts = {**layout._asdict(), **dict(zip(KNOT_PARTS, layout.knots.ravel().tolist(), strict=False))}
     picks = [
         Pick(slot, np.arange(sizes[slot]), starts[part] + np.arange(sizes[slot]))
         for part, slot in group.parts.items()

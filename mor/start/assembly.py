@@ -139,7 +139,7 @@ def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool
         pass
     while part.handed:
         grown = level_and_scale(part, scene)
-        grown |= _grow_levelled(part, scene)
+        grown |= part.levelled and grow_levelled(part, scene.terrestrial, scene.distances[int(part.scaled)])
         _sets_and_poses(part, scene)
         grown |= grow_polar(part, scene)
         grown |= grow_relative(part, scene)
@@ -160,20 +160,6 @@ def _grow_shape(part: Part, scene: Scene) -> bool:
     """Grow by distances alone, because directions would accept a mirrored shape."""
     distances = scene.distances[1]
     return grow_arcs(part, distances) if part.levelled else grow_distances(part, distances)
-
-
-def _grow_levelled(part: Part, scene: Scene) -> bool:
-    return part.levelled and grow_levelled(part, scene.terrestrial, scene.distances[int(part.scaled)])
-
-
-def grow_until_tied(system: Part, part: Part, scene: Scene, fewest: int) -> None:
-    """Growth of a part of its own, only as far as needed where positions of its frames are given.
-
-    In the object system every given position then holds the growth; alone, a large block would bend.
-    """
-    most = FIRST_FRAMES
-    while not grow(part, scene, fewest, most) and not tied_by_positions(system, part, scene.frames):
-        most *= 2
 
 
 def _sets_and_poses(part: Part, scene: Scene) -> None:
@@ -355,7 +341,12 @@ def _assemble(assembly: Assembly) -> None:
         if part is not None:
             assembly.begun += 1
             part.number = assembly.begun
-            grow_until_tied(parts[0], part, scene, assembly.fewest)
+            system = parts[0]
+            most = FIRST_FRAMES
+            while not grow(part, scene, assembly.fewest, most) and not tied_by_positions(
+                system, part, scene.frames
+            ):
+                most *= 2
             parts.append(part)
         elif not _join_all(assembly, ambiguous=True) and not _join_by_observations(assembly):
             return
@@ -480,7 +471,7 @@ def from_random_places(
     if (
         network.observations > LARGEST
         or not kinds <= _DRAWN
-        or _has_lines(network)
+        or any(feature.type == "line" for feature in network.project.features)
         or not _asks(network, found)
     ):
         return None
@@ -496,7 +487,9 @@ def from_random_places(
             end = _End(*settled)
             if disagreement(network.groups, end.values)[1] > SOUND:
                 continue
-            if any(_same(end, other) for other in ends) and not any(_below(other, end) for other in ends):
+            if any(_same(end, other) for other in ends) and not any(
+                other.squares < end.squares and not _same(other, end) for other in ends
+            ):
                 return _with(network, found, end, rule(_WORDS, ends=len(ends) + 1, tries=tries))
             ends.append(end)
     return None
@@ -508,11 +501,6 @@ _WORDS = (
 )
 
 
-def _has_lines(network: Network) -> bool:
-    """True with lines, whose attitude counts from an axis that is chosen when all else has its place."""
-    return any(feature.type == "line" for feature in network.project.features)
-
-
 def _asks(network: Network, found: Approximation) -> bool:
     """False where all that is missing are points whose rays are nearly parallel: these have places of their own."""
     apart = nearly_parallel(network, found.start).points
@@ -522,10 +510,6 @@ def _asks(network: Network, found: Approximation) -> bool:
 
 def _same(one: _End, other: _End) -> bool:
     return abs(one.squares - other.squares) <= SMALLER * max(one.squares, other.squares)
-
-
-def _below(one: _End, other: _End) -> bool:
-    return one.squares < other.squares and not _same(one, other)
 
 
 def _with(network: Network, found: Approximation, end: _End, how: Phrase) -> Approximation:
@@ -625,7 +609,13 @@ _NEUTRAL = 0
 def to_plane(network: Network) -> Network:
     """Return the network with plain observations instead of those that need the ellipsoid or the sphere."""
     if network.sphere is not None:
-        return replace(network, groups=tuple(_flat(group) for group in network.groups))
+        return replace(
+            network,
+            groups=tuple(
+                group if group.type.flat is None else replace(group, type=group.type.flat)
+                for group in network.groups
+            ),
+        )
     if network.world is None:
         return network
     horizon = network.world.horizon
@@ -638,10 +628,6 @@ def to_plane(network: Network) -> Network:
         for group in network.groups
     )
     return replace(network, groups=groups)
-
-
-def _flat(group: ObservationGroup) -> ObservationGroup:
-    return group if group.type.flat is None else replace(group, type=group.type.flat)
 
 
 def _vectors(group: ObservationGroup, horizon: Horizon) -> ObservationGroup:

@@ -483,7 +483,10 @@ def three_bundles(directions: FloatArray) -> list[PlanShape]:
     shapes: list[PlanShape] = []
     for i, j in best:
         shape = _refined(r, np.array([0.0, b[i, j], c[i, j]]), vectors[i, j, :, 0])
-        if shape is not None and not any(_alike(shape, other) for other in shapes):
+        if shape is not None and not any(
+            bool(np.abs(np.exp(1j * shape.kappas) - np.exp(1j * other.kappas)).max() < SAME)
+            for other in shapes
+        ):
             shapes.append(shape)
     return sorted(shapes, key=lambda shape: shape.misfit)
 
@@ -532,10 +535,6 @@ def _intersected(stations: FloatArray, t: FloatArray) -> FloatArray:
     matrix = np.einsum("mni,mnj->nij", normals, normals)
     right = np.einsum("mni,mnk,mk->ni", normals, normals, stations)
     return np.asarray(rotations.solve(matrix, right[..., None])[..., 0])
-
-
-def _alike(one: PlanShape, other: PlanShape) -> bool:
-    return bool(np.abs(np.exp(1j * one.kappas) - np.exp(1j * other.kappas)).max() < SAME)
 
 
 # ------------------------------------------------------------

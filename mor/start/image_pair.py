@@ -179,14 +179,10 @@ def _choice(a: Bundle, b: Bundle, judged: PairAssessment) -> tuple[Coplanarity, 
         for one, hidden in zip(fitting, behind, strict=True)
         if hidden <= min(behind)
         and one.objective <= as_good
-        and _distance(one, chosen) > _tolerance(one, chosen, sigma)
+        and _distance(one, chosen)
+        > ((MINIMA_APART if one.converged and chosen.converged else APART) * sigma + 1e-6)
     ]
     return chosen, _one_each(rivals, APART * sigma)
-
-
-def _tolerance(one: Coplanarity, other: Coplanarity, sigma: float) -> float:
-    """Distance up to which two orientations are the same."""
-    return (MINIMA_APART if one.converged and other.converged else APART) * sigma + 1e-6
 
 
 def _one_each(rivals: list[Coplanarity], tolerance: float) -> list[Coplanarity]:
@@ -288,15 +284,14 @@ def _outcome(
     if np.sqrt(_variance(chosen, len(a))) > WRONG:
         return RelativeOutcome.DOES_NOT_FIT
     if np.sum(_parallaxes_behind(a, b, chosen) <= SURE) < BEHIND * len(a):
-        mirrored = max(_same_but_behind(c) for c in candidates_of(a, b, chosen))
+        mirrored = max(
+            min(c.in_front_of_a, c.in_front_of_a + c.in_front_of_b - 2 * c.in_front_of_both)
+            for c in candidates_of(a, b, chosen)
+        )
         return RelativeOutcome.MIRRORED if mirrored >= BEHIND * len(a) else RelativeOutcome.BEHIND
     if rivals:
         return RelativeOutcome.AMBIGUOUS
     return RelativeOutcome.DETERMINED if sigma_hold(a, b, chosen, covariance) else RelativeOutcome.WEAK
-
-
-def _same_but_behind(c: OrientationCandidate) -> int:
-    return min(c.in_front_of_a, c.in_front_of_a + c.in_front_of_b - 2 * c.in_front_of_both)
 
 
 # ------------------------------------------------------------

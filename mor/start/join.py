@@ -221,40 +221,53 @@ def carry(target: Part, source: Part, scene: Scene, found: Movement | None) -> N
 
     Where nothing was ``found`` that ties the two it stays where it is.
     """
-    _remember(target, source, found)
-    bare = not target.lifts, not source.lifts
-    target.handed |= source.handed
-    moved = _as_it_is() if found is None else _likelier(found, source, scene)
-    if target.scaled and not source.scaled:
-        forget_marks(source, scene)
-    if source.scaled and not target.scaled:
-        forget_marks(target, scene)
-        target.transform(_inverse_scale(moved.scale))
-        moved = _times(moved, 1.0 / moved.scale)
-        target.scaled = True
-    source.transform(moved)
-    taken = np.isnan(target.points).any(axis=1) & np.isfinite(source.points).any(axis=1)
-    take_over(target, source)
-    if source.levelled and not target.levelled:
-        make_upright(target, moved.rotation[:, 2])
-    if target.lifts and any(bare):
-        target.lower_to_marks(scene.target_heights, np.where(taken, bare[1], bare[0]))
-    target.place_sigma = max(target.place_sigma, _disagreement(target, source, scene.frames))
-    spread_positions(target, scene.frames)
-
-
-def _as_it_is() -> Similarity:
-    return Similarity(SimilarityOutcome.DETERMINED, 1.0, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0)
-
-
-def _remember(target: Part, source: Part, found: Movement | None) -> None:
-    """Keep in ``target`` what ``source`` is, and what ties the two, before it is carried over."""
+    # Keep in ``target`` what ``source`` is, and what ties the two, before it is carried over.
     tied = None if found is None else Tie(found.open, found.redundancy, found.misfit, len(found.alternatives))
     known = np.flatnonzero(np.isfinite(source.points).any(axis=1))
     poses, kappas = tuple(sorted(source.poses)), tuple(sorted(source.kappas))
     knows = source.levelled, source.oriented, source.scaled
     one = Join(source.number, source.began, target.number, known, poses, kappas, *knows, tied)
     target.joined += [*source.joined, one]
+    bare = not target.lifts, not source.lifts
+    target.handed |= source.handed
+    moved = (
+        Similarity(SimilarityOutcome.DETERMINED, 1.0, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0)
+        if found is None
+        else _likelier(found, source, scene)
+    )
+    if target.scaled and not source.scaled:
+        forget_marks(source, scene)
+    if source.scaled and not target.scaled:
+        forget_marks(target, scene)
+        target.transform(
+            Similarity(
+                SimilarityOutcome.DETERMINED,
+                1.0 / moved.scale,
+                np.eye(3),
+                np.zeros(3),
+                np.zeros((0, 3)),
+                0.0,
+            )
+        )
+        moved = _times(moved, 1.0 / moved.scale)
+        target.scaled = True
+    source.transform(moved)
+    taken = np.isnan(target.points).any(axis=1) & np.isfinite(source.points).any(axis=1)
+    fresh = np.isnan(target.points) & np.isfinite(source.points)
+    target.points[fresh] = source.points[fresh]
+    for number, pose in source.poses.items():
+        target.poses.setdefault(number, pose)
+    for number, kappa in source.kappas.items():
+        target.kappas.setdefault(number, kappa)
+    for name, how in source.how.items():
+        target.how.setdefault(name, how)
+    target.slack = max(target.slack, source.slack)
+    if source.levelled and not target.levelled:
+        make_upright(target, moved.rotation[:, 2])
+    if target.lifts and any(bare):
+        target.lower_to_marks(scene.target_heights, np.where(taken, bare[1], bare[0]))
+    target.place_sigma = max(target.place_sigma, _disagreement(target, source, scene.frames))
+    spread_positions(target, scene.frames)
 
 
 def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
@@ -351,12 +364,6 @@ def _likelier(found: Movement, source: Part, scene: Scene) -> Similarity:
     return both[scene.choices.take(len(both))]
 
 
-def _inverse_scale(scale: float) -> Similarity:
-    return Similarity(
-        SimilarityOutcome.DETERMINED, 1.0 / scale, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0
-    )
-
-
 def _times(moved: Similarity, factor: float) -> Similarity:
     return Similarity(
         moved.outcome,
@@ -393,19 +400,6 @@ def tied_by_positions(system: Part, part: Part, frames: Sequence[Frame]) -> bool
         return False
     spread = rotations.singular_values(target - target.mean(axis=0))
     return bool(found.sigma0 < TURN * np.hypot(spread[1], spread[2]))
-
-
-def take_over(system: Part, part: Part) -> None:
-    """Add to a part what another one in the same system knows besides."""
-    fresh = np.isnan(system.points) & np.isfinite(part.points)
-    system.points[fresh] = part.points[fresh]
-    for number, pose in part.poses.items():
-        system.poses.setdefault(number, pose)
-    for number, kappa in part.kappas.items():
-        system.kappas.setdefault(number, kappa)
-    for name, how in part.how.items():
-        system.how.setdefault(name, how)
-    system.slack = max(system.slack, part.slack)
 
 
 def spread_positions(part: Part, frames: Sequence[Frame]) -> None:
@@ -642,7 +636,12 @@ def fill_in(
         frame = frames[number]
         if frame.relative is None:
             put_rotation(network, rotations, frame.rotation, D)
-            _put_position(network, points, frame, centre, D)
+            missing = np.isnan(points[frame.position])
+            if missing.any():
+                height = float(np.nan_to_num(network.start["height"][frame.height, 0]))
+                eccentricity = np.nan_to_num(network.start["eccentricity"][frame.eccentricity])
+                place = centre - np.array([0.0, 0.0, height]) + D.T @ eccentricity
+                points[frame.position, missing] = place[missing]
     for number, kappa in part.kappas.items():
         block = measured.sights[number].rotation
         if block >= 0:
@@ -666,17 +665,6 @@ def put_rotation(network: Network, rotations: FloatArray, block: int, D: FloatAr
         rotations[block] = rotation_from_angles(
             np.where(held, given, angles_from_rotation(D[None])[0])[None]
         )[0]
-
-
-def _put_position(
-    network: Network, points: FloatArray, frame: Frame, centre: FloatArray, D: FloatArray
-) -> None:
-    missing = np.isnan(points[frame.position])
-    if missing.any():
-        height = float(np.nan_to_num(network.start["height"][frame.height, 0]))
-        eccentricity = np.nan_to_num(network.start["eccentricity"][frame.eccentricity])
-        place = centre - np.array([0.0, 0.0, height]) + D.T @ eccentricity
-        points[frame.position, missing] = place[missing]
 
 
 def _fill_pairs(network: Network, start: dict[str, FloatArray], part: Part, frames: Sequence[Frame]) -> None:

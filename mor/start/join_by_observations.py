@@ -120,7 +120,15 @@ def sides_of(network: Network, scene: Scene, target: Part, source: Part, middle:
         turned[given], rotations[given] = 1, attitudes[given]
     places = _places(network, scene, known, turned)
     known[places] = 3
-    sets = _sets(scene, known, turned)
+    found = [
+        sight.rotation
+        for sight in scene.terrestrial.sights
+        if sight.rotation >= 0
+        and turned[sight.rotation] == 0
+        and known[sight.position]
+        and np.count_nonzero(known[sight.points] & np.isfinite(sight.directions)) > 1
+    ]
+    sets = np.unique(np.array(found, dtype=np.int64))
     turned[sets] = 3
     return told._replace(sets=sets, places=places)
 
@@ -189,19 +197,6 @@ def _count(group: ObservationGroup, known: BoolArray, turned: BoolArray, counts:
     for slot, blocks in slots:
         if slot.kind == "point":
             np.add.at(counts, blocks, told)
-
-
-def _sets(scene: Scene, told: IntArray, turned: IntArray) -> IntArray:
-    """Levelled sets of known or wanted places whose orientation neither part knows, of two known points and more."""
-    found = [
-        sight.rotation
-        for sight in scene.terrestrial.sights
-        if sight.rotation >= 0
-        and turned[sight.rotation] == 0
-        and told[sight.position]
-        and np.count_nonzero(told[sight.points] & np.isfinite(sight.directions)) > 1
-    ]
-    return np.unique(np.array(found, dtype=np.int64))
 
 
 def rows_between(network: Network, sides: Sides) -> list[GroupRows]:
@@ -647,7 +642,20 @@ def starts(search: Search) -> SimilarityTransformations:
         states = states._replace(unit=np.where(unit > 0.0, unit, 1.0))
     elif search.stance.by_source:
         states = states._replace(unit=1.0 / states.scale)
-    states = _stationed(search, states)
+    # States whose stations that are looked for are free stations, by three directions and more to known
+    # points.
+    points = placed(search.sides, states)[0]
+    places = states.places.copy()
+    for place, sighted, directions, rises in search.sights:
+        column = np.flatnonzero(search.sides.places == place)
+        told = np.asarray(search.sides.known.points[sighted] != WANTED)
+        if len(column) and np.count_nonzero(told) >= FEWEST_DIRECTIONS:
+            there = _free_stations(points[:, sighted[told]], directions[told], rises[told])
+            back = (there[:, None, :] @ states.stance) / states.unit[:, None, None]
+            places[:, column[0]] = np.where(
+                np.isfinite(there.sum(axis=1, keepdims=True)), back[:, 0], places[:, column[0]]
+            )
+    states = states._replace(places=places)
     return states._replace(kappas=_orientations(search, states))
 
 
@@ -691,22 +699,6 @@ def _lengths(search: Search) -> float:
         one.group.observed for one in search.rows if one.group.type.key in ("distance", "horizontal_distance")
     ]
     return float(np.nanmax(np.concatenate(lengths))) if lengths else 0.0
-
-
-def _stationed(search: Search, states: SimilarityTransformations) -> SimilarityTransformations:
-    """States whose stations that are looked for are free stations, by three directions and more to known points."""
-    points = placed(search.sides, states)[0]
-    places = states.places.copy()
-    for place, sighted, directions, rises in search.sights:
-        column = np.flatnonzero(search.sides.places == place)
-        told = np.asarray(search.sides.known.points[sighted] != WANTED)
-        if len(column) and np.count_nonzero(told) >= FEWEST_DIRECTIONS:
-            there = _free_stations(points[:, sighted[told]], directions[told], rises[told])
-            back = (there[:, None, :] @ states.stance) / states.unit[:, None, None]
-            places[:, column[0]] = np.where(
-                np.isfinite(there.sum(axis=1, keepdims=True)), back[:, 0], places[:, column[0]]
-            )
-    return states._replace(places=places)
 
 
 def _free_stations(points: FloatArray, directions: FloatArray, rises: FloatArray) -> FloatArray:

@@ -624,22 +624,28 @@ def corners_within(rays: FloatArray) -> FloatArray:
     trapezoid.
     """
     directions = unit(rays)
-    flat = _flat(directions)
-    hull = convex_hull(flat)
-    if len(hull) == 3:
-        one, two, three = directions[hull]
-        return np.stack([one, unit(two + three), two, unit(one + three)])
-    first, second = _diagonal(flat, hull)
-    return np.asarray(directions[[first[0], first[1], second[0], second[1]]])
-
-
-def _flat(directions: FloatArray) -> FloatArray:
-    """Coordinates (n, 2) that keep straight lines straight: the rays cut by a plane they all reach."""
+    # Coordinates (n, 2) that keep straight lines straight: the rays cut by a plane they all reach.
     axis = unit(directions.sum(axis=0))
     if float(np.min(directions @ axis)) < 0.1:
         axis = _facing_axis(directions)
     across = rotations.svd(axis[None, :])[2][1:]
-    return np.asarray((directions @ across.T) / np.maximum(directions @ axis, 1e-6)[:, None])
+    flat = np.asarray((directions @ across.T) / np.maximum(directions @ axis, 1e-6)[:, None])
+    hull = convex_hull(flat)
+    if len(hull) == 3:
+        one, two, three = directions[hull]
+        return np.stack([one, unit(two + three), two, unit(one + three)])
+    best, chosen = -1.0, ((0, 0), (0, 0))
+    for i in range(len(hull)):
+        for j in range(i + 2, len(hull)):
+            line = flat[hull[j]] - flat[hull[i]]
+            offset = flat[hull] - flat[hull[i]]
+            side = line[0] * offset[:, 1] - line[1] * offset[:, 0]
+            low, high = int(np.argmin(side)), int(np.argmax(side))
+            area = side[high] - side[low] if side[low] < 0.0 < side[high] else -1.0
+            if area > best:
+                best, chosen = float(area), ((int(hull[i]), int(hull[j])), (int(hull[high]), int(hull[low])))
+    first, second = chosen
+    return np.asarray(directions[[first[0], first[1], second[0], second[1]]])
 
 
 def _facing_axis(directions: FloatArray) -> FloatArray:
@@ -655,20 +661,6 @@ def _facing_axis(directions: FloatArray) -> FloatArray:
     if found.x is None:  # never: zero is feasible
         return unit(directions.sum(axis=0))
     return unit(np.asarray(found.x[:3], dtype=float))
-
-
-def _diagonal(flat: FloatArray, hull: IntArray) -> tuple[tuple[int, int], tuple[int, int]]:
-    best, chosen = -1.0, ((0, 0), (0, 0))
-    for i in range(len(hull)):
-        for j in range(i + 2, len(hull)):
-            line = flat[hull[j]] - flat[hull[i]]
-            offset = flat[hull] - flat[hull[i]]
-            side = line[0] * offset[:, 1] - line[1] * offset[:, 0]
-            low, high = int(np.argmin(side)), int(np.argmax(side))
-            area = side[high] - side[low] if side[low] < 0.0 < side[high] else -1.0
-            if area > best:
-                best, chosen = float(area), ((int(hull[i]), int(hull[j])), (int(hull[high]), int(hull[low])))
-    return chosen
 
 
 def convex_hull(points: FloatArray) -> IntArray:

@@ -471,7 +471,9 @@ def meeting_places(
         cost = np.sum(off**2, axis=1)
         damping = np.clip(np.where(better, 0.2 * damping, 5.0 * damping), 1e-12, 1e6)
     good = np.isfinite(cost) & (np.abs(off).max(axis=1, initial=0.0) < fits)
-    ahead = _ahead(surfaces, X)
+    # (k,) true where places (k, 3) lie before everything from which they were sighted, and not behind.
+    at, towards = surfaces.sights[:, :3], surfaces.sights[:, 3:]
+    ahead = np.asarray((np.einsum("kni,ni->kn", X[:, None, :] - at, towards) > 0.0).all(axis=1))
     good &= ahead if np.isfinite(fits) or (good & ahead).any() else True
     places: list[FloatArray] = []
     for k in np.argsort(cost)[: np.count_nonzero(good)]:
@@ -483,12 +485,6 @@ def meeting_places(
         if all(np.linalg.norm(X[k] - other) > SAME * size for other in places):
             places.append(X[k])
     return places
-
-
-def _ahead(surfaces: Surfaces, X: FloatArray) -> BoolArray:
-    """(k,) true where places (k, 3) lie before everything from which they were sighted, and not behind."""
-    at, towards = surfaces.sights[:, :3], surfaces.sights[:, 3:]
-    return np.asarray((np.einsum("kni,ni->kn", X[:, None, :] - at, towards) > 0.0).all(axis=1))
 
 
 def _residuals(surfaces: Surfaces, X: FloatArray, size: float) -> tuple[FloatArray, FloatArray]:
@@ -547,13 +543,29 @@ def _surfaces(
     point: int,
     size: float,
 ) -> Surfaces:
-    sights = _rays(part, scene, point)
-    planes = [*_of_rays(sights), *_of_systems(systems, point, size)]
+    found = []
+    seen = scene.rays_for(part)[1]
+    for ray in seen.of_points(np.array([point])).tolist():
+        pose = part.poses.get(int(seen.frame[ray]))
+        if pose is not None:
+            at = pose[0] - [0.0, 0.0, seen.height[ray]]
+            found.append(np.concatenate([at, pose[1].T @ seen.rays[ray]]))
+    sights = found
+    planes = [
+        *(
+            [
+                np.concatenate([normal, ray[:3], [0.0]])
+                for ray in sights
+                for normal in rotations.svd(ray[None, 3:])[2][1:]
+            ]
+        ),
+        *_of_systems(systems, point, size),
+    ]
     spheres: list[FloatArray] = []
     cones: list[FloatArray] = []
     if part.levelled:
         bearings = _bearings(part, scene, point)
-        planes += _of_bearings(bearings)
+        planes += [np.array([b[4], -b[3], 0.0, *b[:3], 0.0]) for b in bearings]
         sights = [*sights, *bearings]
         cones += _of_verticals(part, scene, point)
     for other in scene.distances[1].neighbours.get(point, ()) if part.scaled else ():
@@ -571,26 +583,6 @@ def _stacked(rows: list[FloatArray], width: int) -> FloatArray:
     return np.array(rows, dtype=np.float64).reshape(-1, width)
 
 
-def _rays(part: Part, scene: Scene, point: int) -> list[FloatArray]:
-    """(6,) of each ray of a posed frame to a point: its centre, lowered by the height of the target, and direction."""
-    found = []
-    seen = scene.rays_for(part)[1]
-    for ray in seen.of_points(np.array([point])).tolist():
-        pose = part.poses.get(int(seen.frame[ray]))
-        if pose is not None:
-            at = pose[0] - [0.0, 0.0, seen.height[ray]]
-            found.append(np.concatenate([at, pose[1].T @ seen.rays[ray]]))
-    return found
-
-
-def _of_rays(rays: list[FloatArray]) -> list[FloatArray]:
-    return [
-        np.concatenate([normal, ray[:3], [0.0]])
-        for ray in rays
-        for normal in rotations.svd(ray[None, 3:])[2][1:]
-    ]
-
-
 def _bearings(part: Part, scene: Scene, point: int) -> list[FloatArray]:
     """(6,) of each horizontal direction of an oriented set to a point: its place and direction in plan."""
     found = []
@@ -602,10 +594,6 @@ def _bearings(part: Part, scene: Scene, point: int) -> list[FloatArray]:
             if np.isfinite(t) and np.isnan(sight.verticals[k]) and np.isfinite(place[:2]).all():
                 found.append(np.array([*np.nan_to_num(place), np.sin(t), np.cos(t), 0.0]))
     return found
-
-
-def _of_bearings(bearings: list[FloatArray]) -> list[FloatArray]:
-    return [np.array([b[4], -b[3], 0.0, *b[:3], 0.0]) for b in bearings]
 
 
 def _of_verticals(part: Part, scene: Scene, point: int) -> list[FloatArray]:

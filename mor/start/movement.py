@@ -240,7 +240,12 @@ def _refined(ties: _Normalised, R: FloatArray, turn: FreeRotation, scaled: bool)
     """Gauss-Newton from a rotation; residuals that are large beside the others count less (Cauchy)."""
     fixed = ties.sizes[0] / ties.sizes[1]
     s, t = (fixed if scaled else _scale(ties, R)), np.zeros(3)
-    moves = _moves(turn, scaled)
+    turns = {
+        FreeRotation.ANY: (True, True, True),
+        FreeRotation.VERTICAL: (False, False, True),
+        FreeRotation.NONE: (False, False, False),
+    }
+    moves = np.array([True, True, True, *turns[turn], not scaled])
     weight = np.ones(int(ties.known.sum()) + 3 * len(ties.source_axes))
     lift = 1e-3
     cost = np.inf
@@ -286,16 +291,6 @@ def _scale(ties: _Normalised, R: FloatArray) -> float:
     square = float(np.sum(turned**2))
     found = float(np.sum(turned * ties.target)) / square if square > 0.0 else 1.0
     return found if found > 0.0 else 0.1
-
-
-def _moves(turn: FreeRotation, scaled: bool) -> BoolArray:
-    """(7,) movements that are free: shift, turn, logarithm of the scale."""
-    turns = {
-        FreeRotation.ANY: (True, True, True),
-        FreeRotation.VERTICAL: (False, False, True),
-        FreeRotation.NONE: (False, False, False),
-    }
-    return np.array([True, True, True, *turns[turn], not scaled])
 
 
 def _rows(ties: _Normalised, s: float, R: FloatArray, t: FloatArray) -> tuple[FloatArray, FloatArray]:

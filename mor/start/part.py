@@ -147,7 +147,18 @@ def image_frames(network: Network) -> list[Frame]:
         return []
     keys, owners = np.unique(_pose_key(network, network.things["image"].parts), return_index=True)
     found = [_measured_rays(network, group, owners, keys) for group in groups]
-    together = found[0] if len(found) == 1 else _joined(found)
+    together = (
+        found[0]
+        if len(found) == 1
+        else (
+            _ImageRays(
+                np.concatenate([one.image for one in found]),
+                np.concatenate([one.point for one in found]),
+                np.concatenate([one.rays for one in found]),
+                np.concatenate([one.sigma for one in found]),
+            )
+        )
+    )
     if (np.diff(together.image) < 0).any():
         together = together.take(np.argsort(together.image, kind="stable"))
     cuts = np.flatnonzero(np.diff(together.image)) + 1
@@ -158,15 +169,6 @@ def image_frames(network: Network) -> list[Frame]:
         for start, end in pairwise(edges.tolist())
         if end > start
     ]
-
-
-def _joined(found: Sequence[_ImageRays]) -> _ImageRays:
-    return _ImageRays(
-        np.concatenate([one.image for one in found]),
-        np.concatenate([one.point for one in found]),
-        np.concatenate([one.rays for one in found]),
-        np.concatenate([one.sigma for one in found]),
-    )
 
 
 def _pose_key(network: Network, blocks: Mapping[str, IntArray]) -> IntArray:

@@ -164,7 +164,9 @@ def adjust_plane(
 
     Towards ``held`` (3,), in the axes of the first frame, the normal of the plane that it sees does not move.
     """
-    free = _unknowns(seen, state, in_plane)
+    there = np.any(seen, axis=0)
+    points = np.stack([there, there, there & ~in_plane], axis=1)
+    free = np.concatenate([np.ones(6 * len(state.positions), dtype=bool), points.ravel()])
     free[5] = held is None
     damping, growth = LEAST_DAMPING, 2.0
     residuals, design = _linearised(bundles, seen, state)
@@ -188,12 +190,6 @@ def adjust_plane(
         if still or float(np.max(np.abs(step))) < 1e-12 or damping > 1e6:
             break
     return _judged(bundles, seen, state, residuals, design, free)
-
-
-def _unknowns(seen: FloatArray | BoolArray, state: PlaneState, in_plane: BoolArray) -> BoolArray:
-    there = np.any(seen, axis=0)
-    points = np.stack([there, there, there & ~in_plane], axis=1)
-    return np.concatenate([np.ones(6 * len(state.positions), dtype=bool), points.ravel()])
 
 
 def _turns(state: PlaneState, held: FloatArray | None) -> FloatArray:

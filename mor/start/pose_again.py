@@ -46,7 +46,11 @@ def pose_again(part: Part, scene: Scene) -> bool:
             part.how |= {} if how is None else {frame.name: how}
             continue
         moved.append(number)
-        _forget_place(part, frame, before, part.poses[number])
+        after = part.poses[number]
+        here = part.points[frame.position]
+        away = [np.linalg.norm(here - place_of(frame, *pose)) for pose in (before, after)]
+        if not part.fixed[frame.position] and away[0] < away[1]:
+            here[:] = np.nan
         for one in sets:
             del part.kappas[one]
     if moved:
@@ -76,14 +80,6 @@ def _sets(part: Part, scene: Scene, frame: Frame) -> list[int]:
     """The oriented levelled sets that are the frame: their orientation is that of its pose."""
     sights = scene.terrestrial.sights
     return [number for number in part.kappas if sights[number].rotation == frame.rotation]
-
-
-def _forget_place(part: Part, frame: Frame, before: Pose, after: Pose) -> None:
-    """The position of a frame is not known any more where it was that of the pose before."""
-    here = part.points[frame.position]
-    away = [np.linalg.norm(here - place_of(frame, *pose)) for pose in (before, after)]
-    if not part.fixed[frame.position] and away[0] < away[1]:
-        here[:] = np.nan
 
 
 def _agreeing(part: Part, frame: Frame, number: int, known: BoolArray, slack: float) -> int:

@@ -221,7 +221,10 @@ def judged(bundle: Bundle, points: FloatArray, refined: list[tuple[Pose, BoolArr
     """Choose the pose that most points agree with, then the one of least Σ (v/σ)²; name what is not decided."""
     if not refined:
         return failed_resection(ResectionOutcome.DOES_NOT_FIT, len(points))
-    costs = [_objective(bundle, points, pose, agreeing) for pose, agreeing in refined]
+    costs = [
+        float(np.sum(misfits(bundle.take(agreeing), star_of(points[agreeing], pose)[None])[0] ** 2))
+        for pose, agreeing in refined
+    ]
     order = sorted(range(len(refined)), key=lambda i: (-int(np.sum(refined[i][1])), costs[i]))
     pose, agreeing = refined[order[0]]
     redundancy = 2 * int(np.sum(agreeing)) - 6
@@ -235,7 +238,12 @@ def judged(bundle: Bundle, points: FloatArray, refined: list[tuple[Pose, BoolArr
     covariance = _covariance(bundle.take(agreeing), points[agreeing], pose)
     spread = float(np.sqrt(np.max(np.diag(covariance)[3:])))
     # Without redundancy every pose fits exactly: two close to one another, near the dangerous cylinder, are two.
-    rivals = _different(pose, rivals, 8.0 * spread + 1e-6 if redundancy > 0 else SAME)
+    tolerance = 8.0 * spread + 1e-6 if redundancy > 0 else SAME
+    kept: list[Pose] = []
+    for rival in rivals:
+        if all(np.linalg.norm(rival.rotation - other.rotation) > tolerance for other in (pose, *kept)):
+            kept.append(rival)
+    rivals = kept
     return Resection(
         _outcome(bundle, points, agreeing, [pose, *rivals]),
         pose.position,
@@ -247,18 +255,6 @@ def judged(bundle: Bundle, points: FloatArray, refined: list[tuple[Pose, BoolArr
         agreeing,
         tuple(rivals),
     )
-
-
-def _objective(bundle: Bundle, points: FloatArray, pose: Pose, agreeing: BoolArray) -> float:
-    return float(np.sum(misfits(bundle.take(agreeing), star_of(points[agreeing], pose)[None])[0] ** 2))
-
-
-def _different(pose: Pose, rivals: list[Pose], tolerance: float) -> list[Pose]:
-    kept: list[Pose] = []
-    for rival in rivals:
-        if all(np.linalg.norm(rival.rotation - other.rotation) > tolerance for other in (pose, *kept)):
-            kept.append(rival)
-    return kept
 
 
 def _covariance(bundle: Bundle, points: FloatArray, pose: Pose) -> FloatArray:

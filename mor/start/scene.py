@@ -349,16 +349,6 @@ def _posed(part: Part, pair: StereoPair) -> Iterator[tuple[FloatArray, FloatArra
             yield D_b @ D_a.T, D_a @ (O_b - O_a)
 
 
-def known_bases(part: Part, pairs: Sequence[StereoPair]) -> list[tuple[float, float]]:
-    """Present and given lengths of the bases that are given and posed."""
-    return [
-        (float(np.linalg.norm(base)), float(np.linalg.norm(pair.base)))
-        for pair in pairs
-        if np.isfinite(pair.base).all() and np.any(pair.base)
-        for _, base in _posed(part, pair)
-    ]
-
-
 def _turned(part: Part, frames: Sequence[Frame], posed: Sequence[int], number: int) -> bool:
     """Pose of a frame on the tripod of another one: rays to points that frames there see too, or that are known."""
     frame, centre = frames[number], part.poses[posed[0]][0]
@@ -415,7 +405,15 @@ def vertical_by_directions(part: Part, scene: Scene, redundant: int) -> FloatArr
     ``None`` where it is open, where another vertical fits alike, or where too few directions agree. It is asked again
     only where more points are known than before.
     """
-    sets, angles = _sets(part, scene), _angles(part, scene)
+    measured = scene.distances[1]
+    start, end = (part.points[block] for block in measured.ends.T)
+    length = np.linalg.norm(end - start, axis=1)
+    near = np.abs(measured.rises) <= FITS * length * part.scaled
+    rows = np.flatnonzero(np.isfinite(length) & near)[: MOST_SETS * MOST_POINTS]
+    sets, angles = (
+        _sets(part, scene),
+        VerticalAngles(start[rows], end[rows], np.arctan(measured.tangents[rows])),
+    )
     told = sum(len(one.points) for one in sets) + len(angles.values)
     if told <= part.asked_for_vertical.get(redundant, 0):
         return None
@@ -445,16 +443,6 @@ def _set(part: Part, sight: LevelledSet) -> HorizontalSet:
         rows = rows[np.linspace(0, len(rows) - 1, MOST_POINTS).astype(int)]
     place = part.points[sight.position]
     return HorizontalSet(place, part.points[sight.points[rows]], sight.directions[rows])
-
-
-def _angles(part: Part, scene: Scene) -> VerticalAngles:
-    """Vertical angles between known points; heights of instruments and targets must not matter beside the distance."""
-    measured = scene.distances[1]
-    start, end = (part.points[block] for block in measured.ends.T)
-    length = np.linalg.norm(end - start, axis=1)
-    near = np.abs(measured.rises) <= FITS * length * part.scaled
-    rows = np.flatnonzero(np.isfinite(length) & near)[: MOST_SETS * MOST_POINTS]
-    return VerticalAngles(start[rows], end[rows], np.arctan(measured.tangents[rows]))
 
 
 # ------------------------------------------------------------
@@ -492,14 +480,10 @@ def level_and_scale(part: Part, scene: Scene) -> bool:
     return gained
 
 
-def vertical_of(part: Part, frames: Sequence[Frame]) -> FloatArray:
-    """(n, 3) the vertical in the axes of the part, of every posed frame that knows it."""
-    found = [D.T @ frames[n].up for n, (_, D) in part.poses.items() if np.isfinite(frames[n].up).all()]
-    return np.array(found).reshape(-1, 3)
-
-
 def _level_by_frames(part: Part, frames: Sequence[Frame]) -> bool:
-    verticals = vertical_of(part, frames)
+    # (n, 3) the vertical in the axes of the part, of every posed frame that knows it.
+    found = [D.T @ frames[n].up for n, (_, D) in part.poses.items() if np.isfinite(frames[n].up).all()]
+    verticals = np.array(found).reshape(-1, 3)
     if len(verticals) == 0:
         return False
     # The vertical with which the others agree best: a wrong pose among several must not tilt the part.
@@ -658,7 +642,14 @@ def _between_known(part: Part, lines: Sequence[TiedPoints]) -> tuple[FloatArray,
 
 def _scale(part: Part, scene: Scene) -> bool:
     measured = scene.terrestrial
-    bases = np.array(known_bases(part, scene.pairs)).reshape(-1, 2)
+    bases = np.array(
+        [
+            (float(np.linalg.norm(base)), float(np.linalg.norm(pair.base)))
+            for pair in scene.pairs
+            if np.isfinite(pair.base).all() and np.any(pair.base)
+            for _, base in _posed(part, pair)
+        ]
+    ).reshape(-1, 2)
     spans = _spans(part, scene.frames, measured.slopes)
     ratios = [_ratios(spans, measured.slopes.value[:, 0]), _ratios(bases[:, 0], bases[:, 1])]
     if part.levelled:

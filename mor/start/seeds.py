@@ -183,9 +183,10 @@ def _oriented(frames: Sequence[Frame], i: int, j: int, points: int) -> tuple[flo
         return rule(words, one=frames[i].name, other=frames[j].name, outcome=found.value)
     slack, result = found
     orientation, count = result.orientation, int(np.count_nonzero(result.agreeing))
-    angle = _median_angle(
-        frames[i].rays[at_i[result.agreeing]], frames[j].rays[at_j[result.agreeing]], orientation.rotation
-    )
+    rays_a = frames[i].rays[at_i[result.agreeing]]
+    rays_b = frames[j].rays[at_j[result.agreeing]]
+    cosine = np.einsum("ni,ni->n", rays_a, rays_b @ orientation.rotation)
+    angle = float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
     part = empty_part(points)
     part.slack = slack
     part.poses[i] = (np.zeros(3), np.eye(3))
@@ -236,11 +237,6 @@ def _with_least_slack(
     if outcome is RelativeOutcome.DETERMINED:
         outcome = RelativeOutcome.DOES_NOT_FIT
     return outcome if best is None or outcome is RelativeOutcome.MIRRORED else best
-
-
-def _median_angle(rays_a: FloatArray, rays_b: FloatArray, rotation: FloatArray) -> float:
-    cosine = np.einsum("ni,ni->n", rays_a, rays_b @ rotation)
-    return float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
 
 
 # ------------------------------------------------------------
@@ -693,7 +689,16 @@ def _with_enough(part: Part, scene: Scene, least: int) -> list[int]:
 def _found(part: Part, scene: Scene, number: int, redundant: int, ambiguous: bool) -> Poses | None:
     for slack in (s for s in SLACKS[1:3] if s >= part.slack):
         conditions = _conditions(part, scene, number, slack)
-        starts = _starts(part, scene, number, conditions)
+        found = [Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)))]
+        known = len(conditions.rays)
+        for three in combinations(range(known), 3):
+            solved = nearly_resect_three_points(conditions.targets[[three]], conditions.rays[[three]])
+            found.append(Poses(solved.positions, solved.rotations))
+        if known == 2:
+            found.append(_over_two(conditions.targets, conditions.rays))
+        if known < 2:
+            found.extend(_beside_others(part, scene, number, conditions))
+        starts = Poses(*(np.concatenate(arrays) for arrays in zip(*found, strict=True)))
         if len(starts.centre) == 0:
             return None
         with np.errstate(all="ignore"):
@@ -752,19 +757,6 @@ def _conditions(part: Part, scene: Scene, number: int, slack: float) -> Conditio
         loosened(np.array(sigma), slack),
         float(np.linalg.norm(near - near.mean(axis=0), axis=1).max(initial=0.0)) or 1.0,
     )
-
-
-def _starts(part: Part, scene: Scene, number: int, conditions: Conditions) -> Poses:
-    found = [Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)))]
-    known = len(conditions.rays)
-    for three in combinations(range(known), 3):
-        solved = nearly_resect_three_points(conditions.targets[[three]], conditions.rays[[three]])
-        found.append(Poses(solved.positions, solved.rotations))
-    if known == 2:
-        found.append(_over_two(conditions.targets, conditions.rays))
-    if known < 2:
-        found.extend(_beside_others(part, scene, number, conditions))
-    return Poses(*(np.concatenate(arrays) for arrays in zip(*found, strict=True)))
 
 
 def _over_two(targets: FloatArray, rays: FloatArray) -> Poses:

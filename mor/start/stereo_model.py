@@ -61,25 +61,21 @@ def auxiliary_of(a: Bundle, b: Bundle, found: RelativeOrientation) -> Auxiliary:
         linear = sign * system.ik
         compatible, corrections, _ = compatible_unknowns(linear, system.normal)
         misclosures = printed_conditions(linear)
-    return Auxiliary(
-        linear,
-        corrections,
-        compatible,
-        found.unknowns,
-        _sigma(found),
-        misclosures,
-        printed_conditions(found.unknowns),
-    )
-
-
-def _sigma(found: RelativeOrientation) -> FloatArray:
-    """Standard deviation of ik = −[b]× D*ᵀ, by b and δ: D* ← exp(−[δ]×) D*."""
+    # Standard deviation of ik = −[b]× D*ᵀ, by b and δ: D* ← exp(−[δ]×) D*.
     columns = [auxiliary_unknowns(axis, found.rotation).ravel() for axis in np.eye(3)]
     columns += [
         auxiliary_unknowns(found.base, -cross_matrix(axis) @ found.rotation).ravel() for axis in np.eye(3)
     ]
     rows = np.stack(columns, axis=1)
-    return np.sqrt(np.maximum(np.diag(rows @ found.covariance @ rows.T), 0.0)).reshape(3, 3)
+    return Auxiliary(
+        linear,
+        corrections,
+        compatible,
+        found.unknowns,
+        np.sqrt(np.maximum(np.diag(rows @ found.covariance @ rows.T), 0.0)).reshape(3, 3),
+        misclosures,
+        printed_conditions(found.unknowns),
+    )
 
 
 # ------------------------------------------------------------
@@ -280,17 +276,13 @@ def _normals(
         frames += np.einsum("nki,nkj->ij", by_unknown, by_unknown)
         side += np.einsum("nki,nk->i", by_unknown, computed.residuals)
         objective += float(np.sum(computed.residuals**2))
-    own += _hold(own)
+    # Make (n, 3, 3) blocks of points that ran away from all rays invertible: such a step is refused.
+    trace = np.einsum("nii->n", own)
+    own += np.asarray(np.where(trace > 0.0, ROUND_OFF * trace, 1.0)[:, None, None] * np.eye(3))
     inverse = tolerant.inv(own).astype(np.float64)
     reach, offset = inverse @ mixed, np.einsum("nij,nj->ni", inverse, own_side)
     reduced = frames - np.einsum("nki,nkj->ij", mixed, reach)
     return _Normals(reduced, side - np.einsum("nki,nk->i", mixed, offset), inverse, reach, offset, objective)
-
-
-def _hold(own: FloatArray) -> FloatArray:
-    """Make (n, 3, 3) blocks of points that ran away from all rays invertible: such a step is refused."""
-    trace = np.einsum("nii->n", own)
-    return np.asarray(np.where(trace > 0.0, ROUND_OFF * trace, 1.0)[:, None, None] * np.eye(3))
 
 
 def _model(

@@ -360,23 +360,19 @@ def read_text_rigs(path: Path, draft: Draft) -> list[Rig]:
     rigs = []
     for line, words in _lines(path, draft):
         try:
-            rigs.append(_rig(words))
+            rig, rest = _whole(words[0]), words[2:]
+            sensors: list[Sensor] = []
+            while rest:
+                camera, rest = _whole(rest[1]), rest[2:]
+                known = False
+                if sensors:
+                    known, rest = rest[0] == "1", rest[1:]
+                sensors.append(Sensor(camera, _pose(rest[:7]) if known else None))
+                rest = rest[7:] if known else rest
+            rigs.append(Rig(rig, tuple(sensors)))
         except (LineError, ValueError, IndexError) as error:
             draft.problem(str(error) if str(error) else "found too few words", line, str(path))
     return rigs
-
-
-def _rig(words: list[str]) -> Rig:
-    rig, rest = _whole(words[0]), words[2:]
-    sensors: list[Sensor] = []
-    while rest:
-        camera, rest = _whole(rest[1]), rest[2:]
-        known = False
-        if sensors:
-            known, rest = rest[0] == "1", rest[1:]
-        sensors.append(Sensor(camera, _pose(rest[:7]) if known else None))
-        rest = rest[7:] if known else rest
-    return Rig(rig, tuple(sensors))
 
 
 def read_text_frames(path: Path, draft: Draft) -> list[RigFrame]:
@@ -411,8 +407,17 @@ def read_colmap(path: Path) -> Document:
     draft.put("units", {"length": "m", "angle": "rad"})
     draft.put("axes", {"xy": "en"})
     draft.put("cameras", {str(camera.id): camera_of(camera) for camera in model.cameras})
-    _put_images(model, draft)
-    _put_points(model, draft)
+    pairs, follows = followers(model, draft)
+    rows = [_image_row(image, follows.get(image.id)) for image in model.images]
+    columns = ("id", "camera", "x", "y", "z", "omega", "phi", "kappa", "leader", "pair")
+    if pairs:
+        draft.table("pairs", ("id", "bx", "by", "bz", "omega", "phi", "kappa"), pairs)
+    if rows:
+        draft.table("images", columns, rows)
+    if len(model.point_ids):
+        ids = pl.Series("id", model.point_ids).cast(pl.String)
+        frame = pl.DataFrame({"id": ids, **dict(zip("xyz", model.point_xyz.T, strict=True))})
+        draft.frame("points", "points3D", frame)
     _put_image_points(model, draft)
     draft.put("datum", "free")
     looser = [str(camera.id) for camera in model.cameras if has_one_unknown_more(camera.model)]
@@ -508,29 +513,12 @@ def _check_rays(model: ColmapModel, draft: Draft) -> None:
         draft.problem(f"image {name!r}: point {points[lost[first]]} is not among the points")
 
 
-def _put_images(model: ColmapModel, draft: Draft) -> None:
-    pairs, follows = followers(model, draft)
-    rows = [_image_row(image, follows.get(image.id)) for image in model.images]
-    columns = ("id", "camera", "x", "y", "z", "omega", "phi", "kappa", "leader", "pair")
-    if pairs:
-        draft.table("pairs", ("id", "bx", "by", "bz", "omega", "phi", "kappa"), pairs)
-    if rows:
-        draft.table("images", columns, rows)
-
-
 def _image_row(image: ColmapImage, follower: Follower | None) -> Row:
     if follower is not None:
         return Row([image.name, str(image.camera), *[None] * 6, follower.leader, follower.pair], image.line)
     D, centre = ours(image.pose)
     numbers = [*centre, *angles_from_rotation(D)]
     return Row([image.name, str(image.camera), *(repr(float(v)) for v in numbers), None, None], image.line)
-
-
-def _put_points(model: ColmapModel, draft: Draft) -> None:
-    if len(model.point_ids):
-        ids = pl.Series("id", model.point_ids).cast(pl.String)
-        frame = pl.DataFrame({"id": ids, **dict(zip("xyz", model.point_xyz.T, strict=True))})
-        draft.frame("points", "points3D", frame)
 
 
 def _put_image_points(model: ColmapModel, draft: Draft) -> None:

@@ -221,16 +221,6 @@ def sexagesimal_words(text: str, words: list[str]) -> str:
     return f"{sign}{abs(int(degrees))}-{int(minutes)}-{seconds!r}"
 
 
-def put_lines(found: Collected) -> None:
-    """Put the rows that were read into tables, one for each kind."""
-    for code, rows in found.tables.items():
-        kind = KINDS[code]
-        columns = [*kind.names, kind.value, "sigma"]
-        columns += ["from_height", "to_height"] if kind.heights else []
-        units = {"sigma": "arcsec"} if kind.angle else None
-        found.draft.table("observations", columns, rows, type=kind.type, units=units)
-
-
 # ------------------------------------------------------------
 # Sets of directions (D): the station with its first target, then every other target of the set.
 #
@@ -379,7 +369,17 @@ def put_cluster(
     if not np.isfinite(whole).all() or np.linalg.eigvalsh(whole)[0] <= 0.0:
         found.draft.problem("the covariance matrix is not positive definite", rows[0].line)
     elif code == "Y" and form == "LLH":
-        _put_geodetic(found, rows, whole)
+        # Positions in latitude, longitude, height above the geoid; covariances in radians and metres.
+        units = np.tile([np.degrees(1.0), np.degrees(1.0), 1.0], len(rows))
+        turned = []
+        for name, latitude, longitude, height in (row.cells for row in rows):
+            N = found.geoid[str(name)][0] if str(name) in found.geoid else 0.0
+            degrees = (repr(sexagesimal(str(word))) for word in (latitude, longitude))
+            turned.append([name, *degrees, repr(float(str(height)) + N)])
+        cells = [Row(list(row), given.line) for row, given in zip(turned, rows, strict=True)]
+        found.clusters.setdefault(("geodetic_position", ("point", *GEODETIC)), []).append(
+            (cells, whole * np.outer(units, units))
+        )
     else:
         _put_geocentric(found, code, rows, whole)
 
@@ -444,20 +444,6 @@ def _put_geocentric(found: Collected, code: str, rows: list[Row], Q: FloatArray)
     names = ("from", "to", *VECTOR) if code == "X" else ("point", "x", "y", "z")
     type_ = "gnss_vector" if code == "X" else "gnss_position"
     found.clusters.setdefault((type_, names), []).append((rows, Q))
-
-
-def _put_geodetic(found: Collected, rows: list[Row], Q: FloatArray) -> None:
-    """Positions in latitude, longitude, height above the geoid; covariances in radians and metres."""
-    units = np.tile([np.degrees(1.0), np.degrees(1.0), 1.0], len(rows))
-    turned = []
-    for name, latitude, longitude, height in (row.cells for row in rows):
-        N = found.geoid[str(name)][0] if str(name) in found.geoid else 0.0
-        degrees = (repr(sexagesimal(str(word))) for word in (latitude, longitude))
-        turned.append([name, *degrees, repr(float(str(height)) + N)])
-    cells = [Row(list(row), given.line) for row, given in zip(turned, rows, strict=True)]
-    found.clusters.setdefault(("geodetic_position", ("point", *GEODETIC)), []).append(
-        (cells, Q * np.outer(units, units))
-    )
 
 
 def put_vectors(found: Collected) -> None:
@@ -614,7 +600,7 @@ def _place(station: StationRecord, frame: str, N: float) -> list[str]:
         return [repr(latitude), repr(longitude), repr(parse_number(words[2]))]
     values = np.array([[parse_number(word) for word in words]])
     if kind == "XYZ":
-        latitude, longitude, height = system_of(frame).ellipsoid.geodetic(values)[0].tolist()
+        latitude, longitude, height = _system(SYSTEMS[frame]).ellipsoid.geodetic(values)[0].tolist()
         height -= N
     elif kind == "UTM":
         zone = station.zone
@@ -627,11 +613,6 @@ def _place(station: StationRecord, frame: str, N: float) -> list[str]:
     else:
         raise ValueError(f"found coordinates in {kind!r}, expected LLH, UTM or XYZ")
     return [repr(float(np.degrees(latitude))), repr(float(np.degrees(longitude))), repr(height)]
-
-
-def system_of(frame: str) -> ReferenceSystem:
-    """The system of a frame. Raises :class:`ReferenceSystemError`."""
-    return _system(SYSTEMS[frame])
 
 
 @cache
@@ -713,37 +694,29 @@ def read_measurement(found: Collected, element: Element) -> None:
     elif code in ("G", "X", "Y"):
         _read_cluster(found, element, code)
     elif code == CODE:
-        _read_directions(found, element)
+        # A set of directions: the first target, then an element for each other.
+        sights = [_dynaml_sight(element, _text(element, "Second"))]
+        sights += [_dynaml_sight(child, _text(child, "Target")) for child in element.all("Directions")]
+        said = _text(element, "Total") or str(len(sights) - 1)
+        put_set(found, _text(element, "First"), sights, said, off=False)
     elif code in KINDS:
-        _read_line(found, element, code)
+        kind = KINDS[code]
+        names = [_text(element, name) for name in ("First", "Second", "Third")[: len(kind.names)]]
+        found.known(names, element.line)
+        value, sigma = _needed(element, "Value"), _needed(element, "StdDev")
+        if kind.angle:
+            value = _sexagesimal(value)
+        parse_number(sigma)
+        heights = [_text(element, name) or None for name in ("InstHeight", "TargHeight")]
+        if kind.heights and None in heights and any(heights):
+            raise ValueError("found one of InstHeight and TargHeight, expected both or none")
+        cells = [*names, value, sigma, *(heights if kind.heights else [])]
+        found.tables.setdefault(code, []).append(Row(cells, element.line))
     elif code in LEFT_OUT:
         found.skip(LEFT_OUT[code], element.line)
     else:
         known = ", ".join(sorted(["G", "X", "Y", CODE, *KINDS, *LEFT_OUT]))
         raise ValueError(f"found the measurement {code!r}, expected one of {known}")
-
-
-def _read_line(found: Collected, element: Element, code: str) -> None:
-    kind = KINDS[code]
-    names = [_text(element, name) for name in ("First", "Second", "Third")[: len(kind.names)]]
-    found.known(names, element.line)
-    value, sigma = _needed(element, "Value"), _needed(element, "StdDev")
-    if kind.angle:
-        value = _sexagesimal(value)
-    parse_number(sigma)
-    heights = [_text(element, name) or None for name in ("InstHeight", "TargHeight")]
-    if kind.heights and None in heights and any(heights):
-        raise ValueError("found one of InstHeight and TargHeight, expected both or none")
-    cells = [*names, value, sigma, *(heights if kind.heights else [])]
-    found.tables.setdefault(code, []).append(Row(cells, element.line))
-
-
-def _read_directions(found: Collected, element: Element) -> None:
-    """A set of directions: the first target, then an element for each other."""
-    sights = [_dynaml_sight(element, _text(element, "Second"))]
-    sights += [_dynaml_sight(child, _text(child, "Target")) for child in element.all("Directions")]
-    said = _text(element, "Total") or str(len(sights) - 1)
-    put_set(found, _text(element, "First"), sights, said, off=False)
 
 
 def _dynaml_sight(element: Element, target: str) -> SetDirection:
@@ -887,11 +860,25 @@ def _finish(found: Collected, file: Path, stations: Iterable[StationRecord], fra
     _put_scaled(found, stations, frame)
     put_vectors(found)
     put_directions(found)
-    put_lines(found)
+    # Put the rows that were read into tables, one for each kind.
+    for code, rows in found.tables.items():
+        kind = KINDS[code]
+        columns = [*kind.names, kind.value, "sigma"]
+        columns += ["from_height", "to_height"] if kind.heights else []
+        units = {"sigma": "arcsec"} if kind.angle else None
+        found.draft.table("observations", columns, rows, type=kind.type, units=units)
     if not found.draft.data.get("observations"):
         found.draft.problem("there are no supported observations")
     put_stations(file, stations, found, frame)
-    _tell(found, found.draft)
+    draft = found.draft
+    for what, lines in found.left_out.items():
+        draft.note(f"not read: {what} ({len(lines)})", lines[0])
+    frames = [name for name in found.frames if name]
+    if len(frames) > 1:
+        words = f"measurements in {counted(len(frames), 'frame and epoch', 'frames and epochs')} ({', '.join(frames)})"
+        draft.note(f"{words} are taken as they are, without transformations", found.frames[frames[1]])
+    if not found.geoid:
+        draft.note("there is no file .geo beside it: the geoid is taken as the ellipsoid", 1)
     return found.draft.finish()
 
 
@@ -916,14 +903,3 @@ def _measurement(found: MeasurementFile) -> None:
         known = ", ".join(sorted(["G", "X", "Y", CODE, *KINDS, *LEFT_OUT]))
         raise ValueError(f"found the measurement {code!r}, expected one of {known}")
     found.at += 1
-
-
-def _tell(found: Collected, draft: Draft) -> None:
-    for what, lines in found.left_out.items():
-        draft.note(f"not read: {what} ({len(lines)})", lines[0])
-    frames = [name for name in found.frames if name]
-    if len(frames) > 1:
-        words = f"measurements in {counted(len(frames), 'frame and epoch', 'frames and epochs')} ({', '.join(frames)})"
-        draft.note(f"{words} are taken as they are, without transformations", found.frames[frames[1]])
-    if not found.geoid:
-        draft.note("there is no file .geo beside it: the geoid is taken as the ellipsoid", 1)

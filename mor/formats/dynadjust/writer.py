@@ -12,7 +12,7 @@ import numpy as np
 from mor.errors import InputError, Message
 from mor.formats.content import Content, content_of, not_carried
 from mor.formats.draft import Written
-from mor.formats.dynadjust.reader import KINDS, MEASURED, ROOT, STATIONS, SYSTEMS, MeasurementKind
+from mor.formats.dynadjust.reader import KINDS, MEASURED, ROOT, STATIONS, SYSTEMS
 from mor.formats.networks import (
     EarthPoints,
     ObservationTable,
@@ -154,21 +154,18 @@ def _measurements(
     elif group.entry.type == _DIRECTIONS:
         yield from _sets(group, set_ups)
     else:
-        yield from _lines(content, group, KINDS[_CODES[group.entry.type]])
-
-
-def _lines(content: Content, group: ObservationTable, kind: MeasurementKind) -> Iterator[SingleMeasurement]:
-    code, metres = _CODES[kind.type], content.edge.metres
-    names = [group.rows.text(name) for name in kind.names]
-    heights = [np.nan_to_num(group.rows.number(f"{end}_height")) * metres for end in ("from", "to")]
-    unit = 1.0 if kind.angle else metres
-    for row, (value, sigma) in enumerate(zip(group.values[:, 0], group.sigma[:, 0], strict=True)):
-        if np.isfinite(value):
-            ends = (float(heights[0][row]), float(heights[1][row])) if kind.heights else (0.0, 0.0)
-            own = [column[row] for column in names]
-            yield SingleMeasurement(
-                code, own, float(value) * unit, float(sigma) * unit, ends if any(ends) else None
-            )
+        kind = KINDS[_CODES[group.entry.type]]
+        code, metres = _CODES[kind.type], content.edge.metres
+        names = [group.rows.text(name) for name in kind.names]
+        heights = [np.nan_to_num(group.rows.number(f"{end}_height")) * metres for end in ("from", "to")]
+        unit = 1.0 if kind.angle else metres
+        for row, (value, sigma) in enumerate(zip(group.values[:, 0], group.sigma[:, 0], strict=True)):
+            if np.isfinite(value):
+                ends = (float(heights[0][row]), float(heights[1][row])) if kind.heights else (0.0, 0.0)
+                own = [column[row] for column in names]
+                yield SingleMeasurement(
+                    code, own, float(value) * unit, float(sigma) * unit, ends if any(ends) else None
+                )
 
 
 def _sets(group: ObservationTable, set_ups: SetUps) -> Iterator[MeasuredDirections]:
@@ -290,9 +287,23 @@ def geoid_lines(stations: EarthPoints) -> list[str]:
 
 def _measurement_lines(one: Measurement, frame: str) -> Iterator[str]:
     if isinstance(one, MeasurementCluster):
-        yield from _cluster_lines(one, frame)
+        scales, count = "   1.00      1.00      1.00      1.00", len(one.names)
+        for k, (names, values) in enumerate(zip(one.names, one.values, strict=True)):
+            second = one.form if one.code == "Y" else names[1]
+            head = f"{one.code} {names[0]:<20}{second:<20}" + (f"{count:<20}" if one.code != "G" else "")
+            yield f"{head:<62}{scales}{frame:>20}{EPOCH:>20}" if k == 0 else f"{head[:42]:<62}"
+            for i in range(3):
+                covariances = "".join(f"{v:20.13e}" for v in one.Q[3 * k + i, 3 * k : 3 * k + i + 1])
+                yield f"{'':<62}{values[i]:>20}{covariances}"
+            for other in range(k + 1, count):
+                for i in range(3):
+                    block = one.Q[3 * k + i, 3 * other : 3 * other + 3]
+                    yield f"{'':<82}" + "".join(f"{v:20.13e}" for v in block)
     elif isinstance(one, MeasuredDirections):
-        yield from _direction_lines(one)
+        angles = [_angle(value, sigma) for value, sigma in zip(one.values, one.sigmas, strict=True)]
+        yield f"D {one.station:<20}{one.targets[0]:<20}{len(angles) - 1:<20}{angles[0]}"
+        for target, angle in zip(one.targets[1:], angles[1:], strict=True):
+            yield f"D {'':<40}{target:<20}{angle}"
     else:
         yield _plain_line(one)
 
@@ -311,29 +322,6 @@ def _plain_line(one: SingleMeasurement) -> str:
 def _angle(value: float, sigma: float) -> str:
     degrees, minutes, seconds, sign = parts_of(value, 8)
     return f"{f'{sign}{degrees}':>17} {minutes:02d} {fixed(seconds, 4):0>7} {fixed(seconds_of(sigma), 3):>8}"
-
-
-def _direction_lines(one: MeasuredDirections) -> Iterator[str]:
-    """The station with its first target and the number of the others, then those."""
-    angles = [_angle(value, sigma) for value, sigma in zip(one.values, one.sigmas, strict=True)]
-    yield f"D {one.station:<20}{one.targets[0]:<20}{len(angles) - 1:<20}{angles[0]}"
-    for target, angle in zip(one.targets[1:], angles[1:], strict=True):
-        yield f"D {'':<40}{target:<20}{angle}"
-
-
-def _cluster_lines(one: MeasurementCluster, frame: str) -> Iterator[str]:
-    scales, count = "   1.00      1.00      1.00      1.00", len(one.names)
-    for k, (names, values) in enumerate(zip(one.names, one.values, strict=True)):
-        second = one.form if one.code == "Y" else names[1]
-        head = f"{one.code} {names[0]:<20}{second:<20}" + (f"{count:<20}" if one.code != "G" else "")
-        yield f"{head:<62}{scales}{frame:>20}{EPOCH:>20}" if k == 0 else f"{head[:42]:<62}"
-        for i in range(3):
-            covariances = "".join(f"{v:20.13e}" for v in one.Q[3 * k + i, 3 * k : 3 * k + i + 1])
-            yield f"{'':<62}{values[i]:>20}{covariances}"
-        for other in range(k + 1, count):
-            for i in range(3):
-                block = one.Q[3 * k + i, 3 * other : 3 * other + 3]
-                yield f"{'':<82}" + "".join(f"{v:20.13e}" for v in block)
 
 
 # ------------------------------------------------------------

@@ -303,13 +303,13 @@ def _angle(words: Words, index: str, book: FieldBook) -> float | None:
     if unit == "4":
         return sexagesimal(f"{digits // 100000}.{digits % 100000:05d}")
     degrees = digits / 1e5 if unit in "23" else digits / 1e4 * 360.0 / 6400.0
-    return degrees if book.angle == ("gon" if unit == "2" else "deg") else _other(degrees, book.angle)
+    return (
+        degrees
+        if book.angle == ("gon" if unit == "2" else "deg")
+        else (degrees * 0.9 if book.angle == "deg" else degrees / 0.9)
+    )
 
 
 def _choose_unit(book: FieldBook, unit: str) -> None:
     if not book.waiting and not any(set_up.sights for set_up in book.set_ups):
         book.angle = unit
-
-
-def _other(value: float, unit: str) -> float:
-    return value * 0.9 if unit == "deg" else value / 0.9

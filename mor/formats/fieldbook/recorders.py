@@ -449,16 +449,6 @@ def read_rw5(path: Path) -> Document:
     return draft.finish()
 
 
-def _cells(text: str) -> dict[str, str]:
-    """Values by their keys; what follows ``--`` is a note."""
-    found = {}
-    for cell in text.partition(",--")[0].split(","):
-        match = _CELL.match(cell.strip())
-        if match:
-            found[match[1]] = match[2].strip()
-    return found
-
-
 class _RW5Reader:
     """State of an RW5 file; each value holds until another record changes it."""
 
@@ -477,7 +467,13 @@ class _RW5Reader:
 
     def record(self, kind: str, text: str, line: int) -> None:
         """One record."""
-        cells = _cells(text)
+        # Values by their keys; what follows ``--`` is a note.
+        found = {}
+        for cell in text.partition(",--")[0].split(","):
+            match = _CELL.match(cell.strip())
+            if match:
+                found[match[1]] = match[2].strip()
+        cells = found
         if kind == "--GS" and self.gnss:
             self._gnss_point(cells, line)
         elif kind == "JB":

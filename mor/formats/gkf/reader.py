@@ -858,7 +858,15 @@ def _put_observations(clusters: list[GamaCluster], draft: Draft) -> None:
         first = 0
         for observation in cluster.observations:
             key = observation.kind, observation.unit
-            tables.setdefault(key, []).append(_row(observation, names))
+            set_name = (names[observation.names[0]] or None) if observation.kind == "direction" else None
+            cells = [
+                *observation.names,
+                set_name,
+                *observation.values,
+                observation.sigma,
+                *observation.heights,
+            ]
+            tables.setdefault(key, []).append(Row(cells, observation.line))
             order.setdefault(key, []).extend(range(first, first + observation.entries))
             first += observation.entries
         if cluster.covariance is not None:
@@ -875,12 +883,6 @@ def _set_names(cluster: GamaCluster, sets: dict[str, int]) -> dict[str, str]:
         sets[station] = sets.get(station, 0) + 1
         names[station] = str(sets[station]) if sets[station] > 1 else ""
     return names
-
-
-def _row(observation: GamaObservation, sets: dict[str, str]) -> Row:
-    set_name = (sets[observation.names[0]] or None) if observation.kind == "direction" else None
-    cells = [*observation.names, set_name, *observation.values, observation.sigma, *observation.heights]
-    return Row(cells, observation.line)
 
 
 def _put_table(kind: str, unit: str, rows: list[Row], draft: Draft, **keys: Any) -> None:

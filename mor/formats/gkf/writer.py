@@ -27,7 +27,11 @@ _TOLERANCE = "1e9"
 def write_gkf(document: Document, folder: Path, target: Path) -> Written:
     """The network; what GNU Gama has no place for is noted. Raises :class:`InputError` for what it cannot say."""
     content = content_of(document, folder)
-    _check(content)
+    problems = tilted_stations(content, "GNU Gama")
+    if content.project.axes.bearings_from != "north":
+        problems.append(content.place("axes").problem("GNU Gama counts bearings from north"))
+    if problems:
+        raise InputError(problems)
     axes, settings = content.project.axes, content.project.settings
     angles = "left-handed" if axes.angles == "clockwise" else "right-handed"
     found = points(content)
@@ -46,10 +50,6 @@ def write_gkf(document: Document, folder: Path, target: Path) -> Written:
     for cluster in _clusters(groups(content, PARTS)):
         lines += _observations(cluster, known, content.edge.metres)
     text = "\n".join([*lines, "</points-observations>", "</network>", "</gama-local>"]) + "\n"
-    return Written({target: text.encode()}, _notes(content, target))
-
-
-def _notes(content: Content, target: Path) -> list[Message]:
     notes = not_carried(content, tuple(PARTS), ("stations",), "GNU Gama")
     if content.project.images or content.project.cameras:
         notes.append(Message("GNU Gama has no images", str(target)))
@@ -62,15 +62,7 @@ def _notes(content: Content, target: Path) -> list[Message]:
         notes.append(
             Message("σ that grow with the distance are written as they are at the observed one", str(target))
         )
-    return notes
-
-
-def _check(content: Content) -> None:
-    problems = tilted_stations(content, "GNU Gama")
-    if content.project.axes.bearings_from != "north":
-        problems.append(content.place("axes").problem("GNU Gama counts bearings from north"))
-    if problems:
-        raise InputError(problems)
+    return Written({target: text.encode()}, notes)
 
 
 def _points(found: ContentTable, content: Content) -> Iterator[str]:

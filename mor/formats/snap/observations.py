@@ -905,12 +905,6 @@ def put_singles(draft: Draft, singles: list[Set], file: str) -> None:
     draft.table("observations", [*names, *pairs], rows, file, type=_type(names))
 
 
-def put_sets(draft: Draft, sets: list[Set], file: str) -> None:
-    """Sets of vectors or positions with their matrices."""
-    names = _columns(len(sets[0].rows[0].cells))
-    draft.correlated(names, sets, _type(names), file)
-
-
 def _columns(count: int) -> list[str]:
     vector = ["from", "to", "dx", "dy", "dz", "from_height", "to_height"]
     return vector if count == len(vector) else ["point", "x", "y", "z"]
@@ -1249,7 +1243,11 @@ def _delimited(data: Data, code: str, record: Record, scale: float, new_set: boo
     data.form = form_of(values.get("angle_format", ""))
     data.date = date_by(values.get("datetime", ""), values.get("datetime_format", "YMDhms"))
     data.given = {code: record.classes}
-    data.scale = scale * _factor(values.get("error_factor") or "1")
+    text = values.get("error_factor") or "1"
+    factor = parse_number(text)
+    if not factor > 0.0:
+        raise ValueError(f"found the factor {factor:g}, expected one above 0")
+    data.scale = scale * factor
     data.refraction = (values.get("refraction_coefficient") or DEFAULT).upper()
     data.grouped = code in _SETS
     if code == "PB":
@@ -1273,13 +1271,6 @@ def _delimited(data: Data, code: str, record: Record, scale: float, new_set: boo
     rejected = ["*"] * (values.get("rejected", "").upper() == "Y")
     value = angle_words(values.get("value", ""), kind.angular.replace("line", ""))
     _observations(data, WordReader([*rejected, *ends, *value, *numbers]))
-
-
-def _factor(text: str) -> float:
-    factor = parse_number(text)
-    if not factor > 0.0:
-        raise ValueError(f"found the factor {factor:g}, expected one above 0")
-    return factor
 
 
 def _errors_of(data: Data, code: str, values: dict[str, str]) -> list[str]:
@@ -1625,7 +1616,8 @@ def put_observations(data: Data) -> None:
         keys = {"covariance": one.Q.tolist(), "instrument": f"translation {number}"}
         data.draft.table("observations", columns, one.rows, file, type=_type(columns), **keys)
     for (_, file), sets in data.matrices.items():
-        put_sets(data.draft, sets, file)
+        names = _columns(len(sets[0].rows[0].cells))
+        data.draft.correlated(names, sets, _type(names), file)
     for (_, file), singles in data.singles.items():
         put_singles(data.draft, singles, file)
     for (code, instrument, file), rows in data.tables.items():

@@ -77,7 +77,17 @@ def _of_group(writing: Writing, group: ObservationTable) -> Iterator[str]:
     elif type_ == _POSITION:
         yield from _positions(writing, group)
     elif type_ == "directions":
-        yield from _sets(writing, group)
+        rows = group.rows
+        value = circle_in_face_one(group.values[:, 0], rows.number("face"))
+        sets: dict[tuple[str, str], list[str]] = {}
+        names = zip(rows.text("station"), rows.text("set"), rows.text("to"), strict=True)
+        for row, (station, set_, to) in enumerate(names):
+            if np.isfinite(value[row]):
+                line = f"{to} {_degrees(value[row])} {_degrees(group.sigma[row, 0])}"
+                sets.setdefault((station, set_), []).append(line)
+        yield "#data HA error no_heights"
+        for (station, _), lines in sets.items():
+            yield from ("", writing.set_ups.point(station), *lines)
     elif type_ == "distance" and group.entry.instrument:
         yield from _ratios(writing, group)
     else:
@@ -145,21 +155,6 @@ def _projection(writing: Writing, group: ObservationTable) -> str:
     return name
 
 
-def _sets(writing: Writing, group: ObservationTable) -> Iterator[str]:
-    """Sets of directions, each with its orientation; face two as it would read in face one."""
-    rows = group.rows
-    value = circle_in_face_one(group.values[:, 0], rows.number("face"))
-    sets: dict[tuple[str, str], list[str]] = {}
-    names = zip(rows.text("station"), rows.text("set"), rows.text("to"), strict=True)
-    for row, (station, set_, to) in enumerate(names):
-        if np.isfinite(value[row]):
-            line = f"{to} {_degrees(value[row])} {_degrees(group.sigma[row, 0])}"
-            sets.setdefault((station, set_), []).append(line)
-    yield "#data HA error no_heights"
-    for (station, _), lines in sets.items():
-        yield from ("", writing.set_ups.point(station), *lines)
-
-
 def _ratios(writing: Writing, group: ObservationTable) -> Iterator[str]:
     """Distances with a free scale of their own, as a set of ratios from one station."""
     metres, from_ = writing.content.edge.metres, group.rows.text("from")
@@ -203,7 +198,10 @@ def _gnss(writing: Writing, group: ObservationTable) -> Iterator[str]:
     code = "GB" if group.entry.type == "gnss_vector" else "GX"
     alone = group.entry.covariance is None
     for number, (rows, Q) in enumerate(clusters(writing.content, group, "SNAP")):
-        heights = [_antennas(writing, group, row, code) for row in rows]
+        heights = [
+            heights_of(group, {}, row, {}, writing.content.edge.metres) if code == "GB" else (0.0, 0.0)
+            for row in rows
+        ]
         plain = not any(any(two) for two in heights)
         if not alone:
             yield f"#data {code} error grouped{' no_heights' if plain else ''}"
@@ -218,10 +216,6 @@ def _gnss(writing: Writing, group: ObservationTable) -> Iterator[str]:
         yield f"{' '.join(words)} {_three(writing, group, rows[0])} {lower}"
         if not plain:
             yield f"#data {code} error no_heights"
-
-
-def _antennas(writing: Writing, group: ObservationTable, row: int, code: str) -> tuple[float, float]:
-    return heights_of(group, {}, row, {}, writing.content.edge.metres) if code == "GB" else (0.0, 0.0)
 
 
 def _ends(writing: Writing, group: ObservationTable, row: int) -> list[str]:
