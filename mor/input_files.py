@@ -114,7 +114,6 @@ def holds_input(folder: Path) -> bool:
 
 
 def _identities(path: Path) -> set[object]:
-    """The resolved path of a file, and device and number of what stands there."""
     try:
         found: set[object] = {os.path.realpath(path)}
         status = os.stat(path)

@@ -158,7 +158,6 @@ def _number(path: Path) -> float | None:
 
 
 def _field(path: Path, name: str, unit: float = 1024.0) -> float | None:
-    """A field of a file of names and numbers of the system, in bytes."""
     try:
         text = path.read_text(encoding="ascii")
     except (OSError, UnicodeDecodeError):

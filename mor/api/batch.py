@@ -129,7 +129,6 @@ def _content(path: Path) -> dict[str, Any] | None:
 
 
 def _last_line(log: Path) -> str:
-    """The first mistake that a log tells."""
     try:
         lines = log.read_text(encoding="utf-8", errors="replace").splitlines()
     except OSError:

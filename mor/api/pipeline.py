@@ -142,7 +142,6 @@ def determinable_start(
 def _over_its_places(
     network: Network, start: Mapping[str, FloatArray]
 ) -> tuple[Network, Mapping[str, FloatArray]]:
-    """The network and its start values, on the earth with projections as far as these reach."""
     if network.world is None:
         return network, start
     from mor.project.planned_network import with_planes_over  # most projects need nothing of it
@@ -341,7 +340,6 @@ def _attempt(network: Network, start: Mapping[str, FloatArray], watch: Watcher |
 
 
 def _plainly(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Adjustment:
-    """Adjust all observations from the start values."""
     problem, settings = (
         make_problem(network, start, start),
         SolverSettings(network.project.settings.max_iterations),
@@ -395,7 +393,6 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
 def _possible_causes(
     quality: Quality, network: Network, tests: GroupTests, suspects: SuspectedOutliers | None
 ) -> tuple[ScoredHypothesis, ...]:
-    """Score tests of the usual mistakes, if suspects are left out or residuals are too large."""
     rejected = rejection(quality, network, tests) is Rejection.LARGER
     if suspects is None and not rejected:
         return ()
@@ -425,7 +422,6 @@ def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
 
 
 def _moved_apart(problem: Problem, start: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
-    """Start values in which unknown points of observations without a value there lie a little beside their places."""
     there, points = beside(problem, start)["point"], start["point"].copy()
     for group in problem.groups:
         rows = undefined_rows(group, problem.index, start)

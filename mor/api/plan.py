@@ -73,7 +73,6 @@ def at_its_place(network: Network) -> Network:
 
 
 def _measured_where_implied(network: Network, place: Values) -> Network:
-    """The network at the nearest place to the one given at which points lie on their planes, levelled things level."""
     with chosen_by_size(network.observations):
         problem = make_problem(network, place, place)
         exact = [np.zeros(group.observed.shape) for group in problem.groups]

@@ -227,7 +227,6 @@ def _solver(ready: Prepared) -> Callable[[Problem], Adjustment | None]:
 
 
 def _without_free(network: Network) -> Mapping[str, FloatArray]:
-    """Start values without those of free points and attitudes that nobody observed."""
     start = {kind: values.copy() for kind, values in network.start.items()}
     for kind in ("point", "rotation"):
         if kind not in start:

@@ -95,7 +95,6 @@ def _give(worker: _Worker, number: int, task: Task) -> None:
 
 
 def _heard(workers: Sequence[_Worker], most: float | None) -> list[_Worker]:
-    """Workers that have something to say, have died, or have taken too long."""
     busy = [worker for worker in workers if worker.number >= 0]
     left = min((worker.begun + most - time.monotonic() for worker in busy), default=0.0) if most else None
     ready = wait([worker.connection for worker in busy], timeout=None if left is None else max(left, 0.0))
@@ -165,7 +164,6 @@ def _said_death(code: int) -> str:
 
 
 def _end(worker: _Worker) -> None:
-    """Only the process that was begun here is ended."""
     worker.connection.close()
     if worker.process.is_alive():
         worker.process.terminate()

@@ -157,7 +157,6 @@ def _tell(error: MorError, language: str) -> None:
 
 
 def _said(error: MorError, language: str) -> str:
-    """Text of the mistakes, each with its file and line."""
     from mor.errors import InputError
 
     if isinstance(error, InputError):

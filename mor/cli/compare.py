@@ -171,7 +171,6 @@ def _content(path: Path) -> Any:
 
 
 def _folder(path: Path) -> Path:
-    """The folder of results that a results.json stands in."""
     return path.parent if path.name == "results.json" else path
 
 
@@ -226,7 +225,6 @@ def _between(
 
 
 def _epoch_numbers(solved: Solved, wanted: tuple[str, str], path: Path) -> tuple[int, int]:
-    """Numbers of two epochs of an adjustment."""
     from mor.errors import nearest
     from mor.project.entities import decimal_year
 
@@ -258,7 +256,6 @@ def _write_page(
     page: tuple[Path, bool],
     lang: str,
 ) -> None:
-    """The page of two epochs, solved in the datum over their common points."""
     from mor.report.epochs import comparison_page, epoch, moved, verdict
     from mor.report.language import words_of_page
 

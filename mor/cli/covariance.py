@@ -182,7 +182,6 @@ def _matrix(solved: Solved, named: tuple[str | None, str | None, str | None]) ->
 
 
 def _names(text: str | None, option: str, kind: str) -> list[str]:
-    """Names in an option, none if it was not given."""
     from mor.errors import InputError, Message
 
     names = [name.strip() for name in (text or "").split(",") if name.strip()]

@@ -98,7 +98,6 @@ def _is_copy(target: Path, sample: Path, ignored: Sequence[str]) -> bool:
 
 
 def _names(sample: Path, ignored: Sequence[str]) -> list[str]:
-    """The files of a sample, from its folder on."""
     import shutil
 
     files = [path.relative_to(sample) for path in sample.rglob("*") if path.is_file()]

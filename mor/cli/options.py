@@ -140,7 +140,6 @@ def only_project(path: Path, source_format: str | None = None) -> Path:
 
 
 def _is_project(file: Path) -> bool:
-    """True for a YAML file with the key that every project file has."""
     if file.suffix.lower() not in (".yaml", ".yml") or not file.is_file():
         return False
     with file.open("rb") as content:

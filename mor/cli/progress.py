@@ -196,7 +196,6 @@ class Progress:
             click.echo(iteration_line(step, self.words), err=True)
 
     def _leave_iterations(self) -> None:
-        """The live table of the phase that ends stays on the terminal where every iteration was asked for."""
         if self.status is not None and self.steps and self.verbose:
             table = iteration_table(self.steps, self.words("adjusted"), most=None, words=self.words)
             self.status.console.print(table)

@@ -203,7 +203,6 @@ def _refuse_with_runs(gross: int, drop: float, systematic: Sequence[Systematic],
 
 
 def _refuse_without_runs(cluster: str | None) -> None:
-    """One simulated project is made here."""
     from mor.errors import InputError, Message
 
     if cluster is not None:

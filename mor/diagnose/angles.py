@@ -185,7 +185,6 @@ def _of_rows(
 def _in_cells(
     network: Network, number: int, rows: IntArray, names: list[str], change: Callable[[float], float]
 ) -> tuple[Edit, ...]:
-    """Edits of some columns in some rows."""
     found = [cells(network, number, rows.tolist(), name, computed(change)) for name in names]
     return tuple(edit for edits in found for edit in edits)
 
@@ -232,7 +231,6 @@ def _hypothesis(
 
 
 def _stations(group: ObservationGroup, rows: IntArray) -> dict[str, IntArray]:
-    """Positions and rotations of what observes some rows."""
     found: dict[str, list[IntArray]] = {}
     for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
         if slot.of == group.type.references[0].name and slot.part in ("position", "rotation"):
@@ -291,7 +289,6 @@ def _faces(situation: Situation, number: int, group: ObservationGroup) -> Iterat
 
 
 def _middle(angles: FloatArray) -> float:
-    """The angle that most of them are near to."""
     near = np.abs(wrap(angles[:, None] - angles[None, :])).sum(axis=1)
     return float(angles[int(np.argmin(near))])
 
@@ -355,7 +352,6 @@ def exchanged_frames(network: Network, pair: tuple[str, str], of: str, only: int
 
 
 def _slots(group: ObservationGroup, of: str) -> list[int]:
-    """Slots of a group that change if its frames are exchanged."""
     if of == "image":
         parts = ("position", "rotation", "interior")
         return [k for k, s in enumerate(group.type.slots) if s.of == "image" and s.part in parts]
@@ -433,7 +429,6 @@ def _images(situation: Situation) -> list[Hypothesis]:
 
 
 def _alike(network: Network, pair: tuple[str, str]) -> bool:
-    """True if two images have interiors of one model."""
     cameras = network.things["image"].parts["camera"]
     numbers = network.things["image"].numbers
     models = {

@@ -260,7 +260,6 @@ def control_tables(situation: Situation) -> list[ControlPoints]:
 
 
 def _table(situation: Situation, control: ControlPoints) -> tuple[str | int, ...] | None:
-    """Path of the table of points by its label."""
     entries = situation.network.project.points
     found = [k for k, e in enumerate(entries) if control.label in (e.group, e.name, e.file)]
     if control.label == "points" and len(entries) == 1:

@@ -244,7 +244,6 @@ def _edits(network: Network, sights: HeightRows) -> tuple[Edit, ...]:
 
 
 def _given(network: Network, sights: HeightRows) -> float:
-    """The height as it is given in the first of the rows."""
     group, rows, slot = sights.rows[0]
     return float(network.start["height"][network.groups[group].blocks[slot][rows[0]], 0])
 
@@ -347,7 +346,6 @@ def _reductions_of_lines(situation: Situation, number: int, group: ObservationGr
 
 
 def _redundancy(solution: Adjustment, number: int, group: ObservationGroup, rows: IntArray) -> FloatArray:
-    """(k,) redundancy numbers r = 1 − a Q aᵀ/σ² of some rows of a group of single values."""
     problem, values = solution.problem, solution.values
     part = linearise(group, problem.index, values, rotation_tangents(problem.index, values), rows)
     coupling = np.zeros((problem.index.count, len(rows)))

@@ -237,7 +237,6 @@ def _less_than(whole: float, coordinate: float) -> float:
 
 
 def _poses(network: Network, parts: list[tuple[int, IntArray]]) -> dict[str, IntArray]:
-    """Position and rotation of the images of some rows."""
     found: dict[str, list[IntArray]] = {}
     for number, rows in parts:
         group = network.groups[number]
@@ -337,7 +336,6 @@ def _interior(
 
 
 def _set_free(old: str, _amount: AddedParameter | None) -> str | None:
-    """A fixed or observed value as a start value."""
     number = re.match(r"\{?\s*(?:\w+:)?\s*([-+.\deE]+)", old)
     return f"{{free: {number[1]}}}" if number else None
 

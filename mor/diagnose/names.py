@@ -211,7 +211,6 @@ def _wrong_name(network: Network, same: list[Match]) -> Hypothesis:
 
 
 def _where(group: ObservationGroup, row: int) -> str:
-    """File and line of a row, or the name of its table."""
     if len(group.lines) > row:
         return f"{group.file}:{int(group.lines[row])}"
     return f"{group.name}, {', '.join(names[row] for names in group.references)}"
@@ -253,7 +252,6 @@ def exchanges_at_stations(situation: Situation) -> list[Exchange]:
 
 
 def _sighting(groups: Sequence[ObservationGroup]) -> list[int]:
-    """Numbers of the groups of sights from something to something, with two components."""
     return [k for k, g in enumerate(groups) if len(g.type.components) == 2 and len(g.references) == 2]
 
 
@@ -316,7 +314,6 @@ def _exchanged(problem: Problem, number: int, pair: tuple[int, int]) -> Problem:
 
 
 def _cost(situation: Situation, problem: Problem) -> float:
-    """Cost of the rows of the station after its own adjustment."""
     with np.errstate(all="ignore"):
         values = _adjusted(problem, situation.values)
         sizes = sizes_of(problem.groups, values)

@@ -79,7 +79,6 @@ class _Candidate(NamedTuple):
 
     @property
     def parameters(self) -> int:
-        """p."""
         return int(self.parts[0][2].shape[2])
 
 
@@ -179,7 +178,6 @@ def _candidates(
 def _slot_columns(
     group: ObservationGroup, values: Values, rows: IntArray, slot: int, components: Sequence[int]
 ) -> FloatArray:
-    """(k, m, p) derivatives of the computed observations of some rows by components of a slot."""
     found: FloatArray = np.nan_to_num(evaluated(group, values, rows).jacobians[slot][:, :, list(components)])
     return found
 
@@ -677,7 +675,6 @@ def _curvature(
 
 
 def _where(group: ObservationGroup, row: int) -> str:
-    """File and line of a row, or the name of its table."""
     if len(group.lines) > row:
         return f"{group.file}:{int(group.lines[row])}"
     return f"{group.name}, {', '.join(names[row] for names in group.references)}"
@@ -800,7 +797,6 @@ def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
 
 
 def _single(quality: Quality) -> float:
-    """Gain of the worst observation alone, less the cost of its choice and of its size."""
     worst = max(
         (float(np.nanmax(np.abs(one.at(slice(None)).test), initial=0.0)) for one in quality.reliability),
         default=0.0,

@@ -473,7 +473,6 @@ def _beginnings(
 
 
 def _most_of_it_does_not_fit(situation: Situation, network: Network) -> bool:
-    """True where half of the rows that are changed do not fit as they are."""
     count = bad = 0
     changed = changed_observations(situation.network, network)
     for mask, misfitting in zip(changed, situation.misfitting, strict=False):

@@ -77,14 +77,12 @@ class _Numbers:
         return InputError([Message(f"found the end of the file, {words}", self.file, line)])
 
     def take(self, count: int, what: str) -> FloatArray:
-        """So many numbers."""
         if count > len(self.values) - self.at:
             raise self.refuse(len(self.values), f"expected {count} numbers: {what}")
         self.at += count
         return self.values[self.at - count : self.at]
 
     def count(self, what: str, least: int = 0) -> int:
-        """A number of things."""
         value = float(self.take(1, what)[0])
         if value != int(value) or not least <= value <= len(self.values):
             raise self.refuse(self.at - 1, f"expected the number of {what}")

@@ -29,7 +29,6 @@ class FileFormat(NamedTuple):
 
 
 def _book(module: str, function: str) -> Code:
-    """A reader of field books."""
     return Code(f"mor.formats.fieldbook.{module}", function)
 
 

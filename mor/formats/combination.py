@@ -110,7 +110,6 @@ def _axes(project: _Project) -> dict[str, str]:
 
 
 def _has_control(project: _Project) -> bool:
-    """Return True if coordinates of points or images are fixed or observed."""
     tables = [*project.tables("points"), *project.tables("images")]
     return any(
         table.get("fixed") or any(str(name).startswith("sigma") for name in table.get("columns") or ())
@@ -250,7 +249,6 @@ def _take_positions(whole: _Project, other: _Project) -> None:
 
 
 def _take_image_points(whole: _Project, other: _Project, own: Mapping[str, str]) -> None:
-    """Image points of images without a camera become those of the images of the project."""
     bare = {
         str(row[table["columns"].index("id")])
         for table in other.tables("images")
@@ -277,7 +275,6 @@ def _take_image_points(whole: _Project, other: _Project, own: Mapping[str, str])
 
 
 def _by_name(names: list[str]) -> dict[str, str]:
-    """Names by themselves, and by what they are without a suffix where that tells them apart."""
     stems: dict[str, list[str]] = {}
     for name in names:
         stems.setdefault(PurePath(name).stem, []).append(name)

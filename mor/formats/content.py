@@ -139,7 +139,6 @@ _CONTROL_IN_TITLE = "[\x00-\x1f\x7f-\x9f\u2028\u2029\ufffe\uffff]"
 
 
 def _given(rows: Rows, name: str) -> int:
-    """Number of cells of a column with a value other than 0."""
     if name in rows.numbers:
         return int(np.count_nonzero(np.nan_to_num(rows.numbers[name])))
     return int((rows.texts[name] != "").sum()) if name in rows.texts else 0
@@ -329,7 +328,6 @@ def frames(content: Content, what: str) -> ContentTable:
 
 
 def _not_a_frame(camera: Camera) -> list[str]:
-    """Properties of a camera whose images are not central perspectives from their positions."""
     found = []
     if camera.line_time is not None or camera.line is not None:
         found.append("is a line scanner")

@@ -489,7 +489,6 @@ def read_dbat(path: Path) -> Document:
 
 
 def _file(section: Element | None, draft: Draft) -> Element | None:
-    """The one ``<file>`` of a section; a mistake where there is none."""
     if section is None:
         return None
     files = section.all("file")

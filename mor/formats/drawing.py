@@ -102,7 +102,6 @@ def drawing(document: Document, folder: Path) -> Drawing:
 
 
 def _left_out(content: Content, values: FloatArray, placed: IntArray) -> tuple[Message, ...]:
-    """Notes on points without coordinates, and without a height in a network that has heights."""
     file, notes = content.document.file, []
     missing = len(values) - len(placed)
     flat = int(np.count_nonzero(~np.isfinite(values[placed, 2]))) if len(placed) else 0
@@ -181,7 +180,6 @@ def _number(text: str | None) -> float:
 
 
 def _ellipse(sx: float, sy: float, r: float) -> tuple[float, float, float]:
-    """Semi-axes and bearing of the standard ellipse."""
     if not np.isfinite([sx, sy, r]).all():
         return float("nan"), float("nan"), float("nan")
     values, vectors = np.linalg.eigh([[sx * sx, r * sx * sy], [r * sx * sy, sy * sy]])

@@ -85,7 +85,6 @@ def _photograph(path: Path) -> Photograph:
 
 
 def _number(value: Any) -> float:
-    """A number above 0, or 0."""
     try:
         number = float(value)
     except (TypeError, ValueError, ZeroDivisionError):

@@ -141,7 +141,6 @@ def read_export(path: Path, draft: Draft) -> Export:
 
 
 def _padded(camera: list[float]) -> list[float]:
-    """Five numbers of the camera, and the distortion, 0 where the file has less of it."""
     return (camera + [0.0] * _DISTORTION)[: 5 + _DISTORTION]
 
 
@@ -172,7 +171,6 @@ def _photos(lines: list[str], draft: Draft) -> tuple[list[PhotoRecord], int]:
 
 
 def _lists(lines: list[str], start: int, count: int) -> list[list[Line]]:
-    """Lists of lines, each after one empty line."""
     lists: list[list[Line]] = []
     for index in range(start, len(lines)):
         words = lines[index].split()
@@ -300,7 +298,6 @@ def _worked_out(
 
 
 def _used(marks: list[Row], points: set[str | None], photos: set[str], draft: Draft) -> list[Row]:
-    """Image points of points and photos that are there; the others are counted."""
     pointless = [row for row in marks if row.cells[1] not in points]
     if pointless:
         words = f"{counted(len(pointless), 'image point')} of no point in the file not used"

@@ -94,7 +94,6 @@ def read_control(path: Path) -> Document:
 
 
 def _put_cameras(photos: Sequence[CalibratedImage], file: str, draft: Draft) -> dict[str, str]:
-    """One camera for all images with the same numbers; returns camera by image."""
     cameras: dict[str, Any] = {}
     by_values: dict[tuple[object, ...], str] = {}
     names: dict[str, str] = {}
@@ -169,7 +168,6 @@ def _poses(photos: Sequence[CalibratedImage], files: dict[str, Path], draft: Dra
 
 
 def _apart(own: FloatArray, external: FloatArray, placed: bool) -> bool:
-    """Return True if two poses differ by more than the digits they are printed with."""
     turned = (own[3:] - external[3:] + 180.0) % 360.0 - 180.0
     return bool(np.abs(turned).max() > 1e-4 or (placed and np.abs(own[:3] - external[:3]).max() > 1e-3))
 

@@ -235,7 +235,6 @@ def _size(files: zipfile.ZipFile, named: Element, archive: Path) -> int:
 
 
 def _vertices(files: zipfile.ZipFile, named: Element, archive: Path, axes: str) -> np.ndarray:
-    """The vertices of a PLY file, whose properties are columns, coordinates and id among them."""
     name = named.attributes.get("path", "")
     try:
         return _ply(files.read(name), (*axes, "id"))
@@ -1140,7 +1139,6 @@ def _by_suffix(path: Path) -> str | None:
 
 
 def _recognition_numbers(words: list[str]) -> int:
-    """Number of words if all of them are numbers."""
     try:
         for word in words:
             float(word)
@@ -1209,7 +1207,6 @@ _SECTION = re.compile(
 
 
 def _bal(sample: Sample) -> bool:
-    """Three counts, then camera, point, x, y a line."""
     lines = [words for words in sample.lines[:4] if words]
     if len(lines) < 2 or len(lines[0]) != 3 or not all(word.isdecimal() for word in lines[0]):
         return False

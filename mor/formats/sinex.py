@@ -214,7 +214,6 @@ def _put(draft: Draft, parameters: dict[int, Parameter], Q: FloatArray) -> None:
 
 
 def _names(sites: list[str]) -> dict[str, str]:
-    """Code of the station, with its point and solution where there are several."""
     codes = [site.split()[0] for site in sites]
     return {site: code if codes.count(code) == 1 else site for site, code in zip(sites, codes, strict=True)}
 
@@ -351,7 +350,6 @@ def _sites(names: list[str], file: str) -> list[str]:
 
 
 def _site_lines(found: Estimates, sites: list[str], world: EarthModel) -> Iterator[str]:
-    """Sites with their approximate longitude (0 to 360°), latitude and height."""
     geodetic = world.system.ellipsoid.geodetic(found.values)
     for name, site, (latitude, longitude, height) in zip(found.names, sites, geodetic.tolist(), strict=True):
         angles = f"{_sexagesimal(longitude % (2 * np.pi), 3)} {_sexagesimal(latitude, 3)}"
@@ -376,7 +374,6 @@ def _estimate_lines(found: Estimates, sites: list[str]) -> Iterator[str]:
 
 
 def _number(value: float) -> str:
-    """All digits of a coordinate in the 21 columns of an estimate."""
     text = repr(value)
     return f"{text if len(text) <= _WIDTH else f'{value:.14E}':>{_WIDTH}}"
 

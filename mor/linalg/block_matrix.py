@@ -326,7 +326,6 @@ def _entries(structure: BlockStructure, rows: int, columns: int, blocks: IntArra
 
 
 def _running_total(counts: IntArray) -> IntArray:
-    """Return the pointers (n+1,) that n counts make."""
     return np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
 
 
@@ -381,7 +380,6 @@ class DensePart:
         return dense
 
     def _rows_and_columns(self) -> tuple[IntArray, IntArray]:
-        """Block rows and block columns of the stored blocks."""
         column = np.searchsorted(self.structure.indptr, self.numbers, side="right") - 1
         return self.structure.indices[self.numbers], column
 

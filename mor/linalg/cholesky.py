@@ -527,7 +527,6 @@ def _parts(rows: IntArray, columns: IntArray) -> list[FloatArray]:
 
 
 def _keep(found: FloatArray, place: FloatArray) -> None:
-    """Copy what was found to its place, unless LAPACK has worked there."""
     if not np.may_share_memory(found, place):
         place[...] = found
 

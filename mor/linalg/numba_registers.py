@@ -100,13 +100,11 @@ def fetch(typing, array, place):  # type: ignore[no-untyped-def]
 
 
 def _address(context: Any, builder: Any, sig: Any, args: Sequence[Any]) -> Any:
-    """Address of an element of an array."""
     array = context.make_array(sig.args[0])(context, builder, args[0])
     return builder.gep(array.data, [context.cast(builder, args[1], sig.args[1], types.intp)])
 
 
 def _spread(builder: Any, number: Any) -> Any:
-    """A number four times."""
     nothing = ir.Constant(_VECTOR, ir.Undefined)
     first = builder.insert_element(nothing, number, ir.Constant(_PLACE, 0))
     return builder.shuffle_vector(first, nothing, ir.Constant(ir.VectorType(_PLACE, 4), [0] * 4))

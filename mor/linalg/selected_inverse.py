@@ -65,7 +65,6 @@ def operations(plan: Elimination) -> FloatArray:
 
 
 def _tellings(plan: Elimination) -> dict[int, float]:
-    """After which fronts, from the last one to the first, how many more operations are told."""
     done = np.cumsum(operations(plan)[::-1])
     if len(done) == 0:
         return {}

@@ -360,7 +360,6 @@ def _postordered_tree(graph: scipy.sparse.csr_array, order: IntArray) -> tuple[I
 def _merged_chains(
     sizes: IntArray, parent: IntArray, permuted: scipy.sparse.csr_array
 ) -> tuple[IntArray, IntArray, IntArray]:
-    """Return the chain of each step, the parent of each chain, and the chain that each one is merged into."""
     orders = column_orders(*_pattern(permuted), parent, sizes)
     chain_of_step = chains(parent, orders, sizes)
     first = np.flatnonzero(np.diff(chain_of_step, prepend=-1))
@@ -378,7 +377,6 @@ def _in_front_order(
     front_of_step: IntArray,
     front_parent: IntArray,
 ) -> Elimination:
-    """Renumber fronts in postorder and blocks front by front, and make the plan."""
     post = postorder(front_parent)
     place = np.empty_like(post)
     place[post] = np.arange(post.size)
@@ -397,7 +395,6 @@ def _plan(
     parent: IntArray,
     pattern: tuple[IntArray, IntArray],
 ) -> Elimination:
-    """Make the plan from the final order of the blocks, the fronts in it and the pattern in that order."""
     sizes = structure.sizes[order]
     starts = np.concatenate(([0], np.cumsum(sizes))).astype(np.int64)
     step_pointers, steps = rows_of_fronts(*pattern, first_step, parent)
@@ -476,19 +473,16 @@ def _scalars(
 
 
 def _permuted(graph: scipy.sparse.csr_array, order: IntArray) -> scipy.sparse.csr_array:
-    """Return the graph with its vertices numbered in the given order, indices ascending."""
     permuted = graph[order][:, order]
     permuted.sort_indices()
     return permuted
 
 
 def _pattern(graph: scipy.sparse.csr_array) -> tuple[IntArray, IntArray]:
-    """Return row pointers and column indices of a graph as 64-bit integers."""
     return graph.indptr.astype(np.int64), graph.indices.astype(np.int64)
 
 
 def _relabelled(parent: IntArray, order: IntArray) -> IntArray:
-    """Return the parents of a forest after its vertices are renumbered in the given order."""
     place = np.empty_like(order)
     place[order] = np.arange(order.size)
     upward = parent[order]

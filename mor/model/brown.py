@@ -37,7 +37,6 @@ class _Correction(NamedTuple):
 
 
 def _correct(interior: FloatArray, measured: FloatArray, by_coefficients: FloatArray) -> _Correction:
-    """Correct ``measured`` (n, 2); derivatives by K1 … P2 go to ``by_coefficients`` (n, 2, 5)."""
     _, xh, yh, _, _, _, _, _, b1, b2 = interior.T
     x_reduced, y_reduced = measured[:, 0] - xh, measured[:, 1] - yh
     x, y = (1.0 + b1) * x_reduced + b2 * y_reduced, y_reduced

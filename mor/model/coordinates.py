@@ -205,7 +205,6 @@ def to_projection_centres(type_: ObservationType) -> ObservationType:
 
 
 def _slot_of(type_: ObservationType, end: str, part: str) -> int:
-    """Number of the slot of a part of a reference, −1 where the type has none."""
     return next((k for k, slot in enumerate(type_.slots) if (slot.of, slot.part) == (end, part)), -1)
 
 

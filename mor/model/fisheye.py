@@ -581,7 +581,6 @@ def _turned_to(star: FloatArray, interior: FloatArray) -> _LineCameraPoints:
 def _panorama_by_star(
     star: FloatArray, lean: FloatArray, at: _LineCameraPoints, along: FloatArray, upwards: FloatArray
 ) -> FloatArray:
-    """Derivatives (n, 2, 3) by X*, Y*, Z*, with ∂x/∂α ``along`` and ∂y/∂t ``upwards``."""
     X, _, Z = star.T
     by_distance = at.aside / (at.distance * at.reach)  # ∂α/∂ρ
     by_depth = -upwards * at.slope / at.depth

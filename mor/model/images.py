@@ -214,7 +214,6 @@ def meet(
     """
 
     def seen(xy: FloatArray) -> ShutterCrossings[At]:
-        """Return the projection at the moment when the shutter passes xy."""
         phase = phases(xy, clock)
         found, projection, by_time = at(phase)
         drift = np.einsum("nij,nj->ni", projection.by_star, by_time)

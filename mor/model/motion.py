@@ -99,7 +99,6 @@ def inverse_right_jacobian(vector: FloatArray) -> FloatArray:
 
 
 def _powers(vector: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """[ψ]× (n, 3, 3), [ψ]×² (n, 3, 3) = ψψᵀ − θ² 1, and θ² (n,) of vectors ψ (n, 3)."""
     square = np.einsum("ni,ni->n", vector, vector)
     squared = vector[:, :, None] * vector[:, None, :]
     squared.reshape(-1, 9)[:, ::4] -= square[:, None]

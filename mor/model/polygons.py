@@ -66,7 +66,6 @@ def _in_plane(corners: FloatArray) -> FloatArray:
 
 
 def _turn(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
-    """Twice the area of a triangle, above 0 where it turns to the left."""
     return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
 

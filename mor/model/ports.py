@@ -213,7 +213,6 @@ def _trace(
 
 
 def _dot(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Scalar products along the first axis, of length 3."""
     return np.asarray(a[0] * b[0] + a[1] * b[1] + a[2] * b[2])
 
 

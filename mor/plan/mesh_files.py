@@ -177,7 +177,6 @@ def _ascii_rows(
 def _binary_rows(
     element: _Element, rest: bytes, order: str, line: int
 ) -> tuple[list[list[FloatArray]], bytes]:
-    """Rows of an element in bytes: the numbers of each property."""
     rows, at = [], 0
     try:
         if not any(one.counted_by for one in element.properties):

@@ -281,7 +281,6 @@ def _solutions(quality: Quality, M: csr_matrix, reduced: FloatArray, points: Eli
 
 
 def _points_of(group: ObservationGroup) -> IntArray:
-    """Point blocks that a group refers to."""
     found = [b for s, b in zip(group.type.slots, group.blocks, strict=True) if s.kind == "point"]
     return np.concatenate([np.asarray(b, dtype=np.int64) for b in found] or [np.zeros(0, dtype=np.int64)])
 
@@ -305,7 +304,6 @@ def weak_observations(quality: Quality, least: FloatArray) -> list[IntArray]:
 
 
 def _weakest(r: FloatArray) -> float:
-    """The redundancy number below which the weakest of a group are."""
     known = r[np.isfinite(r)]
     return float(np.partition(known, _WEAKEST)[_WEAKEST]) if len(known) > _WEAKEST else np.inf
 
@@ -342,7 +340,6 @@ def _outcomes(
     size: int,
     least: float,
 ) -> tuple[PlanMeasures, BoolArray]:
-    """Outcomes of the plan with each row of a group that has so many components."""
     adjustment = quality.adjustment
     tangent = rotation_tangents(adjustment.problem.index, adjustment.values)
     part = linearise(group, adjustment.problem.index, adjustment.values, tangent, slice(None))
@@ -487,7 +484,6 @@ def of_units(units: Sequence[Unit], found: PlanMeasures) -> list[Ranked]:
 
 
 def _rounded(value: float) -> float:
-    """A value with the digits in which machines agree, to sort by."""
     return float(f"{value:.9g}")
 
 

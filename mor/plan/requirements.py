@@ -392,7 +392,6 @@ def _whiten_clusters(
 
 
 def _together(units: list[Unit], correlated: Sequence[tuple[IntArray, FloatArray]]) -> list[Unit]:
-    """Units of which all that are correlated with each other are one."""
     cluster_of = {int(row): number for number, (rows, _) in enumerate(correlated) for row in rows}
     result: list[Unit] = []
     place: dict[int, int] = {}

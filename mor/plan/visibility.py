@@ -718,7 +718,6 @@ def _at(scene: VisibilityScene, space: str, numbers: Sequence[int], height: floa
 
 
 def _height(scene: VisibilityScene, entry: Observations, key: str) -> float:
-    """Height of an instrument or target that all rows have."""
     try:
         return scene.reading.edge.number(entry.values.get(key, "0"), LENGTH)
     except UnitError:
@@ -726,7 +725,6 @@ def _height(scene: VisibilityScene, entry: Observations, key: str) -> float:
 
 
 def _limits(scene: VisibilityScene, entry: Observations, type_: ObservationType) -> Limits:
-    """Limits of the sights of an entry; those that do not fit its type are mistakes."""
     wanted = entry.visible
     assert wanted is not None
     of_images = type_.references[0].among == ("image",)

@@ -81,7 +81,6 @@ def write_csv(frame: pl.DataFrame, file: IO[bytes], header: bool = True) -> None
 
 
 def _any(told: pl.DataFrame) -> bool:
-    """Return True if one of the columns, all of one row, says so."""
     return any(map(any, told.rows()))
 
 
@@ -208,7 +207,6 @@ class _YamlReader:
         """Line of the alias that is being unfolded, 0 for none."""
 
     def read(self, events: Iterator[yaml.Event]) -> Document:
-        """The only document of a text."""
         first = [next(events) for _ in range(2)][1]
         event = first if isinstance(first, yaml.StreamEndEvent) else next(events)
         if not isinstance(event, yaml.MappingStartEvent):
@@ -319,7 +317,6 @@ def _recording(events: Iterator[yaml.Event], recorded: list[yaml.Event]) -> Iter
 
 
 def _skip(event: yaml.Event, events: Iterator[yaml.Event]) -> None:
-    """Go past a node that is not wanted."""
     depth = int(isinstance(event, yaml.CollectionStartEvent))
     while depth:
         event = next(events)
@@ -477,7 +474,6 @@ class _Dumper(yaml.SafeDumper):
         return self.represent_scalar("tag:yaml.org,2002:str", value, style)
 
     def represent_plain(self, value: _Plain) -> yaml.ScalarNode:
-        """A scalar without quotes and without a tag."""
         tag: str = self.resolve(yaml.ScalarNode, str(value), (True, False))  # type: ignore[no-untyped-call]
         return self.represent_scalar(tag, str(value))
 

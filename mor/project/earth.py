@@ -139,7 +139,6 @@ def plane_of(
 def _projected(
     system: ReferenceSystem, world: EarthModel, middle: FloatArray, half: FloatArray, grid: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Places of feet in the rectangle, and their E, N, of places above or below them."""
     above = np.hstack([grid * half + middle, np.zeros((len(grid), 1))])
     foot = world.horizon.foot(above).position
     geodetic = world.horizon.to_geodetic(foot)

@@ -283,7 +283,6 @@ class _Classes:
         return 0.0
 
     def members(self) -> Mapping[Node, list[tuple[Node, float]]]:
-        """For each unknown all components it stands for, with their differences from it, itself first."""
         found: dict[Node, list[tuple[Node, float]]] = {}
         for node in sorted(self.above):
             root, apart = self.find(node)

@@ -92,7 +92,6 @@ def read_motions(reading: Reading) -> None:
 
 
 def _rows(reading: Reading, table: MotionEntry, place: TableLocation) -> Rows | None:
-    """Rows of a table; of named points a row for each."""
     components = (
         STEP if table.model == "steps" else [c for k in _KINDS.get(table.model, ()) for c in k.components]
     )
@@ -133,7 +132,6 @@ def _named(reading: Reading, patterns: list[str], place: TableLocation) -> list[
 
 
 def _point(reading: Reading, rows: Rows, row: int) -> MovingPoint | None:
-    """The point of a row, which moves from now on; ``None`` if there is none."""
     name, points = rows.series("id")[row], reading.shop.things["point"]
     if name not in points.numbers:
         if "point" not in reading.broken:
@@ -343,7 +341,6 @@ class _Differing(NamedTuple):
     given: IntArray
 
     def words(self, row: int) -> str:
-        """Words for the mistake of a row."""
         own, other = (self.motion.labels[int(epochs[row])] for epochs in (self.found, self.given))
         return f"{self.names[row]} is of epoch {own}, this row of {other}"
 
@@ -480,7 +477,6 @@ def _moving(found: ReadGroup, motions: list[IntArray], constants: np.ndarray) ->
 
 
 def _some(found: ReadGroup, rows: IntArray) -> ReadGroup:
-    """Some rows of a group as it was read."""
     if len(rows) == found.group.count:
         return found
     return replace(
@@ -546,7 +542,6 @@ def _apart(pairs: IntArray, count: int) -> list[tuple[int, int]]:
 
 
 def _epochs_of_blocks(pairs: IntArray, epochs: int) -> Iterator[tuple[int, list[int]]]:
-    """Blocks of ascending pairs (n,) block · epochs + epoch, and the epochs of each."""
     for block, of_block in groupby(_apart(pairs, epochs), key=itemgetter(0)):
         yield block, [epoch for _, epoch in of_block]
 

@@ -631,7 +631,6 @@ def _representation(is_rotation: bool, values: FloatArray) -> FloatArray:
 
 
 def _said_outside(reading: Reading, group: ObservationGroup) -> ObservationGroup:
-    """Groups of prior knowledge are reported in project units."""
     scale = next((s for s in reading.scales.values() if s.unit == group.image_unit), None)
     return replace(group, external=external(group.type, reading.edge, scale))
 
@@ -681,7 +680,6 @@ def datum_name(datum: str | Datum) -> str:
 
 
 def _check_pairs(reading: Reading) -> None:
-    """Names of the pairs of points that are to be reported."""
     points = reading.shop.things["point"]
     for number, pair in enumerate(reading.project.report.relative if "point" not in reading.broken else ()):
         place = reading.at("report", "relative", number)
@@ -842,7 +840,6 @@ def _with_rotations(values: Values, more: FloatArray) -> dict[str, FloatArray]:
 
 
 def _with_rotations_there(absent: Mapping[str, BoolArray], more: int) -> dict[str, BoolArray]:
-    """Marks of what is absent, with those of so many rotations more, which are not."""
     if "rotation" not in absent:
         return dict(absent)
     return {**absent, "rotation": np.concatenate([absent["rotation"], np.zeros(more, dtype=bool)])}
@@ -888,7 +885,6 @@ def _taken(group: ObservationGroup, rows: BoolArray) -> ObservationGroup:
 
 
 def _filled(values: FloatArray, marked: BoolArray) -> FloatArray:
-    """Values with any number where a block is left out and has none."""
     unknown = marked & ~np.isfinite(values.reshape(len(values), -1)).all(axis=1)
     if not unknown.any():
         return values

@@ -205,7 +205,6 @@ def _image_group(
 def _blocks_beside(
     reading: Reading, slots: Sequence[Slot], image: Names, point: Names
 ) -> tuple[SmallIntArray, ...]:
-    """Blocks (n,) of the slots that are no knots: those of the image and of the point of every row."""
     images, points = reading.shop.things["image"], reading.shop.things["point"]
     return tuple(
         _blocks_of(points.parts["position"], point)
@@ -560,7 +559,6 @@ def _plain_group(
 
 
 def _clusters(entry: Observations, rows: Rows, place: TableLocation, reading: Reading) -> Names | None:
-    """Names of the clusters that rows belong to, where a table says them."""
     if CLUSTER not in rows.texts:
         return None
     if entry.covariance is None or entry.cluster is not None:
@@ -572,13 +570,11 @@ def _clusters(entry: Observations, rows: Rows, place: TableLocation, reading: Re
 
 
 def _of_instrument(reading: Reading, instrument: Mapping[str, int], slot: Slot) -> int:
-    """Block of an instrument, a neutral one where nothing is said of it."""
     block = instrument[slot.part]
     return reading.shop.neutral(slot.kind) if block < 0 else block
 
 
 def _arm(reading: Reading, found: Resolved, part: str) -> IntArray:
-    """Blocks that lead to the projection centres of one column, neutral ones where the name is none."""
     neutral = 0 if part in ("height", "eccentricity") else reading.shop.neutral(part)
     own = found.blocks.get(part, np.full(len(found.at_centre), -1, dtype=np.int64))
     return np.where(found.at_centre & (own >= 0), own, neutral)

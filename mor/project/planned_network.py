@@ -116,7 +116,6 @@ class _Sight:
         return np.where(ahead, y - measured[:, 1], np.nan)
 
     def poses(self, times: FloatArray) -> TrajectoryPoses:
-        """The poses at ``times`` (n,)."""
         clock, flown = self.trajectory.clock(times), self.trajectory
         weights = clock.constants[:, 1:].reshape(len(times), flown.order, flown.order)
         positions, rotations = flown.positions[clock.knots], flown.rotations[clock.knots]

@@ -520,7 +520,6 @@ def turned_towards(direction: FloatArray, D: FloatArray) -> FloatArray:
 
 
 def _freedom(type_: str) -> tuple[BoolArray, BoolArray]:
-    """(3,) free offsets and free turns about the axes of the system."""
     offsets, turns = {
         "plane": ([False, False, True], [True, True, False]),
         "line": ([True, True, False], [True, True, False]),
@@ -833,7 +832,6 @@ class _Row(NamedTuple):
     names: tuple[str, ...]
 
     def problem(self, words: str) -> Message:
-        """A problem of this row."""
         return Message(words, self.rows.file, int(self.rows.lines[self.known.row]))
 
 

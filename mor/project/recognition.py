@@ -383,7 +383,6 @@ def _columns(kind: str, named: Sequence[tuple[str, str, str]]) -> dict[str, str]
 
 
 def _named(header: Sequence[str]) -> list[tuple[str, str, str]]:
-    """Cells of a header with their names and units."""
     return [(cell, *_name_and_unit(cell)) for cell in header]
 
 

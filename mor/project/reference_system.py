@@ -431,7 +431,6 @@ class EarthModel:
 
 
 def _scaled(system: ReferenceSystem, coordinates: FloatArray, factor: float) -> FloatArray:
-    """Coordinates with their lengths (not their angles) times a factor."""
     lengths = [1.0 if name in ("latitude", "longitude") else factor for name in system.coordinates]
     scaled: FloatArray = coordinates * np.array(lengths)
     return scaled

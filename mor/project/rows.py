@@ -238,7 +238,6 @@ def told(slips: Sequence[Slip], count: int) -> tuple[list[Message], list[Message
 
 
 def _rows_of_points(groups: Sequence[ObservationGroup], count: int) -> np.ndarray:
-    """(points,) number of rows that name each point block."""
     rows = np.zeros(count, dtype=np.int64)
     for group in groups:
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
@@ -413,7 +412,6 @@ def _stations_on_points(reading: Reading, names: Names, rows: Rows) -> Names:
 
 
 def _add_stations(reading: Reading, stands: list[tuple[str, str]]) -> None:
-    """Add those of the stations, with their sets, that are not declared."""
     shop, stations = reading.shop, reading.shop.things["station"]
     ids: list[str] = []
     parts: dict[str, list[int]] = {part: [] for part in stations.parts}

@@ -1081,7 +1081,6 @@ def _telling(document: Document, details: list[ErrorDetails]) -> list[ErrorDetai
 
 
 def _of_another_kind(detail: ErrorDetails) -> bool:
-    """Return True if an error says only that this is another kind of thing."""
     structured = isinstance(detail.get("input"), (dict, list))
     return detail["type"] in _OTHER_KIND or (detail["type"] == "literal_error" and structured)
 
@@ -1171,7 +1170,6 @@ def _data_path(data: Any, detail: ErrorDetails) -> KeyPath:
 
 
 def _known_keys(path: KeyPath, whole: type[BaseModel]) -> list[str]:
-    """Keys that a model knows at a path."""
     model: Any = whole
     for part in path:
         if isinstance(model, type) and issubclass(model, BaseModel) and part in model.model_fields:

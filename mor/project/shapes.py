@@ -149,7 +149,6 @@ def _candidates(q: FloatArray, free: Freedom, held: Held | None) -> list[FloatAr
 
 
 def _about(z: FloatArray) -> FloatArray:
-    """A rotation with this z axis."""
     x = np.cross(z, np.eye(3)[np.argmin(np.abs(z))])
     x /= np.linalg.norm(x)
     return np.stack([x, np.cross(z, x), z])

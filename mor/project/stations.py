@@ -142,7 +142,6 @@ class _Said(NamedTuple):
     """1 where the component is an unknown without a σ."""
 
     def rows(self, chosen: IntArray) -> _Said:
-        """Some of the rows."""
         return _Said(*(column[chosen] for column in self))
 
     def anything(self) -> BoolArray:

@@ -198,7 +198,6 @@ def from_text(
 
 
 def _plain(columns: dict[str, pl.Series], cleaned: _Text) -> dict[str, pl.Series]:
-    """Columns without the apostrophes that guard names."""
     if b"'" not in cleaned.content:
         return columns
     return {
@@ -207,7 +206,6 @@ def _plain(columns: dict[str, pl.Series], cleaned: _Text) -> dict[str, pl.Series
 
 
 def _first_undecodable_line(text: bytes) -> int:
-    """Line of the first bytes that are no UTF-8, 0 where all is well."""
     if text.isascii():
         return 0
     try:
@@ -263,7 +261,6 @@ def _without_comments(text: bytes, quotes: bool) -> bytes:
 
 
 def _header(cleaned: _Text, table: TableEntry) -> list[str]:
-    """Names of the columns as the file (or its declaration) has them, each once."""
     if isinstance(table.columns, list):
         return [name or _SKIPPED.format(k) for k, name in enumerate(table.columns)]
     return [cell.strip() for cell in _cells(_first_line(cleaned).decode("utf-8"), table.delimiter or ",")]
@@ -686,7 +683,6 @@ def _parse_one_by_one(
 
 
 def _parsed(column: Column, text: str, unit: str) -> tuple[float, str]:
-    """Number behind a text, and what is wrong with it."""
     assert column.parse is not None
     try:
         value = column.parse(text, unit)

@@ -208,7 +208,6 @@ class _Lengths(NamedTuple):
 def _read_table(
     reading: Reading, table: TrajectoryEntry, place: TableLocation, rows: Rows
 ) -> list[Trajectory]:
-    """The trajectories of one table; mistakes are told."""
     before = len(reading.problems)
     lengths = _Lengths(
         _seconds(reading, place, "spacing", table.spacing), _seconds(reading, place, "gap", table.gap)
@@ -714,7 +713,6 @@ def _refuse_others(
 
 
 def _given(rows: Rows, kinds: tuple[BlockKind, ...], named: list[str]) -> BoolArray:
-    """(n,) true where a row says something of these kinds, or names one."""
     numbers = [f"{of}{c}" for kind in kinds for of in ("", "sigma_", "start_") for c in kind.names]
     given = np.any([np.isfinite(rows.number(name)) for name in numbers], axis=0)
     for name in named:
@@ -774,7 +772,6 @@ def clocks_of_rows(
 
 
 def _rows_of(scale: ImageScale, y: FloatArray) -> FloatArray:
-    """Rows from the upper edge of the image, of y inside."""
     rows: FloatArray = scale.centre[1] - y / scale.pixel
     return rows
 

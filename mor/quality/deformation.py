@@ -197,7 +197,6 @@ def _critical(freedom: int, redundancy: int, level: float, known: bool) -> float
 def _in_datum(
     d: FloatArray, q: FloatArray, generators: FloatArray, stable: BoolArray
 ) -> tuple[FloatArray, FloatArray]:
-    """Movements and cofactors in the datum over the stable points (S-transformation)."""
     if generators.shape[1] == 0:
         return d, q
     B = generators * np.repeat(stable, 3)[:, None]
@@ -336,7 +335,6 @@ def _in_order(motion: TimeModel, point: MovingPoint) -> list[int]:
 
 
 def _blocks(motion: TimeModel, point: MovingPoint) -> list[int]:
-    """Blocks of the coordinates of a point in its epochs."""
     return [point.at(e, motion.times[e]) for e in _in_order(motion, point)]
 
 
@@ -375,7 +373,6 @@ class _Vectors:
         self.cofactors.append(np.pad(cofactors, ((0, 0), (0, _ROOM - size), (0, _ROOM - size))))
 
     def tested(self, quality: Quality, level: float, estimated: bool) -> TestedVectors:
-        """All of them with their tests, with σ0 ``estimated`` or known."""
         none = np.zeros((0, _ROOM)), np.zeros((0, _ROOM, _ROOM))
         tests = vector_tests(
             np.concatenate([none[0], *self.values]), np.concatenate([none[1], *self.cofactors])
@@ -421,7 +418,6 @@ class _Positions:
             before = block
 
     def between(self, point: MovingPoint, pairs: list[tuple[int, int]], into: _Vectors) -> None:
-        """Movements of a point between pairs of epochs."""
         motions = [point.motions.get(kind, 0) for kind in _KINDS]
         if len(set(_blocks(self.motion, point))) == 1 and any(motions):
             self._between_by_motions(point, motions, pairs, into)

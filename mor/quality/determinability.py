@@ -785,7 +785,6 @@ def _something_left(network: Network) -> bool:
 def _without_far(
     network: Network, start: Values, far: RayPoints, leave: bool
 ) -> tuple[Network, dict[str, FloatArray]]:
-    """The network with points at infinity, or without them, and start values for it."""
     if len(far.points) == 0:
         return network, dict(start)
     ids = network.blocks["point"].ids

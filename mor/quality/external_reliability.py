@@ -113,7 +113,6 @@ def _movements(
     points: list[list[int]],
     eliminated: Mapping[int, EliminatedPoint],
 ) -> list[FloatArray]:
-    """The same of some entries, with the rays of all eliminated points that are listed."""
     adjustment, plan = quality.adjustment, quality.adjustment.plan
     right = np.zeros((len(plan.kept), len(entries)))
     sparse: list[tuple[IntArray, FloatArray]] = []
@@ -155,7 +154,6 @@ def _solution(
     columns: IntArray,
     values: FloatArray,
 ) -> FloatArray:
-    """(3,) x of a point in the minimal datum."""
     if rays is not None:
         back = rays.coupling.T @ reduced[numbers[rays.others]]
         return np.asarray(rotations.solve(rays.normals, _at(columns, values, rays.columns) - back))
@@ -163,7 +161,6 @@ def _solution(
 
 
 def _at(columns: IntArray, values: FloatArray, wanted: IntArray) -> FloatArray:
-    """Values at the wanted columns, 0 where there is none."""
     return np.array([float(values[columns == column].sum()) for column in wanted])
 
 
@@ -414,7 +411,6 @@ def _chosen(quality: Quality) -> list[ObservationComponent]:
 
 
 def _sizes(tests: Reliability) -> FloatArray:
-    """(n, m) |w|, 0 where there is no test."""
     return in_pieces(tests.quality.v.shape, lambda rows: np.nan_to_num(np.abs(tests.at(rows).test)))
 
 

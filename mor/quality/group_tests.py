@@ -116,7 +116,6 @@ def _named(reference: str, classes: Mapping[str, int]) -> _Teller:
 
 
 def _standpoints(network: Network) -> dict[str, str]:
-    """The station behind each name of a station or of a further set of directions at one."""
     sets = network.sets
     return {name: sets[name][0] if name in sets else name for name in network.things["station"].ids}
 
@@ -682,5 +681,4 @@ def _clearest(
 
 
 def _tail(k: FloatArray, n: FloatArray, share: float) -> FloatArray:
-    """Probability that a binomial number out of n is k or larger."""
     return np.asarray(betainc(k, n - k + 1.0, share), dtype=np.float64)

@@ -95,7 +95,6 @@ def _design(quality: Quality) -> tuple[scipy.sparse.csr_array, list[scipy.sparse
 def _uncorrelated(
     quality: Quality, number: int, jacobian: FloatArray, columns: IntArray, inside: BoolArray
 ) -> _Rows:
-    """Rows with Jacobians (n, m, K), whitened, of which those ``inside`` (n, m) are the group's."""
     n, m, width = jacobian.shape
     row = np.repeat(np.arange(n * m), width)
     column = np.repeat(columns[:, None, :], m, axis=1).ravel()
@@ -110,7 +109,6 @@ def _uncorrelated(
 
 
 def _correlated(quality: Quality, cluster: ClusterRows, jacobian: FloatArray, unknowns: IntArray) -> _Rows:
-    """Rows of a cluster with the Jacobian (k, c), whitened, by the unknowns (c,)."""
     k, W = len(cluster.rows), cluster.whitening
     row, column = np.repeat(np.arange(k), len(unknowns)), np.tile(unknowns, k)
     shape = k, quality.adjustment.problem.index.count

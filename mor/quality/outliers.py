@@ -586,7 +586,6 @@ def _with_points_moved(problem: Problem, found: Graduated, start: Values, watch:
 
 
 def _cost(problem: Problem, found: Graduated, starts: Starts) -> float:
-    """Return the cost of all observations at the solution with weights, and of the distances to the start values."""
     count = _used(problem)
     ways = starts.costs(found.values["point"], slice(None), count)
     return cost_of_residuals(found.sizes, count) + float(np.sum(ways))
@@ -614,13 +613,11 @@ def _from_far(plain: Adjustment, settings: SolverSettings | None, watch: Watcher
 
 
 def _same_place(one: Adjustment, other: Adjustment) -> bool:
-    """True where two adjustments of the same observations have come to the same minimum."""
     objectives = one.normals.objective, other.normals.objective
     return other.outcome is Outcome.CONVERGED and abs(objectives[0] - objectives[1]) <= _SAME * objectives[0]
 
 
 def _outvoted(problem: Problem, suspects: SuspectedOutliers) -> bool:
-    """True where most observations of a group are suspects, or all that see a point of which something is given."""
     used = [group.mask & ~group.left_out for group in problem.groups]
     return _given_points_contradicted(problem, suspects, used) or any(
         2 * np.count_nonzero(mask) > np.count_nonzero(own)
@@ -664,7 +661,6 @@ def _are_gross(plain: Adjustment, rest: Adjustment) -> bool:
 
 
 def _freedom(adjustment: Adjustment) -> int:
-    """Redundancy of what takes part."""
     return _used(adjustment.problem) - adjustment.problem.index.count + adjustment.defect.dimension
 
 
@@ -742,7 +738,6 @@ def _short(problem: Problem, masks: Sequence[BoolArray], kind: str) -> list[int]
 def _without(
     problem: Problem, suspects: SuspectedOutliers, blocks: set[tuple[str, str]]
 ) -> SuspectedOutliers:
-    """The suspects with all observations that refer to these blocks."""
     masks = tuple(mask.copy() for mask in suspects.masks)
     _add_rows(problem, masks, blocks)
     return replace(suspects, masks=masks, lost=(*suspects.lost, *sorted(blocks)))

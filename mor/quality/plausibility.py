@@ -903,7 +903,6 @@ def neglected_curvature(network: Network, values: Values) -> Message | None:
 
 
 def _two_digits(value: float) -> str:
-    """Return a number with two digits, without an exponent if it is of an ordinary size."""
     return f"{float(f'{value:.2g}'):g}"
 
 

@@ -237,7 +237,6 @@ def lengths_of_rows(
 
 
 def _quotient(above: FloatArray, below: FloatArray) -> FloatArray:
-    """The quotient, 0 where there is nothing below."""
     quotient: FloatArray = np.divide(above, below, out=np.zeros_like(below), where=below > 0.0)
     return quotient
 
@@ -368,7 +367,6 @@ def row_cluster_quality(
 
 
 def _of_columns(directions: FloatArray, columns: IntArray) -> FloatArray:
-    """(n, K, d) of directions (u, d) at columns (n, K), 0 where fixed."""
     return np.where((columns >= 0)[:, :, None], directions[columns], 0.0)
 
 
@@ -717,7 +715,6 @@ def _fill(
     carries: FloatArray,
     weight: FloatArray,
 ) -> None:
-    """Rows of uncorrelated observations with W J Q Jᵀ W (n, m, m), W their weights (n, m) to the power ½."""
     joint, freedom = joint_statistic(quality.v[rows] * weight, np.eye(white.shape[1]) - white, here)
     quality.absorbed[rows] = np.where(here, np.diagonal(white, axis1=1, axis2=2), quality.absorbed[rows])
     quality.carried[rows] = np.where(here, carries, quality.carried[rows])

@@ -424,7 +424,6 @@ class _Search:
         return bool(self.taken)
 
     def heed(self, gains: list[float]) -> None:
-        """Keep the best of those that were worked out."""
         for (which, place), gain in zip(self.taken, gains, strict=True):
             if self.r + gain > self.best.r:
                 one = self.found[which]
@@ -447,7 +446,6 @@ def _begun(
 
 
 def _rank(system: NormalEquationSolver, searches: list[_Search]) -> None:
-    """Give each search h and the bounds of its candidates, and the order in which they are worked out."""
     right = np.zeros((len(system.columns), len(searches)))
     for k, one in enumerate(searches):
         np.add.at(right[:, k], np.searchsorted(system.columns, one.columns), one.whitened)

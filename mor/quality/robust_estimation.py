@@ -132,7 +132,6 @@ def _tied(group: ObservationGroup, given: BoolArray) -> IntArray:
 
 
 def _medians(part: IntArray, sizes: FloatArray, count: int) -> FloatArray:
-    """(count,) medians of the sizes (e,) of every part (e,); 0 where it has none."""
     order = np.lexsort((sizes, part))
     part, sizes = part[order], sizes[order]
     first = np.searchsorted(part, np.arange(count + 1))
@@ -373,7 +372,6 @@ def _factors(
 
 
 def _change(factors: Factors, before: Factors) -> float:
-    """Root mean square change of the factors."""
     squares = sum(float(np.sum((a - b) ** 2)) for a, b in zip(factors, before, strict=True))
     return float(np.sqrt(squares / max(sum(a.size for a in factors), 1)))
 

@@ -197,7 +197,6 @@ def held_by_an_angle(solved: Solved, say: Translate = english) -> list[str]:
 
 
 def _points_seen(solved: Solved, rotation: int) -> IntArray:
-    """Point blocks that rays and directions of a frame with this rotation refer to."""
     found = [np.zeros(0, dtype=np.int64)]
     for group in solved.adjustment.problem.groups:
         slots = list(zip(group.type.slots, group.blocks, strict=True))
@@ -505,7 +504,6 @@ def _is_idle(solved: Solved, kind: str, block: str) -> bool:
 
 
 def _unexplained(solved: Solved) -> list[Undetermined]:
-    """Directions inside the network that no sentence about a readout time explains already."""
     told = OF_READOUT if readout_sentences(solved) else frozenset[str]()
     return [
         direction

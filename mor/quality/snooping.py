@@ -453,7 +453,6 @@ def snooping_rounds(tried: T, out: Out, redundancy: int) -> SnoopingRounds[T]:
 
 
 def _fitting(tried: AssessedAdjustment, stays_out: Set[Entry]) -> list[TestedEntry]:
-    """Excluded entries that may come back."""
     return [
         TestedEntry(one.entry, one.test) for one in tried.excluded if one.fits and one.entry not in stays_out
     ]
@@ -528,7 +527,6 @@ class _Whole(NamedTuple):
         return tuple(group.left_out for group in self.problem.groups)
 
     def _from(self, values: Values, out: Masks) -> _Whole | None:
-        """From other values, without other entries."""
         adjustment = adjust(exclude(self.problem, out), values, watch=self.watch)
         if not adjustment.outcome.is_solution:
             return None
@@ -681,7 +679,6 @@ def _misfits(quality: Quality, rows: Masks, largest: float) -> Masks:
 
 
 def _largest_by_chance(quality: Quality, observations: int) -> float:
-    """|w| that the largest of so many observations exceeds by chance at the level of a single one."""
     if quality.levels.familywise is not None:
         return quality.critical
     return critical_value(sidak(quality.levels.snooping, observations))

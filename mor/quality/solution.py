@@ -250,7 +250,6 @@ def _beside_what_is_left(effect: GroupEffect, critical: float) -> bool:
 
 
 def _accepted(test: GroupStatistic, effect: GroupEffect, limit: float) -> bool:
-    """True where there is something left to test with an effect, and the test does not reject it."""
     if effect.redundancy < _LEAST_LEFT:
         return False
     share = effect.redundancy / test.redundancy

@@ -175,7 +175,6 @@ class ObservationQuality:
 
     @cached_property
     def _weight(self) -> FloatArray:
-        """Weight of a piece of the group, shared by all its columns and not to be changed."""
         return 1.0 / np.where(np.isfinite(self.v), self.sigma, np.nan) ** 2
 
     def _of_row(self, values: FloatArray | SmallestIntArray) -> FloatArray:

@@ -411,7 +411,6 @@ def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
 
 
 def _motions(placed: Placed) -> dict[str, Any]:
-    """Velocities and rates of rotation of the images that have one, and the names they share."""
     columns: dict[str, Any] = {}
     for kind in (IMAGE_VELOCITY, ROTATION_RATE):
         if kind.key in placed.network.blocks:
@@ -621,7 +620,6 @@ def _moved(
 
 
 def _degrees(angle: float) -> float:
-    """Degrees with the digits that an angle was given with."""
     return float(f"{math.degrees(angle):.13g}")
 
 
@@ -648,7 +646,6 @@ def with_sphere_origin(section: Any, network: Network) -> dict[str, Any]:
 
 
 def _surroundings_moved(visibility: dict[str, Any], source: Path, target: Path) -> dict[str, Any]:
-    """What stands in the way of sights, with its meshes and tables as they are found from the new folder."""
     moved = dict(visibility)
     for key in ("surfaces", "normals"):
         if moved.get(key):
@@ -660,7 +657,6 @@ def _surroundings_moved(visibility: dict[str, Any], source: Path, target: Path) 
 
 
 def _from(folder: Path, file: Path) -> str:
-    """A file as it is found from a folder."""
     return Path(os.path.relpath(file, folder)).as_posix()
 
 

@@ -119,7 +119,6 @@ def certificate(view: View, name: str, coverage: float | None = None) -> Certifi
 
 
 def _per_unit(camera: dict[str, Any], unit: str) -> float:
-    """Units of the camera in one of its image coordinates."""
     if unit == camera["unit"]:
         return 1.0
     if unit == "px":
@@ -135,7 +134,6 @@ def _principal_point(camera: dict[str, Any]) -> FloatArray:
 
 
 def _radii(camera: dict[str, Any], measured: pl.DataFrame) -> FloatArray:
-    """Distances of image points from the principal point, in the unit of the camera."""
     xy = measured.select("x", "y").to_numpy() * _per_unit(camera, str(measured["unit"][0]))
     down = _is_corner(camera) and not _counts_from_corner(camera)
     radii: FloatArray = np.linalg.norm(
@@ -145,18 +143,15 @@ def _radii(camera: dict[str, Any], measured: pl.DataFrame) -> FloatArray:
 
 
 def _is_corner(camera: dict[str, Any]) -> bool:
-    """Return True if image coordinates count from the upper left corner, y down."""
     size = camera.get("format")
     return size is not None and size["origin"] == "corner"
 
 
 def _counts_from_corner(camera: dict[str, Any]) -> bool:
-    """Return True if the principal point does, too."""
     return _is_corner(camera) and "cx" in camera["components"]
 
 
 def _origin(camera: dict[str, Any]) -> FloatArray:
-    """(2,) where the principal point counts from, in image coordinates."""
     if not _is_corner(camera) or _counts_from_corner(camera):
         return np.zeros(2)
     size = camera["format"]
@@ -174,7 +169,6 @@ def _corner(camera: dict[str, Any]) -> float | None:
 
 
 def _at_round_radii(camera: dict[str, Any], largest: float) -> RadialCurve:
-    """The curve at multiples of 1, 2 or 5 times a power of ten, and at its end."""
     power = 10.0 ** np.floor(np.log10(largest / ROWS))
     step = power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power * ROWS >= largest)
     count = int(np.floor(largest / step * (1.0 + 1e-12)))
@@ -377,7 +371,6 @@ def _format(camera: dict[str, Any], words: Words) -> str:
 
 
 def _validity(one: Certificate, words: Words) -> list[tuple[str, str]]:
-    """Largest distance from the principal point at which measurements support the parameters, and what U is."""
     return [*_valid(one, words), *_uncertainty(one, words)]
 
 
@@ -429,7 +422,6 @@ def _parameters(one: Certificate, words: Words) -> list[dict[str, str]]:
 
 
 def _expanded(one: Certificate, unit: str = "") -> list[str]:
-    """The header of a column of expanded uncertainties, if they are asked for."""
     return [f"U{unit}"] if one.coverage is not None else []
 
 

@@ -78,7 +78,6 @@ def _lists(one: list[Any], other: list[Any], tolerance: float, place: str) -> It
 
 
 def _by_name(rows: list[Any]) -> dict[str, Any] | None:
-    """Rows by their identifier, where every row has one of its own."""
     for key in _NAMES:
         if rows and all(isinstance(row, dict) and key in row for row in rows):
             names = [str(row[key]) for row in rows]

@@ -888,7 +888,6 @@ def _drawing(solved: Solved) -> NetworkDrawing:
 
 
 def _all_sights(network: Network) -> list[tuple[str, list[str]]]:
-    """Ends of the sights of a network that is too large to be switched, each pair once."""
     found: dict[tuple[str, ...], None] = {}
     for group in network.groups:
         if len(group.lines):

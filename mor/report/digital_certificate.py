@@ -128,7 +128,6 @@ def _given(parent: Element, pairs: Iterable[tuple[str, object]]) -> None:
 
 
 def _text(parent: Element, name: str, text: str, language: str = "") -> Element:
-    """Add an element with a text, in a language if it is said by mor."""
     found = _add(parent, name)
     _add(found, "dcc:content", text, **({"lang": language} if language else {}))
     return found

@@ -423,8 +423,6 @@ def _component(solved: Solved, number: int) -> dict[str, Any]:
 
 
 def _largest(tests: Reliability, inside: BoolArray) -> float | None:
-    """The largest |test| of the observations inside."""
-
     def of_rows(rows: slice) -> FloatArray:
         size = np.abs(tests.at(rows).test)
         return np.where(inside[rows] & np.isfinite(size), size, -1.0)
@@ -744,7 +742,6 @@ def _feature_sigma(
 
 
 def _parts(feature: Feature, count: int) -> list[tuple[str, FloatArray, np.ndarray]]:
-    """Name, axis in the local system and points (count,) of each plane or line of a feature."""
     first = np.arange(count) < len(feature.points)
     if feature.type == "right angle":
         return [("points", _Z, first), ("other", _X, ~first)]

@@ -79,7 +79,6 @@ class Sentence:
 
     @cached_property
     def _places(self) -> list[str]:
-        """Places of the English sentence, each once."""
         return list(dict.fromkeys(part.place for part in parts(self.english) if part.place is not None))
 
     @cached_property

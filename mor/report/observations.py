@@ -190,7 +190,6 @@ def _p_joint(joint: FloatArray, freedom: FloatArray) -> FloatArray:
 
 
 def _as_if_inside(group: ObservationGroup, q: FloatArray) -> FloatArray:
-    """Redundancy number an excluded observation would have had."""
     variance = group.given_sigma**2
     return np.asarray(variance / (variance + q))
 
@@ -311,7 +310,6 @@ def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
 
 
 def _among_the_largest(solved: Solved, count: int) -> list[IntArray]:
-    """Rows of each group that may be among the largest."""
     found = [_sizes(solved, number, count) for number in range(len(solved.adjustment.problem.groups))]
     largest = np.sort(np.concatenate([np.zeros(0), *(top for _, top in found)]))[-count:]
     limit = max(least_alike(float(largest[0])), 0.0) if len(largest) else 0.0
@@ -336,7 +334,6 @@ def _sizes(solved: Solved, number: int, count: int) -> tuple[FloatArray, FloatAr
 
 
 def _top(sizes: FloatArray, count: int) -> FloatArray:
-    """The largest sizes, at most so many."""
     return np.partition(sizes, len(sizes) - count)[len(sizes) - count :] if len(sizes) > count else sizes
 
 
@@ -562,7 +559,6 @@ def place(group: ObservationGroup, row: int, component: int) -> dict[str, Any]:
 
 
 def _outside(group: ObservationGroup, component: int) -> int:
-    """Number of the reported component behind an internal one."""
     return int(np.flatnonzero(ends_of_group(group).source == component)[0])
 
 
@@ -718,7 +714,6 @@ def diagnosis(network: Network, found: Diagnosis, document: Document, folder: Pa
 
 
 def _amount(network: Network, amount: AddedParameter | None) -> dict[str, Any] | None:
-    """The value of an additional parameter, with its unit."""
     if amount is None:
         return None
     units = {"offset": network.project.units.length, "scale": "", "sigma factor": ""}

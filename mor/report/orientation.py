@@ -524,7 +524,6 @@ def _model(ids: Any, found: Oriented, unit: str, attitude: FloatArray | None) ->
 
 
 def _why(found: Oriented, point: int) -> str:
-    """Why a point has no place in the model."""
     for both, pair in zip(found.common, found.pairs, strict=True):
         if both[point] and not pair.agreeing[int(np.sum(both[:point]))]:
             return "wrong pair"

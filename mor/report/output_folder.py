@@ -150,7 +150,6 @@ class _Interruptions:
                 signal.signal(number, lambda came, _: self._came.append(came))
 
     def heed(self) -> None:
-        """Heed them as before, first of all one that came."""
         before, self._before = self._before, {}
         for number, handler in before.items():
             signal.signal(number, handler)
@@ -160,7 +159,6 @@ class _Interruptions:
 
     @contextmanager
     def heeded(self) -> Iterator[None]:
-        """Hold back interruptions."""
         try:
             self.heed()
             yield
@@ -170,7 +168,6 @@ class _Interruptions:
 
 @contextmanager
 def _uninterrupted() -> Iterator[_Interruptions]:
-    """Put interruptions off to the end of what is done in it."""
     interruptions = _Interruptions()
     interruptions.put_off()
     try:
@@ -211,7 +208,6 @@ def move_into_place(place: Reservation, names: Sequence[str], stale: Collection[
 
 
 def _exchanged(one: Path, other: Path) -> bool:
-    """True if the system has exchanged two folders."""
     rename = getattr(ctypes.CDLL(None), "renameat2", None) if os.name == "posix" else None
     if rename is None:
         return False

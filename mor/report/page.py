@@ -420,7 +420,6 @@ def _rests_on(data: PageData) -> list[Statement]:
 
 
 def _another_epoch(data: PageData) -> Statement:
-    """State whether the result can be compared with another epoch."""
     say, accepted = data.words, data.view.summary["global_test"]["accepted"]
     if accepted and headline(data).state != BAD:
         return Statement(PLAIN, say("Another epoch"), epoch_in_words(data))
@@ -463,7 +462,6 @@ def _emptied(data: PageData) -> list[str]:
 
 
 def _mostly_out(data: PageData) -> list[str]:
-    """Points, images or stations most of whose observations were excluded."""
     snooping = data.view.gross_errors.get("snooping")
     return mostly_out_in_words((snooping or {}).get("mostly_out", []), data.words, _NAMED)
 
@@ -576,7 +574,6 @@ def _controlled(data: PageData) -> Statement | None:
 
 
 def _uncontrolled(found: dict[str, Any], say: Words) -> list[str]:
-    """Count the uncontrolled observations and name the first."""
     lines = uncontrolled_in_words({**found, "observations": []}, say)[:1]
     return lines + [f"{uncontrolled_sentence(row, say)}." for row in found["observations"][:_NAMED]]
 
@@ -848,7 +845,6 @@ def _moved_points(data: PageData) -> dict[str, Any] | None:
 
 
 def _movement(view: View) -> dict[str, Any]:
-    """Unit and factor in which movements of points are listed."""
     rows = view.gross_errors.get("suspicious", [])
     sizes = [abs(value) for row in rows for value in row["movement"] or ()]
     unit, factor = small_unit(view.length, max(sizes, default=1.0))
@@ -901,7 +897,6 @@ def _short(value: float | None, digits: int = 4) -> str:
 
 
 def _coordinate(value: float | None, unit: str) -> str:
-    """A coordinate with the decimals of its unit."""
     return _fixed(value, DIGITS[unit]) if unit in DIGITS else _short(value, 9)
 
 

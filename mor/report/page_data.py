@@ -78,7 +78,6 @@ def points_with_tests(view: View, rays: RayPairs, angle_unit: str) -> pl.DataFra
 
 
 def _there(frame: pl.DataFrame) -> list[str]:
-    """Columns that the table of results has already."""
     return [name for name in ("mean_r", "largest_w") if name in frame.columns]
 
 

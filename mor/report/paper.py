@@ -237,12 +237,10 @@ class Writer:
                 self.sheets: list[dict[str, Any]] = []
 
             def showPage(self) -> None:  # noqa: N802 - the name of the canvas
-                """Keep the sheet."""
                 self.sheets.append(dict(self.__dict__))
                 self._startPage()
 
             def save(self) -> None:
-                """Write every sheet with its head."""
                 sheets = self.sheets
                 for number, sheet in enumerate(sheets, 1):
                     self.__dict__.update(sheet)
@@ -300,7 +298,6 @@ def _cell(text: str) -> str:
 def _extents(
     lines: list[list[str]], size: float, width: Callable[[str, str, float], float]
 ) -> tuple[list[list[float]], list[list[float]]]:
-    """Widths of whole cells, and of their longest words, in bold type."""
     whole = [[width(cell, "mor-Bold", size) for cell in line] for line in lines]
     words = [
         [max((width(word, "mor-Bold", size) for word in cell.split(" ")), default=0.0) for cell in line]
@@ -310,7 +307,6 @@ def _extents(
 
 
 def _shared(whole: Sequence[float], least: Sequence[float], room: float) -> list[float]:
-    """Widths between the longest word and the whole text of each column."""
     spare, wanted = room - sum(least), sum(whole) - sum(least)
     share = 1.0 if wanted <= spare else max(spare, 0.0) / wanted
     return [low + share * (high - low) for low, high in zip(least, whole, strict=True)]
@@ -1055,7 +1051,6 @@ def _p(value: float | None) -> str:
 
 
 def _in(unit: str, value: float | None) -> str:
-    """A length with the decimals of its unit."""
     return _fixed(value, DIGITS[unit]) if unit in DIGITS else _short(value, 3)
 
 

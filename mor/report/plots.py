@@ -300,7 +300,6 @@ def _candidates(view: View, chosen: list[int]) -> tuple[list[str], FloatArray]:
 
 
 def _extent(name: str) -> tuple[float, float]:
-    """Width and height of a name, points."""
     from matplotlib.font_manager import FontProperties
     from matplotlib.textpath import TextPath
 
@@ -402,7 +401,6 @@ def draw_effects(view: View, axes: Axes, chosen: list[int], words: Words) -> Non
 
 
 def _lines(start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """x and y of separate lines, a gap after each."""
     gap = np.full((len(start), 1), np.nan)
     x, y = (np.column_stack([start[:, [k]], end[:, [k]], gap]).ravel() for k in (0, 1))
     return x, y

@@ -134,7 +134,6 @@ def _rows(frame: pl.DataFrame, beside: bool) -> list[dict[str, Any]] | None:
 
 
 def _with_interiors(images: list[dict[str, Any]] | None, solved: Solved) -> list[dict[str, Any]] | None:
-    """Images with the interior orientation they have of their own."""
     if images is None:
         return None
     interiors = image_interiors(solved)
@@ -414,7 +413,6 @@ def _readme(names: Sequence[str], place: Reservation, choice: Choice) -> dict[st
 
 
 def _is_alone(solved: Solved, choice: Choice) -> bool:
-    """True where the long table is written last, with the room of all others."""
     return is_limited() or (is_large(solved) and not choice.html)
 
 

@@ -205,7 +205,6 @@ def _put_values(
     columns: dict[str, pl.Series],
     count: int,
 ) -> None:
-    """Values of observed parameters, each with the unit of its component."""
     texts = values.setdefault("value", columns["value"].to_list() if "value" in columns else [None] * count)
     units = ends_of_group(group).external.units
     for row, line in zip(rows.tolist(), given, strict=True):
@@ -215,7 +214,6 @@ def _put_values(
 
 
 def _wrapped(group: ObservationGroup, component: int, given: FloatArray) -> FloatArray:
-    """Readings of full circles from 0 on."""
     internal = int(ends_of_group(group).source[component])
     if not group.type.wraps[internal] or internal not in (*group.type.turns, *group.type.bearings):
         return given
@@ -238,7 +236,6 @@ def _units(
     names: Sequence[str],
     measured: dict[str, str],
 ) -> dict[str, str]:
-    """Units of the columns that stay as they are given, and of those that are simulated."""
     if not isinstance(entry.units, str):
         units = {key: unit for key, unit in entry.units.items() if key in names}
     else:

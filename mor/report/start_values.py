@@ -357,7 +357,6 @@ def _parts(approximation: Approximation, words: Words) -> str:
 
 
 def _frames(join: Join, approximation: Approximation) -> tuple[int, int]:
-    """Counts of images, stations and sets of a part."""
     names = {approximation.frames[number].name for number in join.frames}
     names |= {approximation.sights[number].name for number in join.sights}
     images = sum(name.startswith("image ") for name in names)
@@ -508,7 +507,6 @@ def _plane(network: Network, xyz: FloatArray) -> tuple[list[int], list[bool]]:
 
 
 def _start_values_homes(approximation: Approximation, count: int) -> IntArray:
-    """(points,) the part in which each was known first."""
     home = np.zeros(count, dtype=np.int64)
     for join in reversed(approximation.parts):
         home[join.points] = join.number

@@ -246,7 +246,6 @@ def _screen(solved: Solved, words: Words, verbose: bool) -> str:
 
 
 def _fewer(lines: list[str], most: int, words: Words) -> list[str]:
-    """The first lines, and how many more there are."""
     if len(lines) <= most:
         return lines
     return [*lines[: most - 1], words("… and {count} more lines in the report", count=len(lines) - most + 1)]

@@ -138,7 +138,6 @@ DIFF = 24
 
 
 def _diff(diff: str | None, words: Words) -> list[str]:
-    """The edit of the project, indented."""
     lines = (diff or "").splitlines()
     said = [f"     {line}" for line in lines[:DIFF]]
     if len(lines) > DIFF:

@@ -744,7 +744,6 @@ def _most_first(frame: pl.DataFrame, shown: int) -> list[dict[str, Any]]:
 
 
 def _unit(length: str, frame: pl.DataFrame) -> tuple[str, float]:
-    """Unit that movements are said in, and how many of it are in one of the project."""
     sizes = [float(frame[name].abs().max() or 0.0) for name in ("x", "y", "z")]  # type: ignore[arg-type]
     said, factor = small_unit(length, max(sizes) or 1.0)
     return said.replace("µ", "u"), factor

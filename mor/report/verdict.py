@@ -537,7 +537,6 @@ def ill_determined(data: dict[str, Any] | None, unit: str, words: Words) -> list
 
 
 def _thing(row: dict[str, Any], words: Words) -> str:
-    """A group by the name of its table, all else by what it is and its name."""
     return row["name"] if row["of"] == "group" else f"{words(row['of'])} {row['name']}"
 
 

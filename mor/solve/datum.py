@@ -147,7 +147,6 @@ def _sparsest(basis: FloatArray, functional: FloatArray, starts: IntArray) -> Fl
 
 
 def _block_starts(index: Index) -> IntArray:
-    """First unknown of every parameter block that has any."""
     changes = (np.diff(index.kind_of, prepend=-1) != 0) | (np.diff(index.block_of, prepend=-1) != 0)
     return np.flatnonzero(changes).astype(np.int64)
 
@@ -487,7 +486,6 @@ def _by_rays_only(problem: Problem, bodies: Mapping[str, IntArray], count: int) 
 def _normals(
     problem: Problem, values: Values, bodies: Mapping[str, IntArray], of: _Bodies, wanted: BoolArray
 ) -> FloatArray:
-    """(k, w, w) normal matrices of the wanted bodies."""
     width, count = int(of.sizes[wanted].max(initial=0)), int(np.count_nonzero(wanted))
     flat = np.zeros(count * width * width)
     tangent = rotation_tangents(problem.index, values)

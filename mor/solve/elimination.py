@@ -310,7 +310,6 @@ def _places(rays: Rays, structure: BlockStructure) -> Iterator[_Places]:
 
 
 def _refuse_pairs_not_stored(rays: Rays, structure: BlockStructure, dense: DensePart) -> None:
-    """Raise where two blocks meet in a point that the pattern does not store."""
     block = np.searchsorted(dense.blocks, structure.block_of[np.maximum(rays.columns, 0)])
     point = np.repeat(np.arange(rays.points), np.diff(rays.point_pointers))
     free = (rays.columns >= 0)[rays.frame]
@@ -355,7 +354,6 @@ def _coupling(rays: Rays) -> FloatArray:
 
 
 def _sum_by_point(rays: Rays, of_rays: FloatArray) -> FloatArray:
-    """Return sums (p, ...) of what rays (n, ...) have, over the rays of each point."""
     some = np.flatnonzero(np.diff(rays.point_pointers))
     total = np.zeros((rays.points, *of_rays.shape[1:]))
     if some.size:
@@ -537,7 +535,6 @@ def cofactors(rays: Rays, selected: Split) -> Cofactors:
 
 
 def _pattern(structure: BlockStructure) -> Pattern:
-    """Return the arrays of a pattern as the kernels take them."""
     block_of, offsets = structure.block_of, structure.offsets
     return Pattern(block_of, offsets, structure.indptr, structure.indices, structure.position)
 
@@ -555,7 +552,6 @@ def _arrays(rays: Rays) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, I
 
 
 def _system(reduced: ReducedSystem) -> ReducedSystemArrays:
-    """Return the arrays of a reduced system as the kernels take them."""
     return ReducedSystemArrays(
         reduced.matrix.values, reduced.right_hand_side, reduced.diagonal, reduced.gradient
     )
@@ -581,13 +577,11 @@ def _wide_columns(columns: IntArray, together: int) -> IntArray:
 
 
 def _refuse_columns_beyond(columns: IntArray, unknowns: int) -> None:
-    """Raise where a ray has a column that the reduced system does not have."""
     if columns.max(initial=-1) >= unknowns:
         raise ValueError(f"the rays have columns beyond the {unknowns} unknowns of the reduced system")
 
 
 def _refuse_unless(stored: bool) -> None:
-    """Raise where a kernel met a pair of blocks that is not stored."""
     if not stored:
         raise ValueError("the pattern lacks a pair of blocks that meet in a point of the chunk")
 
@@ -625,7 +619,6 @@ class _LinearisationPoint:
 
     @cached_property
     def tangent(self) -> FloatArray | None:
-        """Tangents of the rotations that move by angles."""
         return rotation_tangents(self.problem.index, self.values)
 
     @cached_property
@@ -786,30 +779,25 @@ def _image_rays(place: _LinearisationPoint, chunk: Chunk) -> ImageRays:
 
 
 def _fits(place: _LinearisationPoint, chunk: Chunk) -> bool:
-    """True where some rays of the chunk have a compiled form."""
     return compilation.wanted() and bool((place.frames.model[chunk.frames] >= 0).any())
 
 
 def _all_compiled(place: _LinearisationPoint, chunk: Chunk) -> bool:
-    """True where all rays of the chunk have a compiled form."""
     return compilation.wanted() and bool((place.frames.model[chunk.frames] >= 0).all())
 
 
 def _any_moving(place: _LinearisationPoint, chunk: Chunk) -> bool:
-    """True where some rays of the chunk are of a rolling shutter."""
     model = place.frames.model[chunk.frames]
     return bool(((model >= MOVING) & (model < ALONG)).any())
 
 
 def _any_along(place: _LinearisationPoint, chunk: Chunk) -> bool:
-    """True where some rays of the chunk are along a trajectory."""
     return bool((place.frames.model[chunk.frames] >= ALONG).any())
 
 
 def _left_to_numpy(
     place: _LinearisationPoint, chunk: Chunk, frame: IntArray
 ) -> Iterator[tuple[GroupFrames, IntArray]]:
-    """Rays of a chunk that have no compiled form, group by group."""
     plain = [g for g in place.plan.frames.groups if g.model < 0 or not compilation.wanted()]
     if not plain:
         return

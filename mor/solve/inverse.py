@@ -370,7 +370,6 @@ def _weighted(problem: Problem, values: Values) -> Iterator[tuple[FloatArray, Fl
 def _add_products(
     normal: FloatArray, jacobian: FloatArray, whose: IntArray, place: IntArray, first: int
 ) -> None:
-    """Products of one column of every row with all columns of the same thing."""
     size = normal.shape[1]
     for other in range(whose.shape[1]):
         same = np.flatnonzero(whose[:, first] == whose[:, other])

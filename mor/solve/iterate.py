@@ -553,8 +553,8 @@ def is_in_datum(state: Adjustment, step: FloatArray, shift: FloatArray, gain: fl
     row = unit - bound @ np.linalg.solve(null.T @ bound, null[unknown])
     both = np.stack([row, unit], axis=1)
     squares = np.einsum("uk,uk->k", both, state.inverse.solve(both))
-    in_datum, anchored = tuple(np.sqrt(np.maximum(squares, 0.0)).tolist())
-    return moving <= gain * (max(ACCURACY * in_datum, min(ACCURACY, change) * anchored) + digits)
+    in_datum, anchored = np.sqrt(np.maximum(squares, 0.0))
+    return bool(moving <= gain * (max(ACCURACY * in_datum, min(ACCURACY, change) * anchored) + digits))
 
 
 def round_off(plan: Plan, values: Values, normals: NormalEquations, weak: FloatArray) -> float:
@@ -586,7 +586,6 @@ def round_off(plan: Plan, values: Values, normals: NormalEquations, weak: FloatA
 
 
 def _sizes_of_unknowns(plan: Plan, values: Values) -> FloatArray:
-    """(u,) sizes |x| of the unknowns; of rotations 1."""
     index = plan.problem.index
     sizes = np.zeros(index.count)
     for kind, columns in index.columns.items():

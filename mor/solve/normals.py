@@ -270,7 +270,6 @@ def _joined(problem: Problem, kept: IntArray, numbers: IntArray, rays: RayPlan) 
 
 
 def _cliques(columns: IntArray, block_of: IntArray) -> tuple[IntArray, IntArray]:
-    """Blocks that meet in each row (lengths and members), runs of equal blocks taken once."""
     if columns.shape[1] == 0:
         return np.zeros(len(columns), dtype=np.int64), np.zeros(0, dtype=np.int64)
     blocks = np.where(columns >= 0, block_of[columns], -1)

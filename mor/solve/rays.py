@@ -506,7 +506,6 @@ def _any_along(frames: Frames) -> bool:
 
 
 def _of_further(group: GroupFrames, tangent: FloatArray | None) -> list[FloatArray] | None:
-    """Tangents (f, 3, 3) of the rotations of the further knots of a group."""
     if tangent is None:
         return None
     slots = [group.parts[turn] for turn, _ in FURTHER[: group.weights.shape[1] - 1]]
@@ -660,7 +659,6 @@ def _order(point: IntArray, frame: IntArray, points: int) -> tuple[IntArray, Int
 
 
 def _chunks(pointers: IntArray, frame: IntArray, frames: int) -> tuple[SmallIntArray, tuple[Chunk, ...]]:
-    """Frame (n,) of each ray within its chunk, and the chunks."""
     bounds = [0]
     while bounds[-1] < len(pointers) - 1:
         last = int(np.searchsorted(pointers, pointers[bounds[-1]] + RAYS_AT_A_TIME, side="right")) - 1
@@ -702,7 +700,6 @@ def _measured(
 
 
 def _of_rows(group: ObservationGroup, rows: SmallIntArray, longest: int) -> Measurements:
-    """Measurements of some rows of a group."""
     # Nothing else looks at the measured coordinates.
     looking = (IMAGE_TYPES["brown"], IMAGE_TYPES["panorama"], MOVING_TYPES["brown"])
     inverse = group.type in looking or along_trajectory(group)
@@ -725,6 +722,5 @@ def _of_rows(group: ObservationGroup, rows: SmallIntArray, longest: int) -> Meas
 
 
 def _taken(values: FloatArray, rows: SmallIntArray) -> FloatArray:
-    """Rows (n,) of values (k, 2)."""
     result: FloatArray = long_arrays.empty((len(rows), 2))
     return np.take(values, rows, axis=0, out=result)

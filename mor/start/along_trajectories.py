@@ -319,12 +319,10 @@ def _seen(network: Network, group: ObservationGroup, start: Mapping[str, FloatAr
 
 
 def _clock(group: ObservationGroup) -> int:
-    """Number of the constants of the clock of a row."""
     return 1 + knot_count(group.type) ** 2
 
 
 def _stretches_without_poses(network: Network, start: Mapping[str, FloatArray]) -> list[_Stretch]:
-    """Stretches of trajectories of which some knots have no start values."""
     found = []
     for trajectory in network.trajectories.values():
         for number in np.unique(trajectory.stretch).tolist():
@@ -361,7 +359,6 @@ def _start_next_stretch(
 
 
 def _sights_of(stretch: _Stretch, seen: list[_SeenAlong], start: Mapping[str, FloatArray]) -> TimedRays:
-    """Points with coordinates that are seen from a stretch."""
     parts = [TimedRays(np.zeros(0), np.zeros((0, 3)), np.zeros((0, 3)))]
     for own in seen:
         points = start["point"][own.point]
@@ -471,7 +468,6 @@ def at_all_times(network: Network, start: Mapping[str, FloatArray]) -> dict[str,
 
 
 def _stays(network: Network) -> IntArray:
-    """(points,) block of the place of each block."""
     stays = np.arange(len(network.blocks["point"].ids))
     for later, block in network.motion.stands_for.items():
         stays[later] = block

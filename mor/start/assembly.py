@@ -228,7 +228,6 @@ def _doubtful_seed(assembly: Assembly, free: BoolArray) -> Part | None:
 
 
 def _seed_of_frames(assembly: Assembly, free: BoolArray, chained: bool) -> Part | None:
-    """A part of two frames that no part has; or, ``chained``, of one and a neighbour that ties it to its part."""
     scene, given_up = assembly.scene, assembly.given_up[int(chained)]
     open_ = free & ~given_up
     if np.count_nonzero(open_) < (1 if chained else 2):
@@ -384,7 +383,6 @@ def _join_by_observations(assembly: Assembly) -> bool:
 
 
 def _joined_pair(parts: list[Part], scene: Scene, ambiguous: bool) -> tuple[Part, Part] | None:
-    """The first two parts that could be joined, the one that knows more of its place first."""
     ordered = sorted(parts, key=lambda part: part.rank, reverse=True)
     for number, target in enumerate(ordered):
         for source in ordered[number + 1 :]:
@@ -547,7 +545,6 @@ def _drawn(
 
 
 def _extent(points: FloatArray) -> tuple[FloatArray, float]:
-    """Middle (3,) of all coordinates that are known, and half of their extent."""
     told = np.isfinite(points)
     low = np.where(told, points, np.inf).min(axis=0, initial=np.inf)
     high = np.where(told, points, -np.inf).max(axis=0, initial=-np.inf)
@@ -566,7 +563,6 @@ def _looking(frame: Frame, towards: FloatArray, random: np.random.Generator) -> 
 
 
 def _turned(one: FloatArray, other: FloatArray) -> FloatArray:
-    """The rotation by the smallest angle that takes one direction to another."""
     axis = np.cross(one, other)
     sine = float(np.linalg.norm(axis))
     across = axis / sine if sine > 0.0 else tolerant.svd(one[None])[2][1]
@@ -575,7 +571,6 @@ def _turned(one: FloatArray, other: FloatArray) -> FloatArray:
 
 
 def _any_attitude(random: np.random.Generator) -> FloatArray:
-    """A rotation, all of them being as likely (a unit quaternion)."""
     w, *axis = unit(random.normal(size=4))
     half = np.arccos(np.clip(w, -1.0, 1.0))
     attitude: FloatArray = exponential((2.0 * half * unit(np.array(axis)))[None])[0]

@@ -616,7 +616,6 @@ def _shapes(lengths: PointDistances, dimension: int) -> list[tuple[float, FloatA
 
 
 def _scaling(lengths: PointDistances, dimension: int) -> FloatArray:
-    """Classical scaling of the lengths of the shortest paths."""
     graph = scipy.sparse.csr_array(
         (lengths.value, (lengths.start, lengths.end)), shape=(lengths.count, lengths.count)
     )
@@ -628,7 +627,6 @@ def _scaling(lengths: PointDistances, dimension: int) -> FloatArray:
 
 
 def _pressed(lengths: PointDistances, points: FloatArray, dimension: int) -> FloatArray:
-    """Minimal stress in more dimensions, then with ever heavier weight on those too many, then without them."""
     for pressure in _PRESSURES:
         points = _minimal_stress(lengths, points, dimension, pressure)
     centred = points - points.mean(axis=0)
@@ -687,7 +685,6 @@ def _different(one: FloatArray, other: FloatArray) -> bool:
 
 
 def _stiff(lengths: PointDistances, points: FloatArray, unknowns: int) -> bool:
-    """True where no point can move while all distances stay."""
     A = _derivatives(lengths, points[lengths.end] - points[lengths.start])
     values = rotations.singular_values(A)
     return bool(values[unknowns - 1] > FLEXIBLE * values[0])

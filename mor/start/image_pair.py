@@ -621,7 +621,6 @@ def _doubted(a: Bundle, b: Bundle, orientation: RelativeOrientation) -> Relative
 
 
 def _plane_part(a: Bundle, b: Bundle) -> BoolArray:
-    """Pairs that one collineation carries over, the worst left out one after the other."""
     kept = np.ones(len(a), dtype=bool)
     for _ in range(int(max(FEW_POINTS, FEW_PART * len(a))) + 1):
         homography = fit_homography(a.take(kept), b.take(kept))

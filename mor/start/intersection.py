@@ -275,7 +275,6 @@ def _likeliest_pair(
 
 @compile_kernel
 def _passes(centre: FloatArray, direction: FloatArray, X: FloatArray) -> float:
-    """Length of the difference between the ray and the direction to X."""
     x, y, z = X[0] - centre[0], X[1] - centre[1], X[2] - centre[2]
     length = np.sqrt(x * x + y * y + z * z)
     if length == 0.0:
@@ -338,7 +337,6 @@ def _nearest(
 
 @compile_kernel
 def _positive(a: float, b: float, c: float, d: float, e: float, f: float) -> bool:
-    """True where the symmetric matrix [[a, b, c], [b, d, e], [c, e, f]] is positive definite."""
     if not a > 0.0:
         return False
     second = d - b * b / a
@@ -590,7 +588,6 @@ def _system(
     normal: FloatArray,
     side: FloatArray,
 ) -> float:
-    """Normal equations of the residuals by X0 and δ, into ``normal`` and ``side``; returns Σ (v/σ)²."""
     normal[:] = 0.0
     side[:] = 0.0
     row, star = np.zeros(6), np.zeros(3)

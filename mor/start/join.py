@@ -300,7 +300,6 @@ def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
 
 
 def _common_points(target: Part, source: Part, scene: Scene, both: bool) -> tuple[FloatArray, FloatArray]:
-    """Points known in both parts; if one part has targets and the other marks, the marks are raised to targets."""
     ours, theirs = np.isfinite(source.points), np.isfinite(target.points)
     known = ours & theirs if both else theirs & np.asarray(ours.all(axis=1))[:, None]
     rows = np.flatnonzero(known.any(axis=1))
@@ -376,7 +375,6 @@ def _times(moved: Similarity, factor: float) -> Similarity:
 
 
 def _disagreement(system: Part, part: Part, frames: Sequence[Frame]) -> float:
-    """Root mean square difference of a coordinate between given positions of frames and those of the joined part."""
     off = []
     for number, (centre, D) in part.poses.items():
         frame = frames[number]
@@ -684,7 +682,6 @@ def _fill_pairs(network: Network, start: dict[str, FloatArray], part: Part, fram
 
 
 def _named(network: Network, part: Part) -> dict[str, Phrase]:
-    """Return the way in which things were obtained, by their names in the project."""
     ids = network.blocks["point"].ids
     named = {}
     for name, how in part.how.items():
@@ -894,7 +891,6 @@ def _only_started(network: Network, frame: Frame) -> bool:
 
 
 def _loose(network: Network, kind: str, block: int) -> BoolArray:
-    """Components that are free and not observed."""
     return np.asarray(network.blocks[kind].free[block] & np.isnan(network.sigma[kind][block]))
 
 

@@ -616,7 +616,6 @@ def standing(search: Search) -> Search:
 
 
 def _differ(search: Search, one: SimilarityTransformations, other: SimilarityTransformations) -> bool:
-    """True where observations fit two stances differently, whatever the orientations of sets are."""
     off = [search.residuals(states._replace(kappas=_orientations(search, states))) for states in (one, other)]
     return bool((np.abs(off[1] - off[0]) > _SAME * (1.0 + np.abs(off[0]))).any())
 
@@ -694,7 +693,6 @@ def _scales(search: Search, count: int, draw: np.random.Generator) -> FloatArray
 
 
 def _lengths(search: Search) -> float:
-    """The largest distance between the parts, 0 where none was measured."""
     lengths = [
         one.group.observed for one in search.rows if one.group.type.key in ("distance", "horizontal_distance")
     ]
@@ -840,7 +838,6 @@ def _search(
 
 
 def _sights(scene: Scene, sides: Sides) -> tuple[UnorientedSet, ...]:
-    """One set of each orientation that is looked for, with the points that either part knows."""
     found = []
     for block in sides.sets.tolist():
         sight = next(one for one in scene.terrestrial.sights if one.rotation == block)

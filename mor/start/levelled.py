@@ -93,7 +93,6 @@ def _orient(part: Part, measured: Terrestrial) -> bool:
 
 
 def _unknown_sights(part: Part, sight: LevelledSet) -> list[tuple[int, float]]:
-    """Sighted points that are not known in plan, and the directions to them."""
     unknown = np.isnan(part.points[sight.points, :2]).any(axis=1) & np.isfinite(sight.directions)
     return list(zip(sight.points[unknown].tolist(), sight.directions[unknown].tolist(), strict=True))
 
@@ -266,8 +265,6 @@ def _free_station(part: Part, sight: LevelledSet, distances: Distances) -> tuple
 def _station_that_agrees(
     points: FloatArray, directions: FloatArray, lengths: FloatArray, sigma: float
 ) -> FreeStation:
-    """The free station by those sights that agree; ``sigma`` of the lengths."""
-
     def station(rows: IntArray) -> FreeStation:
         return free_station_level(points[rows], directions[rows], lengths[rows], SIGMA_DIRECTION, sigma)
 
@@ -665,7 +662,6 @@ def seed_distances(scene: Scene, system: Part, known: BoolArray, tried: set[tupl
 
 
 def _in_plan(scene: Scene, system: Part) -> PointDistances:
-    """Horizontal distances, measured or following from slopes with verticals or known heights."""
     distances = scene.distances[1]
     rows = [
         (a, b, distances.between(system, a, b))
@@ -677,7 +673,6 @@ def _in_plan(scene: Scene, system: Part) -> PointDistances:
 
 
 def _in_space(scene: Scene) -> PointDistances:
-    """Slope distances between points themselves, without heights of instruments and targets."""
     slopes = scene.distances[1].slope.items()
     return _lengths(scene, [(a, b, length) for (a, b), (length, rise) in slopes if a < b and rise == 0.0])
 
@@ -712,7 +707,6 @@ def grow_distances(part: Part, distances: Distances) -> bool:
 def _known_slopes(
     part: Part, distances: Distances, point: int, neighbours: set[int]
 ) -> list[tuple[int, float, float]]:
-    """Known points around a point, the distances and the rises of instrument and target."""
     slopes = [(p, *distances.slope[p, point]) for p in sorted(neighbours) if (p, point) in distances.slope]
     return [s for s in slopes if np.isfinite(part.points[s[0]]).all() and (part.levelled or s[2] == 0.0)]
 

@@ -77,7 +77,6 @@ def _resected(rays: FloatArray, sigma: FloatArray, targets: FloatArray) -> Resec
 
 
 def _known_points(part: Part, frame: Frame) -> tuple[IntArray, FloatArray]:
-    """Rays of a frame to known points, not more than it takes, and where these are."""
     known = np.flatnonzero(part.known(frame.points))
     if len(known) > _SAMPLE:
         known = known[np.linspace(0, len(known) - 1, _SAMPLE).astype(int)]
@@ -301,7 +300,6 @@ def _hold_by_positions(
 def _blocks(
     blocks: FloatArray, row: IntArray, column: IntArray, shape: tuple[int, int]
 ) -> scipy.sparse.bsr_array:
-    """Sparse matrix of blocks (n, i, j) at their block columns, sorted by block rows; those at one place are added."""
     _, height, width = blocks.shape
     pointers = np.searchsorted(row, np.arange(shape[0] + 1))
     size = (height * shape[0], width * shape[1])
@@ -418,7 +416,6 @@ def intersect_again(part: Part, frames: Sequence[Frame], seen: Sightings, moved:
 
 
 def _seen(seen: Sightings, points: IntArray) -> IntArray:
-    """Return the number of the points that each frame sees."""
     return np.bincount(seen.frame[seen.of_points(points)], minlength=seen.frames)
 
 
@@ -453,7 +450,6 @@ def pose_the_rest(part: Part, frames: Sequence[Frame]) -> bool:
 
 
 def _turned(part: Part, frame: Frame, number: int, known: BoolArray) -> bool:
-    """The attitude that fits best at a place that is known."""
     centre = part.points[frame.position] + np.array([0.0, 0.0, frame.offset[0]])
     if not (frame.stands and np.isfinite(centre).all()):
         return False

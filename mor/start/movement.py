@@ -133,7 +133,6 @@ class _Normalised(NamedTuple):
     sizes: tuple[float, float]
 
     def outwards(self, fit: _Fit) -> tuple[float, FloatArray, FloatArray]:
-        """Scale, rotation and shift between the systems as they were."""
         scale = fit.scale * self.sizes[1] / self.sizes[0]
         shift = self.centres[1] + self.sizes[1] * fit.shift - scale * fit.rotation @ self.centres[0]
         return scale, fit.rotation, shift
@@ -173,7 +172,6 @@ def _about_vertical(count: int) -> FloatArray:
 
 
 def _all_attitudes(ties: _Normalised) -> FloatArray:
-    """Attitudes over the whole sphere, 30° apart, or about one direction that both systems know."""
     turns = _about_vertical(36)
     if len(ties.source_axes):
         return _towards(ties.target_axes[0]) @ turns @ _towards(ties.source_axes[0]).T
@@ -184,7 +182,6 @@ def _all_attitudes(ties: _Normalised) -> FloatArray:
 
 
 def _towards(axis: FloatArray) -> FloatArray:
-    """A rotation that takes e_Z to a unit vector."""
     other = np.eye(3)[int(np.argmin(np.abs(axis)))]
     x = np.cross(other, axis)
     x /= np.linalg.norm(x)

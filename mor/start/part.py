@@ -180,7 +180,6 @@ def _pose_key(network: Network, blocks: Mapping[str, IntArray]) -> IntArray:
 
 
 def _measured_rays(network: Network, group: ObservationGroup, owners: IntArray, keys: IntArray) -> _ImageRays:
-    """Rays of the completely measured rows of a group, and the images they belong to."""
     slots = zip(group.type.slots, group.blocks, strict=True)
     blocks = {slot.part: numbers.astype(np.int64) for slot, numbers in slots if slot.of == "image"}
     rays, sigma = _image_rays(network, group, CAMERA_MODELS[group.type.key.partition("/")[2]])

@@ -792,8 +792,6 @@ def corners(shape: PlaneShape) -> IntArray:
 
 
 def _crossing(four: FloatArray) -> bool:
-    """Do the sides 12 and 34 cross?"""
-
     def side(a: FloatArray, b: FloatArray, c: FloatArray) -> float:
         return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 

@@ -83,7 +83,6 @@ def _sets(part: Part, scene: Scene, frame: Frame) -> list[int]:
 
 
 def _agreeing(part: Part, frame: Frame, number: int, known: BoolArray, slack: float) -> int:
-    """Count the rays of a posed frame that agree with the known points they see."""
     centre, D = part.poses[number]
     star = part.points[frame.points[known]] + np.outer(frame.heights[known], [0.0, 0.0, 1.0]) - centre
     star = star @ D.T

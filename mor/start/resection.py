@@ -276,7 +276,6 @@ def _outcome(bundle: Bundle, points: FloatArray, agreeing: BoolArray, poses: lis
 
 
 def _is_weak(bundle: Bundle, points: FloatArray, pose: Pose) -> bool:
-    """True where the rotation, or the position against the nearest point, is hardly determined."""
     variances = np.diag(_covariance(bundle, points, pose))
     nearest = float(np.min(np.linalg.norm(points - pose.position, axis=1)))
     position, rotation = np.sqrt(np.max(variances[:3])), np.sqrt(np.max(variances[3:]))
@@ -626,7 +625,6 @@ def _apart(poses: list[Pose]) -> list[Pose]:
 
 
 def _settled(bundle: Bundle, points: FloatArray, pose: Pose) -> tuple[Pose, BoolArray] | None:
-    """Refined pose and the points that agree with it."""
     agreeing = _agreeing(bundle, points, pose, 2.0 * TRUNCATION)
     for _ in range(ROUNDS):
         if np.sum(agreeing) < min(len(points), 4):

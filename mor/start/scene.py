@@ -430,7 +430,6 @@ def _settles(found: Vertical, told: int, redundant: int) -> bool:
 
 
 def _sets(part: Part, scene: Scene) -> list[HorizontalSet]:
-    """The sets of most known points, without those that tell nothing of the vertical."""
     found = [_set(part, sight) for sight in scene.terrestrial.sights if not sight.oriented]
     found = [one for one in found if len(one.points) > (1 if np.isfinite(one.place).all() else 3)]
     return sorted(found, key=lambda one: -len(one.points))[:MOST_SETS]

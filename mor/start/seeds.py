@@ -372,7 +372,6 @@ def seed_levelled(
 
 
 def _bearings_at(measured: Terrestrial) -> Counter[int]:
-    """Point → the bearings from and to it."""
     meeting: Counter[int] = Counter()
     for sight in measured.sights:
         if sight.oriented:
@@ -392,7 +391,6 @@ def _promise_of_bearing(
 
 
 def _measured_from(measured: Terrestrial) -> dict[int, set[int]]:
-    """Position → the points with a distance from or to it."""
     reach: dict[int, set[int]] = {}
     for lengths in (measured.slopes, measured.horizontals):
         for a, b in zip(lengths.start.tolist(), lengths.end.tolist(), strict=True):
@@ -415,7 +413,6 @@ def _promise(
 
 
 def _other_station(measured: Terrestrial, sight: LevelledSet) -> tuple[int, float] | None:
-    """The first sighted point that is itself a station, and its direction."""
     stations = {other.position for other in measured.sights}
     for point, direction in zip(sight.points.tolist(), sight.directions, strict=True):
         if point in stations and np.isfinite(direction) and point != sight.position:
@@ -424,7 +421,6 @@ def _other_station(measured: Terrestrial, sight: LevelledSet) -> tuple[int, floa
 
 
 def _base(measured: Terrestrial, sight: LevelledSet) -> tuple[int, float]:
-    """The point at the other end of the base, and the direction to it."""
     if sight.oriented:
         return int(sight.points[0]), float(sight.directions[0])
     other = _other_station(measured, sight)
@@ -510,7 +506,6 @@ def _common(sights: list[LevelledSet]) -> IntArray:
 
 
 def _directions(sight: LevelledSet, points: IntArray) -> FloatArray:
-    """Directions of a set to points that it sees, the first one where it sees them several times."""
     seen = np.flatnonzero(np.isfinite(sight.directions))
     first = {int(sight.points[row]): row for row in seen[::-1].tolist()}
     return sight.directions[[first[p] for p in points.tolist()]]

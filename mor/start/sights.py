@@ -593,7 +593,6 @@ def vertical_of_directions(sets: list[HorizontalSet], angles: VerticalAngles) ->
 
 
 def _taken(one: HorizontalSet) -> int:
-    """Directions that orienting a set takes, and placing it where its place is not known."""
     return 1 if np.isfinite(one.place).all() else 3
 
 
@@ -663,7 +662,6 @@ def _objectives(residuals: FloatArray, width: float) -> FloatArray:
 
 
 def _residuals(ups: FloatArray, sets: list[HorizontalSet], angles: VerticalAngles) -> FloatArray:
-    """(k, n) angular residuals of all sets and vertical angles for verticals (k, 3)."""
     axes = _plan_axes(ups)
     found = [np.zeros((len(ups), 0))]
     for one in sets:
@@ -697,7 +695,6 @@ def _robust_stations(plan: FloatArray, directions: FloatArray) -> FloatArray:
 
 
 def _stations(plan: FloatArray, directions: FloatArray, weight: FloatArray) -> FloatArray:
-    """Stations (k, 2) in closed form, directions with weights (k, n)."""
     centre = plan.mean(axis=1, keepdims=True)
     size = np.maximum(np.linalg.norm(plan - centre, axis=2).max(axis=1), 1e-300)[:, None, None]
     x, y = np.moveaxis((plan - centre) / size, 2, 0)

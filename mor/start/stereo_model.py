@@ -349,7 +349,6 @@ def joined(pairs: Sequence[RobustOrientation], images: Sequence[Bundle], used: B
 
 
 def _away(one: Chain | StereoModel | None, model: StereoModel) -> float:
-    """Largest difference of a position or an attitude."""
     if one is None:
         return np.inf
     of_positions = np.max(np.abs(one.positions - model.positions))
@@ -357,7 +356,6 @@ def _away(one: Chain | StereoModel | None, model: StereoModel) -> float:
 
 
 def _rays(k: int, pair: RobustOrientation, images: Sequence[Bundle]) -> tuple[Bundle, Bundle]:
-    """The rays that the orientation of images k and k + 1 rests on."""
     both = np.all(np.isfinite(images[k].rays) & np.isfinite(images[k + 1].rays), axis=1)
     index = np.flatnonzero(both)[pair.agreeing]
     return images[k].take(index), images[k + 1].take(index)

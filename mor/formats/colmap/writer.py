@@ -137,7 +137,6 @@ def _grouped(names: Sequence[str], of: Sequence[str]) -> list[list[int]]:
 
 
 def _tracks(model: SparseModel) -> dict[int, list[tuple[int, int]]]:
-    """Image number and place in it of the rays of each point."""
     tracks: dict[int, list[tuple[int, int]]] = {number: [] for number in model.point_numbers.values()}
     for image, rows in enumerate(model.of_image, start=1):
         for place, row in enumerate(rows):

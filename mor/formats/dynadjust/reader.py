@@ -539,7 +539,6 @@ def put_stations(path: Path, stations: Iterable[StationRecord], found: Collected
 
 
 def _positions(draft: Draft) -> bool:
-    """True if positions of stations are observed."""
     types = {table["type"] for table in draft.data.get("observations", [])}
     return bool(types & {"gnss_position", "geodetic_position"})
 

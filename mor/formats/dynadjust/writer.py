@@ -457,7 +457,6 @@ def _cluster(one: MeasurementCluster, frame: str) -> Iterator[str]:
 
 
 def _block(name: str, Q: FloatArray) -> Iterator[str]:
-    """Covariances of a member (rows) with one behind it (columns)."""
     yield f"<{name}>"
     for i in range(3):
         yield "  " + "".join(_element(f"m{i + 1}{j + 1}", f"{Q[i, j]:.15e}") for j in range(3))

@@ -396,7 +396,6 @@ class FieldBook:
         return measured or any(place.height is not None for place in self.points.values())
 
     def _only(self) -> str:
-        """Content of a book without points and readings."""
         found = [f"{what} ({counted(len(lines), 'record')})" for what, lines in self.skipped.items()]
         return f"; it has only: {'; '.join(found)}" if found else ""
 
@@ -462,7 +461,6 @@ class FieldBook:
         return sight.slope * abs(sin(zenith)), sight.slope * cos(zenith) - sight.height
 
     def _place_waiting(self) -> None:
-        """Give sights that no station record follows a station without a name."""
         if self.waiting:
             waiting, self.waiting = self.waiting, []
             self._unnamed(waiting[0].line)

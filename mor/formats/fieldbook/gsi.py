@@ -102,7 +102,6 @@ def _plain(value: str) -> str:
 
 
 def _millimetres(value: str) -> float | None:
-    """Metres of information that has no unit."""
     return int(value) * 1e-3 if value[1:].isdecimal() and value[1:].isascii() else None
 
 
@@ -145,7 +144,6 @@ class _GsiReader:
             )
 
     def block(self, block: _GsiBlock) -> None:
-        """One block."""
         words, line = block
         if self.levels and "?" in words.get("41", ("", ""))[1]:
             self.book.levelling.begin()

@@ -182,7 +182,6 @@ class _Survey:
         self._place(name, element)
 
     def _place(self, name: str, element: Element) -> None:
-        """Coordinates of a point, of which the first count."""
         place = tuple(parse_number(word) * self.metres for word in element.text.split())
         if len(place) not in (2, 3) or not all(map(isfinite, place)):
             raise ValueError(f"found {len(place)} coordinates, expected north, east and perhaps elevation")
@@ -393,7 +392,6 @@ class _LandXmlReader:
         self.ppm = 0.0
 
     def record(self, record: Element) -> None:
-        """One record."""
         if record.name == "StationRecord":
             name = _text(record, "StationName")
             if not name:

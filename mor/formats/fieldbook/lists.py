@@ -15,7 +15,6 @@ def _optional(text: str) -> float | None:
 
 
 def _cells(text: str, count: int) -> list[str]:
-    """The cells of a record, with empty ones behind it."""
     cells = [cell.strip() for cell in text.split(",")]
     return cells + [""] * (count - len(cells))
 
@@ -64,7 +63,6 @@ class _Nikon:
         self.backsights: list[tuple[InstrumentSetUp, Sight]] = []
 
     def record(self, text: str, line: int) -> None:
-        """One record."""
         kind, *rest = _cells(text, 9)
         if kind == "CO":
             self._comment(text[3:], line)

@@ -168,7 +168,6 @@ class _SectionReader:
         self.sexagesimal, self.metres = True, 1.0
 
     def line(self, text: str, line: int) -> None:
-        """One line of the file."""
         word, _, rest = text.partition("\t") if "\t" in text else text.partition(" ")
         head = word.split("(")[0].upper()
         if not text:
@@ -291,7 +290,6 @@ class _M5Reader:
         self.sighted: set[str] = set()
 
     def record(self, what: str, cells: list[str], line: int) -> None:
-        """One line."""
         values = self._values(cells, line)
         kind, *words = what.split()
         if kind in ("KD1", "KN1"):
@@ -403,7 +401,6 @@ class _M5Reader:
 
 
 def _place(values: dict[str, tuple[float, str]]) -> tuple[float | None, float | None, float | None]:
-    """East, north, height."""
     east, north, up = (values[axis][0] if axis in values else None for axis in "YXZ")
     return east, north, up
 
@@ -466,7 +463,6 @@ class _RW5Reader:
         """True in the comments of a GPS record."""
 
     def record(self, kind: str, text: str, line: int) -> None:
-        """One record."""
         # Values by their keys; what follows ``--`` is a note.
         found = {}
         for cell in text.partition(",--")[0].split(","):
@@ -509,7 +505,6 @@ class _RW5Reader:
         self.begun = False
 
     def _gnss_point(self, cells: dict[str, str], line: int) -> None:
-        """Coordinates of a GNSS point in the system of the job."""
         self.gnss = False
         try:
             east, north, height = (self._length(cells, key) for key in ("E", "N", "EL"))
@@ -647,7 +642,6 @@ class _SDRReader:
         """Line where a resection began that no station record ended yet."""
 
     def record(self, text: str, line: int) -> None:
-        """One record."""
         kind, origin = text[:2], text[2:4]
         if text.strip() == _END:
             return

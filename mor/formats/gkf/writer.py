@@ -133,7 +133,6 @@ def _observed_points(found: ContentTable, content: Content) -> list[str]:
 
 
 def _clusters(found: list[ObservationTable]) -> list[list[ObservationTable]]:
-    """Tables that share a covariance matrix together, all others alone."""
     clusters: dict[str, list[ObservationTable]] = {}
     for number, group in enumerate(found):
         clusters.setdefault(group.entry.cluster or f"\0{number}", []).append(group)
@@ -214,7 +213,6 @@ def _elements(
     metres: float,
     with_sigma: bool,
 ) -> list[str]:
-    """Elements of a row: one for each kind of value."""
     attributes = NAMES.get(group.entry.type, {})
     named = " ".join(f"{attributes.get(n, n)}={quoteattr(v)}" for n, v in references.items())
     result: dict[str, list[str]] = {}
@@ -232,7 +230,6 @@ def _elements(
 
 
 def _matrix(group: ObservationTable, units: FloatArray, factors: FloatArray) -> str:
-    """The whole upper triangle, in GNU Gama's units."""
     covariance = np.array(group.covariance)
     own = factors if group.entry.covariance is not None else np.ones(len(units))
     scale = own / units

@@ -56,7 +56,6 @@ def lines_of(path: Path, draft: Draft, quoted: bool = False) -> list[Line]:
 
 
 def _without_comment(text: str) -> str:
-    """A comment begins with an exclamation mark at the beginning of a word."""
     for k, letter in enumerate(text):
         if letter == "!" and (k == 0 or text[k - 1].isspace()):
             return text[:k]
@@ -572,7 +571,6 @@ def _stations_in_file(file: str, stations: StationFile, strict: bool) -> set[str
 
 
 def _fits(text: str, pattern: str) -> bool:
-    """True if a text fits a pattern of ``*`` and ``?``."""
     return fnmatchcase(text, pattern.replace("[", "[[]"))
 
 
@@ -856,7 +854,6 @@ def _product(selections: list[Selection]) -> float:
 
 
 def _distinct(members: list[Member], kind: str) -> list[Selection]:
-    """Commands of a kind that select any of the members, each once."""
     return list({id(one): one for m in members for one in m.held if one.kind == kind}.values())
 
 
@@ -1596,7 +1593,6 @@ def tie_recoded(data: Data) -> None:
 
 
 def _one_step(one: Recode, other: Recode) -> Recode:
-    """The last of two recodes of a code at one date, with the larger errors if both lead to the same code."""
     if one.new.upper() != other.new.upper():
         return one
     if one.sigma is None or other.sigma is None:

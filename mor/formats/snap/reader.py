@@ -275,7 +275,6 @@ def _factor(words: WordReader) -> float:
 def _command(
     found: _Commands, path: Path, name: str, words: WordReader, places: list[Path], draft: Draft
 ) -> bool:
-    """Follow a command; False if it is not one of these."""
     if name == "title":
         found.title = words.rest()
     elif name in ("coordinate_file", "data_file"):

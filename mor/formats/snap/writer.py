@@ -115,7 +115,6 @@ def _heights(
 
 
 def _scalars(writing: Writing, group: ObservationTable) -> Iterator[str]:
-    """Observations of one line each."""
     code = _CODES[group.entry.type]
     kind = KINDS[code]
     ends = ("point",) if kind.point else ("from", "to")
@@ -244,7 +243,6 @@ def _set(
 
 
 def _lower(Q: FloatArray) -> Iterator[str]:
-    """The lower triangle of a matrix, row by row."""
     for i in range(len(Q)):
         row = [repr(float(value)) for value in Q[i, : i + 1]]
         for first in range(0, len(row), _A_LINE):
@@ -338,7 +336,6 @@ def _known(instrument: Instrument, type_: str, uses: int) -> bool:
 
 
 def _system(content: Content, world: EarthModel) -> str:
-    """SNAP's code of the coordinate system."""
     for code, epsg in SYSTEMS.items():
         if _name(reference_system(epsg)) == _name(world.system):
             return code
@@ -347,7 +344,6 @@ def _system(content: Content, world: EarthModel) -> str:
 
 
 def _name(system: ReferenceSystem) -> tuple[str, str]:
-    """Kind and name of a system, geographic ones of two and of three dimensions the same."""
     geodetic = system.crs.geodetic_crs
     plane = system.kind == "projected" or geodetic is None
     return system.kind, str(system.crs.name if plane or geodetic is None else geodetic.name)
