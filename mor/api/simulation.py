@@ -257,7 +257,20 @@ def run_trial(
     """
     assert ready.truth is not None
     folder.mkdir(parents=True, exist_ok=True)
-    _check_key(folder, ready.trial, files)
+    # Write down what the runs are of; runs of something else are never mixed with them.
+    key = {
+        "program": __version__,
+        "seed": ready.trial.seed,
+        "starts": ready.trial.starts,
+        "inputs": digest_of(files),
+        "chunk": CHUNK,
+        "keeps": [one.name for one in fields(Tally)],
+    }
+    path = folder / _KEY
+    if path.is_file() and json.loads(path.read_text(encoding="utf-8")) != key:
+        words = "this folder contains runs of other input or of another seed; choose another folder, or remove them"
+        raise InputError([Message(words, str(folder))])
+    write_file(path, json.dumps(key) + "\n", True)
     chunks = [(first, min(CHUNK, runs - first)) for first in range(0, runs, CHUNK)]
     missing = [chunk for chunk in chunks if not _file(folder, *chunk).is_file()]
     told(runs - sum(count for _, count in missing))
@@ -300,23 +313,6 @@ def _file(folder: Path, first: int, count: int) -> Path:
 
 def _keep(path: Path, arrays: dict[str, FloatArray]) -> None:
     write_file(path, lambda place: np.savez(place, **arrays), True)  # type: ignore[arg-type]
-
-
-def _check_key(folder: Path, trial: SimulationTask, files: Mapping[Any, ReadFile]) -> None:
-    """Write down what the runs are of; runs of something else are never mixed with them."""
-    key = {
-        "program": __version__,
-        "seed": trial.seed,
-        "starts": trial.starts,
-        "inputs": digest_of(files),
-        "chunk": CHUNK,
-        "keeps": [one.name for one in fields(Tally)],
-    }
-    path = folder / _KEY
-    if path.is_file() and json.loads(path.read_text(encoding="utf-8")) != key:
-        words = "this folder contains runs of other input or of another seed; choose another folder, or remove them"
-        raise InputError([Message(words, str(folder))])
-    write_file(path, json.dumps(key) + "\n", True)
 
 
 def digest_of(files: Mapping[Any, ReadFile]) -> str:

@@ -86,7 +86,16 @@ def command(
     if form is not None:
         content: Content = _exported(results, camera, form, target)
     elif admin is not None:
-        content = _digital(results, camera, admin, coverage, lang)
+        from mor.input_files import read_text
+        from mor.project.document import read_yaml
+        from mor.report.certificate import certificate
+        from mor.report.digital_certificate import administration, digital_certificate
+        from mor.report.language import words_of_page
+        from mor.report.view import view_of_folder
+
+        who = administration(read_yaml(read_text(admin), str(admin)))
+        one = certificate(view_of_folder(results), camera, coverage)
+        content = digital_certificate(one, who, words_of_page(lang))
     else:
         content = _certified(results, camera, target, paper, coverage, lang)
     write_file(target, content, force)
@@ -113,19 +122,6 @@ def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
         words = "no adjusted.yaml in this folder; expected the results of mor adjust"
         raise InputError([Message(words, str(results))])
     return write_calibration(read_document(adjusted), results, camera, form, target)
-
-
-def _digital(results: Path, camera: str, admin: Path, coverage: float | None, lang: str) -> str:
-    from mor.input_files import read_text
-    from mor.project.document import read_yaml
-    from mor.report.certificate import certificate
-    from mor.report.digital_certificate import administration, digital_certificate
-    from mor.report.language import words_of_page
-    from mor.report.view import view_of_folder
-
-    who = administration(read_yaml(read_text(admin), str(admin)))
-    one = certificate(view_of_folder(results), camera, coverage)
-    return digital_certificate(one, who, words_of_page(lang))
 
 
 def _certified(

@@ -98,7 +98,9 @@ def command(
         click.echo(design.json(of), nl=False)
     if not quiet:
         _tell(design, lang, folder if writes else None)
-    return _exit_code(design)
+    if design.solved.quality is None:
+        return ExitCode.SINGULAR
+    return ExitCode.DONE if design.fulfilled else ExitCode.REJECTED
 
 
 def _options(rank: bool, greedy: int | None, source_format: str | None) -> tuple[str, ...]:
@@ -117,9 +119,3 @@ def _tell(design: Design, lang: str, folder: Path | None) -> None:
     click.echo(design.screen(words), err=True)
     if folder is not None:
         click.echo(words("plan in {place}", place=folder), err=True)
-
-
-def _exit_code(design: Design) -> int:
-    if design.solved.quality is None:
-        return ExitCode.SINGULAR
-    return ExitCode.DONE if design.fulfilled else ExitCode.REJECTED

@@ -159,7 +159,10 @@ def command(
         trial = SimulationTask(project, source_format or "", seed, starts)
         here = jobs_here(jobs, cluster)
         return _many(trial, output, force, runs, here, cluster, as_json, lang, quiet)
-    _refuse_without_runs(cluster)
+    from mor.errors import InputError, Message
+
+    if cluster is not None:
+        raise InputError([Message("this goes with --runs, not with one simulated project", "--cluster")])
     return _one(project, output, force, source_format or "", seed, noise_free, wishes, quiet)
 
 
@@ -200,13 +203,6 @@ def _refuse_with_runs(gross: int, drop: float, systematic: Sequence[Systematic],
     ]
     if problems:
         raise InputError(problems)
-
-
-def _refuse_without_runs(cluster: str | None) -> None:
-    from mor.errors import InputError, Message
-
-    if cluster is not None:
-        raise InputError([Message("this goes with --runs, not with one simulated project", "--cluster")])
 
 
 def _many(

@@ -321,7 +321,21 @@ def frame_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Return the exchanges of two stations, and of two images, that promise most."""
     if not situation.begun or situation.count > SMALL:
         return []
-    return [*_stations_of_frame(situation), *_images(situation)]
+    network = situation.network
+    names = list(network.things["image"].ids) if "image" in network.things else []
+    worst = _worst(situation, "image", names)
+    pairs = [pair for pair in combinations(worst, 2) if _alike(network, pair)]
+    found = []
+    for pair, _ in _best(situation, [(pair, ALL) for pair in pairs], "image"):
+        edits: tuple[Edit, ...] = ()
+        for number, group in enumerate(network.groups):
+            if is_image_point(group.type):
+                column = np.array(list(group.references[0]))
+                for name, other in (pair, pair[::-1]):
+                    rows = np.flatnonzero(column == name).tolist()
+                    edits += cells(network, number, rows, "image", to(other))
+        found.append(_hypothesis_of_frame("images exchanged", pair, "image", len(pairs), edits, situation))
+    return [*_stations_of_frame(situation), *found]
 
 
 def exchanged_frames(network: Network, pair: tuple[str, str], of: str, only: int = ALL) -> Network:
@@ -407,24 +421,6 @@ def _stations_of_frame(situation: Situation) -> list[Hypothesis]:
             for name, point in zip(pair, reversed(points), strict=True)
         )
         found.append(_hypothesis_of_frame("set-ups exchanged", pair, "station", len(pairs), edits, situation))
-    return found
-
-
-def _images(situation: Situation) -> list[Hypothesis]:
-    network = situation.network
-    names = list(network.things["image"].ids) if "image" in network.things else []
-    worst = _worst(situation, "image", names)
-    pairs = [pair for pair in combinations(worst, 2) if _alike(network, pair)]
-    found = []
-    for pair, _ in _best(situation, [(pair, ALL) for pair in pairs], "image"):
-        edits: tuple[Edit, ...] = ()
-        for number, group in enumerate(network.groups):
-            if is_image_point(group.type):
-                column = np.array(list(group.references[0]))
-                for name, other in (pair, pair[::-1]):
-                    rows = np.flatnonzero(column == name).tolist()
-                    edits += cells(network, number, rows, "image", to(other))
-        found.append(_hypothesis_of_frame("images exchanged", pair, "image", len(pairs), edits, situation))
     return found
 
 

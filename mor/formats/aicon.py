@@ -52,7 +52,30 @@ def read_aicon(path: Path) -> Document:
     draft.put("title", stem.name)
     draft.put("units", {"length": "mm", "angle": "rad"})
     cameras = _put_cameras(read_words(stem, ".ior", draft), draft)
-    images = _put_images(read_words(stem, ".eor", draft), cameras, draft)
+    lines = read_words(stem, ".eor", draft)
+    rows = []
+    form = "image camera X Y Z omega phi kappa rotation-order status state"
+    for line in lines:
+        if not enough(line, 11, form, draft) or not numbers(line, slice(2, 8), draft):
+            continue
+        name, camera, *pose = line.words[:8]
+        order, status, state = line.words[8:11]
+        if status == "0":
+            draft.note(f"image {name!r} is switched off", line.line, line.file)
+            continue
+        if order != "0":
+            words = f"rotation order {order} of image {name!r}: only 0 (omega, phi, kappa) is understood"
+            draft.problem(words, line.line, line.file)
+        if camera not in cameras:
+            draft.problem(
+                f"camera {camera!r} of image {name!r} is not in the .ior file", line.line, line.file
+            )
+        oriented: list[str | None] = [None] * 6 if state == "1" else [*pose]
+        rows.append(Row([name, camera, *oriented], line.line))
+    if rows:
+        columns = ("id", "camera", "x", "y", "z", "omega", "phi", "kappa")
+        draft.table("images", columns, rows, lines[0].file)
+    images = {str(row.cells[0]) for row in rows}
     points = _put_points(read_words(stem, ".obc", draft), draft)
     _put_rays(read_words(stem, ".phc", draft), images, points, draft)
     _put_scales(read_words(stem, ".scale", draft), points, draft)
@@ -95,32 +118,6 @@ def _camera(block: list[FileLine]) -> dict[str, Any]:
         "r0": r0,
         "interior": {key: {"free" if key in _FREE else "fixed": text} for key, text in interior.items()},
     }
-
-
-def _put_images(lines: list[FileLine], cameras: set[str], draft: Draft) -> set[str]:
-    rows = []
-    form = "image camera X Y Z omega phi kappa rotation-order status state"
-    for line in lines:
-        if not enough(line, 11, form, draft) or not numbers(line, slice(2, 8), draft):
-            continue
-        name, camera, *pose = line.words[:8]
-        order, status, state = line.words[8:11]
-        if status == "0":
-            draft.note(f"image {name!r} is switched off", line.line, line.file)
-            continue
-        if order != "0":
-            words = f"rotation order {order} of image {name!r}: only 0 (omega, phi, kappa) is understood"
-            draft.problem(words, line.line, line.file)
-        if camera not in cameras:
-            draft.problem(
-                f"camera {camera!r} of image {name!r} is not in the .ior file", line.line, line.file
-            )
-        oriented: list[str | None] = [None] * 6 if state == "1" else [*pose]
-        rows.append(Row([name, camera, *oriented], line.line))
-    if rows:
-        columns = ("id", "camera", "x", "y", "z", "omega", "phi", "kappa")
-        draft.table("images", columns, rows, lines[0].file)
-    return {str(row.cells[0]) for row in rows}
 
 
 def _put_points(lines: list[FileLine], draft: Draft) -> set[str]:

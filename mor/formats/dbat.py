@@ -141,7 +141,16 @@ def _camera(texts: Texts, free: set[str], name: str, draft: Draft) -> dict[str, 
         )
     columns, rows, width, height, b1 = _format(texts, name, draft)
     pixel = height / rows
-    c = _constant(texts)
+    text, place = texts.find("cc")
+    if text in ("", "focal", "default"):
+        given = texts.own.get("focal")
+        if given is None:
+            raise CameraError("found neither cc nor focal", place)
+        text, place = given.text.strip(), texts.at(given)
+    found = numbers(text, "cc", place)
+    if len(found) != 1 or found[0] <= 0.0:
+        raise CameraError(f"found the camera constant {text!r}, expected a number above 0", place)
+    c = found[0]
     px, py = texts.numbers("pp", [width / 2.0, -height / 2.0], 2)[:2]
     if py > 0.0:
         words = f"pp: found {py:g} for y, expected it below 0: y counts upwards from the upper left corner"
@@ -199,19 +208,6 @@ def _format(texts: Texts, name: str, draft: Draft) -> tuple[float, float, float,
         )
         draft.note(f"camera {name}: {said}, which is taken", *place)
     return size[0], size[1], square, height, b1
-
-
-def _constant(texts: Texts) -> float:
-    text, place = texts.find("cc")
-    if text in ("", "focal", "default"):
-        given = texts.own.get("focal")
-        if given is None:
-            raise CameraError("found neither cc nor focal", place)
-        text, place = given.text.strip(), texts.at(given)
-    found = numbers(text, "cc", place)
-    if len(found) != 1 or found[0] <= 0.0:
-        raise CameraError(f"found the camera constant {text!r}, expected a number above 0", place)
-    return found[0]
 
 
 def _distortion(texts: Texts, values: dict[str, float]) -> set[str]:

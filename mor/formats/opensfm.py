@@ -261,7 +261,21 @@ def read_opensfm(path: Path) -> Document:
     cameras = _put_cameras(_section(whole, "cameras", draft), file, folder, draft)
     control = read_control(folder, whole, shots, draft)
     weighted = _put_images(shots, cameras, file, control.own_system, draft)
-    _put_points(points, file, control, draft)
+    names, xyz = [], []
+    for name, content in points.items():
+        try:
+            found = mapping(content, f"point {name!r}").get("coordinates")
+            xyz.append(numbers(found, 3, f"point {name!r}: coordinates"))
+            names.append(name)
+        except Wrong as error:
+            draft.problem(str(error), file.line(name))
+    values = np.array(xyz).reshape(-1, 3)
+    columns = {} if control.own_system else dict(zip("xyz", values.T, strict=True))
+    if names:
+        frame = pl.DataFrame({"id": pl.Series(names, dtype=pl.String), **columns})
+        draft.frame("points", "reconstruction points", frame)
+    if control.ids:
+        draft.data.setdefault("points", []).append(control.table)
     _put_tracks(folder / "tracks.csv", set(shots), set(points), cameras, shots, control, draft)
     if not weighted and not control.ids:
         draft.put("datum", "free")
@@ -375,24 +389,6 @@ def _accuracy(shot: dict[str, Any]) -> float | None:
         return None
     sigma = json_number(shot["gps_dop"], "gps_dop")
     return sigma if 0.0 < sigma < _DOP else None
-
-
-def _put_points(points: dict[str, Any], file: JsonFile, control: ControlMeasurements, draft: Draft) -> None:
-    names, xyz = [], []
-    for name, content in points.items():
-        try:
-            found = mapping(content, f"point {name!r}").get("coordinates")
-            xyz.append(numbers(found, 3, f"point {name!r}: coordinates"))
-            names.append(name)
-        except Wrong as error:
-            draft.problem(str(error), file.line(name))
-    values = np.array(xyz).reshape(-1, 3)
-    columns = {} if control.own_system else dict(zip("xyz", values.T, strict=True))
-    if names:
-        frame = pl.DataFrame({"id": pl.Series(names, dtype=pl.String), **columns})
-        draft.frame("points", "reconstruction points", frame)
-    if control.ids:
-        draft.data.setdefault("points", []).append(control.table)
 
 
 def _put_tracks(

@@ -319,7 +319,24 @@ def _put_cameras(export: Export, size: tuple[float, float], draft: Draft) -> dic
         mine = [photo for photo in export.photos if tuple(photo.camera) == values]
         names.update({photo.name: str(number_) for photo in mine})
         given = export.camera if len(distinct) == 1 else list(values)
-        cameras[str(number_)] = _camera(given, size, free)
+        # One square pixel, its height; the width of pixels is expressed by b1, which also scales the
+        # principal point.
+        c, xp, yp, width, height, *distortion = given
+        pixel = height / size[1]
+        ratio = width / size[0] / pixel
+        interior = {"c": c, "xh": xp / ratio - size[0] / 2.0 * pixel, "yh": height / 2.0 - yp}
+        interior.update(zip(_PHOTOMODELER_READER_DISTORTION, distortion, strict=False))
+        status = "free" if free else "fixed"
+        cameras[str(number_)] = {
+            "model": "brown",
+            "unit": "mm",
+            "coordinates": "corner",
+            "image": {"width": f"{size[0]:g}", "height": f"{size[1]:g}", "pixel": f"{pixel!r} mm"},
+            "interior": {
+                **{key: {status: repr(float(value))} for key, value in interior.items()},
+                "b1": {"fixed": f"{ratio - 1.0:.10g}"},
+            },
+        }
         draft.lines["cameras", str(number_)] = 4 if len(distinct) == 1 else mine[0].line
     if free:
         draft.note("a calibration project: c, xh, yh, K1, K2, K3, P1, P2 are free, b1 is fixed", 1)
@@ -329,26 +346,6 @@ def _put_cameras(export: Export, size: tuple[float, float], draft: Draft) -> dic
         )
     draft.put("cameras", cameras)
     return names
-
-
-def _camera(values: list[float], size: tuple[float, float], free: bool) -> dict[str, Any]:
-    """One square pixel, its height; the width of pixels is expressed by b1, which also scales the principal point."""
-    c, xp, yp, width, height, *distortion = values
-    pixel = height / size[1]
-    ratio = width / size[0] / pixel
-    interior = {"c": c, "xh": xp / ratio - size[0] / 2.0 * pixel, "yh": height / 2.0 - yp}
-    interior.update(zip(_PHOTOMODELER_READER_DISTORTION, distortion, strict=False))
-    status = "free" if free else "fixed"
-    return {
-        "model": "brown",
-        "unit": "mm",
-        "coordinates": "corner",
-        "image": {"width": f"{size[0]:g}", "height": f"{size[1]:g}", "pixel": f"{pixel!r} mm"},
-        "interior": {
-            **{key: {status: repr(float(value))} for key, value in interior.items()},
-            "b1": {"fixed": f"{ratio - 1.0:.10g}"},
-        },
-    }
 
 
 def _put_photos(

@@ -265,7 +265,28 @@ def write_sinex(document: Document, folder: Path, target: Path) -> Written:
     world_of(content, "SINEX")
     world = build_network(content.project, document, folder).world
     assert world is not None
-    found = _estimates(content, world)
+    types = {**PLAIN_TYPES, **earth_types(world.horizon)}
+    metres, problems = content.edge.metres, []
+    for number, entry in enumerate(content.project.observations):
+        if entry.type == _TYPE and (entry.cluster or entry.instrument):
+            words = "SINEX has positions with one matrix, without instruments and clusters of several tables"
+            problems.append(content.place("observations", number).problem(words))
+    names: list[str] = []
+    parts: list[tuple[FloatArray, FloatArray]] = []
+    for group in [] if problems else groups(content, (_TYPE,), types):
+        for rows, Q in clusters(content, group, "SINEX"):
+            names += [group.rows.text("point")[row] for row in rows]
+            parts.append((group.values[rows] * metres, Q))
+    if not names and not problems:
+        words = f"SINEX has observed positions ({_TYPE}); this project has none"
+        problems.append(Message(words, content.document.file))
+    if problems:
+        raise InputError(problems)
+    Q, at = np.zeros((3 * len(names), 3 * len(names))), 0
+    for _, own in parts:
+        Q[at : at + len(own), at : at + len(own)] = own
+        at += len(own)
+    found = Estimates(names, np.concatenate([values for values, _ in parts]), Q)
     sites = _sites(found.names, document.file)
     count = 3 * len(found.names)
     name = "MOR"
@@ -293,32 +314,6 @@ def _notes(content: Content, target: Path) -> list[Message]:
         f"SINEX does not say the reference frame, and epochs are written as not known ({_EPOCH})",
     )
     return [*not_carried(content, (_TYPE,), (), "SINEX"), *(Message(text, str(target)) for text in words)]
-
-
-def _estimates(content: Content, world: EarthModel) -> Estimates:
-    """Positions of all tables; those that are in no table together are not correlated."""
-    types = {**PLAIN_TYPES, **earth_types(world.horizon)}
-    metres, problems = content.edge.metres, []
-    for number, entry in enumerate(content.project.observations):
-        if entry.type == _TYPE and (entry.cluster or entry.instrument):
-            words = "SINEX has positions with one matrix, without instruments and clusters of several tables"
-            problems.append(content.place("observations", number).problem(words))
-    names: list[str] = []
-    parts: list[tuple[FloatArray, FloatArray]] = []
-    for group in [] if problems else groups(content, (_TYPE,), types):
-        for rows, Q in clusters(content, group, "SINEX"):
-            names += [group.rows.text("point")[row] for row in rows]
-            parts.append((group.values[rows] * metres, Q))
-    if not names and not problems:
-        words = f"SINEX has observed positions ({_TYPE}); this project has none"
-        problems.append(Message(words, content.document.file))
-    if problems:
-        raise InputError(problems)
-    Q, at = np.zeros((3 * len(names), 3 * len(names))), 0
-    for _, own in parts:
-        Q[at : at + len(own), at : at + len(own)] = own
-        at += len(own)
-    return Estimates(names, np.concatenate([values for values, _ in parts]), Q)
 
 
 def _sites(names: list[str], file: str) -> list[str]:

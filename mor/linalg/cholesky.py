@@ -371,37 +371,18 @@ class Factor:
             return np.zeros(columns.shape)
         x = np.ascontiguousarray(columns[plan.permutation], dtype=np.float64)
         with one_thread():
-            self._forward(x, plan.fronts)
-            self._backward(x, plan.fronts)
+            self._forward(x)
+            self._backward(x)
         solution = np.empty_like(x)
         solution[plan.permutation] = x
         return solution.reshape(right_hand_side.shape)
 
-    def reduce(self, right_hand_side: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Solve L y = b (n, k) without the last front; also return the rest of b for the last front (p, k)."""
-        plan = self.elimination
-        x = np.ascontiguousarray(right_hand_side[plan.permutation], dtype=np.float64)
-        with one_thread():
-            self._forward(x, plan.fronts - 1)
-        return x, x[plan.pivot_pointers[-2] :].copy()
-
-    def follow(self, y: FloatArray, last: FloatArray) -> FloatArray:
-        """Solve Lᵀ x = y (n, k) with a factor without its last front, whose unknowns (p, k) are given."""
-        plan = self.elimination
-        x = y.copy()
-        x[plan.pivot_pointers[-2] :] = last
-        with one_thread():
-            self._backward(x, plan.fronts - 1)
-        solution = np.empty_like(x)
-        solution[plan.permutation] = x
-        return solution
-
-    def _forward(self, x: FloatArray, fronts: int) -> None:
-        """Replace x (permuted) by the solution of L y = x, in the first fronts."""
+    def _forward(self, x: FloatArray) -> None:
+        """Replace x (permuted) by the solution of L y = x."""
         plan = self.elimination
         vanished = np.zeros(x.shape[0], dtype=bool)
         vanished[self.set_aside_places] = True
-        for f in range(fronts):
+        for f in range(plan.fronts):
             first, end = plan.pivot_pointers[f], plan.pivot_pointers[f + 1]
             x[first:end][vanished[first:end]] = 0.0
             if not x[first:end].any():  # a right-hand side of few unknowns reaches few fronts
@@ -412,38 +393,15 @@ class Factor:
             if self.below[f].size:
                 x[plan.rows[plan.row_pointers[f] : plan.row_pointers[f + 1]]] -= self.below[f] @ y
 
-    def _backward(self, x: FloatArray, fronts: int) -> None:
-        """Replace x (permuted) by the solution of Lᵀ z = x, in the first fronts."""
+    def _backward(self, x: FloatArray) -> None:
+        """Replace x (permuted) by the solution of Lᵀ z = x."""
         plan = self.elimination
-        for f in range(fronts - 1, -1, -1):
+        for f in range(plan.fronts - 1, -1, -1):
             first, end = plan.pivot_pointers[f], plan.pivot_pointers[f + 1]
             y = x[first:end]
             if self.below[f].size:
                 y = y - self.below[f].T @ x[plan.rows[plan.row_pointers[f] : plan.row_pointers[f + 1]]]
             x[first:end] = dtrsm(1.0, self.pivots[f], y.T, side=1, lower=1, trans_a=0, overwrite_b=1).T
-
-
-@dataclass(frozen=True)
-class Completed(Factor):
-    """A factor without its last front, and the inverse of that front where others have a say in it, too.
-
-    What it solves is part of a larger system: right-hand sides have nothing outside of this part.
-    """
-
-    last: FloatArray
-    """(p, p) that inverse, both triangles."""
-
-    def solve(self, right_hand_side: FloatArray) -> FloatArray:
-        """As that of a whole factor."""
-        y, left = self.reduce(right_hand_side.reshape(len(right_hand_side), -1))
-        return self.follow(y, self.last @ left).reshape(right_hand_side.shape)
-
-
-def completed(factor: Factor, last: FloatArray) -> Completed:
-    """A factor without its last front with the inverse (p, p) of that front."""
-    return Completed(
-        factor.elimination, factor.pivots, factor.below, factor.set_aside, factor.set_aside_places, last
-    )
 
 
 def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = TOLERANCE) -> Factor:

@@ -209,7 +209,14 @@ def project_opencv(
     by_interior[:, 1, 3] = -1.0
     by_interior[:, 0, 6], by_interior[:, 1, 6] = fx * twice_ab, -fy * tangential_b
     by_interior[:, 0, 7], by_interior[:, 1, 7] = fx * tangential_a, -fy * twice_ab
-    _fill_by_radial(radial, fx * a, -fy * b, by_interior)
+    # Derivatives by k1, k2, k3 and k4, k5, k6; (x, y) is the image point without distortion, reduced.
+    x = fx * a
+    y = -fy * b
+    for power, above, below in zip(radial.powers, (4, 5, 8), (9, 10, 11), strict=True):
+        share = power / radial.denominator
+        by_interior[:, 0, above], by_interior[:, 1, above] = x * share, y * share
+        share = -radial.factor * share
+        by_interior[:, 0, below], by_interior[:, 1, below] = x * share, y * share
     return Projection(xy, _by_star(a, b, per_depth, radial, interior), by_interior)
 
 
@@ -229,15 +236,6 @@ def _by_star(
     by_star[:, 1, 1] = fy * by_b * per_depth
     by_star[:, 1, 2] = -fy * (mixed * a + by_b * b) * per_depth
     return by_star
-
-
-def _fill_by_radial(radial: _Radial, x: FloatArray, y: FloatArray, by_interior: FloatArray) -> None:
-    """Derivatives by k1, k2, k3 and k4, k5, k6; (x, y) is the image point without distortion, reduced."""
-    for power, above, below in zip(radial.powers, (4, 5, 8), (9, 10, 11), strict=True):
-        share = power / radial.denominator
-        by_interior[:, 0, above], by_interior[:, 1, above] = x * share, y * share
-        share = -radial.factor * share
-        by_interior[:, 0, below], by_interior[:, 1, below] = x * share, y * share
 
 
 OPENCV = CameraModel(

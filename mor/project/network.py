@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeAlias
@@ -512,11 +512,8 @@ def build_network(
     folder: Path,
     read: TableWatcher = ignore_table,
     planned: bool = False,
-    elsewhere: Collection[str] = (),
 ) -> Network:
     """The network of a project. Raises :class:`InputError` with every mistake found.
-
-    ``elsewhere`` are points that observations determine which are not at hand.
 
     Where it is ``planned``, observations need no values: what stands for them is 0.
     """
@@ -544,7 +541,7 @@ def build_network(
     refuse_fixed(reading, [*plain, *others])
     check_direction_sets(reading, [*plain, *others])
     check_undeclared(reading, [*plain, *others])
-    checks = check_groups(reading, [*plain, *others], elsewhere)
+    checks = check_groups(reading, [*plain, *others])
     candidates = candidate_groups(reading)
     correlated = correlations(reading, read_in) if not problems else ()
     correlated = tuple(c._replace(groups=where[c.groups]) for c in correlated)

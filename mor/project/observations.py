@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
@@ -752,12 +752,10 @@ def candidate_groups(reading: Reading) -> tuple[ObservationGroup, ...]:
 # ------------------------------------------------------------
 
 
-def check_groups(
-    reading: Reading, groups: list[ObservationGroup], elsewhere: Collection[str] = ()
-) -> tuple[ObservationGroup, ...]:
+def check_groups(reading: Reading, groups: list[ObservationGroup]) -> tuple[ObservationGroup, ...]:
     """Groups of the section ``checks``; ``groups`` are those that take part in the adjustment.
 
-    A point that only checks look at cannot be checked: that is a mistake, but of those determined ``elsewhere``.
+    A point that only checks look at cannot be checked: that is a mistake.
     """
     if not reading.project.checks:
         return ()
@@ -766,18 +764,15 @@ def check_groups(
     checks = tuple(group.group for group in read_groups(apart))
     if reading.broken:
         return checks  # what is missing may be told by what could not be read
-    _refuse_unobserved(reading, groups, checks, elsewhere)
+    _refuse_unobserved(reading, groups, checks)
     return checks
 
 
 def _refuse_unobserved(
-    reading: Reading,
-    groups: list[ObservationGroup],
-    checks: tuple[ObservationGroup, ...],
-    elsewhere: Collection[str],
+    reading: Reading, groups: list[ObservationGroup], checks: tuple[ObservationGroup, ...]
 ) -> None:
     points = reading.shop.store("point")
-    seen = np.array([name in elsewhere for name in points.ids], dtype=bool)
+    seen = np.zeros(len(points.ids), dtype=bool)
     for group in groups:
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
             if slot.kind == "point":

@@ -328,7 +328,10 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
             ids = [name for things in spaces.values() for name in things.ids]
             _tell_unknown(reading, reference.name, rows, names, open_, ids)
             if "point" in reference.among and np.count_nonzero(open_) >= _SEVERAL:
-                _tell_how_to_declare(reading)
+                words = "points that no table contains are unknowns with settings: {undeclared_points: free}"
+                hint = reading.at("settings").problem(words)
+                if hint not in reading.problems:
+                    reading.problems.append(hint)
         return Resolved(names, {}, centre[names.numbers])
     blocks = {}
     for part, pieces in found.items():
@@ -384,13 +387,6 @@ def _tell_unknown(
     )
 
 
-def _tell_how_to_declare(reading: Reading) -> None:
-    words = "points that no table contains are unknowns with settings: {undeclared_points: free}"
-    hint = reading.at("settings").problem(words)
-    if hint not in reading.problems:
-        reading.problems.append(hint)
-
-
 _SEVERAL = 3
 """Unknown names of a table that look like points which were left out on purpose."""
 _GUESSED = 5
@@ -407,11 +403,6 @@ def _stations_on_points(reading: Reading, names: Names, rows: Rows) -> Names:
     places[order] = np.arange(len(order), dtype=np.int32)
     stands = [(names[row], sets[row]) for row in first[order].tolist()]
     declare(reading, rows, "station", ("station", "point"))
-    _add_stations(reading, stands)
-    return Names(places[numbers], tuple(set_name(*stand) for stand in stands))
-
-
-def _add_stations(reading: Reading, stands: list[tuple[str, str]]) -> None:
     shop, stations = reading.shop, reading.shop.things["station"]
     ids: list[str] = []
     parts: dict[str, list[int]] = {part: [] for part in stations.parts}
@@ -431,6 +422,7 @@ def _add_stations(reading: Reading, stands: list[tuple[str, str]]) -> None:
     added = {part: np.array(new, dtype=np.int64) for part, new in parts.items()}
     everything = {part: np.concatenate([old, added[part]]) for part, old in stations.parts.items()}
     shop.things["station"] = entities((*stations.ids, *ids), everything)
+    return Names(places[numbers], tuple(set_name(*stand) for stand in stands))
 
 
 def check_different(type_: ObservationType, rows: Rows, problems: list[Message]) -> bool:
@@ -665,7 +657,24 @@ def refuse_fixed(reading: Reading, groups: Iterable[ObservationGroup]) -> None:
     for group in groups:
         if group.type.name not in PLAIN_TYPES or len(group.type.references) > 1:
             continue
-        constant = group.mask & ~_depends(reading, group)
+        # (n, m) true for components that some unknown changes.
+        places, tangents, free = [], [], []
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+            store = reading.shop.store(slot.kind)
+            values = np.nan_to_num(store.all_values()[blocks], nan=_ANYWHERE)
+            free.append(store.all_free()[blocks])
+            if store.kind.is_rotation:
+                about_axes = np.isin(blocks, list(store.about_axes))[:, None, None]
+                places.append(rotation_from_angles(values))
+                tangents.append(np.where(about_axes, np.eye(3), tangent_of_angles(values)))
+            else:
+                places.append(values)
+                tangents.append(np.eye(values.shape[1]))
+        depends = np.zeros(group.observed.shape, dtype=bool)
+        jacobians = group.type.equation(places, group.constants).jacobians
+        for jacobian, tangent, unknown in zip(jacobians, tangents, free, strict=True):
+            depends |= ((jacobian @ tangent != 0.0) & unknown[:, None, :]).any(axis=2)
+        constant = group.mask & ~depends
         for row in np.flatnonzero(constant.any(axis=1))[:MOST_TOLD].tolist():
             transform = group.external.transform if group.external is not None else np.eye(constant.shape[1])
             said = np.flatnonzero(constant[row] @ np.abs(transform))
@@ -677,24 +686,3 @@ def refuse_fixed(reading: Reading, groups: Iterable[ObservationGroup]) -> None:
             )
             line = int(group.lines[row]) if len(group.lines) > row else 0
             reading.problems.append(Message(words, group.file or reading.document.file, line))
-
-
-def _depends(reading: Reading, group: ObservationGroup) -> BoolArray:
-    """(n, m) true for components that some unknown changes."""
-    places, tangents, free = [], [], []
-    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-        store = reading.shop.store(slot.kind)
-        values = np.nan_to_num(store.all_values()[blocks], nan=_ANYWHERE)
-        free.append(store.all_free()[blocks])
-        if store.kind.is_rotation:
-            about_axes = np.isin(blocks, list(store.about_axes))[:, None, None]
-            places.append(rotation_from_angles(values))
-            tangents.append(np.where(about_axes, np.eye(3), tangent_of_angles(values)))
-        else:
-            places.append(values)
-            tangents.append(np.eye(values.shape[1]))
-    depends = np.zeros(group.observed.shape, dtype=bool)
-    jacobians = group.type.equation(places, group.constants).jacobians
-    for jacobian, tangent, unknown in zip(jacobians, tangents, free, strict=True):
-        depends |= ((jacobian @ tangent != 0.0) & unknown[:, None, :]).any(axis=2)
-    return depends

@@ -11,7 +11,7 @@ import numpy as np
 from mor.errors import NoStartValuesError, UndeterminedObject
 from mor.model import rotations
 from mor.model.observation_types import TURNED_AXIS, ObservationGroup, can_be_at_infinity, target_slot
-from mor.model.parameters import Index, Values
+from mor.model.parameters import Values
 from mor.project.entities import thing_of
 from mor.project.network import (
     Network,
@@ -369,7 +369,13 @@ def _equations(
             continue
         point = group.blocks[target_slot(group.type)][rows]
         k = number[point]
-        by_point = _by_point(group, places, rows)
+        # (n, m, 3) derivatives by the sighted point.
+        blocks = [
+            places[slot.kind][numbers[rows]]
+            for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
+        ]
+        computed = group.type.equation(blocks, group.constants[rows])
+        by_point = computed.jacobians[target_slot(group.type)]
         away = far.directions[some[k]]
         distance = 1.0 / (_FAR * far.sigma[some[k]])
         weight = group.sigma[rows] ** -2.0
@@ -388,15 +394,6 @@ def _equations(
             free = columns >= 0
             np.add.at(through, (columns[free], np.broadcast_to(k[:, None], columns.shape)[free]), moved[free])
     return size, product, through
-
-
-def _by_point(group: ObservationGroup, values: Values, rows: IntArray) -> FloatArray:
-    """(n, m, 3) derivatives by the sighted point."""
-    blocks = [
-        values[slot.kind][numbers[rows]] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
-    ]
-    computed = group.type.equation(blocks, group.constants[rows])
-    return computed.jacobians[target_slot(group.type)]
 
 
 # ------------------------------------------------------------
@@ -512,28 +509,29 @@ def _further_steps(adjustment: Adjustment) -> FloatArray:
         after = adjust(problem, values, SolverSettings(max_iterations=1))
         if not after.iterations or after.outcome is Outcome.DIVERGED:
             break
-        steps.append(_difference(problem.index, values, after.values))
+        # (u,) the step from one place to another; of rotations the vector of the small rotation.
+        index = problem.index
+        step = np.zeros(index.count)
+        for kind, columns in index.columns.items():
+            if index.blocks[kind].kind.is_rotation:
+                turn = after.values[kind] @ np.swapaxes(values[kind], 1, 2)
+                # D' = (I − [δ]×) D to first order
+                change = 0.5 * np.stack(
+                    [
+                        turn[:, 1, 2] - turn[:, 2, 1],
+                        turn[:, 2, 0] - turn[:, 0, 2],
+                        turn[:, 0, 1] - turn[:, 1, 0],
+                    ],
+                    axis=1,
+                )
+            else:
+                change = after.values[kind] - values[kind]
+            step[columns[columns >= 0]] = change[columns >= 0]
+        steps.append(step)
         values = after.values
         if after.outcome is not Outcome.NOT_CONVERGED:
             break
     return np.stack(steps, axis=1) if steps else np.zeros((problem.index.count, 0))
-
-
-def _difference(index: Index, before: Values, after: Values) -> FloatArray:
-    """(u,) the step from one place to another; of rotations the vector of the small rotation."""
-    step = np.zeros(index.count)
-    for kind, columns in index.columns.items():
-        if index.blocks[kind].kind.is_rotation:
-            turn = after[kind] @ np.swapaxes(before[kind], 1, 2)
-            # D' = (I − [δ]×) D to first order
-            change = 0.5 * np.stack(
-                [turn[:, 1, 2] - turn[:, 2, 1], turn[:, 2, 0] - turn[:, 0, 2], turn[:, 0, 1] - turn[:, 1, 0]],
-                axis=1,
-            )
-        else:
-            change = after[kind] - before[kind]
-        step[columns[columns >= 0]] = change[columns >= 0]
-    return step
 
 
 # ------------------------------------------------------------

@@ -189,29 +189,8 @@ def reintersected(
     """
     middle = np.nanmedian(values["point"], axis=0)
     among = Among(problem.observations, middle, factor_of_sigmas(sizes))
-    return intersected_anew(problem, values, points_in_doubt(problem, sizes, but), among, starts, gain)
-
-
-class Among(NamedTuple):
-    """Context in which one observation or point is examined."""
-
-    observations: int
-    """Their number."""
-    middle: FloatArray
-    """(3,) median of all points."""
-    most: float
-    """Robust factor of all σ."""
-
-
-def intersected_anew(
-    problem: Problem,
-    values: Values,
-    points: Collection[int],
-    among: Among,
-    starts: Starts | None = None,
-    gain: float = 0.0,
-) -> dict[str, FloatArray]:
-    """Values with some points where they cost least, as :func:`reintersected`."""
+    # Values with some points where they cost least, as :func:`reintersected`.
+    points = points_in_doubt(problem, sizes, but)
     moved = values["point"].copy()
     columns = problem.index.columns["point"]
     for point in points:
@@ -225,6 +204,17 @@ def intersected_anew(
             found = places[int(np.argmin(costs))]
             moved[point] = np.where(columns[point] >= 0, found, moved[point])
     return {**values, "point": moved}
+
+
+class Among(NamedTuple):
+    """Context in which one observation or point is examined."""
+
+    observations: int
+    """Their number."""
+    middle: FloatArray
+    """(3,) median of all points."""
+    most: float
+    """Robust factor of all σ."""
 
 
 def by_sights_alone(problem: Problem, values: Values, points: IntArray) -> FloatArray:

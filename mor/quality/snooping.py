@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence, Set
 from dataclasses import replace
-from typing import Generic, NamedTuple, Protocol, Self, TypeVar
+from typing import NamedTuple
 
 import numpy as np
 
@@ -28,9 +28,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 # ------------------------------------------------------------
 # Which observations data snooping takes out in a round: the worst, and others that are not flagged for its error.
-#
-# A network may be at hand in parts: each tells what it has that may be the worst, the choice is made among
-# all of these.
 # ------------------------------------------------------------
 
 _BESIDE_THE_WORST = 0.5
@@ -50,8 +47,6 @@ class Entry(NamedTuple):
     group: int
     row: int
     component: int
-    part: int = 0
-    """Of the network, where it is in parts: groups and rows are numbered in each of them."""
 
 
 class TestedEntry(NamedTuple):
@@ -95,10 +90,10 @@ class ExclusionCandidate(NamedTuple):
 
     size: float
     """The largest |w| of it."""
-    place: tuple[int, int, int]
-    """Order among equal ones: of the group, of the part, of the row."""
+    place: tuple[int, int]
+    """Order among equal ones: group and row."""
     blocks: Mapping[Block, int]
-    """Its free points and frames, with the number of rows that these have in this part."""
+    """Its free points and frames, with the number of rows that these have."""
     absorbed: float
     tested: tuple[TestedEntry, ...]
     """What goes with it: all components of an image point that are controlled for themselves, or the worst one."""
@@ -142,40 +137,27 @@ def rows_of_blocks(problem: Problem) -> dict[str, IntArray]:
     return counts
 
 
-def candidates(
-    flagged: Sequence[FlaggedRows],
-    cannot: Collection[Entry],
-    places: Sequence[int] | None = None,
-    part: int = 0,
-) -> list[ExclusionCandidate]:
-    """Return entries that may be removed in a round, without those in ``cannot``: all above half of the largest |w|.
-
-    ``places``: where each group stands among those of the whole network, of which this is a part.
-    """
-    sizes = [comparable(np.where(_may_go(one, cannot, part), np.abs(one.tests), 0.0)) for one in flagged]
+def candidates(flagged: Sequence[FlaggedRows], cannot: Collection[Entry]) -> list[ExclusionCandidate]:
+    """Return entries that may be removed in a round, without those in ``cannot``: all above half of the largest |w|."""
+    sizes = [comparable(np.where(_may_go(one, cannot), np.abs(one.tests), 0.0)) for one in flagged]
     least = max(
         _BESIDE_THE_WORST * max((float(size.max()) for size in sizes), default=0.0), np.nextafter(0.0, 1.0)
     )
     return [
         ExclusionCandidate(
             float(size[k].max()),
-            (places[one.group] if places is not None else one.group, part, int(one.rows[k])),
+            (one.group, int(one.rows[k])),
             {(slot.kind, slot.names[k]): int(slot.rows[k]) for slot in one.slots if slot.rows[k] >= 0},
             float(one.absorbed[k]),
-            _going(one, int(k), size[k], part),
+            _going(one, int(k), size[k]),
         )
         for one, size in zip(flagged, sizes, strict=True)
         for k in np.flatnonzero(size.max(axis=1) >= least)
     ]
 
 
-def worst_first(
-    all_candidates: Iterable[ExclusionCandidate], shared: Mapping[Block, int]
-) -> list[TestedEntry]:
-    """The worst of the candidates, and others nearly as bad that are not so for its error, nor for each other's.
-
-    ``shared``: points and frames that several parts have, with the number of rows of all parts.
-    """
+def worst_first(all_candidates: Iterable[ExclusionCandidate]) -> list[TestedEntry]:
+    """The worst of the candidates, and others nearly as bad that are not so for its error, nor for each other's."""
     ordered = sorted(all_candidates, key=lambda one: (-one.size, *one.place))
     used: dict[Block, float] = {}
     room: dict[Block, int] = {}
@@ -190,25 +172,24 @@ def worst_first(
         ):
             for block, rows in one.blocks.items():
                 used[block] = max(one.absorbed, used.get(block, 0.0))
-                room[block] = room.get(block, shared.get(block, rows) // _OF_ITS_ROWS) - 1
+                room[block] = room.get(block, rows // _OF_ITS_ROWS) - 1
             chosen += one.tested
     return chosen
 
 
-def _may_go(one: FlaggedRows, cannot: Collection[Entry], part: int) -> BoolArray:
+def _may_go(one: FlaggedRows, cannot: Collection[Entry]) -> BoolArray:
     flags = one.flags.copy()
     for entry in cannot:
-        if (entry.part, entry.group) == (part, one.group):
+        if entry.group == one.group:
             flags[one.rows == entry.row, entry.component] = False
     return flags
 
 
-def _going(one: FlaggedRows, k: int, sizes: FloatArray, part: int) -> tuple[TestedEntry, ...]:
+def _going(one: FlaggedRows, k: int, sizes: FloatArray) -> tuple[TestedEntry, ...]:
     """The worst component of a row; all components of a ray, where each is controlled for itself."""
     components = np.flatnonzero(one.active[k]) if one.together[k] else [int(np.argmax(sizes))]
     return tuple(
-        TestedEntry(Entry(one.group, int(one.rows[k]), int(c), part), float(one.tests[k, c]))
-        for c in components
+        TestedEntry(Entry(one.group, int(one.rows[k]), int(c)), float(one.tests[k, c])) for c in components
     )
 
 
@@ -301,8 +282,6 @@ def cost_at(problem: Problem, values: Values) -> float:
 # bear the company of the rest stays out for good. Points at which it may have been the wrong ones are looked
 # at in the end (:mod:`mor.quality.snooping`). The two coordinates of a ray are one pointing and go together,
 # as long as both are controlled.
-#
-# A network may be at hand in parts (:class:`AssessedAdjustment`): the rounds are the same.
 # ------------------------------------------------------------
 
 _MOST_ROUNDS = 100
@@ -324,8 +303,6 @@ class Snooped(NamedTuple):
     component: int
     test: float
     taken_out: bool
-    part: int = 0
-    """Of the network, where it is in parts."""
 
 
 class SnoopingResult(NamedTuple):
@@ -355,39 +332,75 @@ class Excluded(NamedTuple):
     """True where its row may come back: every entry of it that is out fits the rest."""
 
 
-class AssessedAdjustment(Protocol):
-    """An assessed adjustment without what is out; of a network as a whole, or of one in parts."""
+class _AssessedAdjustment(NamedTuple):
+    """An assessed adjustment without what is out."""
+
+    problem: Problem
+    """With nothing out but what is kept out."""
+    levels: Levels
+    aposteriori: bool
+    watch: Watcher | None
+    quality: Quality
 
     @property
     def redundancy(self) -> int:
-        """n − u + d."""
+        return self.quality.redundancy
 
     @property
     def excluded(self) -> tuple[Excluded, ...]:
-        """Removed entries, in their order."""
+        quality = self.quality
+        found: list[Excluded] = []
+        for number, (group, kept) in enumerate(
+            zip(quality.adjustment.problem.groups, self._kept_out, strict=True)
+        ):
+            out: BoolArray = group.left_out & ~kept
+            rows = np.flatnonzero(out.any(axis=1))
+            if not len(rows):
+                continue
+            tests = quality.reliability[number].at(rows).test
+            fits: BoolArray = np.asarray(~(out[rows] & ~(np.abs(tests) < quality.critical)).any(axis=1))
+            found += [
+                Excluded(Entry(number, int(rows[k]), int(c)), float(tests[k, c]), bool(fits[k]))
+                for k, c in np.argwhere(out[rows])
+            ]
+        return tuple(found)
 
     def worst(self, cannot: Collection[Entry]) -> list[TestedEntry]:
         """Return entries to remove, the worst first, without those in ``cannot``; empty if none is flagged."""
+        return worst_first(candidates(flagged_rows(self.quality), cannot))
 
-    def without(self, out: Out) -> Self | None:
+    def without(self, out: Out) -> _AssessedAdjustment | None:
         """The same without other entries, or nothing where that is no solution.
 
         Nor where unknowns hang on what is out: with its vanishing weight it determines them, and Σ r tells.
         """
+        return self._from(self.quality.adjustment.values, masks_of(self._kept_out, out))
 
-    def elsewhere(self, out: Out) -> tuple[Self, Out] | None:
+    def elsewhere(self, out: Out) -> tuple[_AssessedAdjustment, Out] | None:
         """The same with points where all their observations put them, and what is out there, if they are elsewhere."""
+        values = self.quality.adjustment.values
+        other = other_places(self.problem, values, masks_of(self._kept_out, out))
+        if other is None:
+            return None
+        found = self._from(other.values, other.out)
+        if found is None:
+            return None
+        there = found.quality.adjustment.values
+        better = cost_at(self.problem, there) < cost_at(self.problem, values)
+        others = tuple(mask & ~kept for mask, kept in zip(other.out, self._kept_out, strict=True))
+        return (found, entries_of(others)) if better else None
 
+    @property
+    def _kept_out(self) -> Masks:
+        return tuple(group.left_out for group in self.problem.groups)
 
-T = TypeVar("T", bound=AssessedAdjustment)
-
-
-class SnoopingRounds(NamedTuple, Generic[T]):
-    """End of the rounds of data snooping."""
-
-    tried: T
-    steps: tuple[Snooped, ...]
-    clean: bool
+    def _from(self, values: Values, out: Masks) -> _AssessedAdjustment | None:
+        adjustment = adjust(exclude(self.problem, out), values, watch=self.watch)
+        if not adjustment.outcome.is_solution:
+            return None
+        quality = assess(adjustment, self.levels, self.aposteriori)
+        complete = is_complete(quality.redundancy_sum, quality.redundancy)
+        return self._replace(quality=quality) if complete else None
 
 
 def snoop(
@@ -399,7 +412,7 @@ def snoop(
     watch: Watcher | None = None,
 ) -> SnoopingResult:
     """Snoop through a problem from an assessed adjustment of it; ``excluded`` (n, m) is out to begin with."""
-    first = _Whole(problem, levels, aposteriori, watch, quality)
+    first = _AssessedAdjustment(problem, levels, aposteriori, watch, quality)
     begun, out = None, Out()
     if excluded is not None:
         out = entries_of(
@@ -407,15 +420,17 @@ def snoop(
         )
         begun = first.without(out)
     tried, out = (begun, out) if begun is not None else (first, Out())
-    ended = snooping_rounds(tried, out, first.redundancy)
+    tried, steps, clean = snooping_rounds(tried, out, first.redundancy)
     kept_out = tuple(group.left_out for group in problem.groups)
-    return SnoopingResult(quality.sigma0, kept_out, ended.tried.quality, ended.steps, ended.clean)
+    return SnoopingResult(quality.sigma0, kept_out, tried.quality, steps, clean)
 
 
-def snooping_rounds(tried: T, out: Out, redundancy: int) -> SnoopingRounds[T]:
+def snooping_rounds(
+    tried: _AssessedAdjustment, out: Out, redundancy: int
+) -> tuple[_AssessedAdjustment, tuple[Snooped, ...], bool]:
     """Take out and put back until nothing else is to be done, in at most 100 rounds.
 
-    ``redundancy`` is that of all observations.
+    ``redundancy`` is that of all observations. Also return the steps, and whether nothing flagged had to stay.
     """
     steps: list[Snooped] = []
     stays_out, for_good, cannot = set[Entry](), set[Entry](), set[Entry]()
@@ -449,96 +464,27 @@ def snooping_rounds(tried: T, out: Out, redundancy: int) -> SnoopingRounds[T]:
         else:
             (cannot if chosen else stays_out).add((chosen or fitting)[0].entry)
             for_good.update(one.entry for one in ([] if chosen else fitting[:1]))
-    return SnoopingRounds(tried, tuple(steps), clean)
+    return tried, tuple(steps), clean
 
 
-def _fitting(tried: AssessedAdjustment, stays_out: Set[Entry]) -> list[TestedEntry]:
+def _fitting(tried: _AssessedAdjustment, stays_out: Set[Entry]) -> list[TestedEntry]:
     return [
         TestedEntry(one.entry, one.test) for one in tried.excluded if one.fits and one.entry not in stays_out
     ]
 
 
-def _tested(tried: AssessedAdjustment, entries: Set[Entry]) -> list[TestedEntry]:
+def _tested(tried: _AssessedAdjustment, entries: Set[Entry]) -> list[TestedEntry]:
     return [TestedEntry(one.entry, one.test) for one in tried.excluded if one.entry in entries]
 
 
 def _steps(number: int, changed: list[TestedEntry], out: Out) -> list[Snooped]:
-    return [
-        Snooped(number, *one.entry[:3], one.test, one.entry not in out, one.entry.part) for one in changed
-    ]
+    return [Snooped(number, *one.entry, one.test, one.entry not in out) for one in changed]
 
 
-def excluded_entries(quality: Quality, kept_out: Masks, part: int = 0) -> tuple[Excluded, ...]:
-    """Return entries removed from an adjustment, without those kept as checks, in the order of groups and rows."""
-    found: list[Excluded] = []
-    for number, (group, kept) in enumerate(zip(quality.adjustment.problem.groups, kept_out, strict=True)):
-        out: BoolArray = group.left_out & ~kept
-        rows = np.flatnonzero(out.any(axis=1))
-        if not len(rows):
-            continue
-        tests = quality.reliability[number].at(rows).test
-        fits: BoolArray = np.asarray(~(out[rows] & ~(np.abs(tests) < quality.critical)).any(axis=1))
-        found += [
-            Excluded(Entry(number, int(rows[k]), int(c), part), float(tests[k, c]), bool(fits[k]))
-            for k, c in np.argwhere(out[rows])
-        ]
-    return tuple(found)
-
-
-class _Whole(NamedTuple):
-    """A network as a whole."""
-
-    problem: Problem
-    """With nothing out but what is kept out."""
-    levels: Levels
-    aposteriori: bool
-    watch: Watcher | None
-    quality: Quality
-
-    @property
-    def redundancy(self) -> int:
-        return self.quality.redundancy
-
-    @property
-    def excluded(self) -> tuple[Excluded, ...]:
-        return excluded_entries(self.quality, self._kept_out)
-
-    def worst(self, cannot: Collection[Entry]) -> list[TestedEntry]:
-        return worst_first(candidates(flagged_rows(self.quality), cannot), {})
-
-    def without(self, out: Out) -> _Whole | None:
-        return self._from(self.quality.adjustment.values, masks_of(self._kept_out, out))
-
-    def elsewhere(self, out: Out) -> tuple[_Whole, Out] | None:
-        values = self.quality.adjustment.values
-        other = other_places(self.problem, values, masks_of(self._kept_out, out))
-        if other is None:
-            return None
-        found = self._from(other.values, other.out)
-        if found is None:
-            return None
-        there = found.quality.adjustment.values
-        better = cost_at(self.problem, there) < cost_at(self.problem, values)
-        others = tuple(mask & ~kept for mask, kept in zip(other.out, self._kept_out, strict=True))
-        return (found, entries_of(others)) if better else None
-
-    @property
-    def _kept_out(self) -> Masks:
-        return tuple(group.left_out for group in self.problem.groups)
-
-    def _from(self, values: Values, out: Masks) -> _Whole | None:
-        adjustment = adjust(exclude(self.problem, out), values, watch=self.watch)
-        if not adjustment.outcome.is_solution:
-            return None
-        quality = assess(adjustment, self.levels, self.aposteriori)
-        complete = is_complete(quality.redundancy_sum, quality.redundancy)
-        return self._replace(quality=quality) if complete else None
-
-
-def entries_of(masks: Masks, part: int = 0) -> Out:
+def entries_of(masks: Masks) -> Out:
     """The entries that are true in masks (n, m) of each group."""
     return Out(
-        Entry(number, int(row), int(component), part)
+        Entry(number, int(row), int(component))
         for number, mask in enumerate(masks)
         for row, component in np.argwhere(mask)
     )

@@ -530,12 +530,10 @@ def adjusted_project(
     document: Document,
     source: Path,
     target: Path,
-    starts: Mapping[str, list[tuple[pl.DataFrame, dict[str, Any]]]] | None = None,
 ) -> tuple[str, dict[str, Given]]:
     """YAML text of the adjusted project, to stand in the folder ``target``, and the tables it refers to.
 
-    ``source`` is the folder of the original project. ``starts`` stand for the tables of start values of sections that
-    others have put together.
+    ``source`` is the folder of the original project.
     """
     data = dict(document.data)
     tables: dict[str, Given] = {}
@@ -546,7 +544,6 @@ def adjusted_project(
         "pairs": _pairs(placed),
         "stations": _stations(placed),
         "systems": _systems(placed),
-        **(starts or {}),
     }.items():
         entries = []
         for name, (frame, keys) in zip(start_names(section, len(frames)), frames, strict=True):
@@ -569,7 +566,15 @@ def adjusted_project(
         if section in data:
             data[section] = [_moved(entry, document, source, target, tables) for entry in data[section] or []]
     if data.get("visibility"):
-        data["visibility"] = _surroundings_moved(data["visibility"], source, target)
+        visibility = data["visibility"]
+        moved = dict(visibility)
+        for key in ("surfaces", "normals"):
+            if moved.get(key):
+                moved[key] = [
+                    {**one, "file": _from(target, source / one["file"])} if one.get("file") else one
+                    for one in moved[key]
+                ]
+        data["visibility"] = moved
     if "cameras" in data:
         data["cameras"] = {name: _camera(placed, name, dict(c)) for name, c in data["cameras"].items()}
     if "instruments" in data:
@@ -643,17 +648,6 @@ def with_sphere_origin(section: Any, network: Network) -> dict[str, Any]:
     if "origin" not in kept:
         kept["origin"] = {name: repr(float(value)) for name, value in zip("xyz", given, strict=True)}
     return kept
-
-
-def _surroundings_moved(visibility: dict[str, Any], source: Path, target: Path) -> dict[str, Any]:
-    moved = dict(visibility)
-    for key in ("surfaces", "normals"):
-        if moved.get(key):
-            moved[key] = [
-                {**one, "file": _from(target, source / one["file"])} if one.get("file") else one
-                for one in moved[key]
-            ]
-    return moved
 
 
 def _from(folder: Path, file: Path) -> str:

@@ -100,6 +100,9 @@ def certificate(view: View, name: str, coverage: float | None = None) -> Certifi
     largest = max(covered, corner or 0.0)
     residuals = measured.select("vx", "vy").to_numpy() * _per_unit(camera, str(measured["unit"][0]))
     quantities = {component.name: component.quantity for component in INTERIORS[camera["model"]].components}
+    power = 10.0 ** np.floor(np.log10(largest / ROWS))
+    step = power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power * ROWS >= largest)
+    count = int(np.floor(largest / step * (1.0 + 1e-12)))
     return Certificate(
         view=view,
         camera=camera,
@@ -113,7 +116,7 @@ def certificate(view: View, name: str, coverage: float | None = None) -> Certifi
         covered=covered,
         corner=corner,
         curve=radial_curve(camera, largest),
-        table=_at_round_radii(camera, largest),
+        table=radial_curve(camera, count * step, count + 1),
         coverage=coverage,
     )
 
@@ -166,13 +169,6 @@ def _corner(camera: dict[str, Any]) -> float | None:
     half = np.array([size["width"], size["height"]]) * size["pixel"] / 2.0
     centre = _principal_point(camera) - (half if _counts_from_corner(camera) else 0.0)
     return float(np.hypot(*(half + np.abs(centre))))
-
-
-def _at_round_radii(camera: dict[str, Any], largest: float) -> RadialCurve:
-    power = 10.0 ** np.floor(np.log10(largest / ROWS))
-    step = power * next(factor for factor in (1.0, 2.0, 5.0, 10.0) if factor * power * ROWS >= largest)
-    count = int(np.floor(largest / step * (1.0 + 1e-12)))
-    return radial_curve(camera, count * step, count + 1)
 
 
 # ------------------------------------------------------------

@@ -424,7 +424,25 @@ def ranking_text(
         some = frame.filter(pl.col("kind") == kind)
         shown = some if kind == "greedy" else some.head(SHOWN)
         if some.height:
-            lines += ["", f"{words(title)}:", _lines(shown, _rms(now, network), words)]
+            rms = _rms(now, network)
+            rows = [
+                [
+                    row["type"],
+                    " ".join(row[key] for key in ("at", "from", "to") if row[key]),
+                    str(row["measurements"]),
+                    short(row["shortfall"], 4),
+                    short(row["rms_sigma"], 5),
+                    short(row["largest_sigma_ratio"], 4),
+                    short(row["smallest_r"], 4),
+                ]
+                for row in shown.to_dicts()
+            ]
+            headers = ["type", "between", "n", "shortfall", "worst / limit", "smallest r"]
+            lines += [
+                "",
+                f"{words(title)}:",
+                table([*headers[:4], rms, *headers[4:]], rows, 2, words, margin=2),
+            ]
     lost = frame.filter(~pl.col("possible") & (pl.col("kind") == "spare")).height
     if lost:
         said = "{count:observation|observations} cannot be spared: something would be undetermined."
@@ -447,23 +465,6 @@ def ranking_text(
 def _rms(now: PlanMeasures, network: Network) -> str:
     unit = _unit(now, network)
     return f"rms sigma [{unit}]" if unit else "rms / limit"
-
-
-def _lines(frame: pl.DataFrame, rms: str, words: Words) -> str:
-    rows = [
-        [
-            row["type"],
-            " ".join(row[key] for key in ("at", "from", "to") if row[key]),
-            str(row["measurements"]),
-            short(row["shortfall"], 4),
-            short(row["rms_sigma"], 5),
-            short(row["largest_sigma_ratio"], 4),
-            short(row["smallest_r"], 4),
-        ]
-        for row in frame.to_dicts()
-    ]
-    headers = ["type", "between", "n", "shortfall", "worst / limit", "smallest r"]
-    return table([*headers[:4], rms, *headers[4:]], rows, 2, words, margin=2)
 
 
 # ------------------------------------------------------------
@@ -499,9 +500,23 @@ def design_text(
         text_findings.listed(solved, words),
     ]
     if solved.quality is not None:
+        rows = [
+            [
+                row["name"],
+                row["type"],
+                str(row["observations"]),
+                fixed(row["redundancy"], 2),
+                fixed(row["smallest_r"], 4),
+                short(row["nabla"], 3),
+                row["unit"],
+                short(row["largest_external"], 3),
+            ]
+            for row in group_rows(solved)
+        ]
+        headers = ["group", "type", "n", "sum r", "smallest r [1]", "nabla", "unit", "external [1]"]
         sections += [
             words_of_reliability.section_of_reliability(solved, words),
-            _groups(solved, words),
+            "\n".join([heading(words("Planned observations")), table(headers, rows, 2, words)]),
             text_tables.camera_section(solved, words),
             _images(solved, words),
             text_tables.station_section(solved, words),
@@ -588,24 +603,6 @@ def _sentence(row: dict[str, Any], words: Words) -> str:
         failing=row["failing"],
         count=row["count"],
     )
-
-
-def _groups(solved: Solved, words: Words) -> str:
-    rows = [
-        [
-            row["name"],
-            row["type"],
-            str(row["observations"]),
-            fixed(row["redundancy"], 2),
-            fixed(row["smallest_r"], 4),
-            short(row["nabla"], 3),
-            row["unit"],
-            short(row["largest_external"], 3),
-        ]
-        for row in group_rows(solved)
-    ]
-    headers = ["group", "type", "n", "sum r", "smallest r [1]", "nabla", "unit", "external [1]"]
-    return "\n".join([heading(words("Planned observations")), table(headers, rows, 2, words)])
 
 
 def _images(solved: Solved, words: Words) -> str:

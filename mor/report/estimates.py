@@ -558,7 +558,20 @@ FILE = "undetermined.csv"
 
 def undeterminable_rows(solved: Solved) -> list[dict[str, Any]]:
     """One row for each thing; of points at infinity the unit vector to them, and its σ (the larger semi-axis)."""
-    directions = _directions(solved)
+    # Unit vectors in project axes by the names of points at infinity, σ in the project's angle unit.
+    network = solved.network
+    unit = ANGLE_UNITS[angle_unit(solved)]
+    found: dict[str, dict[str, float | None]] = {}
+    for point, rotation in network.directions.items():
+        vector = solved.adjustment.values["rotation"][rotation][2] @ network.edge.matrix
+        sigma = None
+        if solved.quality is not None:
+            cofactor = solved.quality.cofactors["rotation"][rotation][:2, :2]
+            largest = float(np.linalg.eigvalsh(cofactor)[-1])
+            sigma = solved.quality.sigma_factor * float(np.sqrt(max(largest, 0.0))) / unit
+        row = {f"d{axis}": float(x) for axis, x in zip("xyz", vector, strict=True)}
+        found[network.blocks["point"].ids[point]] = {**row, "sigma": sigma}
+    directions = found
     return [
         {**_row(thing), **directions.get(thing.name if thing.treatment == "at infinity" else "", _NOTHING)}
         for thing in solved.network.undeterminable
@@ -582,23 +595,6 @@ def _row(thing: UndeterminedObject) -> dict[str, Any]:
         "treatment": thing.treatment,
         "observations": thing.observations,
     }
-
-
-def _directions(solved: Solved) -> dict[str, dict[str, float | None]]:
-    """Unit vectors in project axes by the names of points at infinity, σ in the project's angle unit."""
-    network = solved.network
-    unit = ANGLE_UNITS[angle_unit(solved)]
-    found: dict[str, dict[str, float | None]] = {}
-    for point, rotation in network.directions.items():
-        vector = solved.adjustment.values["rotation"][rotation][2] @ network.edge.matrix
-        sigma = None
-        if solved.quality is not None:
-            cofactor = solved.quality.cofactors["rotation"][rotation][:2, :2]
-            largest = float(np.linalg.eigvalsh(cofactor)[-1])
-            sigma = solved.quality.sigma_factor * float(np.sqrt(max(largest, 0.0))) / unit
-        row = {f"d{axis}": float(x) for axis, x in zip("xyz", vector, strict=True)}
-        found[network.blocks["point"].ids[point]] = {**row, "sigma": sigma}
-    return found
 
 
 # ------------------------------------------------------------

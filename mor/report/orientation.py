@@ -249,9 +249,22 @@ def _solution(
     placed = (on_wall if wanted.wall else on_level_plane)(shape, tie.first, tie.second, scale)
     covariance = placed_covariance(shape, placed, tie)
     per_unit = ANGLE_UNITS[wanted.unit]
+    rows = []
+    for k, angles in enumerate(angles_from_rotation(placed.rotations)):
+        carried = np.eye(6)
+        carried[3:, 3:] = by_turn(angles)
+        block = carried @ covariance[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] @ carried.T
+        rows.append(
+            {
+                **with_sigma(("x", "y", "z"), placed.positions[k], sigmas(block)[:3]),
+                **with_sigma(ANGLES, angles / per_unit, sigmas(block)[3:] / per_unit),
+                "rotation": numbers(placed.rotations[k]),
+                "correlation": numbers(correlation(block)),
+            }
+        )
     return {
         "points": _points(measured, shape, placed, covariance),
-        "images": _images(placed, covariance, per_unit),
+        "images": rows,
         **_derived(measured, shape, placed, covariance, constants, per_unit),
         "angle_unit": wanted.unit,
     }
@@ -271,23 +284,6 @@ def _points(
                 **with_sigma(("x", "y", "z"), placed.points[k], sigma),
                 "correlation": numbers(correlation(block)),
                 "place": "plane" if shape.in_plane[k] else "off the plane" if known else "left out",
-            }
-        )
-    return rows
-
-
-def _images(placed: PlacedPlane, covariance: FloatArray, per_unit: float) -> list[dict[str, Any]]:
-    rows = []
-    for k, angles in enumerate(angles_from_rotation(placed.rotations)):
-        carried = np.eye(6)
-        carried[3:, 3:] = by_turn(angles)
-        block = carried @ covariance[6 * k : 6 * k + 6, 6 * k : 6 * k + 6] @ carried.T
-        rows.append(
-            {
-                **with_sigma(("x", "y", "z"), placed.positions[k], sigmas(block)[:3]),
-                **with_sigma(ANGLES, angles / per_unit, sigmas(block)[3:] / per_unit),
-                "rotation": numbers(placed.rotations[k]),
-                "correlation": numbers(correlation(block)),
             }
         )
     return rows

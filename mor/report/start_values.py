@@ -244,7 +244,26 @@ def start_data(network: Network, approximation: Approximation, rows: Sequence[St
         "title": network.project.title,
         "counts": [{"kind": kind, "value": what, **of} for kind, what, of in counts(rows)],
         "parts": [_part(join, network, approximation) for join in approximation.parts],
-        "values": [_value(row) for row in rows],
+        "values": [
+            (
+                {
+                    "kind": row.kind,
+                    "id": row.name,
+                    "value": row.what,
+                    "status": row.status,
+                    "found": list(row.found),
+                    "part": row.part,
+                    "how": None if row.how is None else str(row.how),
+                    "components": list(row.components),
+                    "values": numbers(row.values),
+                    "units": list(row.units),
+                    "sigma": numbers(row.sigma),
+                    "misfit": number_or_none(row.misfit),
+                    "observations": row.observations,
+                }
+            )
+            for row in rows
+        ],
         "replaced": [str(words) for words in approximation.replaced],
         "missing": [
             {
@@ -278,24 +297,6 @@ def _part(join: Join, network: Network, approximation: Approximation) -> dict[st
             "open_movements": join.tie.open,
             "alternatives": join.tie.alternatives,
         },
-    }
-
-
-def _value(row: StartValue) -> dict[str, Any]:
-    return {
-        "kind": row.kind,
-        "id": row.name,
-        "value": row.what,
-        "status": row.status,
-        "found": list(row.found),
-        "part": row.part,
-        "how": None if row.how is None else str(row.how),
-        "components": list(row.components),
-        "values": numbers(row.values),
-        "units": list(row.units),
-        "sigma": numbers(row.sigma),
-        "misfit": number_or_none(row.misfit),
-        "observations": row.observations,
     }
 
 

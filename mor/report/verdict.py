@@ -360,11 +360,8 @@ def _cure(solved: Solved, further: CandidateObservation) -> dict[str, Any]:
 def _things(solved: Solved, one: Controlled) -> list[dict[str, Any]]:
     """Rows of one kind: all in order, or the weakest of many."""
     few = len(one.names) <= MOST
-    return thing_rows(solved, one, np.flatnonzero(np.isfinite(one.smallest_r)) if few else one.worst(MOST))
-
-
-def thing_rows(solved: Solved, one: Controlled, numbers: IntArray) -> list[dict[str, Any]]:
-    """Some things (k,) of one kind."""
+    # Some things (k,) of one kind.
+    numbers = np.flatnonzero(np.isfinite(one.smallest_r)) if few else one.worst(MOST)
     assert solved.quality is not None
     nabla = detectable(solved.quality, one.weakest[numbers])
     groups = solved.adjustment.problem.groups
@@ -627,17 +624,7 @@ def section_of_reliability(
 ) -> str:
     """So many uncontrolled observations, then so many weakest of each kind."""
     unit = solved.network.project.units.length
-    return section_of_map(reliability_rows(solved), unit, words, weakest, named)
-
-
-def section_of_map(
-    data: dict[str, Any] | None,
-    unit: str,
-    words: Words,
-    weakest: int = WEAKEST,
-    named: int = WORDS_OF_RELIABILITY_NAMED,
-) -> str:
-    """The same of a map (:func:`mor.report.verdict.reliability_rows`), with the unit of lengths."""
+    data = reliability_rows(solved)
     if data is None:
         return ""
     lines = [heading(words("Reliability")), *uncontrolled_in_words(data, words, named)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from enum import Enum
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 
@@ -452,14 +452,6 @@ class Patience(NamedTuple):
 _EPS = float(np.finfo(float).eps)
 
 
-class Iterated(Protocol):
-    """An iteration and its steps so far."""
-
-    @property
-    def iterations(self) -> tuple[Iteration, ...]:
-        """The steps that were taken."""
-
-
 def is_over(state: Adjustment, change: float, weak: FloatArray) -> bool:
     """True where nothing is left to do after a step of size ``change``; ``weak`` are the weak directions (u, w)."""
     if left_after(state, change) <= ACCURACY:
@@ -511,7 +503,7 @@ def stands_still(iterations: tuple[Iteration, ...], patience: Patience | None = 
     return now > 0.5 * before and (rate >= 1.0 or now * rate / (1.0 - rate) > 1.0)
 
 
-def left_after(state: Iterated, change: float) -> float:
+def left_after(state: Adjustment, change: float) -> float:
     """Return the sum of all steps after one of size ``change``, in units of σ; infinite without a known rate."""
     if change <= ACCURACY:
         return change

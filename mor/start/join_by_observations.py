@@ -205,29 +205,25 @@ def rows_between(network: Network, sides: Sides) -> list[GroupRows]:
     for group in network.groups:
         if group.type.key.partition("/")[0] in ("observed", "coordinates"):
             continue
-        rows = _usable(network, group, sides)
+        known, moving = np.ones(group.count, dtype=bool), np.zeros(group.count, dtype=bool)
+        fixed = np.zeros(group.count, dtype=bool)
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind in ("point", "rotation"):
+                told = (sides.known.points if slot.kind == "point" else sides.known.rotations)[blocks]
+                known &= told > 0
+                moving |= told > 1
+                fixed |= told != 2
+            else:
+                values = network.start[slot.kind][blocks].reshape(group.count, -1)
+                known &= np.isfinite(values).all(axis=1)
+        inside = is_image_point(group.type)
+        usable: IntArray = np.flatnonzero(known & moving & (fixed | (not inside)))
+        rows = usable
         if len(rows) > MOST:
             rows = rows[np.linspace(0, len(rows) - 1, MOST).astype(int)]
         if len(rows):
             found.append(_rows(network, group, rows))
     return found
-
-
-def _usable(network: Network, group: ObservationGroup, sides: Sides) -> IntArray:
-    known, moving = np.ones(group.count, dtype=bool), np.zeros(group.count, dtype=bool)
-    fixed = np.zeros(group.count, dtype=bool)
-    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-        if slot.kind in ("point", "rotation"):
-            told = (sides.known.points if slot.kind == "point" else sides.known.rotations)[blocks]
-            known &= told > 0
-            moving |= told > 1
-            fixed |= told != 2
-        else:
-            values = network.start[slot.kind][blocks].reshape(group.count, -1)
-            known &= np.isfinite(values).all(axis=1)
-    inside = is_image_point(group.type)
-    usable: IntArray = np.flatnonzero(known & moving & (fixed | (not inside)))
-    return usable
 
 
 def only_used(sides: Sides, rows: list[GroupRows]) -> tuple[Sides, list[GroupRows], IntArray]:

@@ -242,7 +242,13 @@ def _step(
     by_pose = by_pose[order]
     of_frames = _summed(by_pose, by_pose, row, len(moving))
     frame_side = _summed(by_pose, residuals[order][:, :, None], row, len(moving))[:, :, 0]
-    _hold_by_positions(part, frames, poses, X, moving, of_frames, frame_side)
+    known, place, sigma = observed_centres(
+        part, [frames[number] for number in moving], poses.turns[list(moving)], X
+    )
+    held = np.flatnonzero(known)
+    weight = sigma[held] ** -2.0
+    of_frames[held[:, None], np.arange(3), np.arange(3)] += weight
+    frame_side[held, :3] += weight * (poses.centres[list(moving)][held] - place[held])
     own = np.einsum("nii->ni", of_frames)
     own += np.where(own > 0.0, _LOOSE * own, 1.0)
     mixed = by_pose.transpose(0, 2, 1) @ by_point[order]
@@ -277,24 +283,6 @@ def _summed(first: FloatArray, second: FloatArray, number: IntArray, count: int)
     summed = np.zeros((count, *products.shape[1:]))
     summed[number[begins]] = np.add.reduceat(products, begins, axis=0)
     return summed
-
-
-def _hold_by_positions(
-    part: Part,
-    frames: Sequence[Frame],
-    poses: PosedFrames,
-    X: FloatArray,
-    moving: Sequence[int],
-    of_frames: FloatArray,
-    side: FloatArray,
-) -> None:
-    known, place, sigma = observed_centres(
-        part, [frames[number] for number in moving], poses.turns[list(moving)], X
-    )
-    held = np.flatnonzero(known)
-    weight = sigma[held] ** -2.0
-    of_frames[held[:, None], np.arange(3), np.arange(3)] += weight
-    side[held, :3] += weight * (poses.centres[list(moving)][held] - place[held])
 
 
 def _blocks(

@@ -95,7 +95,25 @@ def nearly_parallel(network: Network, values: Values) -> RayPoints:
 
 def _suspects(network: Network, values: Values) -> BoolArray:
     """(points,) candidates seen under a narrow angle, or not known where."""
-    candidates = _only_rays(network)
+    blocks = network.blocks["point"]
+    count = len(blocks.ids)
+    foreign = blocks.owner != np.arange(count)[:, None]
+    only: BoolArray = blocks.free.all(axis=1) & ~foreign.any(axis=1)
+    only[blocks.owner[foreign]] = False
+    seen = np.zeros(count, dtype=bool)
+    targets = [target_slot(group.type) if can_be_at_infinity(group.type) else -1 for group in network.groups]
+    for group, target in zip(network.groups, targets, strict=True):
+        for k, (slot, numbers) in enumerate(zip(group.type.slots, group.blocks, strict=True)):
+            if slot.kind == "point" and k != target:
+                only[numbers] = False
+        if target >= 0:
+            seen[group.blocks[target]] = True
+            only[group.blocks[target][~group.mask.all(axis=1)]] = False
+    for cluster in network.correlations:
+        for g, row in zip(cluster.groups, cluster.rows, strict=True):
+            if targets[g] >= 0:
+                only[network.groups[g].blocks[targets[g]][row]] = False
+    candidates = only & seen
     if not candidates.any():
         return candidates
     points = values["point"]
@@ -126,29 +144,6 @@ def _rays_to(network: Network, candidates: BoolArray) -> Iterator[tuple[IntArray
 
 
 _RAYS_AT_A_TIME = 250_000
-
-
-def _only_rays(network: Network) -> BoolArray:
-    """(points,) points with three free coordinates of their own that only uncorrelated rays refer to."""
-    blocks = network.blocks["point"]
-    count = len(blocks.ids)
-    foreign = blocks.owner != np.arange(count)[:, None]
-    only: BoolArray = blocks.free.all(axis=1) & ~foreign.any(axis=1)
-    only[blocks.owner[foreign]] = False
-    seen = np.zeros(count, dtype=bool)
-    targets = [target_slot(group.type) if can_be_at_infinity(group.type) else -1 for group in network.groups]
-    for group, target in zip(network.groups, targets, strict=True):
-        for k, (slot, numbers) in enumerate(zip(group.type.slots, group.blocks, strict=True)):
-            if slot.kind == "point" and k != target:
-                only[numbers] = False
-        if target >= 0:
-            seen[group.blocks[target]] = True
-            only[group.blocks[target][~group.mask.all(axis=1)]] = False
-    for cluster in network.correlations:
-        for g, row in zip(cluster.groups, cluster.rows, strict=True):
-            if targets[g] >= 0:
-                only[network.groups[g].blocks[targets[g]][row]] = False
-    return only & seen
 
 
 def _met(network: Network, given: FloatArray) -> RayPoints:

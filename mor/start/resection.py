@@ -557,7 +557,24 @@ def resect(bundle: Bundle, points: FloatArray, seed: int = 1841) -> Resection:
     refusal = _refusal(bundle, points)
     if refusal is not None:
         return failed_resection(refusal, len(points))
-    seeds = _seeds(bundle, points, np.random.default_rng(seed))
+    # The best poses of samples, of which so many are drawn as it takes for one without a wrong point
+    # (RANSAC).
+    generator = np.random.default_rng(seed)
+    planar = resect_plane(bundle, points) if len(points) >= 4 and is_plane(object_plane(points)) else None
+    poses, drawn = [] if planar is None else [Pose(*planar)], 0
+    costs = [_truncated(bundle, points, poses)]
+    # Coordinates of a map are large beside the object: differences from the centre keep the digits.
+    centre = points.mean(axis=0)
+    for triples in _triples(len(points), generator):
+        found = nearly_resect_three_points(points[triples] - centre, bundle.rays[triples])
+        fresh = [Pose(p + centre, d) for p, d in zip(found.positions, found.rotations, strict=True)]
+        poses, drawn = [*poses, *fresh], drawn + len(triples)
+        costs.append(_truncated(bundle, points, fresh))
+        # Of the points that agree, each counts the less the worse it does.
+        share = 1.0 - min(float(own.min(initial=np.inf)) for own in costs) / (len(points) * TRUNCATION**2)
+        if share > 0.0 and (1.0 - share**3) ** drawn < MISSED:
+            break
+    seeds = _apart([poses[index] for index in np.argsort(np.concatenate(costs), kind="stable")])
     refined = [_settled(bundle, points, pose) for pose in seeds]
     return judged(bundle, points, [one for one in refined if one is not None])
 
@@ -583,25 +600,6 @@ def _triples(count: int, generator: np.random.Generator) -> Iterator[IntArray]:
         return
     for _ in range(0, SAMPLES, BATCH):
         yield np.stack([generator.permutation(count)[:3] for _ in range(BATCH)]).astype(np.int64)
-
-
-def _seeds(bundle: Bundle, points: FloatArray, generator: np.random.Generator) -> list[Pose]:
-    """The best poses of samples, of which so many are drawn as it takes for one without a wrong point (RANSAC)."""
-    planar = resect_plane(bundle, points) if len(points) >= 4 and is_plane(object_plane(points)) else None
-    poses, drawn = [] if planar is None else [Pose(*planar)], 0
-    costs = [_truncated(bundle, points, poses)]
-    # Coordinates of a map are large beside the object: differences from the centre keep the digits.
-    centre = points.mean(axis=0)
-    for triples in _triples(len(points), generator):
-        found = nearly_resect_three_points(points[triples] - centre, bundle.rays[triples])
-        fresh = [Pose(p + centre, d) for p, d in zip(found.positions, found.rotations, strict=True)]
-        poses, drawn = [*poses, *fresh], drawn + len(triples)
-        costs.append(_truncated(bundle, points, fresh))
-        # Of the points that agree, each counts the less the worse it does.
-        share = 1.0 - min(float(own.min(initial=np.inf)) for own in costs) / (len(points) * TRUNCATION**2)
-        if share > 0.0 and (1.0 - share**3) ** drawn < MISSED:
-            break
-    return _apart([poses[index] for index in np.argsort(np.concatenate(costs), kind="stable")])
 
 
 def _truncated(bundle: Bundle, points: FloatArray, poses: list[Pose]) -> FloatArray:

@@ -394,27 +394,9 @@ class Terrestrial(NamedTuple):
 
 def terrestrial(network: Network) -> Terrestrial:
     """Sights and lengths of a network."""
-    sights = _sets(network)
-    for group in network.groups:
-        if group.type.key == "angle":
-            sights += _angles(group)
-        elif group.type.key == "bearing":
-            sights += _bearings(group)
-    return Terrestrial(
-        tuple(sights),
-        _lengths(network, "distance"),
-        _lengths(network, "horizontal_distance"),
-        _lengths(network, "height_difference"),
-        _lengths(network, "vector"),
-        _verticals(network),
-    )
-
-
-def _sets(network: Network) -> list[LevelledSet]:
-    """Sets that stand upright; a tilted one is a frame like an image, no more."""
     up = frame_verticals(network)
     heights = network.start["height"][:, 0]
-    return [
+    sights = [
         LevelledSet(
             one.name,
             one.position,
@@ -429,6 +411,19 @@ def _sets(network: Network) -> list[LevelledSet]:
         for one in direction_sets(network)
         if up[one.rotation, 2] > UPRIGHT
     ]
+    for group in network.groups:
+        if group.type.key == "angle":
+            sights += _angles(group)
+        elif group.type.key == "bearing":
+            sights += _bearings(group)
+    return Terrestrial(
+        tuple(sights),
+        _lengths(network, "distance"),
+        _lengths(network, "horizontal_distance"),
+        _lengths(network, "height_difference"),
+        _lengths(network, "vector"),
+        _verticals(network),
+    )
 
 
 def _angles(group: ObservationGroup) -> list[LevelledSet]:

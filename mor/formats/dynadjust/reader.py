@@ -342,7 +342,25 @@ def read_cluster(found: MeasurementFile, code: str) -> None:
             )
         names, line = found.stations_of(text, 2 if code in "GX" else 1), found.at + 1
         found.at += 1
-        rows.append(Row([*names, *_values(found, Q, k, count - k - 1)], line))
+        behind = count - k - 1
+        values = []
+        a = 3 * k
+        for row in range(3):
+            numbers = found.numbers()
+            if len(numbers) != row + 2:
+                found.at -= 1
+                raise ValueError(f"found {len(numbers)} numbers, expected a value and {row + 1} covariances")
+            values.append(repr(numbers[0]))
+            Q[a + row, a : a + row + 1] = numbers[1:]
+        for other in range(behind):
+            b = 3 * (k + 1 + other)
+            for row in range(3):
+                numbers = found.numbers()
+                if len(numbers) != 3:
+                    found.at -= 1
+                    raise ValueError(f"found {len(numbers)} numbers, expected 3 covariances")
+                Q[b : b + 3, a + row] = numbers
+        rows.append(Row([*names, *values], line))
     if off:
         found.skip(OFF, found.at)
         return
@@ -382,28 +400,6 @@ def put_cluster(
         )
     else:
         _put_geocentric(found, code, rows, whole)
-
-
-def _values(found: MeasurementFile, Q: FloatArray, k: int, behind: int) -> list[str]:
-    """Three values; their covariances, and those with the members behind, go into the lower triangle of a matrix."""
-    values = []
-    a = 3 * k
-    for row in range(3):
-        numbers = found.numbers()
-        if len(numbers) != row + 2:
-            found.at -= 1
-            raise ValueError(f"found {len(numbers)} numbers, expected a value and {row + 1} covariances")
-        values.append(repr(numbers[0]))
-        Q[a + row, a : a + row + 1] = numbers[1:]
-    for other in range(behind):
-        b = 3 * (k + 1 + other)
-        for row in range(3):
-            numbers = found.numbers()
-            if len(numbers) != 3:
-                found.at -= 1
-                raise ValueError(f"found {len(numbers)} numbers, expected 3 covariances")
-            Q[b : b + 3, a + row] = numbers
-    return values
 
 
 def scales_of(scales: list[float]) -> list[float]:

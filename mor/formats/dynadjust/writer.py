@@ -95,7 +95,19 @@ def outgoing(document: Document, folder: Path, target: Path) -> Outgoing:
     content = content_of(document, folder)
     world_of(content, "DynAdjust")
     clockwise_from_north(content, "DynAdjust")
-    _refuse(content)
+    project, problems = content.project, tilted_stations(content, "DynAdjust")
+    for number, entry in enumerate(project.observations):
+        place = content.place("observations", number)
+        if entry.cluster:
+            problems.append(
+                place.problem("DNA has covariances of one group of vectors or positions at a time")
+            )
+        elif entry.covariance is not None and entry.type not in _CLUSTERS:
+            problems.append(place.problem(f"DNA has no covariances of {entry.type}"))
+        if entry.instrument or entry.ppm or entry.centring:
+            problems.append(place.problem("DNA has no instruments, ppm and centring: each value has its σ"))
+    if problems:
+        raise InputError(problems)
     network = build_network(content.project, document, folder)
     world = network.world
     assert world is not None
@@ -117,23 +129,6 @@ def outgoing(document: Document, folder: Path, target: Path) -> Outgoing:
     if raised(content, found):
         notes.append(Message("directions have no heights of instrument and target in DynAdjust", str(target)))
     return Outgoing(frame, points, world.orthometric, measured, notes)
-
-
-def _refuse(content: Content) -> None:
-    """Mistakes of projects that are none of DynAdjust's."""
-    project, problems = content.project, tilted_stations(content, "DynAdjust")
-    for number, entry in enumerate(project.observations):
-        place = content.place("observations", number)
-        if entry.cluster:
-            problems.append(
-                place.problem("DNA has covariances of one group of vectors or positions at a time")
-            )
-        elif entry.covariance is not None and entry.type not in _CLUSTERS:
-            problems.append(place.problem(f"DNA has no covariances of {entry.type}"))
-        if entry.instrument or entry.ppm or entry.centring:
-            problems.append(place.problem("DNA has no instruments, ppm and centring: each value has its σ"))
-    if problems:
-        raise InputError(problems)
 
 
 def _frame(content: Content, world: EarthModel) -> str:

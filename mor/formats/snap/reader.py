@@ -150,7 +150,23 @@ def read_snap(path: Path) -> Document:
     data = Data(draft, stations)
     for command in commands.later:
         try:
-            _follow(commands, data, command)
+            # Follow a command about stations or observations. Raises ``ValueError``.
+            words, name = WordReader(command.words), command.name
+            if name == "recode":
+                _recode(data, words)
+            elif name == "ignore_missing_stations":
+                codes = {word.upper() for word in command.words if word.lower()[:7] != "report_"}
+                if not codes or "YES" in codes:
+                    codes |= {"*"}
+                data.missing = set() if codes == {"NO"} else data.missing | codes
+            elif name in _OBSERVATION_COMMANDS:
+                _select(data, name, words)
+            elif name in ("reject", "ignore", "accept"):
+                chosen = station_list(words, data.stations)
+                codes = {one.upper() for one in data.stations.by_name if chosen(one)}
+                data.excluded = data.excluded - codes if name == "accept" else data.excluded | codes
+            else:
+                _fix(commands, data, command)
         except ValueError as error:
             draft.problem(str(error), command.line, command.file)
     for file in commands.data:
@@ -324,26 +340,6 @@ def _mode(found: _Commands, words: WordReader) -> None:
             raise ValueError(
                 f"mode {word} is not supported, expected 3d with adjustment, data_check or free_net"
             )
-
-
-def _follow(commands: _Commands, data: Data, command: _Command) -> None:
-    """Follow a command about stations or observations. Raises ``ValueError``."""
-    words, name = WordReader(command.words), command.name
-    if name == "recode":
-        _recode(data, words)
-    elif name == "ignore_missing_stations":
-        codes = {word.upper() for word in command.words if word.lower()[:7] != "report_"}
-        if not codes or "YES" in codes:
-            codes |= {"*"}
-        data.missing = set() if codes == {"NO"} else data.missing | codes
-    elif name in _OBSERVATION_COMMANDS:
-        _select(data, name, words)
-    elif name in ("reject", "ignore", "accept"):
-        chosen = station_list(words, data.stations)
-        codes = {one.upper() for one in data.stations.by_name if chosen(one)}
-        data.excluded = data.excluded - codes if name == "accept" else data.excluded | codes
-    else:
-        _fix(commands, data, command)
 
 
 def _recode(data: Data, words: WordReader) -> None:

@@ -265,7 +265,28 @@ def write_snap(document: Document, folder: Path, target: Path) -> Written:
     content = content_of(document, folder)
     world_of(content, "SNAP")
     clockwise_from_north(content, "SNAP")
-    _refuse(content)
+    project, problems = content.project, tilted_stations(content, "SNAP")
+    uses = Counter(entry.instrument for entry in project.observations if entry.instrument)
+    for number, entry in enumerate(project.observations):
+        place = content.place("observations", number)
+        if entry.type not in TYPES:
+            continue
+        if entry.cluster:
+            problems.append(
+                place.problem("SNAP has covariances of one set of vectors or positions at a time")
+            )
+        elif entry.covariance is not None and entry.type not in VECTORS:
+            problems.append(place.problem(f"SNAP has no covariances of {entry.type}"))
+        if entry.centring or (entry.ppm and "distance" not in entry.type):
+            problems.append(
+                place.problem("SNAP's files are written with the σ of each value, without centring")
+            )
+        instrument = project.instruments.get(entry.instrument) if entry.instrument else None
+        if instrument is not None and not _known(instrument, entry.type, uses[str(entry.instrument)]):
+            words = "of instruments SNAP has refraction of zenith angles, and a free scale of one table of distances"
+            problems.append(place.problem(f"instrument {entry.instrument!r}: {words}"))
+    if problems:
+        raise InputError(problems)
     network = build_network(content.project, document, folder)
     world = network.world
     assert world is not None
@@ -297,31 +318,6 @@ def _notes(content: Content, found: list[ObservationTable], target: Path) -> lis
     if content.project.datum != "fixed":
         words.append("SNAP's files cannot store the datum of a free network")
     return [*notes, *(Message(text, str(target)) for text in words)]
-
-
-def _refuse(content: Content) -> None:
-    project, problems = content.project, tilted_stations(content, "SNAP")
-    uses = Counter(entry.instrument for entry in project.observations if entry.instrument)
-    for number, entry in enumerate(project.observations):
-        place = content.place("observations", number)
-        if entry.type not in TYPES:
-            continue
-        if entry.cluster:
-            problems.append(
-                place.problem("SNAP has covariances of one set of vectors or positions at a time")
-            )
-        elif entry.covariance is not None and entry.type not in VECTORS:
-            problems.append(place.problem(f"SNAP has no covariances of {entry.type}"))
-        if entry.centring or (entry.ppm and "distance" not in entry.type):
-            problems.append(
-                place.problem("SNAP's files are written with the σ of each value, without centring")
-            )
-        instrument = project.instruments.get(entry.instrument) if entry.instrument else None
-        if instrument is not None and not _known(instrument, entry.type, uses[str(entry.instrument)]):
-            words = "of instruments SNAP has refraction of zenith angles, and a free scale of one table of distances"
-            problems.append(place.problem(f"instrument {entry.instrument!r}: {words}"))
-    if problems:
-        raise InputError(problems)
 
 
 def _known(instrument: Instrument, type_: str, uses: int) -> bool:
