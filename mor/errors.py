@@ -9,9 +9,7 @@ from contextlib import contextmanager
 from enum import IntEnum
 from typing import Literal, NamedTuple
 
-# ------------------------------------------------------------
-# Texts of the user as they are shown: what would move the cursor, hide letters or break a line is spelled out.
-# ------------------------------------------------------------
+# ---- Texts of the user as they are shown: what would move the cursor, hide letters or break a line is spelled out.
 
 _UNSEEN = re.compile(
     "[\x00-\x09\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u2028-\u202e\u2066-\u2069\ud800-\udfff\ufeff\ufff9-\ufffb]"
@@ -37,9 +35,7 @@ def _spelled(match: re.Match[str]) -> str:
     return f"\\x{code:02x}" if code < 0x100 else f"\\u{code:04x}"
 
 
-# ------------------------------------------------------------
-# Errors as data: every message has a location, and every failure an exit code.
-# ------------------------------------------------------------
+# ---- Errors as data: every message has a location, and every failure an exit code.
 
 
 class ExitCode(IntEnum):
@@ -198,9 +194,7 @@ MANY_NAMES = 20_000
 """Names up to which each is compared with care."""
 
 
-# ------------------------------------------------------------
-# Counted things in words: 1 image, 2 images.
-# ------------------------------------------------------------
+# ---- Counted things in words: 1 image, 2 images.
 
 
 class Placeholder(str):

@@ -71,9 +71,7 @@ from mor.report.output_folder import Reservation, to_json
 from mor.report.results import table_writer
 from mor.types import BoolArray, IntArray
 
-# ------------------------------------------------------------
-# The ranking of a plan: what its observations and candidates are worth towards what is required.
-# ------------------------------------------------------------
+# ---- The ranking of a plan: what its observations and candidates are worth towards what is required.
 
 
 class Ranking(NamedTuple):
@@ -142,9 +140,7 @@ def _of_large_block(
     return Ranking(network, now, (), tuple(by_worth(found, now, True)), (), tuple(unestimable))
 
 
-# ------------------------------------------------------------
-# Variants of a plan: parts left out, other σ, another lens, candidates added.
-# ------------------------------------------------------------
+# ---- Variants of a plan: parts left out, other σ, another lens, candidates added.
 
 _SPACES = {"points": "point", "images": "image", "stations": "station"}
 
@@ -257,9 +253,7 @@ def _lost_rows(group: ObservationGroup, lost: dict[str, set[str]]) -> BoolArray:
     return rows
 
 
-# ------------------------------------------------------------
-# The design of a project: its plan, what is required of it, its variants, and what observations are worth.
-# ------------------------------------------------------------
+# ---- The design of a project: its plan, what is required of it, its variants, and what observations are worth.
 
 AS_IT_IS = "as it is"
 

@@ -53,11 +53,9 @@ from mor.solve.problem import CorrelatedObservations, DatumDefinition, Problem, 
 from mor.start.part import Approximation
 from mor.types import FloatArray
 
-# ------------------------------------------------------------
-# From a network to its adjustment problem: start values, unknowns numbered, observations with their σ.
+# ---- From a network to its adjustment problem: start values, unknowns numbered, observations with their σ.
 #
 # Start values are worked out where none are given; of several that are possible the adjustment decides.
-# ------------------------------------------------------------
 
 SETTLING = 40
 """Iterations in which start values that are in doubt have to lead to a solution."""
@@ -193,11 +191,9 @@ def start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:
     return start if sizes == [group.count for group in network.groups] else None
 
 
-# ------------------------------------------------------------
-# The story of an adjustment: one call for every arrow.
+# ---- The story of an adjustment: one call for every arrow.
 #
 # project file → Project → Network → Problem + start values → Adjustment → Quality → Report
-# ------------------------------------------------------------
 
 SIGMA_ROUNDS = 4
 _SAME_SIGMA = 1e-9

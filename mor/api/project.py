@@ -19,9 +19,7 @@ if TYPE_CHECKING:
     from mor.project.network import Network
 
 
-# ------------------------------------------------------------
-# A project built of dictionaries and data frames: the same document that a project file is read into.
-# ------------------------------------------------------------
+# ---- A project built of dictionaries and data frames: the same document that a project file is read into.
 
 
 @dataclass(frozen=True)
@@ -99,9 +97,7 @@ def _as_polars(frame: Any) -> pl.DataFrame:
     return pl.DataFrame(columns)
 
 
-# ------------------------------------------------------------
-# Projects: read from a file, or built of dictionaries and data frames.
-# ------------------------------------------------------------
+# ---- Projects: read from a file, or built of dictionaries and data frames.
 
 Source = str | PathLike[str] | Mapping[str, Any]
 

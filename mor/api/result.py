@@ -29,9 +29,7 @@ if TYPE_CHECKING:
     from mor.solve.iterate import Watcher
 
 
-# ------------------------------------------------------------
-# Tables of results: data frames that know their units.
-# ------------------------------------------------------------
+# ---- Tables of results: data frames that know their units.
 
 
 @dataclass(frozen=True)
@@ -99,9 +97,7 @@ def _cell(value: object) -> str:
     return f"{value:.7g}" if isinstance(value, float) else str(value)
 
 
-# ------------------------------------------------------------
-# Results opened again: a project solved where it stands, in its datum or in another one.
-# ------------------------------------------------------------
+# ---- Results opened again: a project solved where it stands, in its datum or in another one.
 
 ADJUSTED = "adjusted.yaml"
 REFERENCE = "reference.csv"
@@ -186,9 +182,7 @@ def _with_reference(network: Network, path: Path) -> Network:
     return replace(network, datum=network.datum._replace(reference=reference))
 
 
-# ------------------------------------------------------------
-# The result of an adjustment: verdict, tables with units, covariances, other datums, files.
-# ------------------------------------------------------------
+# ---- The result of an adjustment: verdict, tables with units, covariances, other datums, files.
 
 
 @dataclass(frozen=True, eq=False)
@@ -490,9 +484,7 @@ _ANGLES = (
 )
 
 
-# ------------------------------------------------------------
-# From a project to its result.
-# ------------------------------------------------------------
+# ---- From a project to its result.
 
 
 def adjust(

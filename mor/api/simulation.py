@@ -54,9 +54,7 @@ from mor.solve.iterate import Adjustment, SolverSettings, adjust
 from mor.solve.problem import Problem
 from mor.types import FloatArray
 
-# ------------------------------------------------------------
-# Simulated measurements of a project: the project again, with values that its instruments might have shown.
-# ------------------------------------------------------------
+# ---- Simulated measurements of a project: the project again, with values that its instruments might have shown.
 
 LEFT_OUT = "a part of the network has no coordinates; a simulation needs coordinates of all points, images and stations"
 USUAL_FILES = (PROJECT, "truth.csv", "planted.csv")
@@ -141,13 +139,11 @@ def _prior(network: Network, groups: tuple[ObservationGroup, ...]) -> Mapping[st
     return observed
 
 
-# ------------------------------------------------------------
-# Monte Carlo of a project: many simulated measurements, shared among processes, kept on disk in chunks.
+# ---- Monte Carlo of a project: many simulated measurements, shared among processes, kept on disk in chunks.
 #
 # Each chunk is a file of its own, written in one step. A simulation that was interrupted, or is to have more
 # runs, takes the chunks that are there. The chunks do not depend on who works them out, and are added in
 # their order.
-# ------------------------------------------------------------
 
 CHUNK = 20
 """Runs of one chunk."""
@@ -321,11 +317,9 @@ def digest_of(files: Mapping[Any, ReadFile]) -> str:
     return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
 
-# ------------------------------------------------------------
-# Batches and simulations by the workers of a cluster: each project, or each chunk of runs, is a task.
+# ---- Batches and simulations by the workers of a cluster: each project, or each chunk of runs, is a task.
 #
 # What is done twice, because a worker was lost, leaves the same.
-# ------------------------------------------------------------
 
 
 def tasks_on_cluster(

@@ -159,14 +159,12 @@ def reference_data() -> Path:
     raise InputError([Message("this installation does not include the reference data")])
 
 
-# ------------------------------------------------------------
-# NIST StRD: linear regression as observation equations y = Σ a_k b_k of equal weight.
+# ---- NIST StRD: linear regression as observation equations y = Σ a_k b_k of equal weight.
 #
 # The solver forms normal equations and refines their solution with misclosures of the true equations, so most data
 # sets are solved as they are. The columns of Filip and Longley are dependent to the digits of normal equations. They
 # are solved for other parameters of the same model: of Chebyshev polynomials over the range of x, and of columns
 # reduced to their means. The parameters that NIST certifies are linear functions of these.
-# ------------------------------------------------------------
 
 _DIGITS = {"Wampler3": 8, "Wampler4": 7, "Wampler5": 5}
 """Digits to which parameters and their standard deviations must agree; those of other data sets must to 9."""
@@ -249,9 +247,7 @@ def _redundancy(quality: Quality) -> Number:
     return "", quality.redundancy_sum, quality.redundancy, 1e-7
 
 
-# ------------------------------------------------------------
-# Reference networks: results by name, in the axes and units of the project, against the expected values beside it.
-# ------------------------------------------------------------
+# ---- Reference networks: results by name, in the axes and units of the project, against the expected values beside it.
 
 
 class AdjustedObservation(NamedTuple):
@@ -505,12 +501,10 @@ def _limit(key: str, reference: float, tolerance: dict[str, float]) -> float:
     return float(tolerance[key])
 
 
-# ------------------------------------------------------------
-# Closed forms: scenes whose solution, precision and reliability can be written down.
+# ---- Closed forms: scenes whose solution, precision and reliability can be written down.
 #
 # In the two scenes about the centre of a regular polygon the errors are a cos 2θ. They are orthogonal to the columns
 # of the shift and of the orientation, so the centre is the exact solution of the equations, which are not linear.
-# ------------------------------------------------------------
 
 _SIDES, _RADIUS = 8, 100.0
 
@@ -832,9 +826,7 @@ _CLOSED_FORMS: tuple[tuple[str, str, Callable[[About], Iterable[ReferenceCheck]]
 )
 
 
-# ------------------------------------------------------------
-# Start values: Rinner, Killian and resection, against scenes that are known and published examples.
-# ------------------------------------------------------------
+# ---- Start values: Rinner, Killian and resection, against scenes that are known and published examples.
 
 
 def _numbers(name: str, found: FloatArray, reference: FloatArray, limit: float) -> Iterator[Number]:

@@ -14,9 +14,7 @@ if TYPE_CHECKING:
     from mor.errors import Message
 
 
-# ------------------------------------------------------------
-# The language of what people read: ``--lang`` of any command, or ``MOR_LANG`` for all of them; English otherwise.
-# ------------------------------------------------------------
+# ---- The language of what people read: ``--lang`` of any command, or ``MOR_LANG`` for all of them; English otherwise.
 
 LANGUAGES = ("en", "de")
 """As :data:`mor.report.language.LANGUAGES`, which ``--help`` need not import."""
@@ -85,9 +83,7 @@ def tell_note(note: Message) -> None:
     click.echo(told("note: {}").replace("{}", told_problem(note)), err=True)
 
 
-# ------------------------------------------------------------
-# ``--help`` and mistakes of the command line in the language that was asked for.
-# ------------------------------------------------------------
+# ---- ``--help`` and mistakes of the command line in the language that was asked for.
 
 _EXTRA = re.compile(r"^(.*?)(?:  \[(.*)\])?$", re.DOTALL)
 """Help of an option, and what click adds to it in brackets."""

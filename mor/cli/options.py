@@ -15,9 +15,7 @@ from mor.input_files import is_folder, keep_standard_input, note_input
 from mor.linalg.compilation import ASKED, WAYS
 from mor.machine import processors
 
-# ------------------------------------------------------------
-# Options that all commands that write share, and the types that tell inputs from outputs.
-# ------------------------------------------------------------
+# ---- Options that all commands that write share, and the types that tell inputs from outputs.
 
 
 class _NamedPath(click.Path):
@@ -102,9 +100,7 @@ kernels_option = click.option(
 quiet_option = click.option("-q", "--quiet", is_flag=True, help="Print nothing but errors.")
 
 
-# ------------------------------------------------------------
-# The option ``--from``: the format of a foreign file whose content shall not tell.
-# ------------------------------------------------------------
+# ---- The option ``--from``: the format of a foreign file whose content shall not tell.
 
 format_option = click.option(
     "--from",
@@ -150,9 +146,7 @@ _HEAD = 1 << 16
 """Bytes of a file in which its key ``mor`` is looked for."""
 
 
-# ------------------------------------------------------------
-# ``--jobs`` and ``--cluster``: who shares what is to be done many times.
-# ------------------------------------------------------------
+# ---- ``--jobs`` and ``--cluster``: who shares what is to be done many times.
 
 F = TypeVar("F", bound=Callable[..., object])
 

@@ -26,9 +26,7 @@ if TYPE_CHECKING:
     from mor.solve.iterate import Iteration
 
 
-# ------------------------------------------------------------
-# Iterations on the terminal: a live table, or one plain line for each where nobody looks.
-# ------------------------------------------------------------
+# ---- Iterations on the terminal: a live table, or one plain line for each where nobody looks.
 
 MOST = 8
 """Iterations a table shows unless all are asked for: the result has to stay on one screen with them."""
@@ -77,9 +75,7 @@ def _step(step: Iteration, words: Words) -> str:
     return words("damping {value}", value=f"{step.damping:.0e}") if step.damping else words("full step")
 
 
-# ------------------------------------------------------------
-# Progress on standard error: a live line on a terminal, plain lines in pipes and in CI when asked for.
-# ------------------------------------------------------------
+# ---- Progress on standard error: a live line on a terminal, plain lines in pipes and in CI when asked for.
 
 
 @dataclass

@@ -34,9 +34,7 @@ from mor.solve.problem import misclosures
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE_UNITS
 
-# ------------------------------------------------------------
-# Circles of instruments: another unit, the other sense, elevations for zenith angles, the other face.
-# ------------------------------------------------------------
+# ---- Circles of instruments: another unit, the other sense, elevations for zenith angles, the other face.
 
 _BAD = 0.5
 """Part of the rows of a station that do not fit, from which on its circle is looked at."""
@@ -299,14 +297,12 @@ def _opposite(column: int, angles: FloatArray) -> FloatArray:
     return changed
 
 
-# ------------------------------------------------------------
-# Whole set-ups and images mixed up: two instruments whose places were exchanged, two images whose names were.
+# ---- Whole set-ups and images mixed up: two instruments whose places were exchanged, two images whose names were.
 #
 # All rows of one frame get the blocks of the other one. With the unknowns as they are, and the orientation of
 # each set of directions taken from its own rows, the pairs whose rows then cost least are tried. A pair of
 # stations is also judged with the two points exchanged in all other rows: if few sights go to them, the
 # points follow their instruments.
-# ------------------------------------------------------------
 
 _TRIED = 4
 _FRAMES = 12

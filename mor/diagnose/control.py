@@ -37,9 +37,7 @@ from mor.solve.problem import misclosures
 from mor.start.bundle import similarity
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Distances of one instrument: a common offset, a common scale, slope for horizontal.
-# ------------------------------------------------------------
+# ---- Distances of one instrument: a common offset, a common scale, slope for horizontal.
 
 DISTANCE, HORIZONTAL_DISTANCE = PLAIN_TYPES["distance"], PLAIN_TYPES["horizontal_distance"]
 _AT_LEAST = 3
@@ -159,9 +157,7 @@ def _other_kind(network: Network, number: int) -> Hypothesis:
     )
 
 
-# ------------------------------------------------------------
-# Control points: two exchanged, all in another unit, northing and easting exchanged.
-# ------------------------------------------------------------
+# ---- Control points: two exchanged, all in another unit, northing and easting exchanged.
 
 _PAIRS = 3
 """Exchanges that are tried, of all pairs."""
@@ -408,9 +404,7 @@ def _exchange(
     )
 
 
-# ------------------------------------------------------------
-# Standard deviations in another unit: those that no instrument has, and those a thousand times off the residuals.
-# ------------------------------------------------------------
+# ---- Standard deviations in another unit: those that no instrument has, and those a thousand times off the residuals.
 
 _FACTORS = (1e3, 1e-3, 1e6, 1e-6)
 _NEAR = 4.0

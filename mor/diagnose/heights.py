@@ -34,15 +34,13 @@ from mor.solve.iterate import Adjustment
 from mor.solve.problem import linearise, misclosures, rotation_tangents
 from mor.types import FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Heights of instruments and targets: forgotten, or taken with another tape.
+# ---- Heights of instruments and targets: forgotten, or taken with another tape.
 #
 # Of every station, and of every target at all stations and at each of them, the height is an unknown for
 # once. Which of them are worth an adjustment is told by the Lagrange multiplier test: with b the derivatives
 # of the observations by the height, T = (bᵀPw)² / (bᵀPb − bᵀPA Q AᵀPb), w = l − A Q AᵀPl what a step leaves
 # of the misclosures l of all observations, also of those that a robust adjustment left out: a wrong height
 # may have won its points against them.
-# ------------------------------------------------------------
 
 _TRIED = 8
 """Heights that are tried: those that promise most."""
@@ -248,12 +246,10 @@ def _given(network: Network, sights: HeightRows) -> float:
     return float(network.start["height"][network.groups[group].blocks[slot][rows[0]], 0])
 
 
-# ------------------------------------------------------------
-# Lines of levels that were booked the other way round.
+# ---- Lines of levels that were booked the other way round.
 #
 # With the other sign the misclosure of a line changes by δ = −2 Δh, and vᵀPv, to first order and with all
 # else adjusted again, by −2 δ v/σ² + δ² r/σ²: the lines for which it falls most are tried.
-# ------------------------------------------------------------
 
 _LEVELLING_TRIED = 3
 _LINES = 100
@@ -356,9 +352,8 @@ def _redundancy(solution: Adjustment, number: int, group: ObservationGroup, rows
     return found
 
 
-# ------------------------------------------------------------
-# The curvature of the earth, where a project with parallel verticals was measured over distances at which it shows.
-# ------------------------------------------------------------
+# ---- The curvature of the earth, where a project with parallel verticals was measured over distances at which it
+# shows.
 
 
 def curvature_hypotheses(situation: Situation) -> list[Hypothesis]:

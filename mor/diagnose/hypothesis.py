@@ -32,13 +32,11 @@ from mor.solve.iterate import Adjustment, Iteration, Outcome, SolverSettings, Wa
 from mor.solve.problem import Problem
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Edits of the files of a project that a hypothesis needs, and the unified diff of them. No file is written.
+# ---- Edits of the files of a project that a hypothesis needs, and the unified diff of them. No file is written.
 #
 # An edit replaces text in place: a value of the project file, or a cell of a table in it or beside it.
 # Comments, order and layout stay as they are. A hypothesis that cannot be expressed in this way has no diff:
 # if a table is compressed, stands in a data frame, or its cells are given for all rows together.
-# ------------------------------------------------------------
 
 At: TypeAlias = tuple[str | int, ...]
 """Path of a value in the project file."""
@@ -386,9 +384,7 @@ class _Files:
         self._replace(path, start, start + len(bare), text)
 
 
-# ------------------------------------------------------------
-# Hypotheses: changes of a project that would make its observations agree.
-# ------------------------------------------------------------
+# ---- Hypotheses: changes of a project that would make its observations agree.
 
 
 @dataclass(frozen=True)
@@ -584,9 +580,7 @@ def with_points(network: Network, points: IntArray, change: Callable[[FloatArray
     return network
 
 
-# ------------------------------------------------------------
-# The starting point of a search: the network, how its adjustment ended, and values at which most observations fit.
-# ------------------------------------------------------------
+# ---- The starting point of a search: the network, how its adjustment ended, and values at which most observations fit.
 
 SMALL = 20_000
 """Observations up to which graduated weights and intersections of single points take next to no time."""

@@ -32,12 +32,11 @@ from mor.project.schema import Camera, Datum
 from mor.types import BoolArray, FloatArray
 from mor.units import IMAGE
 
-# ------------------------------------------------------------
-# AICON 3D Studio flat files (``.ior .eor .obc .phc .scale``) as a project: millimetres, radians, camera model of MOR.
+# ---- AICON 3D Studio flat files (``.ior .eor .obc .phc .scale``) as a project: millimetres, radians, camera model
+# of MOR.
 #
 # The files do not say which interior parameters were estimated, nor with which σ the image coordinates entered (the
 # σ columns of the ``.phc`` file are the precision of target measurement): what is assumed instead is told in notes.
-# ------------------------------------------------------------
 
 SIGMA = "0.0005"
 """A-priori σ of image coordinates, mm."""
@@ -195,9 +194,7 @@ def _put_scales(lines: list[FileLine], points: set[str], draft: Draft) -> None:
         draft.table("observations", columns, rows, lines[0].file, type="distance")
 
 
-# ------------------------------------------------------------
-# An image block as AICON 3D Studio's flat files: millimetres, radians, image coordinates in mm.
-# ------------------------------------------------------------
+# ---- An image block as AICON 3D Studio's flat files: millimetres, radians, image coordinates in mm.
 
 _TOLD = (
     "the files do not say which interior parameters are free, and no σ of image coordinates for the adjustment: "

@@ -17,13 +17,11 @@ from mor.model.rotations import angles_from_rotation
 from mor.project.document import Document
 from mor.types import FloatArray
 
-# ------------------------------------------------------------
-# Build a project from cameras with one focal length, poses, and points with their image points.
+# ---- Build a project from cameras with one focal length, poses, and points with their image points.
 #
 # Camera axes are right, down, forward, x = R (X − C); image coordinates are px, y down, as the program's own
 # centre of the image, width/2 and height/2, counts them. Distortion is that of OpenCV: at the ideal
 # coordinates, added.
-# ------------------------------------------------------------
 
 _FLIP = np.diag([1.0, -1.0, -1.0])
 DISTORTIONS = {
@@ -169,13 +167,11 @@ def entries(value: Any) -> Iterable[dict[str, Any]]:
     return (one for one in value if isinstance(one, dict)) if isinstance(value, list) else ()
 
 
-# ------------------------------------------------------------
-# AliceVision's and Meshroom's ``.sfm`` and ``.json``: versions 1.0 to 1.2, where every number is a text.
+# ---- AliceVision's and Meshroom's ``.sfm`` and ``.json``: versions 1.0 to 1.2, where every number is a text.
 #
 # Rotations stand column by column and take object to camera axes. Before version 1.2.1 the principal point
 # counts from the upper left corner, since then from the image centre; focal lengths are px
 # (``pxFocalLength``) or mm with the width of the sensor. Source: AliceVision, ``sfmDataIO/jsonIO.cpp``.
-# ------------------------------------------------------------
 
 _FROM_THE_CENTRE = (1, 2, 1)
 """First version whose principal points count from the image centre."""

@@ -18,9 +18,7 @@ from mor.project.axes import image_scale, split
 from mor.project.document import Document
 from mor.project.schema import Camera
 
-# ------------------------------------------------------------
-# Camera files of OpenCV (``cv::FileStorage``): camera matrix and distortion, as ``calibrateCamera`` writes them.
-# ------------------------------------------------------------
+# ---- Camera files of OpenCV (``cv::FileStorage``): camera matrix and distortion, as ``calibrateCamera`` writes them.
 
 _DISTORTION = ("k1", "k2", "p1", "p2", "k3", "k4", "k5", "k6")
 
@@ -76,13 +74,11 @@ def _matrix(name: str, values: list[float], rows: int, columns: int) -> str:
     return f"{name}: !!opencv-matrix\n   rows: {rows}\n   cols: {columns}\n   dt: d\n   data: [ {data} ]\n"
 
 
-# ------------------------------------------------------------
-# One camera in the calibration files of other programs: the same numbers, or a word that it cannot say them.
+# ---- One camera in the calibration files of other programs: the same numbers, or a word that it cannot say them.
 #
 # OpenCV's file storage and COLMAP's cameras.txt are those of their writers; Metashape's is the XML of *Camera
 # Calibration, Load*; AICON's five lines of ``.ior``; for PhotoModeler, whose camera files are its own, the values to
 # type in.
-# ------------------------------------------------------------
 
 
 def write_calibration(document: Document, folder: Path, name: str, form: str, target: Path) -> bytes:

@@ -12,13 +12,11 @@ from mor.formats.draft import Draft, Element, Row, parse_number, parse_xml, read
 from mor.input_files import PROJECT, read_bytes
 from mor.project.document import Document
 
-# ------------------------------------------------------------
-# Cameras of DBAT as cameras of models ``brown``: one square pixel, its height; aspect and skew as b1, b2.
+# ---- Cameras of DBAT as cameras of models ``brown``: one square pixel, its height; aspect and skew as b1, b2.
 #
 # DBAT's files count y of the principal point upwards from the upper left corner (it is negative), and carry K
 # and P with the signs of its functions, the opposite of those it reports (and of PhotoModeler's, which
 # ``brown`` has).
-# ------------------------------------------------------------
 
 _MODELS = {
     "1": "brown",
@@ -230,9 +228,7 @@ def _distortion(texts: Texts, values: dict[str, float]) -> set[str]:
     return known
 
 
-# ------------------------------------------------------------
-# Read the settings of a DBAT script: estimated parameters and start values of the camera.
-# ------------------------------------------------------------
+# ---- Read the settings of a DBAT script: estimated parameters and start values of the camera.
 
 INTERIOR = ("c", "xh", "yh", "b1", "b2", "K1", "K2", "K3", "P1", "P2")
 EXTERIOR = ("x", "y", "z", "omega", "phi", "kappa")
@@ -330,9 +326,7 @@ def initial_values(root: Element) -> dict[str, Element]:
     return found
 
 
-# ------------------------------------------------------------
-# Text tables of a DBAT project: where they are, columns by their declared format, ids that a filter leaves.
-# ------------------------------------------------------------
+# ---- Text tables of a DBAT project: where they are, columns by their declared format, ids that a filter leaves.
 
 _TEXTS = ("id", "im", "cam", "label", "path")
 _SKIPPED = ("ignored", "dummy")
@@ -439,12 +433,10 @@ def sigmas(row: TableLine) -> list[str | None]:
     return [cells.get("sx", plane), cells.get("sy", plane), cells.get("sz", cells.get("sxyz"))]
 
 
-# ------------------------------------------------------------
-# A project of DBAT, the Damped Bundle Adjustment Toolbox: an XML script with the tables it names.
+# ---- A project of DBAT, the Damped Bundle Adjustment Toolbox: an XML script with the tables it names.
 #
 # Metres, pixels from the upper left corner; ω, φ, κ as here. Source: N. Börlin, P. Grussenmeyer, *Damped Bundle
 # Adjustment Toolbox*, its demonstration scripts and the descriptions of its input.
-# ------------------------------------------------------------
 
 _CONTROL = ("id", "label", "x", "y", "z", "sx", "sy", "sz", "sxy", "sxyz")
 _MARKS = ("id", "im", "x", "y", "sx", "sy", "sxy")

@@ -23,9 +23,7 @@ if TYPE_CHECKING:
     import polars as pl
 
 
-# ------------------------------------------------------------
-# A project in the making: the plain data of a project file, put together from the lines of another file.
-# ------------------------------------------------------------
+# ---- A project in the making: the plain data of a project file, put together from the lines of another file.
 
 
 class Row(NamedTuple):
@@ -143,9 +141,8 @@ def parse_number(text: str) -> float:
     return value
 
 
-# ------------------------------------------------------------
-# Text of foreign files: in whatever encoding programs and instruments write, decoded in one place and said by name.
-# ------------------------------------------------------------
+# ---- Text of foreign files: in whatever encoding programs and instruments write, decoded in one place and said by
+# name.
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8"),
@@ -200,9 +197,7 @@ def _is_cyrillic(content: bytes) -> bool:
     return 2 * pairs > sum(high)
 
 
-# ------------------------------------------------------------
-# JSON with places: plain data, and the line in which a name stands.
-# ------------------------------------------------------------
+# ---- JSON with places: plain data, and the line in which a name stands.
 
 
 class JsonFile:
@@ -280,9 +275,7 @@ def _said(value: Any) -> str:
     return text if len(text) <= 60 else f"{text[:57]}…"
 
 
-# ------------------------------------------------------------
-# XML with line numbers: a plain tree of elements. Documents that declare entities are refused.
-# ------------------------------------------------------------
+# ---- XML with line numbers: a plain tree of elements. Documents that declare entities are refused.
 
 
 @dataclass
@@ -346,9 +339,7 @@ def parse_xml(content: bytes, file: str) -> Element:
     return roots[0]
 
 
-# ------------------------------------------------------------
-# Longitude, latitude and height on WGS84 as east, north, up about a reference point: exact, without a projection.
-# ------------------------------------------------------------
+# ---- Longitude, latitude and height on WGS84 as east, north, up about a reference point: exact, without a projection.
 
 _AXIS, _FLATTENING = 6378137.0, 1.0 / 298.257223563
 
@@ -377,9 +368,7 @@ def geocentric(places: FloatArray) -> FloatArray:
     return np.stack([across * np.cos(lon), across * np.sin(lon), up], axis=1)
 
 
-# ------------------------------------------------------------
-# Files produced by a writer, and notes on content that they cannot hold.
-# ------------------------------------------------------------
+# ---- Files produced by a writer, and notes on content that they cannot hold.
 
 
 class Written(NamedTuple):

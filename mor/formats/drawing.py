@@ -22,9 +22,7 @@ from mor.project.schema import Axes, Units
 from mor.project.tables import from_file, from_rows
 from mor.types import FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Draw a project: points with their σ if results exist, images, lines of sight.
-# ------------------------------------------------------------
+# ---- Draw a project: points with their σ if results exist, images, lines of sight.
 
 _LINES = {
     "distance": ("from", "to"),
@@ -209,9 +207,7 @@ def _lines(content: Content, known: set[str]) -> list[tuple[str, str]]:
     return list(found)
 
 
-# ------------------------------------------------------------
-# DXF: points, names, projection centres, observed lines and error ellipses, each on a layer of its own.
-# ------------------------------------------------------------
+# ---- DXF: points, names, projection centres, observed lines and error ellipses, each on a layer of its own.
 
 LAYERS = {"points": 7, "names": 7, "images": 5, "observations": 8, "ellipses": 1}
 """Layers and their colours (AutoCAD colour index)."""
@@ -272,12 +268,10 @@ def _ellipses(space: object, shown: Drawing, extent: float) -> float:
     return scale
 
 
-# ------------------------------------------------------------
-# GeoJSON: points and projection centres as points, observed lines as lines, in the coordinates of the project.
+# ---- GeoJSON: points and projection centres as points, observed lines as lines, in the coordinates of the project.
 #
 # On the earth these are those of its reference system, which the member ``crs`` names, as GDAL and QGIS read it: a
 # change of datum to the WGS 84 of RFC 7946 would be a guess of decimetres.
-# ------------------------------------------------------------
 
 
 def write_geojson(document: Document, folder: Path, target: Path) -> Written:
@@ -318,9 +312,7 @@ def _point(shown: Drawing, k: int) -> dict[str, Any]:
     return _feature("Point", shown.xyz[k].tolist(), properties)
 
 
-# ------------------------------------------------------------
-# LandXML 1.2: points as CgPoints, north, east and elevation.
-# ------------------------------------------------------------
+# ---- LandXML 1.2: points as CgPoints, north, east and elevation.
 
 
 def write_landxml(document: Document, folder: Path, target: Path) -> Written:
@@ -345,9 +337,7 @@ def write_landxml(document: Document, folder: Path, target: Path) -> Written:
     return Written({target: text.encode()}, notes)
 
 
-# ------------------------------------------------------------
-# PLY: points of a project as vertices, with their σ where there are results.
-# ------------------------------------------------------------
+# ---- PLY: points of a project as vertices, with their σ where there are results.
 
 
 def write_ply(document: Document, folder: Path, target: Path) -> Written:

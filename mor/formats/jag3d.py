@@ -28,13 +28,11 @@ from mor.project.document import Document
 from mor.project.schema import Datum
 from mor.units import ANGLE_UNITS
 
-# ------------------------------------------------------------
-# JAG3D's project as SQL text: the rows of its tables as HSQLDB's command SCRIPT writes them.
+# ---- JAG3D's project as SQL text: the rows of its tables as HSQLDB's command SCRIPT writes them.
 #
 # A project of JAG3D is an HSQLDB data base: its ``.script`` has the tables, and their rows are in a binary
 # file ``.data`` beside it, which is not read; a text with the rows is what ``SCRIPT 'file'`` writes. Source:
 # the tables that JAG3D makes (``SQLManager``): metres and radians, y east and x north.
-# ------------------------------------------------------------
 
 _TABLE = re.compile(r'CREATE\s+(?:\w+\s+)?TABLE\s+(?:"?\w+"?\.)?"(\w+)"\s*\((.*)\)\s*;?\s*$', re.IGNORECASE)
 _INSERT = re.compile(r'INSERT\s+INTO\s+(?:"?\w+"?\.)?"(\w+)"\s+VALUES\s*\((.*)\)\s*;?\s*$', re.IGNORECASE)
@@ -257,9 +255,7 @@ def _uncertainties(script: Script, draft: Draft) -> dict[str, str]:
     return constant
 
 
-# ------------------------------------------------------------
-# A folder of JAG3D's column text as a project; names of files tell their kinds.
-# ------------------------------------------------------------
+# ---- A folder of JAG3D's column text as a project; names of files tell their kinds.
 
 _SIGMAS = {"directions": "0.0003", "zenith_angle": "0.0003"}
 LENGTH_SIGMA, SIGMA_POINT = "0.002", "0.002"
@@ -397,9 +393,7 @@ def _read_observations(
         draft.table("observations", _COLUMNS_READ[type_], rows, str(file), type=type_, name=file.stem)
 
 
-# ------------------------------------------------------------
-# A terrestrial network as JAG3D's column text: a file for each kind of points and each set of directions.
-# ------------------------------------------------------------
+# ---- A terrestrial network as JAG3D's column text: a file for each kind of points and each set of directions.
 
 _GON = ANGLE_UNITS["gon"]
 _TYPES_WRITTEN = (*OBSERVATIONS.values(), "zenith_directions")

@@ -24,9 +24,7 @@ from mor.project.document import Document
 from mor.project.schema import Camera, Value
 from mor.types import FloatArray
 
-# ------------------------------------------------------------
-# Sensors of Metashape as cameras, and back: frame cameras in model ``metashape``, with its own numbers.
-# ------------------------------------------------------------
+# ---- Sensors of Metashape as cameras, and back: frame cameras in model ``metashape``, with its own numbers.
 
 NAMES = ("f", "cx", "cy", "b1", "b2", "k1", "k2", "k3", "k4", "p1", "p2", "p3", "p4")
 
@@ -117,13 +115,12 @@ def _estimated(calibration: Element | None, values: dict[str, float]) -> tuple[s
     return tuple(name for name in NAMES if values[name] or name in ("f", "cx", "cy"))
 
 
-# ------------------------------------------------------------
-# Metashape's ``cameras.xml`` and ``markers.xml`` as a project: frame cameras, poses, markers with their projections.
+# ---- Metashape's ``cameras.xml`` and ``markers.xml`` as a project: frame cameras, poses, markers with their
+# projections.
 #
 # Camera axes are right, down, forward; a transform takes them to the chunk, that of the chunk to its
 # coordinate system. Pixels count from the upper left corner of the upper left pixel (Agisoft, *Metashape User
 # Manual*, appendices).
-# ------------------------------------------------------------
 
 _FLIP = np.diag([1.0, -1.0, -1.0])
 SIGMA_MARKER, SIGMA_PROJECTION, SIGMA_CAMERA, SIGMA_TIE_POINT = 0.005, 0.5, 10.0, 1.0
@@ -452,13 +449,11 @@ def _put_tie_points(chunk: Element, found: MetashapeChunk, draft: Draft) -> None
     put_tie_points(draft, found.tie, found.cameras, found.markers.values(), xyz, sigma)
 
 
-# ------------------------------------------------------------
-# Metashape's reference pane as text: markers or cameras with coordinates, accuracies and whether they are used.
+# ---- Metashape's reference pane as text: markers or cameras with coordinates, accuracies and whether they are used.
 #
 # A line ``# CoordinateSystem:`` may stand before the header, whose names begin with ``#Label`` (Agisoft,
 # *Metashape User Manual*, "Reference pane", export and import of reference data). Estimated values and errors
 # are left out.
-# ------------------------------------------------------------
 
 _TABLES = ("#cameras", "#markers", "#scalebars")
 _COLUMNS = {
@@ -586,9 +581,7 @@ def _sigma(given: dict[str, str], axis: str, default: str) -> str:
     return text
 
 
-# ------------------------------------------------------------
-# An image block as Metashape's XML: sensors, cameras, and points as markers with their projections.
-# ------------------------------------------------------------
+# ---- An image block as Metashape's XML: sensors, cameras, and points as markers with their projections.
 
 _METASHAPE_WRITER_FLIP = np.diag([1.0, -1.0, -1.0])
 

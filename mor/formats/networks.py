@@ -20,9 +20,7 @@ from mor.project.tables import Column, Rows, number_column, tell_rows
 from mor.types import BoolArray, FloatArray
 from mor.units import ANGLE, LENGTH
 
-# ------------------------------------------------------------
-# Terrestrial observations of a project for writers: tables in internal units, stations, readings in face one.
-# ------------------------------------------------------------
+# ---- Terrestrial observations of a project for writers: tables in internal units, stations, readings in face one.
 
 
 @dataclass(frozen=True)
@@ -265,9 +263,7 @@ def zenith_in_face_one(value: FloatArray, face: FloatArray) -> FloatArray:
     return np.asarray(np.where(face == 2, 2 * np.pi - value, value))
 
 
-# ------------------------------------------------------------
-# A network on the earth for writers: where its points are and what is held of them, clusters of GNSS.
-# ------------------------------------------------------------
+# ---- A network on the earth for writers: where its points are and what is held of them, clusters of GNSS.
 
 _HELD = 1e-6
 """Largest σ (m) that is as good as none."""

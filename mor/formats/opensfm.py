@@ -17,13 +17,11 @@ from mor.formats.recognition import ControlMeasurements, read_control
 from mor.model.rotations import angles_from_rotation, exponential
 from mor.project.document import Document
 
-# ------------------------------------------------------------
-# OpenSfM's cameras in mor's: where both say exactly the same.
+# ---- OpenSfM's cameras in mor's: where both say exactly the same.
 #
 # OpenSfM's image coordinates count from the image centre, x right, y down, in units of the longer side s of
 # the image; its camera axes are right, down, forward (OpenSfM documentation, "Geometric Models"). With focal
 # length f, c = f s, and px from the upper left corner u = s x + w/2, v = s y + h/2.
-# ------------------------------------------------------------
 
 Numbers = Mapping[str, float]
 
@@ -104,9 +102,7 @@ LOOSER = ("fisheye",)
 """Projection types whose counterpart has more unknowns."""
 
 
-# ------------------------------------------------------------
-# Control of an image block as OpenDroneMap's ``gcp_list.txt``, with its image points.
-# ------------------------------------------------------------
+# ---- Control of an image block as OpenDroneMap's ``gcp_list.txt``, with its image points.
 
 _SYSTEM = "EPSG:?"
 """First line of the file, which OpenDroneMap refuses as it is: a project does not know its coordinate system."""
@@ -150,12 +146,10 @@ def write_gcp_list(document: Document, folder: Path, target: Path) -> Written:
     return Written({target: ("\n".join(lines) + "\n").encode()}, notes)
 
 
-# ------------------------------------------------------------
-# Read camera priors of OpenSfM (``camera_models.json``), with σ from ``config.yaml`` or its defaults.
+# ---- Read camera priors of OpenSfM (``camera_models.json``), with σ from ``config.yaml`` or its defaults.
 #
 # OpenSfM's own bundle adjustment observes every interior parameter: focal lengths with a relative σ, all
 # others in its own units (OpenSfM source, ``config.py`` and ``bundle_adjuster.cc``).
-# ------------------------------------------------------------
 
 _SIGMA = {
     "exif_focal_sd": 0.01,
@@ -232,9 +226,7 @@ def _sigma_of(name: str, prior: dict[str, Any], sigma: dict[str, float], side: f
     return sigma[f"{kind}_distortion_{name}_sd"]
 
 
-# ------------------------------------------------------------
-# An OpenSfM block as a project: east, north, up in metres about its reference point, σ = 1 px.
-# ------------------------------------------------------------
+# ---- An OpenSfM block as a project: east, north, up in metres about its reference point, σ = 1 px.
 
 _FLIP = np.diag([1.0, -1.0, -1.0])
 """OpenSfM's camera axes (right, down, forward) from mor's (right, up, backward)."""

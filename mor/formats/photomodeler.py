@@ -14,9 +14,7 @@ from mor.model.rotations import rotation_from_angles
 from mor.project.document import Document
 from mor.types import FloatArray
 
-# ------------------------------------------------------------
-# Size of the images of an export that does not say it: worked out from the solution the export contains.
-# ------------------------------------------------------------
+# ---- Size of the images of an export that does not say it: worked out from the solution the export contains.
 
 _ROUNDS = 50
 
@@ -80,9 +78,7 @@ def _measured(corrected: FloatArray, distortion: FloatArray) -> FloatArray:
     return xy
 
 
-# ------------------------------------------------------------
-# The parts of a PhotoModeler text export, as numbers with their lines.
-# ------------------------------------------------------------
+# ---- The parts of a PhotoModeler text export, as numbers with their lines.
 
 _PHOTO_LINES = 6
 _DISTORTION = 5
@@ -183,12 +179,10 @@ def _lists(lines: list[str], start: int, count: int) -> list[list[Line]]:
     return lists + [[] for _ in range(count - len(lists))]
 
 
-# ------------------------------------------------------------
-# The text export of PhotoModeler as a project: metres, degrees, pixels from the upper left corner.
+# ---- The text export of PhotoModeler as a project: metres, degrees, pixels from the upper left corner.
 #
 # A calibration project has its camera free (c, xh, yh and the distortion), every other one has it fixed; the
 # ratio of the pixel sizes (the two sensor formats) is known in both.
-# ------------------------------------------------------------
 
 _PHOTOMODELER_READER_DISTORTION = ("K1", "K2", "K3", "P1", "P2")
 _CALIBRATION = "calibration"

@@ -40,9 +40,7 @@ from mor.input_files import PROJECT, TABLE, check_size, is_folder, read_bytes, r
 from mor.project.document import Document
 from mor.types import FloatArray, IntArray
 
-# ------------------------------------------------------------
-# The flat files of one AICON project: found by a folder, a stem or one of them; lines of words without comments.
-# ------------------------------------------------------------
+# ---- The flat files of one AICON project: found by a folder, a stem or one of them; lines of words without comments.
 
 REQUIRED = (".ior", ".eor", ".obc", ".phc")
 SUFFIXES = (*REQUIRED, ".scale")
@@ -129,12 +127,10 @@ def enough(line: FileLine, count: int, form: str, draft: Draft) -> bool:
     return False
 
 
-# ------------------------------------------------------------
-# Names and columns of the files of a JAG3D network, and their observation types.
+# ---- Names and columns of the files of a JAG3D network, and their observation types.
 #
 # JAG3D asks for the kind of a file when it is imported; here its name tells. Lengths are m, angles gon, y is east and
 # x north. Source: JAG3D, *Datenimport* (wiki), and the classes that read its flat files.
-# ------------------------------------------------------------
 
 OBSERVATIONS = {
     "leveling": "height_difference",
@@ -152,13 +148,11 @@ AXES = {"1": ("z",), "2": ("x", "y"), "3": ("x", "y", "z")}
 """Coordinates of a project (x east) in the order of the columns, by dimension."""
 
 
-# ------------------------------------------------------------
-# Tie points of Metashape's projects: PLY files of points, and of projections, one for each camera.
+# ---- Tie points of Metashape's projects: PLY files of points, and of projections, one for each camera.
 #
 # Source: DBAT, which reads them of ``.psz``, and programs that read and write those of ``.psx``: ``doc.xml``
 # names the files in ``<points>`` and ``<projections camera_id>``; points have ``x y z id`` in the system of
 # the chunk, projections ``x y id`` in pixels, further properties (colours, sizes of key points) among them.
-# ------------------------------------------------------------
 
 ARCHIVE = "archive"
 """Attribute of a point cloud: the archive its files are in."""
@@ -337,12 +331,11 @@ def put_tie_points(
     draft.note(f"{counted(int(enough.sum()), 'tie point')}, σ = {sigma} px for their projections")
 
 
-# ------------------------------------------------------------
-# Metashape's own projects: ``.psz``, an archive, and ``.psx``, a file beside a folder of archives, as one XML tree.
+# ---- Metashape's own projects: ``.psz``, an archive, and ``.psx``, a file beside a folder of archives, as one XML
+# tree.
 #
 # Source: projects of PhotoScan 1.1 and 1.2; for ``.psx`` programs that read them (``name.files/project.zip``,
 # ``0/chunk.zip``, ``0/0/frame.zip``, ``0/0/point_cloud/point_cloud.zip``, each with a ``doc.xml``).
-# ------------------------------------------------------------
 
 _DOCUMENT = "doc.xml"
 
@@ -399,9 +392,7 @@ def _document(content: bytes, path: Path) -> bytes:
     raise InputError([Message(words, str(path))])
 
 
-# ------------------------------------------------------------
-# Ground control of OpenSfM and OpenDroneMap: ``gcp_list.txt`` and ``ground_control_points.json``.
-# ------------------------------------------------------------
+# ---- Ground control of OpenSfM and OpenDroneMap: ``gcp_list.txt`` and ``ground_control_points.json``.
 
 SIGMA = "0.02"
 """σ of control, m: the files say none."""
@@ -650,12 +641,10 @@ def _local(latitude: float, longitude: float, height: float, whole: dict[str, An
     return np.asarray(place[0])
 
 
-# ------------------------------------------------------------
-# Pix4D's camera file ``…_calibrated_internal_camera_parameters.cam``: cameras alone, in millimetres.
+# ---- Pix4D's camera file ``…_calibrated_internal_camera_parameters.cam``: cameras alone, in millimetres.
 #
 # Source: files of the program as readers of others show them; the same camera in pixels stands in the
 # calibrated camera parameters of their projects.
-# ------------------------------------------------------------
 
 HEAD = "Pix4D camera calibration file"
 _SIZE = re.compile(r"sensor width of\s+([\d.]+)\s*x\s*([\d.]+)\s*mm", re.IGNORECASE)
@@ -739,9 +728,7 @@ def _camera(values: dict[str, float], size: tuple[float, float]) -> dict[str, An
     return {"model": "metashape", "unit": "mm", "interior": interior}
 
 
-# ------------------------------------------------------------
-# Files of Pix4D's folder ``params``: which there are, and what stands in each.
-# ------------------------------------------------------------
+# ---- Files of Pix4D's folder ``params``: which there are, and what stands in each.
 
 CAMERAS = "calibrated_camera_parameters.txt"
 EXTERNAL = "calibrated_external_camera_parameters.txt"
@@ -900,12 +887,10 @@ def read_marks(path: Path, draft: Draft) -> list[tuple[str, NamedValues]]:
     return found
 
 
-# ------------------------------------------------------------
-# Recognise the format of a file or folder by its structure: XML root, magic numbers, records, and last its suffix.
+# ---- Recognise the format of a file or folder by its structure: XML root, magic numbers, records, and last its suffix.
 #
 # Every format has a rule that returns the reason why an input may have it. Two formats with equally good
 # reasons are told apart by the suffix, or not at all: nothing is guessed.
-# ------------------------------------------------------------
 
 _RECOGNITION_HEAD = 1 << 16
 """Bytes at the beginning of a file that tell its format."""

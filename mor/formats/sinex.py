@@ -19,12 +19,10 @@ from mor.project.network import build_network
 from mor.project.reference_system import EarthModel
 from mor.types import FloatArray
 
-# ------------------------------------------------------------
-# Blocks of a SINEX file: the estimated parameters, and the matrix of their covariances.
+# ---- Blocks of a SINEX file: the estimated parameters, and the matrix of their covariances.
 #
 # Source: *SINEX - Solution (Software/technique) Independent Exchange Format*, version 2.02 (IERS, 2006): blocks
 # SOLUTION/ESTIMATE and SOLUTION/MATRIX_ESTIMATE.
-# ------------------------------------------------------------
 
 ESTIMATE, MATRIX, APRIORI = "SOLUTION/ESTIMATE", "SOLUTION/MATRIX_ESTIMATE", "SOLUTION/MATRIX_APRIORI"
 MOST = 4_000
@@ -150,9 +148,7 @@ def _covariances(M: FloatArray, kind: str, block: SinexBlock, draft: Draft) -> F
     return inverse
 
 
-# ------------------------------------------------------------
-# A SINEX file as a project on the earth: positions of all stations, observed with their full covariance matrix.
-# ------------------------------------------------------------
+# ---- A SINEX file as a project on the earth: positions of all stations, observed with their full covariance matrix.
 
 _SYSTEM = "+proj=geocent +ellps=GRS80 +units=m +type=crs"
 """Geocentric axes: what a SINEX file says of its frame."""
@@ -236,12 +232,10 @@ def _tell(draft: Draft, parameters: dict[int, Parameter], apriori: bool) -> None
         draft.note("a-priori constraints of the solution stay in its covariances", 1)
 
 
-# ------------------------------------------------------------
-# Observed positions of a project on the earth as a SINEX file: estimates with their covariance matrix.
+# ---- Observed positions of a project on the earth as a SINEX file: estimates with their covariance matrix.
 #
 # Source: *SINEX - Solution (Software/technique) Independent Exchange Format*, version 2.02 (IERS, 2006). An
 # epoch that is not known is 00:000:00000 there.
-# ------------------------------------------------------------
 
 _TYPE = "gnss_position"
 _EPOCH = "00:000:00000"

@@ -28,9 +28,7 @@ from mor.model.observation_types import PLAIN_TYPES
 from mor.project.document import Document
 from mor.units import ANGLE_UNITS
 
-# ------------------------------------------------------------
-# Lines of a STAR*NET input file: continued, without comments, with their code, and the values in them.
-# ------------------------------------------------------------
+# ---- Lines of a STAR*NET input file: continued, without comments, with their code, and the values in them.
 
 _HEIGHTS = re.compile(r"^(-?[\d.]+)/(-?[\d.]+)$")
 _DMS = re.compile(r"^([-+]?)(\d+)[-@:](\d+)(?:[-@:](\d+(?:\.\d*)?))?$")
@@ -97,9 +95,7 @@ def degrees(text: str) -> float:
     return -value if match[1] == "-" else value
 
 
-# ------------------------------------------------------------
-# A STAR*NET network in the making: its options, points and observations, and the σ that lines do not give.
-# ------------------------------------------------------------
+# ---- A STAR*NET network in the making: its options, points and observations, and the σ that lines do not give.
 
 SIGMA = {"angle": 4.0, "direction": 4.0, "bearing": 4.0, "zenith": 10.0}
 """σ of observations that have none, seconds of arc."""
@@ -184,9 +180,7 @@ class StarNetContext:
         return SIGMA_DISTANCE if kind == "distance" else SIGMA_HEIGHT
 
 
-# ------------------------------------------------------------
-# Lines of STAR*NET with measured values: what each code adds to the network.
-# ------------------------------------------------------------
+# ---- Lines of STAR*NET with measured values: what each code adds to the network.
 
 
 def names_of(word: str, count: int, network: StarNetContext) -> list[str]:
@@ -330,9 +324,7 @@ def levelled(line: DataLine, network: StarNetContext) -> None:
     network.add("height_difference", (*ends, dz, sigma), line.number)
 
 
-# ------------------------------------------------------------
-# Sets of directions and traverses of STAR*NET.
-# ------------------------------------------------------------
+# ---- Sets of directions and traverses of STAR*NET.
 
 
 def begin_set(line: DataLine, network: StarNetContext) -> None:
@@ -413,13 +405,11 @@ def _leg(lines: list[DataLine], target: str, network: StarNetContext) -> None:
         put_vertical([at, target], words[3], words, values + 2, line, network)
 
 
-# ------------------------------------------------------------
-# A STAR*NET input file (``.dat``) as a project: plane or local spatial networks.
+# ---- A STAR*NET input file (``.dat``) as a project: plane or local spatial networks.
 #
 # Codes C E B A D V DV M BM L SS, sets DB DN DM DE, traverses TB T TE; GNSS vectors and positions on the
 # ellipsoid are left out and told. σ that a line does not give are those of STAR*NET's own project options,
 # which stand in another file. Source: MicroSurvey, *STAR*NET Reference Manual*, chapter 5.
-# ------------------------------------------------------------
 
 
 def read_starnet(path: Path) -> Document:
@@ -575,11 +565,9 @@ def _finish(network: StarNetContext, title: str) -> None:
         draft.note(f"{words} for distances; the project options of STAR*NET stand in another file")
 
 
-# ------------------------------------------------------------
-# A network as a STAR*NET input file: metres, d-m-s, x east, with all the digits a round trip needs.
+# ---- A network as a STAR*NET input file: metres, d-m-s, x east, with all the digits a round trip needs.
 #
 # Source: MicroSurvey, *STAR*NET Reference Manual*, chapter 5.
-# ------------------------------------------------------------
 
 _TYPES = (
     "distance",

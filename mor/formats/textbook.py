@@ -15,9 +15,7 @@ from mor.input_files import read_text
 from mor.project.document import Document
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, parse_dms
 
-# ------------------------------------------------------------
-# Sections of a textbook network file: their headers with units, and their lines without comments.
-# ------------------------------------------------------------
+# ---- Sections of a textbook network file: their headers with units, and their lines without comments.
 
 _HEADER = re.compile(r"^\s*\[\s*([^,\]]+?)\s*(?:,\s*([^,\]]*?)\s*)?(?:,\s*([^,\]]*?)\s*)?\]\s*$")
 _SHORT_UNITS = {"s": "arcsec", '"': "arcsec", "°": "deg"}
@@ -111,9 +109,7 @@ def _unit(text: str, number: int, draft: Draft) -> str:
     return unit
 
 
-# ------------------------------------------------------------
-# Coordinates and datum of a textbook network: fixed, free or observed with covariances.
-# ------------------------------------------------------------
+# ---- Coordinates and datum of a textbook network: fixed, free or observed with covariances.
 
 DATUM_KINDS = ("fix", "free", "dyn")
 
@@ -293,11 +289,9 @@ def _put_observed(coordinates: Coordinates, draft: Draft) -> None:
     draft.table("observations", ("point", "x", "y", "z"), rows, type="coordinates", covariance=matrix)
 
 
-# ------------------------------------------------------------
-# Textbook networks (``.dat``, F. Krumm, Geodetic Network Adjustment Examples) as a project.
+# ---- Textbook networks (``.dat``, F. Krumm, Geodetic Network Adjustment Examples) as a project.
 #
 # x east, y north, bearings clockwise from north; lengths in metres, angles in gon where the header says nothing else.
-# ------------------------------------------------------------
 
 
 class KrummKind(NamedTuple):

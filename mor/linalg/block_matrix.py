@@ -14,9 +14,7 @@ from mor.linalg import compilation
 from mor.linalg.compilation import compile_kernel
 from mor.types import BoolArray, FloatArray, IntArray, ranges
 
-# ------------------------------------------------------------
-# Kernels on the pattern of a block matrix: union of cliques, and search for stored blocks.
-# ------------------------------------------------------------
+# ---- Kernels on the pattern of a block matrix: union of cliques, and search for stored blocks.
 
 
 @compile_kernel
@@ -107,12 +105,10 @@ def scale_blocks(
     return scaled
 
 
-# ------------------------------------------------------------
-# Symmetric block-sparse matrices: the pattern once, the values as one flat array.
+# ---- Symmetric block-sparse matrices: the pattern once, the values as one flat array.
 #
 # A normal matrix is made of small dense blocks, one for every pair of parameter blocks that meet in an
 # observation. Only the lower triangle is stored, by block columns; a diagonal block is stored in full.
-# ------------------------------------------------------------
 
 # Pairs handled at a time where no compiler is at hand: bounds the memory, not the result.
 _PAIRS_AT_A_TIME = 2_000_000
@@ -329,9 +325,7 @@ def _running_total(counts: IntArray) -> IntArray:
     return np.concatenate(([0], np.cumsum(counts))).astype(np.int64)
 
 
-# ------------------------------------------------------------
-# A part of a block matrix as one dense matrix: some blocks, and everything that is stored between them.
-# ------------------------------------------------------------
+# ---- A part of a block matrix as one dense matrix: some blocks, and everything that is stored between them.
 
 
 @dataclass(frozen=True)
@@ -411,9 +405,7 @@ def dense_part(structure: BlockStructure, blocks: IntArray) -> DensePart:
     return DensePart(structure, blocks, unknowns, numbers[among[structure.indices[numbers]]])
 
 
-# ------------------------------------------------------------
-# Kernels that carry observation rows into a block matrix, and cofactors out of one.
-# ------------------------------------------------------------
+# ---- Kernels that carry observation rows into a block matrix, and cofactors out of one.
 
 
 @compile_kernel
@@ -510,9 +502,7 @@ def row_cofactors_kernel(
                                 cofactors[i, c, d] += jacobian[i, c, k] * q * jacobian[i, d, k2]
 
 
-# ------------------------------------------------------------
-# Between observation rows and the block matrix: JᵀJ in, J Q Jᵀ out; compiled, or plain where there is no compiler.
-# ------------------------------------------------------------
+# ---- Between observation rows and the block matrix: JᵀJ in, J Q Jᵀ out; compiled, or plain where there is no compiler.
 
 _ROWS_AT_A_TIME = 5000
 _REMEMBERED = 1_000_000

@@ -20,12 +20,10 @@ from mor.linalg.compilation import compile_kernel
 from mor.linalg.symbolic import Elimination, Entries
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Number of threads of dense linear algebra.
+# ---- Number of threads of dense linear algebra.
 #
 # Threads wake up and spin for every call. On the small fronts of a sparse factorisation that costs far more
 # than it gains (on a busy machine a thousandfold), so they are let loose on large fronts only, each by itself.
-# ------------------------------------------------------------
 
 # Order of a dense matrix from which on several threads are worth waking. One thread factorises it in a tenth of a
 # second; where another program has the second processor, two take ten times as long.
@@ -64,12 +62,10 @@ def one_thread() -> AbstractContextManager[object]:
     return limit
 
 
-# ------------------------------------------------------------
-# Kernels that move values between matrix, front and parent, and the Cholesky step that sets pivots aside.
+# ---- Kernels that move values between matrix, front and parent, and the Cholesky step that sets pivots aside.
 #
 # A front is three column-major arrays: ``pivots`` (k, k) and ``below`` (r, k) with its first k columns, and
 # ``rest`` (r, r), of which only the lower triangle counts while factorising.
-# ------------------------------------------------------------
 
 
 @compile_kernel
@@ -225,12 +221,10 @@ def mirror(matrix: FloatArray) -> None:
             matrix[j, i] = matrix[i, j]
 
 
-# ------------------------------------------------------------
-# Values moved between matrix, front and parent: compiled, or in plain numpy.
+# ---- Values moved between matrix, front and parent: compiled, or in plain numpy.
 #
 # A front is three column-major arrays: ``pivots`` (k, k) and ``below`` (r, k) with its first k columns, and
 # ``rest`` (r, r), of which only the lower triangle counts while factorising.
-# ------------------------------------------------------------
 
 _Move = Callable[..., None]
 
@@ -309,14 +303,12 @@ def _mirror(matrix: FloatArray) -> None:
     matrix[upper] = matrix.T[upper]
 
 
-# ------------------------------------------------------------
-# Multifrontal Cholesky factorisation of a symmetric positive semidefinite block matrix.
+# ---- Multifrontal Cholesky factorisation of a symmetric positive semidefinite block matrix.
 #
 # Front after front, children first: gather the entries of the matrix and the updates of the children, factorise
 # the k × k pivot block (L11), solve for the r × k block below it (L21), and hand the update −L21 L21ᵀ on to the
 # parent. Everything dense is LAPACK. A pivot that vanishes is set aside instead of failing: its unknown is
 # fixed at zero, and what remains is the factorisation of the matrix without its row and column.
-# ------------------------------------------------------------
 
 # A pivot of a matrix with unit diagonal is 1 − R², R the multiple correlation with what was eliminated
 # before. It is a difference of numbers of order one; its round-off is some 1e-16 times the growth, seldom

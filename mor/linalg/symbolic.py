@@ -14,12 +14,10 @@ if TYPE_CHECKING:
     import scipy.sparse
 
 
-# ------------------------------------------------------------
-# Kernels of the symbolic factorisation: elimination tree, counts, amalgamation, rows of the fronts.
+# ---- Kernels of the symbolic factorisation: elimination tree, counts, amalgamation, rows of the fronts.
 #
 # Vertices are numbered in the order of elimination ("steps"). ``indptr, indices`` is the whole symmetric
 # graph by rows, indices ascending, no diagonal.
-# ------------------------------------------------------------
 
 
 @compile_kernel
@@ -207,14 +205,12 @@ def places_of_unknowns(
     return places
 
 
-# ------------------------------------------------------------
-# Symbolic factorisation: which unknowns are eliminated together, in which dense fronts, and where
+# ---- Symbolic factorisation: which unknowns are eliminated together, in which dense fronts, and where
 # everything goes.
 #
 # The multifrontal method (I. S. Duff, J. K. Reid, ACM TOMS 9, 1983) turns a sparse factorisation into a tree
 # of small dense ones. A *front* has k pivots, which it eliminates, and r further rows, which they meet and
 # whose update it hands on to its parent. All of this depends on the pattern alone and is done once.
-# ------------------------------------------------------------
 
 # Cost of a front: 1 per front, per entry of its square, per multiplication; in units of about 60
 # microseconds.

@@ -19,9 +19,7 @@ from mor.model.lens import (
 from mor.types import FloatArray
 from mor.units import IMAGE, NUMBER, Component, Quantity
 
-# ------------------------------------------------------------
-# Brown's model at the measured image coordinates, as PhotoModeler and DBAT (model 3) have it.
-# ------------------------------------------------------------
+# ---- Brown's model at the measured image coordinates, as PhotoModeler and DBAT (model 3) have it.
 
 
 class _Correction(NamedTuple):
@@ -138,9 +136,7 @@ BROWN = CameraModel(
 """Camera model ``brown``."""
 
 
-# ------------------------------------------------------------
-# Brown's model with the affinity, or its shear alone, after the distortion: DBAT's models 4 and 5.
-# ------------------------------------------------------------
+# ---- Brown's model with the affinity, or its shear alone, after the distortion: DBAT's models 4 and 5.
 
 
 def project_affine_after(
@@ -199,9 +195,7 @@ BROWN_5 = _model("brown-5", before=1.0)
 """Camera model ``brown-5``: scale before the shift of the principal point, shear after the distortion."""
 
 
-# ------------------------------------------------------------
-# Brown's polynomials evaluated at the ideal coordinates and subtracted: DBAT's "forward" model.
-# ------------------------------------------------------------
+# ---- Brown's polynomials evaluated at the ideal coordinates and subtracted: DBAT's "forward" model.
 
 
 def project_forward(
@@ -256,9 +250,7 @@ BROWN_FORWARD = CameraModel(
 """Camera model ``brown-forward``."""
 
 
-# ------------------------------------------------------------
-# The camera model of MOR: distortion added to, and evaluated at, the ideal image coordinates.
-# ------------------------------------------------------------
+# ---- The camera model of MOR: distortion added to, and evaluated at, the ideal image coordinates.
 
 
 def project_mor(
@@ -315,9 +307,7 @@ MOR = CameraModel(
 """Camera model ``mor``."""
 
 
-# ------------------------------------------------------------
-# Metashape's frame camera, in this program's image axes.
-# ------------------------------------------------------------
+# ---- Metashape's frame camera, in this program's image axes.
 
 
 class _Distorted(NamedTuple):

@@ -13,9 +13,7 @@ from mor.model.parameters import Values
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.units import ANGLE, Component
 
-# ------------------------------------------------------------
-# Names of many rows as numbers into a list of the different ones: no Python object for each row.
-# ------------------------------------------------------------
+# ---- Names of many rows as numbers into a list of the different ones: no Python object for each row.
 
 
 @dataclass(frozen=True)
@@ -125,9 +123,7 @@ def places_of(names: Names, known: Sequence[str]) -> SmallIntArray:
     return result
 
 
-# ------------------------------------------------------------
-# Define an observation type: components, parameter blocks, and one vectorised equation.
-# ------------------------------------------------------------
+# ---- Define an observation type: components, parameter blocks, and one vectorised equation.
 
 
 class Computed(NamedTuple):
@@ -314,9 +310,7 @@ def wrap(angle: FloatArray) -> FloatArray:
     return folded
 
 
-# ------------------------------------------------------------
-# The vector between two positions, with the heights of instrument and target, that the terrestrial types share.
-# ------------------------------------------------------------
+# ---- The vector between two positions, with the heights of instrument and target, that the terrestrial types share.
 
 POSITIONS = ("point", "station", "image")
 
@@ -375,9 +369,7 @@ def spatial_length(vector: FloatArray) -> tuple[FloatArray, FloatArray]:
     return length, vector / np.maximum(length, np.finfo(float).tiny ** 0.5)[:, None]
 
 
-# ------------------------------------------------------------
-# σ models: what depends on the length of the sight is added once, at the start values.
-# ------------------------------------------------------------
+# ---- σ models: what depends on the length of the sight is added once, at the start values.
 
 
 def with_sigma_model(group: ObservationGroup, values: Values) -> ObservationGroup:

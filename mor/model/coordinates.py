@@ -14,9 +14,7 @@ from mor.model.rotations import angles_by_tangent, angles_from_rotation, by_rota
 from mor.types import FloatArray
 from mor.units import ANGLE, LENGTH, Component
 
-# ------------------------------------------------------------
-# Observed coordinates of a position, one, two or all three, with covariances where they are correlated (MOR 2).
-# ------------------------------------------------------------
+# ---- Observed coordinates of a position, one, two or all three, with covariances where they are correlated (MOR 2).
 
 
 def coordinate_equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
@@ -35,9 +33,7 @@ COORDINATES = ObservationType(
 )
 
 
-# ------------------------------------------------------------
-# Coordinates in a local system: planes, lines, right angles, transferred coordinates (MOR 1.5).
-# ------------------------------------------------------------
+# ---- Coordinates in a local system: planes, lines, right angles, transferred coordinates (MOR 1.5).
 
 
 def local_equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
@@ -77,9 +73,7 @@ LOCAL = ObservationType(
 )
 
 
-# ------------------------------------------------------------
-# Observed level of a frame: its tilt in instrument axes, the first two components of D e_Z (MOR 2).
-# ------------------------------------------------------------
+# ---- Observed level of a frame: its tilt in instrument axes, the first two components of D e_Z (MOR 2).
 
 
 def level_equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
@@ -99,9 +93,7 @@ LEVEL = ObservationType(
 )
 
 
-# ------------------------------------------------------------
-# Observed parameters and observed differences of parameters, for every kind of block (MOR 2).
-# ------------------------------------------------------------
+# ---- Observed parameters and observed differences of parameters, for every kind of block (MOR 2).
 
 
 def _read(kind: BlockKind, block: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -152,8 +144,7 @@ OBSERVED_PARAMETERS = {kind.key: observed_parameter(kind) for kind in KINDS.valu
 OBSERVED_DIFFERENCES = {kind.key: observed_difference(kind) for kind in KINDS.values()}
 
 
-# ------------------------------------------------------------
-# Observations to the projection centre of an image, which may lie beside the point the camera is turned about.
+# ---- Observations to the projection centre of an image, which may lie beside the point the camera is turned about.
 #
 # An image named as a position is its rotation centre, X0 + h e_Z. The point that is imaged at X* = 0 is
 #
@@ -162,7 +153,6 @@ OBSERVED_DIFFERENCES = {kind.key: observed_difference(kind) for kind in KINDS.va
 # with the eccentricity r0* from the projection centre to the rotation centre, and for a stereo follower, with
 # the frame of its leading image, its base b* (else 0). Every type that takes positions gets a twin that takes
 # projection centres.
-# ------------------------------------------------------------
 
 _ARM = (("rotation", "rotation"), ("eccentricity", "eccentricity"), ("base", "base"))
 
@@ -213,14 +203,12 @@ def takes_positions(type_: ObservationType) -> bool:
     return any(reference.among == POSITIONS for reference in type_.references)
 
 
-# ------------------------------------------------------------
-# Rays to points at infinity: a direction instead of a point. Shifts and scale do not change them at all.
+# ---- Rays to points at infinity: a direction instead of a point. Shifts and scale do not change them at all.
 #
 # A point whose rays are parallel to their precision has a direction and no distance. Its coordinates would
 # grow without limit and take the datum along. The direction u = Dᵀ e_Z, D a rotation of two free turns, is
 # the limit itself: seen from a frame it is X* = D_frame · u, wherever the frame stands (MOR eq. 1 with X →
 # ∞).
-# ------------------------------------------------------------
 
 FREE_TURNS = (True, True, False)
 """Turns about the axes of D that move u: not the one about u itself."""

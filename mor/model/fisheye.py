@@ -10,9 +10,7 @@ from mor.model.lens import CameraModel, Projection
 from mor.types import FloatArray
 from mor.units import IMAGE, LENGTH, NUMBER, Component, Quantity
 
-# ------------------------------------------------------------
-# OpenCV's fisheye model (Kannala and Brandt), in this program's image axes, up to and beyond 90 degrees.
-# ------------------------------------------------------------
+# ---- OpenCV's fisheye model (Kannala and Brandt), in this program's image axes, up to and beyond 90 degrees.
 
 
 class _Ray(NamedTuple):
@@ -137,9 +135,7 @@ FISHEYE = CameraModel(
 """Camera model ``fisheye``."""
 
 
-# ------------------------------------------------------------
-# OpenCV's radial-tangential model with its rational extension, in this program's image axes.
-# ------------------------------------------------------------
+# ---- OpenCV's radial-tangential model with its rational extension, in this program's image axes.
 
 
 class _Radial(NamedTuple):
@@ -250,9 +246,7 @@ OPENCV = CameraModel(
 """Camera model ``opencv``."""
 
 
-# ------------------------------------------------------------
-# The FOV camera of Devernay and Faugeras, as COLMAP has it, in this program's image axes.
-# ------------------------------------------------------------
+# ---- The FOV camera of Devernay and Faugeras, as COLMAP has it, in this program's image axes.
 
 _SERIES = 0.01
 """Below this q the series of h and h' is exact to the last digit: its first term left out is q⁹/19."""
@@ -331,9 +325,7 @@ FOV = CameraModel(
 """Camera model ``fov``."""
 
 
-# ------------------------------------------------------------
-# COLMAP's fisheyes with tangential and thin prism terms, in this program's image axes.
-# ------------------------------------------------------------
+# ---- COLMAP's fisheyes with tangential and thin prism terms, in this program's image axes.
 
 
 class _DistortedPoints(NamedTuple):
@@ -485,9 +477,7 @@ RAD_TAN_THIN_PRISM = CameraModel(
 """Camera model ``rad-tan-thin-prism-fisheye``."""
 
 
-# ------------------------------------------------------------
-# A panorama: a line camera that turns about an axis and lays its lines side by side on a cylinder.
-# ------------------------------------------------------------
+# ---- A panorama: a line camera that turns about an axis and lays its lines side by side on a cylinder.
 
 
 def project_panorama(

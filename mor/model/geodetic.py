@@ -37,9 +37,7 @@ from mor.model.terrestrial import (
 from mor.types import BoolArray, FloatArray
 from mor.units import ANGLE, LENGTH, NUMBER, Component
 
-# ------------------------------------------------------------
-# Verticals at the ends of an observation on the earth, and marks lifted to instrument and target.
-# ------------------------------------------------------------
+# ---- Verticals at the ends of an observation on the earth, and marks lifted to instrument and target.
 
 DEFLECTIONS = ("deflection_north", "deflection_east")
 """ξ and η of the plumb line, north and east positive: the astronomic zenith lies there from the geodetic one."""
@@ -71,12 +69,10 @@ def ends_of(type_: ObservationType) -> tuple[End, ...]:
     )
 
 
-# ------------------------------------------------------------
-# Distances that were reduced: to the ellipsoid (chord and arc), to the geoid, and by the heights of their ends.
+# ---- Distances that were reduced: to the ellipsoid (chord and arc), to the geoid, and by the heights of their ends.
 #
 # The chord c joins the feet of both marks on the ellipsoid. The arc above it is that of the circle with
 # Euler's radius R in the azimuth of the line at its middle, s = 2R asin(c / 2R).
-# ------------------------------------------------------------
 
 _SLOTS = (
     Slot("point", "from", "position"),
@@ -194,9 +190,7 @@ def _metered(length: Callable[[FloatArray, FloatArray, FloatArray], Reduced]) ->
     return equation
 
 
-# ------------------------------------------------------------
-# Control points on the earth: the shift of a position from where it was given, in east, north, up of the place.
-# ------------------------------------------------------------
+# ---- Control points on the earth: the shift of a position from where it was given, in east, north, up of the place.
 
 
 def control(horizon: Horizon) -> ObservationType:
@@ -216,9 +210,7 @@ def control(horizon: Horizon) -> ObservationType:
     )
 
 
-# ------------------------------------------------------------
-# Observed latitude, longitude and height of a position; heights alone, above the ellipsoid and above the geoid.
-# ------------------------------------------------------------
+# ---- Observed latitude, longitude and height of a position; heights alone, above the ellipsoid and above the geoid.
 
 _POINT = (Reference("point", POSITIONS),)
 _SLOT = (Slot("point", "point", "position"),)
@@ -278,8 +270,7 @@ def orthometric_height(horizon: Horizon) -> ObservationType:
     )
 
 
-# ------------------------------------------------------------
-# GNSS vectors and positions in geocentric axes of a reference frame of their own.
+# ---- GNSS vectors and positions in geocentric axes of a reference frame of their own.
 #
 # The frame of a GNSS solution may lie, turn and scale a little differently from that of the points. About the
 # origin X₀ of the object system, the middle of the network,
@@ -288,7 +279,6 @@ def orthometric_height(horizon: Horizon) -> ObservationType:
 #
 # with right-handed turns of the vectors about the geocentric axes (the *position vector* convention). About
 # the geocentre the shift would differ, t − (m R − 1) X₀, and could hardly be told from the turn.
-# ------------------------------------------------------------
 
 _MIDDLE = np.array([0.0, 0.0, 1.0])
 """Normal at the middle of the network: near enough for the derivative by heights that are all 0."""
@@ -381,9 +371,7 @@ def gnss_position(horizon: Horizon) -> ObservationType:
     )
 
 
-# ------------------------------------------------------------
-# Height differences on the earth: of heights above the geoid, as levels give them, and above the ellipsoid.
-# ------------------------------------------------------------
+# ---- Height differences on the earth: of heights above the geoid, as levels give them, and above the ellipsoid.
 
 
 def ellipsoidal_height_difference(horizon: Horizon) -> ObservationType:
@@ -430,8 +418,7 @@ def height_difference(horizon: Horizon) -> ObservationType:
     )
 
 
-# ------------------------------------------------------------
-# Observations about the vertical of their place: the twins of the terrestrial types on the earth.
+# ---- Observations about the vertical of their place: the twins of the terrestrial types on the earth.
 #
 # What an instrument measures refers to the vertical where it stands, and instrument and target are above
 # their marks along the verticals there. With the local axes R (east, north, up; of the plumb line where its
@@ -442,7 +429,6 @@ def height_difference(horizon: Horizon) -> ObservationType:
 # are the positions the plain type sees, without heights. R and u are evaluated at the adjusted places; that
 # they turn by 1/R_earth with every metre the place moves stays out of the Jacobian, never out of the
 # function.
-# ------------------------------------------------------------
 
 
 def about_plumb_line(type_: ObservationType, horizon: Horizon) -> ObservationType:
@@ -482,9 +468,7 @@ def _about_vertical(
     return type_._replace(constants=constants, equation=equation, about_local_vertical=True)
 
 
-# ------------------------------------------------------------
-# Observed coordinates in the projection of the project: antennas of cameras, control that is measured again.
-# ------------------------------------------------------------
+# ---- Observed coordinates in the projection of the project: antennas of cameras, control that is measured again.
 
 PLACE = tuple(Component(f"given {name}", LENGTH) for name in "xyz")
 """Object coordinates of what was observed."""
@@ -516,14 +500,12 @@ def projected_position(horizon: Horizon) -> ObservationType:
     )
 
 
-# ------------------------------------------------------------
-# Bearings in the plane of a projection: of the straight line between both ends there, clockwise from grid north.
+# ---- Bearings in the plane of a projection: of the straight line between both ends there, clockwise from grid north.
 #
 # The projection is a polynomial in the object coordinates x, y of the feet on the ellipsoid, in Chebyshev
 # form over the area of the network, so that the solver knows of no library of projections:
 #
 #     (E, N) = Σ c_ij T_i(ξ) T_j(η),   t = atan2(E_to − E_from, N_to − N_from).
-# ------------------------------------------------------------
 
 KEY = "projected_bearing"
 
@@ -606,8 +588,7 @@ def is_open(type_: ObservationType) -> bool:
     return type_.equation is _open
 
 
-# ------------------------------------------------------------
-# Observed attitudes of images on the earth: ω, φ, κ in the axes of a projection; roll, pitch, yaw of navigation.
+# ---- Observed attitudes of images on the earth: ω, φ, κ in the axes of a projection; roll, pitch, yaw of navigation.
 #
 # With the local axes R (rows east, north, up) at the image, turned about the vertical by the convergence γ of the
 # projection (from true to grid north, clockwise), an image that stands at D in object axes stands at
@@ -627,7 +608,6 @@ def is_open(type_: ObservationType) -> bool:
 #
 # R and γ are evaluated at the adjusted place; that R turns by 1/R_earth with every metre, and γ by about as
 # much, stays out of the Jacobian.
-# ------------------------------------------------------------
 
 CONVERGENCE = Component("convergence", ANGLE)
 """Constant of a row: the direction of grid north, clockwise from true north; NaN: that at the image."""
@@ -761,9 +741,7 @@ def _navigation(D: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.stack([roll, pitch, yaw], axis=1), np.stack([by_roll, by_pitch, by_yaw], axis=1)
 
 
-# ------------------------------------------------------------
-# The types there are on the earth, made for the object system of a network.
-# ------------------------------------------------------------
+# ---- The types there are on the earth, made for the object system of a network.
 
 _ABOUT_PLUMB_LINE = (
     DISTANCE,

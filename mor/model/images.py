@@ -18,9 +18,7 @@ from mor.model.trajectory import ON_TRAJECTORY, by_knots, clock_constants, is_al
 from mor.types import FloatArray
 from mor.units import IMAGE, NUMBER, TIME, Component
 
-# ------------------------------------------------------------
-# Image coordinates of a central projection, of a single image and of a stereo follower (MOR 1.1).
-# ------------------------------------------------------------
+# ---- Image coordinates of a central projection, of a single image and of a stereo follower (MOR 1.1).
 
 FRAME_SLOTS = (
     Slot("point", "image", "position"),
@@ -86,8 +84,7 @@ IMAGE_TYPES = {model.key: image_coordinates(model) for model in CAMERA_MODELS.va
 FOLLOWER_TYPES = {model.key: image_coordinates(model, FOLLOWER_SLOTS) for model in CAMERA_MODELS.values()}
 
 
-# ------------------------------------------------------------
-# Image coordinates of an image that is read out row by row while the camera moves: a rolling shutter.
+# ---- Image coordinates of an image that is read out row by row while the camera moves: a rolling shutter.
 #
 # Each image has one motion: a steady velocity v and a steady rate of rotation ω, both in its own axes. Its
 # pose X0, D is that of the middle row; a point in row ρ of H is seen at the time
@@ -99,7 +96,6 @@ FOLLOWER_TYPES = {model.key: image_coordinates(model, FOLLOWER_SLOTS) for model 
 # a row beside it. (With the observed row itself in its place the residuals come out too small, by the drift
 # during the readout over the height of the image, and T with a bias.) Columns likewise, where the shutter
 # runs across. At T = 0 this is the frame image, digit by digit.
-# ------------------------------------------------------------
 
 READOUT_SLOT = Slot("readout", "image", "readout")
 MOTION_SLOTS = (
@@ -263,8 +259,7 @@ MOVING = "moving"
 MOVING_TYPES = {model.key: moving_image_coordinates(model) for model in CAMERA_MODELS.values()}
 
 
-# ------------------------------------------------------------
-# Image coordinates of a line scanner: one line across the flight at a time, one row of the image for each.
+# ---- Image coordinates of a line scanner: one line across the flight at a time, one row of the image for each.
 #
 # The line lies at y = a in the axes of the camera (a = 0, or the offset of a forward or backward line). A
 # point is seen at the time t at which it crosses the line,
@@ -275,7 +270,6 @@ MOVING_TYPES = {model.key: moving_image_coordinates(model) for model in CAMERA_M
 # beside it the coordinate x(X*(t)) along the line. So the residual along the flight is one of rows, as it was
 # measured, and that across is taken in the line that the point crosses, not in the one it was observed in.
 # The derivatives are those of the crossing: dt = −∂y/∂p dp / ẏ.
-# ------------------------------------------------------------
 
 ROW = (Component("measured y of the row", IMAGE), Component("seconds by y", TIME))
 """Constants of a row before those of its clock: where it was observed, and how the time of a row depends on y."""
@@ -367,13 +361,12 @@ _STILL_LINES = 1e-12
 """Part of the time in which the camera scans its own camera constant by which a crossing may still move."""
 
 
-# ------------------------------------------------------------
-# Image coordinates that are read out row by row along a trajectory: a rolling shutter that moves as the flight does.
+# ---- Image coordinates that are read out row by row along a trajectory: a rolling shutter that moves as the flight
+# does.
 #
 # A point in row ρ of H is seen at t + T (ρ/H − 1/2), with the time t of the image, that of its middle row,
 # and the readout time T; the pose is that of the trajectory then. As with motions of images
 # (``rolling_shutter``) the row is the one in which shutter and moving point meet.
-# ------------------------------------------------------------
 
 
 @cache
@@ -434,8 +427,7 @@ def is_read_out_along(type_: ObservationType) -> bool:
     return is_along(type_) and READOUT_SLOT in type_.slots
 
 
-# ------------------------------------------------------------
-# Image rays as directions: what a camera sees, as a theodolite in its place would have it.
+# ---- Image rays as directions: what a camera sees, as a theodolite in its place would have it.
 #
 # Coordinates x = −c X*/Z* run away where a point comes near the plane of the camera, and come back on the other side:
 # from bad start values least squares climbs over that ridge, or comes to rest behind it. The direction d = X*/|X*| of
@@ -448,7 +440,6 @@ def is_read_out_along(type_: ObservationType) -> bool:
 # then Jᵀy is exactly the gradient of ½ θ², and JᵀJ is never less than its curvature, which is 1 along the arc
 # and θ cot θ ≤ 1 across it (H. Karcher 1977). So a Gauss-Newton step does not overshoot on the sphere,
 # however far off the ray is. The interior orientation is taken as it is.
-# ------------------------------------------------------------
 
 RAY = tuple(Component(f"ray {c}", NUMBER) for c in "xyz")
 """Constants of a row: the measured ray u, of unit length."""

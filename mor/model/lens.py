@@ -10,9 +10,7 @@ import numpy as np
 from mor.types import FloatArray
 from mor.units import Component
 
-# ------------------------------------------------------------
-# Define a camera model: names of its interior parameters and one vectorised projection.
-# ------------------------------------------------------------
+# ---- Define a camera model: names of its interior parameters and one vectorised projection.
 
 
 class Projection(NamedTuple):
@@ -47,8 +45,7 @@ class CameraModel(NamedTuple):
     """True if ``project`` looks at the measured coordinates at all."""
 
 
-# ------------------------------------------------------------
-# The radial and decentring polynomials that MOR and both Brown models share.
+# ---- The radial and decentring polynomials that MOR and both Brown models share.
 #
 # With r² = x² + y² and an optional second zero crossing r0 of the radial part:
 #
@@ -56,7 +53,6 @@ class CameraModel(NamedTuple):
 #     dy = y [K1 (r² − r0²) + K2 (r⁴ − r0⁴) + K3 (r⁶ − r0⁶)] + P2 (r² + 2 y²) + 2 P1 x y
 #
 # Source: Brown 1971; the zero crossing r0 after Wester-Ebbinghaus 1981.
-# ------------------------------------------------------------
 
 
 class Distortion(NamedTuple):
@@ -112,9 +108,7 @@ def distort(
     )
 
 
-# ------------------------------------------------------------
-# The ideal central projection, and the chain rule from the ideal image to the image point's derivatives.
-# ------------------------------------------------------------
+# ---- The ideal central projection, and the chain rule from the ideal image to the image point's derivatives.
 
 
 class IdealImage(NamedTuple):

@@ -11,14 +11,12 @@ import numpy as np
 from mor.model.rotations import cross_matrix, exponential, quaternions
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# A frame that moves while it looks: steady velocity and steady rotation, in the axes it has at time 0.
+# ---- A frame that moves while it looks: steady velocity and steady rotation, in the axes it has at time 0.
 #
 #     X*(t) = exp(−[ω t]×) (D (X − X0) − v t) + r0*
 #
 # with the pose X0, D at time 0, the velocity v and the rate of rotation ω in the axes of the frame: the frame is at
 # X0 + t Dᵀv, its rotation is exp(−[ω t]×) D.
-# ------------------------------------------------------------
 
 
 class MovedPoints(NamedTuple):
@@ -109,15 +107,13 @@ _SERIES = 0.05
 """Angle below which the series have all digits, and the closed forms lose some."""
 
 
-# ------------------------------------------------------------
-# Poses between the knots of a trajectory, and how they depend on the knots and on time.
+# ---- Poses between the knots of a trajectory, and how they depend on the knots and on time.
 #
 #     X0(t) = Σ w_k(t) X_k            D(t) = exp(−[θ(t)]×) D_0,   θ(t) = Σ w_k(t) θ_k,   exp(−[θ_k]×) D_0 = D_k
 #
 # with the weights w_k of interpolation, which add up to 1, and the small rotations θ_k of the knots against
 # knot 0, the one before t. The weights are polynomials of the time since that knot; two knots make linear,
 # four cubic interpolation. With two knots θ(t) is the turn at a steady rate.
-# ------------------------------------------------------------
 
 
 @dataclass(frozen=True)

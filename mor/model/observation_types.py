@@ -57,9 +57,7 @@ from mor.model.terrestrial import (
     ZENITH_DIRECTIONS,
 )
 
-# ------------------------------------------------------------
-# Observation types: one file each, every one a value of :class:`ObservationType`.
-# ------------------------------------------------------------
+# ---- Observation types: one file each, every one a value of :class:`ObservationType`.
 
 PLAIN_TYPES = {
     kind.key: kind

@@ -13,9 +13,7 @@ from mor.model.rotations import angles_from_rotation, rotate, rotation_from_angl
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray
 from mor.units import ANGLE, LENGTH, NUMBER, SPEED, TIME, TURN_RATE, Component
 
-# ------------------------------------------------------------
-# The kinds of parameter blocks. A position is a point, whatever stands there; an attitude is a rotation.
-# ------------------------------------------------------------
+# ---- The kinds of parameter blocks. A position is a point, whatever stands there; an attitude is a rotation.
 
 
 class BlockKind(NamedTuple):
@@ -139,9 +137,7 @@ KINDS = {
 """All kinds; the order is the order of their columns."""
 
 
-# ------------------------------------------------------------
-# From blocks to columns: which component of which block is which unknown, and how a step moves it.
-# ------------------------------------------------------------
+# ---- From blocks to columns: which component of which block is which unknown, and how a step moves it.
 
 Values: TypeAlias = Mapping[str, FloatArray]
 """Values of all blocks by kind: (n, size), rotations (n, 3, 3)."""

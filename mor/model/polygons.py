@@ -9,9 +9,7 @@ import numpy as np
 
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Plane polygons in space: cut into triangles by taking ears off (G. H. Meisters 1975).
-# ------------------------------------------------------------
+# ---- Plane polygons in space: cut into triangles by taking ears off (G. H. Meisters 1975).
 
 _FLAT = 1e-9
 """Part of the size of a polygon by which three of its corners may leave a straight line."""
@@ -80,12 +78,10 @@ def _any_inside(flat: FloatArray, ear: tuple[int, int, int], left: list[int]) ->
     return False
 
 
-# ------------------------------------------------------------
-# Triangles in space, and what stands between two points: the faces of meshes and plane polygons.
+# ---- Triangles in space, and what stands between two points: the faces of meshes and plane polygons.
 #
 # Boxes around the triangles form a binary tree over their order along a space-filling curve (G. M. Morton 1966). All
 # sights go down it together, level by level, and leave it where they miss a box.
-# ------------------------------------------------------------
 
 _LEAF = 4
 """Triangles in the smallest boxes."""

@@ -17,14 +17,12 @@ from mor.model.lens import CameraModel, Projection
 from mor.types import FloatArray
 from mor.units import LENGTH, NUMBER, Component
 
-# ------------------------------------------------------------
-# The two faces of a port, g(Q) = 0, with g growing towards the water.
+# ---- The two faces of a port, g(Q) = 0, with g growing towards the water.
 #
 #     flat     g = N·Q − h       N = (tilt_x, tilt_y, −1) / |…|      h = distance, distance + glass
 #     dome     g = |Q − C| − R   C = (centre_x, centre_y, centre_z)   R = radius, radius + glass
 #
 # Q, N, C are in the image system: the projection centre is 0, the camera looks along −z.
-# ------------------------------------------------------------
 
 
 class _Face(NamedTuple):
@@ -103,8 +101,7 @@ DOME_PORT = Port(
 PORTS = (FLAT_PORT, DOME_PORT)
 
 
-# ------------------------------------------------------------
-# The ray through a port, and the apparent point.
+# ---- The ray through a port, and the apparent point.
 #
 # Unfold the path of a ray from the projection centre to a point P into a straight line of the same length ℓ,
 # in the direction d that the ray has in the air. Its end is the apparent point A = ℓ d. Path tracing is a
@@ -126,7 +123,6 @@ PORTS = (FLAT_PORT, DOME_PORT)
 #
 # Source: the path is that of R. Kotowski, Phototriangulation in multi-media photogrammetry, IAPRS 27-B5 (1988);
 # the apparent point makes it independent of the camera model.
-# ------------------------------------------------------------
 
 
 class Apparent(NamedTuple):

@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from mor.types import FloatArray
 
-# ------------------------------------------------------------
-# Functions of numpy.linalg that return NaN for a matrix they cannot decompose, instead of raising.
+# ---- Functions of numpy.linalg that return NaN for a matrix they cannot decompose, instead of raising.
 #
 # Start values and diagnosis work on stacks of candidates: a singular matrix, or one with infinities, belongs
 # to a candidate that is none. With NumPy a single one ends the whole stack. Comparisons with NaN are false,
 # so that a caller passes such a candidate over. Arguments and results are those of NumPy; matrices (..., m,
 # n) may be stacked.
-# ------------------------------------------------------------
 
 
 def solve(matrix: NDArray[Any], right: NDArray[Any]) -> FloatArray:
@@ -126,13 +124,11 @@ def _one_by_one(operation: Callable[..., Any], *stacks: NDArray[Any]) -> Any:
     return tuple(parts) if several else parts[0]
 
 
-# ------------------------------------------------------------
-# Rotations, stored as matrices D that take object axes to the axes of a frame.
+# ---- Rotations, stored as matrices D that take object axes to the axes of a frame.
 #
 # D = (Rx(ω) Ry(φ) Rz(κ))ᵀ. A rotation is updated by a small rotation vector δ in the axes of the frame,
 # D ← exp(−[δ]×) D, which has no gimbal lock; ω, φ, κ are for reading and reporting only.
 # All functions are vectorised over leading dimensions.
-# ------------------------------------------------------------
 
 GIMBAL = 1e-9
 """cos φ below which ω and κ can no longer be told apart."""
@@ -225,9 +221,7 @@ def angles_by_tangent(angles: FloatArray) -> FloatArray:
     return E
 
 
-# ------------------------------------------------------------
-# Rotations as quaternions (w, x, y, z): what other programs keep attitudes in.
-# ------------------------------------------------------------
+# ---- Rotations as quaternions (w, x, y, z): what other programs keep attitudes in.
 
 
 def rotation_of_quaternion(quaternion: FloatArray) -> FloatArray:
@@ -268,14 +262,12 @@ def quaternions(R: FloatArray) -> FloatArray:
     return unit
 
 
-# ------------------------------------------------------------
-# The frame kernel: object points in the axes of an image, a theodolite or a local system.
+# ---- The frame kernel: object points in the axes of an image, a theodolite or a local system.
 #
 #     X* = D (X + t e_Z − X0 − h e_Z) + r0*                                    (MOR eqs. 1, 5, 6)
 #
 # with the height h of the rotation centre above the position X0 (tripod target, station mark), the height t of
 # the sighted target above its point, and the eccentricity r0* from the projection centre to the rotation centre.
-# ------------------------------------------------------------
 
 
 class InFrame(NamedTuple):

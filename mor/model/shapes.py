@@ -123,13 +123,12 @@ SHAPE_TYPES = {
 """Types of ``features``; each observes the distances of points from a shape as zero."""
 
 
-# ------------------------------------------------------------
-# Relations between features A and B, each with a local system x̄ = D (X − X0) + r̄ whose z axis is its axis or normal.
+# ---- Relations between features A and B, each with a local system x̄ = D (X − X0) + r̄ whose z axis is its axis or
+# normal.
 #
 # Exactly: B takes blocks of A. B is perpendicular to A if D_B = E D_A and E has one free turn, that about the axis of
 # A, which is the y axis of B. As observations: the axis of B, D_A D_Bᵀ e_Z, and the origin of B,
 # D_A (X_B − X0_A) + r̄_A with X_B = X0_B − D_Bᵀ r̄_B, in the local system of A. E is the identity for other features.
-# ------------------------------------------------------------
 
 PERPENDICULAR: FloatArray = np.array([[0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [1.0, 0.0, 0.0]])
 """E at angle 0: the z axis of B is the x axis of A."""

@@ -26,9 +26,7 @@ from mor.model.rotations import by_point, by_rotation, into_frame
 from mor.types import FloatArray
 from mor.units import ANGLE, LENGTH, NUMBER, Component
 
-# ------------------------------------------------------------
-# Horizontal angles at a station from a backsight to a foresight, clockwise (MOR eq. 17).
-# ------------------------------------------------------------
+# ---- Horizontal angles at a station from a backsight to a foresight, clockwise (MOR eq. 17).
 
 
 def angle_equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
@@ -56,9 +54,7 @@ ANGLE_TYPE = ObservationType(
 )
 
 
-# ------------------------------------------------------------
-# Spatial (position) angles: between the sights to two targets, in the plane of the three, as a sextant reads them.
-# ------------------------------------------------------------
+# ---- Spatial (position) angles: between the sights to two targets, in the plane of the three, as a sextant reads them.
 
 UP = np.array([0.0, 0.0, 1.0])
 _REFERENCES = ("at", "from", "to")
@@ -105,9 +101,7 @@ SPATIAL_ANGLE = ObservationType(
 )
 
 
-# ------------------------------------------------------------
-# Bearings between two positions, clockwise from +Y (MOR eq. 14).
-# ------------------------------------------------------------
+# ---- Bearings between two positions, clockwise from +Y (MOR eq. 14).
 
 
 def bearing_equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
@@ -129,11 +123,10 @@ BEARING = ObservationType(
 )
 
 
-# ------------------------------------------------------------
-# Spatial and horizontal distances, with scale and zero offset of the instrument (MOR eq. 13); ratios of two of them.
+# ---- Spatial and horizontal distances, with scale and zero offset of the instrument (MOR eq. 13); ratios of two of
+# them.
 #
 # A ratio is what a distance meter says whose scale nobody knows: of two distances from one place it cancels.
-# ------------------------------------------------------------
 
 Length = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 UPWARDS = np.array([0.0, 0.0, 1.0])
@@ -201,9 +194,7 @@ DISTANCE_RATIO = ObservationType(
 )
 
 
-# ------------------------------------------------------------
-# Vertical directions and zenith angles between two positions, either face, with refraction (MOR eq. 15).
-# ------------------------------------------------------------
+# ---- Vertical directions and zenith angles between two positions, either face, with refraction (MOR eq. 15).
 
 FACE = Component("face", NUMBER, default=1.0)
 RADIUS = Component("earth radius", LENGTH, default=EARTH_RADIUS)
@@ -271,9 +262,7 @@ ZENITH_ANGLE = ObservationType(
 )
 
 
-# ------------------------------------------------------------
-# Horizontal and vertical directions of a theodolite, a frame like an image (MOR eqs. 6-9).
-# ------------------------------------------------------------
+# ---- Horizontal and vertical directions of a theodolite, a frame like an image (MOR eqs. 6-9).
 
 SLOTS = (
     Slot("point", "station", "position"),
@@ -355,9 +344,7 @@ ZENITH_DIRECTIONS = _direction_type("zenith_directions", "zenith", zenith=True)
 """Horizontal circle and zenith angle; in face two r_h + π and 2π − z."""
 
 
-# ------------------------------------------------------------
-# Coordinate differences, vectors and height differences between two positions (MOR eqs. 10-12).
-# ------------------------------------------------------------
+# ---- Coordinate differences, vectors and height differences between two positions (MOR eqs. 10-12).
 
 
 def vector_equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:

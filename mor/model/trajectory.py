@@ -15,12 +15,10 @@ from mor.model.rotations import angles_by_tangent, angles_from_rotation, by_rota
 from mor.types import FloatArray
 from mor.units import ANGLE, LENGTH, NUMBER, SPEED, TIME, TURN_RATE, Component, Quantity
 
-# ------------------------------------------------------------
-# Images on a trajectory: their pose is that of the trajectory at a time, a function of two or four knots.
+# ---- Images on a trajectory: their pose is that of the trajectory at a time, a function of two or four knots.
 #
 # Every type of image coordinates has a twin that takes the knots instead of position and rotation; what it computes
 # follows by the chain rule. The time is known. Nothing in the solver changes: such a ray has more slots.
-# ------------------------------------------------------------
 
 LINEAR, CUBIC = 2, 4
 """Knots that a pose depends on."""
@@ -104,15 +102,14 @@ def on_trajectory(type_: ObservationType, knots: int) -> ObservationType:
     )
 
 
-# ------------------------------------------------------------
-# Satellites and inertial systems: positions and attitudes of a trajectory at any time, with what they have in common.
+# ---- Satellites and inertial systems: positions and attitudes of a trajectory at any time, with what they have in
+# common.
 #
 #     X_a = X0(t + τ) + Dᵀ(t + τ) a + s + d (t − t_m)              position of an antenna with the lever arm a
 #     D_b = exp(−[ψ + ψ̇ (t − t_m)]×) B D(t + τ)                    attitude with the misalignment B (boresight)
 #
 # with the time offset τ, shift s and drift d of positions, ψ and ψ̇ of attitudes; t_m is the middle of the times of a
 # strip. The attitude is observed as ω, φ, κ.
-# ------------------------------------------------------------
 
 POSITION, ATTITUDE = "trajectory_position", "trajectory_attitude"
 """What a project calls these types."""
@@ -211,15 +208,13 @@ def _by_time(pose: TrajectoryPoses, by_position: FloatArray, by_turn: FloatArray
     return found
 
 
-# ------------------------------------------------------------
-# Observe the first and second differences of neighbouring knots of a trajectory as 0.
+# ---- Observe the first and second differences of neighbouring knots of a trajectory as 0.
 #
 #     constancy     (X₂ − X₁)/Δ₁₂                                        velocity between two knots
 #     smoothness    2 ((X₃ − X₂)/Δ₂₃ − (X₂ − X₁)/Δ₁₂)/(Δ₁₂ + Δ₂₃)        acceleration about the middle one of three
 #
 # and the same of attitudes with the small rotations θ between neighbouring knots, exp(−[θ]×) D₁ = D₂, instead of the
 # differences: rates of rotation, and their changes, about the axes of the trajectory.
-# ------------------------------------------------------------
 
 ACCELERATION = Quantity(length=1, time=-2)
 TURN_ACCELERATION = Quantity(angle=1, time=-2)
@@ -290,8 +285,7 @@ SMOOTH_ATTITUDE = _type("smoothness of attitude", "rotation", _TURN, TURN_ACCELE
 STEADINESS = (CONSTANT_POSITION, CONSTANT_ATTITUDE, SMOOTH_POSITION, SMOOTH_ATTITUDE)
 
 
-# ------------------------------------------------------------
-# Observations of points that move: a position is a linear function of parameters at the time of the observation.
+# ---- Observations of points that move: a position is a linear function of parameters at the time of the observation.
 #
 # At the time t a point is at
 #
@@ -301,7 +295,6 @@ STEADINESS = (CONSTANT_POSITION, CONSTANT_ATTITUDE, SMOOTH_POSITION, SMOOTH_ATTI
 # points has a twin that takes these blocks besides, and its derivatives are those by the position times what
 # each is multiplied with: ∂l/∂v = (t − t0) ∂l/∂X. The time is that of the row: a constant. Nothing else knows
 # of it.
-# ------------------------------------------------------------
 
 MOVING = "moving "
 """What the keys of these types begin with."""

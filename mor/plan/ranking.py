@@ -31,13 +31,11 @@ from mor.solve.iterate import Adjustment
 from mor.solve.problem import linearise, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Points that are eliminated by their own rays, many at once: N⁻¹ and N⁻¹Cᵀ of each.
+# ---- Points that are eliminated by their own rays, many at once: N⁻¹ and N⁻¹Cᵀ of each.
 #
 # As ``quality/external_reliability.py`` has them one by one: N the normal equations of a point, C
 # their coupling with the unknowns of its rays. Rows of all points are as long as the longest, filled up with
 # zeros.
-# ------------------------------------------------------------
 
 _RAYS = 20_000
 """At a time: larger arrays than these make are had from the system again each time, which clears them first."""
@@ -151,8 +149,7 @@ def _padded(
     )
 
 
-# ------------------------------------------------------------
-# Candidates of large blocks, ranked without the cofactors of everything.
+# ---- Candidates of large blocks, ranked without the cofactors of everything.
 #
 # As in ``requirements.py``, but only three things are worked out: G = M_I Q M_jᵀ for the few rows I that can
 # change the verdict (coordinates with a required σ, observations that are weak: r only grows by what is
@@ -161,7 +158,6 @@ def _padded(
 # N⁻¹; a candidate to it with the derivatives J_r, J_p hence
 #
 #     K_jj = J_r Q_rr J_rᵀ − J_r Q_rr D ᵀ− D Q_rr J_rᵀ + D Q_rr Dᵀ + J_p N⁻¹ J_pᵀ,    D = J_p N⁻¹ Cᵀ.
-# ------------------------------------------------------------
 
 MOST_REDUCED = 12_000
 """Reduced unknowns whose cofactors are held as a whole: more than a gigabyte."""
@@ -423,11 +419,9 @@ def _through_points(
     return np.asarray(J_p @ spread @ J_p.transpose(0, 2, 1) - cross - cross.transpose(0, 2, 1))
 
 
-# ------------------------------------------------------------
-# Which planned observations can be spared, which candidates bring most, and a plan made of the best, one by one.
+# ---- Which planned observations can be spared, which candidates bring most, and a plan made of the best, one by one.
 #
 # Every figure is that of the plan with this one change, adjusted again, to round-off (``requirements.py``).
-# ------------------------------------------------------------
 
 _CELLS = 20_000_000
 """Numbers that are worked on together."""

@@ -21,12 +21,10 @@ from mor.solve.problem import Problem, linearise, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import LENGTH
 
-# ------------------------------------------------------------
-# What a project requires of its plan, and whether an adjustment reaches it.
+# ---- What a project requires of its plan, and whether an adjustment reaches it.
 #
 # Standard deviations are those of the quality that is asked, in its datum: a priori for a plan. Redundancy
 # numbers and external reliability do not depend on the datum.
-# ------------------------------------------------------------
 
 _Given = TypeVar("_Given", RequiredSigma, RequiredReliability)
 _COORDINATES = {"x": "x", "y": "y", "z": "z", "xy": "xy", "xyz": "xyz"}
@@ -203,8 +201,8 @@ def _judged_control(requirement: RequiredControl, quality: Quality) -> Requireme
     return RequirementResult(requirement, sign * worst, where, count, failing)
 
 
-# ------------------------------------------------------------
-# Cofactors of all that a plan is about: its observations, those it might have, and the coordinates with a required σ.
+# ---- Cofactors of all that a plan is about: its observations, those it might have, and the coordinates with a
+# required σ.
 #
 # Let the rows of M be the whitened derivatives of the observations, planned and possible, and the required
 # coordinates in their datum, so that no row changes with a free movement of the network. Then K = M Q Mᵀ has
@@ -215,7 +213,6 @@ def _judged_control(requirement: RequiredControl, quality: Quality) -> Requireme
 #
 # Nothing has to be adjusted again, however many such steps follow each other (W. Baarda's cofactors, the
 # matrix inversion lemma).
-# ------------------------------------------------------------
 
 MOST_ROWS = 8_000
 """Rows that are looked at together: their cofactors are half a gigabyte."""
@@ -441,14 +438,12 @@ def coordinates_at(quality: Quality, blocks: IntArray, first: int) -> tuple[IntA
     return chosen, places
 
 
-# ------------------------------------------------------------
-# How far a plan is from what is required of it, in one number, for many changes of the plan at once.
+# ---- How far a plan is from what is required of it, in one number, for many changes of the plan at once.
 #
 # The shortfall adds up, for every coordinate with a required σ, by how much its variance is beyond the limit
 # in parts of that, and for every observation with a required redundancy number, by how much it is below in
 # parts of that: it is 0 where all is reached. An external reliability δ̄0 is a redundancy number, r =
 # δ0²/(δ0² + δ̄0²); of correlated observations their own r is taken for it.
-# ------------------------------------------------------------
 
 REACHED = 1e-9
 """Shortfall that is round-off."""
@@ -663,9 +658,7 @@ def present(interest: Interest, wanted: RowLimits) -> PlanMeasures:
     )
 
 
-# ------------------------------------------------------------
-# What planned observations see, where a project leaves that to be worked out.
-# ------------------------------------------------------------
+# ---- What planned observations see, where a project leaves that to be worked out.
 
 REASONS = ("seen", "range", "frame", "incidence", "hidden")
 """What becomes of a sight: seen; out of range; off the format, or too steep; too slanting; hidden by a surface."""
@@ -685,15 +678,13 @@ class Sighted(NamedTuple):
     """Targets that are seen from one place only."""
 
 
-# ------------------------------------------------------------
-# What is needed to take planned observations out and put them in again without an adjustment: rows and cofactors.
+# ---- What is needed to take planned observations out and put them in again without an adjustment: rows and cofactors.
 #
 # With the rows a of the whitened derivatives, and Q the cofactors of all unknowns in their datum,
 #
 #     Q' = Q ∓ Q aᵀ (a Q aᵀ ± 1)⁻¹ a Q,    r = 1 − a Q' aᵀ,
 #
 # row by row. Rows do not change with free movements of the network, so that Q' stays in the datum.
-# ------------------------------------------------------------
 
 MOST_UNKNOWNS = 300
 """Unknowns of networks small enough for this."""

@@ -28,14 +28,12 @@ from mor.solve.iterate import Adjustment
 from mor.solve.problem import Problem, linearise, misclosures, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# What would be measured at a known place of everything: values without errors, and errors as the σ say.
+# ---- What would be measured at a known place of everything: values without errors, and errors as the σ say.
 #
 # Observations y = f(x) + e, with e normally distributed, of the covariance matrix that the project gives: σ
 # with all that its models add at this place (parts per million, centring), correlations where there are some.
 # Prior knowledge (control coordinates, interior orientations from a laboratory) is observed as well and gets
 # its error like any other observation.
-# ------------------------------------------------------------
 
 _CORRECTED = [
     types[key]
@@ -142,9 +140,7 @@ def _said(values: FloatArray) -> FloatArray:
     return angles_from_rotation(values) if values.ndim == 3 else values
 
 
-# ------------------------------------------------------------
-# Errors that are planted on purpose: gross ones, systematic ones, and observations that are lost.
-# ------------------------------------------------------------
+# ---- Errors that are planted on purpose: gross ones, systematic ones, and observations that are lost.
 
 
 class Systematic(NamedTuple):
@@ -269,8 +265,7 @@ def with_planted(
     return tuple(changed)
 
 
-# ------------------------------------------------------------
-# Observations whose values stand in no table: planes, levels of instruments, image-variant interiors.
+# ---- Observations whose values stand in no table: planes, levels of instruments, image-variant interiors.
 #
 # They are observed as zero. In a simulation that is to be read again as a project the error hence cannot be
 # in the observation: the truth has it. Points lie beside their plane, an instrument is tilted, an image
@@ -282,7 +277,6 @@ def with_planted(
 # Shift and drift that an instrument has separately on every strip are observed once for all of them: they go the
 # same way, with what was observed as l, which is 0 otherwise. Constancy and smoothness of trajectories say
 # how a flight usually is, and not where it goes: the path stays as it is planned.
-# ------------------------------------------------------------
 
 _STEPS = 20
 _CLOSE = 1e-6
@@ -340,15 +334,13 @@ def place_with_errors(
     return place
 
 
-# ------------------------------------------------------------
-# What many simulated measurements say of the statistics of one adjustment: bias, coverage, levels, power.
+# ---- What many simulated measurements say of the statistics of one adjustment: bias, coverage, levels, power.
 #
 # The adjustment at the true place has cofactors Q, redundancy numbers r and critical values. Each run draws
 # errors, adjusts, and compares with the truth: the solution with Q, the residuals with their tests. In a
 # second adjustment of each run an observation drawn at random has an error of the size ∇ that its test finds
 # with the power β0. What is counted here is added up run by run; sums of chunks of runs, added in their
 # order, do not depend on who worked them out.
-# ------------------------------------------------------------
 
 CONFIDENCE = 0.95
 """Of the regions whose coverage is counted."""
@@ -590,9 +582,7 @@ def _with_power(
     return replace(tally, planted=np.ones(()), found=np.asarray(1.0 if hit else 0.0))
 
 
-# ------------------------------------------------------------
-# What a Monte Carlo simulation finds, against what theory says, with the limits that chance leaves.
-# ------------------------------------------------------------
+# ---- What a Monte Carlo simulation finds, against what theory says, with the limits that chance leaves.
 
 LEVEL = 0.001
 """Of each finding: chance alone puts one in a thousand outside its limits."""

@@ -30,9 +30,7 @@ from mor.project.tables import Column, TableLocation, read_table
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE, IMAGE, LENGTH, Quantity
 
-# ------------------------------------------------------------
-# Which way is up, and where coordinates lie: everywhere the same, or on the earth that of the place.
-# ------------------------------------------------------------
+# ---- Which way is up, and where coordinates lie: everywhere the same, or on the earth that of the place.
 
 GEOGRAPHIC = "on the earth a surface has its corners in a projection or geocentric, or by names of points"
 NO_GEOID = "corners above the geoid need its grid (world: {geoid: FILE}), or names of points"
@@ -71,9 +69,7 @@ def placed(reading: Reading, coordinates: FloatArray) -> FloatArray:
     return there
 
 
-# ------------------------------------------------------------
-# Names of a plan: which targets, images, stations and points patterns stand for, and where these are.
-# ------------------------------------------------------------
+# ---- Names of a plan: which targets, images, stations and points patterns stand for, and where these are.
 
 NO_PLACE = "no coordinates; what is seen depends on where it is"
 
@@ -118,9 +114,7 @@ def named(
     return found
 
 
-# ------------------------------------------------------------
-# What stands in the way of sights, and where targets look, as a project says it: internal axes, its length unit.
-# ------------------------------------------------------------
+# ---- What stands in the way of sights, and where targets look, as a project says it: internal axes, its length unit.
 
 
 class Surroundings(NamedTuple):
@@ -296,9 +290,7 @@ def _put(
     normals[chosen] = np.einsum("nij,ni->nj", axes, values / length[:, None])
 
 
-# ------------------------------------------------------------
-# Which targets are seen from where, and why others are not.
-# ------------------------------------------------------------
+# ---- Which targets are seen from where, and why others are not.
 
 
 class Limits(NamedTuple):
@@ -341,9 +333,7 @@ def outcomes(
     return found
 
 
-# ------------------------------------------------------------
-# Where sights begin, and what an image has on its format.
-# ------------------------------------------------------------
+# ---- Where sights begin, and what an image has on its format.
 
 _ROUNDS = 60
 """Steps in which the measured coordinates of models that correct these come to rest."""
@@ -477,9 +467,7 @@ def instruments(reading: Reading, start: Start, space: str, numbers: IntArray, h
     return np.asarray(found + height * upwards(reading, found)) if space == "point" else found
 
 
-# ------------------------------------------------------------
-# A project whose planned observations say what is visible, with the rows of all that is.
-# ------------------------------------------------------------
+# ---- A project whose planned observations say what is visible, with the rows of all that is.
 
 _SECTIONS = ("observations", "candidates")
 _BETWEEN_FEET = ("ellipsoid_arc", "ellipsoid_chord", "mean_sea_level_distance")

@@ -22,12 +22,10 @@ from mor.units import (
     parse_dms,
 )
 
-# ------------------------------------------------------------
-# The edge: units and axes of the project on the way in and out.
+# ---- The edge: units and axes of the project on the way in and out.
 #
 # Inside: X east, Y north, Z up (right-handed), bearings clockwise from +Y, radians, the project's length
 # unit, the image unit of each camera.
-# ------------------------------------------------------------
 
 _NUMBER = re.compile(r"^([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*([A-Za-zµμ%°]\S*)?$")
 _SEXAGESIMAL = re.compile(r"^[-+−]?\d+(?:\s*[-°:]\s*|\s+)\d")
@@ -241,9 +239,7 @@ class Edge(NamedTuple):
         return bool(np.linalg.det(self.matrix) > 0.0)
 
 
-# ------------------------------------------------------------
-# How the components of an observation type go through the edge: axes, sense of rotation, zero of bearings.
-# ------------------------------------------------------------
+# ---- How the components of an observation type go through the edge: axes, sense of rotation, zero of bearings.
 
 
 def edge_transform(type_: ObservationType, edge: Edge) -> tuple[FloatArray, FloatArray]:

@@ -21,14 +21,12 @@ import yaml
 from mor.errors import InputError, Message, escaped
 from mor.input_files import limit, raise_it
 
-# ------------------------------------------------------------
-# Names in CSV files, written so that no spreadsheet runs them as a formula and no reader takes them for a comment.
+# ---- Names in CSV files, written so that no spreadsheet runs them as a formula and no reader takes them for a comment.
 #
 # A name that begins with =, +, -, @ or a tab (and is no number) would be run when the table is opened in a
 # spreadsheet; one that begins with # would be a comment. An apostrophe is put before them, and taken away on
 # reading. What begins with apostrophes before one of these signs gets another one, so that every name comes
 # back as it was.
-# ------------------------------------------------------------
 
 _SIGNS = "[=+@\t#-]"
 _UNSAFE = re.compile(f"'*{_SIGNS}")
@@ -84,12 +82,10 @@ def _any(told: pl.DataFrame) -> bool:
     return any(map(any, told.rows()))
 
 
-# ------------------------------------------------------------
-# YAML text to plain data in which every scalar is still text and every value knows its line.
+# ---- YAML text to plain data in which every scalar is still text and every value knows its line.
 #
 # PyYAML's own constructors lose a key given twice, read point 010 as 8 and point no as False. Here its events
 # are taken instead; what a text means is decided by the model that asks for it.
-# ------------------------------------------------------------
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 
@@ -324,9 +320,7 @@ def _skip(event: yaml.Event, events: Iterator[yaml.Event]) -> None:
         depth -= int(isinstance(event, yaml.CollectionEndEvent))
 
 
-# ------------------------------------------------------------
-# Plain data of a project as YAML text: numbers as numbers, identifiers as texts, short lists in one line.
-# ------------------------------------------------------------
+# ---- Plain data of a project as YAML text: numbers as numbers, identifiers as texts, short lists in one line.
 
 IDENTIFIERS = frozenset(
     (
@@ -482,9 +476,7 @@ _Dumper.add_representer(str, _Dumper.represent_text)
 _Dumper.add_representer(_Plain, _Dumper.represent_plain)
 
 
-# ------------------------------------------------------------
-# Plain data of a project as a project file: what a person reads as YAML, long tables as CSV beside it.
-# ------------------------------------------------------------
+# ---- Plain data of a project as a project file: what a person reads as YAML, long tables as CSV beside it.
 
 LONGEST = 20
 """Rows of a table, or of a covariance matrix, that stay in the project file."""

@@ -27,9 +27,7 @@ from mor.project.tables import Rows, TableLocation, tell_rows
 from mor.types import FloatArray, IntArray
 from mor.units import ANGLE, LENGTH
 
-# ------------------------------------------------------------
-# Deflections, geoid heights and places that observations on the earth need.
-# ------------------------------------------------------------
+# ---- Deflections, geoid heights and places that observations on the earth need.
 
 PLANE = ("east", "north")
 """Columns of the place at which angles refer to the axes of a projection."""
@@ -91,9 +89,7 @@ def needs_convergence(type_: ObservationType) -> bool:
     return CONVERGENCE in type_.constants
 
 
-# ------------------------------------------------------------
-# Projections as polynomials over the area of a network, for observations in their plane.
-# ------------------------------------------------------------
+# ---- Projections as polynomials over the area of a network, for observations in their plane.
 
 _DEGREES = (6, 10, 15, 21)
 _CLOSE = 1e-7
@@ -188,9 +184,7 @@ def with_convergence_at_images(
         return None
 
 
-# ------------------------------------------------------------
-# The sphere under a local network: `curvature` of the project file.
-# ------------------------------------------------------------
+# ---- The sphere under a local network: `curvature` of the project file.
 
 _NAMES = ("point", "station", "image")
 _HALF_PI = 0.5 * np.pi
@@ -290,8 +284,7 @@ def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] 
     return float(x), float(y), float(z)
 
 
-# ------------------------------------------------------------
-# Networks on the earth that plumb lines leave neither free nor determined: these have no solution, and are told.
+# ---- Networks on the earth that plumb lines leave neither free nor determined: these have no solution, and are told.
 #
 # Levelled instruments tell nothing of a turn of their network about its vertical, nor of a movement along the
 # earth that turns it with its plumb lines: on a sphere nothing at all, on the ellipsoid what its curvature
@@ -300,7 +293,6 @@ def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] 
 # heights its shifts, too. What seems determined there is no information; the iteration follows it, and never
 # comes to an end. An inner constraint in its place would have to be a condition of its own, beside the
 # defect.
-# ------------------------------------------------------------
 
 _LEVELLED = {
     "directions",

@@ -25,9 +25,7 @@ from mor.project.schema import ProjectFile, TableEntry
 from mor.project.tables import Statuses, TableLocation
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# What a project names: points, images, stations, systems … and the blocks that stand behind each name.
-# ------------------------------------------------------------
+# ---- What a project names: points, images, stations, systems … and the blocks that stand behind each name.
 
 
 @dataclass
@@ -231,9 +229,7 @@ def unknown_name(what: str, name: str, known: Iterable[str]) -> str:
     return f"{what} {name!r} does not exist{nearest(name, known)}"
 
 
-# ------------------------------------------------------------
-# Components that are equal, or differ by a known amount: they are one unknown.
-# ------------------------------------------------------------
+# ---- Components that are equal, or differ by a known amount: they are one unknown.
 
 Node = tuple[int, int]
 """Number of a block, number of a component."""
@@ -342,9 +338,7 @@ def _settle(store: BlockStore, members: list[tuple[Node, float]], full: float) -
             table.start[node] = np.nan
 
 
-# ------------------------------------------------------------
-# Times as people write them, in years.
-# ------------------------------------------------------------
+# ---- Times as people write them, in years.
 
 _YEAR = re.compile(r"[12]\d{3}(\.\d+)?")
 _MONTH = re.compile(r"[12]\d{3}-\d{2}")
@@ -367,9 +361,7 @@ def decimal_year(text: str) -> float:
     return moment.year + (moment - begin) / whole
 
 
-# ------------------------------------------------------------
-# Which points move, and how: blocks behind a point at a time.
-# ------------------------------------------------------------
+# ---- Which points move, and how: blocks behind a point at a time.
 
 AT = "@"
 """Between the name of a point and the time from which coordinates of its own hold."""
@@ -439,9 +431,7 @@ class TimeModel:
         return sorted(range(len(self.times)), key=self.times.__getitem__)
 
 
-# ------------------------------------------------------------
-# A trajectory: times and blocks of its knots, and which of them a pose at a time depends on.
-# ------------------------------------------------------------
+# ---- A trajectory: times and blocks of its knots, and which of them a pose at a time depends on.
 
 
 class Clock(NamedTuple):
@@ -557,9 +547,7 @@ def knot_name(trajectory: str, time: float) -> str:
     return f"{trajectory}@{time:.12g}"
 
 
-# ------------------------------------------------------------
-# What the steps of reading a project share.
-# ------------------------------------------------------------
+# ---- What the steps of reading a project share.
 
 TableWatcher: TypeAlias = Callable[[str | None], None]
 """Told the file of a table when it has been read."""

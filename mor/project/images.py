@@ -40,9 +40,7 @@ from mor.project.trajectories import (
 from mor.types import BoolArray, IntArray
 from mor.units import IMAGE, NUMBER, Component
 
-# ------------------------------------------------------------
-# Cameras of a project: interior orientations, image scales, image-variant components.
-# ------------------------------------------------------------
+# ---- Cameras of a project: interior orientations, image scales, image-variant components.
 
 DIAGONAL_35MM = float(np.hypot(36.0, 24.0))
 """Diagonal of the format that 35 mm equivalents refer to, mm."""
@@ -304,9 +302,7 @@ def hold_what_images_have(reading: Reading, groups: Sequence[ObservationGroup]) 
                 store.hold(block, component, float(store.all_values()[block, component]))
 
 
-# ------------------------------------------------------------
-# Images of a project: frames with a camera; followers refer to their leading image and their pair.
-# ------------------------------------------------------------
+# ---- Images of a project: frames with a camera; followers refer to their leading image and their pair.
 
 
 def read_images(reading: Reading) -> None:

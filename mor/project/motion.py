@@ -47,9 +47,7 @@ from mor.project.tables import (
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import LENGTH, Component
 
-# ------------------------------------------------------------
-# The section ``motions``: velocities, annual oscillations, steps, coordinates of every epoch.
-# ------------------------------------------------------------
+# ---- The section ``motions``: velocities, annual oscillations, steps, coordinates of every epoch.
 
 STEP = tuple(Component(f"d{axis}", LENGTH) for axis in "xyz")
 _KINDS: dict[str, tuple[BlockKind, ...]] = {"velocity": (VELOCITY,), "seasonal": (SINE, COSINE)}
@@ -280,9 +278,7 @@ def block_at(reading: Reading, labels: list[str], before: IntArray, moved: Float
     return result
 
 
-# ------------------------------------------------------------
-# Which epoch an observation, an image or a station belongs to.
-# ------------------------------------------------------------
+# ---- Which epoch an observation, an image or a station belongs to.
 
 EPOCH = Column("epoch")
 NONE = -1
@@ -356,9 +352,7 @@ def _epoch_of(reading: Reading, reference: Reference, name: str) -> int:
     return NONE
 
 
-# ------------------------------------------------------------
-# Observations at their epochs: rows that see a moving point refer to where it is at that time.
-# ------------------------------------------------------------
+# ---- Observations at their epochs: rows that see a moving point refer to where it is at that time.
 
 
 def settle_reference(reading: Reading) -> None:

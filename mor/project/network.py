@@ -60,9 +60,7 @@ from mor.project.tables import TableLocation
 from mor.project.trajectories import read_trajectories, steadiness_groups
 from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
 
-# ------------------------------------------------------------
-# One file of observations in two places of a project: its observations would count twice.
-# ------------------------------------------------------------
+# ---- One file of observations in two places of a project: its observations would count twice.
 
 _NOT_NAMING = {"epoch", "time"}
 """Common values that do not say between what was observed."""
@@ -116,9 +114,7 @@ def _read(entry: Observations) -> tuple[object, ...]:
     return tuple(sorted(renamed)), tuple(sorted(common))
 
 
-# ------------------------------------------------------------
-# Correlated observations: covariances by row, by clusters of rows, by group, or over groups of one cluster.
-# ------------------------------------------------------------
+# ---- Correlated observations: covariances by row, by clusters of rows, by group, or over groups of one cluster.
 
 
 class Correlation(NamedTuple):
@@ -367,9 +363,7 @@ def _not_positive_definite(matrix: FloatArray) -> str:
     return ""
 
 
-# ------------------------------------------------------------
-# From the project to the network: blocks, observation groups, correlations, datum, start values.
-# ------------------------------------------------------------
+# ---- From the project to the network: blocks, observation groups, correlations, datum, start values.
 
 
 class DatumChoice(NamedTuple):
@@ -713,11 +707,9 @@ def _datum_points(reading: Reading, name: str) -> IntArray:
     return np.zeros(0, dtype=np.int64)
 
 
-# ------------------------------------------------------------
-# A network without some of its things, or with some of its points at infinity: the rest stays as it was read.
+# ---- A network without some of its things, or with some of its points at infinity: the rest stays as it was read.
 #
 # Blocks keep their numbers. Those left out are held at any value, and no observation refers to them any more.
-# ------------------------------------------------------------
 
 Marked: TypeAlias = Mapping[str, BoolArray]
 """(n,) blocks of each kind that are meant."""

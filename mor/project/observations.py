@@ -74,9 +74,7 @@ from mor.project.trajectories import (
 from mor.types import LARGEST, FloatArray, IntArray, SmallIntArray
 from mor.units import IMAGE, LENGTH, Component
 
-# ------------------------------------------------------------
-# Groups of image coordinates: split by camera model, converted when the camera is known.
-# ------------------------------------------------------------
+# ---- Groups of image coordinates: split by camera model, converted when the camera is known.
 
 Repeated = TypeVar("Repeated", FloatArray, SmallIntArray)
 
@@ -320,9 +318,7 @@ def _image_values(
     return scale.inwards(xy, unit("x")), sigma, factors
 
 
-# ------------------------------------------------------------
-# Observation groups of a project: columns, names, units, σ and correlations, the same way for every type.
-# ------------------------------------------------------------
+# ---- Observation groups of a project: columns, names, units, σ and correlations, the same way for every type.
 
 TYPE_NAMES = ("image", *PLAIN_TYPES)
 """Types of a project that is nowhere on the earth."""
@@ -673,9 +669,7 @@ def _centring(reading: Reading, entry: Observations, place: TableLocation) -> Se
         return SetUpSigmas()
 
 
-# ------------------------------------------------------------
-# Sets of directions: what a set with an orientation of its own needs to say anything.
-# ------------------------------------------------------------
+# ---- Sets of directions: what a set with an orientation of its own needs to say anything.
 
 _DIRECTIONS = ("directions", "zenith_directions")
 _KNOWLEDGE = ("observed/rotation", "difference/rotation")
@@ -723,9 +717,7 @@ _ONE_TARGET = (
 )
 
 
-# ------------------------------------------------------------
-# Observations that a plan might have besides: they are read like all others, and take no part in the adjustment.
-# ------------------------------------------------------------
+# ---- Observations that a plan might have besides: they are read like all others, and take no part in the adjustment.
 
 
 def candidate_groups(reading: Reading) -> tuple[ObservationGroup, ...]:
@@ -747,9 +739,7 @@ def candidate_groups(reading: Reading) -> tuple[ObservationGroup, ...]:
     return tuple(found.group for found in groups)
 
 
-# ------------------------------------------------------------
-# Check points, check distances and other observations that are kept out of the adjustment.
-# ------------------------------------------------------------
+# ---- Check points, check distances and other observations that are kept out of the adjustment.
 
 
 def check_groups(reading: Reading, groups: list[ObservationGroup]) -> tuple[ObservationGroup, ...]:

@@ -23,14 +23,12 @@ from mor.project.reference_system import EarthModel, reference_system
 from mor.project.trajectories import TRAJECTORY, row_times
 from mor.types import FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Line scanners whose place is given beforehand: the row of each point, where none has been measured.
+# ---- Line scanners whose place is given beforehand: the row of each point, where none has been measured.
 #
 # A point is scanned when it crosses the line of the camera, y(X*(t)) = a: the first time after the first line
 # of the image at which it does so ahead of the camera, as far as the stretch of the trajectory, or the table
 # of the times of its lines, goes. The crossing is bracketed between times a quarter of an interval of knots
 # apart, and halved.
-# ------------------------------------------------------------
 
 _PARTS = 4
 """Of an interval between knots, at whose ends it is asked on which side of the line a point lies."""
@@ -177,9 +175,7 @@ def _tell_lost(group: ObservationGroup, times: FloatArray) -> None:
         raise InputError(told)
 
 
-# ------------------------------------------------------------
-# Poses of images on a trajectory, from the knots.
-# ------------------------------------------------------------
+# ---- Poses of images on a trajectory, from the knots.
 
 
 class ImagePoses(NamedTuple):
@@ -250,9 +246,7 @@ def with_poses_of(
     return result
 
 
-# ------------------------------------------------------------
-# Rolling shutters on trajectories: which knots a row depends on follows from its time, by the readout time.
-# ------------------------------------------------------------
+# ---- Rolling shutters on trajectories: which knots a row depends on follows from its time, by the readout time.
 
 
 def read_out_at(
@@ -286,9 +280,7 @@ def read_out_at(
     return replace(group, constants=constants, blocks=(*knots, *group.blocks[count:]))
 
 
-# ------------------------------------------------------------
-# Projections over all places of a network, where some are found beyond what was known of them when it was read.
-# ------------------------------------------------------------
+# ---- Projections over all places of a network, where some are found beyond what was known of them when it was read.
 
 
 def with_planes_over(network: Network, places: Mapping[str, FloatArray]) -> Network:
@@ -329,9 +321,7 @@ def _over(world: EarthModel, group: ObservationGroup, points: FloatArray) -> Obs
     return replace(group, type=group.type._replace(equation=replace(equation, plane=wider)))
 
 
-# ------------------------------------------------------------
-# Networks on the earth whose place is given beforehand: what their observations must know, and simulated control.
-# ------------------------------------------------------------
+# ---- Networks on the earth whose place is given beforehand: what their observations must know, and simulated control.
 
 
 def known_at_place(network: Network, place: Mapping[str, FloatArray]) -> Network:

@@ -51,9 +51,7 @@ from mor.project.tables import (
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE, LENGTH
 
-# ------------------------------------------------------------
-# Places of images, stations and systems given in the reference system of the project: where they start.
-# ------------------------------------------------------------
+# ---- Places of images, stations and systems given in the reference system of the project: where they start.
 
 _OBSERVED = (
     "on the earth the place of a frame is a start value: observe it (projected_position, geodetic_position, "
@@ -113,9 +111,7 @@ def _geoid(reading: Reading, world: EarthModel, rows: Rows, given: FloatArray) -
     return N
 
 
-# ------------------------------------------------------------
-# Positions and rotations of frames: own ones, shared ones, those of points.
-# ------------------------------------------------------------
+# ---- Positions and rotations of frames: own ones, shared ones, those of points.
 
 
 def positions(reading: Reading, rows: Rows, labels: list[str], fixed: Sequence[str]) -> IntArray:
@@ -309,9 +305,7 @@ def _first(seen: list[NameColumn], name: str) -> str:
     return ""
 
 
-# ------------------------------------------------------------
-# Tables of points on the earth, as they are given: coordinates, σ, geoid heights, deflections.
-# ------------------------------------------------------------
+# ---- Tables of points on the earth, as they are given: coordinates, σ, geoid heights, deflections.
 
 ENU = ("east", "north", "up")
 
@@ -390,9 +384,7 @@ def _check_degrees(reading: Reading, coordinates: FloatArray, rows: Rows) -> Non
     tell_rows(reading.problems, np.abs(coordinates[:, 0]) > 0.5 * np.pi, rows, words)
 
 
-# ------------------------------------------------------------
-# Geoid heights and deflections of the vertical at the points of a project: of their columns, else of grids.
-# ------------------------------------------------------------
+# ---- Geoid heights and deflections of the vertical at the points of a project: of their columns, else of grids.
 
 _Values = TypeVar("_Values")
 
@@ -489,9 +481,7 @@ def _tell_uncovered(
         tell_rows(reading.problems, uncovered, table.rows, lambda row: f"{grid} does not cover {place(row)}")
 
 
-# ------------------------------------------------------------
-# Points given in a reference system: positions, σ east, north, up, geoid heights and deflections.
-# ------------------------------------------------------------
+# ---- Points given in a reference system: positions, σ east, north, up, geoid heights and deflections.
 
 
 def read_world(reading: Reading) -> None:
@@ -696,9 +686,7 @@ def _note(reading: Reading, world: EarthModel) -> None:
     reading.notes.append(place.problem(words))
 
 
-# ------------------------------------------------------------
-# Object points of a project, and the checks that every named table shares.
-# ------------------------------------------------------------
+# ---- Object points of a project, and the checks that every named table shares.
 
 
 def read_points(reading: Reading) -> None:

@@ -44,9 +44,7 @@ from mor.project.tables import MOST_TOLD, Column, Rows, TableLocation, read_tabl
 from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.units import ANGLE, LENGTH
 
-# ------------------------------------------------------------
-# Prior knowledge that stands with the things themselves: observed components, levels, image-variant interiors.
-# ------------------------------------------------------------
+# ---- Prior knowledge that stands with the things themselves: observed components, levels, image-variant interiors.
 
 
 def prior_groups(reading: Reading) -> list[ObservationGroup]:
@@ -148,9 +146,7 @@ def variant_groups(reading: Reading, variants: dict[str, dict[int, float]]) -> l
     return groups
 
 
-# ------------------------------------------------------------
-# Planes, lines and right angles: local systems whose coordinates are observed as zero (MOR 1.5).
-# ------------------------------------------------------------
+# ---- Planes, lines and right angles: local systems whose coordinates are observed as zero (MOR 1.5).
 
 NEEDED = {"plane": 4, "line": 3, "right angle": 3}
 """Points from which on a feature says something about the object."""
@@ -580,9 +576,7 @@ def _upright(directions: FloatArray) -> FloatArray:
     return upright
 
 
-# ------------------------------------------------------------
-# What no adjustment can be computed with: σ beyond all numbers, nothing free, a datum without coordinates.
-# ------------------------------------------------------------
+# ---- What no adjustment can be computed with: σ beyond all numbers, nothing free, a datum without coordinates.
 
 
 def check_feasible(
@@ -626,9 +620,7 @@ def _check_sigma(reading: Reading, group: ObservationGroup) -> None:
         reading.problems.append(Message(words, group.file or reading.document.file, line))
 
 
-# ------------------------------------------------------------
-# Observation groups of types ``parameter`` and ``difference``: any component of any block, row by row.
-# ------------------------------------------------------------
+# ---- Observation groups of types ``parameter`` and ``difference``: any component of any block, row by row.
 
 PARTS = {
     "camera": ("interior", "eccentricity", "readout"),

@@ -20,9 +20,7 @@ from mor.project.document import LONGEST, guarded, plain
 from mor.project.tables import is_spreadsheet, read_spreadsheet
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
-# ------------------------------------------------------------
-# Recognise tables of measurements and coordinates by the names of their columns, to begin a project from them.
-# ------------------------------------------------------------
+# ---- Recognise tables of measurements and coordinates by the names of their columns, to begin a project from them.
 
 _FROM = (
     "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ|occupied"
@@ -408,9 +406,7 @@ def _known() -> str:
     return "known are " + "; ".join(f"{kind}: {', '.join(required)}" for kind, required in kinds.items())
 
 
-# ------------------------------------------------------------
-# A new project file with comments, begun from the tables that are there.
-# ------------------------------------------------------------
+# ---- A new project file with comments, begun from the tables that are there.
 
 _SIGMA = {
     "image": "{sigma: 1 um}",

@@ -20,14 +20,12 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
 
-# ------------------------------------------------------------
-# Grids in the format of NTv2 (GSB) that hold a geoid: at every node N, ξ and η, as AUSGeoid has them.
+# ---- Grids in the format of NTv2 (GSB) that hold a geoid: at every node N, ξ and η, as AUSGeoid has them.
 #
 # Records of 16 bytes: a name of 8 characters and a value. The head of the file has 11 of them, then each
 # subgrid has 11 and its nodes, four 32-bit numbers each (here N in m, ξ and η in ″, and one without a
 # meaning), row by row from the south, in a row from the east. Longitudes count to the west (Junkins and
 # Farley, *NTv2 Developer's Guide*, 1995).
-# ------------------------------------------------------------
 
 RECORD = 16
 _RECORDS = 11
@@ -140,9 +138,7 @@ def values_at(file: Path, geodetic: FloatArray) -> FloatArray:
     return result
 
 
-# ------------------------------------------------------------
-# Geoid heights and deflections of the vertical out of grid files: GTX and GeoTIFF through PROJ, GSB by ourselves.
-# ------------------------------------------------------------
+# ---- Geoid heights and deflections of the vertical out of grid files: GTX and GeoTIFF through PROJ, GSB by ourselves.
 
 
 def geoid_heights(file: Path, geodetic: FloatArray) -> FloatArray:
@@ -197,11 +193,9 @@ def _of_proj(file: Path, geodetic: FloatArray) -> FloatArray:
     return values
 
 
-# ------------------------------------------------------------
-# A coordinate reference system: coordinates of a project to latitude, longitude, height of its ellipsoid and back.
+# ---- A coordinate reference system: coordinates of a project to latitude, longitude, height of its ellipsoid and back.
 #
 # No datum is ever changed here: a projection is undone within its own datum, and heights are taken as they are.
-# ------------------------------------------------------------
 
 COORDINATES = {
     "geographic": ("latitude", "longitude", "height"),
@@ -347,9 +341,7 @@ def _short(text: str) -> str:
     return repr(line[:60] + "…" if len(line) > 60 else line)
 
 
-# ------------------------------------------------------------
-# Reference system, object system, verticals and geoid of a network on the earth.
-# ------------------------------------------------------------
+# ---- Reference system, object system, verticals and geoid of a network on the earth.
 
 
 @dataclass(frozen=True)

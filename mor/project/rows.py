@@ -22,9 +22,7 @@ from mor.project.tables import MOST_TOLD, Column, Rows, TableLocation, number_co
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import LENGTH, NUMBER
 
-# ------------------------------------------------------------
-# Orientations of theodolite stations: sets of their own, and stations at which no direction was observed.
-# ------------------------------------------------------------
+# ---- Orientations of theodolite stations: sets of their own, and stations at which no direction was observed.
 
 
 def set_name(station: str, set_: str) -> str:
@@ -69,9 +67,7 @@ def drop_unused_orientations(reading: Reading, groups: Sequence[ObservationGroup
                 store.hold(int(number), component, float(value))
 
 
-# ------------------------------------------------------------
-# What the readers of image coordinates and of all other types share: a group as read, names, σ.
-# ------------------------------------------------------------
+# ---- What the readers of image coordinates and of all other types share: a group as read, names, σ.
 
 CLUSTER = "cluster"
 """Column of the names of rows that are correlated among themselves."""
@@ -131,9 +127,7 @@ def group_name(entry: Observations, number: int) -> str:
     return entry.name or entry.file or f"{entry.type} {number + 1}"
 
 
-# ------------------------------------------------------------
-# Observations that are planned and not measured: tables in which the values are missing, row by row or throughout.
-# ------------------------------------------------------------
+# ---- Observations that are planned and not measured: tables in which the values are missing, row by row or throughout.
 
 
 def without_required(columns: Sequence[Column], measured: Sequence[str]) -> list[Column]:
@@ -157,9 +151,7 @@ def planned_rows(rows: Rows, measured: Sequence[str], reading: Reading, name: st
     return replace(rows, numbers={**rows.numbers, **filled})
 
 
-# ------------------------------------------------------------
-# Points that only observations name: free where a project asks for it; those that may be slips are told.
-# ------------------------------------------------------------
+# ---- Points that only observations name: free where a project asks for it; those that may be slips are told.
 
 
 def declare(reading: Reading, rows: Rows, column: str, spaces: Sequence[str]) -> None:
@@ -267,9 +259,7 @@ def _without_one(name: str) -> list[str]:
     return [plain, *(plain[:k] + plain[k + 1 :] for k in range(len(plain)) if len(plain) > 1)]
 
 
-# ------------------------------------------------------------
-# Names in observation tables: what they stand for, and what is wrong with them.
-# ------------------------------------------------------------
+# ---- Names in observation tables: what they stand for, and what is wrong with them.
 
 _NEUTRAL = ("distance meter", "refraction", "gnss frame")
 """Parts of instruments whose block 0 is that of none; others have none."""
@@ -457,9 +447,7 @@ def named_things(reading: Reading, space: str, column: str, rows: Rows) -> Names
     return Names(found, things.ids)
 
 
-# ------------------------------------------------------------
-# Heights of instrument and target: those a row gives, and those of stations that are not named.
-# ------------------------------------------------------------
+# ---- Heights of instrument and target: those a row gives, and those of stations that are not named.
 
 
 def with_own_height(reading: Reading, rows: Rows, of: str, heights: IntArray, number: int) -> IntArray:
@@ -526,8 +514,7 @@ def note_points_under_instruments(
         reading.notes.append(Message(words, rows.file, int(rows.lines[row])))
 
 
-# ------------------------------------------------------------
-# First velocity correction of measured distances, from temperature, pressure and humidity of the air.
+# ---- First velocity correction of measured distances, from temperature, pressure and humidity of the air.
 #
 #     d = d′ + (C − D p/(273.15 + t) + 11.27 e/(273.15 + t)) · 10⁻⁶ d′
 #
@@ -536,7 +523,6 @@ def note_points_under_instruments(
 # wavelength λ, µm, through the group refractivity of Barrell and Sears (1939):
 #
 #     D = 273.15/1013.25 · (287.604 + 4.8864/λ² + 0.068/λ⁴)
-# ------------------------------------------------------------
 
 TEMPERATURE, PRESSURE, HUMIDITY, VAPOUR = "temperature", "pressure", "humidity", "vapour_pressure"
 AIR = (TEMPERATURE, PRESSURE, HUMIDITY, VAPOUR)
@@ -641,9 +627,7 @@ _SHORTEST, _LONGEST = 0.36, 2.0
 """Wavelengths, µm, at which Barrell and Sears hold and distances are measured with light."""
 
 
-# ------------------------------------------------------------
-# What is observed of one thing alone, and is fixed there: it would be counted with r = 1, and says nothing.
-# ------------------------------------------------------------
+# ---- What is observed of one thing alone, and is fixed there: it would be counted with r = 1, and says nothing.
 
 _ANYWHERE = 0.5
 """Stands for a value that is not known yet: what an equation depends on, it depends on at nearly every place."""

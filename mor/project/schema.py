@@ -21,9 +21,7 @@ from pydantic_core import ErrorDetails
 from mor.errors import InputError, Message, nearest
 from mor.project.document import Document, KeyPath
 
-# ------------------------------------------------------------
-# What stands at the leaves of a project file: texts, names, measures, delimiters; and the base of all sections.
-# ------------------------------------------------------------
+# ---- What stands at the leaves of a project file: texts, names, measures, delimiters; and the base of all sections.
 
 
 def _one_line(text: str) -> str:
@@ -71,9 +69,7 @@ class Strict(BaseModel):
     )
 
 
-# ------------------------------------------------------------
-# A table of a project file: its rows, or the file they stand in, its columns and units.
-# ------------------------------------------------------------
+# ---- A table of a project file: its rows, or the file they stand in, its columns and units.
 
 _SAID = {"file": "a file", "direction": "a direction", "surface": "a surface"}
 
@@ -137,9 +133,7 @@ class TableEntry(Strict):
         return {"file": self.file, "rows": self.rows}
 
 
-# ------------------------------------------------------------
-# The sections ``world`` and ``curvature`` of the project file: where on the earth the network is, or on a sphere.
-# ------------------------------------------------------------
+# ---- The sections ``world`` and ``curvature`` of the project file: where on the earth the network is, or on a sphere.
 
 
 class DeflectionGrids(Strict):
@@ -207,9 +201,7 @@ class Curvature(Strict):
     )
 
 
-# ------------------------------------------------------------
-# What a project file says of time: its reference, and how points move.
-# ------------------------------------------------------------
+# ---- What a project file says of time: its reference, and how points move.
 
 _Component = Literal["vx", "vy", "vz", "sin_x", "sin_y", "sin_z", "cos_x", "cos_y", "cos_z", "dx", "dy", "dz"]
 
@@ -248,9 +240,7 @@ class MotionEntry(TableEntry):
         return self
 
 
-# ------------------------------------------------------------
-# What a project file says of a plan: requirements it has to reach, and variants of it.
-# ------------------------------------------------------------
+# ---- What a project file says of a plan: requirements it has to reach, and variants of it.
 
 
 class RequiredSigma(Strict):
@@ -331,9 +321,7 @@ class Variant(Strict):
     )
 
 
-# ------------------------------------------------------------
-# What a project file says of who sees what: surfaces in the way, normals of targets, limits of sights.
-# ------------------------------------------------------------
+# ---- What a project file says of who sees what: surfaces in the way, normals of targets, limits of sights.
 
 _Place = Name | Annotated[list[Measure], Field(min_length=3, max_length=3)]
 
@@ -425,9 +413,7 @@ class Visible(Strict):
     )
 
 
-# ------------------------------------------------------------
-# What a project file says of values with a status, and of the instruments that groups of observations share.
-# ------------------------------------------------------------
+# ---- What a project file says of values with a status, and of the instruments that groups of observations share.
 
 
 class Value(Strict):
@@ -517,9 +503,7 @@ class Centring(Strict):
     target_height: Measure = Field(default="0", description="σ of the measured height of the target")
 
 
-# ------------------------------------------------------------
-# What a project file says of trajectories: their knots, how poses lie between them, how steady they are.
-# ------------------------------------------------------------
+# ---- What a project file says of trajectories: their knots, how poses lie between them, how steady they are.
 
 
 class Steadiness(Strict):
@@ -562,9 +546,7 @@ class LineTimes(TableEntry):
     name: Text | None = Field(default=None, description="Name in messages; default the file")
 
 
-# ------------------------------------------------------------
-# The project file as a model: every key there is, its type and what it means. The JSON Schema is made from it.
-# ------------------------------------------------------------
+# ---- The project file as a model: every key there is, its type and what it means. The JSON Schema is made from it.
 
 
 class Units(Strict):
@@ -982,9 +964,7 @@ class ProjectFile(Strict):
     settings: Settings = Field(default=Settings.model_construct(), description="How to solve and to test")
 
 
-# ------------------------------------------------------------
-# JSON Schema of the project file.
-# ------------------------------------------------------------
+# ---- JSON Schema of the project file.
 
 
 def project_schema() -> str:
@@ -1018,9 +998,7 @@ def _lenient(node: object) -> object:
     return node
 
 
-# ------------------------------------------------------------
-# From plain data to the model: all mistakes of a file at once, each with its line and the nearest known name.
-# ------------------------------------------------------------
+# ---- From plain data to the model: all mistakes of a file at once, each with its line and the nearest known name.
 
 _OTHER_KIND = {"string_type", "dict_type", "list_type", "model_type", "model_attributes_type"}
 

@@ -11,9 +11,8 @@ from mor.model.rotations import exponential, rotate
 from mor.model.shapes import PERPENDICULAR, PERPENDICULAR_TURNS, SHAPE_TYPES
 from mor.types import BoolArray, FloatArray
 
-# ------------------------------------------------------------
-# What is free: the offset of the origin and the turns, both along and about the axes of the local system, and the size.
-# ------------------------------------------------------------
+# ---- What is free: the offset of the origin and the turns, both along and about the axes of the local system, and
+# the size.
 
 
 class Freedom(NamedTuple):
@@ -43,9 +42,7 @@ FREEDOM = {
 """By type; the shape has radius, minor radius and semi-angle."""
 
 
-# ------------------------------------------------------------
-# Start values: the best of algebraic fits about many directions of the axis, each refined by least squares.
-# ------------------------------------------------------------
+# ---- Start values: the best of algebraic fits about many directions of the axis, each refined by least squares.
 
 _DIRECTIONS = 100
 """Directions of the axis that are tried."""

@@ -42,9 +42,7 @@ from mor.project.tables import (
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE
 
-# ------------------------------------------------------------
-# Constants of a set-up: heights, eccentricities, offsets, motions. Fixed if nothing else is said; shared by name.
-# ------------------------------------------------------------
+# ---- Constants of a set-up: heights, eccentricities, offsets, motions. Fixed if nothing else is said; shared by name.
 
 
 def set_up_columns(reading: Reading, kind: BlockKind, shared: bool = True) -> list[Column]:
@@ -211,9 +209,7 @@ def _said(
     return _Said(given, sigma, start, loose)
 
 
-# ------------------------------------------------------------
-# Theodolite stations and local systems of a project.
-# ------------------------------------------------------------
+# ---- Theodolite stations and local systems of a project.
 
 
 def read_stations(reading: Reading) -> None:
@@ -361,9 +357,7 @@ def _read_systems_table(
     reading.end("system", len(names))
 
 
-# ------------------------------------------------------------
-# Instruments and stereo pairs of a project.
-# ------------------------------------------------------------
+# ---- Instruments and stereo pairs of a project.
 
 
 def read_instruments(reading: Reading) -> None:

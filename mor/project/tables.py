@@ -33,9 +33,7 @@ from mor.project.schema import TableEntry, Value
 from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.units import ANGLE, Component, Quantity
 
-# ------------------------------------------------------------
-# What a table may contain, what was read from it, and where it stands.
-# ------------------------------------------------------------
+# ---- What a table may contain, what was read from it, and where it stands.
 
 
 class Column(NamedTuple):
@@ -126,13 +124,11 @@ def tell_rows(
         problems.append(Message(more, rows.file, int(rows.lines[found[MOST_TOLD]])))
 
 
-# ------------------------------------------------------------
-# Rows of a text file (CSV and its kin): typed columns in one go, whatever the number of rows.
+# ---- Rows of a text file (CSV and its kin): typed columns in one go, whatever the number of rows.
 #
 # Comments (a # that stands first or after a blank: point A#1 is a point) and empty lines are taken out of the
 # bytes first, and the lines of the rows are remembered. Where columns do not hold plain numbers only, they
 # are read as texts. Rows are looked at one by one only where quotes hide separators.
-# ------------------------------------------------------------
 
 _PART = 1 << 24
 """Bytes of a file that are looked at together."""
@@ -345,9 +341,7 @@ def _one_by_one(
     return Source([name for name in names if name], _plain(columns, cleaned), lines, file)
 
 
-# ------------------------------------------------------------
-# Tables in spreadsheets (.xlsx, .xls, .ods), read by python-calamine.
-# ------------------------------------------------------------
+# ---- Tables in spreadsheets (.xlsx, .xls, .ods), read by python-calamine.
 
 _ENDINGS = {".xlsx", ".xlsm", ".xls", ".ods"}
 
@@ -409,9 +403,7 @@ def _text(cell: object) -> str:
     return str(cell).strip()
 
 
-# ------------------------------------------------------------
-# Where the rows of a table come from: the project file, CSV or Parquet, with declared or headed columns.
-# ------------------------------------------------------------
+# ---- Where the rows of a table come from: the project file, CSV or Parquet, with declared or headed columns.
 
 _SMALLEST_CELL = 8
 """Bytes of a number, or of the reference to a text, in memory."""
@@ -487,9 +479,7 @@ def _from_frame(frame: pl.DataFrame, table: TableEntry, file: str) -> Source:
     return Source(list(columns), columns, np.arange(1, frame.height + 1, dtype=np.int32), file)
 
 
-# ------------------------------------------------------------
-# Tables: rows in the project file, or files beside it, turned into identifiers and numbers in internal units.
-# ------------------------------------------------------------
+# ---- Tables: rows in the project file, or files beside it, turned into identifiers and numbers in internal units.
 
 
 def read_table(
@@ -701,9 +691,7 @@ def _fits(column: Column, unit: str) -> bool:
     return True
 
 
-# ------------------------------------------------------------
-# Free, fixed or observed: from columns and settings to values, free flags and σ of components.
-# ------------------------------------------------------------
+# ---- Free, fixed or observed: from columns and settings to values, free flags and σ of components.
 
 
 class Statuses(NamedTuple):

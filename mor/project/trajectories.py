@@ -64,9 +64,7 @@ from mor.project.tables import (
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import IMAGE, NUMBER, TIME
 
-# ------------------------------------------------------------
-# Line scanners: where their line is, and at what time each row of an image was scanned.
-# ------------------------------------------------------------
+# ---- Line scanners: where their line is, and at what time each row of an image was scanned.
 
 
 def read_scanner(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> None:
@@ -145,9 +143,7 @@ def row_times(lines: RowTimes, rows: FloatArray) -> tuple[FloatArray, FloatArray
 _TWO = 2
 
 
-# ------------------------------------------------------------
-# Knots of the trajectories of a project: from tables, or at a spacing between the rows of tables.
-# ------------------------------------------------------------
+# ---- Knots of the trajectories of a project: from tables, or at a spacing between the rows of tables.
 
 _POSE = (*POINT.names, *ROTATION.names)
 
@@ -362,9 +358,7 @@ def between_rows(given: FloatArray, values: FloatArray, times: FloatArray) -> Fl
     return result
 
 
-# ------------------------------------------------------------
-# Tables of satellites and inertial systems: positions and attitudes of trajectories at any times.
-# ------------------------------------------------------------
+# ---- Tables of satellites and inertial systems: positions and attitudes of trajectories at any times.
 
 NAVIGATION = {POSITION: trajectory_position, ATTITUDE: trajectory_attitude}
 """Types a project names, and what makes one for a number of knots."""
@@ -548,9 +542,7 @@ def _strip(
     return known[kind.key, name]
 
 
-# ------------------------------------------------------------
-# Constancy and smoothness of trajectories: differences of neighbouring knots, observed as 0.
-# ------------------------------------------------------------
+# ---- Constancy and smoothness of trajectories: differences of neighbouring knots, observed as 0.
 
 _TYPES = {
     ("constancy", "position"): CONSTANT_POSITION,
@@ -617,9 +609,7 @@ def _group_of_steadiness(
     )
 
 
-# ------------------------------------------------------------
-# Images on a trajectory: frames at a time, and lines of scanners at the times of their rows.
-# ------------------------------------------------------------
+# ---- Images on a trajectory: frames at a time, and lines of scanners at the times of their rows.
 
 TRAJECTORY = "trajectory"
 """Part of an image: the number of its trajectory, −1 where it has none."""

@@ -39,9 +39,7 @@ from mor.solve.normals import image_of, objective
 from mor.solve.problem import evaluated
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# From an adjustment to its quality: everything a report says about trust.
-# ------------------------------------------------------------
+# ---- From an adjustment to its quality: everything a report says about trust.
 
 
 class Levels(NamedTuple):
@@ -185,8 +183,7 @@ def standard_deviations(quality: Quality, kind: str) -> FloatArray:
     return sigma
 
 
-# ------------------------------------------------------------
-# Is a converged solution one? The sum of the redundancy numbers, and unknowns with a σ beyond any use.
+# ---- Is a converged solution one? The sum of the redundancy numbers, and unknowns with a σ beyond any use.
 #
 # Σ r = n − u + d holds exactly, whatever the observations are; where it does not, round-off has eaten the cofactors.
 #
@@ -195,7 +192,6 @@ def standard_deviations(quality: Quality, kind: str) -> FloatArray:
 # π/√3 on, that of an angle spread evenly over the circle. Both come out of a system that is regular to the
 # last digits, so that no pivot vanishes; what is linear over one σ elsewhere is not so there, and σ itself
 # means nothing.
-# ------------------------------------------------------------
 
 REDUNDANCY_LOST = (
     "the sum of the redundancy numbers is not the redundancy: round-off errors have destroyed the solution"
@@ -352,12 +348,10 @@ def told_by_user(quality: Quality, kind: str) -> BoolArray:
     return told
 
 
-# ------------------------------------------------------------
-# Covariances of any unknowns together, in the datum of the adjustment: what the stored blocks do not hold.
+# ---- Covariances of any unknowns together, in the datum of the adjustment: what the stored blocks do not hold.
 #
 # Columns of the inverse come from one solution each; the S-transformation carries them into the datum, which
 # also makes them independent of the minimal datum the factorisation happened to take.
-# ------------------------------------------------------------
 
 _AT_A_TIME = 200
 

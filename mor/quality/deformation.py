@@ -19,14 +19,12 @@ from mor.quality.test_statistics import log_p_chi2, log_p_f, sidak
 from mor.solve.datum import network_components
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Tests of many vectors at once: is a velocity, a step, a movement more than chance?
+# ---- Tests of many vectors at once: is a velocity, a step, a movement more than chance?
 #
 # T = dᵀ Q⁻¹ d/h for a vector d with cofactors Q of rank h, against χ² (σ0 known) or F (σ0 estimated). A
 # vector of length ∇ is found with the power β0 where ∇ᵀ Q⁻¹ ∇ reaches the non-centrality λ of that test at
 # its level: the smallest one that every direction is found of has the length √(λ q), q the largest eigenvalue
 # of Q.
-# ------------------------------------------------------------
 
 _RANK = 1e-10
 
@@ -76,8 +74,7 @@ def noncentrality_of(freedom: int, level: float, power: float, redundancy: int |
     return float(ncfdtrinc(freedom, redundancy, 1.0 - power, float(fdtri(freedom, redundancy, 1.0 - level))))
 
 
-# ------------------------------------------------------------
-# Congruence: have points moved between two epochs?
+# ---- Congruence: have points moved between two epochs?
 #
 # The movements d of the points that both epochs have, with cofactors Q_d = Q_1 + Q_2, in one datum over those
 # points. The hypothesis that nothing moved is tested with T = dᵀ Q_d⁺ d, rank h: T/h against the χ²
@@ -85,7 +82,6 @@ def noncentrality_of(freedom: int, level: float, power: float, redundancy: int |
 # Where it is rejected, the point whose removal from the datum leaves the rest most congruent is taken to have
 # moved, and so on until the rest is congruent. A movement with its own 3 × 3 cofactors is then tested for
 # every point, in the datum of the stable ones.
-# ------------------------------------------------------------
 
 
 class MovementTest(NamedTuple):
@@ -222,9 +218,7 @@ def _most_moved(d: FloatArray, q: FloatArray, stable: BoolArray) -> int:
     return int(where[int(np.argmax(parts))])
 
 
-# ------------------------------------------------------------
-# Fixed coordinates given free again: what the S-transformation out of a datum of fixed points starts from.
-# ------------------------------------------------------------
+# ---- Fixed coordinates given free again: what the S-transformation out of a datum of fixed points starts from.
 
 
 def released(solved: Solved) -> Network:
@@ -248,14 +242,12 @@ def strained(before: Solved, after: Solved) -> bool:
     return one - other > 1e-6 * max(one, 1.0)
 
 
-# ------------------------------------------------------------
-# Movements of the points of one adjustment: what moves them, and by how much from one epoch to another.
+# ---- Movements of the points of one adjustment: what moves them, and by how much from one epoch to another.
 #
 # The position of a point at the time t is linear in its blocks, p(t) = X_i + Σ b_k(t) m_k, and so is the
 # movement between two epochs, d = p(t2) − p(t1), with cofactors C Q Cᵀ. Parameters (velocity, oscillation,
 # step) are tested against zero. All of these tests together reject by mistake with the level of the tests of
 # groups; each has its share (Šidák; for small levels that of Bonferroni).
-# ------------------------------------------------------------
 
 MOST_COLUMNS = 2_000
 """Coordinates of single epochs whose joint cofactors are worked out unasked: each costs a solution of the system."""
@@ -518,9 +510,7 @@ def compared(
     return tuple(p.name for p in points), np.array(d).reshape(-1, 3), q, C @ null[used]
 
 
-# ------------------------------------------------------------
-# Two epochs of one network: the same points, brought into one datum, and their movements tested.
-# ------------------------------------------------------------
+# ---- Two epochs of one network: the same points, brought into one datum, and their movements tested.
 
 
 class EpochComparison(NamedTuple):

@@ -28,9 +28,7 @@ from mor.solve.problem import Problem, linearise, misclosures, rotation_tangents
 from mor.start.points_at_infinity import RayPoints, nearly_parallel
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Parts of a network that no observation connects: each would need a datum of its own.
-# ------------------------------------------------------------
+# ---- Parts of a network that no observation connects: each would need a datum of its own.
 
 _TIES = ("point", "rotation", "base")
 """Kinds of blocks that tie observations together in space. A shared camera or refraction coefficient does not."""
@@ -117,9 +115,7 @@ def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[Networ
     return tuple(sorted(parts, key=lambda part: -part.size))
 
 
-# ------------------------------------------------------------
-# Things of a network that nothing determines: found one by one, or by what a null vector moves.
-# ------------------------------------------------------------
+# ---- Things of a network that nothing determines: found one by one, or by what a null vector moves.
 
 OPEN = "unknowns are not determined by the observations"
 """Reason of an outcome."""
@@ -244,9 +240,7 @@ def _apart(network: Network) -> set[tuple[str, str]]:
     }
 
 
-# ------------------------------------------------------------
-# How well the rays of a network meet at given values, before anything is adjusted.
-# ------------------------------------------------------------
+# ---- How well the rays of a network meet at given values, before anything is adjusted.
 
 _SAMPLE = 20_000
 """Rays of a group that tell how well the values fit."""
@@ -274,8 +268,7 @@ def misfit(network: Network, values: Values, but: IntArray) -> float:
     return max(1.0, _NORMAL * float(np.median(sample))) if len(sample) else 1.0
 
 
-# ------------------------------------------------------------
-# Whether a point at infinity has a parallax after all, when poses may give way to it: a test at the solution.
+# ---- Whether a point at infinity has a parallax after all, when poses may give way to it: a test at the solution.
 #
 # A point that was put at infinity too early, with rough poses and cameras, bends these until its rays are parallel.
 # Asked at the poses so bent they are; asked of the whole adjustment they are not. With B the derivative of its
@@ -293,7 +286,6 @@ def misfit(network: Network, values: Values, but: IntArray) -> float:
 # out negative says by how much, and all come nearer by twice that. Too near does no harm: with d' = d (2 −
 # ρ/ρ₀) an iteration in coordinates at most doubles a distance, but begun at more than twice the distance it
 # ends behind the cameras.
-# ------------------------------------------------------------
 
 _FAR = 1e-3
 """Inverse distance, in units of its σ at given poses, at which derivatives are taken."""
@@ -396,12 +388,11 @@ def _equations(
     return size, product, through
 
 
-# ------------------------------------------------------------
-# Why there is no solution: unknowns that move to and fro, or away, and what a singular place has to do with the data.
+# ---- Why there is no solution: unknowns that move to and fro, or away, and what a singular place has to do with
+# the data.
 #
 # What is said of an iteration that failed is seen from its last values: a few further steps of it, and whether the
 # system is singular beside them as well.
-# ------------------------------------------------------------
 
 UNSETTLED = "the datum points do not define the datum"
 NO_DATUM = "the datum is not defined"
@@ -534,13 +525,11 @@ def _further_steps(adjustment: Adjustment) -> FloatArray:
     return np.stack(steps, axis=1) if steps else np.zeros((problem.index.count, 0))
 
 
-# ------------------------------------------------------------
-# What of a network can be determined: the rest is named, put at infinity, or left out where the project wants it.
+# ---- What of a network can be determined: the rest is named, put at infinity, or left out where the project wants it.
 #
 # Things that their own observations leave loose are found before anything is solved, and with them what hangs on them
 # alone; what only moves together with others shows in the null space of the whole. Points with parallel rays become
 # directions; whether their rays are parallel is asked again at the solution, where the poses are known better.
-# ------------------------------------------------------------
 
 ONE_PLACE = "all its rays come from one place: its distance is undetermined"
 AT_INFINITY: Final = "at infinity"

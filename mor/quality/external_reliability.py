@@ -22,7 +22,6 @@ if TYPE_CHECKING:
 # What gross errors of chosen observations do to all unknowns.
 #
 # A gross error ∇ in observation i moves all unknowns by Q Aᵀ P e_i ∇, in the datum of the adjustment.
-# ------------------------------------------------------------
 
 
 class ObservationComponent(NamedTuple):
@@ -64,8 +63,7 @@ def gradient(adjustment: Adjustment, entry: ObservationComponent) -> tuple[IntAr
     return rows.columns[0][used], rows.jacobian[0, entry.component][used] * weight
 
 
-# ------------------------------------------------------------
-# What gross errors do to the points next to them, without a pass over everything.
+# ---- What gross errors do to the points next to them, without a pass over everything.
 #
 # An observation has few unknowns, and a point that only rays meet is eliminated by its own rays alone. So with
 # b = AᵀP e ∇, nonzero in a handful of places, only the rays of that one point are looked at:
@@ -73,7 +71,6 @@ def gradient(adjustment: Adjustment, entry: ObservationComponent) -> tuple[IntAr
 #     reduced system   b_r − A_rᵀ A_p N_pp⁻¹ b_p,    x_r = Q_rr of it
 #     the point        x_p = N_pp⁻¹ (b_p − A_pᵀ A_r x_r)
 #     into the datum   x − G H (QB)ᵀ b
-# ------------------------------------------------------------
 
 _NUMBERS = 4_000_000
 """Numbers of right-hand sides at a time. More are fresh memory with every array: to clear it takes most of the time."""
@@ -200,11 +197,9 @@ def _gathered(own: IntArray, rays: list[tuple[FloatArray, FloatArray, IntArray]]
     return EliminatedPoint(own, normals, others, coupling)
 
 
-# ------------------------------------------------------------
-# Solutions of the normal equations for right-hand sides that touch few points, without a pass over everything.
+# ---- Solutions of the normal equations for right-hand sides that touch few points, without a pass over everything.
 #
 # Only the rays of the points that are touched are looked at, b_r − A_rᵀ A_p N_pp⁻¹ b_p.
-# ------------------------------------------------------------
 
 _FEW = 2_000
 """Eliminated points up to which they are gathered one by one; a pass over all rays is quicker beyond."""
@@ -259,12 +254,10 @@ def local_system(adjustment: Adjustment, columns: IntArray) -> NormalEquationSol
     return NormalEquationSolver(adjustment, used, tuple(points.values()))
 
 
-# ------------------------------------------------------------
-# Some observations as whitened rows: W A x and (W A)ᵀ z for them alone, correlated or not.
+# ---- Some observations as whitened rows: W A x and (W A)ᵀ z for them alone, correlated or not.
 #
 # With W Σ Wᵀ = I, Q the cofactors of the unknowns and R = I − W A Q Aᵀ Wᵀ, whitened residuals W v have the
 # cofactors R.
-# ------------------------------------------------------------
 
 
 class WhitenedRows(NamedTuple):
@@ -338,9 +331,7 @@ def _entries(rows: IntArray, columns: IntArray, values: FloatArray) -> tuple[Int
     return np.broadcast_to(rows[:, None], values.shape)[free], columns[free], values[free]
 
 
-# ------------------------------------------------------------
-# Which point the suspicious observations move, and where to: what a gross error means for the result.
-# ------------------------------------------------------------
+# ---- Which point the suspicious observations move, and where to: what a gross error means for the result.
 
 MOST = 200
 """Observations that are explained at most."""
@@ -457,13 +448,11 @@ def _effect(
     )
 
 
-# ------------------------------------------------------------
-# Points that rest on an observation: more than half of their variance, in some direction, comes from it.
+# ---- Points that rest on an observation: more than half of their variance, in some direction, comes from it.
 #
 # An error of σ_i in observation i moves a point by x = (Q Aᵀ P)_i σ_i. Of the variance of the point in any
 # direction it has the share of the square of that movement, at most xᵀ Q_pp⁺ x, which is 1 where nothing else
 # determines it.
-# ------------------------------------------------------------
 
 _HALF = 0.5
 _CARRIED_POINTS_NUMBERS = 2_000_000

@@ -19,13 +19,11 @@ from mor.solve.normals import Plan
 from mor.solve.problem import cluster_rows, linearise, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Check points and check distances: what observations that were kept out say of the result.
+# ---- Check points and check distances: what observations that were kept out say of the result.
 #
 # Deviations are adjusted − known. Of points: mean, root mean square, largest deviation for each axis. Of
 # distances: the largest length measurement error in the manner of VDI/VDE 2634, the largest |adjusted −
 # calibrated| length.
-# ------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -63,8 +61,7 @@ def check_outcome(quality: Quality, number: int) -> CheckOutcome:
     )
 
 
-# ------------------------------------------------------------
-# A common offset or scale in the observations of a group: how large it would be, and what would be left with it.
+# ---- A common offset or scale in the observations of a group: how large it would be, and what would be left with it.
 #
 # With c the derivatives of the whitened observations by the effect (1 for an offset, the measured value for a
 # scale, each over σ), R the cofactors of their residuals and v these residuals (W. Baarda, 1968, for one bias
@@ -74,7 +71,6 @@ def check_outcome(quality: Quality, number: int) -> CheckOutcome:
 #
 # v' are the residuals beside the effect, whose sum of squares in the group has the expectation Σr − ‖R_g
 # c‖²/(cᵀ R c).
-# ------------------------------------------------------------
 
 
 class GroupEffect(NamedTuple):
@@ -157,14 +153,12 @@ def _forms(group: ObservationGroup, mask: BoolArray, component: int) -> list[_Fo
     return forms
 
 
-# ------------------------------------------------------------
-# Whether the standardised residuals of tables are normal with one factor: then a σ is wrong, and nothing else.
+# ---- Whether the standardised residuals of tables are normal with one factor: then a σ is wrong, and nothing else.
 #
 # A gross error, a wrong height or a wrong name also makes vᵀPv too large, but its residuals are not normal with any
 # factor. Two tests of |w|/s are made for each table, s being the factor: the test of A. N. Kolmogorov (1933) against
 # |N(0, 1)|, and that of the largest value. Both together have the level ``LEVEL`` for each table. The residuals are
 # correlated and s is estimated from them, so the tests reject true hypotheses a little less often than that.
-# ------------------------------------------------------------
 
 LEVEL = 1e-3
 _MEDIAN = 0.6744897501960817
@@ -215,14 +209,12 @@ def _is_normal(sizes: FloatArray, level: float) -> bool:
     return bool(kolmogorov((root + 0.12 + 0.11 / root) * distance) > 0.5 * level)
 
 
-# ------------------------------------------------------------
-# Fixed coordinates put to the test: would the observations rather have the point elsewhere?
+# ---- Fixed coordinates put to the test: would the observations rather have the point elsewhere?
 #
 # With B the derivatives of the observations by the fixed coordinates of one point, the movement that the
 # observations want is ∇ = S⁻¹ BᵀPl, S = BᵀPB − BᵀPA Q AᵀPB, and T = (BᵀPl)ᵀ S⁻¹ BᵀPl is χ² distributed. Its
 # degrees of freedom are the directions that something controls: of two points that alone fix a plane network,
 # only the distance between them.
-# ------------------------------------------------------------
 
 MOST = 300
 """Points that are tested at most."""

@@ -20,12 +20,10 @@ from mor.quality.test_statistics import CONTROLLED, ROWS_AT_A_TIME, log_p_chi2, 
 from mor.solve.problem import Problem
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray
 
-# ------------------------------------------------------------
-# Which observations belong together: by table, image, camera, station, set, instrument, local system.
+# ---- Which observations belong together: by table, image, camera, station, set, instrument, local system.
 #
 # Each of these is a partition of the observations, or of some of them. What is wrong with a thing is wrong
 # with all that was observed with it, so that their residuals are tested together.
-# ------------------------------------------------------------
 
 NOBODY = -1
 
@@ -169,8 +167,7 @@ def rows_of(partition: Partition, one: int, groups: tuple[ObservationGroup, ...]
     return found
 
 
-# ------------------------------------------------------------
-# The part that some observations have in vᵀPv: how it is distributed.
+# ---- The part that some observations have in vᵀPv: how it is distributed.
 #
 # Ω_g = v_gᵀ P_g v_g of whitened residuals with the cofactors R_g, a diagonal block of the projection R, is a
 # sum of squares of independent normal variables, weighted with the eigenvalues λ of R_g, 0 ≤ λ ≤ 1. It is χ²
@@ -186,7 +183,6 @@ def rows_of(partition: Partition, one: int, groups: tuple[ObservationGroup, ...]
 # (Σr)²/n, all λ alike, and Σr, all λ 0 or 1. What both say alike needs no more. Where they differ it is
 # worked out: exactly for few observations, for many by M. F. Hutchinson's (1989) estimate from a few random
 # vectors of signs.
-# ------------------------------------------------------------
 
 MOST_PROBES = 64
 """Observations up to which moments are exact, and vectors of signs for more."""
@@ -249,15 +245,13 @@ def log_tail(omega: FloatArray, of: Moments) -> FloatArray:
     return two_sided
 
 
-# ------------------------------------------------------------
-# Tests of what was observed together: of each table, image, camera, station, set, instrument, local system.
+# ---- Tests of what was observed together: of each table, image, camera, station, set, instrument, local system.
 #
 # A few observations that are all wrong, as distances without their prism constant, hardly change vᵀPv of
 # thousands. So the part that each group has in vᵀPv is put to a two-sided test of its own, by the distribution of
 # a quadratic form (below). All these tests together reject an adjustment without errors with one level: each
 # takes the share of it that Šidák's inequality leaves it. Groups of the same observations are one test, the
 # only set of a station is part of that station's, and the whole has the global test.
-# ------------------------------------------------------------
 
 _SUMS = 4
 """Σ v·Pv, Σ r, number of observations, and a random number for each of them: the same for the same observations."""
@@ -507,9 +501,7 @@ def _rows(quality: Quality, partition: Partition, number: int) -> WhitenedRows:
     return whitened_rows(quality, chosen)
 
 
-# ------------------------------------------------------------
-# Whether anything is rejected: only then causes are looked for.
-# ------------------------------------------------------------
+# ---- Whether anything is rejected: only then causes are looked for.
 
 LEVEL = 1e-3
 """Of every question that is asked: is anything rejected; is a hypothesis better than none."""
@@ -556,14 +548,12 @@ def _largest(quality: Quality) -> float:
     return float(log_p_normal(np.array([largest]))[0] + np.log(max(count, 1)))
 
 
-# ------------------------------------------------------------
-# What flagged observations have in common: a point, image, camera, station, set, instrument or table.
+# ---- What flagged observations have in common: a point, image, camera, station, set, instrument or table.
 #
 # A row of observations counts as flagged if the test of single observations flags it, or if mor left it out.
 # Checks do not count: the project keeps them out. If flagged rows fell on all rows alike, their number among
 # the n rows of a point would be at most binomial with the share of flagged rows. The thing with the smallest
 # probability is named. Without its rows the next one is looked for, as long as the family-wise level is kept.
-# ------------------------------------------------------------
 
 NAMED = 3
 _AT_LEAST = 2

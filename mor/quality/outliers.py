@@ -26,8 +26,7 @@ from mor.solve.iterate import Adjustment, Outcome, SolverSettings, Watcher, adju
 from mor.solve.problem import Problem, misclosures
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# How well observations are explained: what is left of vᵀPv, with a price for everything that was chosen to fit.
+# ---- How well observations are explained: what is left of vᵀPv, with a price for everything that was chosen to fit.
 #
 # Models that differ in their number of unknowns, in the units of their observations, and in how many others
 # were looked through are compared by −2 ln of how likely the observations are (J. Rissanen 1978; G. Schwarz
@@ -40,7 +39,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 # the robust factor of all σ: no model is better than another for σ that are all too small. q additional
 # unknowns, the best of m alike; r is the part of the changed observations that is controlled
 # (:func:`mor.diagnose.hypothesis.controlled_part`).
-# ------------------------------------------------------------
 
 _MEDIAN = 0.6745
 """Median of |x| of a standard normal x."""
@@ -124,13 +122,11 @@ def cost_of_choice(count: int, candidates: int, parameters: int, stretch: float)
     return parameters * float(np.log(max(count, 2))) + 2.0 * float(np.log(max(candidates, 1))) - 2.0 * stretch
 
 
-# ------------------------------------------------------------
-# Points of which some observations do not fit, intersected again: at the place where most of them have it.
+# ---- Points of which some observations do not fit, intersected again: at the place where most of them have it.
 #
 # An iteration that began with a wrong sight may have left the point where that one and another agree. Of all
 # places that as few observations determine as can, two sights, a sight and a distance, three distances, the
 # one at which all observations of the point cost least (:func:`cost_of_residuals`) is taken.
-# ------------------------------------------------------------
 
 SUSPECT = 4.5
 """|v|/σ beyond which an observation is looked at: nothing is decided by it."""
@@ -375,14 +371,13 @@ def _arguments(one: _Observed, values: Values, places: FloatArray) -> tuple[list
     return blocks, group.constants[every]
 
 
-# ------------------------------------------------------------
-# What keeps a plain adjustment from a solution: suspects found by graduated weights, and the adjustment without them.
+# ---- What keeps a plain adjustment from a solution: suspects found by graduated weights, and the adjustment
+# without them.
 #
 # Least squares finds gross errors only once it has converged, and near the truth. Where it does not converge,
 # or where it lands at a place that all observations contradict, graduated weights tell the observations apart
 # first; those without weight in the end are suspects. What the rest cannot do without stays in, however bad
 # it is.
-# ------------------------------------------------------------
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""

@@ -25,9 +25,7 @@ from mor.solve.problem import misclosures
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray
 from mor.units import ANGLE
 
-# ------------------------------------------------------------
-# Where notes stand: the file and line of an observation, and how many of a kind are told one by one.
-# ------------------------------------------------------------
+# ---- Where notes stand: the file and line of an observation, and how many of a kind are told one by one.
 
 MOST = 5
 """Notes of one kind about one table."""
@@ -60,11 +58,9 @@ def noted(group: ObservationGroup, rows: IntArray, said: Callable[[int], str]) -
         )
 
 
-# ------------------------------------------------------------
-# Angles of more than a full circle: no instrument shows one, so a table of such is in another unit.
+# ---- Angles of more than a full circle: no instrument shows one, so a table of such is in another unit.
 #
 # Readings in gon or degrees that are declared as radians are found so; the other way round they only look small.
-# ------------------------------------------------------------
 
 _FULL = 2.0 * np.pi * (1.0 + 1e-9)
 """A full circle, and what is rounded when one is written."""
@@ -91,13 +87,11 @@ def _component(group: ObservationGroup, component: int) -> Iterator[Message]:
         yield Message(said, group.file, line_of(group, int(np.argmax(beyond))))
 
 
-# ------------------------------------------------------------
-# Distances, height differences and vectors against the coordinates that are given to start from.
+# ---- Distances, height differences and vectors against the coordinates that are given to start from.
 #
 # Given coordinates may be rough, but they are alike rough: a difference of 50 times the median of all of a
 # table is no noise. If all observations of a table are the same multiple of what the coordinates say, their
 # unit is another one.
-# ------------------------------------------------------------
 
 _TIMES = 50.0
 _SIGMAS = 10.0
@@ -158,9 +152,7 @@ def _of_table(
     yield from noted(group, np.flatnonzero(beyond), said)
 
 
-# ------------------------------------------------------------
-# Rays that cannot be right: outside the format of their image, or of a point that the image has already.
-# ------------------------------------------------------------
+# ---- Rays that cannot be right: outside the format of their image, or of a point that the image has already.
 
 
 def rays(network: Network) -> list[ObservationGroup]:
@@ -236,14 +228,12 @@ def _again(group: ObservationGroup, before: dict[int, int]):  # type: ignore[no-
     return said
 
 
-# ------------------------------------------------------------
-# Observations between places that are known, against what follows from their coordinates.
+# ---- Observations between places that are known, against what follows from their coordinates.
 #
 # Where everything an observation refers to is fixed, or observed itself with a σ, observed − computed is a
 # misclosure with the variance σ² + J Σ Jᵀ of the observation and the known values. A set of horizontal
 # directions has its orientation besides, taken as the median of the misclosures of its known targets. All
 # misclosures together are tested with one level.
-# ------------------------------------------------------------
 
 LEVEL = 0.001
 """Of all misclosures of a kind together: a note is something to go and look at."""
@@ -364,13 +354,11 @@ def _oriented(frames: AnyIntArray, size: FloatArray) -> FloatArray:
     return turned
 
 
-# ------------------------------------------------------------
-# Loops of levelled lines that do not close.
+# ---- Loops of levelled lines that do not close.
 #
 # Levelled height differences are edges between points; every line beside a spanning tree of shortest ways
 # closes a loop with it, and points of known height close one with each other. The misclosure of a loop has
 # the variance of its lines together. All loops are tested with one level.
-# ------------------------------------------------------------
 
 _GROUND = -1
 
@@ -486,8 +474,7 @@ def _note(
     return Message(words, file, line)
 
 
-# ------------------------------------------------------------
-# Observations that stand in a project twice with the same value: measured twice, or exported twice?
+# ---- Observations that stand in a project twice with the same value: measured twice, or exported twice?
 #
 # Two measurements of the same quantity, rounded to multiples of u, are equal with the probability
 #
@@ -497,7 +484,6 @@ def _note(
 # most the binomial probability of k or more with the mean of these p (W. Hoeffding, Ann. Math. Statist. 27,
 # 1956). u is taken from the values: the smallest difference between two of them. If values are rounded to
 # several σ, p is 1 and nothing is said.
-# ------------------------------------------------------------
 
 _CHANCE = 1e-3
 """Probability of so many equal rows by chance from which down they are noted."""
@@ -606,9 +592,7 @@ def _note_on_repeated_rows(
     )
 
 
-# ------------------------------------------------------------
-# Heights of instruments and targets that nobody can reach, and vertical circles read in the other convention.
-# ------------------------------------------------------------
+# ---- Heights of instruments and targets that nobody can reach, and vertical circles read in the other convention.
 
 _HIGHEST = 5.0
 """Height of an instrument or a target in metres that is beyond a tripod and a pole."""
@@ -701,14 +685,12 @@ def _all_near(group: ObservationGroup, component: int, suspicious: float) -> tup
     return (len(here), line_of(group, int(here[0]))) if near.all() else (0, 0)
 
 
-# ------------------------------------------------------------
-# Standard deviations that no instrument has: against the circle, the length or the image they belong to.
+# ---- Standard deviations that no instrument has: against the circle, the length or the image they belong to.
 #
 # No angle is read to 1e-9 of a radian (0.06 µgon), no length to 1e-9 of itself, no image coordinate to 1e-7
 # of the image; and nobody measures a direction to a tenth of a radian, a distance to its own size, an image
 # to a tenth of its width. A σ beyond that is in another unit, or was meant for something else. A single row
 # of many that is given a large σ so as not to count is not noted.
-# ------------------------------------------------------------
 
 _SMALLEST = {"angle": 1e-9, "length": 1e-9, "image": 1e-7}
 _LARGEST = {"angle": 0.1, "length": 1.0, "image": 0.1}
@@ -774,13 +756,11 @@ def _sizes(group: ObservationGroup, component: int, kind: str, here: BoolArray) 
     return np.full(len(observed), widest if widest > 0.0 else np.nan)
 
 
-# ------------------------------------------------------------
-# Images whose given start pose none of their points supports: turned away from all of them, or far beside.
+# ---- Images whose given start pose none of their points supports: turned away from all of them, or far beside.
 #
 # A start pose is rough. But where points with given coordinates are measured in an image, its pose puts some of them
 # before the camera and somewhere near their measured places. One that has not a single one of at least three
 # within the width of what the camera measures is no rough value of this image.
-# ------------------------------------------------------------
 
 _LEAST = 3
 _SOME = 16
@@ -845,14 +825,12 @@ def _support(network: Network, group: ObservationGroup, rows: IntArray) -> BoolA
     return np.asarray((along < 0.0) & (far < width))
 
 
-# ------------------------------------------------------------
-# The curvature of the earth that a project with parallel verticals leaves out: its largest effect, against σ.
+# ---- The curvature of the earth that a project with parallel verticals leaves out: its largest effect, against σ.
 #
 # Each observation is computed with parallel verticals and on a sphere through the middle of the network. A
 # zenith angle over the distance s differs by s/(2R), a horizontal distance by s h/R at a height h above the
 # middle. A height difference is off by s²/(2R) against what does not follow the level surface: vectors,
 # images and local systems; without any of these nothing contradicts it, and it is not looked at.
-# ------------------------------------------------------------
 
 NOTED = 0.3
 """In units of σ."""
@@ -958,9 +936,7 @@ def _in_group(
     return CurvatureEffect(group, row, component, float(size[row]), float(ratio[row]), float(length[row]))
 
 
-# ------------------------------------------------------------
-# Everything there is to look at before an adjustment.
-# ------------------------------------------------------------
+# ---- Everything there is to look at before an adjustment.
 
 _LOOKS = (
     outside_the_format,

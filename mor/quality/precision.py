@@ -17,9 +17,7 @@ from mor.solve.iterate import Adjustment
 from mor.solve.normals import reduced_columns
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Precision of the unknowns, in the datum of the adjustment: cofactor blocks of every parameter block.
-# ------------------------------------------------------------
+# ---- Precision of the unknowns, in the datum of the adjustment: cofactor blocks of every parameter block.
 
 
 def datum_transformation(adjustment: Adjustment) -> STransformation:
@@ -100,9 +98,7 @@ def angle_cofactors(q: FloatArray, D: FloatArray, by_angles: BoolArray) -> Float
     return turned
 
 
-# ------------------------------------------------------------
-# Error ellipses and ellipsoids: semi-axes and their directions, from covariances of coordinates.
-# ------------------------------------------------------------
+# ---- Error ellipses and ellipsoids: semi-axes and their directions, from covariances of coordinates.
 
 LEVEL = 1e-9
 """Sine of the elevation up to which an axis counts as level."""
@@ -165,13 +161,11 @@ def confidence_factor(dimensions: int, redundancy: float | None) -> float:
     return math.sqrt(dimensions * float(fdtri(dimensions, redundancy, 0.95)))
 
 
-# ------------------------------------------------------------
-# Stereo followers in the result: projection centre and attitude, from those of the leading image A and the pair.
+# ---- Stereo followers in the result: projection centre and attitude, from those of the leading image A and the pair.
 #
 #     X_p = X0 + h e_Z + D_Aᵀ (b* − r0*)          D_B = D(ω*, φ*, κ*) D_A                  (MOR eqs. 3, 4)
 #
 # Every image point of a follower has all of these blocks, so the selected inverse has their cofactors.
-# ------------------------------------------------------------
 
 PARTS = ("position", "rotation", "height", "eccentricity", "relative rotation", "base")
 """Parts of a follower that its pose depends on; the first four are those of its leading image."""
@@ -259,11 +253,9 @@ def _derivatives(adjustment: Adjustment, blocks: IntArray) -> FloatArray:
     return result
 
 
-# ------------------------------------------------------------
-# Points that move: joint cofactors of their coordinates, velocities and oscillations.
+# ---- Points that move: joint cofactors of their coordinates, velocities and oscillations.
 #
 # Every observation of such a point has all of these blocks, so the selected inverse has their cofactors.
-# ------------------------------------------------------------
 
 SIZE = 3 * (1 + len(MOTIONS))
 

@@ -41,9 +41,7 @@ from mor.solve.problem import (
 from mor.solve.rays import RayPlan
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallestIntArray, SmallIntArray
 
-# ------------------------------------------------------------
-# Kernels that note the quality of rays: what ``redundancy`` does for all observations, for millions of rays.
-# ------------------------------------------------------------
+# ---- Kernels that note the quality of rays: what ``redundancy`` does for all observations, for millions of rays.
 
 
 @compile_kernel
@@ -143,8 +141,7 @@ def add_directions_kernel(
             shares[i, 1] += of_y
 
 
-# ------------------------------------------------------------
-# What an error of 1 in an observation does to its points: what EP, the influence on position, is made of.
+# ---- What an error of 1 in an observation does to its points: what EP, the influence on position, is made of.
 #
 # An error ∇ in observation i moves all unknowns by x = Q Aᵀ P e_i ∇ in the datum of the adjustment. What it *carries*
 # into its points is, with a' the derivatives of the observation by the coordinates that count,
@@ -160,7 +157,6 @@ def add_directions_kernel(
 # for the null vectors G, all that is missing in Q Aᵀ is a sum of few directions:
 #
 #     S Q Sᵀ Aᵀ = Q Aᵀ + own (A through)ᵀ,    own = (weak, −G H),  through = (weak, Q B)    with S = I − G H Bᵀ.
-# ------------------------------------------------------------
 
 OF_IMAGES = frozenset(
     kind.key for kinds in (IMAGE_TYPES, FOLLOWER_TYPES, MOVING_TYPES) for kind in kinds.values()
@@ -261,9 +257,7 @@ def length_of_sight(adjustment: Adjustment, number: int, rows: IntArray) -> Floa
     return np.stack(columns, axis=1)
 
 
-# ------------------------------------------------------------
-# Quality of correlated observations, which have a covariance matrix of their own: all alike clusters at once.
-# ------------------------------------------------------------
+# ---- Quality of correlated observations, which have a covariance matrix of their own: all alike clusters at once.
 
 
 def cluster_quality(
@@ -427,8 +421,7 @@ def _joint_of_clusters(
     return statistic, freedom
 
 
-# ------------------------------------------------------------
-# Reliability of every observation: what a gross error in it would look like, and what it would do if not found.
+# ---- Reliability of every observation: what a gross error in it would look like, and what it would do if not found.
 #
 # In its general form, for correlated observations too (W. Baarda, 1968), with e the unit vector of an
 # observation, P the weights and Q_vv the cofactors of the residuals:
@@ -441,7 +434,6 @@ def _joint_of_clusters(
 #     influence on position      EP = ∇̂ · what an error of 1 carries into the points of the observation
 #   (``external_reliability.py``)
 # None of them but EP depends on the datum. Without correlations w_B is the normalised residual v/σ_v.
-# ------------------------------------------------------------
 
 
 class Reliability(NamedTuple):
@@ -530,9 +522,7 @@ def student_square(test: FloatArray, omega: float, redundancy: int) -> FloatArra
     return ratio
 
 
-# ------------------------------------------------------------
-# How much work the statistics of an adjustment are: whoever watches can tell how long they take.
-# ------------------------------------------------------------
+# ---- How much work the statistics of an adjustment are: whoever watches can tell how long they take.
 
 Done: TypeAlias = Callable[[int], None]
 """Told how much more is done, in rays; from several threads."""
@@ -561,13 +551,11 @@ def of_operations(done: Done) -> Callable[[float], None]:
     return more
 
 
-# ------------------------------------------------------------
-# Residuals, redundancy numbers and what the tests need of every observation, exact, correlated or not.
+# ---- Residuals, redundancy numbers and what the tests need of every observation, exact, correlated or not.
 #
 # With Q_vv = P⁻¹ − A Q Aᵀ, r = diag(Q_vv P). The tests rest on P Q_vv P (W. Baarda, 1968), of which the
 # diagonal is kept, and for the components of one observation row the statistic of the joint test, (Pv)ᵀ (P
 # Q_vv P)⁻¹ (Pv) over them.
-# ------------------------------------------------------------
 
 
 def observation_quality(

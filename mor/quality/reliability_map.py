@@ -25,15 +25,13 @@ from mor.quality.test_statistics import ROWS_AT_A_TIME, in_pieces
 from mor.solve.problem import Linearised, linearise, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray, across
 
-# ------------------------------------------------------------
-# The reliability map: for every point, image, station and set how well its observations control each other.
+# ---- The reliability map: for every point, image, station and set how well its observations control each other.
 #
 # Of each thing it is known which of its observations has the smallest redundancy number, the smallest error ∇
 # that would be found there, and how far an error that is not found can move it. With δ̄0 the external
 # reliability of an observation (W. Baarda, 1968), no function f of the unknowns moves by more than δ̄0 σ_f;
 # the position of a thing hence by no more than the largest δ̄0 of its observations times the longest
 # semi-axis of its error ellipsoid.
-# ------------------------------------------------------------
 
 _ALIKE = 1e-9
 """Difference of redundancy numbers that is round-off."""
@@ -188,12 +186,11 @@ def detectable(quality: Quality, entries: IntArray) -> FloatArray:
     return np.where(np.isfinite(found), found, np.inf)
 
 
-# ------------------------------------------------------------
-# Further observations that could be made: of every table that sees points, from each of its places to another point.
+# ---- Further observations that could be made: of every table that sees points, from each of its places to another
+# point.
 #
 # A candidate has the σ and the constants of the most complete row that its table has from that place; an
 # image shows a point only where it lies before the camera and inside of what the camera has measured so far.
-# ------------------------------------------------------------
 
 _NULL = 1e-6
 """Part of a candidate's derivatives along a movement that nothing determines, from which on it is no control."""
@@ -340,8 +337,7 @@ def _estimable(part: Linearised, null: FloatArray) -> BoolArray:
     return np.asarray((image <= _NULL * np.maximum(size, 1e-300)).all(axis=(1, 2)))
 
 
-# ------------------------------------------------------------
-# The one further observation that would control a weak one best.
+# ---- The one further observation that would control a weak one best.
 #
 # A further observation j of the kinds at hand, with the whitened derivatives A_j and R_jj = I + A_j Q A_jᵀ,
 # changes the cofactors by Q' = Q − Q A_jᵀ R_jj⁻¹ A_j Q, and the redundancy number of an observation i,
@@ -352,7 +348,6 @@ def _estimable(part: Linearised, null: FloatArray) -> BoolArray:
 # One solution with a_i gives h of all candidates. As R_jj ≥ I, hᵀh bounds what each can gain: candidates are
 # worked out in its order, until none that is left can be better. What determines a movement that the datum
 # settles controls nothing.
-# ------------------------------------------------------------
 
 _AT_A_TIME = 8
 _MOST = 64

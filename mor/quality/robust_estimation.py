@@ -22,9 +22,7 @@ from mor.solve.problem import CorrelatedObservations, Problem, misclosures
 from mor.start.bundle import ideal_rays
 from mor.types import LARGEST, BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Observations taken out of a problem, and put back: their weights vanish, their residuals stay.
-# ------------------------------------------------------------
+# ---- Observations taken out of a problem, and put back: their weights vanish, their residuals stay.
 
 
 def exclude(problem: Problem, excluded: Sequence[BoolArray]) -> Problem:
@@ -67,15 +65,13 @@ def reweighted(problem: Problem, factors: Sequence[FloatArray]) -> Problem:
     return replace(problem, groups=groups, clusters=clusters)
 
 
-# ------------------------------------------------------------
-# Parts of a network of which some rows alone tell, and the medians of those: what is far off is no gross error.
+# ---- Parts of a network of which some rows alone tell, and the medians of those: what is far off is no gross error.
 #
 # A ray is judged by how well most of its group fit. But where an image is, and how turned, its own rays alone
 # tell; and where the network lies, those to given points. Their part of a group is so small that the group
 # comes to fit without them: an image that is off by more than others has lost all its rays before they could
 # draw it to its place, and a block that fits itself beside its control points those to these. So rows are
 # judged by the median of their part as well, the larger of both.
-# ------------------------------------------------------------
 
 _MEDIAN = 0.6745
 """Median of |x| of a standard normal x."""
@@ -143,9 +139,7 @@ def _medians(part: IntArray, sizes: FloatArray, count: int) -> FloatArray:
     return medians
 
 
-# ------------------------------------------------------------
-# A problem whose image coordinates are directions: it comes from farther away to nearly the same solution.
-# ------------------------------------------------------------
+# ---- A problem whose image coordinates are directions: it comes from farther away to nearly the same solution.
 
 _INTERIOR = "interior/"
 _MOTIONS = frozenset(slot.kind for slot in MOTION_SLOTS)
@@ -199,8 +193,8 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
     return replace(group, type=type_, blocks=blocks, observed=observed, constants=constants), factor
 
 
-# ------------------------------------------------------------
-# Redescending weights of shrinking width: an adjustment that gross errors do not lead astray before it has converged.
+# ---- Redescending weights of shrinking width: an adjustment that gross errors do not lead astray before it has
+# converged.
 #
 # Graduated non-convexity (A. Blake, A. Zisserman 1987; H. Yang et al. 2020) with the weights of S. Geman, D. McClure,
 #
@@ -220,7 +214,6 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
 # outvoted by rays that know no scale. Nor must the rays of one image, or those to control points: while
 # directions lead, they are judged by their own median where that is larger
 # (:mod:`mor.quality.robust_estimation`).
-# ------------------------------------------------------------
 
 WIDEST, NARROWEST = 20.0, 3.0
 """Width in units of the robust σ of a group, first and last."""
@@ -399,8 +392,7 @@ def _descend(weighted: Plan, place: _IterationState, factors: Factors) -> _Itera
     return place._replace(damping=_FIRST_DAMPING)
 
 
-# ------------------------------------------------------------
-# Robust estimation by iteratively reweighted least squares: for starting, and for comparison with least squares.
+# ---- Robust estimation by iteratively reweighted least squares: for starting, and for comparison with least squares.
 #
 # The weight of an observation is multiplied by a factor that depends on its residual, s = |v|/(σ √r) with r its
 # redundancy number under the weights the observations came with (leverage would hide an error otherwise):
@@ -410,7 +402,6 @@ def _descend(weighted: Plan, place: _IterationState, factors: Factors) -> _Itera
 #   (redescending)
 #
 # T. Krarup, J. Juhl, K. Kubik (1980): Götterdämmerung over least squares adjustment.
-# ------------------------------------------------------------
 
 Method = Literal["l1", "danish"]
 ROUNDS = 60

@@ -22,9 +22,7 @@ from mor.solve.iterate import A_WEAK_TURN, Adjustment
 from mor.types import BoolArray, IntArray
 from mor.units import ANGLE_UNITS, LENGTH_UNITS
 
-# ------------------------------------------------------------
-# How sentences are said: an English text with places, and what stands there. A report says it in its language.
-# ------------------------------------------------------------
+# ---- How sentences are said: an English text with places, and what stands there. A report says it in its language.
 
 
 class Translate(Protocol):
@@ -46,9 +44,7 @@ def enumerated(names: Sequence[str], most: int, say: Translate) -> str:
     return say("{names} and {count} more", names=listed, count=len(names) - most) if names[most:] else listed
 
 
-# ------------------------------------------------------------
-# One free movement of a network that is a rotation about some line: which line, and which points lie on it.
-# ------------------------------------------------------------
+# ---- One free movement of a network that is a rotation about some line: which line, and which points lie on it.
 
 _SMALL = 1e-5
 _SHOWN = 4
@@ -87,9 +83,7 @@ def tilt(adjustment: Adjustment, say: Translate = english) -> str | None:
     return say("The network can tilt about a line in the direction ({x}, {y}, {z}), X, Y, Z.", x=x, y=y, z=z)
 
 
-# ------------------------------------------------------------
-# Why an image, a station or a system is loose: it has no, one or two points, or a line; or φ is ±100 gon.
-# ------------------------------------------------------------
+# ---- Why an image, a station or a system is loose: it has no, one or two points, or a line; or φ is ±100 gon.
 
 _ON_LINE = 1e-6
 """Spread of points beside a line, as part of that along it, below which they are on it."""
@@ -207,9 +201,7 @@ def _points_seen(solved: Solved, rotation: int) -> IntArray:
     return np.unique(np.concatenate(found))
 
 
-# ------------------------------------------------------------
-# Readout times that nothing tells: of images that do not move, and of motions that nobody knows.
-# ------------------------------------------------------------
+# ---- Readout times that nothing tells: of images that do not move, and of motions that nobody knows.
 
 OF_READOUT = frozenset(slot.kind for slot in MOTION_SLOTS)
 """Kinds of blocks that act by their products only."""
@@ -277,9 +269,7 @@ def _untold(solved: Solved, kind: str, own: IntArray) -> BoolArray:
     return chosen
 
 
-# ------------------------------------------------------------
-# Singularities in words: which unknowns, which movement, what observation would cure it.
-# ------------------------------------------------------------
+# ---- Singularities in words: which unknowns, which movement, what observation would cure it.
 
 _CURES = {
     "point": "observe it from a second place, or fix or observe its coordinates",

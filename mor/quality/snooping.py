@@ -26,9 +26,7 @@ from mor.solve.iterate import Adjustment, Iteration, SolverSettings, adjust
 from mor.solve.problem import Problem
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Which observations data snooping takes out in a round: the worst, and others that are not flagged for its error.
-# ------------------------------------------------------------
+# ---- Which observations data snooping takes out in a round: the worst, and others that are not flagged for its error.
 
 _BESIDE_THE_WORST = 0.5
 """Part of the largest |w| from which on others are taken out in the same round, if that error shows by less in them."""
@@ -212,13 +210,12 @@ def _absorbed_of_controlled(one: ObservationQuality) -> FloatArray:
     return found
 
 
-# ------------------------------------------------------------
-# Points at which snooping may have believed the wrong observations, intersected again once nothing else is to be done.
+# ---- Points at which snooping may have believed the wrong observations, intersected again once nothing else is to
+# be done.
 #
 # Observations go out one after the other, the worst at that moment: of a point with two wrong rays good ones may go
 # first, and what is left agrees because it can hardly do otherwise. No test of what is out against the rest can tell
 # then. All observations of such points can: where most of them have it, others are out, and less is left to explain.
-# ------------------------------------------------------------
 
 BEYOND_CHANCE = 2.0 * float(np.log(1000.0))
 """What another place must cost less, that chance does not put it first at the level 0.001."""
@@ -271,8 +268,8 @@ def cost_at(problem: Problem, values: Values) -> float:
     return cost_of_residuals(sizes_of(problem.groups, values), problem.observations)
 
 
-# ------------------------------------------------------------
-# Data snooping (W. Baarda): the worst observation is taken out, the rest adjusted again, until nothing else is flagged.
+# ---- Data snooping (W. Baarda): the worst observation is taken out, the rest adjusted again, until nothing else is
+# flagged.
 #
 # Several are taken out at once where none of them may be flagged for another one's error alone: where they
 # share neither a point nor a frame, or are so well controlled that it shows but little in each other's
@@ -282,7 +279,6 @@ def cost_at(problem: Problem, values: Values) -> float:
 # bear the company of the rest stays out for good. Points at which it may have been the wrong ones are looked
 # at in the end (:mod:`mor.quality.snooping`). The two coordinates of a ray are one pointing and go together,
 # as long as both are controlled.
-# ------------------------------------------------------------
 
 _MOST_ROUNDS = 100
 """Rounds after which snooping ends, clean or not; a round takes out every error that does not hide another one."""
@@ -498,13 +494,11 @@ def masks_of(kept_out: Masks, out: Collection[Entry]) -> Masks:
     return masks
 
 
-# ------------------------------------------------------------
-# Things of which data snooping took most observations out: then rather they are wrong, as a whole, than each
+# ---- Things of which data snooping took most observations out: then rather they are wrong, as a whole, than each
 # of these.
 #
 # Where more than half of what an image, a set of directions or a point was seen by is gone, what is left may
 # be the wrong half: it agrees with itself, and no test of what was taken out against the rest can tell.
-# ------------------------------------------------------------
 
 _FRAMES = ("image", "station", "system")
 _AT_LEAST = 3
@@ -561,15 +555,13 @@ def _counted(snooping: SnoopingResult, kind: str, count: int) -> tuple[IntArray,
     return out, whole
 
 
-# ------------------------------------------------------------
-# Suspects that fit the adjustment of the rest come back: then which they are does not hang on how they were found.
+# ---- Suspects that fit the adjustment of the rest come back: then which they are does not hang on how they were found.
 #
 # Graduated weights judge an observation by its residual at a place that is still on its way, and end a little
 # elsewhere from other start values. What is left out is tested against the rest instead, as data snooping
 # does (its residual has the variance σ² + aᵀQa), until nothing fits that is out. It fits unless so large a
 # residual is none that chance brings among all observations: of several that are merely unlikely, which one
 # goes out would hang on the way again. Those come back and are flagged, as in any adjustment.
-# ------------------------------------------------------------
 
 _ROUNDS = 8
 """Adjustments in which suspects come back: of those that share a point only one at a time."""

@@ -47,9 +47,7 @@ from mor.solve.datum import network_components
 from mor.solve.iterate import Adjustment, Outcome
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Directions that are determined, but hardly: which unknowns move together, and how far.
-# ------------------------------------------------------------
+# ---- Directions that are determined, but hardly: which unknowns move together, and how far.
 
 _MOST = 6
 _SHARE = 0.5
@@ -94,9 +92,7 @@ def weak_directions(quality: Quality) -> list[WeakDirection]:
     return directions
 
 
-# ------------------------------------------------------------
-# What to think of an adjustment: do the observations agree, which groups contradict, is the result determined.
-# ------------------------------------------------------------
+# ---- What to think of an adjustment: do the observations agree, which groups contradict, is the result determined.
 
 EXPLAINED, ALWAYS_EXPLAINED = 20, 5
 """Groups for which an explanation is looked for, at most where they reject beside all others, and in any case: what is
@@ -272,9 +268,7 @@ def _single_observations(quality: Quality, chosen: list[BoolArray], omega: float
     return count, part / omega if omega > 0.0 else 0.0, largest
 
 
-# ------------------------------------------------------------
-# What is done about gross errors and weights after the first adjustment, as the project asks for it.
-# ------------------------------------------------------------
+# ---- What is done about gross errors and weights after the first adjustment, as the project asks for it.
 
 
 class TreatmentOptions(NamedTuple):
@@ -328,9 +322,7 @@ def treat(
     return quality, Treatment(found, snooping, robust)
 
 
-# ------------------------------------------------------------
-# A network together with what became of it.
-# ------------------------------------------------------------
+# ---- A network together with what became of it.
 
 
 class AddedParameter(NamedTuple):
@@ -421,9 +413,7 @@ class Solved:
         return judged.determined is None or judged.determined.as_a_whole
 
 
-# ------------------------------------------------------------
-# Images on a trajectory in the result: their poses and cofactors, from those of the knots.
-# ------------------------------------------------------------
+# ---- Images on a trajectory in the result: their poses and cofactors, from those of the knots.
 
 _KNOTS_AT_A_TIME = 32
 """Knots whose columns of the inverse are worked out together."""

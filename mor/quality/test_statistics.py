@@ -25,9 +25,7 @@ from scipy.special import (
 from mor.model import rotations
 from mor.types import BoolArray, FloatArray, IntArray, SmallestIntArray
 
-# ------------------------------------------------------------
-# Arrays of many observations worked out a piece at a time, so that what stands between takes no room.
-# ------------------------------------------------------------
+# ---- Arrays of many observations worked out a piece at a time, so that what stands between takes no room.
 
 Found = TypeVar("Found", FloatArray, BoolArray)
 
@@ -68,14 +66,12 @@ def _or_zero(values: FloatArray) -> FloatArray:
     return np.where(np.isnan(values), 0.0, values)
 
 
-# ------------------------------------------------------------
-# Quality of the observations of one group: what is kept of it, and what follows from that.
+# ---- Quality of the observations of one group: what is kept of it, and what follows from that.
 #
 # For ten million rays every array counts. Of an uncorrelated observation only the residual v and the part 1 −
 # r of an error that the adjusted value absorbs are kept; cofactors and weighted residuals follow from these
 # and σ. The joint test of its components is kept once for a row. Correlated observations, which are few, keep
 # theirs.
-# ------------------------------------------------------------
 
 
 class Correlated(NamedTuple):
@@ -225,13 +221,11 @@ _OfRows: TypeAlias = Callable[[ObservationQuality], FloatArray]
 """Elementwise in the rows of a group."""
 
 
-# ------------------------------------------------------------
-# Levels of tests that belong together: non-centrality, B-method, familywise levels.
+# ---- Levels of tests that belong together: non-centrality, B-method, familywise levels.
 #
 # W. Baarda (1968) ties all tests of an adjustment to one error: what the test of a single observation finds with the
 # power β0 at the level α0 shall be found with β0 by every test, whatever its dimension. Its size is given by the
 # non-centrality δ0². Levels of tests of higher dimension follow from it.
-# ------------------------------------------------------------
 
 
 class Limit(NamedTuple):
@@ -275,9 +269,7 @@ def sidak(familywise: float, tests: int) -> float:
     return float(-np.expm1(np.log1p(-familywise) / max(tests, 1)))
 
 
-# ------------------------------------------------------------
-# Logarithms of p-values, right also where the p-value itself is smaller than any number a computer has.
-# ------------------------------------------------------------
+# ---- Logarithms of p-values, right also where the p-value itself is smaller than any number a computer has.
 
 _TERMS = 2000
 _MANY = 10_000.0
@@ -357,9 +349,7 @@ def _log_beta_tail(a: float, b: FloatArray, excess: FloatArray) -> FloatArray:
     return np.asarray(front + np.log(fraction))
 
 
-# ------------------------------------------------------------
-# Statistical tests on the outcome: the global test and the normalised residuals.
-# ------------------------------------------------------------
+# ---- Statistical tests on the outcome: the global test and the normalised residuals.
 
 CONTROLLED = 1e-6
 """Redundancy number below which an observation cannot be tested: nothing else would notice an error in it."""
@@ -424,9 +414,7 @@ def critical_value(level: float) -> float:
     return -float(ndtri(0.5 * level))
 
 
-# ------------------------------------------------------------
-# The joint test of the components of one observation: the two coordinates of a ray, the three of a vector.
-# ------------------------------------------------------------
+# ---- The joint test of the components of one observation: the two coordinates of a ray, the three of a vector.
 
 
 def joint_statistic(

@@ -41,9 +41,7 @@ from mor.project.trajectories import TRAJECTORY
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE, ANGLE_UNITS
 
-# ------------------------------------------------------------
-# Columns of the tables of start values: value, σ and start of every component, as the project would give them.
-# ------------------------------------------------------------
+# ---- Columns of the tables of start values: value, σ and start of every component, as the project would give them.
 
 
 class Placed(NamedTuple):
@@ -245,11 +243,9 @@ def pose_columns(
     }
 
 
-# ------------------------------------------------------------
-# Movements of the adjusted project: velocities and oscillations start at their adjusted values.
+# ---- Movements of the adjusted project: velocities and oscillations start at their adjusted values.
 #
 # Steps and coordinates of single epochs start among the points.
-# ------------------------------------------------------------
 
 _MODELS = {"velocity": ("velocity",), "seasonal": ("sine", "cosine")}
 
@@ -277,9 +273,8 @@ def motions(
     return result
 
 
-# ------------------------------------------------------------
-# Tables of knots with the adjusted values; those at a spacing are knots now, and images on trajectories have times.
-# ------------------------------------------------------------
+# ---- Tables of knots with the adjusted values; those at a spacing are knots now, and images on trajectories have
+# times.
 
 _KEYS = ("interpolation", "gap", "constancy", "smoothness")
 
@@ -329,9 +324,7 @@ def on_trajectories(placed: Placed, columns: dict[str, Any], pose: dict[str, Any
     return columns
 
 
-# ------------------------------------------------------------
-# Tables of start values, section by section: those of the project, each by its name, with the adjusted values.
-# ------------------------------------------------------------
+# ---- Tables of start values, section by section: those of the project, each by its name, with the adjusted values.
 
 
 def _by_table(
@@ -511,12 +504,10 @@ def _systems(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     return _by_table(placed, "system", columns, unknown_constants(placed, ECCENTRICITY, offsets, own, all_))
 
 
-# ------------------------------------------------------------
-# The adjusted project: the same project with the adjusted values as start values.
+# ---- The adjusted project: the same project with the adjusted values as start values.
 #
 # What is fixed or observed stays as it was given; only start values change, so that a second run converges at
 # once and to the same result. Tables of observations are referred to where they stand.
-# ------------------------------------------------------------
 
 Given: TypeAlias = pl.DataFrame | str
 """A table beside the project, or the text of a matrix."""

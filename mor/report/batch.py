@@ -12,9 +12,7 @@ from mor.errors import escaped
 from mor.report.language import Words
 from mor.report.layout import short, table
 
-# ------------------------------------------------------------
-# The table of a batch, one row per project, as text and as plain data.
-# ------------------------------------------------------------
+# ---- The table of a batch, one row per project, as text and as plain data.
 
 SCHEMA = "mor-batch"
 SCHEMA_VERSION = 1
@@ -115,9 +113,7 @@ def _cells(row: BatchRow, compared: bool, words: Words) -> list[str]:
     ]
 
 
-# ------------------------------------------------------------
-# The table of a batch as a page, and as JUnit XML for CI.
-# ------------------------------------------------------------
+# ---- The table of a batch as a page, and as JUnit XML for CI.
 
 _STYLE = """
 body { font: 15px/1.45 system-ui, sans-serif; margin: 2rem auto; max-width: 70rem; padding: 0 1rem; color: #1a1a1a; }

@@ -33,9 +33,7 @@ from mor.report.view import RadialCurve, View, radial_curve
 from mor.types import FloatArray
 from mor.units import LENGTH_UNITS
 
-# ------------------------------------------------------------
-# Content of a camera certificate as plain data.
-# ------------------------------------------------------------
+# ---- Content of a camera certificate as plain data.
 
 ROWS = 12
 """Rows of the table of distortion, at most."""
@@ -171,9 +169,7 @@ def _corner(camera: dict[str, Any]) -> float | None:
     return float(np.hypot(*(half + np.abs(centre))))
 
 
-# ------------------------------------------------------------
-# The curve of radial distortion as a small drawing (SVG) that prints without any script, also in black and white.
-# ------------------------------------------------------------
+# ---- The curve of radial distortion as a small drawing (SVG) that prints without any script, also in black and white.
 
 WIDTH, HEIGHT = 460, 230
 _LEFT, _RIGHT, _TOP, _BOTTOM = 58, 12, 24, 40
@@ -247,9 +243,7 @@ def _points(pairs: list[tuple[float, float]]) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in pairs)
 
 
-# ------------------------------------------------------------
-# The certificate of a camera as a page and as text.
-# ------------------------------------------------------------
+# ---- The certificate of a camera as a page and as text.
 
 
 def certificate_page(one: Certificate, words: Words = ENGLISH) -> str:

@@ -60,9 +60,7 @@ from mor.report.units import ends_of_group
 from mor.report.verdict import reliability_rows
 from mor.types import FloatArray, IntArray
 
-# ------------------------------------------------------------
-# A plan as plain data, and its tables.
-# ------------------------------------------------------------
+# ---- A plan as plain data, and its tables.
 
 SCHEMA = "mor-design"
 SCHEMA_VERSION = 1
@@ -161,9 +159,7 @@ def group_rows(solved: Solved) -> list[dict[str, Any]]:
     return rows
 
 
-# ------------------------------------------------------------
-# Drawings of a plan (SVG): the network with its sights and ellipses, and variants side by side.
-# ------------------------------------------------------------
+# ---- Drawings of a plan (SVG): the network with its sights and ellipses, and variants side by side.
 
 WIDTH, _MOST, _LEAST = 960, 640, 260
 _MARGIN, _LEGEND = 60, 30
@@ -321,9 +317,7 @@ def _cut(name: str) -> str:
     return name if len(name) <= 30 else f"{name[:29]}…"
 
 
-# ------------------------------------------------------------
-# The ranking of a plan as a table, and its first lines in words.
-# ------------------------------------------------------------
+# ---- The ranking of a plan as a table, and its first lines in words.
 
 SHOWN = 10
 """Observations of each kind that the text names."""
@@ -467,9 +461,7 @@ def _rms(now: PlanMeasures, network: Network) -> str:
     return f"rms sigma [{unit}]" if unit else "rms / limit"
 
 
-# ------------------------------------------------------------
-# The text report of a plan.
-# ------------------------------------------------------------
+# ---- The text report of a plan.
 
 WHAT = {
     "x": "sigma of x",
@@ -624,9 +616,7 @@ def _images(solved: Solved, words: Words) -> str:
     return "\n".join([heading(words("Images")), table([*headers, "points"], rows, 2, words)])
 
 
-# ------------------------------------------------------------
-# Variants of a plan side by side.
-# ------------------------------------------------------------
+# ---- Variants of a plan side by side.
 
 _NAMED = 8
 Named = tuple[str, Solved, Sequence[RequirementResult]]
@@ -704,9 +694,7 @@ def _reached(row: dict[str, Any], words: Words) -> str:
     return words("reached") if not failing else words("{count} of {all} fail", count=failing, all=len(wanted))
 
 
-# ------------------------------------------------------------
-# Visibility: how many sights there are, and what keeps the others from being made.
-# ------------------------------------------------------------
+# ---- Visibility: how many sights there are, and what keeps the others from being made.
 
 _VISIBLE_NAMED = 12
 
@@ -754,9 +742,7 @@ def _listed(names: Sequence[str], words: Words) -> str:
     return words("{names} and {count} more", names=said, count=more) if more > 0 else said
 
 
-# ------------------------------------------------------------
-# The files of a plan.
-# ------------------------------------------------------------
+# ---- The files of a plan.
 
 USUAL_FILES = ("design.json", "design.txt", "design.html")
 """Files that every plan has."""
@@ -782,9 +768,7 @@ def write_design(
     write_folder(place, writers)
 
 
-# ------------------------------------------------------------
-# The page of a plan, in one file that needs nothing else; in that of a small network observations can be switched.
-# ------------------------------------------------------------
+# ---- The page of a plan, in one file that needs nothing else; in that of a small network observations can be switched.
 
 _WORDS = (
     "reached",

@@ -31,9 +31,7 @@ SCHEMA = "3.2.0"
 _DCC, _SI = "https://ptb.de/dcc", "https://ptb.de/si"
 _PREFIXES = {"dcc": _DCC, "si": _SI, "xsi": "http://www.w3.org/2001/XMLSchema-instance"}
 
-# ------------------------------------------------------------
-# What the laboratory says.
-# ------------------------------------------------------------
+# ---- What the laboratory says.
 
 Name = Annotated[str, StringConstraints(min_length=1)]
 
@@ -108,9 +106,7 @@ def administration(document: Document) -> Administration:
     return found
 
 
-# ------------------------------------------------------------
-# Elements.
-# ------------------------------------------------------------
+# ---- Elements.
 
 
 def _add(parent: Element, name: str, text: object = None, **attributes: str) -> Element:
@@ -168,9 +164,7 @@ def si_unit(*units: str) -> str:
     return "".join(parts) or r"\one"
 
 
-# ------------------------------------------------------------
-# The certificate.
-# ------------------------------------------------------------
+# ---- The certificate.
 
 
 def digital_certificate(one: Certificate, admin: Administration, words: Words) -> str:

@@ -25,9 +25,7 @@ from mor.report.summary import summary
 from mor.report.text_tables import listed_movements, listed_parameters, statements
 from mor.types import FloatArray
 
-# ------------------------------------------------------------
-# Movements between epochs as a table, in project axes.
-# ------------------------------------------------------------
+# ---- Movements between epochs as a table, in project axes.
 
 
 def movement_table(
@@ -90,9 +88,7 @@ def verdict(epochs: EpochComparison, level: float, known: bool, words: Words = E
     return lines
 
 
-# ------------------------------------------------------------
-# The comparison of two epochs as a page that needs nothing else.
-# ------------------------------------------------------------
+# ---- The comparison of two epochs as a page that needs nothing else.
 
 
 class EpochResults(NamedTuple):
@@ -178,9 +174,7 @@ def _cells(row: dict[str, Any], places: int, known: bool, words: Words) -> dict[
     }
 
 
-# ------------------------------------------------------------
-# Content of the page of two epochs, from their adjustments.
-# ------------------------------------------------------------
+# ---- Content of the page of two epochs, from their adjustments.
 
 
 def epoch(place: Path, solved: Solved) -> EpochResults:
@@ -215,9 +209,7 @@ def moved(first: Solved, found: EpochComparison, table: pl.DataFrame) -> PointMo
     )
 
 
-# ------------------------------------------------------------
-# Movements of points in one adjustment of several epochs, as a page that needs nothing else.
-# ------------------------------------------------------------
+# ---- Movements of points in one adjustment of several epochs, as a page that needs nothing else.
 
 MOST_SERIES = 60
 """Points whose movements are drawn against time, the most significant ones."""

@@ -44,9 +44,7 @@ from mor.report.units import (
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE_UNITS, IMAGE
 
-# ------------------------------------------------------------
-# Error ellipses and ellipsoids of points, and those of the differences of pairs of points.
-# ------------------------------------------------------------
+# ---- Error ellipses and ellipsoids of points, and those of the differences of pairs of points.
 
 AT_A_TIME = 100
 """Pairs whose covariances are worked out together."""
@@ -194,9 +192,7 @@ def bearings_of(edge: Edge, unit: str, azimuth: FloatArray) -> FloatArray:
     return np.asarray(edge.sense * (azimuth - edge.zero_azimuth) / size % (2.0 * np.pi / size))
 
 
-# ------------------------------------------------------------
-# Tables of what was estimated: points, images, cameras, stations, systems, pairs, instruments, groups.
-# ------------------------------------------------------------
+# ---- Tables of what was estimated: points, images, cameras, stations, systems, pairs, instruments, groups.
 
 XYZ = ("x", "y", "z")
 ANGLES = ("omega", "phi", "kappa")
@@ -538,9 +534,7 @@ def _frame(columns: dict[str, Any]) -> pl.DataFrame:
     return frame.with_columns(pl.col(some).fill_nan(None)) if some else frame
 
 
-# ------------------------------------------------------------
-# Table of undetermined unknowns, with reason and treatment.
-# ------------------------------------------------------------
+# ---- Table of undetermined unknowns, with reason and treatment.
 
 SCHEMA = {
     "kind": pl.String,
@@ -597,9 +591,7 @@ def _row(thing: UndeterminedObject) -> dict[str, Any]:
     }
 
 
-# ------------------------------------------------------------
-# Planes, lines and other shapes as they came out: where they lie, and how well their points fit.
-# ------------------------------------------------------------
+# ---- Planes, lines and other shapes as they came out: where they lie, and how well their points fit.
 
 FEATURE_SCHEMA: dict[str, type[pl.DataType]] = {
     "id": pl.String,
@@ -750,9 +742,7 @@ def _upright(direction: FloatArray) -> FloatArray:
     return upright
 
 
-# ------------------------------------------------------------
-# Trajectories in the result: every knot with its pose and σ, misalignments of inertial systems.
-# ------------------------------------------------------------
+# ---- Trajectories in the result: every knot with its pose and σ, misalignments of inertial systems.
 
 POSE = ("x", "y", "z", "omega", "phi", "kappa")
 
@@ -795,9 +785,7 @@ def boresight_rows(solved: Solved) -> list[dict[str, Any]]:
     return rows
 
 
-# ------------------------------------------------------------
-# Movements of points in one adjustment as tables, in project axes: what moves them, and how far they have moved.
-# ------------------------------------------------------------
+# ---- Movements of points in one adjustment as tables, in project axes: what moves them, and how far they have moved.
 
 PER = {"velocity": "/a", "annual oscillation": "", "step": ""}
 """What stands behind the unit of length of a parameter: velocities are lengths in a year."""
@@ -871,9 +859,7 @@ def _turned(vectors: FloatArray, M: FloatArray) -> FloatArray:
     return np.concatenate([vectors[:, :3] @ M, vectors[:, 3:] @ M], axis=1)
 
 
-# ------------------------------------------------------------
-# Points of a network on the earth: in its reference system, above ellipsoid and geoid, geocentric.
-# ------------------------------------------------------------
+# ---- Points of a network on the earth: in its reference system, above ellipsoid and geoid, geocentric.
 
 ANGULAR = ("latitude", "longitude")
 

@@ -32,9 +32,7 @@ from mor.report.view import RayPairs, View, Window, distortion, places, radial_c
 from mor.types import FloatArray, IntArray
 from mor.units import LENGTH_UNITS
 
-# ------------------------------------------------------------
-# Charts of a camera: radial distortion and distortion vectors with confidence, correlations, mean residuals.
-# ------------------------------------------------------------
+# ---- Charts of a camera: radial distortion and distortion vectors with confidence, correlations, mean residuals.
 
 CONFIDENCE = 0.95
 _BESIDE = float(ndtri(0.5 + CONFIDENCE / 2.0))
@@ -277,9 +275,7 @@ def correlations(camera: dict[str, Any]) -> Figure:
     )
 
 
-# ------------------------------------------------------------
-# The overlap map: how many images measured points in each cell, in the view in which the points are widest.
-# ------------------------------------------------------------
+# ---- The overlap map: how many images measured points in each cell, in the view in which the points are widest.
 
 _MOST_CELLS = 80
 """Cells along the longer side, at most."""
@@ -352,9 +348,7 @@ def overlap_map(found: Overlap | None) -> dict[str, Any] | None:
     }
 
 
-# ------------------------------------------------------------
-# Charts of the tests: w against the normal distribution, redundancy, rays, angles.
-# ------------------------------------------------------------
+# ---- Charts of the tests: w against the normal distribution, redundancy, rays, angles.
 
 _BARS = 60
 _MOST_FRAMES = 400

@@ -16,9 +16,7 @@ from mor.input_files import ReadFile
 from mor.project.schema import ProjectFile
 from mor.report.language import ENGLISH, Words
 
-# ------------------------------------------------------------
-# Identity of a report: program, project, input files, options, and date of the newest file.
-# ------------------------------------------------------------
+# ---- Identity of a report: program, project, input files, options, and date of the newest file.
 
 EPOCH = "SOURCE_DATE_EPOCH"
 """Variable that sets the date of reports, in seconds since 1970 (reproducible-builds.org)."""
@@ -71,9 +69,7 @@ def _date(files: Iterable[ReadFile]) -> str | None:
         raise InputError([Message(words, EPOCH)]) from None
 
 
-# ------------------------------------------------------------
-# Notes made while a project was read, as plain data.
-# ------------------------------------------------------------
+# ---- Notes made while a project was read, as plain data.
 
 
 def note_rows(notes: Iterable[Message], folder: Path) -> list[dict[str, Any]]:
@@ -88,9 +84,7 @@ def note_rows(notes: Iterable[Message], folder: Path) -> list[dict[str, Any]]:
     ]
 
 
-# ------------------------------------------------------------
-# ``README.txt`` of a folder of results: what each file is, for whoever gets the folder.
-# ------------------------------------------------------------
+# ---- ``README.txt`` of a folder of results: what each file is, for whoever gets the folder.
 
 FILE = "README.txt"
 MEANINGS = {

@@ -14,8 +14,7 @@ import yaml
 
 from mor.errors import InputError, Message, Placeholder, nearest
 
-# ------------------------------------------------------------
-# Sentences with values in them, said in another language: mistakes, notes, reasons, help.
+# ---- Sentences with values in them, said in another language: mistakes, notes, reasons, help.
 #
 # What is wrong is found far below the reports, by code that knows no language and says it in English, values and all.
 # The catalogue has the sentence as it stands in the source, with places for the values:
@@ -27,7 +26,6 @@ from mor.errors import InputError, Message, Placeholder, nearest
 # turn. Names in quotes stay as they are, and so do the values of places that the other language marks with
 # ``{:n}``: names of columns, keys and formats. A single word only changes where it marks its place with
 # ``{:w}``.
-# ------------------------------------------------------------
 
 _LETTER = re.compile(r"[^\W\d_]")
 _VALUE = r"""'(?:[^'\\]|\\.)*'|"(?:[^"\\]|\\.)*"|.*?"""
@@ -164,11 +162,9 @@ class Sentences:
         return "".join(written)
 
 
-# ------------------------------------------------------------
-# The language of a text report: its sentences and headings, and how it writes numbers.
+# ---- The language of a text report: its sentences and headings, and how it writes numbers.
 #
 # The English text is the key; a catalogue has the other language's. What a catalogue lacks stays English.
-# ------------------------------------------------------------
 
 LANGUAGES = ("en", "de")
 _NAMES = frozenset({"id", "point", "place", "names"})
@@ -281,9 +277,7 @@ def _catalogue(language: str, names: tuple[str, ...]) -> dict[str, str]:
     return catalogue
 
 
-# ------------------------------------------------------------
-# The name of a datum in the language of a report.
-# ------------------------------------------------------------
+# ---- The name of a datum in the language of a report.
 
 _CARRIED = re.compile(r"(.+?) of (\d+) (?:named point or group|named points or groups)(?: and |$)")
 _HELD = re.compile(r"(?:^|, )([xyz]{1,3}) of ")
@@ -313,9 +307,7 @@ def datum_name(name: str, words: Words) -> str:
     return words.listed(name)
 
 
-# ------------------------------------------------------------
-# The terms of reports: found by any of their names, or nearest to what was asked.
-# ------------------------------------------------------------
+# ---- The terms of reports: found by any of their names, or nearest to what was asked.
 
 _UNIT_OF_TERM = re.compile(r" \[[^\]]*\]$")
 

@@ -14,9 +14,7 @@ from mor.errors import MOST_TOLD, escaped
 from mor.report.language import ENGLISH, Words
 from mor.types import FloatArray
 
-# ------------------------------------------------------------
-# Columns and paragraphs of text that fit a page: 100 signs wide, whatever names and headings are in them.
-# ------------------------------------------------------------
+# ---- Columns and paragraphs of text that fit a page: 100 signs wide, whatever names and headings are in them.
 
 WIDTH = 100
 _GAPS = ("  ", " ")
@@ -139,9 +137,7 @@ def _paragraph(line: str) -> str:
     ).replace(_TIED, " = ")
 
 
-# ------------------------------------------------------------
-# Headings and tables of the text report.
-# ------------------------------------------------------------
+# ---- Headings and tables of the text report.
 
 DIGITS = {"m": 5, "mm": 4, "cm": 4, "dm": 5, "um": 2, "km": 8, "ft": 5, "us-ft": 5, "in": 4}
 ANGLE_DIGITS = {"gon": 5, "deg": 6, "rad": 8, "mrad": 5, "mgon": 3}
@@ -246,9 +242,7 @@ def component_of(row: dict[str, Any]) -> str:
     return "" if row["component"] == row["type"] else f", {row['component']}"
 
 
-# ------------------------------------------------------------
-# Colours of charts: the set of Okabe and Ito, told apart by colour-blind readers, on light and on dark ground.
-# ------------------------------------------------------------
+# ---- Colours of charts: the set of Okabe and Ito, told apart by colour-blind readers, on light and on dark ground.
 
 BLUE = "#3b8fd0"
 ORANGE = "#e69f00"
@@ -262,9 +256,7 @@ DIVERGING = [[0.0, "#b35806"], [0.25, "#f1a340"], [0.5, "#f7f7f7"], [0.75, "#998
 """Brown to purple through white: signs that colour-blind readers tell apart (C. Brewer, PuOr)."""
 
 
-# ------------------------------------------------------------
-# Classes of a histogram of test values, as many for a gross error of a million σ as for none.
-# ------------------------------------------------------------
+# ---- Classes of a histogram of test values, as many for a gross error of a million σ as for none.
 
 BIN_WIDTH = 0.25
 OUTERMOST = 10.0
@@ -293,9 +285,7 @@ def normal_bins(w: FloatArray, critical: float) -> Bins:
     return Bins(edges, np.clip(w, -inside, inside), int(np.count_nonzero(np.abs(w) > limit)))
 
 
-# ------------------------------------------------------------
-# Last section of the report: inputs, program, signature.
-# ------------------------------------------------------------
+# ---- Last section of the report: inputs, program, signature.
 
 LINE = "_" * 30
 
@@ -345,9 +335,7 @@ def _note(row: dict[str, Any], words: Words) -> str:
     return f"  {place}{words.told(row['message'])}"
 
 
-# ------------------------------------------------------------
-# Charts as plain data: a chart is its traces and a layout whose axes carry names and units.
-# ------------------------------------------------------------
+# ---- Charts as plain data: a chart is its traces and a layout whose axes carry names and units.
 
 Figure = dict[str, Any]
 FIGURE_DIGITS = 6
@@ -391,9 +379,7 @@ def small_unit(unit: str, size: float) -> tuple[str, float]:
     return unit, 1.0
 
 
-# ------------------------------------------------------------
-# The frame of a figure: the bulk of the places. Places far away stand at its edge, with their distance.
-# ------------------------------------------------------------
+# ---- The frame of a figure: the bulk of the places. Places far away stand at its edge, with their distance.
 
 _FAR = 10.0
 """Median distances from the median place beyond which a place does not widen the frame."""
@@ -434,9 +420,7 @@ def with_distances(names: Sequence[str], distances: FloatArray, unit: str) -> li
     ]
 
 
-# ------------------------------------------------------------
-# Place labels in a figure without overlap.
-# ------------------------------------------------------------
+# ---- Place labels in a figure without overlap.
 
 _LABELS_MARK = 3.0
 """Half the width of a mark."""

@@ -15,9 +15,7 @@ from mor.report.layout import at_edge, frame_of, placed, round_length, small_uni
 from mor.report.page_data import covariances, drawn_axes
 from mor.types import BoolArray, FloatArray
 
-# ------------------------------------------------------------
-# Movements between two epochs as a drawing (SVG): vectors from ellipses of confidence, labels that do not overlap.
-# ------------------------------------------------------------
+# ---- Movements between two epochs as a drawing (SVG): vectors from ellipses of confidence, labels that do not overlap.
 
 DRAWING_WIDTH = 960
 _LEAST, _MOST = 260, 560
@@ -176,9 +174,7 @@ def _axes(axes: tuple[int, int], signs: FloatArray, factor: float, unit: str, he
     ]
 
 
-# ------------------------------------------------------------
-# Movements of a point against time as a small drawing (SVG): its coordinates since the first epoch, with σ.
-# ------------------------------------------------------------
+# ---- Movements of a point against time as a small drawing (SVG): its coordinates since the first epoch, with σ.
 
 WIDTH, HEIGHT = 300, 170
 _LEFT, _RIGHT, _TOP, _BOTTOM = 44, 12, 24, 22

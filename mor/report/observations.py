@@ -48,9 +48,7 @@ from mor.report.units import (
 from mor.solve.problem import misclosures
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Some observations of one group with all that is known of their quality: what tables are made of, piece by piece.
-# ------------------------------------------------------------
+# ---- Some observations of one group with all that is known of their quality: what tables are made of, piece by piece.
 
 PIECE = 8_192
 """Rows of a group that are looked at together: bounds the memory, whatever the size of the problem."""
@@ -113,9 +111,7 @@ class AssessedGroups(NamedTuple):
         return AssessedRows(group, is_check, quality, one, tests, tests.test, normalised_residuals(one))
 
 
-# ------------------------------------------------------------
-# Columns of the residual table that say how an observation was tested, and how reliable it is.
-# ------------------------------------------------------------
+# ---- Columns of the residual table that say how an observation was tested, and how reliable it is.
 
 TESTED = {
     "r": pl.Float64,
@@ -204,9 +200,7 @@ def flags(rows: AssessedRows) -> IntArray:
     return said_there
 
 
-# ------------------------------------------------------------
-# The residual table in long form: one row for every observation, units and all.
-# ------------------------------------------------------------
+# ---- The residual table in long form: one row for every observation, units and all.
 
 SCHEMA = {
     "type": pl.String,
@@ -291,9 +285,7 @@ def _sigma_adjusted(rows: AssessedRows) -> FloatArray:
     return sigma
 
 
-# ------------------------------------------------------------
-# The worst observations, found in arrays: only their rows become rows of a table.
-# ------------------------------------------------------------
+# ---- The worst observations, found in arrays: only their rows become rows of a table.
 
 
 def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
@@ -360,9 +352,7 @@ def uncontrolled_residuals(solved: Solved, count: int) -> tuple[pl.DataFrame, in
     return (pl.concat(parts).head(count) if parts else pl.DataFrame(schema=SCHEMA)), number
 
 
-# ------------------------------------------------------------
-# Mean redundancy number and largest |w| by point and by image.
-# ------------------------------------------------------------
+# ---- Mean redundancy number and largest |w| by point and by image.
 
 
 def control_of_points(solved: Solved, numbers: IntArray) -> dict[str, FloatArray]:
@@ -421,9 +411,7 @@ def _columns(totals: FloatArray, largest: FloatArray) -> dict[str, FloatArray]:
     }
 
 
-# ------------------------------------------------------------
-# Checks as plain data, in project axes and units.
-# ------------------------------------------------------------
+# ---- Checks as plain data, in project axes and units.
 
 
 def check_rows(solved: Solved) -> list[dict[str, Any]]:
@@ -465,9 +453,7 @@ def largest_length_error(rows: list[dict[str, Any]]) -> float | None:
     return float(np.max(errors)) if errors else None
 
 
-# ------------------------------------------------------------
-# Gross errors as plain data: suspicious observations and what they do, what was excluded, robust comparison.
-# ------------------------------------------------------------
+# ---- Gross errors as plain data: suspicious observations and what they do, what was excluded, robust comparison.
 
 _FRAMES = ("image", "station", "system")
 
@@ -621,9 +607,7 @@ def _robust(solved: Solved) -> dict[str, Any] | None:
     }
 
 
-# ------------------------------------------------------------
-# Observations left out because all together have no solution, as plain data.
-# ------------------------------------------------------------
+# ---- Observations left out because all together have no solution, as plain data.
 
 MOST = 10_000
 """Suspects that results.json lists; the table of residuals has all."""
@@ -654,9 +638,7 @@ def suspects(solved: Solved) -> dict[str, Any] | None:
     }
 
 
-# ------------------------------------------------------------
-# Possible causes of a rejection, and hypotheses that were tried, as plain data.
-# ------------------------------------------------------------
+# ---- Possible causes of a rejection, and hypotheses that were tried, as plain data.
 
 
 def possible_causes(solved: Solved) -> list[dict[str, Any]]:

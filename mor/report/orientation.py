@@ -33,9 +33,7 @@ from mor.start.stereo_model import CONDITIONS, Auxiliary, Chain, Joined, StereoM
 from mor.types import BoolArray, FloatArray
 from mor.units import ANGLE_UNITS
 
-# ------------------------------------------------------------
-# Tables of homologous image points, read and turned into bundles.
-# ------------------------------------------------------------
+# ---- Tables of homologous image points, read and turned into bundles.
 
 
 class HomologousPoints(NamedTuple):
@@ -132,9 +130,7 @@ def bundles(measured: HomologousPoints, constants: FloatArray, sigma: float) -> 
     return [image_bundle(rays[:, image], sigma) for image in range(rays.shape[1])]
 
 
-# ------------------------------------------------------------
-# Arrays as plain data, and small tables of what has a σ.
-# ------------------------------------------------------------
+# ---- Arrays as plain data, and small tables of what has a σ.
 
 ANGLES = ("omega", "phi", "kappa")
 
@@ -177,9 +173,7 @@ def by_turn(angles: FloatArray) -> FloatArray:
     return rows if np.all(np.isfinite(rows)) else np.full((3, 3), np.nan)
 
 
-# ------------------------------------------------------------
-# A plane object from two or more images as plain data.
-# ------------------------------------------------------------
+# ---- A plane object from two or more images as plain data.
 
 
 class ObjectSystem(NamedTuple):
@@ -321,9 +315,7 @@ def _derived(
     }
 
 
-# ------------------------------------------------------------
-# Relative orientation of a chain of images as plain data.
-# ------------------------------------------------------------
+# ---- Relative orientation of a chain of images as plain data.
 
 BASE = ("bx", "by", "bz")
 IK = tuple(f"{i}{k}" for i in (1, 2, 3) for k in (1, 2, 3))
@@ -526,9 +518,7 @@ def _why(found: Oriented, point: int) -> str:
     return "" if found.model is None else found.model.reasons[point].value
 
 
-# ------------------------------------------------------------
-# Relative orientation of a chain of images for reading.
-# ------------------------------------------------------------
+# ---- Relative orientation of a chain of images for reading.
 
 SHOWN = 6
 """Decimals of angles; of the ik and the base one more."""
@@ -721,9 +711,7 @@ def _valued(row: dict[str, Any], keys: tuple[str, ...]) -> list[str]:
     return [cell for key in keys for cell in (fixed(row[key], SHOWN), fixed(row[f"s{key}"], SHOWN))]
 
 
-# ------------------------------------------------------------
-# A plane object for reading, every admissible solution.
-# ------------------------------------------------------------
+# ---- A plane object for reading, every admissible solution.
 
 OVER_CONSTANT = "flying height / c"
 """Correlated as the flying height itself."""

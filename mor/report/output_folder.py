@@ -32,9 +32,7 @@ from mor.output_files import (
     write_content,
 )
 
-# ------------------------------------------------------------
-# Plain data as JSON.
-# ------------------------------------------------------------
+# ---- Plain data as JSON.
 
 
 def to_json(data: dict[str, Any]) -> str:
@@ -55,14 +53,13 @@ def _text(data: Any) -> str:
     return json.dumps(data, ensure_ascii=False, indent=1, allow_nan=False)
 
 
-# ------------------------------------------------------------
-# A folder for results, reserved for one run and exchanged as a whole: there always is a complete result, old or new.
+# ---- A folder for results, reserved for one run and exchanged as a whole: there always is a complete result, old
+# or new.
 #
 # Beside a folder ``NAME`` there is, while a run has it reserved, a folder ``.NAME.mor``: in it ``lock``,
 # which the system locks for as long as the process lives, and ``new``, where results grow. The complete new
 # folder and the old one change places in one step. What a killed run leaves in ``.NAME.mor`` is taken away by
 # the next run that reserves the folder.
-# ------------------------------------------------------------
 
 try:
     import fcntl
@@ -262,9 +259,7 @@ def _lock(descriptor: int) -> None:
             raise
 
 
-# ------------------------------------------------------------
-# A folder of results on disk: all its files complete, or none of them; never over a file that mor may not touch.
-# ------------------------------------------------------------
+# ---- A folder of results on disk: all its files complete, or none of them; never over a file that mor may not touch.
 
 
 def folder_beside(project: Path, suffix: str) -> Path:
@@ -335,9 +330,7 @@ def _link(path: str, beside: str) -> None:
         shutil.copy2(path, beside, follow_symlinks=False)
 
 
-# ------------------------------------------------------------
-# Compare earlier results with this command: results of the same command may be replaced.
-# ------------------------------------------------------------
+# ---- Compare earlier results with this command: results of the same command may be replaced.
 
 
 def is_repeated(folder: Path, project: Path, options: Sequence[str]) -> bool:

@@ -59,9 +59,7 @@ from mor.report.verdict import (
 )
 from mor.report.view import View
 
-# ------------------------------------------------------------
-# The page on paper: running heads with the project, page numbers, and the browser that makes a PDF of it.
-# ------------------------------------------------------------
+# ---- The page on paper: running heads with the project, page numbers, and the browser that makes a PDF of it.
 
 PAPERS = {"A4": "A4", "Letter": "letter"}
 """Sizes of paper by what a person calls them, as CSS has them."""
@@ -151,9 +149,7 @@ def _run(program: str, sheet: Path, made: Path, profile: Path) -> str:
     return done.stderr.decode(errors="replace")
 
 
-# ------------------------------------------------------------
-# Statements on what an adjustment rests on: what was read and used, which datum, what would make it better.
-# ------------------------------------------------------------
+# ---- Statements on what an adjustment rests on: what was read and used, which datum, what would make it better.
 
 _NAMED = 3
 """Observations without control that are named."""
@@ -245,9 +241,7 @@ def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, A
     return {"notes": notes, "notes_left": len(rows) - len(notes)}
 
 
-# ------------------------------------------------------------
-# The verdict in plain words: statements, each with its numbers, good, doubtful or bad.
-# ------------------------------------------------------------
+# ---- The verdict in plain words: statements, each with its numbers, good, doubtful or bad.
 
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
 _NARROW = {"gon": 10.0, "deg": 9.0}
@@ -675,9 +669,7 @@ def _strongest(names: list[str], matrix: list[list[float]] | None) -> tuple[str,
     return names[j], names[i], float(lower[i, j])
 
 
-# ------------------------------------------------------------
-# The page: verdict, network, images, cameras, tests, tables, in one file that needs nothing else.
-# ------------------------------------------------------------
+# ---- The page: verdict, network, images, cameras, tests, tables, in one file that needs nothing else.
 
 SCRIPTS = (
     "data.js",
@@ -908,11 +900,9 @@ def _fixed(value: float | None, digits: int) -> str:
     return "–" if value is None else f"{value:.{digits}f}".replace("-", "−")
 
 
-# ------------------------------------------------------------
-# The page where there is no solution: the verdict, the iterations, what does not come to rest, what fits worst.
+# ---- The page where there is no solution: the verdict, the iterations, what does not come to rest, what fits worst.
 #
 # It shows no places and no cameras: what looks like a result would be taken for one.
-# ------------------------------------------------------------
 
 SHOWN = 1000
 """Things that nothing determines that are listed."""

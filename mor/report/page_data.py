@@ -38,9 +38,7 @@ from mor.report.view import (
 from mor.types import FloatArray
 from mor.units import ANGLE_UNITS
 
-# ------------------------------------------------------------
-# Quantities of points, images and sets that the page shows beyond the result tables.
-# ------------------------------------------------------------
+# ---- Quantities of points, images and sets that the page shows beyond the result tables.
 
 _TOUCHING = pl.col("type").str.contains("^(difference|level)$").not_()
 
@@ -210,9 +208,7 @@ def rms(values: FloatArray) -> float | None:
     return float(np.sqrt(np.mean(there**2))) if there.size else None
 
 
-# ------------------------------------------------------------
-# Everything a page is made from, worked out once.
-# ------------------------------------------------------------
+# ---- Everything a page is made from, worked out once.
 
 
 class PageData(NamedTuple):
@@ -269,9 +265,7 @@ def angle_unit_of_rays(view: View) -> str:
     return "gon" if view.summary["units"]["angle"] in ("gon", "mgon") else "deg"
 
 
-# ------------------------------------------------------------
-# Data of the network figure besides rays: sights by kind, given points, relative ellipses, external reliability.
-# ------------------------------------------------------------
+# ---- Data of the network figure besides rays: sights by kind, given points, relative ellipses, external reliability.
 
 MOST_SIGHTS = 20_000
 _SHARE = 0.06
@@ -369,14 +363,12 @@ def with_given(view: View, points: pl.DataFrame) -> pl.DataFrame:
     return points.with_columns(pl.Series("given", given, dtype=pl.String))
 
 
-# ------------------------------------------------------------
-# Columns packed for the page: one block of bytes, compressed, the same for the same input.
+# ---- Columns packed for the page: one block of bytes, compressed, the same for the same input.
 #
 # Layout before compression: length of the head (4 bytes, little-endian), the head as JSON, and behind it
 # every buffer, each begun at a multiple of 8. A column of the head is ``{"k": kind, "o": offset, "n":
 # length}`` with kind f4, f8, i1, i2 or i4; texts are numbers into ``"t"``, the list of texts there are.
 # Missing numbers are NaN.
-# ------------------------------------------------------------
 
 _MANTISSA = {"f4": 23, "f8": 52}
 _LEVEL = 4
@@ -444,9 +436,7 @@ def _shorter(numbers: np.ndarray, bits: int = 15) -> np.ndarray:
     return np.where(np.isfinite(single), rounded.view("<f4"), single)
 
 
-# ------------------------------------------------------------
-# Error ellipsoids of the table of points: covariances, and where their semi-axes point to.
-# ------------------------------------------------------------
+# ---- Error ellipsoids of the table of points: covariances, and where their semi-axes point to.
 
 _FLAT = 1e-6
 """Part of the longest semi-axis below which an ellipsoid has no extent along another, which then has no direction."""
@@ -488,9 +478,7 @@ def directions_of_semi_axes(view: View) -> pl.DataFrame:
 _DECIMALS = {"rad": 3, "mrad": 0, "mgon": 0}
 
 
-# ------------------------------------------------------------
-# The data of the page: tables that its charts and tables are drawn from, with what was left to the files.
-# ------------------------------------------------------------
+# ---- The data of the page: tables that its charts and tables are drawn from, with what was left to the files.
 
 MOST_ROWS = 50_000
 """Residuals the page lists; the file beside it has all."""
@@ -644,9 +632,8 @@ def drawn_axes(xy: str) -> dict[str, Any]:
     }
 
 
-# ------------------------------------------------------------
-# The chart library the page carries: plotly.js (MIT licence), which building the package puts beside the other assets.
-# ------------------------------------------------------------
+# ---- The chart library the page carries: plotly.js (MIT licence), which building the package puts beside the other
+# assets.
 
 
 def library_path() -> Path | None:

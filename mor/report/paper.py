@@ -312,9 +312,7 @@ def _shared(whole: Sequence[float], least: Sequence[float], room: float) -> list
     return [low + share * (high - low) for low, high in zip(least, whole, strict=True)]
 
 
-# ------------------------------------------------------------
-# The sections of the report.
-# ------------------------------------------------------------
+# ---- The sections of the report.
 
 
 def report_on_paper(
@@ -906,9 +904,7 @@ def _more(to: Writer, count: int) -> None:
         to.note(to.words("{count:more is|more are} in the results.", count=count - MOST_ROWS))
 
 
-# ------------------------------------------------------------
-# Appendices.
-# ------------------------------------------------------------
+# ---- Appendices.
 
 
 def _residuals(to: Writer, data: PageData) -> None:

@@ -49,9 +49,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-# ------------------------------------------------------------
-# A sheet to draw on, and how it becomes a file: same picture, same bytes.
-# ------------------------------------------------------------
+# ---- A sheet to draw on, and how it becomes a file: same picture, same bytes.
 
 FORMATS = ("svg", "png", "pdf")
 _STYLE: dict[str, Any] = {
@@ -139,9 +137,7 @@ def spell_out(figure: Figure) -> None:
         text.set_text("\n".join(shortened(line, _LONGEST) for line in lines))
 
 
-# ------------------------------------------------------------
-# A camera: radial distortion with its band of confidence, and the correlations of its components.
-# ------------------------------------------------------------
+# ---- A camera: radial distortion with its band of confidence, and the correlations of its components.
 
 _BESIDE = 1.959963984540054
 
@@ -204,9 +200,7 @@ def _matrix(axes: Axes, camera: dict[str, Any], words: Words) -> None:
     axes.figure.colorbar(shown, ax=axes, shrink=0.8)
 
 
-# ------------------------------------------------------------
-# The test values w against the normal distribution, and the redundancy numbers.
-# ------------------------------------------------------------
+# ---- The test values w against the normal distribution, and the redundancy numbers.
 
 
 def histogram(view: View, words: Words = ENGLISH) -> Figure:
@@ -234,9 +228,7 @@ def histogram(view: View, words: Words = ENGLISH) -> Figure:
     return figure
 
 
-# ------------------------------------------------------------
-# Names beside their points: none where another name, a point or the edge of the picture is in the way.
-# ------------------------------------------------------------
+# ---- Names beside their points: none where another name, a point or the edge of the picture is in the way.
 
 _SIZE = 7.0
 """Size of the letters, points."""
@@ -307,9 +299,7 @@ def _extent(name: str) -> tuple[float, float]:
     return float(path.get_extents().x1) + 2.0, _SIZE + 1.0
 
 
-# ------------------------------------------------------------
-# Overlays of a network plot: sights by kind, scale bars, given points, relative ellipses, external reliability.
-# ------------------------------------------------------------
+# ---- Overlays of a network plot: sights by kind, scale bars, given points, relative ellipses, external reliability.
 
 _KINDS = {
     "direction": ("directions", GREY, "-", 0.5),
@@ -406,9 +396,7 @@ def _lines(start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
     return x, y
 
 
-# ------------------------------------------------------------
-# The network in plan (or elevation): points, images, stations, rays, and error ellipses where they are asked for.
-# ------------------------------------------------------------
+# ---- The network in plan (or elevation): points, images, stations, rays, and error ellipses where they are asked for.
 
 _MOST_RAYS = 5000
 
@@ -581,9 +569,7 @@ def _mark_outside(
     axes.autoscale_view()
 
 
-# ------------------------------------------------------------
-# The overlap of images, and the rays of each point.
-# ------------------------------------------------------------
+# ---- The overlap of images, and the rays of each point.
 
 _LOOKS = ((RED, "x", 5), (RED, "P", 5), (ORANGE, "^", 5), (GREEN, "o", 3), (BLUE, "o", 3), (GREY, "o", 3))
 """Colour, mark and size of each class of rays."""
@@ -644,9 +630,7 @@ def _map(axes: Axes, found: Overlap, words: Words) -> None:
     axes.set_title(words("Images that measured points in each cell"), fontsize=9, loc="left")
 
 
-# ------------------------------------------------------------
-# Residual vectors: of one image, or of all images one beside the other.
-# ------------------------------------------------------------
+# ---- Residual vectors: of one image, or of all images one beside the other.
 
 _COLUMNS = 5
 _RESIDUALS_MOST = 60

@@ -72,9 +72,7 @@ from mor.report.units import component_rows, forget, other_rows
 from mor.report.verdict import FILE as EXTERNAL
 from mor.report.verdict import external_reliability, reliability_rows, verdict_rows
 
-# ------------------------------------------------------------
-# ``results.json``: everything but the long residual table as plain data, in a stable order.
-# ------------------------------------------------------------
+# ---- ``results.json``: everything but the long residual table as plain data, in a stable order.
 
 INLINE = 10_000
 """Tables of up to this many rows stand in ``results.json`` itself."""
@@ -153,9 +151,7 @@ def image_interiors(solved: Solved) -> dict[str, dict[str, Any]]:
     return found
 
 
-# ------------------------------------------------------------
-# Memory of reports and tables from their sizes, before they are made; measured as that of the adjustment is.
-# ------------------------------------------------------------
+# ---- Memory of reports and tables from their sizes, before they are made; measured as that of the adjustment is.
 
 _LIBRARIES = 30e6
 _ROWS_TOGETHER = 500_000
@@ -186,9 +182,7 @@ def memory_of_reports(network: Network, html: bool, tables: Literal["none", "wor
     return size
 
 
-# ------------------------------------------------------------
-# Tables as files: CSV or Parquet, the long one piece by piece.
-# ------------------------------------------------------------
+# ---- Tables as files: CSV or Parquet, the long one piece by piece.
 
 Made = TypeVar("Made")
 Format = Literal["csv", "parquet"]
@@ -279,9 +273,7 @@ def _ahead(pieces: Iterator[AssessedRows], make: Callable[[AssessedRows], Made])
             yield waiting.popleft().result()
 
 
-# ------------------------------------------------------------
-# All results of an adjustment, as files.
-# ------------------------------------------------------------
+# ---- All results of an adjustment, as files.
 
 PROJECT = "project.yaml"
 """Name of a project that is written into a folder of its own."""

@@ -7,9 +7,7 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
-# ------------------------------------------------------------
-# The parts of ``results.json`` as models: what is estimated, and what is said of its quality.
-# ------------------------------------------------------------
+# ---- The parts of ``results.json`` as models: what is estimated, and what is said of its quality.
 
 Number = float | None
 """``null`` where the number does not exist."""
@@ -402,9 +400,7 @@ class Residual(OpenModel):
     )
 
 
-# ------------------------------------------------------------
-# The parts of ``results.json`` on gross errors, as models.
-# ------------------------------------------------------------
+# ---- The parts of ``results.json`` on gross errors, as models.
 
 
 class Place(OpenModel):
@@ -548,9 +544,7 @@ class PossibleCause(OpenModel):
     verified: bool = Field(description="False: no adjustment was made with it")
 
 
-# ------------------------------------------------------------
-# The parts of ``results.json`` on what nothing determines, and on outcomes without a solution, as models.
-# ------------------------------------------------------------
+# ---- The parts of ``results.json`` on what nothing determines, and on outcomes without a solution, as models.
 
 
 class Undeterminable(OpenModel):
@@ -597,9 +591,7 @@ class Failure(OpenModel):
     worst: list[Misfit] = Field(description="Observations that fit worst at the last values")
 
 
-# ------------------------------------------------------------
-# The parts of ``results.json`` as models: times, and what moves points.
-# ------------------------------------------------------------
+# ---- The parts of ``results.json`` as models: times, and what moves points.
 
 
 class Epoch(OpenModel):
@@ -666,9 +658,7 @@ class Boresight(OpenModel):
     skappa: Number = Field(description="σ of κ")
 
 
-# ------------------------------------------------------------
-# The parts of ``results.json`` on the verdict, as models.
-# ------------------------------------------------------------
+# ---- The parts of ``results.json`` on the verdict, as models.
 
 Kind = Literal["group", "image", "camera", "station", "set", "instrument", "system"]
 
@@ -841,11 +831,9 @@ class ReliabilityMap(OpenModel):
     sets: list[Weakest] = Field(description="The same of sets of directions")
 
 
-# ------------------------------------------------------------
-# ``results.json`` as a model: every key there is and what it means. The JSON Schema is made from it.
+# ---- ``results.json`` as a model: every key there is and what it means. The JSON Schema is made from it.
 #
 # Keys may be added in later versions; those that are there keep their meaning while ``schema_version`` is 2.
-# ------------------------------------------------------------
 
 
 class Results(OpenModel):

@@ -54,9 +54,7 @@ from mor.report.units import ends_of_group, said_differences, said_values
 from mor.types import FloatArray, IntArray
 from mor.units import ANGLE, ANGLE_UNITS, LENGTH, Quantity
 
-# ------------------------------------------------------------
-# A simulated project as files: simulated values in place of measured ones, the rest as it was given.
-# ------------------------------------------------------------
+# ---- A simulated project as files: simulated values in place of measured ones, the rest as it was given.
 
 _OF_VALUES = ("parameter", "difference")
 _OF_INSTRUMENTS = (
@@ -361,9 +359,7 @@ def planted_table(network: Network, errors: Sequence[Planted]) -> pl.DataFrame:
     return pl.DataFrame(rows, schema=schema, orient="row")
 
 
-# ------------------------------------------------------------
-# The report of a Monte Carlo simulation: text and plain data.
-# ------------------------------------------------------------
+# ---- The report of a Monte Carlo simulation: text and plain data.
 
 SCHEMA = "mor-montecarlo"
 SCHEMA_VERSION = 1

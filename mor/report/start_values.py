@@ -27,13 +27,12 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-# ------------------------------------------------------------
-# Start values as data: of every unknown whether it was given, found or replaced, by which rule, and how good it is.
+# ---- Start values as data: of every unknown whether it was given, found or replaced, by which rule, and how good
+# it is.
 #
 # σ is that which the observations of the thing itself give it while everything else stays where it starts,
 # times the root mean square of their misclosures where that exceeds one. It does not contain what the
 # neighbours are wrong by.
-# ------------------------------------------------------------
 
 Status = Literal["given", "found", "replaced", "missing"]
 WHAT = {"point": "position", "rotation": "attitude"}
@@ -230,9 +229,7 @@ def counts(rows: Sequence[StartValue]) -> Iterator[tuple[str, str, dict[str, int
         yield kind, what, number
 
 
-# ------------------------------------------------------------
-# Start values as plain data, for programs.
-# ------------------------------------------------------------
+# ---- Start values as plain data, for programs.
 
 SCHEMA = 1
 
@@ -300,9 +297,7 @@ def _part(join: Join, network: Network, approximation: Approximation) -> dict[st
     }
 
 
-# ------------------------------------------------------------
-# Start values for reading: how many, in which parts, each with its rule and its precision, and what is missing.
-# ------------------------------------------------------------
+# ---- Start values for reading: how many, in which parts, each with its rule and its precision, and what is missing.
 
 SHOWN = 1000
 """Values of a kind that the text lists; JSON has all."""
@@ -456,9 +451,7 @@ def _missing(approximation: Approximation, words: Words) -> str:
     return "\n".join(lines)
 
 
-# ------------------------------------------------------------
-# The plan of what start values were found for: each part in a colour of its own.
-# ------------------------------------------------------------
+# ---- The plan of what start values were found for: each part in a colour of its own.
 
 _COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE)
 _MOST_PARTS = 12

@@ -25,9 +25,7 @@ from mor.solve.datum import BY_CURVATURE
 from mor.solve.iterate import Iteration
 from mor.units import ANGLE_UNITS
 
-# ------------------------------------------------------------
-# The summary of an adjustment as plain data: the head of ``results.json`` and of every report.
-# ------------------------------------------------------------
+# ---- The summary of an adjustment as plain data: the head of ``results.json`` and of every report.
 
 SCHEMA = "mor-results"
 SCHEMA_VERSION = 2
@@ -160,9 +158,7 @@ def statistics(solved: Solved) -> dict[str, Any]:
     }
 
 
-# ------------------------------------------------------------
-# Report of a failed adjustment: unknowns that do not settle, and the worst residuals.
-# ------------------------------------------------------------
+# ---- Report of a failed adjustment: unknowns that do not settle, and the worst residuals.
 
 OSCILLATES = 0.5
 """Part of the way that was taken back from which on an unknown moves to and fro."""
@@ -241,9 +237,7 @@ def worst_misfits(solved: Solved, count: int) -> pl.DataFrame:
     )
 
 
-# ------------------------------------------------------------
-# Content of a project before it is adjusted.
-# ------------------------------------------------------------
+# ---- Content of a project before it is adjusted.
 
 THINGS = {
     "camera": "{count:camera|cameras}",

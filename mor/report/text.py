@@ -21,9 +21,7 @@ from mor.report.text_findings import first_sentence, sentences, sentences_of_thi
 from mor.report.verdict import contradictions, ill_determined, in_common, reliability_rows, verdict_rows
 from mor.solve.iterate import STANDS_STILL, Outcome
 
-# ------------------------------------------------------------
-# Head of the report: the verdict first, then counts, σ0, global test and datum.
-# ------------------------------------------------------------
+# ---- Head of the report: the verdict first, then counts, σ0, global test and datum.
 
 NAMED = 3
 """Observations that nothing controls that are named one by one."""
@@ -195,9 +193,7 @@ def _limits(test: dict[str, float], words: Words) -> str:
     )
 
 
-# ------------------------------------------------------------
-# The summary on the terminal: accepted or not, what is worst, how good points and cameras are, on one screen.
-# ------------------------------------------------------------
+# ---- The summary on the terminal: accepted or not, what is worst, how good points and cameras are, on one screen.
 
 WIDTH = 100
 LINES = 15
@@ -349,9 +345,7 @@ def _groups(solved: Solved, words: Words) -> list[str]:
     return lines
 
 
-# ------------------------------------------------------------
-# The text report: one file for each section, put together in one order.
-# ------------------------------------------------------------
+# ---- The text report: one file for each section, put together in one order.
 
 
 def text_report(

@@ -15,9 +15,7 @@ from mor.report.observations import fixed_point_rows, gross_errors, possible_cau
 from mor.report.summary import moving_rows, summary, worst_misfits
 from mor.solve.iterate import Outcome
 
-# ------------------------------------------------------------
-# Possible causes of a rejection and the results of a diagnosis, in words.
-# ------------------------------------------------------------
+# ---- Possible causes of a rejection and the results of a diagnosis, in words.
 
 SENTENCES = {
     "names exchanged": "two names may be exchanged ({names})",
@@ -173,9 +171,7 @@ def sentence(row: dict[str, Any], words: Words = ENGLISH) -> str:
     return f"{said}: {words.listed(amount['name'])} {words.number(short(amount['value'], 6))} {amount['unit']}".rstrip()
 
 
-# ------------------------------------------------------------
-# Report observations left out because all together have no acceptable solution.
-# ------------------------------------------------------------
+# ---- Report observations left out because all together have no acceptable solution.
 
 SHOWN = 200
 
@@ -235,9 +231,7 @@ def sentences(data: dict[str, Any] | None, words: Words = ENGLISH) -> list[str]:
     ]
 
 
-# ------------------------------------------------------------
-# Gross errors in words: suspicious observations, what was excluded, the robust comparison.
-# ------------------------------------------------------------
+# ---- Gross errors in words: suspicious observations, what was excluded, the robust comparison.
 
 SHOWN_RELIABILITY = 40
 
@@ -404,9 +398,7 @@ def robust_in_words(
     return lines
 
 
-# ------------------------------------------------------------
-# Report undetermined unknowns, with hints.
-# ------------------------------------------------------------
+# ---- Report undetermined unknowns, with hints.
 
 SHOWN_UNDETERMINED = 1000
 """Things a text report lists; the table beside it has all."""
@@ -489,9 +481,7 @@ def _names(things: Sequence[UndeterminedObject], words: Words) -> str:
     return words("{names} and {count} more", names=listed, count=more) if more > 0 else listed
 
 
-# ------------------------------------------------------------
-# The report where there is no solution: the iterations, what does not come to rest, what fits worst.
-# ------------------------------------------------------------
+# ---- The report where there is no solution: the iterations, what does not come to rest, what fits worst.
 
 
 def unsettled_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN_RELIABILITY) -> str:

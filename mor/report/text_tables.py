@@ -59,9 +59,7 @@ from mor.report.observations import (
 )
 from mor.report.units import angle_unit, angle_unit_of, other_rows
 
-# ------------------------------------------------------------
-# Interior orientations with σ and correlations.
-# ------------------------------------------------------------
+# ---- Interior orientations with σ and correlations.
 
 
 def camera_section(solved: Solved, words: Words = ENGLISH) -> str:
@@ -95,9 +93,7 @@ def _camera(row: dict[str, Any], length: str, words: Words) -> str:
     return "\n".join(lines)
 
 
-# ------------------------------------------------------------
-# Check points and check distances.
-# ------------------------------------------------------------
+# ---- Check points and check distances.
 
 
 def check_section(solved: Solved, words: Words = ENGLISH) -> str:
@@ -137,9 +133,7 @@ def section_of(checks: list[dict[str, Any]], unit: str, words: Words) -> str:
     return "\n".join(lines)
 
 
-# ------------------------------------------------------------
-# Error ellipses of points and of pairs of points.
-# ------------------------------------------------------------
+# ---- Error ellipses of points and of pairs of points.
 
 NEIGHBOURS = 2000
 """Points of which a full report pairs each with its nearest."""
@@ -238,9 +232,7 @@ def _explained(solved: Solved, words: Words) -> str:
     )
 
 
-# ------------------------------------------------------------
-# Planes, lines and right angles.
-# ------------------------------------------------------------
+# ---- Planes, lines and right angles.
 
 
 def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
@@ -270,9 +262,7 @@ def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
     return "\n".join([heading(words("Planes, lines and shapes")), "\n\n".join(tables), note])
 
 
-# ------------------------------------------------------------
-# Observation groups with their estimated σ0.
-# ------------------------------------------------------------
+# ---- Observation groups with their estimated σ0.
 
 
 def group_section(solved: Solved, words: Words = ENGLISH) -> str:
@@ -329,9 +319,7 @@ def components_in_words(
     return lines
 
 
-# ------------------------------------------------------------
-# Images: exterior orientation with σ, number of points, residuals.
-# ------------------------------------------------------------
+# ---- Images: exterior orientation with σ, number of points, residuals.
 
 
 def image_section(solved: Solved, words: Words = ENGLISH) -> str:
@@ -403,9 +391,7 @@ def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> str:
     return "\n\n".join(tables)
 
 
-# ------------------------------------------------------------
-# Instruments, heights, eccentricities and image-variant interiors that were estimated.
-# ------------------------------------------------------------
+# ---- Instruments, heights, eccentricities and image-variant interiors that were estimated.
 
 
 def section_of_others(solved: Solved, words: Words = ENGLISH) -> str:
@@ -433,9 +419,7 @@ def section_of_others(solved: Solved, words: Words = ENGLISH) -> str:
     return f"{heading(words('Other parameters'))}\n{table(headers, rows, 4, words)}"
 
 
-# ------------------------------------------------------------
-# Points with σ, error ellipsoids and rays.
-# ------------------------------------------------------------
+# ---- Points with σ, error ellipsoids and rays.
 
 SHOWN = 2000
 """Points a text report lists; the full table stands beside it."""
@@ -483,9 +467,7 @@ def listed_points(frame: pl.DataFrame, unit: str, words: Words) -> str:
     return table(headers, rows, words=words)
 
 
-# ------------------------------------------------------------
-# The worst residuals first.
-# ------------------------------------------------------------
+# ---- The worst residuals first.
 
 SHOWN_RESIDUALS = 40
 
@@ -547,9 +529,7 @@ def rows_of(frame: pl.DataFrame, words: Words) -> str:
     return table(headers, rows, 4, words)
 
 
-# ------------------------------------------------------------
-# Theodolite stations, local systems and stereo pairs.
-# ------------------------------------------------------------
+# ---- Theodolite stations, local systems and stereo pairs.
 
 
 def station_section(solved: Solved, words: Words = ENGLISH) -> str:
@@ -597,9 +577,7 @@ def _frames(words: Words, solved: Solved, title: str, frame: pl.DataFrame, names
     return f"{heading(words(title))}\n{table(headers, rows, words=words)}"
 
 
-# ------------------------------------------------------------
-# Movements of points: what moves them, with tests, and how far each has moved from its first to its last epoch.
-# ------------------------------------------------------------
+# ---- Movements of points: what moves them, with tests, and how far each has moved from its first to its last epoch.
 
 SHOWN_MOTIONS = 200
 """Rows of each table that a text report lists; the tables beside it have all."""
@@ -758,9 +736,7 @@ def _p(value: float | None) -> str:
     return "-" if value is None else "<0.0001" if value < _LEAST_P else fixed(value, 4)
 
 
-# ------------------------------------------------------------
-# Points of a network on the earth: coordinates in its reference system, heights, σ east, north, up.
-# ------------------------------------------------------------
+# ---- Points of a network on the earth: coordinates in its reference system, heights, σ east, north, up.
 
 _ANGULAR_DIGITS = {"gon": 9, "deg": 9, "rad": 11, "mrad": 8, "mgon": 6}
 """Decimals of latitudes and longitudes: a tenth of a millimetre."""
@@ -812,9 +788,7 @@ def _said(name: str) -> str:
     }.get(name, name)
 
 
-# ------------------------------------------------------------
-# Trajectories: how they are interpolated, their knots with σ, misalignments of inertial systems.
-# ------------------------------------------------------------
+# ---- Trajectories: how they are interpolated, their knots with σ, misalignments of inertial systems.
 
 _TIME_DIGITS = 3
 

@@ -20,9 +20,7 @@ from mor.quality.solution import Solved
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE_UNITS, Component
 
-# ------------------------------------------------------------
-# Out through the edge: project axes and units for points, attitudes and observations.
-# ------------------------------------------------------------
+# ---- Out through the edge: project axes and units for points, attitudes and observations.
 
 
 class Estimate(NamedTuple):
@@ -175,9 +173,7 @@ def said_numbers(group: ObservationGroup, internal: FloatArray) -> FloatArray:
     return internal[:, ends_of_group(group).source]
 
 
-# ------------------------------------------------------------
-# Components of plain blocks, by name: value, σ, status, in the units of the report.
-# ------------------------------------------------------------
+# ---- Components of plain blocks, by name: value, σ, status, in the units of the report.
 
 
 def component_rows(solved: Solved, kind: str, number: int, components: Any) -> dict[str, Any]:
@@ -258,9 +254,7 @@ def number_or_none(value: float) -> float | None:
     return float(value) if np.isfinite(value) else None
 
 
-# ------------------------------------------------------------
-# Tables that several reports show are worked out once for an adjustment, whichever of them comes first.
-# ------------------------------------------------------------
+# ---- Tables that several reports show are worked out once for an adjustment, whichever of them comes first.
 
 Table = TypeVar("Table")
 

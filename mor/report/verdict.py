@@ -34,13 +34,11 @@ from mor.report.observations import place
 from mor.report.units import ends_of_group, once, said_differences, said_sizes
 from mor.types import BoolArray, IntArray
 
-# ------------------------------------------------------------
-# External reliability as vectors: where an error that stays unseen moves each point.
+# ---- External reliability as vectors: where an error that stays unseen moves each point.
 #
 # Of all observations of a point the one with the smallest redundancy number has the largest external
 # reliability (W. Baarda, 1968): a gross error in it of the size ∇, which the tests find with the power asked
 # for and no better, moves the point by the vector, in the datum of the adjustment.
-# ------------------------------------------------------------
 
 FILE = "external_reliability.csv"
 MOST_EFFECTS = 500
@@ -86,9 +84,8 @@ def external_reliability(solved: Solved) -> pl.DataFrame:
     return pl.DataFrame(rows, schema=SCHEMA)
 
 
-# ------------------------------------------------------------
-# The verdict as plain data: tests of groups, what would explain those that reject, what is chosen and not measured.
-# ------------------------------------------------------------
+# ---- The verdict as plain data: tests of groups, what would explain those that reject, what is chosen and not
+# measured.
 
 MOST_GROUPS = 10_000
 """Tests that are listed; of more only those that reject."""
@@ -233,9 +230,7 @@ def _effect(solved: Solved, effect: GroupEffect, suffices: bool) -> dict[str, An
     }
 
 
-# ------------------------------------------------------------
-# The reliability map as plain data: what is weakest, what it carries, what would cure it.
-# ------------------------------------------------------------
+# ---- The reliability map as plain data: what is weakest, what it carries, what would cure it.
 
 MOST = 1_000
 """Points, images, stations or sets that are listed; of more the weakest."""
@@ -382,9 +377,7 @@ def _things(solved: Solved, one: Controlled) -> list[dict[str, Any]]:
     return rows
 
 
-# ------------------------------------------------------------
-# Tests of groups in words: which groups contradict, what would explain them, what is chosen and not measured.
-# ------------------------------------------------------------
+# ---- Tests of groups in words: which groups contradict, what would explain them, what is chosen and not measured.
 
 SHOWN = 40
 """Tests that the report lists: those that reject, then those of tables."""
@@ -605,9 +598,7 @@ def said_conventions(data: dict[str, Any], words: Words) -> list[str]:
     return lines
 
 
-# ------------------------------------------------------------
-# The reliability map in words: uncontrolled observations, the weakest points, images, stations and sets.
-# ------------------------------------------------------------
+# ---- The reliability map in words: uncontrolled observations, the weakest points, images, stations and sets.
 
 WORDS_OF_RELIABILITY_NAMED = 10
 """Uncontrolled observations that are spoken of one by one."""

@@ -119,9 +119,7 @@ def _processor() -> str:
     return names[0] if names else platform.processor() or platform.machine()
 
 
-# ------------------------------------------------------------
-# Text and page.
-# ------------------------------------------------------------
+# ---- Text and page.
 
 
 def verdict(data: dict[str, Any], words: Words) -> str:

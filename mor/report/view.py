@@ -35,9 +35,7 @@ from mor.report.verdict import FILE, external_reliability, reliability_rows, ver
 from mor.report.verdict import SCHEMA as EXTERNAL
 from mor.types import FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Tables for pictures and pages of an adjustment, from an outcome or from its results folder.
-# ------------------------------------------------------------
+# ---- Tables for pictures and pages of an adjustment, from an outcome or from its results folder.
 
 
 @dataclass(frozen=True)
@@ -278,9 +276,7 @@ def projection_centres(solved: Solved) -> FloatArray:
     return centres
 
 
-# ------------------------------------------------------------
-# The geometry of rays: who sees what, at which angles rays meet, how much of each image is measured.
-# ------------------------------------------------------------
+# ---- The geometry of rays: who sees what, at which angles rays meet, how much of each image is measured.
 
 _CHUNK = 2_000_000
 """Pairs of rays looked at together."""
@@ -413,13 +409,12 @@ def covered(xy: FloatArray, area: float) -> float:
         return 0.0
 
 
-# ------------------------------------------------------------
-# Distortion of a camera with its standard deviation, from the interior orientation as it stands in ``results.json``.
+# ---- Distortion of a camera with its standard deviation, from the interior orientation as it stands in
+# ``results.json``.
 #
 # The distortion is what the model makes of an ideal image point beyond central projection with the camera
 # constant and the principal point alone. Its σ follows from the covariance of the distortion components,
 # those of the camera constant and the principal point left aside.
-# ------------------------------------------------------------
 
 _NOT_DISTORTION = {"c", "f", "xh", "yh", "fx", "fy", "cx", "cy"}
 _AZIMUTHS = 16

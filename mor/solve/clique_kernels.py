@@ -9,15 +9,13 @@ import numpy as np
 from mor.linalg.compilation import compile_inline, compile_kernel
 from mor.types import BoolArray, FloatArray, IntArray, SmallIntArray
 
-# ------------------------------------------------------------
-# Kernels that find out which blocks of the reduced system the rays of a point meet, and where pairs of
+# ---- Kernels that find out which blocks of the reduced system the rays of a point meet, and where pairs of
 # them stand.
 #
 # The unknowns of all rays of a point are merged, block by block, into one short local list, so that a block
 # that many rays share (a camera) appears once. The list ascends, hence what stands right of a local column in
 # the list stands below it in the lower triangle. Points whose rays come from the very same frames form a group:
 # they share the list, and reach the blocks of the reduced system together.
-# ------------------------------------------------------------
 
 UNKNOWN, COVERED = -2, -3
 NONE: int = np.int64(0)  # type: ignore[assignment]
@@ -382,14 +380,12 @@ def places_of_frame(columns: IntArray, pattern: Pattern, starts: IntArray, place
     return True
 
 
-# ------------------------------------------------------------
-# Kernels that eliminate points met by rays alone: their 3×3 systems, and what they leave in the reduced
+# ---- Kernels that eliminate points met by rays alone: their 3×3 systems, and what they leave in the reduced
 # system.
 #
 # For one point, with the Jacobians a (by the point) and j (by the other unknowns) of its rays,
 #
 #     N_pp = Σ aᵀa = L Lᵀ,    W = Σ jᵀa,    V = W L⁻ᵀ,    b_p = −Σ aᵀ residual,    u = L⁻¹ b_p.
-# ------------------------------------------------------------
 
 # Pivots of a 3×3 system scaled to unit diagonal carry hardly any round-off.
 VANISHING = 1e-12
@@ -601,9 +597,7 @@ def follow_directions(
             of_points[p, 1, d], of_points[p, 2, d] = b, c
 
 
-# ------------------------------------------------------------
-# Kernels that cut points into pieces of so many rays that what is worked out of them stays in the cache.
-# ------------------------------------------------------------
+# ---- Kernels that cut points into pieces of so many rays that what is worked out of them stays in the cache.
 
 
 @compile_kernel
@@ -624,9 +618,7 @@ def largest_piece(pointers: IntArray, rays: int) -> int:
     return int(max(largest, min(rays, pointers[-1] - pointers[0])))
 
 
-# ------------------------------------------------------------
-# Kernels that bring rays into the order of their points.
-# ------------------------------------------------------------
+# ---- Kernels that bring rays into the order of their points.
 
 
 @compile_kernel
@@ -683,11 +675,9 @@ def local_numbers(
     return pointers, found[:count].copy()
 
 
-# ------------------------------------------------------------
-# Kernels that add up what the rays of one frame leave beside the products of their couplings.
+# ---- Kernels that add up what the rays of one frame leave beside the products of their couplings.
 #
 # Rays are gone through frame by frame, and tiles of a few rows and columns are added up in registers.
-# ------------------------------------------------------------
 
 ROWS, COLUMNS = 4, 8
 """Rows and columns that are added up together; Jacobians have whole numbers of them."""

@@ -41,15 +41,13 @@ from mor.solve.product_kernels import (
 )
 from mor.types import FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Kernels that multiply the coupling of a single point with one block of R, and with its mirror image.
+# ---- Kernels that multiply the coupling of a single point with one block of R, and with its mirror image.
 #
 # A block is worked on in strips of six columns, then two, then single ones; what belongs to the columns stays
 # in registers. It begins at ``start`` in the values, row by row, ``width`` numbers in a row. The couplings E
 # and the products H are (m, 4), flat, the fourth number zero, so that a number of a block is fetched once,
 # and meets the three of the point side by side. Those of the rows are ``first:end``, those of the first
 # column of the strip begin at ``at``. Rows and columns may be the same ones.
-# ------------------------------------------------------------
 
 
 @compile_inline
@@ -131,8 +129,7 @@ def multiply_one(
     put(H, at, four(H, at) + u)
 
 
-# ------------------------------------------------------------
-# Kernels that take out of the cofactors Q of the reduced system what the columns bring that all frames have
+# ---- Kernels that take out of the cofactors Q of the reduced system what the columns bring that all frames have
 # in common.
 #
 # These are the last ones, the interior orientation of a single camera. With Q_zz = C Cᵀ theirs,
@@ -142,7 +139,6 @@ def multiply_one(
 # and R vanishes in their rows and columns: they become unknowns with unit cofactors, correlated with nothing. What is
 # left for products are the blocks of R of the frames' own unknowns. Those on its diagonal are stored halved: so R is
 # what is stored and its mirror image.
-# ------------------------------------------------------------
 
 
 @compile_kernel
@@ -259,8 +255,7 @@ def gather_frames(
     return True
 
 
-# ------------------------------------------------------------
-# Kernels of the cofactors of rays, from those of their points and the selected inverse Q_cc of the reduced system.
+# ---- Kernels of the cofactors of rays, from those of their points and the selected inverse Q_cc of the reduced system.
 #
 # With E = W N_pp⁻¹ and H = Q_cc E of its point, a ray with the derivatives a by the point and j by all else has a
 # computed value of the cofactor
@@ -269,7 +264,6 @@ def gather_frames(
 #
 # and an error of 1 in it moves the point by (Q Aᵀ)_p = Q_pp aᵀ − Hᵀ jᵀ: the *share* of it that goes into the point is
 # a Q_pp aᵀ − a Hᵀ jᵀ.
-# ------------------------------------------------------------
 
 
 @compile_kernel
@@ -484,13 +478,11 @@ def cofactors_of_rays(
             of_rays[i, 0, 1] = of_rays[i, 1, 0] = xy
 
 
-# ------------------------------------------------------------
-# Kernels of the cofactors of points, from the selected inverse Q_cc of the reduced system.
+# ---- Kernels of the cofactors of points, from the selected inverse Q_cc of the reduced system.
 #
 # With the coupling E = Σ jᵀa N_pp⁻¹ of one point, H = Q_cc E, and Q_pp = N_pp⁻¹ + Eᵀ H, Q_cp = −H. What is
 # common to all frames is taken out of Q_cc before (``common_columns``): it is coupled like all else, by j W,
 # and multiplied by nothing.
-# ------------------------------------------------------------
 
 FEW_RAYS, MANY_RAYS = 1024, 16_384
 """Rays of a batch: so few that all there is of them stays in the cache, or so many that a large R is seldom fetched."""

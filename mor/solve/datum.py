@@ -14,13 +14,11 @@ from mor.model.parameters import Index, Values, move
 from mor.solve.problem import DatumDefinition, Problem, linearise, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Null directions inside a network, made as short to tell as they can be: which unknowns nothing determines.
+# ---- Null directions inside a network, made as short to tell as they can be: which unknowns nothing determines.
 #
 # A null space comes as any basis of it, in which everything moves. What a user needs is the sparsest one: first the
 # directions that move a single parameter block, then for each that is left the combination that moves the fewest
 # blocks, which leaves the larger part of the network where it is.
-# ------------------------------------------------------------
 
 _ALONE = 1e-8
 """1 − s² of a direction that moves one block only, s its length on that block."""
@@ -163,9 +161,7 @@ def _describe(movement: FloatArray, index: Index, units: FloatArray) -> Undeterm
     )
 
 
-# ------------------------------------------------------------
-# What a found defect means: movements of the whole network, or something that is not determined inside it.
-# ------------------------------------------------------------
+# ---- What a found defect means: movements of the whole network, or something that is not determined inside it.
 
 MOVEMENTS = (
     "translation X",
@@ -365,12 +361,10 @@ def _name(datum: FloatArray, generators: FloatArray) -> tuple[str, ...]:
     return (*names, *(["combination of translation, rotation and scale"] * missing))
 
 
-# ------------------------------------------------------------
-# Bodies that the observations leave loose even where all else is known: found without solving anything.
+# ---- Bodies that the observations leave loose even where all else is known: found without solving anything.
 #
 # The normal matrix of one body (a point, an image with its pose) with all others held is a block on the
 # diagonal of the whole one. Where it is singular, so is the whole: a null vector of it is one of the system.
-# ------------------------------------------------------------
 
 _FEW = 4
 """Observations for each unknown of a body up to which its normal matrix is worked out."""
@@ -516,15 +510,13 @@ def _normals(
     return np.nan_to_num(flat.reshape(count, width, width))
 
 
-# ------------------------------------------------------------
-# The datum: which null directions are free movements of the whole network, and how the datum binds them.
+# ---- The datum: which null directions are free movements of the whole network, and how the datum binds them.
 #
 # The inner constraint binds the total correction of the masked components to their reference,
 # Bᵀ(x − x₀) = 0 with B = M G, G the movements of the network at the adjusted coordinates (then the sum of squared
 # corrections of the masked components is the smallest), or at coordinates the datum names, usually the reference. Any
 # solution of a minimal datum is carried there by x ← x + G t (S-transformation), and its cofactors by Q ← S Q Sᵀ,
 # S = I − G (BᵀG)⁻¹ Bᵀ. Shifts and rotations of whole points lead to the same coordinates either way, scale does not.
-# ------------------------------------------------------------
 
 _SPREAD = 1e-12
 """Least of the sizes of movements on the points of the datum, as a part of the largest."""
@@ -708,14 +700,12 @@ def _outer(one: FloatArray, other: FloatArray) -> FloatArray:
     return one @ np.swapaxes(other, -1, -2)
 
 
-# ------------------------------------------------------------
-# Turns of the whole network that the observations determine, but hardly.
+# ---- Turns of the whole network that the observations determine, but hardly.
 #
 # Tilts observed as ω and φ are angles about axes of the object. Where a free network is turned about its
 # plumb line by θ, they change by θ times themselves; tilts of the size of their σ so determine the turn with
 # a σ of a radian. That is neither null nor an answer: coordinates turned by it stand as far from the
 # reference as chance wants.
-# ------------------------------------------------------------
 
 NOTHING_KNOWN = float(np.pi / np.sqrt(3.0))
 """σ (rad) of an angle of which nothing is known: of one evenly spread over the circle."""

@@ -22,9 +22,7 @@ from mor.solve.ray_kernels import ALONG, MOVING, FrameChange, FrameValues, RayMe
 from mor.solve.rays import Chunk, GroupFrames, RayPlan, frame_change, frame_values, pieces
 from mor.types import BoolArray, FloatArray, IntArray, SmallIntArray
 
-# ------------------------------------------------------------
-# Rays: two whitened observations each, from a frame to a point, linearised.
-# ------------------------------------------------------------
+# ---- Rays: two whitened observations each, from a frame to a point, linearised.
 
 
 @dataclass(frozen=True)
@@ -83,9 +81,7 @@ class Rays:
         return self.point_pointers.size - 1
 
 
-# ------------------------------------------------------------
-# The reduced system: what is left of the normal equations when the points that only rays meet are eliminated.
-# ------------------------------------------------------------
+# ---- The reduced system: what is left of the normal equations when the points that only rays meet are eliminated.
 
 
 class ReducedSystem(NamedTuple):
@@ -111,14 +107,13 @@ def empty_reduced_system(structure: BlockStructure) -> ReducedSystem:
     return ReducedSystem(matrix, *(np.zeros(structure.unknowns) for _ in range(3)))
 
 
-# ------------------------------------------------------------
-# Point elimination in plain numpy: what the compiled kernels do, readable, and what small projects are adjusted with.
+# ---- Point elimination in plain numpy: what the compiled kernels do, readable, and what small projects are
+# adjusted with.
 #
 # Some points at a time are eliminated together. With N_pp = L Lᵀ, every ray of a point couples it with its
 # frame by V_i = j_iᵀ a_i L⁻ᵀ. Written into one dense matrix V, unknowns of all their frames × 3 coordinates
 # of each point, they leave −V Vᵀ to the reduced system: one product of dense matrices, which costs less than
 # to look up where each pair of rays goes, as long as the matrix stays small.
-# ------------------------------------------------------------
 
 # Entries of the dense matrices, above which fewer points are taken at a time: beyond it most of them are zero.
 _ENTRIES_AT_A_TIME = 1_000_000
@@ -361,8 +356,7 @@ def _sum_by_point(rays: Rays, of_rays: FloatArray) -> FloatArray:
     return total
 
 
-# ------------------------------------------------------------
-# Elimination of the points that only rays meet: they are by far the most, and none of them enters the big
+# ---- Elimination of the points that only rays meet: they are by far the most, and none of them enters the big
 # system.
 #
 # Such a point has a 3×3 system of its own. Eliminating it leaves a *reduced* system of all other unknowns, in
@@ -370,7 +364,6 @@ def _sum_by_point(rays: Rays, of_rays: FloatArray) -> FloatArray:
 # whole points, are used and forgotten; the pass is repeated for the steps of the points and for the cofactors.
 #
 # Every function has a plain numpy form in ``point_reference`` and a compiled one in ``compiled``.
-# ------------------------------------------------------------
 
 _FOURS = 4
 """Columns that are worked on together where cofactors are worked out."""
@@ -586,12 +579,10 @@ def _refuse_unless(stored: bool) -> None:
         raise ValueError("the pattern lacks a pair of blocks that meet in a point of the chunk")
 
 
-# ------------------------------------------------------------
-# The rays of the eliminated points, linearised chunk by chunk and forgotten.
+# ---- The rays of the eliminated points, linearised chunk by chunk and forgotten.
 #
 # Image coordinates of the usual cameras are linearised by a compiled kernel; every other type of ray, and all of them
 # where there is no compiler, by its own equation in numpy.
-# ------------------------------------------------------------
 
 
 class RayChunk(NamedTuple):

@@ -30,8 +30,7 @@ from mor.solve.problem import ClusterRows, Problem, linearise, misclosures, misc
 from mor.solve.rays import Measurements, RayPlan
 from mor.types import FloatArray, IntArray
 
-# ------------------------------------------------------------
-# The solved system: factorisation, directions that are null or nearly so, steps and cofactors.
+# ---- The solved system: factorisation, directions that are null or nearly so, steps and cofactors.
 #
 # A few unknowns are *anchored*: N' = N + C Cᵀ, C their unit vectors in units of the scaled system, as many as
 # there are directions the observations hardly determine. N' is regular and as sparse as N. With Y = N'⁻¹ C, T
@@ -42,7 +41,6 @@ from mor.types import FloatArray, IntArray
 #     M w = m w   : a weak direction, and N⁻¹ = N'⁻¹ + Σ (Y w)(Y w)ᵀ t/m gives back exactly what the anchors took.
 #
 # So nothing weak is lost, nothing singular is hidden, and which unknowns are anchored changes no result.
-# ------------------------------------------------------------
 
 NULL = 1e-17
 """‖A g‖²/‖g‖² of a null vector, columns scaled to unit diagonal; round-off leaves some 1e-22."""
@@ -286,13 +284,11 @@ def with_diagonal(matrix: BlockMatrix, unknowns: IntArray, amount: float) -> Blo
     return BlockMatrix(structure, values)
 
 
-# ------------------------------------------------------------
-# What its own observations say of a few unknowns while all others are held: σ, and how well they fit.
+# ---- What its own observations say of a few unknowns while all others are held: σ, and how well they fit.
 #
 # At given values the block of the normal matrix that belongs to the unknowns of one thing, a point or a pose,
 # is inverted by itself; nothing is solved for. Misclosures are observed − computed at these values, in units
 # of σ.
-# ------------------------------------------------------------
 
 CHUNK = 50_000
 """Observation rows that are linearised at a time."""
@@ -379,12 +375,11 @@ def _add_products(
             np.add.at(normal.reshape(-1), cell, products)
 
 
-# ------------------------------------------------------------
-# Residuals in units of σ and weights multiplied by factors, within the plan of an adjustment: nothing is sorted again.
+# ---- Residuals in units of σ and weights multiplied by factors, within the plan of an adjustment: nothing is
+# sorted again.
 #
 # Factors are one array (n, m) for each observation group. Correlated observations keep their correlations: a
 # factor f on the weight divides σ by √f, so that whitening W becomes W diag(√f).
-# ------------------------------------------------------------
 
 Factors = Sequence[FloatArray]
 

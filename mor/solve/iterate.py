@@ -43,8 +43,8 @@ from mor.solve.normals import (
 from mor.solve.problem import Problem, linearise, linearise_of, rotation_tangents
 from mor.types import LARGEST, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# What Gauss-Newton leaves out of the curvature, residual times second derivative, learnt from the steps themselves.
+# ---- What Gauss-Newton leaves out of the curvature, residual times second derivative, learnt from the steps
+# themselves.
 #
 # Where residuals are large and stay so, steps shrink by a constant rate, or do not shrink at all: along a
 # direction in which the true curvature is κ times that of N, a step leaves 1 − κ of itself. A step s that was
@@ -52,7 +52,6 @@ from mor.types import LARGEST, FloatArray, IntArray
 # with the last few such pairs put into it (C. G. Broyden, R. Fletcher, D. Goldfarb, D. F. Shanno; by the two
 # loops of J. Nocedal 1980) is the inverse of the true curvature as far as these directions go: a few wrong
 # observations bend few. Only pairs with sᵀy > 0 count.
-# ------------------------------------------------------------
 
 _KEPT = 6
 """Pairs that are remembered at most: half of the unknowns of a point or pose and its neighbour."""
@@ -91,9 +90,7 @@ class Secants(NamedTuple):
 NOTHING_LEARNT = Secants()
 
 
-# ------------------------------------------------------------
-# What an adjustment is while it is iterated and when it is over: values, system, datum, history, outcome.
-# ------------------------------------------------------------
+# ---- What an adjustment is while it is iterated and when it is over: values, system, datum, history, outcome.
 
 _SHORTEST = 0.02
 """Part of a step along weak directions that is taken at least."""
@@ -194,8 +191,7 @@ def counting_on(watch: Watcher | None, count: int) -> Watcher | None:
     return lambda step: watch(step._replace(number=step.number + count))
 
 
-# ------------------------------------------------------------
-# Step control: take the whole Gauss-Newton step if it gains, otherwise a damped one.
+# ---- Step control: take the whole Gauss-Newton step if it gains, otherwise a damped one.
 #
 # A step has two parts. The observations determine the *regular* part. The rest goes along directions that
 # they determine hardly or not at all: weak directions, and the shift of a free network into its datum. To
@@ -209,7 +205,6 @@ def counting_on(watch: Watcher | None, count: int) -> Watcher | None:
 # its slope. The damped equations, with the derivatives they have, then lead back to its floor (M. K.
 # Transtrum, J. P. Sethna, *Improvements to the Levenberg-Marquardt algorithm*, 2012, whose second-order
 # correction is the first of these steps).
-# ------------------------------------------------------------
 
 _CORRECTIONS = 6
 """Regular steps that lead back to the solution at most."""
@@ -400,8 +395,8 @@ def _led_back(state: Adjustment, tried: DampedStep) -> tuple[Mapping[str, FloatA
     return values, ratio
 
 
-# ------------------------------------------------------------
-# When an iteration is over: what is left is nothing beside the accuracy wanted, or beside the round-off of the data.
+# ---- When an iteration is over: what is left is nothing beside the accuracy wanted, or beside the round-off of the
+# data.
 #
 # With the step δ of N δ = b, √(δᵀNδ) = √(bᵀδ) = c is what it gains: vᵀPv falls by c², and no unknown moves by
 # more than c in units of its own σ. Steps that shrink by q leave c q/(1 − q) for all those after this one
@@ -419,7 +414,6 @@ def _led_back(state: Adjustment, tried: DampedStep) -> tuple[Mapping[str, FloatA
 # difference of large numbers. Steps of that size that no longer halve are noise.
 #
 # docs/convergence.md describes the criterion for users.
-# ------------------------------------------------------------
 
 ACCURACY = 1e-8
 """Change in units of σ that leaves results as they are, to the digits that anybody looks at.
@@ -602,12 +596,10 @@ def _of_rays(rays: Rays, weight: FloatArray, sizes: FloatArray, of_points: Float
     return float(np.sum(moved**2))
 
 
-# ------------------------------------------------------------
-# Memory of an adjustment from its sizes, before any of it is done.
+# ---- Memory of an adjustment from its sizes, before any of it is done.
 #
 # The coefficients were measured: the largest resident size of the whole command, on blocks of 32 000 to 504 000 image
 # points and networks of 625 to 10 000 points with up to 2 000 long ties (``python -m tests.memory``).
-# ------------------------------------------------------------
 
 LESS = "adjust fewer observations at a time, or parts of the network separately"
 """Advice."""
@@ -637,12 +629,10 @@ def memory_of_adjustment(plan: Plan) -> float:
     return _BUFFERS + kernels + dense + of_ray * len(plan.rays.row) + _OF_OTHER * others
 
 
-# ------------------------------------------------------------
-# The iteration: linearise, build the normal equations, take a step, until nothing moves.
+# ---- The iteration: linearise, build the normal equations, take a step, until nothing moves.
 #
 # Steps are those of Gauss and Newton. If a full step does not gain, a damped one is taken (Levenberg and
 # Marquardt, see :mod:`mor.solve.iterate`). :mod:`mor.solve.iterate` says when the iteration is over.
-# ------------------------------------------------------------
 
 _ALIKE = 10.0
 """Condition of the movements of a network, each of length one, from which on it is anchored again while it turns."""

@@ -25,11 +25,9 @@ from mor.solve.ray_kernels import (
 )
 from mor.types import FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Small rotations for kernels: rotation vectors ψ act by vector products, also where they turn by much.
+# ---- Small rotations for kernels: rotation vectors ψ act by vector products, also where they turn by much.
 #
 # exp([ψ]×) q = q + sin|ψ|/|ψ| ψ×q + (1 − cos|ψ|)/|ψ|² ψ×(ψ×q)
-# ------------------------------------------------------------
 
 Vector = tuple[float, float, float]
 
@@ -105,8 +103,7 @@ def row_by_psi(turn: SmallRotation, row: Vector) -> Vector:
     return polynomial(row, once, turn.cosine, turn.third, cross(once, turn.psi))
 
 
-# ------------------------------------------------------------
-# Kernels that linearise image rays of rolling shutters, ray by ray what ``mor.model.images`` has.
+# ---- Kernels that linearise image rays of rolling shutters, ray by ray what ``mor.model.images`` has.
 #
 # A point is seen where it and the shutter meet. Its image moves there by d = (∂x/∂t, ∂y/∂t); a change δ of the image
 # point at a fixed time moves the row in which they meet, and becomes
@@ -114,7 +111,6 @@ def row_by_psi(turn: SmallRotation, row: Vector) -> Vector:
 #     M δ,        M = 1 + d gᵀ T / (1 − T g·d)
 #
 # with the slope g of the phase in the image. So M stands before all derivatives.
-# ------------------------------------------------------------
 
 _ROUNDS, _STILL = 20, 1e-12
 """Rounds at most, and the part of the camera constant by which the row may still move.
@@ -375,14 +371,13 @@ def star_change(
     return a + change.eccentricity[f, 0], b + change.eccentricity[f, 1], c + change.eccentricity[f, 2]
 
 
-# ------------------------------------------------------------
-# How points are seen from trajectories, one at a time: at once, where they meet a shutter, where they cross a line.
+# ---- How points are seen from trajectories, one at a time: at once, where they meet a shutter, where they cross a
+# line.
 #
 # In the axes of knot 0 a point is at D_0 (X − X_0) − Σ w_k p_k with p_k = D_0 (X_k − X_0), the sum over the
 # other knots; exp(−[θ]×) with θ = Σ w_k θ_k turns it into those of time t. A line scanner sees it when it
 # crosses the line: a change (dx, dy) at a fixed time becomes dx − ẋ/ẏ dy, and −dy/ẏ in time. A rolling
 # shutter sees it where it meets it, as in ``moving_rays``.
-# ------------------------------------------------------------
 
 _ROUNDS_OF_PASSING, _STILL_PASSING = 20, 1e-12
 """Rounds at most, and the part of the camera constant by which a meeting may still move, or of the time in which the
@@ -553,8 +548,7 @@ def crossing(
     return Passing(turn, q, star, seen, seen.x + dx * step, row, across, (0.0, 0.0))
 
 
-# ------------------------------------------------------------
-# Kernels that linearise image rays along trajectories, as ``mor.model.observation_types.time`` has images and
+# ---- Kernels that linearise image rays along trajectories, as ``mor.model.observation_types.time`` has images and
 # line scanners.
 #
 # How a point is seen says ``passing``. A row β by the small rotation of the pose becomes
@@ -562,7 +556,6 @@ def crossing(
 #     w_k β J(θ) J(θ_k)⁻¹        and        β exp(−[θ]×) − β J(θ) Σ w_k J(θ_k)⁻ᵀ
 #
 # by those of knot k, and of knot 0.
-# ------------------------------------------------------------
 
 KNOTS = 4
 """Knots that a pose depends on, at most."""

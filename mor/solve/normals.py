@@ -49,9 +49,7 @@ from mor.solve.problem import (
 from mor.solve.rays import RayPlan, is_ray, plan_rays
 from mor.types import BoolArray, FloatArray, IntArray, ranges
 
-# ------------------------------------------------------------
-# What is worked out once: which rows go where, which blocks meet, in which order they are eliminated.
-# ------------------------------------------------------------
+# ---- What is worked out once: which rows go where, which blocks meet, in which order they are eliminated.
 
 
 class RowSet(NamedTuple):
@@ -279,14 +277,12 @@ def _cliques(columns: IntArray, block_of: IntArray) -> tuple[IntArray, IntArray]
     return first.sum(axis=1).astype(np.int64), blocks[first]
 
 
-# ------------------------------------------------------------
-# Passes over the rays on all processors: the chunks run in a few lanes side by side.
+# ---- Passes over the rays on all processors: the chunks run in a few lanes side by side.
 #
 # How the chunks are shared out depends on the problem alone, and what the lanes found is put together in
 # their order: the last digit of a result does not depend on how many processors there are. (Rays that are
 # left to numpy may differ in it from run to run: numpy adds up in an order that depends on where an array
 # begins.)
-# ------------------------------------------------------------
 
 Found = TypeVar("Found")
 
@@ -314,14 +310,12 @@ def in_lanes(rays: RayPlan, numbers: int, work: Callable[[RayPlan], Found]) -> l
         return list(pool.map(lambda one: one(), [as_here(partial(work, lane)) for lane in lanes]))
 
 
-# ------------------------------------------------------------
-# From the reduced system to the eliminated points and back, one pass over the rays each.
+# ---- From the reduced system to the eliminated points and back, one pass over the rays each.
 #
 # With the rows of the rays split into A_p (their points) and A_r (all else), N_pp = A_pᵀA_p is block diagonal:
 #
 #     reduced right-hand side   b_r − A_rᵀ A_p N_pp⁻¹ b_p
 #     points                    x_p = N_pp⁻¹ (b_p − A_pᵀ A_r x_r)
-# ------------------------------------------------------------
 
 
 def full_directions(plan: Plan, values: Values, reduced: FloatArray, damping: float = 0.0) -> FloatArray:
@@ -408,9 +402,7 @@ def point_of_ray(rays: Rays) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
     return np.repeat(np.arange(rays.points), np.diff(rays.point_pointers))
 
 
-# ------------------------------------------------------------
-# Normal equations N = AᵀPA, b = AᵀPl of a plan at given values, and what else one pass over the rows yields.
-# ------------------------------------------------------------
+# ---- Normal equations N = AᵀPA, b = AᵀPl of a plan at given values, and what else one pass over the rows yields.
 
 
 class NormalEquations(NamedTuple):
@@ -606,9 +598,7 @@ def gradient_elsewhere(plan: Plan, values: Values, there: Values) -> FloatArray:
     return rhs
 
 
-# ------------------------------------------------------------
-# Which points are eliminated on the fly: those that meet nothing but frames, and that their rays determine.
-# ------------------------------------------------------------
+# ---- Which points are eliminated on the fly: those that meet nothing but frames, and that their rays determine.
 
 WELL_DETERMINED = 1e-8
 """Smallest eigenvalue of the normal matrix of a point, scaled to unit diagonal, from which it may be eliminated."""

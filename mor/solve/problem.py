@@ -15,15 +15,13 @@ from mor.model.observation_types import Computed, ObservationGroup, ObservationT
 from mor.model.parameters import Index, Values, tangents
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# The equations of a problem, evaluated.
+# ---- The equations of a problem, evaluated.
 #
 # An iteration asks for the same derivatives two or three times: for the normal equations, for the steps of
 # the points, for the size of round-off. In a small project, in plain numpy, a call costs about as much as a
 # hundred rows, so there all rows of a type are evaluated together, whichever group they are of, and what was
 # found at the last places is kept. In a large one it would take too much room, and chunks have many rows
 # each.
-# ------------------------------------------------------------
 
 _KEPT = 2
 """Places whose equations are kept: where the iteration is, and where it tries to go."""
@@ -107,9 +105,7 @@ def evaluated(group: ObservationGroup, values: Values, rows: AnyIntArray | slice
     return group.type.equation(blocks, group.constants[rows])
 
 
-# ------------------------------------------------------------
-# The adjustment problem: unknowns, observation groups, correlations, datum; complete before anything is solved.
-# ------------------------------------------------------------
+# ---- The adjustment problem: unknowns, observation groups, correlations, datum; complete before anything is solved.
 
 
 class CorrelatedObservations(NamedTuple):
@@ -161,9 +157,7 @@ class Problem:
         return int(sum(np.count_nonzero(group.mask & ~group.left_out) for group in self.groups))
 
 
-# ------------------------------------------------------------
-# Linearise observation groups: misclosures, Jacobians and the columns they belong to.
-# ------------------------------------------------------------
+# ---- Linearise observation groups: misclosures, Jacobians and the columns they belong to.
 
 
 class Linearised(NamedTuple):
@@ -244,9 +238,7 @@ def _difference(group: ObservationGroup, observed: FloatArray, computed: FloatAr
     return difference
 
 
-# ------------------------------------------------------------
-# Clusters of correlated observations that reach over rows: their Jacobians, of all that are alike together.
-# ------------------------------------------------------------
+# ---- Clusters of correlated observations that reach over rows: their Jacobians, of all that are alike together.
 
 _TOGETHER = 2_000_000
 """Entries of Jacobians and whitening matrices that are in memory together."""
@@ -403,9 +395,7 @@ def columns_of_clusters(problem: Problem, clusters: Sequence[ClusterRows]) -> li
     return np.split(columns, np.searchsorted(which, np.arange(1, len(clusters))))
 
 
-# ------------------------------------------------------------
-# Observations that have no value or no derivative at a place: a bearing between two points that coincide there.
-# ------------------------------------------------------------
+# ---- Observations that have no value or no derivative at a place: a bearing between two points that coincide there.
 
 _PIECE = 100_000
 """Observations that are looked at together."""

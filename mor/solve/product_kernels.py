@@ -34,12 +34,10 @@ from mor.solve.moving_ray_kernels import follow_along, follow_moving, linearise_
 from mor.solve.ray_kernels import FrameChange, FrameValues, Layout, Paths, RayMeasurements, follow, linearise
 from mor.types import BoolArray, FloatArray, IntArray, SmallIntArray
 
-# ------------------------------------------------------------
-# Kernels that couple points to the other unknowns of their rays.
+# ---- Kernels that couple points to the other unknowns of their rays.
 #
 # With the Jacobians j of the rays by the others, and any right factor c (n, 2, 3), the coupling of a point is Σ jᵀc,
 # kept transposed (3, m), where m counts the merged unknowns of its rays; or as fours (m, 4), the last number zero.
-# ------------------------------------------------------------
 
 _ONE, _TWO = (np.uint64(k) for k in range(1, 3))
 
@@ -214,13 +212,11 @@ def couple_fours(
             at += 4
 
 
-# ------------------------------------------------------------
-# Kernels of the store in which groups of points wait until they reach the blocks of the reduced system
+# ---- Kernels of the store in which groups of points wait until they reach the blocks of the reduced system
 # together.
 #
 # It is the way to the memory that costs, not the arithmetic. The blocks of the reduced system are therefore
 # visited in strips of columns that stay in the cache, and every strip by all groups in the store.
-# ------------------------------------------------------------
 
 STRIP = 60_000
 """Numbers in a strip of columns of the reduced system, 0.5 MB: it stays in the cache while the store goes by."""
@@ -344,8 +340,7 @@ def fetch_block(values: FloatArray, start: int) -> None:
         fetch(values, start + line)
 
 
-# ------------------------------------------------------------
-# Kernels that carry the coupling of a single point into blocks of the reduced system.
+# ---- Kernels that carry the coupling of a single point into blocks of the reduced system.
 #
 # A block column is worked on in strips of six columns, then three, then single ones; what belongs to the
 # columns stays in registers. Without those of six, normal equations of an aerial block take 4 to 7 per cent
@@ -356,7 +351,6 @@ def fetch_block(values: FloatArray, start: int) -> None:
 # unknowns of its blocks, ``slots`` in number, are ``begin[k]:begin[k+1]``; ``count`` blocks of the column of
 # block ``slot``, that many columns wide, are visited: those of ``others``, which start at ``starts`` in the
 # values.
-# ------------------------------------------------------------
 
 _STRIPS_ONE, _STRIPS_TWO, _THREE, _FOUR, _FIVE = (np.uint64(k) for k in range(1, 6))
 
@@ -508,11 +502,9 @@ def subtract_column_of_point(
         strip += 1
 
 
-# ------------------------------------------------------------
-# Kernels that add what eliminated points leave to the reduced system.
+# ---- Kernels that add what eliminated points leave to the reduced system.
 #
 # S += Σ jᵀj − V Vᵀ,        b −= Σ jᵀ residual + V u
-# ------------------------------------------------------------
 
 
 class ReducedSystemArrays(NamedTuple):
@@ -687,11 +679,9 @@ def subtract_from_strip(
     return True
 
 
-# ------------------------------------------------------------
-# Kernels that linearise image rays and eliminate their points, or find their steps, piece by piece.
+# ---- Kernels that linearise image rays and eliminate their points, or find their steps, piece by piece.
 #
 # A piece is so small that its Jacobians, and the couplings they become, stay in the cache.
-# ------------------------------------------------------------
 
 RAYS_OF_A_PIECE = 1024
 

@@ -10,9 +10,7 @@ import numpy as np
 from mor.linalg.compilation import compile_inline, compile_kernel
 from mor.types import FloatArray, IntArray
 
-# ------------------------------------------------------------
-# The panorama for compiled linearisation: a point at a time, as ``mor.model.fisheye`` has it for many.
-# ------------------------------------------------------------
+# ---- The panorama for compiled linearisation: a point at a time, as ``mor.model.fisheye`` has it for many.
 
 
 class Swing(NamedTuple):
@@ -114,11 +112,9 @@ def project_panorama(
     return i[1] + per_radian * turned, i[2] + ys * (1.0 + ys2 * (A1 + ys2 * A2))
 
 
-# ------------------------------------------------------------
-# Camera models for the compiled linearisation of image rays: one point at a time, what they are in numpy for many.
+# ---- Camera models for the compiled linearisation of image rays: one point at a time, what they are in numpy for many.
 #
 # The equations and their sources stand in ``mor.model.cameras``; a model that is missing here is evaluated there.
-# ------------------------------------------------------------
 
 MODELS = {"mor": 0, "brown-forward": 1, "brown": 2}
 """Number of each compiled model."""
@@ -351,9 +347,7 @@ def fill_by_interior(
     by_interior[1, 0] = yx * x_by_c + yy * y_by_c
 
 
-# ------------------------------------------------------------
-# Kernels that linearise image rays: frame kernel, camera and whitening in one go, into the arrays of a chunk.
-# ------------------------------------------------------------
+# ---- Kernels that linearise image rays: frame kernel, camera and whitening in one go, into the arrays of a chunk.
 
 
 class Paths(NamedTuple):

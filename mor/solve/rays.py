@@ -33,11 +33,9 @@ from mor.solve.ray_kernels import (
 )
 from mor.types import AnyIntArray, FloatArray, IntArray, SmallIntArray
 
-# ------------------------------------------------------------
-# Rays along trajectories: which have a compiled form, and what that takes of their knots.
+# ---- Rays along trajectories: which have a compiled form, and what that takes of their knots.
 #
 # Knot 0 stands where images have a pose of their own; the further ones are parts of a frame besides.
-# ------------------------------------------------------------
 
 FURTHER = tuple((f"rotation of knot {k}", f"position of knot {k}") for k in range(1, CUBIC))
 """Parts of a frame besides knot 0, knot by knot, in the order in which they stand in a block of the reduced system."""
@@ -170,11 +168,9 @@ def knot_change(
     return change
 
 
-# ------------------------------------------------------------
-# Frames of rays: all blocks a ray depends on but its point. Rays of one image share one frame.
+# ---- Frames of rays: all blocks a ray depends on but its point. Rays of one image share one frame.
 #
 # Columns and values are looked up once for every frame, not once for every ray.
-# ------------------------------------------------------------
 
 _POSITION, _ROTATION = range(2)
 _POSE = ("position", "rotation", "height", "eccentricity")
@@ -524,9 +520,7 @@ def _interior_kind(group: ObservationGroup) -> str:
     return group.type.slots[-2].kind
 
 
-# ------------------------------------------------------------
-# The rays of the eliminated points, sorted by point and cut into chunks: worked out once.
-# ------------------------------------------------------------
+# ---- The rays of the eliminated points, sorted by point and cut into chunks: worked out once.
 
 POINTS_AT_A_TIME, RAYS_AT_A_TIME = 8192, 262_144
 """Points and rays of a chunk at most, so many that they share blocks."""

@@ -24,8 +24,8 @@ from mor.start.bundle import ideal_rays
 from mor.start.intersection import nearest_point
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Trajectories nobody has observed, from rays to points that are known: as if the flight had been straight and steady.
+# ---- Trajectories nobody has observed, from rays to points that are known: as if the flight had been straight and
+# steady.
 #
 #     X0(t) = X_m + V (t − t_m)        D(t) = D
 #
@@ -34,7 +34,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 # the camera is taken to look down: in plan the points are then at X_m + V t + s R(κ) (x, y), which is linear
 # in X_m, V, s cos κ and s sin κ; D and V are improved from there, with attitudes near the level. The
 # adjustment bends the flight to what it was.
-# ------------------------------------------------------------
 
 _LEAST_SIGHTS = 3
 _LEAST_SINGULAR = 1e-6
@@ -172,8 +171,8 @@ def _rms(wrong: FloatArray) -> float:
     return float(np.sqrt(np.mean(np.sum(wrong * wrong, axis=1))))
 
 
-# ------------------------------------------------------------
-# Start values along trajectories: knots from satellites and inertial systems, then points from rays of known poses.
+# ---- Start values along trajectories: knots from satellites and inertial systems, then points from rays of known
+# poses.
 #
 # Where nothing has observed the positions or the attitudes of a stretch, they are those of a straight flight
 # that fits to the points known there (``straight_flights``): first the stretch with most of them, then with
@@ -182,7 +181,6 @@ def _rms(wrong: FloatArray) -> float:
 # What is on a trajectory has its pose from the knots; a point that has no coordinates is where its rays come
 # nearest to each other. They need not meet within their σ: the knots start where a GNSS/INS says, some pixels
 # beside the truth.
-# ------------------------------------------------------------
 
 _LEAST_ANGLE = 1e-3
 """Radians between two rays of a point, from which on it starts at their intersection."""
@@ -434,9 +432,7 @@ def _rays(seen: _SeenAlong, start: Mapping[str, FloatArray]) -> tuple[IntArray, 
     return seen.point, centre, np.einsum("nji,nj->ni", pose.rotation, seen.ray)
 
 
-# ------------------------------------------------------------
-# Points that move, as start values take them: where they are once, for they have not moved far.
-# ------------------------------------------------------------
+# ---- Points that move, as start values take them: where they are once, for they have not moved far.
 
 
 def standing_still(network: Network) -> Network:

@@ -96,9 +96,7 @@ from mor.start.seeds import (
 from mor.start.sights import ROWS, SMALLER, SOUND, Choices, Judgement, disagreement, likeliest
 from mor.types import BoolArray, FloatArray
 
-# ------------------------------------------------------------
-# The parts there are, the object system first, and what was tried.
-# ------------------------------------------------------------
+# ---- The parts there are, the object system first, and what was tried.
 
 
 @dataclass
@@ -124,9 +122,7 @@ class Assembly:
     """Parts that have begun so far, the object system aside."""
 
 
-# ------------------------------------------------------------
-# A part grows by everything it can, in turns.
-# ------------------------------------------------------------
+# ---- A part grows by everything it can, in turns.
 
 FIRST_FRAMES = 20
 """Frames a part is grown by before given positions are asked whether they tie it."""
@@ -180,9 +176,7 @@ def _sets_and_poses(part: Part, scene: Scene) -> None:
             part.poses[frame] = (part.points[sight.position] + [0.0, 0.0, lift], turn)
 
 
-# ------------------------------------------------------------
-# What a part begins with, of what no part knows yet.
-# ------------------------------------------------------------
+# ---- What a part begins with, of what no part knows yet.
 
 BEGINNINGS = 4
 """Pairs that a part may begin with, where what it leads to does not agree."""
@@ -282,9 +276,7 @@ def _free_frames(assembly: Assembly) -> BoolArray:
     return free
 
 
-# ------------------------------------------------------------
-# Parts begin, grow and join until everything is in the object system; what nothing ties comes last.
-# ------------------------------------------------------------
+# ---- Parts begin, grow and join until everything is in the object system; what nothing ties comes last.
 
 CONTROL = 3
 """Points that a part must know to grow by itself."""
@@ -430,15 +422,13 @@ def _last_tie(assembly: Assembly, source: Part) -> Movement | None:
     return tie(system, source, scene)
 
 
-# ------------------------------------------------------------
-# Start values of what nothing simpler tells, in small networks: at random, until two adjustments end alike.
+# ---- Start values of what nothing simpler tells, in small networks: at random, until two adjustments end alike.
 #
 # Where single closed solutions find no hold the observations of all together may still have one solution, and
 # its basin is wide: of random places of two tilted instruments and a local system one in five leads to it.
 # Frames look at what they see, from anywhere around what is known; points lie where their rays pass by each
 # other. What is given or was found stays. An end counts where all groups of observations agree with it, and
 # is taken where it is the lowest and was reached twice.
-# ------------------------------------------------------------
 
 Settle = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
 LARGEST = 1_000
@@ -591,11 +581,9 @@ def _nearest_to_rays(
     return np.asarray(tolerant.solve(normal, side[:, :, None])[:, :, 0])
 
 
-# ------------------------------------------------------------
-# Observations on the earth, as start values take them: in the object system, as if verticals were parallel.
+# ---- Observations on the earth, as start values take them: in the object system, as if verticals were parallel.
 #
 # Over 10 km heights are wrong by some metres then, over 100 km by a few hundred: near enough to begin from.
-# ------------------------------------------------------------
 
 _NEUTRAL = 0
 """Block of the height that nothing has."""
@@ -709,9 +697,7 @@ _PLAIN: dict[str, Callable[[ObservationGroup, Horizon], ObservationGroup]] = {
 _ATTITUDES = ("projected_attitude", "navigation_attitude")
 
 
-# ------------------------------------------------------------
-# Observations to projection centres, as start values take them: as to the places of the images.
-# ------------------------------------------------------------
+# ---- Observations to projection centres, as start values take them: as to the places of the images.
 
 _PLAIN_OF = {twin.key: PLAIN_TYPES[key] for key, twin in PROJECTION_CENTRE_TYPES.items()}
 
@@ -741,8 +727,7 @@ def _plain(network: Network, group: ObservationGroup) -> ObservationGroup:
     return replace(kept, type=plain, blocks=kept.blocks[: len(plain.slots)])
 
 
-# ------------------------------------------------------------
-# Start values for everything that has none: parts grow, join, and become the object system.
+# ---- Start values for everything that has none: parts grow, join, and become the object system.
 #
 # A part is a set of things in one system with the movements it is still free to make. The object system, with
 # what the project gives, is one of them; others begin at systems with measured coordinates, GNSS vectors,
@@ -751,7 +736,6 @@ def _plain(network: Network, group: ObservationGroup) -> ObservationGroup:
 # movement between them. What nothing ties comes last.
 #
 # Where the start values do not agree with the observations, other answers to what was in doubt on the way are tried.
-# ------------------------------------------------------------
 
 SettleNetwork = Callable[[Mapping[str, FloatArray]], tuple[Mapping[str, FloatArray], float] | None]
 """Adjusts start values: the values they lead to and v'Pv (infinite: singular), or ``None`` where they lead nowhere."""

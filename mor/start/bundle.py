@@ -15,9 +15,7 @@ from mor.model import rotations
 from mor.model.cameras import CameraModel
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Vectors of three components, many at a time.
-# ------------------------------------------------------------
+# ---- Vectors of three components, many at a time.
 
 
 def cross(first: FloatArray, second: FloatArray) -> FloatArray:
@@ -60,14 +58,12 @@ def tangent_axes(normals: FloatArray) -> FloatArray:
     return np.stack([first, cross(direction, first)], axis=-1)
 
 
-# ------------------------------------------------------------
-# A bundle of rays in one frame, and how precisely each was measured.
+# ---- A bundle of rays in one frame, and how precisely each was measured.
 #
 # Images and theodolites give the same thing: directions in a frame. They differ in where the measuring error
 # lies, in the image plane or across the ray. Both are a *measuring plane*: h·q = h·p for the ray p, with two
 # axes in it. For an image the plane is z = −c and the axes are x and y; for a theodolite it touches the unit
 # sphere at p.
-# ------------------------------------------------------------
 
 
 @dataclass(frozen=True)
@@ -144,9 +140,7 @@ def _checked(rays: FloatArray, sigma: float | FloatArray) -> tuple[FloatArray, F
     return rays, spread
 
 
-# ------------------------------------------------------------
-# Rays computed from coordinates in the frame, compared with measured ones in the measuring plane.
-# ------------------------------------------------------------
+# ---- Rays computed from coordinates in the frame, compared with measured ones in the measuring plane.
 
 
 class Reprojection(NamedTuple):
@@ -189,12 +183,10 @@ def ahead(bundle: Bundle, star: FloatArray) -> BoolArray:
     return np.asarray(np.einsum("ni,ni->n", bundle.rays, star) > 0.0)
 
 
-# ------------------------------------------------------------
-# A cache for pure functions of arrays.
+# ---- A cache for pure functions of arrays.
 #
 # The growth of parts starts again and again from the same state. If wrong names or start values keep parts
 # from fitting together, nine of ten calls repeat earlier ones.
-# ------------------------------------------------------------
 
 Given = ParamSpec("Given")
 Found = TypeVar("Found")
@@ -230,9 +222,7 @@ def _hashable(value: object) -> Hashable:
     return value
 
 
-# ------------------------------------------------------------
-# From measured image coordinates back to rays, through any camera model.
-# ------------------------------------------------------------
+# ---- From measured image coordinates back to rays, through any camera model.
 
 _ITERATIONS = 12
 _CHUNK = 5000
@@ -299,14 +289,12 @@ def _solved(jacobian: FloatArray, wrong: FloatArray, least: FloatArray) -> Float
     return np.where(good[:, None], solution, 0.0)
 
 
-# ------------------------------------------------------------
-# Closed-form similarity between two sets of points, in space and in the plane; weighted, with or without
+# ---- Closed-form similarity between two sets of points, in space and in the plane; weighted, with or without
 # scale.
 #
 # target = λ R source + t. The rotation is the orthogonal factor of the weighted cross-covariance (P. H.
 # Schönemann 1966; B. K. P. Horn 1987; S. Umeyama 1991 for the sign of the determinant), the scale follows
 # from the spreads. A local system X̄ = λ D (X − X0) is the same with D = R, X0 = ``origin``.
-# ------------------------------------------------------------
 
 LINE = 1e-9
 """Extension across, relative to that along, below which points lie in a line, or at one place."""

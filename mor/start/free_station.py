@@ -17,12 +17,10 @@ from mor.start.bundle import congruence, principal_rows
 from mor.start.sights import bearing, orient
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Which of several measurements of one thing agree, where all together do not: the worst are left out one by one.
+# ---- Which of several measurements of one thing agree, where all together do not: the worst are left out one by one.
 #
 # A wrong identity among four arcs or a dozen directions draws what follows from all of them away, and with it
 # whatever hangs on that later.
-# ------------------------------------------------------------
 
 CANDIDATES = 6
 """Measurements of which each is left out on trial: those that fit worst."""
@@ -56,9 +54,7 @@ def agreeing(count: int, fit: Callable[[IntArray], FitQuality], limit: float, le
     return rows
 
 
-# ------------------------------------------------------------
-# Points in the plane from two or more bearings (forward section) or distances (arc section).
-# ------------------------------------------------------------
+# ---- Points in the plane from two or more bearings (forward section) or distances (arc section).
 
 
 class SectionOutcome(Enum):
@@ -217,15 +213,13 @@ def _none(outcome: SectionOutcome) -> PlaneIntersection:
     return PlaneIntersection(outcome, np.zeros((0, 2)), float("nan"))
 
 
-# ------------------------------------------------------------
-# Free stationing in the plane and in space: directions and distances to known points, in any mixture.
+# ---- Free stationing in the plane and in space: directions and distances to known points, in any mixture.
 #
 # Three directions give the station in closed form (Rückwärtsschnitt): with the known orientation turned into
 # the instrument, n · R (P − S) = 0 is linear and homogeneous in cos κ, sin κ and R S; its null vector is the
 # solution, and where it has two, the points and the station lie on one circle, the dangerous one. Two
 # distances give two stations (arc section), direction and distance together a congruence. Every seed is
 # refined with all that was measured; what then fits alike is ambiguous.
-# ------------------------------------------------------------
 
 SEED_PAIRS = 30
 """Combinations of points that seeds are taken from."""
@@ -436,8 +430,7 @@ def _no_station(outcome: StationOutcome, count: int) -> FreeStation:
     return FreeStation(outcome, np.full(2, np.nan), float("nan"), np.full((count, 2), np.nan), float("nan"))
 
 
-# ------------------------------------------------------------
-# Three bundles of directions in the plane that see the same points, and nothing else of each other.
+# ---- Three bundles of directions in the plane that see the same points, and nothing else of each other.
 #
 # Two bundles in a plane always meet. Three lines through S_a, S_b, S_c with bearings t_a, t_b, t_c have a
 # common point where Σ sin(t_j − t_k) n_i · S_i = 0 over the cyclic (i, j, k), n = (cos t, −sin t): linear in
@@ -447,7 +440,6 @@ def _no_station(outcome: StationOutcome, count: int) -> FreeStation:
 # Three bundles in the plane leave two shapes (Åström and Oskarsson 2000, "Solutions and ambiguities of the
 # structure and motion problem for 1D retinal vision"), which only a fourth one, or a point behind a station,
 # tells apart.
-# ------------------------------------------------------------
 
 STEPS = 60
 """Orientations over the half circle of either bundle that the search begins with."""
@@ -537,14 +529,12 @@ def _intersected(stations: FloatArray, t: FloatArray) -> FloatArray:
     return np.asarray(rotations.solve(matrix, right[..., None])[..., 0])
 
 
-# ------------------------------------------------------------
-# Points from the distances between them alone, in the plane or in space: trilateration without known points.
+# ---- Points from the distances between them alone, in the plane or in space: trilateration without known points.
 #
 # Minimal stress: the sum of squared differences between measured and present distances (Levenberg-Marquardt).
 # It begins in a space of two more dimensions, where hardly any wrong minima are, and is then pressed into the
 # wanted one. Several beginnings, the first by classical scaling of the shortest paths (W. S. Torgerson,
 # Psychometrika 17 (1952)), tell whether the distances leave more than one shape; mirrored ones count as one.
-# ------------------------------------------------------------
 
 BEGINNINGS = 16
 AGREEING = 4

@@ -44,9 +44,7 @@ from mor.start.relative_orientation import (
 )
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Judgement of adjusted relative orientations: front, fit, precision, ambiguity.
-# ------------------------------------------------------------
+# ---- Judgement of adjusted relative orientations: front, fit, precision, ambiguity.
 
 AS_GOOD = 25.0
 """Σ (v/σ)² by which another orientation may be worse and still count as fitting equally well (5 σ)."""
@@ -294,13 +292,11 @@ def _outcome(
     return RelativeOutcome.DETERMINED if sigma_hold(a, b, chosen, covariance) else RelativeOutcome.WEAK
 
 
-# ------------------------------------------------------------
-# Relative orientation of two bundles: from eight or more homologous rays to one adjusted, judged result.
+# ---- Relative orientation of two bundles: from eight or more homologous rays to one adjusted, judged result.
 #
 # Seeds come from Rinner's linear system, made compatible; from five-point samples where that system is weak,
 # where few points make its noise large, or where its result does not fit; from Killian's quadrilateral where
 # the points lie in a plane. Every seed is adjusted rigorously; the objective and the depths decide.
-# ------------------------------------------------------------
 
 MINIMUM = 8
 FEW = 15
@@ -517,14 +513,12 @@ def _doubtful(a: Bundle, b: Bundle, adjusted: list[Coplanarity], geometry: Scene
     return geometry is SceneGeometry.CRITICAL_SURFACE or not best.converged or not fits or not bool(front)
 
 
-# ------------------------------------------------------------
-# Relative orientation against a few per cent of wrong pairs: sampling, then adjustment of what agrees.
+# ---- Relative orientation against a few per cent of wrong pairs: sampling, then adjustment of what agrees.
 #
 # Samples of five pairs give compatible unknowns (also for plane scenes); each is judged by the truncated sum of
 # squared residuals of all pairs (M. A. Fischler, R. C. Bolles 1981; truncation after P. Torr, A. Zisserman
 # 2000). The best set of agreeing pairs is adjusted and drawn again until it stands. The seed is fixed: same
 # input, same result.
-# ------------------------------------------------------------
 
 BATCH = 25
 LOOKED_AT = 12
@@ -706,13 +700,11 @@ def _settled(a: Bundle, b: Bundle, ik: FloatArray) -> BoolArray | None:
     return agreeing
 
 
-# ------------------------------------------------------------
-# All orientations that two bundles leave open: of five to seven homologous points, of a plane, of weak pairs.
+# ---- All orientations that two bundles leave open: of five to seven homologous points, of a plane, of weak pairs.
 #
 # What decides between them is a third bundle, or control. With five points there are up to ten exact
 # orientations, with six or seven as many as fit within their errors; from eight on those that
 # ``relative_orientation`` cannot tell apart.
-# ------------------------------------------------------------
 
 FEWEST = 5
 SAMPLES_OF_FIT = 21

@@ -16,9 +16,7 @@ from mor.start.bundle import Bundle, ahead, reproject, unit
 from mor.start.part import Sightings, loosened
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Spatial intersection: a point from its rays in frames of known position and attitude.
-# ------------------------------------------------------------
+# ---- Spatial intersection: a point from its rays in frames of known position and attitude.
 
 PARALLEL = 3.0
 """Rays are parallel if the distance along them is not known to a part of one in so many."""
@@ -134,9 +132,7 @@ def _failed(outcome: IntersectionOutcome, rays: int, angle: float = 0.0) -> Inte
     return Intersection(outcome, np.full(3, np.nan), np.full((3, 3), np.nan), np.nan, nothing, front, angle)
 
 
-# ------------------------------------------------------------
-# Where rays meet, point after point: the same steps as ``meet_plainly`` of ``forward_intersection``.
-# ------------------------------------------------------------
+# ---- Where rays meet, point after point: the same steps as ``meet_plainly`` of ``forward_intersection``.
 
 PAIRED = 16
 """Rays of a point that are put together in pairs."""
@@ -346,9 +342,7 @@ def _positive(a: float, b: float, c: float, d: float, e: float, f: float) -> boo
     return f - c * c / a - mixed * mixed / second > 0.0
 
 
-# ------------------------------------------------------------
-# Many points at once by the rays of posed frames that see them; rays that pass by are taken out.
-# ------------------------------------------------------------
+# ---- Many points at once by the rays of posed frames that see them; rays that pass by are taken out.
 
 SMALLEST_ANGLE = 0.02
 """Radians at which two rays must meet at least for an intersection to be of use."""
@@ -520,9 +514,7 @@ def _forward_intersection_nearest(
     return X, good
 
 
-# ------------------------------------------------------------
-# One pose by least squares: the same steps as :func:`mor.start.resection.adjust_pose_plainly`.
-# ------------------------------------------------------------
+# ---- One pose by least squares: the same steps as :func:`mor.start.resection.adjust_pose_plainly`.
 
 
 @compile_kernel

@@ -26,8 +26,7 @@ from mor.start.sights import Terrestrial
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE_UNITS
 
-# ------------------------------------------------------------
-# A part of cameras on a platform whose poses are known: boresight and lever arm come out with the movement.
+# ---- A part of cameras on a platform whose poses are known: boresight and lever arm come out with the movement.
 #
 # Leader D_l, O_l are known in the target, followers D_f, O_f in the source, and one turn T and base b for all:
 #
@@ -36,7 +35,6 @@ from mor.units import ANGLE_UNITS
 # The relative turns D_f,i D_f,jᵀ = T D_l,i D_l,jᵀ Tᵀ have parallel axes under T (Kabsch), where the attitudes
 # turn about more than one axis; a base that is short beside the network leaves T to the positions as well.
 # Both are tried.
-# ------------------------------------------------------------
 
 FEWEST = 3
 """Followers whose leaders are known."""
@@ -120,9 +118,7 @@ def _with_turn(
     return Movement(scale, R, moved, int(np.count_nonzero(values * OPEN < misfit)), misfit, redundancy)
 
 
-# ------------------------------------------------------------
-# Join two parts where what ties them determines the movement between them.
-# ------------------------------------------------------------
+# ---- Join two parts where what ties them determines the movement between them.
 
 FEWEST_POSITIONS = 8
 """Given positions from which a part that is still growing may be tied to them."""
@@ -429,9 +425,7 @@ def place_of(frame: Frame, centre: FloatArray, rotation: FloatArray) -> FloatArr
     return place
 
 
-# ------------------------------------------------------------
-# Start values of local systems and features from the points that were measured in them.
-# ------------------------------------------------------------
+# ---- Start values of local systems and features from the points that were measured in them.
 
 
 class _Measured(NamedTuple):
@@ -571,9 +565,7 @@ def _put_origin(
     offset[loose] += gap[loose]
 
 
-# ------------------------------------------------------------
-# Between the network's blocks and a part: what is given goes in, what was found comes out.
-# ------------------------------------------------------------
+# ---- Between the network's blocks and a part: what is given goes in, what was found comes out.
 
 
 def with_observed(network: Network) -> dict[str, FloatArray]:
@@ -758,9 +750,7 @@ def _rows_of(network: Network, kind: str) -> IntArray:
     return rows
 
 
-# ------------------------------------------------------------
-# Start values that the observations contradict: frames whose rays pass by what they see, points that rays pass by.
-# ------------------------------------------------------------
+# ---- Start values that the observations contradict: frames whose rays pass by what they see, points that rays pass by.
 
 LARGE = 0.1
 """Radians beyond which it is no small angle, and said in gon."""

@@ -18,14 +18,12 @@ from mor.start.scene import Scene
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE, IMAGE
 
-# ------------------------------------------------------------
-# The observations between two parts, and those inside one that tell its vertical or scale, under a movement.
+# ---- The observations between two parts, and those inside one that tell its vertical or scale, under a movement.
 #
 # Any type of observation counts, by its own equation: distances between the parts, directions of sets that
 # are not oriented yet (their orientations are further unknowns), angles, vertical directions, levelling,
 # vectors, rays. Stations and points that neither part knows the place of are further unknowns, where enough
 # is measured from or to them.
-# ------------------------------------------------------------
 
 PRECISION = 2e-3
 """Radians, or parts of a length, that an observation fits at the best: parts are bent a little."""
@@ -336,9 +334,7 @@ def about_vertical(kappas: FloatArray) -> FloatArray:
     return np.stack([c, s, o, -s, c, o, o, o, o + 1.0], axis=1).reshape(-1, 3, 3)
 
 
-# ------------------------------------------------------------
-# Many starts of one small problem at once: Σ log(1 + v²), by Gauss-Newton with Cauchy weights, damped.
-# ------------------------------------------------------------
+# ---- Many starts of one small problem at once: Σ log(1 + v²), by Gauss-Newton with Cauchy weights, damped.
 
 _STEP = 1e-6
 _FEW, _MANY = 6, 30
@@ -435,9 +431,7 @@ def _iterated(
     return states, off
 
 
-# ------------------------------------------------------------
-# What is looked for between two parts, and the starts from which it is looked for.
-# ------------------------------------------------------------
+# ---- What is looked for between two parts, and the starts from which it is looked for.
 
 STARTS = 500
 """Starts at the least: turns that are sampled come again with other shifts and scales."""
@@ -732,9 +726,7 @@ def _orientations(search: Search, states: SimilarityTransformations) -> FloatArr
     return kappas
 
 
-# ------------------------------------------------------------
-# Two parts, and any observations between them or inside the one that joins: the movement that these determine.
-# ------------------------------------------------------------
+# ---- Two parts, and any observations between them or inside the one that joins: the movement that these determine.
 
 CONTROLLED = 3
 """Observations beyond those that a movement takes, from which on they tell it beyond doubt."""

@@ -14,12 +14,10 @@ from mor.start.bundle import Bundle, cross, principal_rows, tangent_axes, unit
 from mor.start.relative_orientation import nearest_rotation
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# The collineation between two bundles that see a plane: p'' ~ H p' (four points and more).
+# ---- The collineation between two bundles that see a plane: p'' ~ H p' (four points and more).
 #
 # For a plane n · X = d in frame A and X_B = D* (X_A − b): H ~ D* (1 − b nᵀ/d). H is given its middle singular
 # value as scale and the sign that keeps the points in front of both frames; then H = D* (1 − b nᵀ/d) exactly.
-# ------------------------------------------------------------
 
 UNCONTROLLED = 1e-6
 """Redundancy of a coordinate below which the fit follows it, whatever it is."""
@@ -233,8 +231,7 @@ def _conditions(
     return design, residuals.ravel(), adjusted
 
 
-# ------------------------------------------------------------
-# Shape of a plane quadrilateral from two images, no orientation known (K. Killian).
+# ---- Shape of a plane quadrilateral from two images, no orientation known (K. Killian).
 #
 # S is the crossing of the diagonals 12 and 34. From an image come the angles at the projection centre O: α1, α2
 # between S and 1, 2; β1, β2 between S and 3, 4; and k = cos of the angle of the two diagonal planes at OS.
@@ -254,7 +251,6 @@ def _conditions(
 # squared and divided by (1 − ϱ) is the cubic (9). Its roots are always real and positive: ϱ_i = |H s|²/σ_i²
 # with the collineation H of the bundles, s the unit ray to S, and σ_i the singular values of H. Only for the
 # middle one are R1 and R2 not negative, so the cotangents are real: two solutions, one where R1 = R2 = 0.
-# ------------------------------------------------------------
 
 REAL = 1e-5
 """Relative size below which the imaginary part of a root, or a negative R1 or R2, is taken for rounding."""
@@ -484,13 +480,11 @@ def corners_in_frame(corners: FloatArray, solution: Quadrilateral, image: int) -
     return np.asarray(rays * (r * np.hypot(1.0, cot) / (cot + at_crossing))[:, None])
 
 
-# ------------------------------------------------------------
-# Two images of a plane object: from four or more rays to the orientation and the plane, by Killian's
+# ---- Two images of a plane object: from four or more rays to the orientation and the plane, by Killian's
 # quadrilateral.
 #
 # With more than four points all of them fix the collineation of the bundles; a quadrilateral inside the field
 # of the points is then carried over by it, so that every point has its share in the shape.
-# ------------------------------------------------------------
 
 COLLINEAR = 3.0
 """A field of points thinner than so many σ of a ray is a line."""

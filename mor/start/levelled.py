@@ -29,9 +29,7 @@ from mor.start.scene import LocalSystem, Scene
 from mor.start.sights import Choices, LevelledSet, Terrestrial, orient
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Grow a levelled part: orientations, polar points, sections of bearings and arcs, free stations, heights.
-# ------------------------------------------------------------
+# ---- Grow a levelled part: orientations, polar points, sections of bearings and arcs, free stations, heights.
 
 SIGMA_DIRECTION = 1e-3
 """Radians a direction may be off for the purpose of start values."""
@@ -369,14 +367,12 @@ def _carry_heights(part: Part, start: IntArray, end: IntArray, dz: FloatArray) -
     return bool(len(points))
 
 
-# ------------------------------------------------------------
-# One point at a time by whatever it is measured with: rays, bearings, distances, vertical directions,
+# ---- One point at a time by whatever it is measured with: rays, bearings, distances, vertical directions,
 # coordinates of a system, from wherever things are known.
 #
 # Each is a surface through the point. They are adjusted together (Gauss-Newton, damped) from starts over all
 # directions and distances; a point is taken where one place fits, and, where nothing else is left, where
 # several do.
-# ------------------------------------------------------------
 
 FITS = 0.01
 """Residual (radians, or parts of a distance) up to which a surface passes through a point."""
@@ -624,11 +620,9 @@ def _of_systems(
     return found
 
 
-# ------------------------------------------------------------
-# Parts of distances alone: they begin with a shape in plan or in space, and grow from point to point.
+# ---- Parts of distances alone: they begin with a shape in plan or in space, and grow from point to point.
 #
 # Distances cannot tell a shape from its mirrored one: such a part is not ``handed`` until it has joined another.
-# ------------------------------------------------------------
 
 SIZES = (40, 20, 10)
 """Points, at the most, of which a shape is looked for; the others grow from it."""

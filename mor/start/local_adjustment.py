@@ -30,9 +30,7 @@ from mor.start.resection import (
 from mor.start.scene import Scene
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# The pose of one frame from the points known so far: like its neighbour if that fits, else in closed form.
-# ------------------------------------------------------------
+# ---- The pose of one frame from the points known so far: like its neighbour if that fits, else in closed form.
 
 NEIGHBOUR = 10
 """Known points from which the pose of a neighbour is tried as a start."""
@@ -140,14 +138,12 @@ def observed_centres(
     return known, place, np.maximum(np.where(np.isfinite(own), own, part.place_sigma), exact)
 
 
-# ------------------------------------------------------------
-# Frames at the edge of what is known, adjusted together with the points they see.
+# ---- Frames at the edge of what is known, adjusted together with the points they see.
 #
 # Such a frame is tied on one side only. Posed one by one, each on points of the last, small errors in
 # attitude grow from row to row by a constant factor; adjusted together with its neighbours they do not. It is
 # one step of a bundle adjustment of some points of some frames: points eliminated, frames outside held, given
 # positions with their σ. More steps are not needed, for every frame takes part several times.
-# ------------------------------------------------------------
 
 _LOCAL_BUNDLE_SAMPLE = 40
 """Points of a frame that take part."""
@@ -318,12 +314,10 @@ def _solved(matrix: BlockMatrix, side: FloatArray) -> FloatArray:
     return -scale * factor.solve(scale * side)
 
 
-# ------------------------------------------------------------
-# Grow a part by resection of frames and intersection of points, until nothing more can be known.
+# ---- Grow a part by resection of frames and intersection of points, until nothing more can be known.
 #
 # Every round looks only at what is new: points that newly posed frames see, frames that see newly known
 # points. The time is that of the rays, however many frames see one another.
-# ------------------------------------------------------------
 
 ENOUGH = 6
 """Known points in a frame from which a resection is unambiguous and controlled."""
@@ -461,9 +455,7 @@ def intersect_the_rest(part: Part, seen: Sightings) -> None:
         part.points[points[found.good]] = np.where(np.isnan(here), found.X[found.good], here)
 
 
-# ------------------------------------------------------------
-# Parts that are there from the start: systems with measured coordinates, GNSS vectors, tilted total stations.
-# ------------------------------------------------------------
+# ---- Parts that are there from the start: systems with measured coordinates, GNSS vectors, tilted total stations.
 
 
 def rigid_seeds(scene: Scene) -> Iterator[Part]:

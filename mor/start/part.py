@@ -19,9 +19,7 @@ from mor.start.bundle import Similarity, ideal_rays
 from mor.start.sights import LevelledSet, Terrestrial, direction_sets, frame_verticals, polar_rays
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# How a value was obtained, as a sentence with its names and numbers, which a report may say in another language.
-# ------------------------------------------------------------
+# ---- How a value was obtained, as a sentence with its names and numbers, which a report may say in another language.
 
 
 class Phrase(NamedTuple):
@@ -39,9 +37,7 @@ def rule(words: str, /, **values: str | int | float) -> Phrase:
     return Phrase(words, values)
 
 
-# ------------------------------------------------------------
-# What a part was when it joined another one: what was in it, what it knew of its place, and what tied the two.
-# ------------------------------------------------------------
+# ---- What a part was when it joined another one: what was in it, what it knew of its place, and what tied the two.
 
 
 class Tie(NamedTuple):
@@ -74,11 +70,9 @@ class Join(NamedTuple):
     """``None`` where nothing tied the two: it stayed where it was."""
 
 
-# ------------------------------------------------------------
-# What the strategy works with: frames with their rays, horizontal sets, distances and height differences.
+# ---- What the strategy works with: frames with their rays, horizontal sets, distances and height differences.
 #
 # Images and full theodolite bundles are the same thing here: a frame with unit rays towards points.
-# ------------------------------------------------------------
 
 SLACKS = (0.0, 5e-4, 2e-3, 8e-3)
 """Radians by which rays may be off beside their own σ, tried in this order: distortion not yet known, a rough c."""
@@ -254,13 +248,11 @@ def theodolite_frames(network: Network) -> list[Frame]:
     return frames
 
 
-# ------------------------------------------------------------
-# All rays of all frames in flat arrays, findable by frame and by point; targets above their points.
+# ---- All rays of all frames in flat arrays, findable by frame and by point; targets above their points.
 #
 # Heights act along the vertical and in the length unit. A part without either uses the rays to one height
 # above every point, the one that most rays go to: there a point stands for its target. As soon as it has
 # both, its points come down.
-# ------------------------------------------------------------
 
 
 class Sightings(NamedTuple):
@@ -335,9 +327,7 @@ def _bare(frame: Frame, kept: BoolArray) -> Frame:
     )
 
 
-# ------------------------------------------------------------
-# A part of the network in one coordinate system: what is known of points and frames so far.
-# ------------------------------------------------------------
+# ---- A part of the network in one coordinate system: what is known of points and frames so far.
 
 _SUM = np.ones(3)
 
@@ -440,9 +430,7 @@ def empty_part(points: int) -> Part:
     )
 
 
-# ------------------------------------------------------------
-# Horizontal distances and vertical directions between positions, ready for look-ups.
-# ------------------------------------------------------------
+# ---- Horizontal distances and vertical directions between positions, ready for look-ups.
 
 
 class Distances:
@@ -535,9 +523,7 @@ class Distances:
         return float("nan")
 
 
-# ------------------------------------------------------------
-# Lines whose points had no coordinates on reading: which point beside them carries their turn.
-# ------------------------------------------------------------
+# ---- Lines whose points had no coordinates on reading: which point beside them carries their turn.
 
 
 def with_lines_turned(
@@ -573,9 +559,7 @@ def _has_carrier(group: ObservationGroup, network: Network) -> bool:
     return group.name in lines and group.type.key == "local" and bool(np.isnan(group.observed[-1, 0]))
 
 
-# ------------------------------------------------------------
-# What the start values of a network are, and how they came about.
-# ------------------------------------------------------------
+# ---- What the start values of a network are, and how they came about.
 
 
 class Approximation(NamedTuple):

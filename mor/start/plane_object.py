@@ -32,11 +32,9 @@ from mor.start.killian import (
 from mor.start.relative_orientation import FAR, PROMISED
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Which of many points lie in one plane: those that one collineation carries from the first image to each other.
+# ---- Which of many points lie in one plane: those that one collineation carries from the first image to each other.
 #
 # Killian: the evaluations of two images, compared with each other, tell a point in the plane from one off it.
-# ------------------------------------------------------------
 
 LEVEL = 0.001
 AGREES = float(chdtri(2, LEVEL))
@@ -106,13 +104,11 @@ def _best_half(a: Bundle, b: Bundle, samples: IntArray) -> BoolArray:
     return kept
 
 
-# ------------------------------------------------------------
-# Least-squares adjustment of a plane object, points beside the plane, and all images of it.
+# ---- Least-squares adjustment of a plane object, points beside the plane, and all images of it.
 #
 # The plane is Z = 0 and the object: points in it have two free coordinates, points off it three; frames have position
 # and attitude. Shift (2), turn and scale in the plane stay free. Covariances of one datum are carried into another by
 # the S-transformation (W. Baarda), with the four movements as null space.
-# ------------------------------------------------------------
 
 FREE = 4
 """Shift (2), turn and scale in the plane."""
@@ -294,15 +290,13 @@ def inner_constraints(adjusted: AdjustedPlane, in_plane: BoolArray) -> FloatArra
     return np.asarray(chosen.T)
 
 
-# ------------------------------------------------------------
-# Shape of a plane object from two or more images, and points beside the plane, all adjusted together.
+# ---- Shape of a plane object from two or more images, and points beside the plane, all adjusted together.
 #
 # The start comes from pairs of images (:mod:`mor.start.killian`). Every pair leaves up to two shapes; what
 # the pairs of one image have in common is the normal of the plane as that image sees it, and with it a third
 # image decides. (The paper subtracts the cubics of two pairs as if they had one unknown. They do not: ϱ is
 # the squared ratio of the distances of S from the two images of its own pair.) Scale, position and turn in
 # the plane stay free: see :mod:`mor.start.plane_object`.
-# ------------------------------------------------------------
 
 AS_GOOD = 25.0
 """Σ (v/σ)² by which another shape may be worse and still count as fitting equally well (5 σ)."""
@@ -614,9 +608,7 @@ def _failed(outcome: PlaneOutcome, rays: _PlaneRays) -> PlaneShape:
     )
 
 
-# ------------------------------------------------------------
-# What one does with the shape of a plane object: scale, level or wall, further points, sides and angles (Killian).
-# ------------------------------------------------------------
+# ---- What one does with the shape of a plane object: scale, level or wall, further points, sides and angles (Killian).
 
 
 class PlacedPlane(NamedTuple):
@@ -713,13 +705,12 @@ def sides_and_angles(corners: FloatArray) -> SidesAndAngles:
     return SidesAndAngles(np.linalg.norm(following, axis=1), angles)
 
 
-# ------------------------------------------------------------
-# Standard deviations and correlations of a plane object in its object system: points, images, sides, angles, heights.
+# ---- Standard deviations and correlations of a plane object in its object system: points, images, sides, angles,
+# heights.
 #
 # The datum is that of the object system: two points carry origin, direction and length. What is told is a
 # function of the adjusted points and frames; its covariance follows from theirs by the S-transformation and
 # the law of propagation, for the a-priori σ of the image coordinates.
-# ------------------------------------------------------------
 
 ROUNDING = 1e-7
 """σ over the largest one below which it is zero: of what carries the object system."""

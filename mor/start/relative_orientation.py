@@ -13,9 +13,7 @@ from mor.model.rotations import cross_matrix, exponential, rotate
 from mor.start.bundle import Bundle, cross, principal_rows, tangent_axes, unit
 from mor.types import BoolArray, FloatArray
 
-# ------------------------------------------------------------
-# What became of a relative orientation, as data.
-# ------------------------------------------------------------
+# ---- What became of a relative orientation, as data.
 
 
 class RelativeOutcome(Enum):
@@ -113,8 +111,7 @@ class RelativeOrientation(NamedTuple):
         return self.outcome.value if general else f"{self.outcome.value} ({self.geometry.value})"
 
 
-# ------------------------------------------------------------
-# Relative orientation of two bundles without approximate values (K. Rinner, ÖZfV 44 (1956), 4–9).
+# ---- Relative orientation of two bundles without approximate values (K. Rinner, ÖZfV 44 (1956), 4–9).
 #
 # Homologous rays p' (frame A) and p'' (frame B) and the base b lie in one plane (4):
 #
@@ -125,7 +122,6 @@ class RelativeOrientation(NamedTuple):
 # where e_k'' are the axes of B seen from A: the rows of D*, so that X_B = D* (X_A − b). All triads are
 # right-handed and the third image coordinate is −c; the f of the paper points the other way. In the words of
 # today (ik) = −[b]× D*ᵀ is the essential matrix: singular values 1, 1, 0 at the norm (14).
-# ------------------------------------------------------------
 
 NORM = np.sqrt(2.0)
 """(14): Σ ik² = 2."""
@@ -211,8 +207,7 @@ def nearest_rotation(matrix: FloatArray) -> FloatArray:
     return np.asarray(left @ right)
 
 
-# ------------------------------------------------------------
-# The conditions among Rinner's auxiliary unknowns, and the corrections they give to the ik (Nr. 4).
+# ---- The conditions among Rinner's auxiliary unknowns, and the corrections they give to the ik (Nr. 4).
 #
 # Nine unknowns and five parameters leave four conditions. The paper takes det(ik) = 0 (13), Σ ik² = 2 (14)
 # and two of
@@ -227,7 +222,6 @@ def nearest_rotation(matrix: FloatArray) -> FloatArray:
 #
 # and the diagonal alone does not see the shear of the two axes across the base. With (13) and all six of
 # (16*) the rank is four for every orientation. (14), and (15) to first order, follow from (16*).
-# ------------------------------------------------------------
 
 UPPER = np.triu_indices(3)
 INDEPENDENT = 4
@@ -303,8 +297,7 @@ def _step(current: FloatArray, start: FloatArray, weight: FloatArray) -> tuple[F
     return current + step * min(1.0, 0.5 / max(length, 1e-300)), length
 
 
-# ------------------------------------------------------------
-# Rigorous adjustment of a relative orientation: image coordinates observed, one condition per point.
+# ---- Rigorous adjustment of a relative orientation: image coordinates observed, one condition per point.
 #
 # Gauss–Helmert with the condition g = p'ᵀ (ik) p'' = p' · (u × b) = 0, u = D*ᵀ p'', and five parameters: two
 # of the unit base b across itself, three of the small rotation δ of D* ← exp(−[δ]×) D*. The compatibility
@@ -314,7 +307,6 @@ def _step(current: FloatArray, start: FloatArray, weight: FloatArray) -> tuple[F
 #     ∂g/∂δ = D* (u × (b × p')),    ∂g/∂b = p' × u,    ∂g/∂p' = u × b,    ∂g/∂p'' = D* (b × p')
 #
 # Conditions are linearised at the adjusted observations, so the result is the strict minimum of Σ (v/σ)².
-# ------------------------------------------------------------
 
 INNER = 4
 """Iterations for the adjusted observations of given parameters; they gain six digits each at image noise."""
@@ -467,8 +459,7 @@ def both_fronts(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) ->
     return ahead, behind
 
 
-# ------------------------------------------------------------
-# Compatible auxiliary unknowns from five homologous points: every real solution, no approximation.
+# ---- Compatible auxiliary unknowns from five homologous points: every real solution, no approximation.
 #
 # Five equations (5) leave a four-dimensional space ik = x E1 + y E2 + z E3 + E4. The conditions of Rinner,
 # written as polynomials, det E = 0 and 2 E Eᵀ E − tr(E Eᵀ) E = 0, are ten cubics in x, y, z. Elimination of
@@ -477,7 +468,6 @@ def both_fronts(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) ->
 # relation that E. Kruppa found in 1913: ten solutions, here with multiplicities and complex pairs).
 #
 # It also bears plane scenes, where the eight-point system loses rank.
-# ------------------------------------------------------------
 
 QUADRATIC = list(combinations_with_replacement(range(4), 2))
 CUBIC = list(combinations_with_replacement(range(4), 3))
@@ -570,8 +560,7 @@ def five_point_unknowns(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
     return np.asarray(ik * (np.sqrt(2.0) / norm))
 
 
-# ------------------------------------------------------------
-# Orientations for every direction of the base, where parallaxes are small beside their errors.
+# ---- Orientations for every direction of the base, where parallaxes are small beside their errors.
 #
 # The errors of the linear system are squared errors of the rays: where a base is so short that parallaxes are
 # few σ, it can lead to another minimum than the least. Then, however, the second bundle is all but the first
@@ -582,7 +571,6 @@ def five_point_unknowns(rays_a: FloatArray, rays_b: FloatArray) -> FloatArray:
 #
 # so for each of many directions of b the best δ and Σ (v/σ)² follow at once, and the minima of that map are all there
 # are.
-# ------------------------------------------------------------
 
 DIRECTIONS = 100
 """Over half a sphere: 0.25 rad from one to the next; the opposite direction has the same map."""
@@ -629,15 +617,13 @@ def _map(a: Bundle, b: Bundle, turn: FloatArray, bases: FloatArray) -> tuple[Flo
     return np.sum(condition**2, axis=1) + np.einsum("mi,mi->m", side, rest), rest
 
 
-# ------------------------------------------------------------
-# Do the standard deviations of an orientation hold? Σ (v/σ)² some σ away, compared with what they promise.
+# ---- Do the standard deviations of an orientation hold? Σ (v/σ)² some σ away, compared with what they promise.
 #
 # σ come from the linear terms of the estimate at the solution. An error of k σ costs k² of Σ (v/σ)², if they
 # are all; where the quadratic ones are not small beside them, Σ (v/σ)² rises otherwise. So the base is turned
 # by three and by five σ, either way along both axes of its error ellipse, all else is adjusted again, and the
 # rise is compared with 9 and 25 (the profile of the objective: D. M. Bates, D. G. Watts, Nonlinear regression
 # analysis, 1988, chapter 6).
-# ------------------------------------------------------------
 
 FAR = (3.0, 5.0)
 """Standard deviations by which the base is turned."""

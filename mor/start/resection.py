@@ -18,9 +18,7 @@ from mor.start.bundle import Bundle, cross, misfits, principal_rows, reproject, 
 from mor.start.relative_orientation import nearest_rotation
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Refinement of a resection: Gauss–Newton with small rotations about the axes of the frame.
-# ------------------------------------------------------------
+# ---- Refinement of a resection: Gauss–Newton with small rotations about the axes of the frame.
 
 
 class Pose(NamedTuple):
@@ -133,9 +131,7 @@ def _design(
     )
 
 
-# ------------------------------------------------------------
-# What became of a space resection, as data.
-# ------------------------------------------------------------
+# ---- What became of a space resection, as data.
 
 AS_GOOD = 25.0
 """Σ (v/σ)² by which another pose may be worse and still count as fitting equally well (5 σ)."""
@@ -282,8 +278,7 @@ def _is_weak(bundle: Bundle, points: FloatArray, pose: Pose) -> bool:
     return bool(rotation > WEAK or position > WEAK * nearest)
 
 
-# ------------------------------------------------------------
-# Space resection from three points: all real solutions (J. A. Grunert 1841).
+# ---- Space resection from three points: all real solutions (J. A. Grunert 1841).
 #
 # Unknown are the distances s1, s2, s3 from the projection centre to the points. With the sides a = P2P3, b =
 # P1P3, c = P1P2 and the angles α, β, γ of the rays that face them, three cosine laws
@@ -293,7 +288,6 @@ def _is_weak(bundle: Bundle, points: FloatArray, pose: Pose) -> bool:
 # become with s2 = u s1, s3 = v s1 a quartic in v (in the form of R. M. Haralick et al., IJCV 13 (1994)
 # 331–356). u follows from the third law, so that no difference of angles is divided by; every solution is
 # refined on the three laws themselves.
-# ------------------------------------------------------------
 
 REAL = 1e-3
 """Relative imaginary part up to which a root of the quartic is tried (double roots part into pairs)."""
@@ -463,13 +457,11 @@ def _frames(points: FloatArray, placed: FloatArray) -> tuple[FloatArray, FloatAr
     return rotations, positions
 
 
-# ------------------------------------------------------------
-# Space resection on a plane object from four or more points: no ambiguity of three points.
+# ---- Space resection on a plane object from four or more points: no ambiguity of three points.
 #
 # The collineation between plane and bundle, p ~ M (u, v, 1)ᵀ with M = D (e1, e2, O − X0), carries the
 # attitude in its first two columns; what noise does to their lengths and right angle is taken out by the
 # nearest rotation.
-# ------------------------------------------------------------
 
 FLAT = 1e-3
 """Thickness of the object, relative to its smaller extension in the plane, below which it is treated as plane."""
@@ -521,14 +513,12 @@ def resect_plane(bundle: Bundle, points: FloatArray) -> tuple[FloatArray, FloatA
     return position, in_plane @ plane.axes
 
 
-# ------------------------------------------------------------
-# Space resection: position and attitude of a bundle from known points, without approximate values.
+# ---- Space resection: position and attitude of a bundle from known points, without approximate values.
 #
 # Samples of three points (all of them, where they are few) give all positions that three rays allow; a plane
 # object adds the solution of its collineation. The best are refined by Gauss–Newton on the measured
 # coordinates with small rotations about the axes of the frame, and the points that agree are drawn again until
 # they stand. Ambiguous, mirrored, weak or wrong data are named, never guessed.
-# ------------------------------------------------------------
 
 SAMPLES = 80
 """Three-point samples at the most; all triples are taken where they are not more."""

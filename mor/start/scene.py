@@ -46,9 +46,7 @@ from mor.start.sights import (
 )
 from mor.types import FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Points that differences tie to one another: their values up to a common shift.
-# ------------------------------------------------------------
+# ---- Points that differences tie to one another: their values up to a common shift.
 
 
 class TiedPoints(NamedTuple):
@@ -86,9 +84,7 @@ def _cluster(
     return TiedPoints(points[order], np.array([placed[number] for number in order.tolist()]))
 
 
-# ------------------------------------------------------------
-# Everything measured, in the form the growth of parts works with.
-# ------------------------------------------------------------
+# ---- Everything measured, in the form the growth of parts works with.
 
 
 class StereoPair(NamedTuple):
@@ -286,9 +282,7 @@ def _shared(frames: tuple[Frame, ...]) -> dict[tuple[int, float], list[int]]:
     return {key: numbers for key, numbers in found.items() if len(numbers) > 1}
 
 
-# ------------------------------------------------------------
-# Frames posed by other frames: stereo followers and leaders by their pair, images that turn about one tripod.
-# ------------------------------------------------------------
+# ---- Frames posed by other frames: stereo followers and leaders by their pair, images that turn about one tripod.
 
 AGREE = 0.02
 """Radians within which a ray agrees with a turn about one tripod."""
@@ -388,9 +382,7 @@ def _agreed_turn(own: FloatArray, there: FloatArray) -> FloatArray | None:
     return best[1] if best is not None and enough else None
 
 
-# ------------------------------------------------------------
-# A part without vertical gets it from horizontal directions and vertical angles to its points.
-# ------------------------------------------------------------
+# ---- A part without vertical gets it from horizontal directions and vertical angles to its points.
 
 MOST_SETS = 8
 MOST_POINTS = 16
@@ -444,12 +436,10 @@ def _set(part: Part, sight: LevelledSet) -> HorizontalSet:
     return HorizontalSet(place, part.points[sight.points[rows]], sight.directions[rows])
 
 
-# ------------------------------------------------------------
-# A part finds the vertical and the length unit from what was measured inside it.
+# ---- A part finds the vertical and the length unit from what was measured inside it.
 #
 # The vertical from posed frames that know it (levelled instruments, levels), else from height differences between its
 # points; the scale from distances, height differences, and bases of stereo pairs that are given.
-# ------------------------------------------------------------
 
 WEAKEST = 0.02
 """Extension of height differences across their main direction, relative to that along, from which they level a part."""

@@ -30,9 +30,7 @@ from mor.start.scene import Scene
 from mor.start.sights import LevelledSet, Terrestrial
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Begin a part where nothing is known: the best pair of frames by relative orientation (Rinner).
-# ------------------------------------------------------------
+# ---- Begin a part where nothing is known: the best pair of frames by relative orientation (Rinner).
 
 PAIRS_TRIED = 24
 LOOKED_AT = 96
@@ -239,12 +237,11 @@ def _with_least_slack(
     return outcome if best is None or outcome is RelativeOutcome.MIRRORED else best
 
 
-# ------------------------------------------------------------
-# Begin a part where no pair of frames is oriented beyond doubt: a third frame tells which of the orientations holds.
+# ---- Begin a part where no pair of frames is oriented beyond doubt: a third frame tells which of the orientations
+# holds.
 #
 # Five to seven common points, points in a plane and weak pairs leave several orientations, or one of which σ does not
 # hold. Each is tried: the part that grows from it is judged by the rays that agree with it.
-# ------------------------------------------------------------
 
 DOUBTFUL_PAIRS_TRIED = 8
 FRAMES_TRIED = 4
@@ -328,11 +325,9 @@ def support(part: Part, frames: Sequence[Frame]) -> float:
     return total
 
 
-# ------------------------------------------------------------
-# Begin a levelled part where nothing is known: one station at the origin, its circle zero along +Y.
+# ---- Begin a levelled part where nothing is known: one station at the origin, its circle zero along +Y.
 #
 # Bearings bring north with them; alone they have no set that sees much, and begin with the two points of one of them.
-# ------------------------------------------------------------
 
 
 def seed_levelled(
@@ -434,9 +429,7 @@ def _unit_base(part: Part, point: int, direction: float) -> None:
     part.how[f"point {point}"] = rule("base of length one")
 
 
-# ------------------------------------------------------------
-# Begin a levelled part with three stations that do not see each other, by the directions to points all three see.
-# ------------------------------------------------------------
+# ---- Begin a levelled part with three stations that do not see each other, by the directions to points all three see.
 
 FEWEST = 6
 """Points that three bundles in the plane have to share: five leave nothing over that could tell shapes apart."""
@@ -545,15 +538,13 @@ def _seed_plan_part(
     return part
 
 
-# ------------------------------------------------------------
-# Frames that see fewer known points than a resection takes, and others that posed frames see too.
+# ---- Frames that see fewer known points than a resection takes, and others that posed frames see too.
 #
 # A known point is two conditions, a point that a posed frame sees one: both rays and the base are coplanar.
 # Six determine the pose. Starts come in closed form, from three known points (Grunert), from two (the angle
 # between them leaves the centre on a surface of revolution about their line, which is sampled), or from the
 # relative orientation to a posed frame with five common points or more, whose base has the length that all
 # conditions tell; they are adjusted together.
-# ------------------------------------------------------------
 
 POSE = 6
 CONTROLLED = 2

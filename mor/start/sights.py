@@ -14,9 +14,7 @@ from mor.model.rotations import exponential
 from mor.project.network import Network
 from mor.types import FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Which of several answers that fit alike is taken whenever one is asked for, and how well start values agree.
-# ------------------------------------------------------------
+# ---- Which of several answers that fit alike is taken whenever one is asked for, and how well start values agree.
 
 ROWS = 20_000
 """Rows of a group by which start values are judged; observations of a network up to which trying again costs little."""
@@ -189,12 +187,10 @@ def _of_group(group: ObservationGroup, start: Mapping[str, FloatArray]) -> tuple
     return float(np.log1p(np.square(sizes)).sum()), int(np.count_nonzero(told))
 
 
-# ------------------------------------------------------------
-# Polar points, heights and rays: from directions, vertical directions and distances to coordinates and back.
+# ---- Polar points, heights and rays: from directions, vertical directions and distances to coordinates and back.
 #
 # Bearings t = atan2(ΔX, ΔY) run clockwise from +Y. A set of directions r has an orientation κ, r = t + κ.
 # Vertical directions v are positive upwards; of a zenith angle z it is v = π/2 − z. All angles in radians.
-# ------------------------------------------------------------
 
 POLAR_AGREES = 0.05
 """Radians up to which sights agree: places may be rough."""
@@ -253,9 +249,7 @@ def orient(station: FloatArray, points: FloatArray, directions: FloatArray) -> O
     return Orientation(kappa, np.angle(np.exp(1j * kappa) * units.conj()), abs(units.mean()))
 
 
-# ------------------------------------------------------------
-# Sets of directions, gathered from all the tables that read them, in face one; and which frames know the vertical.
-# ------------------------------------------------------------
+# ---- Sets of directions, gathered from all the tables that read them, in face one; and which frames know the vertical.
 
 KEYS = ("directions", "zenith_directions")
 
@@ -341,9 +335,7 @@ def frame_verticals(network: Network) -> FloatArray:
     return up
 
 
-# ------------------------------------------------------------
-# Levelled sights of a network: sets of directions, angles and bearings, and the lengths between positions.
-# ------------------------------------------------------------
+# ---- Levelled sights of a network: sets of directions, angles and bearings, and the lengths between positions.
 
 UPRIGHT = 1.0 - 1e-5
 """Cosine of the tilt up to which an instrument counts as levelled (0.3 gon)."""
@@ -511,15 +503,13 @@ def _collected(
     )
 
 
-# ------------------------------------------------------------
-# The vertical of points in any attitude from horizontal directions and vertical angles to them.
+# ---- The vertical of points in any attitude from horizontal directions and vertical angles to them.
 #
 # For a given vertical each set of horizontal directions is a free station in the plan, or a set to be
 # oriented where its place is known: a linear problem each, so that only the vertical is searched for. It is
 # sampled over the sphere, and the best are adjusted (Gauss-Newton, Cauchy weights). Sets of different places
 # share it: each of n directions leaves n − 3 conditions for it, n − 1 where its place is known, a vertical
 # angle between known points one.
-# ------------------------------------------------------------
 
 PRECISION = 2e-3
 """Radians that directions to known points are good to: distortion and constants of cameras may be unknown yet."""

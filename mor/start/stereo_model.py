@@ -24,9 +24,7 @@ from mor.start.relative_orientation import (
 )
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Rinner's auxiliary unknowns: linear, made compatible, adjusted; with the conditions and the corrections.
-# ------------------------------------------------------------
+# ---- Rinner's auxiliary unknowns: linear, made compatible, adjusted; with the conditions and the corrections.
 
 CONDITIONS = ("(13)", "(14)", "(15)", "(16) 1", "(16) 2", "(16) 3")
 """Numbers in the paper, in the order of :func:`printed_conditions`."""
@@ -78,14 +76,12 @@ def auxiliary_of(a: Bundle, b: Bundle, found: RelativeOrientation) -> Auxiliary:
     )
 
 
-# ------------------------------------------------------------
-# The model of a chain of images: pairs joined by scale from common points, then all of it adjusted together.
+# ---- The model of a chain of images: pairs joined by scale from common points, then all of it adjusted together.
 #
 # Every pair is oriented by itself (Rinner); the base of each further one is stretched until the points it has
 # in common with the one before lie equally far from the image that both share. What follows is the bundle
 # adjustment of the free model: the first image held, the first base of length one, points eliminated. Its σ
 # are those of every result.
-# ------------------------------------------------------------
 
 ITERATIONS = 30
 ROUND_OFF = 1e-15
@@ -306,12 +302,10 @@ def _model(
     return StereoModel(positions, rotations, points, blocks, covariance, reasons, sigma0, redundancy)
 
 
-# ------------------------------------------------------------
-# Which of several orientations of a pair a chain of images has: that with which all of them fit together.
+# ---- Which of several orientations of a pair a chain of images has: that with which all of them fit together.
 #
 # Two images of a plane, or of a few points, can leave several orientations. With a further image each of them makes
 # another model, and the least-squares fit of the models decides.
-# ------------------------------------------------------------
 
 SAME = 1e-5
 """Difference of positions and attitudes up to which two models are one; the first base has length one."""

@@ -15,9 +15,7 @@ from mor.project.schema import Camera
 from mor.types import FloatArray, IntArray
 from mor.units import IMAGE
 
-# ------------------------------------------------------------
-# The content of a COLMAP model, as text or binary files (COLMAP documentation, "Output Format").
-# ------------------------------------------------------------
+# ---- The content of a COLMAP model, as text or binary files (COLMAP documentation, "Output Format").
 
 NO_POINT = -1
 """Point of an image point that belongs to none."""
@@ -95,9 +93,7 @@ def empty_points() -> tuple[FloatArray, IntArray]:
     return np.zeros((0, 2)), np.zeros(0, dtype=np.int64)
 
 
-# ------------------------------------------------------------
-# Poses: COLMAP's quaternions and translations, mor's rotations and projection centres.
-# ------------------------------------------------------------
+# ---- Poses: COLMAP's quaternions and translations, mor's rotations and projection centres.
 
 FLIP = np.diag([1.0, -1.0, -1.0])
 """COLMAP's camera axes (right, down, forward) from mor's (right, up, backward), and back."""
@@ -122,8 +118,7 @@ def theirs(D: FloatArray, centre: FloatArray) -> FloatArray:
     return np.concatenate([quaternions(R), translation], axis=1)
 
 
-# ------------------------------------------------------------
-# COLMAP's camera models in mor's: where both say exactly the same.
+# ---- COLMAP's camera models in mor's: where both say exactly the same.
 #
 # COLMAP's axes are right, down, forward, its image coordinates px from the upper left corner of the upper left pixel.
 # With u = X/Z, v = Y/Z and r² = u² + v² (COLMAP source, ``sensor/models.h``):
@@ -134,7 +129,6 @@ def theirs(D: FloatArray, centre: FloatArray) -> FloatArray:
 #   and names;
 # * FOV, THIN_PRISM_FISHEYE and RAD_TAN_THIN_PRISM_FISHEYE are models of the same names, with their own numbers;
 # * fisheyes with one focal length are ``fisheye`` with fx = fy = f at first, two unknowns there.
-# ------------------------------------------------------------
 
 
 class ColmapCameraModel(NamedTuple):

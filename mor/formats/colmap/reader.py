@@ -36,9 +36,7 @@ from mor.model.rotations import angles_from_rotation
 from mor.project.document import Document
 from mor.types import FloatArray, IntArray
 
-# ------------------------------------------------------------
-# Rigs of COLMAP as stereo pairs: the images a rig took at one time follow that of its reference camera.
-# ------------------------------------------------------------
+# ---- Rigs of COLMAP as stereo pairs: the images a rig took at one time follow that of its reference camera.
 
 
 class Follower(NamedTuple):
@@ -78,9 +76,7 @@ def _pair(name: str, pose: QuaternionPose) -> Row:
     return Row([name, *(repr(float(v)) for v in (*base, *angles_from_rotation(D)))], 0)
 
 
-# ------------------------------------------------------------
-# COLMAP's binary files: little-endian numbers one after the other.
-# ------------------------------------------------------------
+# ---- COLMAP's binary files: little-endian numbers one after the other.
 
 _IMAGE_POINT = np.dtype([("xy", "<f8", (2,)), ("point", "<i8")])
 _POINT = np.dtype([("number", "<u8"), ("xyz", "<f8", (3,))])
@@ -237,9 +233,7 @@ def read_frames(path: Path) -> list[RigFrame]:
     return frames
 
 
-# ------------------------------------------------------------
-# COLMAP's text files: a thing a line, an image on two; lines that begin with # are comments.
-# ------------------------------------------------------------
+# ---- COLMAP's text files: a thing a line, an image on two; lines that begin with # are comments.
 
 _CAMERA = "number, model, width, height, parameters"
 _IMAGE = "number, qw qx qy qz, tx ty tz, camera, name"
@@ -388,9 +382,7 @@ def read_text_frames(path: Path, draft: Draft) -> list[RigFrame]:
     return frames
 
 
-# ------------------------------------------------------------
-# A COLMAP model as a project: an image block with the datum of its points, σ = 1 px.
-# ------------------------------------------------------------
+# ---- A COLMAP model as a project: an image block with the datum of its points, σ = 1 px.
 
 _PARTS = ("cameras", "images", "points3D")
 

@@ -21,12 +21,10 @@ from mor.project.document import Document
 from mor.project.reference_system import ReferenceSystem, ReferenceSystemError, reference_system
 from mor.types import FloatArray
 
-# ------------------------------------------------------------
-# Lines of DynAdjust's files, and what is collected of them.
+# ---- Lines of DynAdjust's files, and what is collected of them.
 #
 # Source: *DynAdjust User's Guide*, appendix on DNA file formats: columns of 20 characters for names, values
 # behind column 62, angles in degrees, minutes and seconds, their σ in seconds.
-# ------------------------------------------------------------
 
 _MARK = "!#=DNA"
 NAMES = (slice(2, 22), slice(22, 42), slice(42, 62))
@@ -153,9 +151,7 @@ def read_geoid(path: Path, draft: Draft) -> dict[str, tuple[float, float, float]
     return found
 
 
-# ------------------------------------------------------------
-# Measurements of one line: angles, azimuths, distances, heights, height differences.
-# ------------------------------------------------------------
+# ---- Measurements of one line: angles, azimuths, distances, heights, height differences.
 
 
 class MeasurementKind(NamedTuple):
@@ -221,12 +217,10 @@ def sexagesimal_words(text: str, words: list[str]) -> str:
     return f"{sign}{abs(int(degrees))}-{int(minutes)}-{seconds!r}"
 
 
-# ------------------------------------------------------------
-# Sets of directions (D): the station with its first target, then every other target of the set.
+# ---- Sets of directions (D): the station with its first target, then every other target of the set.
 #
 # Source: *DynAdjust User's Guide*, appendices on DNA and DynaML, and what DynAdjust itself writes: a line or
 # an element for each target; the number of the set counts those behind the first.
-# ------------------------------------------------------------
 
 CODE = "D"
 _FROM, _TARGET = slice(2, 42), NAMES[2]
@@ -305,9 +299,7 @@ def put_directions(found: Collected) -> None:
         found.draft.table("observations", _COLUMNS, rows, type="directions", units={"sigma": "arcsec"})
 
 
-# ------------------------------------------------------------
-# GNSS baselines and positions with their covariances: alone, or in clusters with one matrix.
-# ------------------------------------------------------------
+# ---- GNSS baselines and positions with their covariances: alone, or in clusters with one matrix.
 
 COUNTED = 10_000
 """Most baselines or positions of one cluster: its covariance matrix is full."""
@@ -452,9 +444,7 @@ def put_vectors(found: Collected) -> None:
         found.draft.table("observations", columns, rows, type="gnss_vector")
 
 
-# ------------------------------------------------------------
-# Stations as latitude, longitude and height, with what is known of the geoid at them, held or free.
-# ------------------------------------------------------------
+# ---- Stations as latitude, longitude and height, with what is known of the geoid at them, held or free.
 
 SYSTEMS = {
     "GDA94": 4283,
@@ -633,11 +623,9 @@ def known_frame(name: str, line: int, draft: Draft) -> str:
     return name.upper()
 
 
-# ------------------------------------------------------------
-# DynaML, DynAdjust's XML: the same stations and measurements as in its DNA files, an element each.
+# ---- DynaML, DynAdjust's XML: the same stations and measurements as in its DNA files, an element each.
 #
 # Source: *DynAdjust User's Guide*, appendix on DynaML. Angles and latitudes are ddd.mmssss…, σ of angles seconds.
-# ------------------------------------------------------------
 
 ROOT = "DnaXmlFormat"
 STATIONS, MEASURED = "stn.xml", "msr.xml"
@@ -798,9 +786,7 @@ def _needed(element: Element, name: str) -> str:
     return text
 
 
-# ------------------------------------------------------------
-# DynAdjust's station and measurement files, DNA 3 and DynaML, as a project on the earth.
-# ------------------------------------------------------------
+# ---- DynAdjust's station and measurement files, DNA 3 and DynaML, as a project on the earth.
 
 
 def read_dynadjust(path: Path) -> Document:

@@ -32,9 +32,7 @@ from mor.project.network import build_network
 from mor.project.reference_system import EarthModel
 from mor.types import FloatArray
 
-# ------------------------------------------------------------
-# A network on the earth in DynAdjust's terms, for the writers of DNA and DynaML.
-# ------------------------------------------------------------
+# ---- A network on the earth in DynAdjust's terms, for the writers of DNA and DynaML.
 
 _CODES = {kind.type: code for code, kind in KINDS.items()}
 _CLUSTERS = ("gnss_vector", "gnss_position", "geodetic_position")
@@ -226,9 +224,7 @@ def parts_of(angle: float, decimals: int) -> tuple[int, int, float, str]:
     return minutes // 60, minutes % 60, rest / 10**decimals, "-" if angle < 0.0 else ""
 
 
-# ------------------------------------------------------------
-# A network on the earth as DynAdjust's files: ``.stn``, ``.msr`` and, where heights are above a geoid, ``.geo``.
-# ------------------------------------------------------------
+# ---- A network on the earth as DynAdjust's files: ``.stn``, ``.msr`` and, where heights are above a geoid, ``.geo``.
 
 
 def write_dynadjust(document: Document, folder: Path, target: Path) -> Written:
@@ -319,12 +315,10 @@ def _angle(value: float, sigma: float) -> str:
     return f"{f'{sign}{degrees}':>17} {minutes:02d} {fixed(seconds, 4):0>7} {fixed(seconds_of(sigma), 3):>8}"
 
 
-# ------------------------------------------------------------
-# A network on the earth as DynaML: a pair ``…stn.xml`` and ``…msr.xml``, and ``.geo`` where heights are above
+# ---- A network on the earth as DynaML: a pair ``…stn.xml`` and ``…msr.xml``, and ``.geo`` where heights are above
 # a geoid.
 #
 # Written as DynAdjust writes it: order and names of the elements are those of its samples and of its source.
-# ------------------------------------------------------------
 
 _UPPER = (("XX", 0, 0), ("XY", 0, 1), ("XZ", 0, 2), ("YY", 1, 1), ("YZ", 1, 2), ("ZZ", 2, 2))
 

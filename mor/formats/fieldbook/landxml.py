@@ -14,8 +14,7 @@ from mor.formats.fieldbook.book import COMPUTED, FieldBook, InstrumentSetUp, Sig
 from mor.input_files import PROJECT, read_bytes
 from mor.project.document import Document
 
-# ------------------------------------------------------------
-# LandXML (1.0 to 2.0): instrument set-ups, raw and reduced observations, points north, east, elevation.
+# ---- LandXML (1.0 to 2.0): instrument set-ups, raw and reduced observations, points north, east, elevation.
 #
 # Source: the LandXML 1.2 schema. Points are named by their name; references to a point (``pntRef``) that bear another
 # name give it theirs, as instruments write it. Azimuths run clockwise from north, angles are those of the circle.
@@ -23,7 +22,6 @@ from mor.project.document import Document
 # Angles, distances and heights of observations are readings. An azimuth beside a circle reading was computed
 # from it, or is the placeholder 0 that some programs write; so are the coordinates inside the target of an
 # observation, and those of points that Leica's part of the file (HeXML) calls measured or averaged.
-# ------------------------------------------------------------
 
 _METRES = {
     "millimeter": 1e-3,
@@ -347,15 +345,13 @@ def _angle(element: Element, name: str, unit: str) -> float | None:
     return {"rad": degrees(1.0), "gon": 0.9, "deg": 1.0}[unit] * parse_number(text)
 
 
-# ------------------------------------------------------------
-# Trimble JobXML (``.jxl``): the field book of a job, degrees and metres whatever the job showed.
+# ---- Trimble JobXML (``.jxl``): the field book of a job, degrees and metres whatever the job showed.
 #
 # Stations, targets and atmospheres are records of their own that points refer to; a point that names no
 # station belongs to the last one before it. ``EDMDistance`` is raw: the prism constant of the target, and the
 # ppm of the atmosphere where it says so, are added here. ``Circle`` and ``EDMDistance`` are readings;
 # ``Grid`` of keyed-in points is given; ``ComputedGrid``, ``Reductions``, mean turned angles and points by
 # calculation are derived. Source: Trimble, *JobXML*.
-# ------------------------------------------------------------
 
 _FACES = {"Face1": 1, "Face2": 2}
 _JOBXML_COMPUTED = ("MeanTurnedAngle", "MTA", "Intersect", "Resection", "Calculated", "Copied")

@@ -12,8 +12,7 @@ from mor.formats.fieldbook.book import FieldBook, Sight, records, sexagesimal
 from mor.formats.fieldbook.level import REPEATED, StaffReading
 from mor.project.document import Document
 
-# ------------------------------------------------------------
-# Geodimeter ARE and JOB: a number and a value a line.
+# ---- Geodimeter ARE and JOB: a number and a value a line.
 #
 # 2 station, 62 reference object, 5 point, 3 instrument height, 6 target height, 4 code, 23 units; 7
 # horizontal and 8 zenith reading, 17 and 18 in face two, 24 and 25 in face one, 9 slope, 11 horizontal
@@ -23,7 +22,6 @@ from mor.project.document import Document
 #
 # The first digit of 23 tells the unit of angles (1 gon, 2 degrees, minutes and seconds, 3 decimal degrees).
 # Without it angles are ddd.mmss if every one of them may be, gon otherwise.
-# ------------------------------------------------------------
 
 _ANGLES = ("7", "8", "17", "18", "24", "25")
 _BEGIN = ("2", "5", "62")
@@ -123,9 +121,7 @@ def _thing(entries: list[Entry], book: FieldBook, dms: bool, height: float) -> f
     return height
 
 
-# ------------------------------------------------------------
-# Leica IDX: sections of POINTS, SETUP and SLOPE; the header says the units.
-# ------------------------------------------------------------
+# ---- Leica IDX: sections of POINTS, SETUP and SLOPE; the header says the units.
 
 _SLOPE = ("TGTNO", "TGTID", "CFGNO", "HZ", "VZ", "SDIST", "REFHT")
 _IGNORED = (
@@ -239,8 +235,7 @@ class _SectionReader:
         self.book.sight(sight)
 
 
-# ------------------------------------------------------------
-# Zeiss and Trimble M5: an address, a point or text, and three values with their units, in columns between bars.
+# ---- Zeiss and Trimble M5: an address, a point or text, and three values with their units, in columns between bars.
 #
 # SD (Zeiss: D) slope distance, HD (E) horizontal distance, Hz circle, V1 zenith angle, Y east, X north, Z height,
 # th and ih heights of target and instrument (Trimble, "M5 data format").
@@ -248,7 +243,6 @@ class _SectionReader:
 # A stationing (TI … STAT) is recorded as its sights, then the station (PI1 S name), then the turn of the
 # circle (Om) and the instrument height; the sights that follow read the turned circle. Coordinates of a point
 # that was sighted are computed.
-# ------------------------------------------------------------
 
 _VALUE = re.compile(r"^(\S+?)_?\s+(-?[\d.]+)\s*(\S*)$")
 _KNOWN = ("SD", "HD", "Hz", "V1", "Y", "X", "Z", "th", "ih", "Rb", "Rf", "Rz")
@@ -405,15 +399,13 @@ def _place(values: dict[str, tuple[float, str]]) -> tuple[float | None, float | 
     return east, north, up
 
 
-# ------------------------------------------------------------
-# Carlson RW5 and TDS raw data: set-ups, sights, sets in both faces, coordinates.
+# ---- Carlson RW5 and TDS raw data: set-ups, sights, sets in both faces, coordinates.
 #
 # ``AR`` is the reading of the circle, whose reading at the backsight is ``BC``: a backsight that no record
 # measures is a sight with that reading. SP and OC coordinates are given unless an earlier set-up sighted the
 # point; those of GNSS points stand in the comment --GS that follows a GPS record. Lines that begin with --
 # are comments, also those that repeat other records: means, checks and computed coordinates. Source: Carlson,
 # *SurvCE RW5 Format*.
-# ------------------------------------------------------------
 
 _SIGHTS = {"SS": 0, "TR": 0, "FS": 0, "BD": 1, "FD": 1, "BR": 2, "FR": 2}
 """Faces of the sights; 0 where the zenith angle tells."""
@@ -586,8 +578,7 @@ class _RW5Reader:
         return None
 
 
-# ------------------------------------------------------------
-# Sokkia SDR33: records of a type, an origin and fields of 16 letters (SDR20: of 4 and 10).
+# ---- Sokkia SDR33: records of a type, an origin and fields of 16 letters (SDR20: of 4 and 10).
 #
 # Types: 00 head with the units, 01 instrument, 02 station, 03 target height, 06 scale, 07 back bearing, 08
 # coordinates, 09 observation (F1, F2: face), 10 job, 11 reduced observation, 13 note (Sokkia, "SDR file
@@ -597,7 +588,6 @@ class _RW5Reader:
 # topography, RS resection, TR traverse, SO setting out, …) were computed. 09F1 and 09F2 are readings, 09MC
 # and 11 are reduced. Spectra instruments write the readings of a resection as notes 13F1 and 13F2 before the
 # station that follows from them.
-# ------------------------------------------------------------
 
 _LEFT_OUT = {
     "01": "instrument records",

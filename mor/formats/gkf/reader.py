@@ -19,9 +19,7 @@ from mor.project.document import Document
 from mor.types import FloatArray
 from mor.units import ANGLE_UNITS, parse_dms
 
-# ------------------------------------------------------------
-# Elements and attributes of GNU Gama XML input, and the errors for others.
-# ------------------------------------------------------------
+# ---- Elements and attributes of GNU Gama XML input, and the errors for others.
 
 Check = Callable[[str], object]
 _DMS = re.compile(r"^\s*[-+]?\d+-\d+-\d+(\.\d*)?\s*$")
@@ -223,9 +221,7 @@ def check(element: Element, draft: Draft) -> None:
             check(child, draft)
 
 
-# ------------------------------------------------------------
-# Points of a GNU Gama file: coordinates and statuses accumulated over all their elements.
-# ------------------------------------------------------------
+# ---- Points of a GNU Gama file: coordinates and statuses accumulated over all their elements.
 
 POINT_PARTS = ("xy", "z")
 
@@ -325,9 +321,7 @@ def put_datum(points: dict[str, GamaPoint], draft: Draft) -> None:
         draft.put("datum", {"free": free})
 
 
-# ------------------------------------------------------------
-# Observations of a GNU Gama file: what was measured, with which σ or covariances, and what is left out.
-# ------------------------------------------------------------
+# ---- Observations of a GNU Gama file: what was measured, with which σ or covariances, and what is left out.
 
 
 class GamaKind(NamedTuple):
@@ -561,9 +555,7 @@ def without_lonely_directions(clusters: list[GamaCluster], draft: Draft) -> list
     return result
 
 
-# ------------------------------------------------------------
-# GNU Gama's names and units of observation components.
-# ------------------------------------------------------------
+# ---- GNU Gama's names and units of observation components.
 
 GON = np.pi / 200.0
 CC = GON / 1e4
@@ -611,8 +603,7 @@ NAMES = {
 """Attributes of references that are not called as here."""
 
 
-# ------------------------------------------------------------
-# Observations of a GNU Gama file that miss the given coordinates by more than ``tol-abs``: they are not used.
+# ---- Observations of a GNU Gama file that miss the given coordinates by more than ``tol-abs``: they are not used.
 #
 # Distances, height differences, vectors and coordinates are compared directly, slope distances with the
 # distance of the marks. Misclosures of directions and azimuths are multiplied by the horizontal distance, of
@@ -624,7 +615,6 @@ NAMES = {
 # standard deviations in units of the a-priori one, and decorrelated: an angle with a large standard deviation
 # stays although it misses by more than the tolerance. If a point has no coordinates there is nothing to
 # compare with.
-# ------------------------------------------------------------
 
 
 def within_tolerance(
@@ -769,13 +759,11 @@ def _term(
     return _Term(wrap(np.array([value - computed_angle])) / CC, horizontal)
 
 
-# ------------------------------------------------------------
-# GNU Gama XML input (``.gkf``) as a project.
+# ---- GNU Gama XML input (``.gkf``) as a project.
 #
 # The physical meaning of ``axes-xy`` and ``angles`` is that of a project's axes, in all sixteen combinations:
 # coordinates and results stay those of the file. Weights depend on ratios of σ only, so ``sigma-apr`` is the
 # σ0 of the report.
-# ------------------------------------------------------------
 
 LEFT_HANDED = ("ne", "sw", "es", "wn")
 _X_AXIS = {"e": 300.0, "n": 0.0, "s": 200.0, "w": 100.0}

@@ -19,11 +19,9 @@ from mor.formats.snap.delimited import Definition, Record, angle_words, date_by,
 from mor.project.reference_system import ReferenceSystem, reference_system
 from mor.types import FloatArray
 
-# ------------------------------------------------------------
-# Lines of SNAP's files, and the words on them.
+# ---- Lines of SNAP's files, and the words on them.
 #
 # Source: the help of SNAP, *Station coordinate file format*, *Observation file format*, *The #data command*.
-# ------------------------------------------------------------
 
 
 _QUOTED = re.compile(r"(?:[^\s\"']|\"[^\"]*\"|'[^']*'|[\"'])+")
@@ -132,9 +130,7 @@ def _sexagesimal(degrees: float, minutes: float, seconds: float) -> float:
     return degrees + minutes / 60.0 + seconds / 3600.0
 
 
-# ------------------------------------------------------------
-# σ of observations that come from commands (#ds_error 20 mm 10 ppm), not from their lines.
-# ------------------------------------------------------------
+# ---- σ of observations that come from commands (#ds_error 20 mm 10 ppm), not from their lines.
 
 _METRES = {"mm": 1e-3, "m": 1.0}
 _SECONDS = {"sec": 1.0, "secs": 1.0, "seconds": 1.0, "min": 60.0, "deg": 3600.0, "degrees": 3600.0}
@@ -238,9 +234,7 @@ def vector_error_of(words: WordReader, code: str) -> VectorError:
     return VectorError(**found)
 
 
-# ------------------------------------------------------------
-# Station coordinate files: places in the coordinate system of the adjustment, with geoid heights and deflections.
-# ------------------------------------------------------------
+# ---- Station coordinate files: places in the coordinate system of the adjustment, with geoid heights and deflections.
 
 SYSTEMS = {
     "NZGD1949": "EPSG:4272",
@@ -474,11 +468,9 @@ def _read(found: StationFile, line: Line, form: str, classes: list[str]) -> None
     )
 
 
-# ------------------------------------------------------------
-# Lists of stations, selections of observations and recodes: words of a command file.
+# ---- Lists of stations, selections of observations and recodes: words of a command file.
 #
 # Source: the help of SNAP, *Station lists*, *The reject_observations command*, *The recode command*.
-# ------------------------------------------------------------
 
 _MISSING = ("ignore_missing", "warn_missing", "fail_missing")
 Chosen = Callable[[str], bool]
@@ -734,9 +726,7 @@ def recodes_of(path: Path) -> list[Recode]:
     return found
 
 
-# ------------------------------------------------------------
-# EPSG codes of the projections that SNAP knows by the names of New Zealand's meridional circuits.
-# ------------------------------------------------------------
+# ---- EPSG codes of the projections that SNAP knows by the names of New Zealand's meridional circuits.
 
 _CIRCUITS = (
     ("EDEN", 5),
@@ -783,9 +773,7 @@ def projection_of(name: str) -> str:
     return PROJECTIONS[name.upper()]
 
 
-# ------------------------------------------------------------
-# GNSS vectors and positions with their covariances: alone, or in sets with one matrix.
-# ------------------------------------------------------------
+# ---- GNSS vectors and positions with their covariances: alone, or in sets with one matrix.
 
 NUMBERS = {
     "full": (6, 0, 1),
@@ -1003,9 +991,7 @@ def _of_command(stations: StationFile, members: list[Member], error: VectorError
     return Q
 
 
-# ------------------------------------------------------------
-# Data files: what the commands say of the observations that follow, and the observations themselves.
-# ------------------------------------------------------------
+# ---- Data files: what the commands say of the observations that follow, and the observations themselves.
 
 
 class DataKind(NamedTuple):

@@ -36,9 +36,7 @@ from mor.project.schema import Instrument, Value
 from mor.types import FloatArray
 from mor.units import ANGLE_UNITS, Quantity
 
-# ------------------------------------------------------------
-# Observations of a project as lines of a SNAP data file: angles and their σ in decimal degrees, lengths in metres.
-# ------------------------------------------------------------
+# ---- Observations of a project as lines of a SNAP data file: angles and their σ in decimal degrees, lengths in metres.
 
 VECTORS = ("gnss_vector", "gnss_position")
 _POSITION = "geodetic_position"
@@ -249,9 +247,7 @@ def _lower(Q: FloatArray) -> Iterator[str]:
             yield " ".join(row[first : first + _A_LINE])
 
 
-# ------------------------------------------------------------
-# A network on the earth as SNAP's command file, coordinate file and data file.
-# ------------------------------------------------------------
+# ---- A network on the earth as SNAP's command file, coordinate file and data file.
 
 _LONGEST = 15
 """Letters of a station's code (help of SNAP, *Station codes*)."""
