@@ -148,10 +148,7 @@ class NoStartValuesError(InputError):
     told_by = "mor approximate"
 
     def __init__(
-        self,
-        things: Iterable[UndeterminedObject],
-        remarks: Iterable[str],
-        said: Iterable[str] = (),
+        self, things: Iterable[UndeterminedObject], remarks: Iterable[str], said: Iterable[str] = ()
     ):
         self.things = tuple(things)
         self.remarks = tuple(remarks)

@@ -57,12 +57,7 @@ class Quantity(NamedTuple):
 
     def unit(self, length: str, angle: str, image: str) -> str:
         """Unit of this quantity in words, for headers: ``"mm"``, ``"gon"``, ``"1/mm^2"``, ``"m/s"``, ``"1"``."""
-        powers = (
-            (length, self.length),
-            (angle, self.angle),
-            (image, self.image),
-            (SECOND, self.time),
-        )
+        powers = ((length, self.length), (angle, self.angle), (image, self.image), (SECOND, self.time))
         above = [_power(u, e) for u, e in powers if e > 0]
         below = [_power(u, -e) for u, e in powers if e < 0]
         if below:

@@ -94,12 +94,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
     show_default="PROJECT.results",
     help="Folder for the results.",
 )
-@click.option(
-    "-f",
-    "--force",
-    is_flag=True,
-    help="Replace existing results of other input or options.",
-)
+@click.option("-f", "--force", is_flag=True, help="Replace existing results of other input or options.")
 @format_option
 @click.option(
     "--json", "as_json", is_flag=True, help="Print results.json on standard output; write files only with -o."
@@ -288,10 +283,7 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
     say.phase("adjusting")
     project = Project(document, network, folder)
     solved = adjust(
-        project,
-        snoop,
-        say.iteration,
-        lambda effort: say.phase("precision and reliability", effort),
+        project, snoop, say.iteration, lambda effort: say.phase("precision and reliability", effort)
     ).solved
     say.notes(solved.network.notes[len(network.notes) :])
     return solved

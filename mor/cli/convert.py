@@ -20,13 +20,7 @@ _OWN = (".yaml", ".yml")
 
 @click.command(name="convert")
 @click.argument("paths", metavar="SOURCE... TARGET", nargs=-1, type=OutputPath())
-@click.option(
-    "-o",
-    "--output",
-    metavar="FILE",
-    type=OutputPath(),
-    help="The same as TARGET.",
-)
+@click.option("-o", "--output", metavar="FILE", type=OutputPath(), help="The same as TARGET.")
 @click.option(
     "--from",
     "source_formats",

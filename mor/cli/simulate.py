@@ -100,11 +100,7 @@ if TYPE_CHECKING:
 )
 @jobs_option("Number of processes that share the runs.")
 @cluster_option
-@click.option(
-    "--starts",
-    is_flag=True,
-    help="Compute start values again in every run of --runs.",
-)
+@click.option("--starts", is_flag=True, help="Compute start values again in every run of --runs.")
 @click.option("--json", "as_json", is_flag=True, help="Also print montecarlo.json on standard output.")
 @language_option("the report of many runs")
 @kernels_option

@@ -171,11 +171,7 @@ def _of_rows(
             f"observations, {things[0]}: type: directions",
             0.0,
             _in_cells(
-                network,
-                number,
-                rows,
-                [names[k] for k in columns],
-                lambda angle: (0.25 * full - angle) % full,
+                network, number, rows, [names[k] for k in columns], lambda angle: (0.25 * full - angle) % full
             ),
         )
 

@@ -37,10 +37,7 @@ _CLEAR = 14.0
 """Σ ln by which the start values have to speak for other signs: odds of a million to one, if they were that good."""
 _IMAGES = 6
 """Images that are looked at, the worst first."""
-_MIRRORS = {
-    "image flipped": ((1.0, -1.0), "y"),
-    "image turned": ((-1.0, -1.0), "x, y"),
-}
+_MIRRORS = {"image flipped": ((1.0, -1.0), "y"), "image turned": ((-1.0, -1.0), "x, y")}
 _CONSTANTS = ("c", "fx", "fy")
 PRINCIPAL_POINT = ("xp", "yp", "x0", "y0", "cx", "cy", "xh", "yh")
 

@@ -199,11 +199,7 @@ def _instruments(
         line = f"instruments: {edm}; observations, {group.name}: instrument: edm"
         present = float(values["distance meter"][group.blocks[slots[0]][0], component])
         yield _Candidate(
-            f"distance {name}",
-            (group.name,),
-            line,
-            ((number, rows, columns),),
-            amount=(name, present),
+            f"distance {name}", (group.name,), line, ((number, rows, columns),), amount=(name, present)
         )
 
 
@@ -465,11 +461,7 @@ def _exchanges(
 
 
 def _set_ups(
-    problem: Problem,
-    network: Network,
-    values: Values,
-    adjusted: Sequence[int],
-    flagged: Sequence[BoolArray],
+    problem: Problem, network: Network, values: Values, adjusted: Sequence[int], flagged: Sequence[BoolArray]
 ) -> Iterator[_Candidate]:
     """Pairs of stations whose places were exchanged: each instrument stood where the other one is said to stand."""
     declared = set(network.things["station"].ids) if "station" in network.things else set()

@@ -88,11 +88,7 @@ OF_ROWS: tuple[Family, ...] = (
     other_camera_hypotheses,
 )
 """Families that change a few observations or points: what explains everything so has no rival among the others."""
-OF_UNKNOWNS: tuple[Family, ...] = (
-    distance_hypotheses,
-    height_hypotheses,
-    camera_constant_hypotheses,
-)
+OF_UNKNOWNS: tuple[Family, ...] = (distance_hypotheses, height_hypotheses, camera_constant_hypotheses)
 OF_SIGMAS: tuple[Family, ...] = (sigma_hypotheses,)
 BEYOND_REACH: tuple[Family, ...] = (implausible_height_hypotheses,)
 """Families of values that nobody has: they are tried first, even if nothing else is known."""
@@ -321,12 +317,7 @@ class RejectedAdjustment(NamedTuple):
 
 
 def causes(
-    network: Network,
-    start: Values,
-    ended: RejectedAdjustment,
-    make: Make,
-    begin: Begin,
-    go_on: GoOn,
+    network: Network, start: Values, ended: RejectedAdjustment, make: Make, begin: Begin, go_on: GoOn
 ) -> Diagnosis:
     """Search for mistakes in a network whose plain adjustment did not end well, or is rejected.
 
@@ -359,11 +350,7 @@ def causes(
 
 
 def causes_without_start(
-    network: Network,
-    unstarted: Iterable[str],
-    make: Make,
-    begin: Begin,
-    go_on: GoOn,
+    network: Network, unstarted: Iterable[str], make: Make, begin: Begin, go_on: GoOn
 ) -> Diagnosis:
     """Search for changes that give start values to a network that has none for the objects named ``unstarted``."""
     start = network.start

@@ -98,11 +98,7 @@ FORMATS: dict[str, FileFormat] = {
     "geodimeter": FileFormat(
         "Geodimeter ARE, JOB", _book("recorders", "read_geodimeter"), suffixes=(".are", ".job")
     ),
-    "rw5": FileFormat(
-        "Carlson RW5, TDS raw data",
-        _book("recorders", "read_rw5"),
-        suffixes=(".rw5",),
-    ),
+    "rw5": FileFormat("Carlson RW5, TDS raw data", _book("recorders", "read_rw5"), suffixes=(".rw5",)),
     "jobxml": FileFormat(
         "Trimble JobXML",
         _book("landxml", "read_jobxml"),
@@ -154,8 +150,7 @@ FORMATS: dict[str, FileFormat] = {
         "textbook network (Krumm)", Code("mor.formats.textbook", "read_krumm"), suffixes=(".dat",)
     ),
     "photomodeler": FileFormat(
-        "PhotoModeler text export",
-        Code("mor.formats.photomodeler", "read_photomodeler"),
+        "PhotoModeler text export", Code("mor.formats.photomodeler", "read_photomodeler")
     ),
     "dbat": FileFormat("DBAT script (XML with the tables it names)", Code("mor.formats.dbat", "read_dbat")),
     "pix4d": FileFormat(

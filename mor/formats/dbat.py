@@ -18,14 +18,7 @@ from mor.project.document import Document
 # and P with the signs of its functions, the opposite of those it reports (and of PhotoModeler's, which
 # ``brown`` has).
 
-_MODELS = {
-    "1": "brown",
-    "2": "brown",
-    "3": "brown",
-    "4": "brown-4",
-    "5": "brown-5",
-    "-1": "brown-forward",
-}
+_MODELS = {"1": "brown", "2": "brown", "3": "brown", "4": "brown-4", "5": "brown-5", "-1": "brown-forward"}
 """mor's models by DBAT's numbers; 1 and 2 are 3 without an affinity."""
 _AFFINE = ("3", "4", "5")
 _UNITS = ("mm", "um", "m")
@@ -244,12 +237,7 @@ _NAMES = {
     "all": INTERIOR,
     **{name: (name,) for name in ("K1", "K2", "K3", "P1", "P2")},
 }
-_OUTSIDE = {
-    "all": EXTERIOR,
-    "pos": EXTERIOR[:3],
-    "angles": EXTERIOR[3:],
-    **{axis: (axis,) for axis in "xyz"},
-}
+_OUTSIDE = {"all": EXTERIOR, "pos": EXTERIOR[:3], "angles": EXTERIOR[3:], **{axis: (axis,) for axis in "xyz"}}
 _WORDS = ("true", "false", "default")
 
 

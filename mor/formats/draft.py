@@ -144,11 +144,7 @@ def parse_number(text: str) -> float:
 # ---- Text of foreign files: in whatever encoding programs and instruments write, decoded in one place and said by
 # name.
 
-_MARKS = (
-    (codecs.BOM_UTF8, "utf-8"),
-    (codecs.BOM_UTF16_LE, "utf-16-le"),
-    (codecs.BOM_UTF16_BE, "utf-16-be"),
-)
+_MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
 _HIGH = 0x80
 _NAMES = {"cp1251": "Windows, Cyrillic", "cp1252": "Windows, Western European", "utf-16": "with a mark"}
 

@@ -1042,10 +1042,7 @@ _BINARY = (
         b"\x89PNG|\xff\xd8\xff|II\\*\0|MM\0\\*|GIF8|BM.{4}\0\0\0\0|RIFF.{4}WEBP|.{4}ftyp(?:heic|mif1|avif)|8BPS",
         "an image",
     ),
-    (
-        b"PK\3\4.*?(?:xl/|opendocument\\.spreadsheet)",
-        "a spreadsheet",
-    ),
+    (b"PK\3\4.*?(?:xl/|opendocument\\.spreadsheet)", "a spreadsheet"),
     (b"PK\3\4.*?(?:word/|opendocument\\.text)", "a text document"),
     (b"PK[\3\5]", "a ZIP archive"),
     (b"\xd0\xcf\x11\xe0", "a spreadsheet or document of Microsoft Office"),

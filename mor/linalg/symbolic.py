@@ -461,10 +461,7 @@ def _scalars(
     c = column[block] + np.where(turned, down, across)
     inside = row[block] < pivots
     return Scalars(
-        stored[inside],
-        (r + c * pivots)[inside],
-        stored[~inside],
-        (r - pivots + c * rows)[~inside],
+        stored[inside], (r + c * pivots)[inside], stored[~inside], (r - pivots + c * rows)[~inside]
     )
 
 

@@ -36,10 +36,4 @@ def lens_of(key: str) -> CameraModel:
     return LENSES[key.partition("+")[0]]
 
 
-__all__ = [
-    "CAMERA_MODELS",
-    "LENSES",
-    "CameraModel",
-    "Projection",
-    "lens_of",
-]
+__all__ = ["CAMERA_MODELS", "LENSES", "CameraModel", "Projection", "lens_of"]

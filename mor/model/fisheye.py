@@ -315,10 +315,7 @@ def project_fov(
 
 FOV = CameraModel(
     key="fov",
-    components=(
-        *(Component(name, IMAGE) for name in ("fx", "fy", "cx", "cy")),
-        Component("omega", NUMBER),
-    ),
+    components=(*(Component(name, IMAGE) for name in ("fx", "fy", "cx", "cy")), Component("omega", NUMBER)),
     constants=(),
     project=project_fov,
 )

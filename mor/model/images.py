@@ -26,10 +26,7 @@ FRAME_SLOTS = (
     Slot("height", "image", "height"),
     Slot("eccentricity", "image", "eccentricity"),
 )
-FOLLOWER_SLOTS = (
-    Slot("rotation", "image", "relative rotation"),
-    Slot("base", "image", "base"),
-)
+FOLLOWER_SLOTS = (Slot("rotation", "image", "relative rotation"), Slot("base", "image", "base"))
 POINT_SLOT = Slot("point", "point", "position")
 REFERENCES = (Reference("image", ("image",)), Reference("point", ("point",)))
 COMPONENTS = (Component("x", IMAGE), Component("y", IMAGE))
@@ -103,11 +100,7 @@ MOTION_SLOTS = (
     Slot("rotation rate", "image", "rotation rate"),
     READOUT_SLOT,
 )
-PHASE = (
-    Component("phase by x", NUMBER),
-    Component("phase by y", NUMBER),
-    Component("phase at 0", NUMBER),
-)
+PHASE = (Component("phase by x", NUMBER), Component("phase by y", NUMBER), Component("phase at 0", NUMBER))
 """Last constants of a row: what of the readout has passed at x, y, from −1/2 at its begin to 1/2."""
 
 

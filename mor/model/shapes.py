@@ -32,11 +32,7 @@ def _circle(local: FloatArray, shape: FloatArray) -> tuple[FloatArray, FloatArra
     along = np.broadcast_to([0.0, 0.0, 1.0], local.shape)
     by_shape = np.zeros((len(local), 2, 3))
     by_shape[:, 0, 0] = -1.0
-    return (
-        np.stack([rho - shape[:, 0], local[:, 2]], axis=1),
-        np.stack([by_rho, along], axis=1),
-        by_shape,
-    )
+    return (np.stack([rho - shape[:, 0], local[:, 2]], axis=1), np.stack([by_rho, along], axis=1), by_shape)
 
 
 def _sphere(local: FloatArray, shape: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -179,8 +175,7 @@ def _origin(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
     identity = np.broadcast_to(np.eye(3), D.shape)
     by_first, by_second = by_rotation(identity, turned), relative @ cross_matrix(own)
     return Computed(
-        turned + offset,
-        (-D, by_first @ turn, by_first, identity, D, by_second @ other, by_second, -relative),
+        turned + offset, (-D, by_first @ turn, by_first, identity, D, by_second @ other, by_second, -relative)
     )
 
 

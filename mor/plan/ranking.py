@@ -185,10 +185,7 @@ class Wide(NamedTuple):
 
 
 def wide_interest(
-    quality: Quality,
-    blocks: IntArray,
-    weak: Sequence[IntArray],
-    candidates: Sequence[ObservationGroup],
+    quality: Quality, blocks: IntArray, weak: Sequence[IntArray], candidates: Sequence[ObservationGroup]
 ) -> Wide:
     """The rows of the coordinates of point blocks and of ``weak`` observations: (k, 2) row and component by group.
 
@@ -329,12 +326,7 @@ def wide_outcomes(
 
 
 def _outcomes(
-    quality: Quality,
-    wide: Wide,
-    wanted: RowLimits,
-    group: ObservationGroup,
-    size: int,
-    least: float,
+    quality: Quality, wide: Wide, wanted: RowLimits, group: ObservationGroup, size: int, least: float
 ) -> tuple[PlanMeasures, BoolArray]:
     adjustment = quality.adjustment
     tangent = rotation_tangents(adjustment.problem.index, adjustment.values)
@@ -356,7 +348,7 @@ def _outcomes(
     its_r = np.einsum("ckj,ckj->cj", L, L)  # the diagonal of (I + K_jj)⁻¹
     diagonal = np.concatenate([after, 1.0 - its_r], axis=1)
     interest = wide.interest._replace(
-        group=np.concatenate([wide.interest.group, np.full(size, len(adjustment.problem.groups))]),
+        group=np.concatenate([wide.interest.group, np.full(size, len(adjustment.problem.groups))])
     )
     full = wanted.with_least(np.concatenate([wanted.least_r, np.full(size, least)]))
     taking = np.broadcast_to(interest.group >= 0, diagonal.shape)
@@ -400,12 +392,7 @@ def _own_cofactors(quality: Quality, wide: Wide, J: FloatArray, columns: IntArra
 
 
 def _through_points(
-    wide: Wide,
-    J: FloatArray,
-    columns: IntArray,
-    by_reduced: FloatArray,
-    at: IntArray,
-    point: IntArray,
+    wide: Wide, J: FloatArray, columns: IntArray, by_reduced: FloatArray, at: IntArray, point: IntArray
 ) -> FloatArray:
     """(c, k, k) what the eliminated points of candidates add to K_jj."""
     number = wide.points.place[point]

@@ -648,13 +648,7 @@ def present(interest: Interest, wanted: RowLimits) -> PlanMeasures:
     r = redundancies(interest, diagonal, K)
     ellipsoids = _largest_axes(K, np.zeros((1, len(K), 1)), wanted.ellipsoids, 1.0)
     return _judged(
-        interest,
-        wanted,
-        diagonal[None],
-        r[None],
-        interest.active[None],
-        ellipsoids,
-        np.ones(1, dtype=bool),
+        interest, wanted, diagonal[None], r[None], interest.active[None], ellipsoids, np.ones(1, dtype=bool)
     )
 
 

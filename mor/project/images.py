@@ -460,12 +460,7 @@ def _own_poses(
 
 
 def _motions(
-    reading: Reading,
-    rows: Rows,
-    names: list[str],
-    table: Images,
-    readout: IntArray,
-    on_trajectory: BoolArray,
+    reading: Reading, rows: Rows, names: list[str], table: Images, readout: IntArray, on_trajectory: BoolArray
 ) -> tuple[IntArray, IntArray]:
     """Velocity and rotation rate of images whose cameras have a readout time (n,); a motion without one is noted.
 

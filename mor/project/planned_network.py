@@ -118,10 +118,7 @@ class _Sight:
         weights = clock.constants[:, 1:].reshape(len(times), flown.order, flown.order)
         positions, rotations = flown.positions[clock.knots], flown.rotations[clock.knots]
         return pose_at(
-            self.place["point"][positions],
-            self.place["rotation"][rotations],
-            weights,
-            clock.constants[:, 0],
+            self.place["point"][positions], self.place["rotation"][rotations], weights, clock.constants[:, 0]
         )
 
 
@@ -379,8 +376,4 @@ def with_control_moved(network: Network) -> Network:
 def _moved(group: ObservationGroup, world: EarthModel) -> ObservationGroup:
     axes = world.horizon.local_axes(group.constants)
     shift = np.einsum("nij,ni->nj", axes, np.nan_to_num(group.observed))
-    return replace(
-        group,
-        constants=group.constants + shift,
-        observed=np.where(group.mask, 0.0, np.nan),
-    )
+    return replace(group, constants=group.constants + shift, observed=np.where(group.mask, 0.0, np.nan))

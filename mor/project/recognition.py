@@ -88,12 +88,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {"sigma": "", "sigma_x": "sx", "sigma_y": "sy"},
     ),
     "zenith_directions": (
-        {
-            "station": _FROM,
-            "to": f"{_TO}|{_POINT}|id",
-            "horizontal": _HORIZONTAL,
-            "zenith": _ZENITH,
-        },
+        {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": _HORIZONTAL, "zenith": _ZENITH},
         {**_SIGHT, "sigma_horizontal": "shz", "sigma_zenith": "sv", "sigma": ""},
     ),
     "directions": (
@@ -517,10 +512,7 @@ def begin_test(target: Path, title: str, protocol: str) -> dict[Path, str]:
             "distances": ", ".join(f"[S, T{series}-{t}]" for series, t in targets),
         }
     rows = "".join(f"{one},{other},\n" for one, other in pairs)
-    return {
-        target: _rendered(f"{protocol}.yaml.j2", content),
-        target.with_name(table): f"{header}\n{rows}",
-    }
+    return {target: _rendered(f"{protocol}.yaml.j2", content), target.with_name(table): f"{header}\n{rows}"}
 
 
 def _camera(settings: CameraSettings, corner: bool) -> dict[str, Any]:

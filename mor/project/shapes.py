@@ -80,10 +80,7 @@ class FittedShape(NamedTuple):
 
 
 def fit_shape(
-    type_: str,
-    points: FloatArray,
-    shape: FloatArray,
-    held: Held | None = None,
+    type_: str, points: FloatArray, shape: FloatArray, held: Held | None = None
 ) -> FittedShape | None:
     """Fit a shape to points (n, 3) by least squares; ``None`` if they are too few or lie on no such shape.
 

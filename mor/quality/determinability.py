@@ -335,12 +335,7 @@ def with_free_poses(
 
 
 def _equations(
-    network: Network,
-    reduced: Network,
-    adjustment: Adjustment,
-    places: Values,
-    far: RayPoints,
-    some: IntArray,
+    network: Network, reduced: Network, adjustment: Adjustment, places: Values, far: RayPoints, some: IntArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     """BᵀPB (k,), BᵀPv̄ (k,) and AᵀPB (u, k) of some far points."""
     index = adjustment.problem.index

@@ -58,7 +58,7 @@ def reweighted(problem: Problem, factors: Sequence[FloatArray]) -> Problem:
     flat = np.concatenate([factor.ravel() for factor in factors])
     clusters = tuple(
         cluster._replace(
-            covariance=cluster.covariance * np.outer(flat[cluster.entries], flat[cluster.entries]),
+            covariance=cluster.covariance * np.outer(flat[cluster.entries], flat[cluster.entries])
         )
         for cluster in problem.clusters
     )

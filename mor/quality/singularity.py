@@ -142,7 +142,7 @@ def _too_few(solved: Solved, space: str, name: str, rotation: int, say: Translat
             )
         ]
     spread = rotations.singular_values(
-        solved.adjustment.values["point"][points] - solved.adjustment.values["point"][points].mean(axis=0),
+        solved.adjustment.values["point"][points] - solved.adjustment.values["point"][points].mean(axis=0)
     )
     if spread[1] <= _ON_LINE * spread[0]:
         return [
@@ -324,8 +324,7 @@ def explain_singularity(solved: Solved, say: Translate = english) -> list[str]:
             *(
                 [
                     say(
-                        "The network falls into {count} parts that no observation connects:",
-                        count=len(tied),
+                        "The network falls into {count} parts that no observation connects:", count=len(tied)
                     ),
                     *(
                         say("  part {number}: {names}", number=number, names=_things(part, say))
@@ -345,10 +344,7 @@ def explain_singularity(solved: Solved, say: Translate = english) -> list[str]:
         return turned_about(solved, say)
     if not adjustment.problem.datum.free:
         return _open_datum(solved, say)
-    return [
-        _unsettled(solved, say),
-        say("Add points, or more of their components, to the datum."),
-    ]
+    return [_unsettled(solved, say), say("Add points, or more of their components, to the datum.")]
 
 
 def _unsettled(solved: Solved, say: Translate) -> str:

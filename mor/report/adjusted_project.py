@@ -328,10 +328,7 @@ def on_trajectories(placed: Placed, columns: dict[str, Any], pose: dict[str, Any
 
 
 def _by_table(
-    placed: Placed,
-    space: str,
-    columns: dict[str, Any],
-    unknown: Unknown | None = None,
+    placed: Placed, space: str, columns: dict[str, Any], unknown: Unknown | None = None
 ) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     """A table for each one the things of a namespace came from, by its name, with its ``unknown`` constants free."""
     ids = placed.network.things[space].ids
@@ -517,10 +514,7 @@ _REMARKED = 50
 
 
 def adjusted_project(
-    placed: Placed,
-    document: Document,
-    source: Path,
-    target: Path,
+    placed: Placed, document: Document, source: Path, target: Path
 ) -> tuple[str, dict[str, Given]]:
     """YAML text of the adjusted project, to stand in the folder ``target``, and the tables it refers to.
 

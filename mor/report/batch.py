@@ -130,16 +130,7 @@ td:last-child { color: #555; }
   a { color: #8ab4f8; }
 }
 """
-_HEADERS = (
-    "project",
-    "verdict",
-    "n",
-    "redundancy",
-    "sigma0 [1]",
-    "flagged",
-    "uncontrolled",
-    "differences",
-)
+_HEADERS = ("project", "verdict", "n", "redundancy", "sigma0 [1]", "flagged", "uncontrolled", "differences")
 
 
 def batch_page(rows: Sequence[BatchRow], words: Words) -> str:

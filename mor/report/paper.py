@@ -630,14 +630,7 @@ def _control(to: Writer, data: PageData, folder: Path) -> None:
             3,
         )
     )
-    rows = [
-        (
-            row["point"],
-            row["component"].upper(),
-            *_residual(row, say),
-        )
-        for row in control.to_dicts()
-    ]
+    rows = [(row["point"], row["component"].upper(), *_residual(row, say)) for row in control.to_dicts()]
     to.table(
         Grid(
             (

@@ -263,12 +263,7 @@ def start_data(network: Network, approximation: Approximation, rows: Sequence[St
         ],
         "replaced": [str(words) for words in approximation.replaced],
         "missing": [
-            {
-                "kind": thing.kind,
-                "id": thing.name,
-                "observations": thing.observations,
-                "reason": thing.reason,
-            }
+            {"kind": thing.kind, "id": thing.name, "observations": thing.observations, "reason": thing.reason}
             for thing in approximation.missing
         ],
         "remarks": [str(remark) for remark in approximation.remarks],

@@ -36,10 +36,7 @@ def section(solved: Solved, words: Words = ENGLISH, persons: Sequence[tuple[str,
     rows = [
         ("observations n", str(data["observations"])),
         ("unknowns u", str(data["unknowns"])),
-        (
-            "datum defect d",
-            f"{data['defect']}" + (f" ({movements})" if movements else ""),
-        ),
+        ("datum defect d", f"{data['defect']}" + (f" ({movements})" if movements else "")),
         ("datum", datum_name(data["datum"], words)),
         ("iterations", str(data["iterations"])),
     ]

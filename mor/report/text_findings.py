@@ -416,10 +416,7 @@ def undetermined_section(solved: Solved, words: Words = ENGLISH) -> str:
         turned = [] if solved.quality is not None else turned_about(solved, words)
         return "\n".join([heading(words("Poorly determined")), *turned]) if turned else ""
     return "\n".join(
-        [
-            heading(words("Not determined")),
-            *(_named(solved, words) or explain_singularity(solved, words)),
-        ]
+        [heading(words("Not determined")), *(_named(solved, words) or explain_singularity(solved, words))]
     )
 
 

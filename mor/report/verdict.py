@@ -104,11 +104,7 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
     if solved.possible_causes and solved.possible_causes[0].cause == "curvature":
         explanations = [one for one in explanations if not _is_like_curvature(one["effect"])]
     return rows_of_verdict(
-        judged,
-        accepted,
-        uncontrolled_count(solved.quality),
-        explanations,
-        solved.adjustment.defect.movements,
+        judged, accepted, uncontrolled_count(solved.quality), explanations, solved.adjustment.defect.movements
     )
 
 

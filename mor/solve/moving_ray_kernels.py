@@ -237,11 +237,7 @@ def lever_of(values: FrameValues, f: int, points: FloatArray, p: int) -> Vector:
     Y = points[p, 1] - values.centre[f, 1]
     Z = points[p, 2] - values.centre[f, 2]
     D = values.D[f]
-    return (
-        D[0] * X + D[1] * Y + D[2] * Z,
-        D[3] * X + D[4] * Y + D[5] * Z,
-        D[6] * X + D[7] * Y + D[8] * Z,
-    )
+    return (D[0] * X + D[1] * Y + D[2] * Z, D[3] * X + D[4] * Y + D[5] * Z, D[6] * X + D[7] * Y + D[8] * Z)
 
 
 @compile_kernel
@@ -443,14 +439,7 @@ def between(paths: Paths, f: int, time: float, w: FloatArray) -> tuple[Vector, V
 
 @compile_kernel
 def look(
-    values: FrameValues,
-    f: int,
-    base: Vector,
-    i: FloatArray,
-    u: float,
-    v: float,
-    time: float,
-    w: FloatArray,
+    values: FrameValues, f: int, base: Vector, i: FloatArray, u: float, v: float, time: float, w: FloatArray
 ) -> Look:
     """Return how a point at ``base`` = D_0 (X − X_0) is seen at ``time`` since knot 0, and set the weights w (4,)."""
     e, r0, model = values.eccentricity[f], values.r0[f], values.model[f]
@@ -494,14 +483,7 @@ def passing(
 
 @compile_kernel
 def meeting(
-    values: FrameValues,
-    f: int,
-    base: Vector,
-    i: FloatArray,
-    u: float,
-    v: float,
-    middle: float,
-    w: FloatArray,
+    values: FrameValues, f: int, base: Vector, i: FloatArray, u: float, v: float, middle: float, w: FloatArray
 ) -> Passing:
     """Return where a point meets a rolling shutter, looked for from (u, v); its middle row is at ``middle``."""
     T, gx, gy, g0 = values.readout[f], values.clock[f, 0], values.clock[f, 1], values.clock[f, 2]
@@ -772,12 +754,7 @@ def star_along(values: FrameValues, change: FrameChange, f: int, w: FloatArray, 
     delta, first = by_psi(turn, (a, b, c)), turned(turn, (p, q, r))
     about = cross(seen.lever, (delta[0] + first[0], delta[1] + first[1], delta[2] + first[2]))
     back = turned(
-        turn,
-        (
-            D[0] * X + D[1] * Y + D[2] * Z,
-            D[3] * X + D[4] * Y + D[5] * Z,
-            D[6] * X + D[7] * Y + D[8] * Z,
-        ),
+        turn, (D[0] * X + D[1] * Y + D[2] * Z, D[3] * X + D[4] * Y + D[5] * Z, D[6] * X + D[7] * Y + D[8] * Z)
     )
     e = change.eccentricity[f]
     return about[0] - back[0] + e[0], about[1] - back[1] + e[1], about[2] - back[2] + e[2]

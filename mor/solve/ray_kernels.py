@@ -75,13 +75,7 @@ def panorama_point(X: float, Y: float, Z: float, i: FloatArray, measured: float)
 
 @compile_kernel
 def project_panorama(
-    X: float,
-    Y: float,
-    Z: float,
-    i: FloatArray,
-    measured: float,
-    by_star: FloatArray,
-    by_interior: FloatArray,
+    X: float, Y: float, Z: float, i: FloatArray, measured: float, by_star: FloatArray, by_interior: FloatArray
 ) -> tuple[float, float]:
     """Return the same, and set the derivatives by X, Y, Z (2, 3) and by the interior orientation (2, 14)."""
     c, rate, A1, A2, per_radian = i[0], i[3], i[8], i[9], i[0] * (1.0 + i[3])

@@ -793,9 +793,7 @@ def _likeliest(
         return _judged(assembly, _approximation(assembly), moving, settle)
 
     assembly, choices = likeliest(
-        attempt,
-        judged,
-        lambda: max(others * FEW // max(network.observations, FEW), min(others, 1)),
+        attempt, judged, lambda: max(others * FEW // max(network.observations, FEW), min(others, 1))
     )
     return replace(scene, choices=Choices(choices.wanted)), assembly
 

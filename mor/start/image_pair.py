@@ -388,10 +388,7 @@ def turn_without_base(a: Bundle, b: Bundle) -> Turned:
     """Rotation D* that turns the directions of ``a`` into those of ``b``, and whether it explains them."""
     rotation = nearest_rotation(b.directions.T @ a.directions)
     offset = b.directions - a.directions @ rotation.T
-    sigma = np.hypot(
-        a.sigma / np.linalg.norm(a.rays, axis=1),
-        b.sigma / np.linalg.norm(b.rays, axis=1),
-    )
+    sigma = np.hypot(a.sigma / np.linalg.norm(a.rays, axis=1), b.sigma / np.linalg.norm(b.rays, axis=1))
     normalised = float(np.sum(np.sum(offset**2, axis=1) / sigma**2))
     redundancy = 2 * len(a) - 3
     limit = redundancy + 5.0 * np.sqrt(2.0 * redundancy)

@@ -237,12 +237,7 @@ def carry(target: Part, source: Part, scene: Scene, found: Movement | None) -> N
         forget_marks(target, scene)
         target.transform(
             Similarity(
-                SimilarityOutcome.DETERMINED,
-                1.0 / moved.scale,
-                np.eye(3),
-                np.zeros(3),
-                np.zeros((0, 3)),
-                0.0,
+                SimilarityOutcome.DETERMINED, 1.0 / moved.scale, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0
             )
         )
         moved = _times(moved, 1.0 / moved.scale)

@@ -320,9 +320,4 @@ def _similarity(scale: float, rotation: FloatArray, shift: FloatArray) -> Simila
     return Similarity(SimilarityOutcome.DETERMINED, scale, rotation, shift, np.zeros((0, 3)), 0.0)
 
 
-__all__ = [
-    "FreeRotation",
-    "Movement",
-    "Ties",
-    "movement",
-]
+__all__ = ["FreeRotation", "Movement", "Ties", "movement"]

@@ -117,9 +117,7 @@ class Judgement(NamedTuple):
 
 
 def likeliest(
-    attempt: Callable[[Choices], Found],
-    judged: Callable[[Found], Judgement],
-    most: Callable[[], int],
+    attempt: Callable[[Choices], Found], judged: Callable[[Found], Judgement], most: Callable[[], int]
 ) -> tuple[Found, Choices]:
     """Return the start values that agree best: one answer after another is changed, as long as that helps.
 

@@ -249,10 +249,7 @@ def _moved(
 
 
 def _normals(
-    bundles: Sequence[Bundle],
-    used: BoolArray,
-    state: tuple[FloatArray, FloatArray, FloatArray],
-    unit: int,
+    bundles: Sequence[Bundle], used: BoolArray, state: tuple[FloatArray, FloatArray, FloatArray], unit: int
 ) -> _Normals:
     positions, rotations, points = state
     basis, count = _basis(positions, unit), len(points)

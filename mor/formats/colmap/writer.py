@@ -59,11 +59,7 @@ def write_colmap_binary(document: Document, folder: Path, target: Path) -> Writt
     content = content_of(document, folder)
     model = SparseModel(content)
     cameras = [_camera_bytes(camera) for camera in model.cameras.values()]
-    files = {
-        "cameras.bin": cameras,
-        "images.bin": _image_bytes(model),
-        "points3D.bin": _point_bytes(model),
-    }
+    files = {"cameras.bin": cameras, "images.bin": _image_bytes(model), "points3D.bin": _point_bytes(model)}
     packed = {target / name: struct.pack("<Q", len(parts)) + b"".join(parts) for name, parts in files.items()}
     return _written(packed, content, model, target)
 

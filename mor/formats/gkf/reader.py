@@ -596,10 +596,7 @@ PARTS: dict[str, tuple[ElementPart, ...]] = {
     "coordinates": tuple(ElementPart("point", name, _same) for name in "xyz"),
 }
 """Types that GNU Gama has, with their components in order."""
-NAMES = {
-    "angle": {"at": "from", "from": "bs", "to": "fs"},
-    "coordinates": {"point": "id"},
-}
+NAMES = {"angle": {"at": "from", "from": "bs", "to": "fs"}, "coordinates": {"point": "id"}}
 """Attributes of references that are not called as here."""
 
 
