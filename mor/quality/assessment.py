@@ -9,7 +9,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.linalg.block_matrix import BlockMatrix
 from mor.model import rotations
 from mor.model.observation_types import can_be_at_infinity, target_slot
 from mor.model.parameters import move
@@ -117,35 +116,8 @@ def assess(
     if levels.familywise is not None:
         levels = levels._replace(snooping=sidak(levels.familywise, problem.observations))
     redundancy = problem.observations - problem.index.count + adjustment.defect.dimension
-    whole = Whole(redundancy, adjustment.normals.objective, levels, aposteriori)
-    return assessed(adjustment, cofactors, datum, whole, done)
-
-
-class Whole(NamedTuple):
-    """Sums over a whole network, of which only a part may be in memory."""
-
-    redundancy: int
-    omega: float
-    """vᵀPv."""
-    levels: Levels
-    """With the level of single observations that follows from the one of all together."""
-    aposteriori: bool
-
-    @property
-    def sigma0(self) -> float:
-        """A-posteriori standard deviation of unit weight; 1 without redundancy."""
-        return float(np.sqrt(self.omega / self.redundancy)) if self.redundancy > 0 else 1.0
-
-
-def assessed(
-    adjustment: Adjustment,
-    cofactors: BlockMatrix,
-    datum: STransformation,
-    whole: Whole,
-    done: Done | None = None,
-) -> Quality:
-    """Quality of an adjustment, or of a part of one, from the cofactors of its reduced unknowns."""
-    problem, levels, sigma0 = adjustment.problem, whole.levels, whole.sigma0
+    omega = adjustment.normals.objective
+    sigma0 = sigma_of_unit_weight(omega, redundancy)
     groups, of_eliminated = observation_quality(adjustment, cofactors, datum, done)
     ncp = noncentrality(levels.snooping, levels.power)
     blocks = {
@@ -154,12 +126,12 @@ def assessed(
     }
     return Quality(
         adjustment=adjustment,
-        redundancy=whole.redundancy,
+        redundancy=redundancy,
         redundancy_sum=float(sum(redundancy_of(group) for group in groups)),
         sigma0=sigma0,
-        sigma_factor=sigma0 if whole.aposteriori else 1.0,
+        sigma_factor=sigma0 if aposteriori else 1.0,
         levels=levels,
-        global_test=global_test(whole.omega, whole.redundancy, levels.overall),
+        global_test=global_test(omega, redundancy, levels.overall),
         critical=critical_value(levels.snooping),
         noncentrality=ncp,
         groups=groups,
@@ -169,6 +141,11 @@ def assessed(
         moving=moving_cofactors(adjustment, cofactors, datum),
         followers=follower_cofactors(adjustment, cofactors, datum),
     )
+
+
+def sigma_of_unit_weight(omega: float, redundancy: int) -> float:
+    """σ0 a posteriori, √(vᵀPv / r); 1 without redundancy."""
+    return float(np.sqrt(omega / redundancy)) if redundancy > 0 else 1.0
 
 
 def _beyond(one: Reliability, critical: float) -> BoolArray:

@@ -321,22 +321,15 @@ def group_tests(quality: Quality, network: Network) -> GroupTests:
     problem = quality.adjustment.problem
     found = partitions(problem, network)
 
-    def exactly(one: Summed) -> Moments:
-        return moments(_rows(quality, found[one.partition], one.number), float(one.sums[1]))
-
-    whole = TestedWhole(problem.observations, quality.redundancy, quality.omega, quality.levels.overall)
-    return tests_of_sums(summed_groups(quality, network), whole, exactly, found)
-
-
-class TestedWhole(NamedTuple):
-    """The network that groups are parts of."""
-
-    observations: int
-    redundancy: int
-    omega: float
-    """vᵀPv."""
-    level: float
-    """Of all tests of groups together."""
+    several = sets_beside_others(network)
+    summed = [one for one in _summed(quality, found) if one.of != "set" or one.name in several]
+    controlled = [one for one in summed if one.sums[1] > CONTROLLED]
+    tests = _without_twins(controlled, problem.observations)
+    level = quality.levels.overall
+    if not tests:
+        return GroupTests(level, level, (), tuple(found))
+    each = sidak(level, len(tests))
+    return GroupTests(level, each, tuple(_decided(tests, quality, each, found)), tuple(found))
 
 
 class Summed(NamedTuple):
@@ -350,34 +343,10 @@ class Summed(NamedTuple):
     """(4,) Σ v·Pv, Σ r, number of observations, and the number that tells which ones."""
 
 
-def tests_of_sums(
-    summed: list[Summed],
-    whole: TestedWhole,
-    exactly: Callable[[Summed], Moments | None],
-    found: Sequence[Partition],
-) -> GroupTests:
-    """Tests of sums over groups; ``exactly`` works the moments out of those that their sums do not decide.
-
-    Where it gives none, those of largest variance are taken: such a test rejects less often than its level.
-    """
-    controlled = [one for one in summed if one.sums[1] > CONTROLLED]
-    tests = _without_twins(controlled, whole.observations)
-    if not tests:
-        return GroupTests(whole.level, whole.level, (), tuple(found))
-    each = sidak(whole.level, len(tests))
-    return GroupTests(whole.level, each, tuple(_decided(tests, whole, each, exactly)), tuple(found))
-
-
-def summed_groups(quality: Quality, network: Network, seed: int = 0) -> list[Summed]:
-    """Sums over everything that is tested; those of parts of a network add up, each part having its own ``seed``."""
-    found, several = partitions(quality.adjustment.problem, network), sets_beside_others(network)
-    return [one for one in _summed(quality, found, seed) if one.of != "set" or one.name in several]
-
-
-def _summed(quality: Quality, found: list[Partition], seed: int) -> list[Summed]:
+def _summed(quality: Quality, found: list[Partition]) -> list[Summed]:
     """Sums over the classes of all partitions."""
     sums = [np.zeros((_SUMS, len(partition.names))) for partition in found]
-    random = np.random.default_rng(1977 + seed)
+    random = np.random.default_rng(1977)
     for number, one in enumerate(quality.groups):
         for first in range(0, len(one.v), ROWS_AT_A_TIME):
             rows = slice(first, first + ROWS_AT_A_TIME)
@@ -456,30 +425,34 @@ def _without_twins(
 
 def _decided(
     tests: list[tuple[Summed, tuple[tuple[str, str], ...]]],
-    whole: TestedWhole,
+    quality: Quality,
     level: float,
-    exactly: Callable[[Summed], Moments | None],
+    of_partitions: Sequence[Partition],
 ) -> list[GroupStatistic]:
+    """Tests at a level; moments are worked out where those of smallest and largest variance decide differently."""
     omega, redundancy, count, _ = np.stack([one.sums for one, _ in tests], axis=1)
-    limit, both = float(np.log(level)), bounds(redundancy, count, float(whole.redundancy))
+    limit, both = float(np.log(level)), bounds(redundancy, count, float(quality.redundancy))
     rejects = [log_tail(omega, some) < limit for some in both]
     decided = []
     for k, (one, also) in enumerate(tests):
         numbers = int(count[k]), float(redundancy[k]), float(omega[k])
-        known = exactly(one) if rejects[0][k] != rejects[1][k] else None
-        least = rejects[0][k] == rejects[1][k] and not rejects[0][k]
-        some = known or Moments(*(part[k : k + 1] for part in both[0 if least else 1]))
+        if rejects[0][k] != rejects[1][k]:
+            some = moments(_rows(quality, of_partitions[one.partition], one.number), float(redundancy[k]))
+        else:
+            some = Moments(*(part[k : k + 1] for part in both[1 if rejects[0][k] else 0]))
         log_p = float(log_tail(omega[k : k + 1], some)[0])
         test = GroupStatistic(
             one.partition, one.number, one.of, one.name, also, *numbers, some, log_p, log_p < limit
         )
-        decided.append(replace(test, log_p_beside_rest=_beside_rest(whole, test)) if test.rejected else test)
+        decided.append(
+            replace(test, log_p_beside_rest=_beside_rest(quality, test)) if test.rejected else test
+        )
     return decided
 
 
-def _beside_rest(whole: TestedWhole, test: GroupStatistic) -> float:
+def _beside_rest(quality: Quality, test: GroupStatistic) -> float:
     """ln of the two-sided probability of F(freedom, rest)."""
-    rest, rest_omega = whole.redundancy - test.redundancy, whole.omega - test.omega
+    rest, rest_omega = quality.redundancy - test.redundancy, quality.omega - test.omega
     if rest <= CONTROLLED or rest_omega <= 0.0:
         return 0.0
     ratio, freedom = test.omega / test.redundancy / (rest_omega / rest), test.freedom

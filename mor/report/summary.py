@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import polars as pl
@@ -12,7 +11,6 @@ from mor import __version__
 from mor.model.parameters import KINDS, index_unknowns
 from mor.project.entities import said_thing, thing_of
 from mor.project.network import Network
-from mor.project.schema import ProjectFile
 from mor.quality.reliability_map import uncontrolled_count
 from mor.quality.singularity import weakness
 from mor.quality.solution import Solved
@@ -22,7 +20,6 @@ from mor.report.observations import SCHEMA as OBSERVATIONS_SCHEMA
 from mor.report.observations import AssessedGroups, table_of
 from mor.report.units import angle_unit, angle_unit_of
 from mor.solve.datum import BY_CURVATURE
-from mor.solve.iterate import Iteration
 from mor.units import ANGLE_UNITS
 
 # ---- The summary of an adjustment as plain data: the head of ``results.json`` and of every report.
@@ -31,62 +28,10 @@ SCHEMA = "mor-results"
 SCHEMA_VERSION = 2
 
 
-class AdjustmentOutcome(NamedTuple):
-    """Outcome of an adjustment."""
-
-    outcome: str
-    reason: str
-    solution: bool
-    observations: int
-    unknowns: int
-    movements: Sequence[str]
-    datum: str
-    iterations: Sequence[Iteration]
-    kernels: bool
-
-
 def summary(solved: Solved) -> dict[str, Any]:
     """Outcome, counts, σ0, global test, datum, conventions."""
-    adjustment = solved.adjustment
-    ended = AdjustmentOutcome(
-        adjustment.outcome.value,
-        adjustment.reason,
-        solved.quality is not None,
-        adjustment.problem.observations,
-        adjustment.problem.index.count,
-        (*adjustment.defect.movements, *[BY_CURVATURE] * adjustment.defect.to_second_order),
-        adjustment.problem.datum.name,
-        adjustment.iterations,
-        adjustment.kernels,
-    )
-    things = undeterminable_rows(solved)
-    return summary_of(
-        solved.network.project,
-        ended,
-        (
-            [
-                {
-                    "unknowns": [
-                        f"{said_thing(*unknown[:2])} {unknown[2]}" for unknown in direction.unknowns
-                    ],
-                    "amounts": list(direction.amounts),
-                }
-                for direction in solved.adjustment.defect.undetermined
-            ]
-        ),
-        things,
-        statistics(solved),
-    )
-
-
-def summary_of(
-    project: ProjectFile,
-    ended: AdjustmentOutcome,
-    undetermined: list[dict[str, Any]],
-    undeterminable: list[dict[str, Any]],
-    numbers: dict[str, Any],
-) -> dict[str, Any]:
-    """The same of an adjustment with its ``numbers`` as :func:`statistics` has them."""
+    project, adjustment = solved.network.project, solved.adjustment
+    movements = [*adjustment.defect.movements, *[BY_CURVATURE] * adjustment.defect.to_second_order]
     return {
         "schema": SCHEMA,
         "schema_version": SCHEMA_VERSION,
@@ -94,19 +39,25 @@ def summary_of(
         "title": project.title,
         "units": {"length": project.units.length, "angle": angle_unit_of(project)},
         "axes": project.axes.model_dump(),
-        "outcome": ended.outcome,
-        "reason": ended.reason,
-        "solution": ended.solution,
-        "iterations": len(ended.iterations),
-        "kernels": "numba" if ended.kernels else "numpy",
-        "observations": ended.observations,
-        "unknowns": ended.unknowns,
-        "defect": len(ended.movements),
-        "movements": list(ended.movements),
-        "undetermined": undetermined,
-        "undeterminable": undeterminable,
-        "datum": ended.datum,
-        **numbers,
+        "outcome": adjustment.outcome.value,
+        "reason": adjustment.reason,
+        "solution": solved.quality is not None,
+        "iterations": len(adjustment.iterations),
+        "kernels": "numba" if adjustment.kernels else "numpy",
+        "observations": adjustment.problem.observations,
+        "unknowns": adjustment.problem.index.count,
+        "defect": len(movements),
+        "movements": movements,
+        "undetermined": [
+            {
+                "unknowns": [f"{said_thing(*unknown[:2])} {unknown[2]}" for unknown in direction.unknowns],
+                "amounts": list(direction.amounts),
+            }
+            for direction in adjustment.defect.undetermined
+        ],
+        "undeterminable": undeterminable_rows(solved),
+        "datum": adjustment.problem.datum.name,
+        **statistics(solved),
         "iteration_log": [
             {
                 "number": step.number,
@@ -114,22 +65,16 @@ def summary_of(
                 "largest_change": step.largest_change,
                 "damping": step.damping,
             }
-            for step in ended.iterations
+            for step in adjustment.iterations
         ],
     }
-
-
-NO_STATISTICS: dict[str, Any] = dict.fromkeys(
-    ("redundancy", "redundancy_sum", "sigma0", "global_test", "flagged")
-)
-"""What :func:`statistics` says where there is no solution."""
 
 
 def statistics(solved: Solved) -> dict[str, Any]:
     """Redundancy, σ0, global test and what the tests of single observations count."""
     quality = solved.quality
     if quality is None:
-        return NO_STATISTICS
+        return dict.fromkeys(("redundancy", "redundancy_sum", "sigma0", "global_test", "flagged"))
     apriori = solved.network.project.settings.sigma0
     aposteriori = apriori * quality.sigma0
     test = quality.global_test

@@ -27,7 +27,7 @@ from mor.quality.reliability_map import (
     uncontrolled,
     uncontrolled_count,
 )
-from mor.quality.solution import LARGEST_SIGMA, Determination, Explained, OverallAssessment, Solved
+from mor.quality.solution import LARGEST_SIGMA, Determination, Explained, Solved
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import fixed, heading, in_words, short, table
 from mor.report.observations import place
@@ -103,28 +103,9 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
     explanations = [_explanation(solved, one) for one in judged.explained]
     if solved.possible_causes and solved.possible_causes[0].cause == "curvature":
         explanations = [one for one in explanations if not _is_like_curvature(one["effect"])]
-    return rows_of_verdict(
-        judged, accepted, uncontrolled_count(solved.quality), explanations, solved.adjustment.defect.movements
-    )
-
-
-def _is_like_curvature(effect: dict[str, Any] | None) -> bool:
-    """True for an offset of vertical angles, which the curvature of the earth looks like over similar distances."""
-    vertical = ("zenith", "zenith_angle", "vertical", "vertical_direction")
-    return effect is not None and effect["kind"] == "offset" and effect["component"] in vertical
-
-
-def rows_of_verdict(
-    judged: OverallAssessment,
-    accepted: bool | None,
-    uncontrolled: int,
-    explanations: list[dict[str, Any]],
-    movements: Sequence[str],
-) -> dict[str, Any]:
-    """A verdict with its explanations; ``accepted`` is nothing without redundancy."""
-    tests = judged.tests
+    tests, found = judged.tests, judged.determined
     listed = tests.tests if len(tests.tests) <= MOST_GROUPS else tuple(tests.rejected)
-    found = judged.determined
+    uncontrolled, movements = uncontrolled_count(solved.quality), solved.adjustment.defect.movements
     return {
         "accepted": accepted,
         "says": _says(accepted, uncontrolled, found),
@@ -143,6 +124,12 @@ def rows_of_verdict(
         },
         "determined": _determined(found) if found is not None else None,
     }
+
+
+def _is_like_curvature(effect: dict[str, Any] | None) -> bool:
+    """True for an offset of vertical angles, which the curvature of the earth looks like over similar distances."""
+    vertical = ("zenith", "zenith_angle", "vertical", "vertical_direction")
+    return effect is not None and effect["kind"] == "offset" and effect["component"] in vertical
 
 
 def _determined(found: Determination) -> dict[str, Any]:

@@ -120,7 +120,7 @@ PLACES: dict[str, tuple[Callable[[Any], None], str]] = {
         lambda monkeypatch: _property(monkeypatch, test_statistics.ObservationQuality, "r"),
         "closed forms",
     ),
-    "σ0": (lambda monkeypatch: _property(monkeypatch, assessment.Whole, "sigma0"), "textbook networks"),
+    "σ0": (_function(assessment.sigma_of_unit_weight, _scaled), "textbook networks"),
     "normal quantile": (
         lambda monkeypatch: monkeypatch.setattr(test_statistics, "ndtri", _scaled(test_statistics.ndtri)),
         "closed forms",
