@@ -260,7 +260,6 @@ def diagnose_network(
     network: Network,
     go_on: GoOn,
     watch: Watcher | None = None,
-    assessing: Callable[[int], Done] | None = None,
 ) -> tuple[Solved | None, Diagnosis]:
     """Adjust a network, and search for mistakes if it has no solution or its solution is rejected.
 
@@ -276,7 +275,7 @@ def diagnose_network(
             names = {thing.name for thing in error.things}
             found = causes_without_start(network, names, make_problem, start_or_nothing, go_on)
             return None, found
-        solved = _assessed(adjusted, assessing)
+        solved = _assessed(adjusted, None)
         return with_poses(solved), _diagnosis(adjusted, solved, go_on)
 
 

@@ -10,7 +10,6 @@ import json
 import os
 import shutil
 import signal
-import textwrap
 import threading
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
@@ -38,15 +37,6 @@ from mor.output_files import (
 def to_json(data: dict[str, Any]) -> str:
     """JSON text: same data, same bytes."""
     return _text(data) + "\n"
-
-
-def _rows(parts: Iterable[Sequence[Mapping[str, Any]]]) -> Iterator[str]:
-    empty = True
-    for rows in parts:
-        for row in rows:
-            yield ("[" if empty else ",") + "\n" + textwrap.indent(_text(row), "  ")
-            empty = False
-    yield "[]" if empty else "\n ]"
 
 
 def _text(data: Any) -> str:

@@ -19,7 +19,6 @@ from mor.report.plots import ellipses, spell_out, style
 from mor.report.verdict import said_conventions, uncontrolled_in_words
 from mor.report.view import View
 
-PAPERS = ("A4", "Letter")
 APPENDICES = ("residuals", "images", "covariances")
 MOST_POINTS = 150
 """Points that are listed; of more, the least precise ones."""

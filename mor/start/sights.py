@@ -205,8 +205,6 @@ class Orientation(NamedTuple):
     """κ of r = t + κ, in (−π, π]; not a number where nothing was sighted."""
     residuals: FloatArray
     """(n,) computed minus observed direction."""
-    resultant: float
-    """Length of the mean of the unit vectors: 1 where all sights agree, near 0 where they contradict."""
 
 
 def bearing(start: FloatArray, end: FloatArray) -> FloatArray:
@@ -221,14 +219,6 @@ def polar_rays(directions: FloatArray, verticals: FloatArray) -> FloatArray:
     return np.stack([level * np.sin(directions), level * np.cos(directions), np.sin(verticals)], axis=-1)
 
 
-def polar_points(
-    station: FloatArray, kappa: float, directions: FloatArray, verticals: FloatArray, distances: FloatArray
-) -> FloatArray:
-    """Points (n, 3) from a levelled station (3,): directions, vertical directions and slope distances (n,)."""
-    rays = polar_rays(np.asarray(directions) - kappa, verticals)
-    return np.asarray(np.asarray(station) + rays * np.asarray(distances)[:, None])
-
-
 def orient(station: FloatArray, points: FloatArray, directions: FloatArray) -> Orientation:
     """Orientation of ``directions`` (n,) from a station (2 or 3,) to known ``points`` (n, 2 or 3).
 
@@ -237,14 +227,14 @@ def orient(station: FloatArray, points: FloatArray, directions: FloatArray) -> O
     """
     differences = np.asarray(directions) - bearing(station, points)
     if not len(differences):
-        return Orientation(float("nan"), differences, 0.0)
+        return Orientation(float("nan"), differences)
     units = np.exp(1j * differences)
     candidates = units[np.linspace(0, len(units) - 1, min(len(units), CANDIDATES)).astype(int)]
     apart = np.abs(np.angle(candidates[:, None] * units.conj())).sum(axis=1)
     median = candidates[apart <= apart.min() + SAME * len(units)].mean()
     near = np.abs(np.angle(units * np.conj(median))) <= POLAR_AGREES
     kappa = float(np.angle(units[near].mean() if near.any() else median))
-    return Orientation(kappa, np.angle(np.exp(1j * kappa) * units.conj()), abs(units.mean()))
+    return Orientation(kappa, np.angle(np.exp(1j * kappa) * units.conj()))
 
 
 # ---- Sets of directions, gathered from all the tables that read them, in face one; and which frames know the vertical.

@@ -13,7 +13,7 @@ from mor.start.free_station import (
     free_station_level,
     resect_directions,
 )
-from mor.start.sights import bearing, orient, polar_points, polar_rays
+from mor.start.sights import bearing, orient, polar_rays
 
 
 def observe(points, station, kappa):
@@ -37,12 +37,9 @@ def test_bearings_run_clockwise_from_the_y_axis():
 
 
 @pytest.mark.parametrize("seed", range(5))
-def test_polar_points_invert_the_observations(seed):
+def test_polar_rays_invert_the_observations(seed):
     points, station, kappa = setup(seed)
     directions, verticals, distances = observe(points, station, kappa)
-    np.testing.assert_allclose(
-        polar_points(station, kappa, directions, verticals, distances), points, atol=1e-10
-    )
     rays = polar_rays(directions, verticals) * distances[:, None]
     np.testing.assert_allclose(
         rays @ rotation_from_angles(np.array([0, 0, kappa])) + station, points, atol=1e-10
@@ -56,8 +53,6 @@ def test_orientation_is_a_median_on_the_circle():
     found = orient(station, points, noisy)
     assert abs(np.angle(np.exp(1j * (found.kappa - np.pi)))) < 2e-5
     assert np.max(np.abs(found.residuals)) < 5e-5
-    assert found.resultant == pytest.approx(1.0, abs=1e-6)
-    assert orient(station, points, directions + np.arange(6) * np.pi / 3).resultant < 0.01
     assert np.isnan(orient(station, points[:0], directions[:0]).kappa)
     wrong = np.where(np.arange(len(directions)) < 2, directions + 0.7, noisy)
     assert abs(np.angle(np.exp(1j * (orient(station, points, wrong).kappa - np.pi)))) < 5e-5
