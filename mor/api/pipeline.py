@@ -200,9 +200,6 @@ _SAME_SIGMA = 1e-9
 """σ that change by less between two adjustments have settled."""
 
 
-_OWN_SUFFIXES = (".yaml", ".yml", ".csv", ".parquet")
-
-
 def read_document(path: Path, form: str = "") -> Document:
     """Plain data of a project file, or of a file in a foreign format, with lines.
 
@@ -224,7 +221,7 @@ def _document(path: Path, form: str) -> Document:
             return read_foreign(path, form)
     present = path.is_file() or standard_input(path) is not None
     if (
-        path.suffix.lower() not in _OWN_SUFFIXES
+        path.suffix.lower() not in (".yaml", ".yml", ".csv", ".parquet")
         and present
         and not any(line.startswith("mor:") for line in read_text(path, errors="replace").splitlines())
     ):

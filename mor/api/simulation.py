@@ -147,7 +147,6 @@ def _prior(network: Network, groups: tuple[ObservationGroup, ...]) -> Mapping[st
 
 CHUNK = 20
 """Runs of one chunk."""
-_KEY = "key.json"
 
 
 class SimulationTask(NamedTuple):
@@ -262,7 +261,7 @@ def run_trial(
         "chunk": CHUNK,
         "keeps": [one.name for one in fields(Tally)],
     }
-    path = folder / _KEY
+    path = folder / "key.json"
     if path.is_file() and json.loads(path.read_text(encoding="utf-8")) != key:
         words = "this folder contains runs of other input or of another seed; choose another folder, or remove them"
         raise InputError([Message(words, str(folder))])

@@ -87,7 +87,6 @@ def tell_note(note: Message) -> None:
 
 _EXTRA = re.compile(r"^(.*?)(?:  \[(.*)\])?$", re.DOTALL)
 """Help of an option, and what click adds to it in brackets."""
-_SYMBOLS = ("[OPTIONS]", "COMMAND [ARGS]...")
 
 
 class HelpFormatter(click.HelpFormatter):
@@ -102,7 +101,7 @@ class HelpFormatter(click.HelpFormatter):
 
     def write_usage(self, prog: str, args: str = "", prefix: str | None = None) -> None:
         """Write the usage line."""
-        for symbol in _SYMBOLS:
+        for symbol in ("[OPTIONS]", "COMMAND [ARGS]..."):
             args = args.replace(symbol, self._told(symbol))
         super().write_usage(prog, args, f"{self._told('Usage:')} " if prefix is None else prefix)
 

@@ -41,7 +41,6 @@ _BAD = 0.5
 _STATIONS = 3
 """Stations of a group that are looked at, the worst first."""
 _UNITS = ("gon", "deg", "rad")
-_ZENITH = ("zenith", "zenith_angle")
 
 
 def circle_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -159,7 +158,7 @@ def _of_rows(
             ),
         )
     names = [component.name for component in group.type.components]
-    columns = [k for k, name in enumerate(names) if name in _ZENITH]
+    columns = [k for k, name in enumerate(names) if name in ("zenith", "zenith_angle")]
     if columns:
         yield _hypothesis(
             "elevation for zenith",
@@ -300,7 +299,6 @@ def _opposite(column: int, angles: FloatArray) -> FloatArray:
 # stations is also judged with the two points exchanged in all other rows: if few sights go to them, the
 # points follow their instruments.
 
-_TRIED = 4
 _FRAMES = 12
 """Stations or images that are looked at, those first of which most rows do not fit."""
 ALL = -1
@@ -456,7 +454,7 @@ def _best(situation: Situation, pairs: list[_Pair], of: str) -> list[_Pair]:
         changed = exchanged_frames(network, pair, of, only)
         gains[pair, only] = now - min(_cost(situation, changed, values) for values in places)
     order = sorted((p for p in pairs if gains[p] > _GAIN), key=lambda p: -gains[p])
-    return order[:_TRIED]
+    return order[:4]
 
 
 def _kind(network: Network, of: str) -> str:

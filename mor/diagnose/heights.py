@@ -50,7 +50,6 @@ _MOST = 400
 """Heights that are looked at."""
 _ENTRIES = 20_000_000
 """Numbers that their test may take."""
-_INSTRUMENT = ("station", "from")
 
 
 class HeightRows(NamedTuple):
@@ -153,7 +152,7 @@ def height_sights(network: Network) -> Iterator[HeightRows]:
             if not (network.start["height"][group.blocks[slot], 0] != 0.0).any():
                 fixed = fixed[[name in stations for name in names[begin][fixed]]]
             at, to = names[begin][fixed], names[end][fixed]
-            if own.of in _INSTRUMENT:
+            if own.of in ("station", "from"):
                 keys = [("instrument height", (a,)) for a in at]
                 _collect(sets, keys, number, fixed, slot)
             else:
@@ -251,7 +250,6 @@ def _given(network: Network, sights: HeightRows) -> float:
 # With the other sign the misclosure of a line changes by δ = −2 Δh, and vᵀPv, to first order and with all
 # else adjusted again, by −2 δ v/σ² + δ² r/σ²: the lines for which it falls most are tried.
 
-_LEVELLING_TRIED = 3
 _LINES = 100
 """Lines whose redundancy is worked out, the worst first."""
 
@@ -263,7 +261,7 @@ def levelling_hypotheses(situation: Situation) -> list[Hypothesis]:
         if group.type != PLAIN_TYPES["height_difference"] or not situation.misfitting[number].any():
             continue
         promised = _reductions_of_lines(situation, number, group)
-        best = np.argsort(-promised, kind="stable")[:_LEVELLING_TRIED]
+        best = np.argsort(-promised, kind="stable")[:3]
         for row in (int(row) for row in best if promised[row] > 0.0):
             names = tuple(column[row] for column in group.references)
             found.append(

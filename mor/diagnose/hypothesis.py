@@ -584,7 +584,6 @@ def with_points(network: Network, points: IntArray, change: Callable[[FloatArray
 
 SMALL = 20_000
 """Observations up to which graduated weights and intersections of single points take next to no time."""
-_ITERATIONS = 15
 _PATIENCE = 2
 """Iterations one after the other that do not halve vᵀPv, as long as it is far from what is expected."""
 _PART_OUT, _MASS = 0.05, 3
@@ -799,7 +798,7 @@ def attempt(problem: Problem, begin: Values) -> Adjustment:
         HopelessError: it does not come near to a solution as quickly as one that will.
     """
     with np.errstate(all="ignore"):
-        return adjust(problem, begin, SolverSettings(_ITERATIONS), _impatient())
+        return adjust(problem, begin, SolverSettings(15), _impatient())
 
 
 def without_row(situation: Situation, group: int, row: int) -> Values:

@@ -38,7 +38,6 @@ _CLEAR = 14.0
 _IMAGES = 6
 """Images that are looked at, the worst first."""
 _MIRRORS = {"image flipped": ((1.0, -1.0), "y"), "image turned": ((-1.0, -1.0), "x, y")}
-_CONSTANTS = ("c", "fx", "fy")
 PRINCIPAL_POINT = ("xp", "yp", "x0", "y0", "cx", "cy", "xh", "yh")
 
 
@@ -52,7 +51,7 @@ def image_hypotheses(situation: Situation) -> list[Hypothesis]:
 def camera_constant_hypotheses(situation: Situation) -> list[Hypothesis]:
     """The camera constants, and the principal points, that are fixed or observed as unknowns."""
     cameras = situation.network.things["camera"].ids if "camera" in situation.network.things else ()
-    kinds = (("image scale", _CONSTANTS), ("pixel origin", PRINCIPAL_POINT))
+    kinds = (("image scale", ("c", "fx", "fy")), ("pixel origin", PRINCIPAL_POINT))
     return [
         h
         for k, name in enumerate(cameras)

@@ -38,7 +38,6 @@ _TRIED = 6
 """Exchanges and names that are tried: those that make rows fit that are off most."""
 _FEW, _ALONE = 10, 4
 """Rows of a group up to which each is judged by an adjustment without it, and how many of them are."""
-_BEGIN = ("station", "from", "image")
 
 
 class Match(NamedTuple):
@@ -196,7 +195,7 @@ def _wrong_name(network: Network, same: list[Match]) -> Hypothesis:
 
     lines = "; ".join(_where(network.groups[match.group], match.row) for match in same)
     return Hypothesis(
-        "wrong station" if first.reference in _BEGIN else "wrong name",
+        "wrong station" if first.reference in ("station", "from", "image") else "wrong name",
         (*first.names, first.right),
         change,
         f"{lines}: {first.reference} {first.right}",

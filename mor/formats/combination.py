@@ -18,7 +18,6 @@ from mor.units import ANGLE, LENGTH, Quantity
 _COORDINATES = ("x", "y", "z")
 _POSE = (*_COORDINATES, "omega", "phi", "kappa")
 _LENGTHS = ("height", "from_height", "to_height", "station_height", "at_height", "bx", "by", "bz")
-_ANGLES = ("orientation",)
 _SECTIONS = ("points", "images", "stations", "systems", "pairs", "observations")
 
 
@@ -343,7 +342,7 @@ def _quantity(column: str, type_: str) -> Quantity | None:
         return None
     components = PLAIN_TYPES[type_].components if type_ else (*POINT.components, *ROTATION.components)
     known = {component.name: component.quantity for component in components}
-    known |= {**dict.fromkeys(_LENGTHS, LENGTH), **dict.fromkeys(_ANGLES, ANGLE)}
+    known |= {**dict.fromkeys(_LENGTHS, LENGTH), "orientation": ANGLE}
     if column == "sigma":
         return components[0].quantity
     return known.get(column.removeprefix("sigma_").removeprefix("start_"))

@@ -238,7 +238,6 @@ _NAMES = {
     **{name: (name,) for name in ("K1", "K2", "K3", "P1", "P2")},
 }
 _OUTSIDE = {"all": EXTERIOR, "pos": EXTERIOR[:3], "angles": EXTERIOR[3:], **{axis: (axis,) for axis in "xyz"}}
-_WORDS = ("true", "false", "default")
 
 
 def operations(root: Element, *names: str) -> Iterator[Element]:
@@ -290,7 +289,7 @@ def _settings(
                 word = one.text.strip()
                 if one.name not in known:
                     draft.problem(f"found <{one.name}> in <{part}>, expected {', '.join(known)}", one.line)
-                elif word not in _WORDS:
+                elif word not in ("true", "false", "default"):
                     draft.problem(
                         f"found {word!r} in <{one.name}>, expected true, false or default", one.line
                     )

@@ -455,7 +455,6 @@ def _put_tie_points(chunk: Element, found: MetashapeChunk, draft: Draft) -> None
 # *Metashape User Manual*, "Reference pane", export and import of reference data). Estimated values and errors
 # are left out.
 
-_TABLES = ("#cameras", "#markers", "#scalebars")
 _COLUMNS = {
     "label": "id",
     "x/easting": "x",
@@ -504,7 +503,7 @@ def read_reference(path: Path) -> Document:
     draft.put("axes", {"xy": "en"})
     cells: list[tuple[int, list[str]]] = []
     for line, text in enumerate(lines[at + 1 :], start=at + 2):
-        if text.lower().replace(" ", "").startswith(_TABLES):
+        if text.lower().replace(" ", "").startswith(("#cameras", "#markers", "#scalebars")):
             draft.note("another table begins here: only the first one is read", line)
             break
         if text.startswith("#") or not text.replace(sign, "").strip():

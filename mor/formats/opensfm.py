@@ -232,7 +232,6 @@ _FLIP = np.diag([1.0, -1.0, -1.0])
 """OpenSfM's camera axes (right, down, forward) from mor's (right, up, backward)."""
 _DOP = 1000.0
 """Accuracies of positions of images beyond this (m) stand for none: OpenSfM writes 999999."""
-_VERSION = "OPENSFM_TRACKS_VERSION"
 
 
 def read_opensfm(path: Path) -> Document:
@@ -399,7 +398,7 @@ def _put_tracks(
     lost: Counter[str] = Counter()
     rows: list[tuple[str, str, float, float]] = []
     for line, text in enumerate(read_lines(path, draft), start=1):
-        if not text.strip() or text.startswith(_VERSION):
+        if not text.strip() or text.startswith("OPENSFM_TRACKS_VERSION"):
             continue
         cells = text.split("\t")
         try:

@@ -16,8 +16,6 @@ from mor.types import FloatArray
 
 # ---- Size of the images of an export that does not say it: worked out from the solution the export contains.
 
-_ROUNDS = 50
-
 
 class ImagePoint(NamedTuple):
     """An image point: photo, point, px."""
@@ -68,7 +66,7 @@ def _measured(corrected: FloatArray, distortion: FloatArray) -> FloatArray:
     k1, k2, k3, p1, p2 = np.pad(distortion, (0, 5))[:5]
     xy = corrected.copy()
     with np.errstate(over="ignore", invalid="ignore"):
-        for _ in range(_ROUNDS):
+        for _ in range(50):
             x, y = xy.T
             r2 = x * x + y * y
             radial = r2 * (k1 + r2 * (k2 + r2 * k3))
@@ -184,7 +182,6 @@ def _lists(lines: list[str], start: int, count: int) -> list[list[Line]]:
 # A calibration project has its camera free (c, xh, yh and the distortion), every other one has it fixed; the
 # ratio of the pixel sizes (the two sensor formats) is known in both.
 
-_PHOTOMODELER_READER_DISTORTION = ("K1", "K2", "K3", "P1", "P2")
 _CALIBRATION = "calibration"
 """Word in the title of a project whose camera is estimated."""
 
@@ -319,7 +316,7 @@ def _put_cameras(export: Export, size: tuple[float, float], draft: Draft) -> dic
         pixel = height / size[1]
         ratio = width / size[0] / pixel
         interior = {"c": c, "xh": xp / ratio - size[0] / 2.0 * pixel, "yh": height / 2.0 - yp}
-        interior.update(zip(_PHOTOMODELER_READER_DISTORTION, distortion, strict=False))
+        interior.update(zip(("K1", "K2", "K3", "P1", "P2"), distortion, strict=False))
         status = "free" if free else "fixed"
         cameras[str(number_)] = {
             "model": "brown",

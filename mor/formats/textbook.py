@@ -318,7 +318,6 @@ KINDS = {
     ),
 }
 """Sections of the form names, value, σ, and heights where it says so; the others have readers of their own."""
-_PLANE = ("Distances", "Directions", "Angles", "GridBearings")
 
 
 def read_krumm(path: Path) -> Document:
@@ -353,7 +352,7 @@ def read_krumm(path: Path) -> Document:
 def _estimated(names: set[str]) -> str:
     if names and names <= {"LevelledHeightDifferences", "TrigonometricHeightDifferences"}:
         return "z"
-    return "xy" if names <= set(_PLANE) else "xyz"
+    return "xy" if names <= {"Distances", "Directions", "Angles", "GridBearings"} else "xyz"
 
 
 def _is_positive(word: str, line: Line, draft: Draft) -> bool:

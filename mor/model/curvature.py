@@ -43,7 +43,6 @@ _ABOUT_VERTICAL = (
 _CARTESIAN = ("vector", "local", *SHAPE_TYPES, *(type_.key for type_ in PERPENDICULAR_TYPES.values()))
 _IMAGES = ("image/", "follower/")
 """What the keys of image coordinates begin with."""
-_RADIUS = "earth radius"
 
 
 @cache
@@ -77,7 +76,7 @@ def on_sphere(type_: ObservationType, sphere: LocalSphere, metres: float = 1.0) 
         return Computed(type_.equation(own, constants).values, type_.equation(blocks, constants).jacobians)
 
     constants = tuple(
-        c._replace(default=sphere.radius * metres) if c.name == _RADIUS else c for c in type_.constants
+        c._replace(default=sphere.radius * metres) if c.name == "earth radius" else c for c in type_.constants
     )
     return type_._replace(equation=equation, constants=constants, about_local_vertical=True, flat=type_)
 

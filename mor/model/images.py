@@ -211,7 +211,7 @@ def meet(
 
     found = seen(measured)
     before = np.full(len(measured), np.inf)
-    for number in range(_ROUNDS_OF_SHUTTER):
+    for number in range(20):
         step = found.changed(found.projection.xy - found.xy)
         size = np.abs(step).max(axis=1, initial=0.0)
         nears = size < 0.5 * before if number >= _DOUBTFUL else np.ones(len(size), dtype=bool)
@@ -242,7 +242,6 @@ def read_out_at_once(group: ObservationGroup) -> ObservationGroup:
     return replace(group, type=frame, blocks=blocks, constants=group.constants[:, : len(frame.constants)])
 
 
-_ROUNDS_OF_SHUTTER = 20
 _DOUBTFUL = 4
 """Rounds after which a point whose step does not halve will never meet the shutter, and others do not wait for it."""
 _STILL_SHUTTER = 1e-13
@@ -437,7 +436,6 @@ def is_read_out_along(type_: ObservationType) -> bool:
 RAY = tuple(Component(f"ray {c}", NUMBER) for c in "xyz")
 """Constants of a row: the measured ray u, of unit length."""
 _KEY = "on the sphere "
-_FRAMES = ("image", "follower")
 
 
 @cache
@@ -448,7 +446,7 @@ def on_the_sphere(type_: ObservationType) -> ObservationType | None:
     taken for a frame.
     """
     form, _, key = type_.key.partition("/")
-    if key not in CAMERA_MODELS or type_.still is not None or form not in (*_FRAMES, MOVING):
+    if key not in CAMERA_MODELS or type_.still is not None or form not in ("image", "follower", MOVING):
         return None
     if form == MOVING:
         return on_the_sphere(IMAGE_TYPES[key])

@@ -142,7 +142,7 @@ def apparent_points(port: Port, star: FloatArray, parameters: FloatArray) -> App
     found, off = points.copy(), np.full(len(star), np.inf)
     distance = np.sqrt(_dot(points, points))
     with np.errstate(all="ignore"):
-        for _ in range(_ROUNDS):
+        for _ in range(20):
             left = np.flatnonzero(off > _REACHED)
             if len(left) == 0:
                 break
@@ -158,7 +158,6 @@ def apparent_points(port: Port, star: FloatArray, parameters: FloatArray) -> App
     return Apparent(found.T, np.moveaxis(inverse, 2, 0), np.moveaxis(by_port, 2, 0))
 
 
-_ROUNDS = 20
 _REACHED = 1e-9
 """Last step, as a part of the distance: Newton's method doubles the digits, so the next one is round-off."""
 _ROUND_OFF = 1e-12

@@ -51,7 +51,6 @@ _CORRECTING = {
     )
 }
 """Image coordinates whose distortion, or time, is taken at the measured coordinates."""
-_ROUNDS = 60
 
 
 def computed_values(group: ObservationGroup, place: Values) -> FloatArray:
@@ -125,7 +124,7 @@ def _measured(group: ObservationGroup, place: Values) -> ObservationGroup:
         return replace(group, observed=computed_values(group, place))
     looked_at = 1 if scanned else 2
     observed = np.where(group.mask, 0.0, np.nan)
-    for _ in range(_ROUNDS):
+    for _ in range(60):
         constants = group.constants.copy()
         constants[:, :looked_at] = np.nan_to_num(observed[:, :looked_at])
         group = replace(group, constants=constants)
@@ -278,7 +277,6 @@ def with_planted(
 # same way, with what was observed as l, which is 0 otherwise. Constancy and smoothness of trajectories say
 # how a flight usually is, and not where it goes: the path stays as it is planned.
 
-_STEPS = 20
 _CLOSE = 1e-6
 """Parts of σ that may be left of an error."""
 _OF_STRIPS = {OBSERVED_PARAMETERS[kind.key].key for kind in (POSITION_SHIFT, ATTITUDE_SHIFT)}
@@ -309,7 +307,7 @@ def place_with_errors(
     """The place at which the ``chosen`` groups have the ``errors`` (n, m), and observed is what was observed."""
     if not chosen:
         return place
-    for _ in range(_STEPS):
+    for _ in range(20):
         jacobians, misclosures, sizes = [], [], []
         tangent = rotation_tangents(problem.index, place)
         for k in chosen:

@@ -89,7 +89,6 @@ def _any(told: pl.DataFrame) -> bool:
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 
-_NULLS = {"", "~", "null", "Null", "NULL"}
 _DEEPEST = 20
 """Levels of nesting; no project needs half of them."""
 _TOO_DEEP = "this is nested too deeply, or refers to itself"
@@ -275,7 +274,7 @@ class _YamlReader:
                 items.append(self._node(inside, events, (*path, len(items))))
             return items
         plain = event.style not in ("'", '"', "|", ">")
-        return None if plain and event.value in _NULLS else event.value
+        return None if plain and event.value in {"", "~", "null", "Null", "NULL"} else event.value
 
     def _mapping(self, events: Iterator[yaml.Event], path: KeyPath) -> dict[str, Any]:
         data: dict[str, Any] = {}

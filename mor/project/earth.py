@@ -91,7 +91,6 @@ def needs_convergence(type_: ObservationType) -> bool:
 
 # ---- Projections as polynomials over the area of a network, for observations in their plane.
 
-_DEGREES = (6, 10, 15, 21)
 _CLOSE = 1e-7
 """Metres to which a polynomial is the projection, and ellipsoids are the same."""
 _LEAST = 100_000.0
@@ -113,7 +112,7 @@ def plane_of(
     low, high = world.extent if extent is None else extent
     margin = np.maximum(high - low, _LEAST / world.metres)
     middle, half = 0.5 * (low + high), 0.5 * (high - low) + margin
-    for degree in _DEGREES:
+    for degree in (6, 10, 15, 21):
         nodes = chebyshev.chebpts1(degree + 4)
         grid = np.stack([g.ravel() for g in np.meshgrid(nodes, nodes, indexing="ij")], axis=1)
         place, plane = _projected(system, world, middle, half, grid)
@@ -312,7 +311,6 @@ _TURNED = {
     "navigation_attitude",
 }
 _PLACED = {"control", "gnss_position", "geodetic_position", "projected_position"}
-_ORIENTED = "observed/rotation"
 _FRAMES = ("station", "image", "system")
 _KAPPA = 2
 _LIES = (
@@ -362,7 +360,7 @@ def _turn_is_held(reading: Reading, groups: Sequence[ObservationGroup]) -> bool:
     """True if anything fixes or observes the orientation of the network."""
     if any(group.type.key in _TURNED for group in groups):
         return True
-    if any(group.type.key == _ORIENTED and group.mask[:, _KAPPA].any() for group in groups):
+    if any(group.type.key == "observed/rotation" and group.mask[:, _KAPPA].any() for group in groups):
         return True
     free = reading.shop.store("rotation").all_free()
     rotations = [

@@ -671,9 +671,6 @@ def _centring(reading: Reading, entry: Observations, place: TableLocation) -> Se
 
 # ---- Sets of directions: what a set with an orientation of its own needs to say anything.
 
-_DIRECTIONS = ("directions", "zenith_directions")
-_KNOWLEDGE = ("observed/rotation", "difference/rotation")
-
 
 def check_direction_sets(reading: Reading, groups: Sequence[ObservationGroup]) -> None:
     """Report sets whose orientation is unknown and that have no horizontal target; note those that have a single one.
@@ -683,10 +680,10 @@ def check_direction_sets(reading: Reading, groups: Sequence[ObservationGroup]) -
     """
     free = reading.shop.store("rotation").all_free()[:, 2].copy()
     for group in groups:
-        if group.type.key in _KNOWLEDGE:
+        if group.type.key in ("observed/rotation", "difference/rotation"):
             for blocks in group.blocks:
                 free[blocks] = False
-    of_directions = [group for group in groups if group.type.key in _DIRECTIONS]
+    of_directions = [group for group in groups if group.type.key in ("directions", "zenith_directions")]
     if not of_directions or not free.any():
         return
     rotation = np.concatenate([group.blocks[1] for group in of_directions])

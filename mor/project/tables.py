@@ -343,12 +343,10 @@ def _one_by_one(
 
 # ---- Tables in spreadsheets (.xlsx, .xls, .ods), read by python-calamine.
 
-_ENDINGS = {".xlsx", ".xlsm", ".xls", ".ods"}
-
 
 def is_spreadsheet(path: Path) -> bool:
     """Return True for a file whose name ends like that of a spreadsheet."""
-    return path.suffix.lower() in _ENDINGS
+    return path.suffix.lower() in {".xlsx", ".xlsm", ".xls", ".ods"}
 
 
 def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:

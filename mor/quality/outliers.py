@@ -136,7 +136,6 @@ _SHARED = 3
 """Components of observations that may fit a point at two places."""
 _ROWS = 8
 """Rows of a point that are put together."""
-_ITERATIONS = 8
 _SINGULAR = 4.0 * float(np.finfo(np.float64).eps)
 """Part of the largest singular value of observations below which they do not tell a direction."""
 _ENDS = ("point", "to", "from")
@@ -316,7 +315,7 @@ def _intersected(told: list[_Observed], values: Values, begins: FloatArray, few:
     Where an iteration comes to where an observation has no value, the place is where it began.
     """
     places, goes_on = begins.copy(), np.arange(len(begins))
-    for _ in range(_ITERATIONS):
+    for _ in range(8):
         residuals, jacobians = _residuals(told, values, places[goes_on])
         sound = np.isfinite(residuals).all(axis=1) & np.isfinite(jacobians).all(axis=(1, 2))
         places[goes_on[~sound]] = begins[goes_on[~sound]]

@@ -35,8 +35,6 @@ from mor.types import BoolArray, FloatArray, IntArray, across
 
 _ALIKE = 1e-9
 """Difference of redundancy numbers that is round-off."""
-_FRAMES = ("image", "station", "set")
-_OF_FRAMES = ("image", "station", "system")
 
 
 class Controlled(NamedTuple):
@@ -103,7 +101,7 @@ def reliability_map(quality: Quality, network: Network) -> list[Controlled]:
     place[blocks] = np.arange(len(blocks))
     found = [_of_points(quality, points.ids, place, axes[blocks])]
     for partition in partitions(problem, network):
-        if partition.of in _FRAMES:
+        if partition.of in ("image", "station", "set"):
             # (k,) longest semi-axes of the positions of images and stations.
             things = network.things["image" if partition.of == "image" else "station"]
             numbers = [things.numbers[name] for name in partition.names]
@@ -118,7 +116,7 @@ def _of_points(quality: Quality, names: tuple[str, ...], place: IntArray, axes: 
             named = [
                 blocks
                 for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
-                if slot.kind == "point" and slot.of not in _OF_FRAMES
+                if slot.kind == "point" and slot.of not in ("image", "station", "system")
             ]
             for rows in _pieces(group.count):
                 some = quality.reliability[number].at(rows)

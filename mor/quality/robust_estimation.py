@@ -220,7 +220,6 @@ WIDEST, NARROWEST = 20.0, 3.0
 _SHRINKS = 0.8
 _FEW = 10
 """Observations of a group below which its own median says nothing of it."""
-_ITERATIONS = 60
 _FIRST_DAMPING, _LEAST_DAMPED, _MOST_DAMPED = 1e-3, 1e-7, 1e8
 _SMALLEST = 1e-10
 """Factor on a weight below which nothing is made lighter: the system must stay regular."""
@@ -288,7 +287,7 @@ def _narrowed(
     scales = _scales(problem, place.sizes, parts)
     multiples = np.where(_few(problem), WIDEST, widest)
     factors = _factors(problem, place.sizes, multiples, scales)
-    for number in range(1, _ITERATIONS + 1):
+    for number in range(1, 61):
         place = _descend(reweighted_plan(plan, factors), place, factors)
         multiples = np.maximum(multiples * _SHRINKS, NARROWEST)
         now = _scales(problem, place.sizes, parts)

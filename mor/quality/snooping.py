@@ -500,7 +500,6 @@ def masks_of(kept_out: Masks, out: Collection[Entry]) -> Masks:
 # Where more than half of what an image, a set of directions or a point was seen by is gone, what is left may
 # be the wrong half: it agrees with itself, and no test of what was taken out against the rest can tell.
 
-_FRAMES = ("image", "station", "system")
 _AT_LEAST = 3
 """Observations taken out from which on something is told."""
 
@@ -549,7 +548,7 @@ def _counted(snooping: SnoopingResult, kind: str, count: int) -> tuple[IntArray,
         inside = (group.mask & ~kept_out).any(axis=1)
         gone = inside & (group.left_out & ~kept_out).any(axis=1)
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == kind and (kind == "rotation" or slot.of not in _FRAMES):
+            if slot.kind == kind and (kind == "rotation" or slot.of not in ("image", "station", "system")):
                 out += np.bincount(blocks[gone], minlength=count)
                 whole += np.bincount(blocks[inside], minlength=count)
     return out, whole

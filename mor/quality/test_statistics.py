@@ -271,7 +271,6 @@ def sidak(familywise: float, tests: int) -> float:
 
 # ---- Logarithms of p-values, right also where the p-value itself is smaller than any number a computer has.
 
-_TERMS = 2000
 _MANY = 10_000.0
 
 
@@ -337,7 +336,7 @@ def _log_beta_tail(a: float, b: FloatArray, excess: FloatArray) -> FloatArray:
     front = a * log_x + b * np.log(one_minus_x) - np.log(a) - betaln(a, b)
     c, d = np.ones_like(x), 1.0 / (1.0 - (a + b) * x / (a + 1.0))
     fraction = d.copy()
-    for m in range(1, _TERMS):
+    for m in range(1, 2000):
         even = m * (b - m) * x / ((a + 2.0 * m - 1.0) * (a + 2.0 * m))
         d, c = 1.0 / (1.0 + even * d), 1.0 + even / c
         fraction *= d * c

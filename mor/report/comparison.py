@@ -19,7 +19,6 @@ IGNORED = {
     "robust",
 }
 """Keys that may differ between two runs that agree."""
-_NAMES = ("id", "name")
 
 
 class Difference(NamedTuple):
@@ -78,7 +77,7 @@ def _lists(one: list[Any], other: list[Any], tolerance: float, place: str) -> It
 
 
 def _by_name(rows: list[Any]) -> dict[str, Any] | None:
-    for key in _NAMES:
+    for key in ("id", "name"):
         if rows and all(isinstance(row, dict) and key in row for row in rows):
             names = [str(row[key]) for row in rows]
             if len(set(names)) == len(names):

@@ -789,7 +789,6 @@ def boresight_rows(solved: Solved) -> list[dict[str, Any]]:
 
 PER = {"velocity": "/a", "annual oscillation": "", "step": ""}
 """What stands behind the unit of length of a parameter: velocities are lengths in a year."""
-_COMPONENTS = ("x", "y", "z", "cos_x", "cos_y", "cos_z")
 
 
 @once
@@ -842,7 +841,7 @@ def _with_tests(solved: Solved, tested: TestedVectors, begins: dict[str, Any], s
     sigma = _turned(np.sqrt(np.maximum(variances, 0.0)), np.abs(M)) * quality.sigma_factor
     has = np.array([what == "annual oscillation" for what in tested.what], dtype=bool)
     columns: dict[str, Any] = dict(begins)
-    for k, name in enumerate(_COMPONENTS[:size]):
+    for k, name in enumerate(("x", "y", "z", "cos_x", "cos_y", "cos_z")[:size]):
         columns[name] = np.where(has | (k < 3), vectors[:, k], np.nan)
         columns[f"s{name}"] = np.where(has | (k < 3), sigma[:, k], np.nan)
     columns["freedom"] = tested.tests.freedom

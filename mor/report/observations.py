@@ -455,8 +455,6 @@ def largest_length_error(rows: list[dict[str, Any]]) -> float | None:
 
 # ---- Gross errors as plain data: suspicious observations and what they do, what was excluded, robust comparison.
 
-_FRAMES = ("image", "station", "system")
-
 
 @once
 def gross_errors(solved: Solved) -> dict[str, Any]:
@@ -563,7 +561,7 @@ def _snooping(solved: Solved) -> dict[str, Any] | None:
 def _taken_out(solved: Solved, one: TakenOut) -> dict[str, Any]:
     name = solved.network.blocks[one.kind].ids[one.block]
     space, _, own = name.partition(" ")
-    of, name = (space, own) if space in _FRAMES and own else (one.kind, name)
+    of, name = (space, own) if space in ("image", "station", "system") and own else (one.kind, name)
     return {"of": of, "id": name, "excluded": one.excluded, "observations": one.observations}
 
 

@@ -26,7 +26,6 @@ _ANSWER = 20.0
 """Seconds that a scheduler may take to answer who it is."""
 _LOOK = 5.0
 """Seconds after which it is looked whether there still are workers."""
-_SAME = ("numpy", "scipy", "polars")
 
 
 @dataclass
@@ -215,7 +214,7 @@ def versions() -> dict[str, str]:
     return {
         "mor": __version__,
         "Python": platform.python_version(),
-        **{name: version(name) for name in _SAME},
+        **{name: version(name) for name in ("numpy", "scipy", "polars")},
     }
 
 

@@ -42,7 +42,6 @@ _SWAY, _TILT, _CLIMB = 0.01, 0.05, 0.05
 """σ in radians of a ray, for a flight sways, and of tilts; σ of the climb as a part of the speed."""
 _FITS = 0.1
 """Radians (rms) by which rays may pass their points."""
-_ROUNDS = 8
 
 
 class TimedRays(NamedTuple):
@@ -129,7 +128,7 @@ def _tilted(sights: TimedRays, flight: Flight) -> Flight | None:
     level, climb = flight.rotation, _CLIMB * max(float(np.linalg.norm(flight.velocity)), 1e-9)
     tilt, left = np.zeros(3), np.inf
     place, velocity = flight.place, flight.velocity
-    for _ in range(_ROUNDS):
+    for _ in range(8):
         D = exponential(-tilt[None])[0] @ level
         since = sights.time - flight.middle
         q = (sights.point - place - since[:, None] * velocity) @ D.T

@@ -604,7 +604,7 @@ def to_plane(network: Network) -> Network:
     horizon = network.world.horizon
     groups = tuple(
         _attitudes(group, network.start["rotation"])
-        if group.type.key in _ATTITUDES
+        if group.type.key in ("projected_attitude", "navigation_attitude")
         else _PLAIN[group.type.key](group, horizon)
         if group.type.key in _PLAIN
         else group
@@ -694,7 +694,6 @@ _PLAIN: dict[str, Callable[[ObservationGroup, Horizon], ObservationGroup]] = {
     "mean_sea_level_distance": _distances,
     "height_reduced_distance": _distances,
 }
-_ATTITUDES = ("projected_attitude", "navigation_attitude")
 
 
 # ---- Observations to projection centres, as start values take them: as to the places of the images.

@@ -224,7 +224,6 @@ def _hashable(value: object) -> Hashable:
 
 # ---- From measured image coordinates back to rays, through any camera model.
 
-_ITERATIONS = 12
 _CHUNK = 5000
 _FAR = 2.0**20
 """Distance of the points on rays; a power of 2 changes no digit of a central projection."""
@@ -262,7 +261,7 @@ def _chunk_of_rays(
     start = unit(plain)
     ray = start
     with np.errstate(all="ignore"):
-        for left in range(_ITERATIONS, -1, -1):
+        for left in range(12, -1, -1):
             projection = model.project(_FAR * ray, interior, constants, measured)
             wrong = measured - projection.xy
             away = np.abs(wrong).max(axis=1) / interior[:, 0]

@@ -548,8 +548,6 @@ SAME_DISTANCE = 0.05
 FLEXIBLE = 1e-4
 """Smallest singular value, in parts of the largest, of a shape that is stiff."""
 _EXTRA = 2
-_STEPS = 60
-_PRESSURES = (0.0, 0.1, 1.0, 10.0)
 
 
 @dataclass(frozen=True)
@@ -617,7 +615,7 @@ def _scaling(lengths: PointDistances, dimension: int) -> FloatArray:
 
 
 def _pressed(lengths: PointDistances, points: FloatArray, dimension: int) -> FloatArray:
-    for pressure in _PRESSURES:
+    for pressure in (0.0, 0.1, 1.0, 10.0):
         points = _minimal_stress(lengths, points, dimension, pressure)
     centred = points - points.mean(axis=0)
     return _minimal_stress(lengths, centred[:, :dimension], dimension, 0.0)
@@ -633,7 +631,7 @@ def _minimal_stress(
 ) -> FloatArray:
     damping = 1e-2
     cost = _cost(lengths, points, dimension, pressure)
-    for _ in range(_STEPS):
+    for _ in range(60):
         n, d = points.shape
         towards = points[lengths.end] - points[lengths.start]
         span = np.maximum(np.linalg.norm(towards, axis=1), 1e-12)

@@ -384,7 +384,6 @@ SMALLEST = 1e-3
 """Least singular value of the surfaces, relative to the largest, at which they meet in a point."""
 ONE_PLACE = "meeting of {count} surfaces"
 SEVERAL_PLACES = "meeting of {count} surfaces: one of {of} positions that fit equally well"
-_STEPS = 25
 _ALIKE = 9.0
 
 
@@ -450,7 +449,7 @@ def meeting_places(
     damping = np.full(len(X), 1e-3)
     off, rows = _residuals(surfaces, X, size)
     cost = np.sum(off**2, axis=1)
-    for _ in range(_STEPS):
+    for _ in range(25):
         normal = np.einsum("kni,knj->kij", rows, rows)[:, free][:, :, free]
         side = np.einsum("kni,kn->ki", rows, off)[:, free]
         normal += (damping * np.trace(normal, axis1=1, axis2=2))[:, None, None] * np.eye(int(free.sum()))

@@ -25,9 +25,7 @@ OPEN = 0.1
 """σ of a movement (radians, or parts of the size) from which on it is open rather than determined."""
 PRECISION = 1e-4
 """What coordinates are good to at the best, in parts of the size of the target."""
-_REFINED = 12
 _TRIPLES = 20
-_STEPS = 20
 _CAUCHY = 3.0
 _REMEMBERED = 256
 
@@ -163,7 +161,7 @@ def _starts(ties: _Normalised, turn: FreeRotation, scaled: bool) -> FloatArray:
     sampled = _about_vertical(36) if turn is FreeRotation.VERTICAL else _all_attitudes(ties)
     sampled = np.concatenate([sampled, *_closed_forms(ties, turn, scaled)])
     cost = _costs(ties, sampled, scaled)
-    return sampled[np.argsort(cost, kind="stable")[:_REFINED]]
+    return sampled[np.argsort(cost, kind="stable")[:12]]
 
 
 def _about_vertical(count: int) -> FloatArray:
@@ -246,7 +244,7 @@ def _refined(ties: _Normalised, R: FloatArray, turn: FreeRotation, scaled: bool)
     weight = np.ones(int(ties.known.sum()) + 3 * len(ties.source_axes))
     lift = 1e-3
     cost = np.inf
-    for step in range(_STEPS):
+    for step in range(20):
         rows, residuals = _rows(ties, s, R, t)
         rows = rows[:, moves]
         scatter = max(float(np.median(np.abs(residuals))) * 1.48, PRECISION)

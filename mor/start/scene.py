@@ -288,7 +288,6 @@ AGREE = 0.02
 """Radians within which a ray agrees with a turn about one tripod."""
 SMALLEST_ANGLE = 0.05
 """Radians between two rays that a turn can be taken from."""
-_SAMPLES = 60
 
 
 def grow_relative(part: Part, scene: Scene) -> bool:
@@ -370,7 +369,7 @@ def _turned(part: Part, frames: Sequence[Frame], posed: Sequence[int], number: i
 def _agreed_turn(own: FloatArray, there: FloatArray) -> FloatArray | None:
     """Rotation D with own = D there, from the two rays that most others agree with."""
     best: tuple[int, FloatArray] | None = None
-    for i, j in islice(combinations(range(len(own)), 2), _SAMPLES):
+    for i, j in islice(combinations(range(len(own)), 2), 60):
         if np.linalg.norm(np.cross(own[i], own[j])) < SMALLEST_ANGLE:
             continue
         D = nearest_rotation(own[[i, j]].T @ there[[i, j]])

@@ -510,8 +510,6 @@ APART = 0.1
 OPEN = 0.1
 """σ of the vertical (radians) from which on it is open."""
 _SAMPLES = 600
-_REFINED = 8
-_STEPS = 15
 _DIFFERENCE = 1e-6
 _DAMPING = 1e-8
 """Added to the squares of the derivatives: a turn that nothing tells is not made."""
@@ -560,7 +558,7 @@ def vertical_of_directions(sets: list[HorizontalSet], angles: VerticalAngles) ->
     flat = np.sqrt(1.0 - z**2)
     ups = np.stack([flat * np.cos(around), flat * np.sin(around), z], axis=1)
     order = np.argsort(_objectives(_residuals(ups, sets, angles), 10.0 * PRECISION), kind="stable")
-    objectives, ups = _refined(ups[order[:_REFINED]], sets, angles)
+    objectives, ups = _refined(ups[order[:8]], sets, angles)
     order = np.argsort(objectives, kind="stable")
     return _judged(objectives[order], ups[order], sets, angles)
 
@@ -591,7 +589,7 @@ def _refined(
 ) -> tuple[FloatArray, FloatArray]:
     """Objectives (k,) and verticals (k, 3) at the minima near verticals; residuals that are large count less."""
     residuals = _residuals(ups, sets, angles)
-    for step in range(_STEPS):
+    for step in range(15):
         width = max(PRECISION, 10.0 * PRECISION * 0.5**step)
         root = 1.0 / np.hypot(1.0, residuals / width)
         rows = _derivatives(ups, sets, angles, residuals) * root[..., None]

@@ -82,7 +82,6 @@ _IMAGE_POINT = np.dtype([("xy", "<f8", (2,)), ("point", "<i8")])
 _POINT = np.dtype([("number", "<u8"), ("xyz", "<f8", (3,))])
 """What is read of a point; its colour (3 bytes) and error (8), the length of its track (8) and the track follow."""
 _LENGTH, _LENGTH_AT, _POINT_SIZE = struct.Struct("<Q"), 43, 51
-_POSE = "<7d"
 _TRACK_ELEMENT = 8
 
 
@@ -127,7 +126,7 @@ class Bytes:
 
     def pose(self) -> QuaternionPose:
         """Quaternion and translation."""
-        numbers = [float(number) for number in self.take(_POSE)]
+        numbers = [float(number) for number in self.take("<7d")]
         return QuaternionPose(
             (numbers[0], numbers[1], numbers[2], numbers[3]), (numbers[4], numbers[5], numbers[6])
         )
@@ -235,10 +234,8 @@ def read_frames(path: Path) -> list[RigFrame]:
 
 # ---- COLMAP's text files: a thing a line, an image on two; lines that begin with # are comments.
 
-_CAMERA = "number, model, width, height, parameters"
 _IMAGE = "number, qw qx qy qz, tx ty tz, camera, name"
 _POINTS = "x, y and the number of a point (or -1) by turns"
-_TEXT_FILES_POINT = "number, X Y Z, R G B, error, track"
 _BEFORE_TRACK = 8
 """Words of a point in front of its track."""
 
@@ -276,7 +273,7 @@ def read_text_cameras(path: Path, draft: Draft) -> list[ColmapCamera]:
     cameras = []
     for line, words in _lines(path, draft):
         try:
-            _form(words, 4, _CAMERA)
+            _form(words, 4, "number, model, width, height, parameters")
             cameras.append(_camera(words, line))
         except (LineError, ValueError) as error:
             draft.problem(str(error), line, str(path))
@@ -340,7 +337,7 @@ def read_text_points(path: Path, draft: Draft) -> tuple[IntArray, FloatArray]:
     numbers, xyz = [], []
     for line, words in _lines(path, draft, _BEFORE_TRACK):
         try:
-            _form(words, _BEFORE_TRACK, _TEXT_FILES_POINT)
+            _form(words, _BEFORE_TRACK, "number, X Y Z, R G B, error, track")
             numbers.append(_whole(words[0]))
             xyz.append([parse_number(word) for word in words[1:4]])
         except (LineError, ValueError) as error:

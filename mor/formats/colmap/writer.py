@@ -17,8 +17,6 @@ from mor.model.rotations import rotation_from_angles
 from mor.project.document import Document
 from mor.types import FloatArray
 
-_TRACK = "<II"
-
 
 class SparseModel:
     """Cameras, images and points to be written, by their COLMAP numbers."""
@@ -190,5 +188,5 @@ def _point_bytes(model: SparseModel) -> list[bytes]:
     parts = []
     for number, xyz in zip(model.point_numbers.values(), model.points.values, strict=True):
         head = struct.pack("<Q3d3BdQ", number, *xyz, 0, 0, 0, -1.0, len(tracks[number]))
-        parts.append(head + b"".join(struct.pack(_TRACK, *element) for element in tracks[number]))
+        parts.append(head + b"".join(struct.pack("<II", *element) for element in tracks[number]))
     return parts

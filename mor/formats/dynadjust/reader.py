@@ -462,7 +462,6 @@ _ZONES = {"GDA94": 28300, "GDA2020": 7800}
 """EPSG codes of the map grids of these frames, without their zones."""
 _HELD = "1e-6"
 """σ (m) of what is held in part: DynAdjust's own."""
-_SIGMAS = ("sigma_east", "sigma_north", "sigma_up")
 
 
 class StationRecord(NamedTuple):
@@ -538,7 +537,9 @@ def _put_tables(draft: Draft, path: Path, tables: dict[str, list[Row]]) -> None:
         "geoid",
         "deflection_north",
         "deflection_east",
-        *_SIGMAS,
+        "sigma_east",
+        "sigma_north",
+        "sigma_up",
     )
     units = {"latitude": "deg", "longitude": "deg"}
     for which, rows in tables.items():
@@ -629,7 +630,6 @@ def known_frame(name: str, line: int, draft: Draft) -> str:
 
 ROOT = "DnaXmlFormat"
 STATIONS, MEASURED = "stn.xml", "msr.xml"
-_UPPER = ("XX", "XY", "XZ", "YY", "YZ", "ZZ")
 _SCALES = ("Vscale", "Pscale", "Lscale", "Hscale")
 
 
@@ -762,7 +762,7 @@ def _members(found: Collected, element: Element, code: str) -> tuple[list[Row], 
 def _covariances(member: Element, Q: FloatArray, k: int) -> None:
     """Covariances of a member, and with those behind it, into the lower triangle."""
     a, count = 3 * k, len(Q) // 3
-    for name in _UPPER:
+    for name in ("XX", "XY", "XZ", "YY", "YZ", "ZZ"):
         i, j = sorted("XYZ".index(letter) for letter in name)
         Q[a + j, a + i] = parse_number(_needed(member, f"Sigma{name}"))
     blocks = [child for child in member.children if child.name in ("GPSCovariance", "PointCovariance")]

@@ -40,8 +40,6 @@ _ANGLES = {
     "degrees": "deg",
     "decimal dd.mm.ss": "dms",
 }
-_OBSERVATIONS = ("RawObservation", "ReducedObservation")
-_LEFT_OUT = {"vertDistance", "northDiff", "eastDiff", "upDiff"}
 _COMPUTED = ("computed", "calculated", "derived")
 _INSIDE = ("ObservationGroup", "Survey", "InstrumentSetup")
 """Elements that observations and set-ups stand in."""
@@ -228,7 +226,7 @@ class _Survey:
     def observations_in(self, element: Element, key: str) -> None:
         """Observations inside an element; ``key`` is the set-up of those that name none."""
         for child in element.children:
-            if child.name in _OBSERVATIONS:
+            if child.name in ("RawObservation", "ReducedObservation"):
                 self._try(partial(self._observation, key), child)
             elif child.name == "Backsight":
                 self._try(partial(self._backsight, key), child)
@@ -244,7 +242,7 @@ class _Survey:
             return
         station = self._station(element.attributes.get("setupID", "") or key)
         target = self._target(element)
-        for name in sorted(_LEFT_OUT & element.attributes.keys()):
+        for name in sorted({"vertDistance", "northDiff", "eastDiff", "upDiff"} & element.attributes.keys()):
             self.book.leave_out(name, element.line)
         computed = {
             value: element.attributes.get(value, "").strip() != ""

@@ -600,7 +600,6 @@ _LEFT_OUT = {
 _REDUCED = "observations reduced by the instrument (MC)"
 _SDR_GIVEN = ("KI", "CO")
 """Origins of coordinates that were not computed from readings."""
-_END = "0000"
 _SDR_UNITS = slice(40, 46)
 """Columns of the digits of the units in the head."""
 _METRES = {"1": 1.0, "2": 0.3048, "3": 1200.0 / 3937.0}
@@ -633,7 +632,7 @@ class _SDRReader:
 
     def record(self, text: str, line: int) -> None:
         kind, origin = text[:2], text[2:4]
-        if text.strip() == _END:
+        if text.strip() == "0000":
             return
         if kind == "00":
             self._head(text, line)

@@ -1030,10 +1030,7 @@ _SETS = ("HA", "DR")
 _SIGMA = 3
 """Where a row of them has its σ."""
 _HEIGHTS = ("distance", "zenith_angle", "height_difference")
-_RAISED = ("orthometric_height", "ellipsoidal_height")
-_FIELDS = ("value", "error", "id", "date", "time")
 _CODES = ("distance_scale_error", "refraction_coefficient", "bearing_orientation_error")
-_COMMENTS = ("time", "note", "bearing_orientation_error")
 DEFAULT = "DEFAULT"
 
 
@@ -1329,7 +1326,7 @@ def _command(data: Data, words: WordReader) -> None:
         value = words.rest()
         for code in codes:
             data.given.setdefault(code, {})[key.lower()] = value
-    elif name not in _COMMENTS:
+    elif name not in ("time", "note", "bearing_orientation_error"):
         raise ValueError(f"command #{name} is not supported")
 
 
@@ -1349,7 +1346,7 @@ def _data(data: Data, words: WordReader) -> None:
             items[-1][1].append(words.take("the name of a classification").lower())
         elif not items and word.lower() in ("date", *data.classes):
             data.prefix.append(word.lower())
-        elif items and word.lower() in (*_FIELDS, *_CODES, *data.classes):
+        elif items and word.lower() in ("value", "error", "id", "date", "time", *_CODES, *data.classes):
             items[-1][1].append(word.lower())
         else:
             raise ValueError(f"found {word!r}, expected a data type ({', '.join(KINDS)}) or one of its items")
@@ -1467,7 +1464,7 @@ def _scalar(
     error = factor * _sigma(data, kind, names, value, sigma)
     if error <= 0.0:
         raise ValueError(f"found the error {error:g}, expected one above 0")
-    if kind.type in _RAISED:
+    if kind.type in ("orthometric_height", "ellipsoidal_height"):
         value -= ends[0][1]
     instrument = ""
     if code == "DR":

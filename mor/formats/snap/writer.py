@@ -39,10 +39,8 @@ from mor.units import ANGLE_UNITS, Quantity
 # ---- Observations of a project as lines of a SNAP data file: angles and their σ in decimal degrees, lengths in metres.
 
 VECTORS = ("gnss_vector", "gnss_position")
-_POSITION = "geodetic_position"
 _CODES = {kind.type: code for code, kind in KINDS.items() if code != "DR"}
 TYPES = tuple(dict.fromkeys(kind.type for kind in KINDS.values()))
-_RAISED = ("distance", "zenith_angle", "height_difference")
 _A_LINE = 6
 """Covariances on a line."""
 NO_REFRACTION = "NONE"
@@ -72,7 +70,7 @@ def _of_group(writing: Writing, group: ObservationTable) -> Iterator[str]:
     type_ = group.entry.type
     if type_ in VECTORS:
         yield from _gnss(writing, group)
-    elif type_ == _POSITION:
+    elif type_ == "geodetic_position":
         yield from _positions(writing, group)
     elif type_ == "directions":
         rows = group.rows
@@ -107,7 +105,7 @@ def _texts(group: ObservationTable, kind: DataKind, row: int, metres: float) -> 
 def _heights(
     writing: Writing, group: ObservationTable, references: dict[str, str], row: int
 ) -> tuple[float, float]:
-    if group.entry.type not in _RAISED:
+    if group.entry.type not in ("distance", "zenith_angle", "height_difference"):
         return 0.0, 0.0
     return heights_of(group, references, row, {}, writing.content.edge.metres)
 
