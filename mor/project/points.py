@@ -65,7 +65,7 @@ def place_names(world: EarthModel) -> tuple[str, ...]:
 
 
 def start_places(reading: Reading, rows: Rows, plain: Statuses) -> Statuses:
-    """Start values of positions in object coordinates, of columns that :func:`frame_columns` has.
+    """Start values of positions in object coordinates, of the columns of :func:`position_columns`.
 
     ``plain`` is what stands in x, y, z: only in a geocentric system these are places on the earth.
     """
