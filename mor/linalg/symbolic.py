@@ -335,10 +335,9 @@ def analyse(structure: BlockStructure) -> Elimination:
     order, parent = _postordered_tree(graph, fill_reducing_order(graph))
     permuted = _permuted(graph, order)
     chain_of_step, chain_parent, into = _merged_chains(structure.sizes[order], parent, permuted)
-    final = into.copy()
-    for chain in range(final.size - 1, -1, -1):
-        final[chain] = final[final[chain]]
-    front_of_chain = final
+    front_of_chain = into.copy()
+    for chain in range(front_of_chain.size - 1, -1, -1):
+        front_of_chain[chain] = front_of_chain[front_of_chain[chain]]
     stays, compact = np.unique(front_of_chain, return_inverse=True)
     upward = chain_parent[stays]
     front_parent = np.where(upward >= 0, compact[front_of_chain[upward]], -1)

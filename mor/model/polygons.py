@@ -192,8 +192,7 @@ def _hidden(origins: FloatArray, targets: FloatArray, some: Triangles, clearance
         k = np.flatnonzero(apart)
         part = (before[k] / (before[k] - behind[k]))[:, None]
         inside[k] = _within(origin[k] + part * (target[k] - origin[k]), corners[k])
-        blocks = inside
-        found[sight[blocks]] = True
+        found[sight[inside]] = True
     return found
 
 

@@ -199,12 +199,8 @@ def _check_shared(
 
 def position_columns(reading: Reading) -> list[Column]:
     """Columns of the positions of frames besides x, y, z: on the earth those of the reference system."""
-    if reading.project.world is None:
-        return []
-
-    # Columns of places on the earth besides x, y, z; none in a project without ``world``.
     world = reading.world
-    if world is None or world.system.kind == "geocentric":
+    if reading.project.world is None or world is None or world.system.kind == "geocentric":
         return []
     columns = []
     for name in place_names(world):

@@ -254,10 +254,9 @@ def out_elsewhere(problem: Problem, values: Values, moved: Values, out: Masks) -
     masks = tuple(mask.copy() for mask in out)
     for group, size, mask in zip(problem.groups, sizes, masks, strict=True):
         # (n,) rows that see one of some points (k,).
-        seen = np.zeros(group.count, dtype=bool)
+        rows = np.zeros(group.count, dtype=bool)
         for slot in slots_of_ends(group):
-            seen |= points[group.blocks[slot]]
-        rows = seen
+            rows |= points[group.blocks[slot]]
         suspect = (size > SUSPECT).any(axis=1, keepdims=True)
         mask[rows] = (group.left_out | (group.mask & suspect))[rows]
     return Elsewhere(moved, masks)

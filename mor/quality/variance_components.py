@@ -22,7 +22,8 @@ from mor.model.observation_types import ObservationGroup
 from mor.quality.assessment import Levels, Quality, assess
 from mor.quality.robust_estimation import reweighted
 from mor.quality.test_statistics import omega_of, redundancy_of
-from mor.solve.iterate import adjust
+from mor.solve.iterate import Adjustment, adjust
+from mor.solve.problem import Problem
 from mor.types import BoolArray, FloatArray
 
 Method = Literal["simplified", "helmert"]
@@ -65,7 +66,10 @@ def components(quality: Quality, method: Method = "simplified") -> Components:
     A group whose component comes out negative, which Helmert's estimate allows, has neither factor nor σ.
     """
     redundancy = group_sums(quality)[1]
-    found = _estimate(quality, method, redundancy >= _REPORTED)
+    return _told(_estimate(quality, method, redundancy >= _REPORTED))
+
+
+def _told(found: _Estimate) -> Components:
     possible = found.variances >= 0.0
     factors = np.sqrt(np.where(possible, found.variances, 1.0))
     sigma = np.where(possible, factors * found.spread, np.nan)
@@ -83,8 +87,7 @@ def iterated_components(
         found = _step(quality, method, estimated)
         step = np.where(estimated & (found > 0.0), found, 1.0 / total)
         total = total * step
-        factors = [np.full(group.observed.shape, f) for group, f in zip(problem.groups, total, strict=True)]
-        adjustment = adjust(reweighted(problem, factors), quality.adjustment.values)
+        adjustment = _adjusted(quality.adjustment, problem, total)
         if not adjustment.outcome.is_solution:
             return Components(total, np.full(len(total), np.nan), False, rounds, method, True), quality
         quality = assess(adjustment, levels, aposteriori)
@@ -130,6 +133,10 @@ def _estimate(quality: Quality, method: Method, estimated: BoolArray) -> _Estima
             variances[estimated] = inverse @ (omega[estimated] - rest.sum(axis=1))
             spread[estimated] = np.sqrt(0.5 * np.diagonal(inverse))
             return _Estimate(variances, spread, "helmert")
+    return _simplified(omega, redundancy, estimated)
+
+
+def _simplified(omega: FloatArray, redundancy: FloatArray, estimated: BoolArray) -> _Estimate:
     safe = np.where(estimated, redundancy, np.nan)
     return _Estimate(np.where(estimated, omega / safe, 1.0), 1.0 / np.sqrt(2.0 * safe), "simplified")
 
@@ -144,6 +151,11 @@ def _step(quality: Quality, method: Method, estimated: BoolArray) -> FloatArray:
         found = _estimate(quality, "simplified", estimated).variances
     step: FloatArray = np.sqrt(np.maximum(found, 0.0))
     return step
+
+
+def _adjusted(last: Adjustment, problem: Problem, total: FloatArray) -> Adjustment:
+    factors = [np.full(group.observed.shape, f) for group, f in zip(problem.groups, total, strict=True)]
+    return adjust(reweighted(problem, factors), last.values)
 
 
 def group_sums(quality: Quality) -> tuple[FloatArray, FloatArray]:

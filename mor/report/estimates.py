@@ -555,7 +555,7 @@ def undeterminable_rows(solved: Solved) -> list[dict[str, Any]]:
     # Unit vectors in project axes by the names of points at infinity, σ in the project's angle unit.
     network = solved.network
     unit = ANGLE_UNITS[angle_unit(solved)]
-    found: dict[str, dict[str, float | None]] = {}
+    directions: dict[str, dict[str, float | None]] = {}
     for point, rotation in network.directions.items():
         vector = solved.adjustment.values["rotation"][rotation][2] @ network.edge.matrix
         sigma = None
@@ -564,8 +564,7 @@ def undeterminable_rows(solved: Solved) -> list[dict[str, Any]]:
             largest = float(np.linalg.eigvalsh(cofactor)[-1])
             sigma = solved.quality.sigma_factor * float(np.sqrt(max(largest, 0.0))) / unit
         row = {f"d{axis}": float(x) for axis, x in zip("xyz", vector, strict=True)}
-        found[network.blocks["point"].ids[point]] = {**row, "sigma": sigma}
-    directions = found
+        directions[network.blocks["point"].ids[point]] = {**row, "sigma": sigma}
     return [
         {**_row(thing), **directions.get(thing.name if thing.treatment == "at infinity" else "", _NOTHING)}
         for thing in solved.network.undeterminable

@@ -54,12 +54,11 @@ def read_homologous(path: Path) -> HomologousPoints:
     images = 0
     while {f"x{images + 1}", f"y{images + 1}"} <= set(found):
         images += 1
-    expected = [f"{axis}{image}" for image in range(1, images + 1) for axis in "xy"]
-    halves = [name for name in found if re.fullmatch(r"[xyXY]\d+", name) and name not in expected]
+    names = [f"{axis}{image}" for image in range(1, images + 1) for axis in "xy"]
+    halves = [name for name in found if re.fullmatch(r"[xyXY]\d+", name) and name not in names]
     if "id" not in found or images < 2 or halves:
         said = f"expected the columns id, x1, y1, x2, y2 …, x and y of every image, found {', '.join(found)}"
         raise InputError([Message(said, str(path), 1)])
-    names = expected
     ids = frame["id"].to_list()
     numbers, wrong = _numbers(frame, names, path)
     problems = [*_checked_names(ids, path), *wrong]

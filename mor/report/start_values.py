@@ -242,23 +242,21 @@ def start_data(network: Network, approximation: Approximation, rows: Sequence[St
         "counts": [{"kind": kind, "value": what, **of} for kind, what, of in counts(rows)],
         "parts": [_part(join, network, approximation) for join in approximation.parts],
         "values": [
-            (
-                {
-                    "kind": row.kind,
-                    "id": row.name,
-                    "value": row.what,
-                    "status": row.status,
-                    "found": list(row.found),
-                    "part": row.part,
-                    "how": None if row.how is None else str(row.how),
-                    "components": list(row.components),
-                    "values": numbers(row.values),
-                    "units": list(row.units),
-                    "sigma": numbers(row.sigma),
-                    "misfit": number_or_none(row.misfit),
-                    "observations": row.observations,
-                }
-            )
+            {
+                "kind": row.kind,
+                "id": row.name,
+                "value": row.what,
+                "status": row.status,
+                "found": list(row.found),
+                "part": row.part,
+                "how": None if row.how is None else str(row.how),
+                "components": list(row.components),
+                "values": numbers(row.values),
+                "units": list(row.units),
+                "sigma": numbers(row.sigma),
+                "misfit": number_or_none(row.misfit),
+                "observations": row.observations,
+            }
             for row in rows
         ],
         "replaced": [str(words) for words in approximation.replaced],

@@ -115,17 +115,15 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
     return [
         *lines,
         *(_uncontrolled(solved, words) if test.redundancy else []),
-        *(
-            [
-                words(
-                    "Nothing is left of {group}: all its observations were excluded ({count}).",
-                    count=row["excluded"],
-                    group=row["name"],
-                )
-                for row in group_table(solved).to_dicts()
-                if row["observations"] == 0 and row["excluded"] > 0
-            ]
-        ),
+        *[
+            words(
+                "Nothing is left of {group}: all its observations were excluded ({count}).",
+                count=row["excluded"],
+                group=row["name"],
+            )
+            for row in group_table(solved).to_dicts()
+            if row["observations"] == 0 and row["excluded"] > 0
+        ],
     ]
 
 
@@ -217,20 +215,18 @@ def _screen(solved: Solved, words: Words, verbose: bool) -> str:
         *_worst(solved, words),
         *_points(solved, words),
         *_cameras(solved, words),
-        *(
-            [
-                words(
-                    "Check {id}, {component}: rms {rms} {unit}, largest {largest} {unit} ({count})",
-                    id=row["group"],
-                    component=row["component"],
-                    rms=short(row["rms"], 3),
-                    largest=short(row["largest"], 3),
-                    unit=row["unit"],
-                    count=row["count"],
-                )
-                for row in check_rows(solved)[:CHECKS]
-            ]
-        ),
+        *[
+            words(
+                "Check {id}, {component}: rms {rms} {unit}, largest {largest} {unit} ({count})",
+                id=row["group"],
+                component=row["component"],
+                rms=short(row["rms"], 3),
+                largest=short(row["largest"], 3),
+                unit=row["unit"],
+                count=row["count"],
+            )
+            for row in check_rows(solved)[:CHECKS]
+        ],
     ]
     head = "\n".join(verdict(solved, words)).split("\n")
     if verbose:

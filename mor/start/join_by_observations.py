@@ -215,8 +215,7 @@ def rows_between(network: Network, sides: Sides) -> list[GroupRows]:
                 values = network.start[slot.kind][blocks].reshape(group.count, -1)
                 known &= np.isfinite(values).all(axis=1)
         inside = is_image_point(group.type)
-        usable: IntArray = np.flatnonzero(known & moving & (fixed | (not inside)))
-        rows = usable
+        rows: IntArray = np.flatnonzero(known & moving & (fixed | (not inside)))
         if len(rows) > MOST:
             rows = rows[np.linspace(0, len(rows) - 1, MOST).astype(int)]
         if len(rows):

@@ -535,21 +535,18 @@ def _surfaces(
     point: int,
     size: float,
 ) -> Surfaces:
-    found = []
+    sights = []
     seen = scene.rays_for(part)[1]
     for ray in seen.of_points(np.array([point])).tolist():
         pose = part.poses.get(int(seen.frame[ray]))
         if pose is not None:
             at = pose[0] - [0.0, 0.0, seen.height[ray]]
-            found.append(np.concatenate([at, pose[1].T @ seen.rays[ray]]))
-    sights = found
+            sights.append(np.concatenate([at, pose[1].T @ seen.rays[ray]]))
     planes = [
         *(
-            [
-                np.concatenate([normal, ray[:3], [0.0]])
-                for ray in sights
-                for normal in rotations.svd(ray[None, 3:])[2][1:]
-            ]
+            np.concatenate([normal, ray[:3], [0.0]])
+            for ray in sights
+            for normal in rotations.svd(ray[None, 3:])[2][1:]
         ),
         *_of_systems(systems, point, size),
     ]

@@ -239,9 +239,8 @@ def judged(bundle: Bundle, points: FloatArray, refined: list[tuple[Pose, BoolArr
     for rival in rivals:
         if all(np.linalg.norm(rival.rotation - other.rotation) > tolerance for other in (pose, *kept)):
             kept.append(rival)
-    rivals = kept
     return Resection(
-        _outcome(bundle, points, agreeing, [pose, *rivals]),
+        _outcome(bundle, points, agreeing, [pose, *kept]),
         pose.position,
         pose.rotation,
         angles_from_rotation(pose.rotation),
@@ -249,7 +248,7 @@ def judged(bundle: Bundle, points: FloatArray, refined: list[tuple[Pose, BoolArr
         sigma0,
         misfits(bundle, star_of(points, pose)[None])[0],
         agreeing,
-        tuple(rivals),
+        tuple(kept),
     )
 
 

@@ -456,12 +456,8 @@ class _RW5Reader:
 
     def record(self, kind: str, text: str, line: int) -> None:
         # Values by their keys; what follows ``--`` is a note.
-        found = {}
-        for cell in text.partition(",--")[0].split(","):
-            match = _CELL.match(cell.strip())
-            if match:
-                found[match[1]] = match[2].strip()
-        cells = found
+        matches = (_CELL.match(cell.strip()) for cell in text.partition(",--")[0].split(","))
+        cells = {match[1]: match[2].strip() for match in matches if match}
         if kind == "--GS" and self.gnss:
             self._gnss_point(cells, line)
         elif kind == "JB":
