@@ -279,9 +279,8 @@ def accept_whole(state: Adjustment, step: FloatArray, shift: FloatArray, change:
     values = move(state.problem.index, state.values, step + shift)
     normals = build_normals(state.plan, values)
     gained = state.normals.objective - normals.objective
-    if normals.objective <= _limit(state) and gained >= _EXPECTED * change**2 - (
-        1e-12 * state.normals.objective + 1e-6
-    ):
+    round_off_of_sum = 1e-12 * state.normals.objective + 1e-6
+    if normals.objective <= _limit(state) and gained >= _EXPECTED * change**2 - round_off_of_sum:
         return Taken(values, 0.0, 1.0, normals, step=step)
     return None
 

@@ -226,20 +226,12 @@ def carry(target: Part, source: Part, scene: Scene, found: Movement | None) -> N
     target.joined += [*source.joined, one]
     bare = not target.lifts, not source.lifts
     target.handed |= source.handed
-    moved = (
-        Similarity(SimilarityOutcome.DETERMINED, 1.0, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0)
-        if found is None
-        else _likelier(found, source, scene)
-    )
+    moved = _scaling(1.0) if found is None else _likelier(found, source, scene)
     if target.scaled and not source.scaled:
         forget_marks(source, scene)
     if source.scaled and not target.scaled:
         forget_marks(target, scene)
-        target.transform(
-            Similarity(
-                SimilarityOutcome.DETERMINED, 1.0 / moved.scale, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0
-            )
-        )
+        target.transform(_scaling(1.0 / moved.scale))
         moved = _times(moved, 1.0 / moved.scale)
         target.scaled = True
     source.transform(moved)
@@ -352,6 +344,10 @@ def _likelier(found: Movement, source: Part, scene: Scene) -> Similarity:
         seen = known.mean(axis=0)
         both.sort(key=lambda one: -float((one.rotation @ (centres - seen))[2]))
     return both[scene.choices.take(len(both))]
+
+
+def _scaling(scale: float) -> Similarity:
+    return Similarity(SimilarityOutcome.DETERMINED, scale, np.eye(3), np.zeros(3), np.zeros((0, 3)), 0.0)
 
 
 def _times(moved: Similarity, factor: float) -> Similarity:
