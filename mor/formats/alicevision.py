@@ -199,21 +199,9 @@ def read_alicevision(path: Path) -> Document:
             try:
                 read(block, entry, context)
             except Wrong as error:
-                draft.problem(
-                    str(error),
-                    file.line(
-                        str(
-                            next(
-                                (
-                                    entry[key]
-                                    for key in ("intrinsicId", "viewId", "poseId", "landmarkId")
-                                    if key in entry
-                                ),
-                                "",
-                            )
-                        )
-                    ),
-                )
+                keys = ("intrinsicId", "viewId", "poseId", "landmarkId")
+                number = next((entry[key] for key in keys if key in entry), "")
+                draft.problem(str(error), file.line(str(number)))
     if entries(whole.get("controlPoints")):
         block.left_out["control points"] += len(list(entries(whole.get("controlPoints"))))
     block.finish(path.stem)

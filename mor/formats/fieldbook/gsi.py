@@ -301,11 +301,9 @@ def _angle(words: Words, index: str, book: FieldBook) -> float | None:
     if unit == "4":
         return sexagesimal(f"{digits // 100000}.{digits % 100000:05d}")
     degrees = digits / 1e5 if unit in "23" else digits / 1e4 * 360.0 / 6400.0
-    return (
-        degrees
-        if book.angle == ("gon" if unit == "2" else "deg")
-        else (degrees * 0.9 if book.angle == "deg" else degrees / 0.9)
-    )
+    if book.angle == ("gon" if unit == "2" else "deg"):
+        return degrees
+    return degrees * 0.9 if book.angle == "deg" else degrees / 0.9
 
 
 def _choose_unit(book: FieldBook, unit: str) -> None:
