@@ -32,6 +32,7 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 _TIES = ("point", "rotation", "base")
 """Kinds of blocks that tie observations together in space. A shared camera or refraction coefficient does not."""
+_NAMED = ("image", "station", "system", "point")
 
 
 @dataclass(frozen=True)
@@ -100,7 +101,7 @@ def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[Networ
     """Things by the part their position belongs to."""
     collected: dict[int, dict[str, list[str]]] = {}
     absent = network.absent.get("point", np.zeros(len(network.blocks["point"].ids), dtype=bool))
-    for space in ("image", "station", "system", "point"):
+    for space in _NAMED:
         things = network.things[space]
         for name, position in zip(things.ids, things.parts["position"], strict=True):
             if absent[position]:
