@@ -930,10 +930,9 @@ _WORKED_START_VALUES: dict[str, tuple[str, Callable[[dict[str, Any], About], Ite
 }
 
 
-# ------------------------------------------------------------
-# Threads and processes: a block large enough to be shared among threads, with one thread and with two, and simulated
-# measurements by one process and by two. The order of sums does not depend on their number, so no digit differs.
-# ------------------------------------------------------------
+# ---- Threads and processes: a block large enough to be shared among threads, with one thread and with two, and
+# simulated measurements by one process and by two. The order of sums does not depend on their number, so no digit
+# differs.
 
 _SHARED_POINTS = 25_000
 """Points in two images from which on the rays are shared between two threads."""
@@ -1017,9 +1016,7 @@ def _write_tally(path: str, first: str, count: str) -> int:
     return 0
 
 
-# ------------------------------------------------------------
-# Monte Carlo: σ, coverage, and levels and power of the tests, against what theory promises.
-# ------------------------------------------------------------
+# ---- Monte Carlo: σ, coverage, and levels and power of the tests, against what theory promises.
 
 _SIMULATED = ("worked-examples/levelling-free", "textbook/ghilani-16-2-distance-angle-azimuth-fix")
 _RUNS, _SEED = 200, 1

@@ -541,7 +541,7 @@ def build_network(
     correlated = tuple(c._replace(groups=where[c.groups]) for c in correlated)
     datum = _datum(reading)
     _check_pairs(reading)
-    if not problems and (plain or others or not elsewhere):
+    if not problems:
         carries = bool(datum.mask.any()) or not datum.free
         check_feasible(reading, [*plain, *others], carries, len(document.notes))
         check_held_on_earth(reading, [*plain, *others], datum.free)

@@ -199,9 +199,7 @@ def length_tests(view: View, permissible: tuple[float, float]) -> list[Statistic
     return tests
 
 
-# ------------------------------------------------------------
-# The protocol as plain data, and from these a text and a page, each on one sheet.
-# ------------------------------------------------------------
+# ---- The protocol as plain data, and from these a text and a page, each on one sheet.
 
 SCHEMA, SCHEMA_VERSION = "mor-protocol", 1
 VDI, VDI_TITLE = "vdi2634-1", "Test of lengths by VDI/VDE 2634 part 1"

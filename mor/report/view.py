@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -163,29 +163,14 @@ def view_of_folder(folder: Path) -> View:
 
 
 def _view(data: dict[str, Any], folder: Path) -> View:
-    there = (folder / FILE).is_file()
-    return View(
-        summary=data,
-        identity=data["identity"],
-        notes=data.get("notes", []),
-        points=_placed(_table(data, "points", folder)),
-        images=_placed(_table(data, "images", folder)),
-        stations=_frame(data["stations"]),
-        groups=_frame(data["groups"]),
-        cameras=data["cameras"],
-        relative=data["relative"],
-        checks=data["checks"],
-        gross_errors=data["gross_errors"],
-        suspects=data.get("suspects"),
-        verdict=data.get("verdict"),
-        reliability=data.get("reliability"),
-        possible_causes=data.get("possible_causes", []),
-        residuals=_residuals(data, folder),
+    points, images = (_table(data, name, folder) for name in ("points", "images"))
+    view = view_of_rows(data, points, images, _residuals(data, folder))
+    if (folder / FILE).is_file():
+        view = replace(view, external=_read(folder / FILE, "external reliability", EXTERNAL))
+    return replace(
+        view,
         movements=_additional(data, "movements", folder, ("point", "from", "to"), ("rxy", "rxz", "ryz")),
         trajectories=_additional(data, "trajectories", folder, ("trajectory",)),
-        external=_read(folder / FILE, "external reliability", EXTERNAL)
-        if there
-        else pl.DataFrame(schema=EXTERNAL),
     )
 
 
@@ -198,6 +183,35 @@ def _additional(
         return pl.DataFrame()
     frame = _read(path, key, dict.fromkeys(texts, pl.String))
     return frame if set(needed) <= set(frame.columns) else pl.DataFrame()
+
+
+def view_of_rows(
+    data: dict[str, Any],
+    points: pl.DataFrame,
+    images: pl.DataFrame,
+    residuals: pl.DataFrame,
+    file: str = "residuals.csv",
+) -> View:
+    """The view of what stands in ``results.json`` and in the tables beside it, ``file`` that of the residuals."""
+    return View(
+        summary=data,
+        identity=data["identity"],
+        notes=data.get("notes", []),
+        points=_placed(points),
+        images=_placed(images),
+        stations=_frame(data["stations"]),
+        groups=_frame(data["groups"]),
+        cameras=data["cameras"],
+        relative=data["relative"],
+        checks=data["checks"],
+        gross_errors=data["gross_errors"],
+        suspects=data.get("suspects"),
+        verdict=data.get("verdict"),
+        reliability=data.get("reliability"),
+        possible_causes=data.get("possible_causes", []),
+        residuals=residuals,
+        residuals_file=file,
+    )
 
 
 def _placed(frame: pl.DataFrame) -> pl.DataFrame:
