@@ -56,14 +56,8 @@ def _moments(quality: Quality, found: GroupTests) -> list[Moments]:
 
 def _places(rows: list[BoolArray], everything: WhitenedRows) -> BoolArray:
     """(N,) the observations of a test among all."""
-    found = [np.zeros(0, dtype=bool)]
-    for part in everything.parts:
-        inside = np.zeros(part.use.shape, dtype=bool)
-        for number in np.unique(part.group):
-            here = part.group == number
-            inside[here] = rows[number][part.row[here], part.component[here]]
-        found.append(inside[part.use])
-    return np.concatenate(found)
+    inside = [own[place >= 0] for own, place in zip(rows, everything.places, strict=True)]
+    return np.concatenate([np.zeros(0, dtype=bool), *inside])
 
 
 def measured_anew(adjustment: Adjustment, seed: int) -> Adjustment:

@@ -382,6 +382,8 @@ _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
 _LONG_TAILS = 1.6
 """Root mean square of residuals in units of their robust σ: 1 if normal, 1.7 with 2 % errors of ten σ among them."""
+_TOO_SMALL = 30.0
+"""Times that σ may be too small by themselves: a landing far off leaves larger residuals, of one size too."""
 LARGEST_WEIGHT = "its observations contradict each other or the rest"
 """Reason why a thing is left out."""
 _SAME = 1e-6
@@ -461,6 +463,8 @@ def may_be_absurd(adjustment: Adjustment) -> bool:
     if redundancy <= 0 or squares <= redundancy * _WORSE**2:
         return False
     overall = _overall(adjustment)
+    if overall > _TOO_SMALL:
+        return True
     return overall > _WORSE and squares > problem.observations * (_LONG_TAILS * overall) ** 2
 
 
