@@ -38,7 +38,7 @@ def rejections(solved: Solved, count: int, seed: int = 0) -> BoolArray:
     known = _moments(quality, found)
     random, parts = np.random.default_rng(seed), []
     for first in range(0, count, AT_A_TIME):
-        noise = random.standard_normal((everything.size, min(AT_A_TIME, count - first)))
+        noise = random.standard_normal((everything.design.shape[0], min(AT_A_TIME, count - first)))
         v2 = everything.residuals_of(noise) ** 2
         omega = [v2[place].sum(axis=0) for place in places]
         tails = [log_tail(one, of) for one, of in zip(omega, known, strict=True)]
