@@ -124,9 +124,9 @@ def score_tests_with_suspects(
 ) -> tuple[ScoredHypothesis, ...]:
     """Return the mistakes that would explain the suspects which an adjustment leaves out, the best first.
 
-    The derivatives are those at the solution without the suspects. All observations are in the normal equations, and
-    their residuals are those after one linear step: no further adjustment is made. Returns nothing if points or images
-    were given up together with the suspects.
+    A definite mistake is tried on the misclosures at the solution without the suspects. If none explains them, all
+    observations are in the normal equations there, and their residuals are those after one linear step: no further
+    adjustment is made. Returns nothing if points or images were given up together with the suspects.
     """
     if suspects.lost:
         return ()
@@ -136,7 +136,38 @@ def score_tests_with_suspects(
         return ()
     pairs = zip(masks, quality.flagged, strict=True)
     doubtful = [np.asarray((mask | flags).any(axis=1)) for mask, flags in pairs]
-    return score_tests(_after_step(assess(here, quality.levels, aposteriori=False)), network, doubtful)
+    of_all = assess(here, quality.levels, aposteriori=False)
+    return _explaining(of_all, network, doubtful, masks) or score_tests(
+        _after_step(of_all), network, doubtful
+    )
+
+
+_LEFT = 0.01
+"""Part of the squares of misclosures that a mistake may leave of those that it explains."""
+
+
+def _explaining(
+    quality: Quality, network: Network, doubtful: Sequence[BoolArray], suspects: Sequence[BoolArray]
+) -> tuple[ScoredHypothesis, ...]:
+    """Definite mistakes in most of the suspects (n, m) of each group, without which their misclosures are small."""
+    problem, values = quality.adjustment.problem, quality.adjustment.values
+    candidates = [one for one in _candidates(problem, network, values, quality, doubtful) if one.definite]
+    found, count = [], len(candidates)
+    for one in candidates:
+        before, after, rows = 0.0, 0.0, 0
+        for number, own, change in one.parts:
+            group = problem.groups[number]
+            used = (group.mask & ~group.left_out)[own]
+            plain, sigma = misclosures(group, values, own), group.sigma[own]
+            before += float(np.sum(((plain / sigma)[used]) ** 2))
+            after += float(np.sum((((plain - change[:, :, 0]) / sigma)[used]) ** 2))
+            rows += int(np.count_nonzero(suspects[number][own]))
+        if after <= _LEFT * before and 2 * rows > sum(int(np.count_nonzero(mask)) for mask in suspects):
+            gain = before - after
+            p = log_p_chi2(np.array([gain]), np.ones(1))
+            cost = cost_of_choice(problem.observations, count, 0, 0.0)
+            found.append(_Scored(one, np.ones(1), gain, gain - cost, float(p[0]), 0))
+    return tuple(_cause(network, one) for one in _distinct(found)[:OFFERED])
 
 
 def _after_step(quality: Quality) -> Quality:
@@ -886,7 +917,7 @@ def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_S
 
 def _told_apart(length: float) -> float:
     """Description length without round-off, so that what cannot be told apart stays in the order of the causes."""
-    return round(length, 6)
+    return float(f"{length:.9g}")
 
 
 def _distinct(good: Sequence[_Scored]) -> list[_Scored]:

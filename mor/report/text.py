@@ -109,8 +109,8 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         if flagged
         else words("No observation is flagged.")
     )
-    lines += in_common(gross_errors(solved).get("in_common", []), words)
     lines += first_sentence(possible_causes(solved), words)
+    lines += in_common(gross_errors(solved).get("in_common", []), words)
     lines += sentences_of_things(solved.network.undeterminable, words)
     return [
         *lines,

@@ -68,6 +68,16 @@ def test_two_images_of_another_lens_are_named_together() -> None:
 
 
 @pytest.mark.slow
+def test_the_sense_of_circles_is_named_although_their_directions_are_left_out() -> None:
+    solved = _solved(CASES / "circles_counterclockwise.yaml")
+    assert solved.suspects is not None
+    left_out = zip(solved.suspects.plain.problem.groups, solved.suspects.masks, strict=True)
+    assert {group.type.key for group, mask in left_out if mask.any()} == {"zenith_directions"}
+    (cause,) = solved.possible_causes
+    assert (cause.cause, cause.things) == ("circle sense", ("zenith_directions 2",))
+
+
+@pytest.mark.slow
 def test_exchanged_set_ups_are_named_although_thirteen_suspects_are_left_out() -> None:
     solved = _solved(CASES / "set_ups_exchanged.yaml")
     assert solved.suspects is not None
