@@ -59,30 +59,12 @@ def cost_of_residuals(sizes: Sequence[FloatArray], count: int, most: float = np.
     other would have any k at a place that fits none of them.
     """
     every = observed(sizes)
-    factor = min(factor_of_sigmas(sizes), most)
-    # Sums over |v|/σ (s,) out of ``count`` observations, with k = 1 and with ``factor``, where that is
-    # larger.
     plain = float(np.sum(costs_of_sizes(every, count)))
-    scaled = float(np.sum(costs_of_sizes(every / factor, count))) if factor > 1.0 else plain
-    return cost_of_sums(Costs(plain, scaled, every.size), factor)
-
-
-class Costs(NamedTuple):
-    """Sums over some observations."""
-
-    plain: float
-    """Σ min(s², 2 ln n + 2 ln s) with k = 1."""
-    scaled: float
-    """The same with another k."""
-    size: int
-    """Their number."""
-
-
-def cost_of_sums(sums: Costs, factor: float) -> float:
-    """Return the cost of observations, with the better of k = 1 and k = ``factor``."""
+    factor = min(factor_of_sigmas(sizes), most)
     if factor <= 1.0:
-        return sums.plain
-    return min(sums.plain, sums.scaled + 2.0 * sums.size * float(np.log(factor)))
+        return plain
+    scaled = float(np.sum(costs_of_sizes(every / factor, count)))
+    return min(plain, scaled + 2.0 * every.size * float(np.log(factor)))
 
 
 def observed(sizes: Sequence[FloatArray]) -> FloatArray:
@@ -182,34 +164,20 @@ def reintersected(
     ``starts``: where they were thought to be, which counts as one observation more. ``gain``: what another place must
     cost less. ``but``: points that are not looked at.
     """
-    middle = np.nanmedian(values["point"], axis=0)
-    among = Among(problem.observations, middle, factor_of_sigmas(sizes))
-    # Values with some points where they cost least, as :func:`reintersected`.
-    points = points_in_doubt(problem, sizes, but)
-    moved = values["point"].copy()
-    columns = problem.index.columns["point"]
-    for point in points:
+    count, middle = problem.observations, np.nanmedian(values["point"], axis=0)
+    most = factor_of_sigmas(sizes)
+    moved, columns = values["point"].copy(), problem.index.columns["point"]
+    for point in points_in_doubt(problem, sizes, but):
         told = _told_of(problem, point)
         if (columns[point] >= 0).any() and len(_components(told)) > 3:
-            places = np.array([moved[point], *_meetings(told, values, [moved[point], among.middle])])
-            costs = _costs(told, values, places, among.observations, among.most)
+            places = np.array([moved[point], *_meetings(told, values, [moved[point], middle])])
+            costs = _costs(told, values, places, count, most)
             costs[0] -= gain
             if starts is not None:
-                costs += starts.costs(places, np.full(len(places), point), among.observations)
+                costs += starts.costs(places, np.full(len(places), point), count)
             found = places[int(np.argmin(costs))]
             moved[point] = np.where(columns[point] >= 0, found, moved[point])
     return {**values, "point": moved}
-
-
-class Among(NamedTuple):
-    """Context in which one observation or point is examined."""
-
-    observations: int
-    """Their number."""
-    middle: FloatArray
-    """(3,) median of all points."""
-    most: float
-    """Robust factor of all σ."""
 
 
 def by_sights_alone(problem: Problem, values: Values, points: IntArray) -> FloatArray:
