@@ -208,13 +208,7 @@ def recognise(path: Path) -> list[Found]:
     if not has_header and len(above) == len(header) and _kinds(_named(above)):
         header = above
     elif not has_header:
-        if not (
-            bool(rows)
-            and all(
-                len(row) == 4 and row[0].strip() and all(_NUMBER.fullmatch(cell.strip()) for cell in row[1:])
-                for row in rows
-            )
-        ):
+        if not _is_list_of_points(rows):
             words = (
                 "expected a header with the names of the columns in the first line; only a list of points "
                 "(name, x, y, z) may be without"
