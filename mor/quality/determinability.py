@@ -462,14 +462,21 @@ def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustm
         return adjustment
     if not adjustment.plan.problem.index.count:
         return adjustment
-    begin = adjust(adjustment.problem, adjustment.start, SolverSettings(max_iterations=0))
-    if adjustment.iterations and begin.outcome is not Outcome.SINGULAR:
+    if _ran_away(adjustment):
         return adjustment._replace(outcome=Outcome.DIVERGED, reason=RAN_AWAY)
     if only_here(adjustment):
         return adjustment._replace(reason=AT_THE_START)
     if untied and adjustment.reason != NO_DATUM and not _fits(adjustment):
         return adjustment._replace(reason=PUT_ANYWHERE)
     return adjustment
+
+
+def _ran_away(adjustment: Adjustment) -> bool:
+    """True where an iteration that ends as singular began where nothing is."""
+    if not adjustment.iterations:
+        return False
+    begin = adjust(adjustment.problem, adjustment.start, SolverSettings(max_iterations=0))
+    return begin.outcome is not Outcome.SINGULAR
 
 
 def _fits(adjustment: Adjustment) -> bool:
@@ -752,7 +759,9 @@ def _adjusted(
         return reduced, Attempt(attempt.adjustment._replace(outcome=Outcome.SINGULAR, reason=OPEN))
     for _ in range(ROUNDS if leave else 0):
         adjustment = attempt.adjustment
-        further = None if only_here(adjustment) else without_moved(reduced, adjustment)
+        if only_here(adjustment) or (not _fits(adjustment) and _ran_away(adjustment)):
+            break  # not the observations are at fault
+        further = without_moved(reduced, adjustment)
         further = further and without_loose(further, begun, means.make)
         if further is None or not _something_left(further):
             break
