@@ -22,7 +22,7 @@ from mor.model.observation_types import IMAGE_TYPES, ObservationType
 from mor.model.parameters import INTERIORS, READOUT, Blocks, index_unknowns
 from mor.model.rotations import rotation_from_angles
 from mor.model.trajectory import on_trajectory
-from mor.solve.iterate import Settings, adjust
+from mor.solve.iterate import SolverSettings, adjust
 from mor.solve.problem import Problem
 from mor.types import FloatArray
 
@@ -102,7 +102,7 @@ def main() -> None:
         "between knots": problem_of_images(block, False),
         "between knots, read out": problem_of_images(block, True),
     }
-    adjusted = [adjust(*posed, Settings(8)) for posed in cases.values()]
+    adjusted = [adjust(*posed, SolverSettings(8)) for posed in cases.values()]
     rays = np.array([len(problem.groups[0].observed) for problem, _ in cases.values()])
     seconds = np.array([[iteration(one) for one in adjusted] for _ in range(ROUNDS)]) / rays * 1e5
     ratios = np.median(seconds / seconds[:, :1], axis=0)

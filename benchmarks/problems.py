@@ -28,7 +28,7 @@ from mor.model.parameters import (
     index_unknowns,
 )
 from mor.model.rotations import rotation_from_angles
-from mor.solve.problem import Datum, Problem
+from mor.solve.problem import DatumDefinition, Problem
 from mor.types import FloatArray, IntArray
 
 Posed = tuple[Problem, dict[str, FloatArray]]
@@ -141,8 +141,10 @@ def _between(
     )
 
 
-def _fixed(values: dict[str, FloatArray]) -> Datum:
-    return Datum("fixed", False, {"point": np.zeros(values["point"].shape, bool)}, {"point": values["point"]})
+def _fixed(values: dict[str, FloatArray]) -> DatumDefinition:
+    return DatumDefinition(
+        "fixed", False, {"point": np.zeros(values["point"].shape, bool)}, {"point": values["point"]}
+    )
 
 
 def _blocks(kind: BlockKind, count: int, free: bool) -> Blocks:

@@ -32,7 +32,7 @@ from mor.model.parameters import (
 from mor.model.rotations import rotation_from_angles
 from mor.project.entities import Trajectory
 from mor.solve.iterate import adjust
-from mor.solve.problem import Datum, Problem
+from mor.solve.problem import DatumDefinition, Problem
 from mor.types import FloatArray, IntArray
 
 LINES = np.array([45.0, 0.0, -28.0])
@@ -115,7 +115,9 @@ def _posed(
         )
         for (kind, sigma), truth in zip(SIGMA_KNOT.items(), (centre, angles), strict=True)
     ]
-    held = Datum("fixed", False, {"point": np.zeros(values["point"].shape, bool)}, {"point": values["point"]})
+    held = DatumDefinition(
+        "fixed", False, {"point": np.zeros(values["point"].shape, bool)}, {"point": values["point"]}
+    )
     return Problem(index_unknowns(blocks), (rays, *observed), (), held), values
 
 

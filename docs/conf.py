@@ -38,6 +38,7 @@ CHAPTERS = {
             "stereo-rig",
             "rolling-shutter",
             "underwater",
+            "laboratory",
             "large-blocks",
             "batch",
             "colmap-and-metashape",
