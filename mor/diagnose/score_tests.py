@@ -27,7 +27,7 @@ from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, is_image_
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.assessment import Quality, assess
-from mor.quality.external_reliability import WhitenedRows, whitened_rows
+from mor.quality.external_reliability import WhitenedRows, sparse_matrix, whitened_rows
 from mor.quality.global_tests import factor_of_group, fits_factor
 from mor.quality.outliers import SuspectedOutliers, cost_of_choice, with_suspects
 from mor.quality.plausibility import NOTED, largest_effect, sphere_under
@@ -41,8 +41,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 if TYPE_CHECKING:
     from scipy.sparse import csc_array
 
-_CONTROLLED = 1e-6
-"""Redundancy number above which residuals tell anything of an observation."""
 LEVEL = 1e-3
 """Family-wise level of all score tests together."""
 OFFERED = 3
@@ -143,13 +141,13 @@ def score_tests_with_suspects(
 
 
 _LEFT = 0.01
-"""Part of the squares of misclosures that a mistake may leave of those that it explains."""
+"""Part of the squares of misclosures that a mistake may leave: their size then falls to a tenth."""
 
 
 def _explaining(
     quality: Quality, network: Network, doubtful: Sequence[BoolArray], suspects: Sequence[BoolArray]
 ) -> tuple[ScoredHypothesis, ...]:
-    """Definite mistakes in most of the suspects (n, m) of each group, without which their misclosures are small."""
+    """Definite mistakes in most of the suspects (n, m) of each group that explain nearly all of their misclosures."""
     problem, values = quality.adjustment.problem, quality.adjustment.values
     candidates = [one for one in _candidates(problem, network, values, quality, doubtful) if one.definite]
     found, count = [], len(candidates)
@@ -567,7 +565,7 @@ def _heights(problem: Problem, network: Network, values: Values, quality: Qualit
     """Heights of instruments and targets at set-ups, if any of their rows is controlled."""
     if "height" not in problem.index.blocks:
         return
-    controlled = [np.nan_to_num(group.r).max(axis=1, initial=0.0) > _CONTROLLED for group in quality.groups]
+    controlled = [np.nan_to_num(group.r).max(axis=1, initial=0.0) > CONTROLLED for group in quality.groups]
     for one in height_sights(network):
         if any(rows[-1] >= problem.groups[number].count for number, rows, _ in one.rows):
             continue
@@ -724,17 +722,14 @@ class _Columns(NamedTuple):
     """Those of each candidate."""
     Z: csc_array
     """(N, P)."""
+    squares: FloatArray
+    """(P,) the diagonal of BᵀPB = ZᵀZ."""
     right: FloatArray
     """(c, P) AᵀPB at the unknowns that are touched."""
     solved: FloatArray
     """(c, P) Q AᵀPB."""
     g: FloatArray
     """(P,) −BᵀPv."""
-
-    def squares(self, some: slice) -> FloatArray:
-        """(p,) the diagonal of BᵀPB."""
-        data, pointers = self.Z.data, self.Z.indptr[some.start : some.stop + 1]
-        return np.array([data[first:end] @ data[first:end] for first, end in pairwise(pointers)])
 
     def multipliers(self, some: slice) -> FloatArray:
         """M (p, p)."""
@@ -743,21 +738,16 @@ class _Columns(NamedTuple):
 
 
 def _columns(quality: Quality, candidates: Sequence[_Candidate]) -> _Columns:
-    from scipy.sparse import coo_array
-
     rows = _rows(quality, candidates)
     ends = np.cumsum([0, *(one.parameters for one in candidates)])
-    none = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
-    entries = [none]
+    entries = []
     for one, first in zip(candidates, ends[:-1], strict=True):
         for number, own, derivatives in one.parts:
             place = np.broadcast_to(rows.places[number][own][:, :, None], derivatives.shape)
             column = np.broadcast_to(first + np.arange(one.parameters), derivatives.shape)
             used = (place >= 0) & (derivatives != 0.0)
             entries.append((place[used], column[used], derivatives[used]))
-    row, column, derivative = (np.concatenate(part) for part in zip(*entries, strict=True))
-    B = coo_array((derivative, (row, column)), shape=(rows.design.shape[0], int(ends[-1]))).tocsc()
-    Z = (rows.whitening @ B).tocsc()
+    Z = (rows.whitening @ sparse_matrix(entries, (rows.design.shape[0], int(ends[-1])))).tocsc()
     residuals = rows.whitened([np.nan_to_num(one.v) for one in quality.groups])
     right = rows.design.T @ Z
     if right.shape[1] > right.shape[0]:  # few unknowns: their cofactors are less than the solutions
@@ -765,29 +755,27 @@ def _columns(quality: Quality, candidates: Sequence[_Candidate]) -> _Columns:
     else:
         solved = rows.system.solve(right.toarray())
     slices = [slice(first, end) for first, end in pairwise(ends.tolist())]
-    return _Columns(slices, Z, right.toarray(), solved, -(Z.T @ residuals))
+    return _Columns(slices, Z, Z.power(2).sum(axis=0), right.toarray(), solved, -(Z.T @ residuals))
 
 
 def _scores(quality: Quality, candidates: Sequence[_Candidate], count: int) -> list[_Scored]:
     found, columns = [], _columns(quality, candidates)
-    squares = columns.squares(slice(0, len(columns.g)))
-    alone = squares - np.einsum("cp,cp->p", columns.right, columns.solved)
+    alone = columns.squares - np.einsum("cp,cp->p", columns.right, columns.solved)
     for one, mine in zip(candidates, columns.slices, strict=True):
-        whole = squares[mine]
         M = columns.multipliers(mine) if one.parameters > 1 else alone[mine, None]
-        scored = _score(quality, one, columns.g[mine], M, whole, count)
+        scored = _score(quality, one, columns.g[mine], M, columns.squares[mine], count)
         if scored is not None:
             found.append(scored)
     return found
 
 
 def _score(
-    quality: Quality, one: _Candidate, g: FloatArray, M: FloatArray, whole: FloatArray, count: int
+    quality: Quality, one: _Candidate, g: FloatArray, M: FloatArray, squares: FloatArray, count: int
 ) -> _Scored | None:
-    """Score from g (p,), M (p, p), and the diagonal of BᵀPB (p,)."""
-    size = np.sqrt(np.maximum(whole, 1e-300))
+    """Score from g (p,), M (p, p), and the diagonal ``squares`` (p,) of BᵀPB."""
+    size = np.sqrt(np.maximum(squares, 1e-300))
     scaled = rotations.eigvalsh(M / np.outer(size, size))
-    if not np.isfinite(M).all() or not whole.all() or scaled[0] <= CONTROLLED:
+    if not np.isfinite(M).all() or not squares.all() or scaled[0] <= CONTROLLED:
         return None
     if one.definite:
         x = np.ones(1)
@@ -894,15 +882,14 @@ def _joined(quality: Quality, candidates: Sequence[_Candidate], count: int) -> t
 def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_Scored]:
     """The candidates that gain most, each beside those chosen before it."""
     columns = _columns(quality, some)
-    every = slice(0, len(columns.g))
-    M, whole, g = columns.multipliers(every), columns.squares(every), columns.g.copy()
+    M, g = columns.multipliers(slice(None)), columns.g.copy()
     chosen: list[_Scored] = []
     left = list(range(len(some)))
     while left and len(chosen) < _JOINED:
         scores = {}
         for k in left:
             mine = columns.slices[k]
-            scores[k] = _score(quality, some[k], g[mine], M[mine, mine], whole[mine], count)
+            scores[k] = _score(quality, some[k], g[mine], M[mine, mine], columns.squares[mine], count)
         best = max(left, key=lambda k: _told_apart(one.length) if (one := scores[k]) is not None else -np.inf)
         one, own = scores[best], columns.slices[best]
         if one is None or one.length <= 0.0 or one.gain < _LEFT_OVER * sum(other.gain for other in chosen):

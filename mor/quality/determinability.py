@@ -472,7 +472,7 @@ def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustm
 
 
 def _ran_away(adjustment: Adjustment) -> bool:
-    """True where an iteration that ends as singular began where nothing is."""
+    """True where an iteration ends at a singular place and began at a regular one."""
     if not adjustment.iterations:
         return False
     begin = adjust(adjustment.problem, adjustment.start, SolverSettings(max_iterations=0))
@@ -760,7 +760,7 @@ def _adjusted(
     for _ in range(ROUNDS if leave else 0):
         adjustment = attempt.adjustment
         if only_here(adjustment) or (not _fits(adjustment) and _ran_away(adjustment)):
-            break  # not the observations are at fault
+            break  # the start values or gross errors are at fault
         further = without_moved(reduced, adjustment)
         further = further and without_loose(further, begun, means.make)
         if further is None or not _something_left(further):

@@ -284,8 +284,6 @@ class WhitenedRows(NamedTuple):
 
 def whitened_rows(quality: Quality, chosen: Sequence[BoolArray]) -> WhitenedRows:
     """The chosen observations (n, m) of each group. Of a correlated cluster all have to be chosen, or none."""
-    from scipy.sparse import coo_array
-
     adjustment = quality.adjustment
     problem, values = adjustment.problem, adjustment.inverse.values
     tangent = rotation_tangents(problem.index, values)
@@ -294,8 +292,8 @@ def whitened_rows(quality: Quality, chosen: Sequence[BoolArray]) -> WhitenedRows
     for place, mask, first in zip(places, chosen, ends[:-1], strict=True):
         place[mask] = first + np.arange(np.count_nonzero(mask))
     count, alone = int(ends[-1]), [mask.copy() for mask in chosen]
-    none = np.zeros(0, dtype=np.int64), np.zeros(0, dtype=np.int64), np.zeros(0)
-    design, whitening = [none], [none]
+    design: list[MatrixEntries] = []
+    whitening: list[MatrixEntries] = []
     for cluster in adjustment.plan.clusters:
         entries = list(zip(cluster.groups, cluster.rows, cluster.components, strict=True))
         at = np.array([places[group][row, component] for group, row, component in entries])
@@ -316,15 +314,29 @@ def whitened_rows(quality: Quality, chosen: Sequence[BoolArray]) -> WhitenedRows
             columns = np.repeat(part.columns, use.sum(axis=1), axis=0)
             design.append(_entries(at, columns, part.jacobian[use] * weight[:, None]))
             whitening.append((at, at, weight))
-    row, column, entry = (np.concatenate(part) for part in zip(*design, strict=True))
-    system = local_system(adjustment, column)
-    column = np.searchsorted(system.columns, column)
-    A = coo_array((entry, (row, column)), shape=(count, len(system.columns))).tocsr()
-    row, column, entry = (np.concatenate(part) for part in zip(*whitening, strict=True))
-    return WhitenedRows(system, places, A, coo_array((entry, (row, column)), shape=(count, count)).tocsr())
+    none = np.zeros(0, dtype=np.int64)
+    system = local_system(adjustment, np.concatenate([none, *(columns for _, columns, _ in design)]))
+    design = [(rows, np.searchsorted(system.columns, columns), entries) for rows, columns, entries in design]
+    A = sparse_matrix(design, (count, len(system.columns)))
+    return WhitenedRows(system, places, A, sparse_matrix(whitening, (count, count)))
 
 
-def _entries(rows: IntArray, columns: IntArray, values: FloatArray) -> tuple[IntArray, IntArray, FloatArray]:
+MatrixEntries = tuple[IntArray, IntArray, FloatArray]
+"""Rows, columns and values of entries (e,)."""
+
+
+def sparse_matrix(entries: Sequence[MatrixEntries], shape: tuple[int, int]) -> csr_array:
+    """Return the matrix of all entries; those in one place are added."""
+    from scipy.sparse import coo_array
+
+    none = np.zeros(0, dtype=np.int64)
+    rows, columns, values = (
+        np.concatenate(part) for part in zip((none, none, np.zeros(0)), *entries, strict=True)
+    )
+    return coo_array((values, (rows, columns)), shape=shape).tocsr()
+
+
+def _entries(rows: IntArray, columns: IntArray, values: FloatArray) -> MatrixEntries:
     """Row, column and value of each entry of (n, K) that is not 0, for ``rows`` (n,) and ``columns`` (n or 1, K)."""
     columns = np.broadcast_to(columns, values.shape)
     free = (columns >= 0) & (values != 0.0)

@@ -351,7 +351,7 @@ _WORSE = 3.0
 _LONG_TAILS = 1.6
 """Root mean square of residuals in units of their robust σ: 1 if normal, 1.7 with 2 % errors of ten σ among them."""
 _TOO_SMALL = 30.0
-"""Times that σ may be too small by themselves: a landing far off leaves larger residuals, of one size too."""
+"""Times that σ may be too small. Of 178 landings far off, 11 had residuals without long tails, from 1 400 σ on."""
 LARGEST_WEIGHT = "its observations contradict each other or the rest"
 """Reason why a thing is left out."""
 _SAME = 1e-6
@@ -422,8 +422,8 @@ class Attempt(NamedTuple):
 def may_be_absurd(adjustment: Adjustment) -> bool:
     """True where a converged solution fits so badly that another one might exist.
 
-    Half of its residuals are beyond 3 σ, and they have long tails: residuals that are normal with one larger σ come of
-    σ that are too small, and no other place fits better.
+    Half of its residuals are beyond 3 σ, and they have long tails or are beyond 30 σ. Residuals that are normal with a
+    larger σ come from σ that are too small.
     """
     problem = adjustment.problem
     redundancy = problem.observations - problem.index.count + adjustment.defect.dimension

@@ -474,7 +474,7 @@ def without_progress(iterations: tuple[Iteration, ...]) -> int:
 
 
 def stands_still(iterations: tuple[Iteration, ...], patience: Patience | None = None) -> bool:
-    """Return True if twenty iterations have made neither vᵀPv smaller, nor the steps, nor the damping.
+    """Return True if iterations, twenty by default, have made neither vᵀPv smaller, nor the steps, nor the damping.
 
     Steps that shrink slowly, all those to come together by less than one σ, do not stand still. Nor does an iteration
     whose damping falls: its steps grow along a direction that was damped. Steps of zero are not compared: an adjustment

@@ -9,6 +9,7 @@ from mor.solve.iterate import (
     ACCURACY,
     Iteration,
     Outcome,
+    Patience,
     SolverSettings,
     adjust,
     left_after,
@@ -53,6 +54,8 @@ def test_a_standstill_is_twenty_iterations_that_lead_nowhere():
     assert not stands_still(_history(*(100.0 * 0.8 ** np.arange(20))))
     assert not stands_still(_history(*(1e-3 * 0.9 ** np.arange(20))))
     assert stands_still(_history(*(100.0 * 0.95 ** np.arange(20))))
+    assert stands_still(_history(*[3.0] * 12), Patience(6))
+    assert not stands_still(_history(*[3.0] * 11), Patience(6))
 
 
 def test_an_iteration_whose_damping_falls_does_not_stand_still():

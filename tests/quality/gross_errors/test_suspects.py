@@ -109,9 +109,18 @@ def test_sigma_too_small_throughout_is_no_gross_error():
     for group in scene.problem.groups:
         group.sigma[...] /= 20.0
     plain = adjust(scene.problem, disturbed(scene, np.random.default_rng(2), 0.01, GON))
+    assert not may_be_absurd(plain)
     again, suspects, *_ = without_suspects(plain)
     assert suspects is None
     assert again is plain
+
+
+@pytest.mark.parametrize("seed", [0, 2, 4])
+def test_landings_of_exchanged_names_may_be_absurd_with_long_tails_or_without(seed):
+    scene = names_exchanged(seed, "aerial")
+    plain = adjust(scene.problem, disturbed(scene, np.random.default_rng(seed), 0.01, GON))
+    assert plain.outcome is Outcome.CONVERGED
+    assert may_be_absurd(plain)
 
 
 @pytest.mark.slow
