@@ -308,8 +308,7 @@ def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
         notes += network.untied
     network = replace(network, notes=(*network.notes, *notes))
     if attempt.suspects is not None:
-        # The network with blocks (kind, name) held of which only suspects tell, and the word that they are
-        # left out.
+        # Blocks that only suspects observe are held and named as left out.
         things = [
             UndeterminedObject(*thing, LARGEST_WEIGHT, "left out")
             for thing in dict.fromkeys(thing_of(*block) for block in attempt.suspects.lost)

@@ -17,7 +17,7 @@ from typing import NamedTuple
 SIGMA_KILOMETRE, SIGMA_SET_UP = "1 mm", "0.3 mm"
 """Standard deviations of a height difference over 1 km, and of one set-up without distances: no field book has any."""
 _SAME_HEIGHT = 0.01
-"""Metres within which recorded heights of a point agree."""
+"""Metres within which recorded heights of a point agree: levelling lines close better than that."""
 ALONE = "staff readings without a counterpart"
 REPEATED = "staff readings that were repeated"
 
@@ -110,6 +110,7 @@ class Levelling:
 
     def _add(self, reading: StaffReading, same: list[StaffReading], other: list[StaffReading]) -> None:
         if same and same[-1].point != reading.point:
+            # The other staff may be read first: its readings since the last one of this kind begin the new set-up.
             later = [r for r in other if r.line > same[-1].line and r.point != reading.point]
             if later and len(later) < len(other):
                 other[:] = [r for r in other if r not in later]
