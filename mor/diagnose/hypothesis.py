@@ -446,6 +446,8 @@ class Offered(NamedTuple):
     gain: float
     """By how much the description of the observations becomes shorter, in units of χ²."""
     amount: AddedParameter | None
+    like_the_first: bool
+    """True where the observations cannot tell it from the first one."""
 
 
 class Before(NamedTuple):

@@ -75,6 +75,8 @@ _ABSURD, _LESS = 10.0, 0.3
 """Factor of all σ that nobody errs by, and part of it that is less."""
 _RIVAL = 0.5
 """Part of what a hypothesis that explains everything promised, or gained, below which another one is no rival to it."""
+_ALIKE = 0.1
+"""vᵀPv that differ by less tell nothing: likelihoods are the same to a twentieth."""
 _BY_CHANCE = float(-2.0 * np.log(LEVEL))
 """By how much chance may make a description shorter, in units of χ²."""
 Family = Callable[[Situation], list[Hypothesis]]
@@ -268,19 +270,30 @@ def _offered(situation: Situation, before: Before, found: list[SolvedHypothesis]
             one.fit.freedom,
             _gain(situation, one.fit),
             one.hypothesis.amount_at(one.fit.values),
+            one is not good[0] and _are_alike(one.fit, good[0].fit),
         )
         for one in good[:OFFERED]
     )
 
 
 def _in_order(situation: Situation, good: list[SolvedHypothesis]) -> list[SolvedHypothesis]:
-    """The shortest description first; of those that chance may put before it, what the start values speak for."""
+    """The shortest description first; of those that chance may put before it, what the start values speak for.
+
+    Where the observations cannot tell them apart, the one that changes fewest cells comes first.
+    """
     by_gain = sorted(good, key=lambda one: -round(_gain(situation, one.fit), 6))
     alike = [
         one for one in by_gain if _gain(situation, one.fit) > _gain(situation, by_gain[0].fit) - _BY_CHANCE
     ]
     told = sorted(alike, key=lambda one: -one.promised if one.promised > _BY_CHANCE else 0.0)
-    return [*told, *by_gain[len(alike) :]]
+    same = [one for one in told if _are_alike(one.fit, told[0].fit)]
+    same.sort(key=lambda one: len(one.hypothesis.edits) or np.inf)
+    others = [one for one in told if not any(one is other for other in same)]
+    return [*same, *others, *by_gain[len(alike) :]]
+
+
+def _are_alike(one: NetworkFit, other: NetworkFit) -> bool:
+    return one.freedom == other.freedom and abs(one.omega - other.omega) < _ALIKE
 
 
 def nothing_is_left(fit: NetworkFit) -> bool:

@@ -676,6 +676,7 @@ def diagnosis(network: Network, found: Diagnosis, document: Document, folder: Pa
                 "vtpv_after": one.after,
                 "freedom_after": one.freedom_after,
                 "gain": one.gain,
+                "like_the_first": one.like_the_first,
             }
             for one in found.offered
         ],

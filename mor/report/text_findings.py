@@ -116,6 +116,8 @@ def diagnosed(data: dict[str, Any], words: Words = ENGLISH) -> str:
                 )
             )
         )
+        if row["like_the_first"]:
+            lines.append("   " + words("The observations cannot tell this from 1."))
         lines.append("   " + words("to try it: {line}", line=row["line"]))
         lines += _diff(row.get("diff"), words)
     if data["offered"]:

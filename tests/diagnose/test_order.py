@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from mor.quality.plausibility import beyond_any_instrument
 from mor.quality.solution import Solved
 from mor.solve.iterate import adjust
 from tests.scenarios.planted_mistakes.survey import Survey, survey
+from tests.scenarios.small_projects import mor
 
 
 def _network(of: Survey, folder: Path) -> Network:
@@ -115,3 +117,18 @@ def test_sigmas_that_no_instrument_has(factor: float, expected: int, tmp_path: P
     group = replace(network.groups[0], sigma=network.groups[0].sigma * factor)
     network = replace(network, groups=(group, *network.groups[1:]))
     assert beyond_any_instrument(network, group) == expected
+
+
+def test_what_the_observations_cannot_tell_apart_is_said_and_the_smaller_edit_comes_first(
+    tmp_path: Path,
+) -> None:
+    """The height of an instrument at a pillar, or that of every target there and the height of the pillar itself."""
+    wrong = survey("bridge")
+    heights = {row["id"]: row for row in wrong.rows(wrong.entries("stations")[0])}
+    heights["P5"]["height"] = "0.5"
+    run = mor("diagnose", wrong.write(tmp_path), "--json", "-q")
+    instrument, target = json.loads(run.out)["offered"][:2]
+    assert (instrument["cause"], target["cause"]) == ("instrument height", "target height")
+    assert instrument["things"] == target["things"] == ["P5"]
+    assert instrument["vtpv_after"] == pytest.approx(target["vtpv_after"], abs=1e-3)
+    assert (instrument["like_the_first"], target["like_the_first"]) == (False, True)

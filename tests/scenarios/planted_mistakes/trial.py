@@ -144,6 +144,8 @@ def judged(kind: str, sample: str, planted: Planted, project: Path, without: Cal
     found = json.loads(told.out)["offered"] if told.out else []
     places = [place for place, hypothesis in enumerate(found) if planted.is_named_by(hypothesis)]
     place, things = (places[0] if places else None), tuple(sorted(planted.things))
+    if place is not None and found[place]["like_the_first"]:
+        place = 0  # the observations cannot tell it from the first
     offered = tuple(f"{h['cause']} ({', '.join(h['things'])})" for h in found)
     if not run.out:
         return Trial(kind, sample, things, run.code, "input", True, True, place, offered or (run.err[:200],))
