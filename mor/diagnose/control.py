@@ -144,16 +144,22 @@ def _common(network: Network, label: str, chosen: tuple[int, ...], name: str, se
     )
 
 
-def _other_kind(network: Network, number: int) -> Hypothesis:
-    group = network.groups[number]
+def other_kind(group: ObservationGroup) -> tuple[str, ObservationGroup, str]:
+    """Cause, group and line of slope distances taken for horizontal ones, or the other way round."""
     other = DISTANCE if group.type == HORIZONTAL_DISTANCE else HORIZONTAL_DISTANCE
     cause = "slope distance" if other == DISTANCE else "horizontal distance"
+    return cause, replace(group, type=other), f"observations, {group.name}: type: {other.key}"
+
+
+def _other_kind(network: Network, number: int) -> Hypothesis:
+    group = network.groups[number]
+    cause, other, line = other_kind(group)
     return Hypothesis(
         cause,
         (group.name,),
-        lambda changed: with_group(changed, number, replace(changed.groups[number], type=other)),
-        f"observations, {group.name}: type: {other.key}",
-        edits=table_key(network, number, "type", other.key),
+        lambda changed: with_group(changed, number, replace(changed.groups[number], type=other.type)),
+        line,
+        edits=table_key(network, number, "type", other.type.key),
     )
 
 

@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from mor.diagnose.control import DISTANCE, HORIZONTAL_DISTANCE, other_kind
 from mor.diagnose.heights import HeightRows, height_sights
 from mor.diagnose.images import PRINCIPAL_POINT
 from mor.model import rotations
@@ -214,7 +215,7 @@ def _slot_columns(
 def _instruments(
     problem: Problem, values: Values, number: int, group: ObservationGroup
 ) -> Iterator[_Candidate]:
-    """Offset and scale of the distances of a table."""
+    """Offset and scale of the distances of a table, and slope for horizontal."""
     slots = [k for k, slot in enumerate(group.type.slots) if slot.kind == "distance meter"]
     if not slots or group.count < 3:
         return
@@ -230,6 +231,11 @@ def _instruments(
         yield _Candidate(
             f"distance {name}", (group.name,), line, ((number, rows, columns),), amount=(name, present)
         )
+    if group.type not in (DISTANCE, HORIZONTAL_DISTANCE):
+        return
+    cause, other, line = other_kind(group)
+    change = np.nan_to_num(evaluated(other, values, rows).values - evaluated(group, values, rows).values)
+    yield _Candidate(cause, (group.name,), line, ((number, rows, change[:, :, None]),), definite=True)
 
 
 def _interiors(

@@ -77,6 +77,8 @@ _RIVAL = 0.5
 """Part of what a hypothesis that explains everything promised, or gained, below which another one is no rival to it."""
 _ALIKE = 0.1
 """vᵀPv that differ by less tell nothing: likelihoods are the same to a twentieth."""
+_OF_A_POINT = 3
+"""Parameters of a mistake in one point."""
 _BY_CHANCE = float(-2.0 * np.log(LEVEL))
 """By how much chance may make a description shorter, in units of χ²."""
 Family = Callable[[Situation], list[Hypothesis]]
@@ -122,6 +124,8 @@ _FAMILIES: dict[str, Family] = {
     "pixel origin": camera_constant_hypotheses,
     "distance offset": distance_hypotheses,
     "distance scale": distance_hypotheses,
+    "slope distance": distance_hypotheses,
+    "horizontal distance": distance_hypotheses,
     "table unit": table_unit_hypotheses,
     "instrument height": height_hypotheses,
     "target height": height_hypotheses,
@@ -182,11 +186,11 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
         if untried or not go_on(hypothesis):
             untried += 1
             continue
-        fit = tried(situation, hypothesis)
+        fit = tried(situation, hypothesis, scored=True)
         trials.append(Trial(hypothesis, fit, _gain(situation, fit) if fit is not None else 0.0))
         if fit is not None:
             found.append(SolvedHypothesis(hypothesis, fit, 0.0))
-            done |= nothing_is_left(fit)
+            done |= _explains(hypothesis, fit)
     stages = _stages(situation)
     if done:  # a change of a whole is no rival then
         stages = tuple(stage for stage in stages if stage in (OF_ROWS, OF_UNKNOWNS))
@@ -202,7 +206,7 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
             if fit is None:
                 continue
             found.append(SolvedHypothesis(hypothesis, fit, promised))
-            if nothing_is_left(fit) and stage is not OF_SIGMAS:  # with large σ nothing is ever left
+            if _explains(hypothesis, fit):
                 done = True
                 explained = max(explained, promised) if stage is OF_A_WHOLE else explained
         if stage is OF_ROWS and done:
@@ -300,6 +304,15 @@ def nothing_is_left(fit: NetworkFit) -> bool:
     """True where chance explains the residuals that a change leaves."""
     p = log_p_chi2(np.array([fit.omega]), np.array([max(float(fit.freedom), 1.0)]))
     return bool(p[0] > np.log(LEVEL))
+
+
+def _explains(hypothesis: Hypothesis, fit: NetworkFit) -> bool:
+    """True where chance explains what a mistake leaves.
+
+    With large σ nothing is ever left, and several points that moved may be one mistake in all of them.
+    """
+    one = not hypothesis.cause.startswith("sigma") and hypothesis.parameters <= _OF_A_POINT
+    return one and nothing_is_left(fit)
 
 
 def _gain(situation: Situation, fit: NetworkFit) -> float:
@@ -408,16 +421,20 @@ _AS_EXPECTED = 2.0
 
 
 def tried(
-    situation: Situation, hypothesis: Hypothesis, afresh: bool = True, spoken_for: bool = False
+    situation: Situation,
+    hypothesis: Hypothesis,
+    afresh: bool = True,
+    spoken_for: bool = False,
+    scored: bool = False,
 ) -> NetworkFit | None:
     """Fit of the network with the change; nothing if its adjustment does not converge.
 
     ``afresh`` allows that start values are worked out for it, which takes longer than all else; ``spoken_for`` says
-    that the given ones speak for it clearly.
+    that the given ones speak for it clearly, ``scored`` that the solution does.
     """
     network = hypothesis.change(situation.network)
     best: NetworkFit | None = None
-    for begin in _beginnings(situation, network, hypothesis, afresh, spoken_for):
+    for begin in _beginnings(situation, network, hypothesis, afresh, spoken_for, scored):
         found = _adjusted(situation, network, begin, hypothesis)
         if found is None:
             continue
@@ -436,15 +453,23 @@ def tried(
 
 
 def _beginnings(
-    situation: Situation, network: Network, hypothesis: Hypothesis, afresh: bool, spoken_for: bool
+    situation: Situation,
+    network: Network,
+    hypothesis: Hypothesis,
+    afresh: bool,
+    spoken_for: bool,
+    scored: bool = False,
 ) -> Iterator[Values]:
-    """Start values: those that most observations fit, and new ones if the change is not local.
+    """Start values: the solution that speaks for it, those that most observations fit, new ones if it is not local.
 
     Which of them is better is not seen before the adjustment: what fits a wrong observation well begins far off.
     """
     missing = False
-    if situation.begun:
-        here = {kind: _longer(values, network.start[kind]) for kind, values in situation.values.items()}
+    at = [situation.values] if situation.begun else []
+    if scored and situation.solution is not None and situation.solution.values is not situation.values:
+        at.insert(0, situation.solution.values)
+    for some in at:
+        here = {kind: _longer(values, network.start[kind]) for kind, values in some.items()}
         open_ = dict(here)
         for kind, blocks in hypothesis.recomputed.items():
             given = network.start[kind][blocks]

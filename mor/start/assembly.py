@@ -789,10 +789,13 @@ def _likeliest(
         return _without_some(network, replace(scene, choices=choices), *loose)
 
     def judged(assembly: Assembly) -> Judgement:
-        return _judged(assembly, _approximation(assembly), moving, settle)
+        return _as_they_stand(assembly, _approximation(assembly))
+
+    def adjusted(assembly: Assembly, judgement: Judgement) -> Judgement:
+        return _adjusted(assembly, _approximation(assembly), judgement, moving, settle)
 
     assembly, choices = likeliest(
-        attempt, judged, lambda: max(others * FEW // max(network.observations, FEW), min(others, 1))
+        attempt, judged, adjusted, lambda: max(others * FEW // max(network.observations, FEW), min(others, 1))
     )
     return replace(scene, choices=Choices(choices.wanted)), assembly
 
@@ -863,30 +866,38 @@ def _with_what_agrees(
     start = {kind: values.copy() for kind, values in found.start.items()}
     put_back(network, scene, start, agree)
     kept = found._replace(start=start)
-    return (
-        found
-        if _judged(assembly, found, moving, settle).beats(_judged(assembly, kept, moving, settle))
-        else kept
+    of_found, of_kept = (
+        _adjusted(assembly, one, _as_they_stand(assembly, one), moving, settle) for one in (found, kept)
     )
+    return found if of_found.beats(of_kept) else kept
 
 
-def _judged(
-    assembly: Assembly, found: Approximation, moving: Network, settle: SettleNetwork | None
-) -> Judgement:
-    """Count things without start values and measure the agreement of the others, before or after an adjustment."""
-    network = assembly.network
+def _as_they_stand(assembly: Assembly, found: Approximation) -> Judgement:
+    """Count things without start values and measure the agreement of the others."""
     missing = sum(thing.observations > 1 for thing in found.missing)
-    judgement = Judgement(missing, *disagreement(network.groups, found.start))
-    small, sound = network.observations <= SMALL, judgement.worst <= SOUND
+    return Judgement(missing, *disagreement(assembly.network.groups, found.start))
+
+
+def _adjusted(
+    assembly: Assembly,
+    found: Approximation,
+    judgement: Judgement,
+    moving: Network,
+    settle: SettleNetwork | None,
+) -> Judgement:
+    """The judgement after an adjustment, where one can be made and may tell more."""
+    small, sound = assembly.network.observations <= SMALL, judgement.worst <= SOUND
     if settle is None or not small or found.missing or (sound and not assembly.scene.choices.open):
         return judgement
+    judgement = judgement._replace(before=judgement.fit)
     settled = settle(at_all_times(moving, found.start))
     if settled is None:
         return judgement._replace(worst=np.inf)
     values, squares = settled
     if np.isinf(squares):  # other start values seldom help, and none of them may take the place of given ones
         return judgement._replace(fit=np.inf, worst=np.inf)
-    return Judgement(0, *disagreement(moving.groups, values), squares, judgement.fit)
+    fit, worst = disagreement(moving.groups, values)
+    return judgement._replace(fit=fit, worst=worst, squares=squares)
 
 
 def _contradicting(network: Network, system: Part, scene: Scene) -> list[Contradiction]:

@@ -93,12 +93,17 @@ class Judgement(NamedTuple):
     squares: float = np.inf
     """v'Pv, where they were adjusted and that came to an end."""
     before: float = np.inf
-    """``fit`` before they were adjusted."""
+    """``fit`` before they were adjusted, whatever came of it."""
 
     @property
     def agrees(self) -> bool:
         """True where nothing better is to be looked for."""
         return not self.missing and self.worst <= (SOUND if np.isfinite(self.squares) else AGREES)
+
+    @property
+    def as_they_stood(self) -> Judgement:
+        """That of the same start values before they were adjusted."""
+        return Judgement(self.missing, min(self.fit, self.before), self.worst)
 
     def beats(self, other: Judgement) -> bool:
         """True where these are clearly better, or end at a smaller v'Pv.
@@ -117,20 +122,25 @@ class Judgement(NamedTuple):
 
 
 def likeliest(
-    attempt: Callable[[Choices], Found], judged: Callable[[Found], Judgement], most: Callable[[], int]
+    attempt: Callable[[Choices], Found],
+    judged: Callable[[Found], Judgement],
+    adjusted: Callable[[Found, Judgement], Judgement],
+    most: Callable[[], int],
 ) -> tuple[Found, Choices]:
     """Return the start values that agree best: one answer after another is changed, as long as that helps.
 
-    ``most``: attempts beside the first one, at the most; asked only where that one does not agree.
+    Other answers are adjusted where they fit better as they stand, or to a question whose answers fit alike: else they
+    lead to the same end. ``most``: attempts beside the first one, at the most; asked only where that one does not
+    agree.
     """
     choices = Choices()
     best = attempt(choices)
     if not choices.asked:
         return best, choices
-    judgement = judged(best)
+    judgement = adjusted(best, judged(best))
     tried, left = {choices.wanted}, _tries(choices, judgement, most)
     while left > 0:
-        wanted = _next(choices, tried, judgement.agrees)
+        wanted, alike = _next(choices, tried, judgement.agrees)
         if wanted is None:
             break
         tried.add(wanted)
@@ -138,6 +148,9 @@ def likeliest(
         found = attempt(other)
         of_it = judged(found)
         left -= 1
+        if not (alike or of_it.beats(judgement.as_they_stood)):
+            continue
+        of_it = adjusted(found, of_it)
         if of_it.beats(judgement):
             left = min(left, SECOND_TRIES) if of_it.agrees else left
             best, choices, judgement = found, other, of_it
@@ -156,13 +169,16 @@ def _tries(choices: Choices, judgement: Judgement, most: Callable[[], int]) -> i
     return SECOND_TRIES if choices.open and np.isfinite(judgement.squares) else 0
 
 
-def _next(choices: Choices, tried: set[tuple[int, ...]], alike: bool) -> tuple[int, ...] | None:
-    """Return the next answers to try; with ``alike`` only to a question whose answers fit alike."""
+def _next(
+    choices: Choices, tried: set[tuple[int, ...]], only_alike: bool
+) -> tuple[tuple[int, ...] | None, bool]:
+    """Return the next answers to try, and whether they are to a question whose answers fit alike."""
     for wanted in choices.others():
         place = len(wanted) - 1
-        if wanted not in tried and (not alike or (place >= 0 and choices.asked[place].alike)):
-            return wanted
-    return None
+        alike = place >= 0 and choices.asked[place].alike
+        if wanted not in tried and (alike or not only_alike):
+            return wanted, alike
+    return None, False
 
 
 def disagreement(groups: Sequence[ObservationGroup], start: Mapping[str, FloatArray]) -> tuple[float, float]:

@@ -44,6 +44,9 @@ CASES = [
     ("control_unit", 2606),  # control in millimetres that images from one place hardly control
     ("counterclockwise", 2802),  # a station whose sights then have a solution of no use
     ("sigma_unit", 2706),  # of images, a thousand times too large
+    ("slope_for_horizontal", 7000),  # a factor of all σ, which the score tests name too, explains nothing
+    ("control_unit", 7002),  # the same
+    ("axes_exchanged", 7001),  # three control points that moved are no rival
 ]
 """A few that are quick; ``python -m tests.scenarios.planted_mistakes`` has all kinds."""
 

@@ -56,6 +56,18 @@ def test_a_common_offset_of_distances_is_named_with_its_amount(tmp_path: Path) -
     assert abs(found[0].amount.value) == pytest.approx(0.03, abs=0.003)
 
 
+def test_slope_distances_taken_for_horizontal_ones_are_named(tmp_path: Path) -> None:
+    """Their σ would have to be hundreds of times larger: that explains them, too, but much worse."""
+    building = survey("building")
+    plates = "distances to plates"
+    (entry,) = (one for one in building.project["observations"] if one.get("name") == plates)
+    entry["type"] = "horizontal_distance"
+    best, other = _solved(building.write(tmp_path)).possible_causes[:2]
+    assert (best.cause, best.things) == ("slope distance", (plates,))
+    assert other.cause == "sigma of a table"
+    assert best.gain > 1.2 * other.gain
+
+
 @pytest.mark.parametrize("name", ["bridge", "aerial_strip"])
 def test_nothing_is_named_if_nothing_is_rejected(name: str, tmp_path: Path) -> None:
     assert _solved(survey(name).write(tmp_path)).possible_causes == ()
