@@ -315,17 +315,31 @@ def frame_hypotheses(situation: Situation) -> list[Hypothesis]:
     names = list(network.things["image"].ids) if "image" in network.things else []
     worst = _worst(situation, "image", names)
     pairs = [pair for pair in combinations(worst, 2) if _alike(network, pair)]
-    found = []
-    for pair, _ in _best(situation, [(pair, ALL) for pair in pairs], "image"):
-        edits: tuple[Edit, ...] = ()
-        for number, group in enumerate(network.groups):
-            if is_image_point(group.type):
-                column = np.array(list(group.references[0]))
-                for name, other in (pair, pair[::-1]):
-                    rows = np.flatnonzero(column == name).tolist()
-                    edits += cells(network, number, rows, "image", to(other))
-        found.append(_hypothesis_of_frame("images exchanged", pair, "image", len(pairs), edits, situation))
-    return [*_stations_of_frame(situation), *found]
+    best = _best(situation, [(pair, ALL) for pair in pairs], "image")
+    return [
+        *_stations_of_frame(situation),
+        *(_exchanged_images(situation, pair, len(pairs)) for pair, _ in best),
+    ]
+
+
+def scored_image_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the exchanges of two images whose observed places score tests exchange."""
+    return [
+        _exchanged_images(situation, (one.things[0], one.things[1]), len(situation.scored))
+        for one in situation.scored
+        if one.cause == "images exchanged"
+    ]
+
+
+def _exchanged_images(situation: Situation, pair: tuple[str, str], candidates: int) -> Hypothesis:
+    network, edits = situation.network, tuple[Edit, ...]()
+    for number, group in enumerate(network.groups):
+        if is_image_point(group.type):
+            column = np.array(list(group.references[0]))
+            for name, other in (pair, pair[::-1]):
+                rows = np.flatnonzero(column == name).tolist()
+                edits += cells(network, number, rows, "image", to(other))
+    return _hypothesis_of_frame("images exchanged", pair, "image", candidates, edits, situation)
 
 
 def exchanged_frames(network: Network, pair: tuple[str, str], of: str, only: int = ALL) -> Network:

@@ -627,8 +627,10 @@ def _control(
     flagged: Sequence[BoolArray],
     quality: Quality,
 ) -> Iterator[_Candidate]:
-    """Control points with wrong coordinates, and pairs of them exchanged."""
+    """Control points with wrong coordinates, and pairs of them, or of images with observed places, exchanged."""
     ids = problem.index.blocks["point"].ids
+    images = network.things["image"]
+    image_at = dict(zip(images.parts["position"].tolist(), images.ids, strict=True))
     for k in adjusted:
         group = problem.groups[k]
         if group.type.key not in ("observed/point", "coordinates"):
@@ -647,11 +649,17 @@ def _control(
         for pair in combinations(rows.tolist(), 2):
             one, other = np.array(pair)
             change = group.observed[[one, other]] - group.observed[[other, one]]
-            names = (ids[points[one]], ids[points[other]])
+            cause, of, names = "control exchanged", "points", (ids[points[one]], ids[points[other]])
+            if points[one] in image_at and points[other] in image_at:
+                cause, of, names = (
+                    "images exchanged",
+                    "images",
+                    (image_at[points[one]], image_at[points[other]]),
+                )
             yield _Candidate(
-                "control exchanged",
+                cause,
                 names,
-                f"points: {names[0]} ↔ {names[1]}",
+                f"{of}: {names[0]} ↔ {names[1]}",
                 ((k, np.array(pair), change[:, :, None]),),
                 definite=True,
                 alike=max(len(rows) * (len(rows) - 1) // 2, 1),

@@ -18,7 +18,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.diagnose.angles import circle_hypotheses, face_hypotheses, frame_hypotheses, turned_circle_hypotheses
+from mor.diagnose.angles import (
+    circle_hypotheses,
+    face_hypotheses,
+    frame_hypotheses,
+    scored_image_hypotheses,
+    turned_circle_hypotheses,
+)
 from mor.diagnose.control import (
     control_hypotheses,
     distance_hypotheses,
@@ -130,6 +136,7 @@ _FAMILIES: dict[str, Family] = {
     "instrument height": height_hypotheses,
     "target height": height_hypotheses,
     "set-ups exchanged": frame_hypotheses,
+    "images exchanged": scored_image_hypotheses,
     "image scale": camera_constant_hypotheses,
     "camera of images": other_camera_hypotheses,
     "circle sense": circle_hypotheses,

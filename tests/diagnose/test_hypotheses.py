@@ -46,6 +46,7 @@ CASES = [
     ("sigma_unit", 2706),  # of images, a thousand times too large
     ("slope_for_horizontal", 7000),  # a factor of all σ, which the score tests name too, explains nothing
     ("control_unit", 7002),  # the same
+    ("images_exchanged", 7000),  # images whose places are observed
     ("axes_exchanged", 7001),  # three control points that moved are no rival
 ]
 """A few that are quick; ``python -m tests.scenarios.planted_mistakes`` has all kinds."""
