@@ -638,11 +638,14 @@ def _control(
         points = np.asarray(group.blocks[0])
         for row in np.flatnonzero(flagged[k]).tolist():
             seen = np.flatnonzero(group.mask[row] & ~group.left_out[row])
-            unit = np.zeros((1, group.observed.shape[1], len(seen)))
-            unit[0, seen, np.arange(len(seen))] = 1.0
             name = ids[points[row]]
             line = f"points, {name}: x, y, z"
-            yield _Candidate("control moved", (name,), line, ((k, np.array([row]), unit),), alike=group.count)
+            tests = np.abs(quality.reliability[k].at(np.array([row])).test[0])
+            for some in (seen, seen[np.argsort(-tests[seen])[:1]]):
+                unit = np.zeros((1, group.observed.shape[1], len(some)))
+                unit[0, some, np.arange(len(some))] = 1.0
+                part = (k, np.array([row]), unit)
+                yield _Candidate("control moved", (name,), line, (part,), alike=group.count)
         rows = np.flatnonzero(flagged[k] & group.mask.all(axis=1))
         sizes = np.nan_to_num(np.abs(quality.reliability[k].at(rows).test)).max(axis=1, initial=0.0)
         rows = rows[np.argsort(-sizes, kind="stable")[:_PAIRS]]
