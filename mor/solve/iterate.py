@@ -442,6 +442,10 @@ class Patience(NamedTuple):
     """The same of damped ones in the second half: a point on its way to infinity gains little by little."""
 
 
+AT_ABSURD_SUMS = Patience(10, 1e-2, 1e-2)
+"""That of an iteration whose vᵀPv no network has: it leads to no solution, or to one with gross errors."""
+ABSURD = 1e4
+"""vᵀPv in terms of the redundancy that is absurd: all residuals are a hundred times their σ."""
 _EPS = float(np.finfo(float).eps)
 
 
@@ -480,6 +484,9 @@ def stands_still(iterations: tuple[Iteration, ...], patience: Patience | None = 
     whose damping falls: its steps grow along a direction that was damped. Steps of zero are not compared: an adjustment
     in another datum that begins at the solution begins with one.
     """
+    if patience is None and iterations:
+        last = iterations[-1]
+        patience = AT_ABSURD_SUMS if last.objective > ABSURD * max(last.redundancy, 1) else Patience()
     count, gain, damped = patience or Patience()
     if len(iterations) < 2 * count:
         return False

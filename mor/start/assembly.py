@@ -765,9 +765,9 @@ def approximate(
     moving = network
     network = to_plane(standing_still(without_trajectories(network)))
     network = to_places(replace(network, start=with_observed(network)))
-    scene, assembly = _likeliest(network, scene_of(network), moving, settle, others)
-    if assembly.network is not network:
-        result = _with_what_agrees(network, assembly, moving, settle)
+    scene, assembly, judgement = _likeliest(network, scene_of(network), moving, settle, others)
+    if assembly.network is not network and judgement is not None:
+        result = _with_what_agrees(network, assembly, judgement, moving, settle)
     else:
         found = _contradicting(network, assembly.parts[0], scene) if others else []
         better = _with_others(network, scene, found) if found else None
@@ -780,7 +780,7 @@ def approximate(
 
 def _likeliest(
     network: Network, scene: Scene, moving: Network, settle: SettleNetwork | None, others: int
-) -> tuple[Scene, Assembly]:
+) -> tuple[Scene, Assembly, Judgement | None]:
     """The parts in the object system; where several answers were possible on the way, with those that agree best."""
 
     loose = started_only(network, scene)
@@ -794,10 +794,10 @@ def _likeliest(
     def adjusted(assembly: Assembly, judgement: Judgement) -> Judgement:
         return _adjusted(assembly, _approximation(assembly), judgement, moving, settle)
 
-    assembly, choices = likeliest(
+    assembly, choices, judgement = likeliest(
         attempt, judged, adjusted, lambda: max(others * FEW // max(network.observations, FEW), min(others, 1))
     )
-    return replace(scene, choices=Choices(choices.wanted)), assembly
+    return replace(scene, choices=Choices(choices.wanted)), assembly, judgement
 
 
 def _without_some(
@@ -840,7 +840,7 @@ def _left_free(network: Network) -> tuple[FreeRotation, bool]:
 
 
 def _with_what_agrees(
-    network: Network, assembly: Assembly, moving: Network, settle: SettleNetwork | None
+    network: Network, assembly: Assembly, judgement: Judgement, moving: Network, settle: SettleNetwork | None
 ) -> Approximation:
     """Start values of parts from which given ones were left out; those that agree come back, where that does no harm.
 
@@ -866,10 +866,10 @@ def _with_what_agrees(
     start = {kind: values.copy() for kind, values in found.start.items()}
     put_back(network, scene, start, agree)
     kept = found._replace(start=start)
-    of_found, of_kept = (
-        _adjusted(assembly, one, _as_they_stand(assembly, one), moving, settle) for one in (found, kept)
-    )
-    return found if of_found.beats(of_kept) else kept
+    if not agree:
+        return found
+    of_kept = _adjusted(assembly, kept, _as_they_stand(assembly, kept), moving, settle)
+    return found if judgement.beats(of_kept) else kept
 
 
 def _as_they_stand(assembly: Assembly, found: Approximation) -> Judgement:
