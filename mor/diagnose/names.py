@@ -12,7 +12,7 @@ one with the smallest cost (``quality/outliers.py``).
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations
 from typing import NamedTuple
@@ -28,7 +28,7 @@ from mor.quality.outliers import cost_of_residuals, sizes_of
 from mor.solve.problem import Problem, linearise, rotation_tangents
 from mor.types import FloatArray, IntArray
 
-_ROWS = 40
+ROWS = 40
 """Rows of a group that are looked at, the worst first."""
 _AS_GOOD = 6.0
 """|v|/σ up to which another name counts as fitting, or a twentieth of what it is now: poses are not known exactly."""
@@ -58,37 +58,36 @@ class Match(NamedTuple):
 
 def name_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Exchanges first, then single names."""
-    matches = [
+    found = [
         match
         for number, group in enumerate(situation.network.groups)
         if len(group.type.references) > 1
-        for place, row in enumerate(situation.worst_rows(number, _ROWS).tolist())
+        for place, row in enumerate(situation.worst_rows(number, ROWS).tolist())
         for match in _matches(situation, number, row, group.count <= _FEW and place < _ALONE)
     ]
-    exchanges = [*_exchanges(situation.network, matches), *_at_spoiled_stations(situation)]
-    together: dict[tuple[str, ...], list[Match]] = {}
-    for match in matches:
-        together.setdefault((match.reference, *match.names, match.right), []).append(match)
-    worst = sorted(together.values(), key=lambda same: -sum(match.drop for match in same))[:_TRIED]
+    exchanges = [*_exchanges(situation.network, found), *_at_spoiled_stations(situation)]
+    worst = sorted(with_the_same_names(found), key=lambda same: -sum(match.drop for match in same))[:_TRIED]
     return [*exchanges[:_TRIED], *(_wrong_name(situation.network, same) for same in worst)]
 
 
 def _matches(situation: Situation, number: int, row: int, alone: bool) -> Iterator[Match]:
     """Names that make a row fit; ``alone`` where the others lead without it."""
-    group = situation.network.groups[number]
+    values = without_row(situation, number, row) if alone else situation.values
+    return matches(situation.network, values, number, row)
+
+
+def matches(network: Network, values: Values, number: int, row: int) -> Iterator[Match]:
+    """Names that make a row of a group fit."""
+    group = network.groups[number]
     names = tuple(column[row] for column in group.references)
-    values, sizes_now = situation.values, situation.sizes[number][row]
-    if alone:
-        values = without_row(situation, number, row)
-        sizes_now = sizes_of([group], values)[0][row]
-    now = float(np.sqrt(np.mean(sizes_now**2)))
+    now = float(np.sqrt(np.mean(sizes_of([group], values)[0][row] ** 2)))
     for place, reference in enumerate(group.type.references):
         slots = [k for k, slot in enumerate(group.type.slots) if slot.of == reference.name]
         named: set[int] = (
             set()
         )  # places that a thing of an earlier kind has: a station over a point is named by it
         for space in reference.among:
-            things = situation.network.things.get(space)
+            things = network.things.get(space)
             if things is None or not len(things.ids):
                 continue
             blocks = {
@@ -96,7 +95,7 @@ def _matches(situation: Situation, number: int, row: int, alone: bool) -> Iterat
                 for slot in slots
                 if group.type.slots[slot].part in things.parts
             }
-            if not blocks or (space == "station" and names[place] in situation.network.sets):
+            if not blocks or (space == "station" and names[place] in network.sets):
                 continue
             # A height may belong to the thing of that name, or to the row as it stands.
             places = {k: own for k, own in blocks.items() if group.type.slots[k].kind != "height"}
@@ -183,8 +182,24 @@ def _exchange(network: Network, one: Match, other: Match, frame: tuple[str, ...]
     )
 
 
-def _wrong_name(network: Network, same: list[Match]) -> Hypothesis:
+def with_the_same_names(found: Iterable[Match]) -> list[list[Match]]:
+    """Return the matches of rows of several tables with the same names together."""
+    together: dict[tuple[str, ...], list[Match]] = {}
+    for match in found:
+        together.setdefault((match.reference, *match.names, match.right), []).append(match)
+    return list(together.values())
+
+
+def wrong_name(network: Network, same: list[Match]) -> tuple[str, tuple[str, ...], str]:
+    """Cause, things and line of a name that is another one."""
     first = same[0]
+    lines = "; ".join(_where(network.groups[match.group], match.row) for match in same)
+    cause = "wrong station" if first.reference in ("station", "from", "image") else "wrong name"
+    return cause, (*first.names, first.right), f"{lines}: {first.reference} {first.right}"
+
+
+def _wrong_name(network: Network, same: list[Match]) -> Hypothesis:
+    cause, things, line = wrong_name(network, same)
 
     def change(changed: Network) -> Network:
         for match in same:
@@ -193,13 +208,12 @@ def _wrong_name(network: Network, same: list[Match]) -> Hypothesis:
             )
         return changed
 
-    lines = "; ".join(_where(network.groups[match.group], match.row) for match in same)
     return Hypothesis(
-        "wrong station" if first.reference in ("station", "from", "image") else "wrong name",
-        (*first.names, first.right),
+        cause,
+        things,
         change,
-        f"{lines}: {first.reference} {first.right}",
-        first.candidates,
+        line,
+        same[0].candidates,
         rows=tuple((match.group, match.row) for match in same),
         edits=tuple(
             edit

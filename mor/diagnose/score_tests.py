@@ -22,6 +22,7 @@ import numpy as np
 from mor.diagnose.control import DISTANCE, HORIZONTAL_DISTANCE, other_kind
 from mor.diagnose.heights import HeightRows, height_sights
 from mor.diagnose.images import PRINCIPAL_POINT
+from mor.diagnose.names import ROWS, Match, matches, with_the_same_names, wrong_name
 from mor.model import rotations
 from mor.model.curvature import on_sphere
 from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, is_image_point, wrap
@@ -198,6 +199,7 @@ def _candidates(
         yield from _faces(values, number, group, flagged[number])
         yield from _turned_circles(values, number, group, flagged[number])
         yield from _exchanges(values, number, group, quality, flagged[number])
+    yield from _wrong_names(network, values, quality, flagged)
     yield from _set_ups(problem, network, values, adjusted, flagged)
     yield from _heights(problem, network, values, quality)
     yield from _antennas(problem, network, values, adjusted)
@@ -493,6 +495,29 @@ def _exchanges(
             yield _Candidate(
                 "names exchanged", (frame, *sorted(names)), line, (part,), definite=True, alike=len(pairs)
             )
+
+
+def _wrong_names(
+    network: Network, values: Values, quality: Quality, flagged: Sequence[BoolArray]
+) -> Iterator[_Candidate]:
+    """Flagged rows that fit with another name."""
+    found: list[Match] = []
+    for number, group in enumerate(network.groups):
+        if len(group.references) < 2 or group.type.between_marks:
+            continue
+        rows = np.flatnonzero(flagged[number])
+        tests = np.nan_to_num(np.abs(quality.reliability[number].at(rows).test)).max(axis=1, initial=0.0)
+        for row in rows[np.argsort(-tests, kind="stable")[:ROWS]].tolist():
+            found += matches(network, values, number, row)
+    for same in with_the_same_names(found):
+        cause, things, line = wrong_name(network, same)
+        parts = []
+        for one in same:
+            row = np.array([one.row])
+            blocks = {slot: np.array([block]) for slot, block in one.blocks.items()}
+            change = _with_blocks(network.groups[one.group], values, row, blocks)
+            parts.append((one.group, row, change[:, :, None]))
+        yield _Candidate(cause, things, line, tuple(parts), definite=True, alike=same[0].candidates)
 
 
 def _set_ups(

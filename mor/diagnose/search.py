@@ -119,6 +119,8 @@ def control_point_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 _FAMILIES: dict[str, Family] = {
     "names exchanged": name_hypotheses,
+    "wrong name": name_hypotheses,
+    "wrong station": name_hypotheses,
     "levelling sign": levelling_hypotheses,
     "vector sign": levelling_hypotheses,
     "antenna height": antenna_hypotheses,
