@@ -193,6 +193,7 @@ def _candidates(
         group = problem.groups[number]
         yield from _instruments(problem, values, number, group)
         yield from _interiors(problem, network, values, number, group, flagged[number])
+        yield from _observed_interiors(network, number, group, flagged[number])
         yield from _signs(number, group, flagged[number])
         yield from _units(number, group)
         yield from _circles(values, number, group)
@@ -290,6 +291,28 @@ def _interiors(
                 line = f"images, {image}: camera: {name}"
                 part = (number, rows, change[:, :, None])
                 yield _Candidate("camera of images", (image, name), line, (part,), True, alike=len(camera_of))
+
+
+def _observed_interiors(
+    network: Network, number: int, group: ObservationGroup, flagged: BoolArray
+) -> Iterator[_Candidate]:
+    """Observed camera constants and principal points that are wrong."""
+    if not group.type.key.startswith("observed/interior"):
+        return
+    cameras = network.things["camera"]
+    camera_of = dict(zip(cameras.parts["interior"].tolist(), cameras.ids, strict=True))
+    names = [component.name for component in group.type.components]
+    for row, k in np.argwhere(flagged[:, None] & group.mask & ~group.left_out).tolist():
+        name, key = camera_of.get(int(group.blocks[0][row]), ""), names[k]
+        if not name or key not in ("c", "fx", "fy", *PRINCIPAL_POINT):
+            continue
+        unit = np.zeros((1, len(names), 1))
+        unit[0, k] = -1.0
+        cause = "pixel origin" if key in PRINCIPAL_POINT else "image scale"
+        line = f"cameras, {name}: interior: {{{key}: {{free: …}}}}"
+        amount = (key, float(group.observed[row, k])) if cause == "image scale" else None
+        part = (number, np.array([row]), unit)
+        yield _Candidate(cause, (name,), line, (part,), amount=amount, alike=group.count)
 
 
 def _signs(number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator[_Candidate]:

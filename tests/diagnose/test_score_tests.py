@@ -68,6 +68,28 @@ def test_slope_distances_taken_for_horizontal_ones_are_named(tmp_path: Path) -> 
     assert best.gain > 1.2 * other.gain
 
 
+def test_a_wrong_name_of_a_target_is_named_with_the_right_one(tmp_path: Path) -> None:
+    bridge = survey("bridge")
+    row = next(row for row in bridge.tables["directions.csv"] if row["to"] == "NW1")
+    row["to"] = "NE1"
+    best = _solved(bridge.write(tmp_path)).possible_causes[0]
+    assert best.cause == "wrong name"
+    assert set(best.things) == {row["station"], "NE1", "NW1"}
+
+
+def test_a_wrong_observed_camera_constant_is_named_with_the_right_value(tmp_path: Path) -> None:
+    facade = survey("facade")
+    c = facade.project["cameras"]["D7"]["interior"]["c"]
+    c["observed"] = f"{float(c['observed']) * 1.2:.4f}"
+    solved = _solved(facade.write(tmp_path))
+    best = solved.possible_causes[0]
+    assert (best.cause, best.things) == ("image scale", ("D7",))
+    assert best.amount is not None
+    c_of = {group.type.key: group for group in solved.network.groups}
+    (block,) = np.unique(c_of["observed/interior/mor"].blocks[0])
+    assert best.amount.value == pytest.approx(solved.adjustment.values["interior/mor"][block, 0], rel=1e-3)
+
+
 @pytest.mark.parametrize("name", ["bridge", "aerial_strip"])
 def test_nothing_is_named_if_nothing_is_rejected(name: str, tmp_path: Path) -> None:
     assert _solved(survey(name).write(tmp_path)).possible_causes == ()
