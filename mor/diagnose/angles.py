@@ -322,12 +322,13 @@ def frame_hypotheses(situation: Situation) -> list[Hypothesis]:
     ]
 
 
-def scored_image_hypotheses(situation: Situation) -> list[Hypothesis]:
-    """Return the exchanges of two images whose observed places score tests exchange."""
+def scored_frame_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return the exchanges of two stations, and of two images with observed places, that score tests name."""
+    of = {"images exchanged": _exchanged_images, "set-ups exchanged": _exchanged_stations}
     return [
-        _exchanged_images(situation, (one.things[0], one.things[1]), len(situation.scored))
+        of[one.cause](situation, (one.things[0], one.things[1]), len(situation.scored))
         for one in situation.scored
-        if one.cause == "images exchanged"
+        if one.cause in of
     ]
 
 
@@ -402,7 +403,6 @@ def _stations_of_frame(situation: Situation) -> list[Hypothesis]:
     tables = [k for k, group in enumerate(network.groups) if group.count and _slots(group, "station")]
     variants = [ALL, *tables] if len(tables) > 1 else [ALL]
     best = _best(situation, [(pair, only) for pair in pairs for only in variants], "station")
-    ids = network.blocks["point"].ids
     found = []
     for pair, only in best:
         if only != ALL:
@@ -418,14 +418,18 @@ def _stations_of_frame(situation: Situation) -> list[Hypothesis]:
                 )
             )
             continue
-        blocks = _blocks_of(network, pair, "station", "position")
-        points = [ids[k] for k in blocks or ()]
-        edits: tuple[Edit, ...] = tuple(
-            CellEdit(("stations",), "point", to(point), cells={"id": name})
-            for name, point in zip(pair, reversed(points), strict=True)
-        )
-        found.append(_hypothesis_of_frame("set-ups exchanged", pair, "station", len(pairs), edits, situation))
+        found.append(_exchanged_stations(situation, pair, len(pairs)))
     return found
+
+
+def _exchanged_stations(situation: Situation, pair: tuple[str, str], candidates: int) -> Hypothesis:
+    ids = situation.network.blocks["point"].ids
+    points = [ids[k] for k in _blocks_of(situation.network, pair, "station", "position") or ()]
+    edits: tuple[Edit, ...] = tuple(
+        CellEdit(("stations",), "point", to(point), cells={"id": name})
+        for name, point in zip(pair, reversed(points), strict=False)
+    )
+    return _hypothesis_of_frame("set-ups exchanged", pair, "station", candidates, edits, situation)
 
 
 def _alike(network: Network, pair: tuple[str, str]) -> bool:

@@ -165,7 +165,7 @@ def _other_kind(network: Network, number: int) -> Hypothesis:
 
 # ---- Control points: two exchanged, all in another unit, northing and easting exchanged.
 
-_PAIRS = 3
+_PAIRS = 6
 """Exchanges that are tried, of all pairs."""
 _SUSPECTED = 12
 """Control points whose sights are put to each other's places: those they fit worst at their own."""

@@ -732,7 +732,7 @@ class Situation:
 
     @cached_property
     def fit(self) -> NetworkFit:
-        """Fit of the network as it is.
+        """Fit of the network as it is, at the solution where that is better described.
 
         At start values nothing fits yet: they are compared with a fit that leaves twice of what is expected, and with
         observations that refer to nothing as good as wrong.
@@ -741,8 +741,9 @@ class Situation:
             lost = sum(int(np.isinf(size).sum()) for size in self.sizes)
             length = 2.0 * self.count + lost * 2.0 * float(np.log(max(self.count, 2)))
             return NetworkFit(self.start, np.inf, 0, length, np.inf)
-        problem = self.make(self.network, self.values, self.values)
-        return fit_of(problem, self.values, self.defect, self.count)
+        places = [self.values] if self.solution is None else [self.values, self.solution.values]
+        fits = (fit_of(self.make(self.network, v, v), v, self.defect, self.count) for v in places)
+        return min(fits, key=lambda fit: fit.length)
 
     @property
     def defect(self) -> int:

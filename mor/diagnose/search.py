@@ -22,7 +22,7 @@ from mor.diagnose.angles import (
     circle_hypotheses,
     face_hypotheses,
     frame_hypotheses,
-    scored_image_hypotheses,
+    scored_frame_hypotheses,
     turned_circle_hypotheses,
 )
 from mor.diagnose.control import (
@@ -83,6 +83,8 @@ _RIVAL = 0.5
 """Part of what a hypothesis that explains everything promised, or gained, below which another one is no rival to it."""
 _ALIKE = 0.1
 """vᵀPv that differ by less tell nothing: likelihoods are the same to a twentieth."""
+_A_PART = 0.1
+"""Part of what is too much in vᵀPv that a mistake explains, at least."""
 _OF_A_POINT = 3
 """Parameters of a mistake in one point."""
 _BY_CHANCE = float(-2.0 * np.log(LEVEL))
@@ -137,8 +139,8 @@ _FAMILIES: dict[str, Family] = {
     "table unit": table_unit_hypotheses,
     "instrument height": height_hypotheses,
     "target height": height_hypotheses,
-    "set-ups exchanged": frame_hypotheses,
-    "images exchanged": scored_image_hypotheses,
+    "set-ups exchanged": scored_frame_hypotheses,
+    "images exchanged": scored_frame_hypotheses,
     "image scale": camera_constant_hypotheses,
     "camera of images": other_camera_hypotheses,
     "circle sense": circle_hypotheses,
@@ -395,9 +397,10 @@ def causes_without_start(
 
 
 def _nearer(fit: NetworkFit, before: Before) -> bool:
-    """True where vᵀPv falls by more than chance does, or rises towards its degrees of freedom."""
+    """True where vᵀPv falls by more than chance does and by a part of it, or rises towards its degrees of freedom."""
     if fit.omega <= before.compared:
-        return bool(before.compared - fit.omega > _BY_CHANCE)
+        least = max(_BY_CHANCE, _A_PART * (before.compared - before.freedom))
+        return bool(before.compared - fit.omega > least)
     ratios = np.array([fit.omega / max(fit.freedom, 1), before.compared / max(before.freedom, 1)])
     after, now = np.abs(np.log(np.maximum(ratios, 1e-300)))
     return bool(after < now)

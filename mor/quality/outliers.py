@@ -495,7 +495,7 @@ def _attempt(
             break
         if plain.outcome is Outcome.CONVERGED and _outvoted(problem, suspects):
             break
-        rest = adjust(remaining, found.values, settings, watch)
+        rest = adjust(remaining, found.values, _from_near(settings), watch)
         if rest.outcome is Outcome.CONVERGED:
             if plain.outcome is Outcome.CONVERGED and not (
                 _are_gross(plain, rest)
@@ -513,7 +513,7 @@ def _attempt(
             return recomputed if recomputed.adjustment is not plain else Attempt(rest, suspects)
         missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
         missing = {block for block in missing if block[0] in _GIVEN_UP and block not in suspects.lost}
-        if not missing:
+        if not missing or rest.outcome is Outcome.NOT_CONVERGED:
             break
         suspects = _enough_left(problem, _without(problem, suspects, missing))
     return None
