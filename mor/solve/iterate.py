@@ -442,7 +442,7 @@ class Patience(NamedTuple):
     """The same of damped ones in the second half: a point on its way to infinity gains little by little."""
 
 
-AT_ABSURD_SUMS = Patience(10, 1e-2, 1e-2)
+AT_ABSURD_SUMS = Patience(10, 5e-2, 5e-2)
 """That of an iteration whose vᵀPv no network has: it leads to no solution, or to one with gross errors."""
 ABSURD = 1e4
 """vᵀPv in terms of the redundancy that is absurd: all residuals are a hundred times their σ."""

@@ -58,6 +58,12 @@ def test_a_standstill_is_twenty_iterations_that_lead_nowhere():
     assert not stands_still(_history(*[3.0] * 11), Patience(6))
 
 
+def test_at_absurd_sums_of_squares_a_gain_of_a_twentieth_is_a_standstill():
+    creeping = [step._replace(objective=1e9 * 0.998**step.number) for step in _history(*[3.0] * 20)]
+    assert stands_still(tuple(creeping))
+    assert not stands_still(tuple(step._replace(objective=1e-6 * step.objective) for step in creeping))
+
+
 def test_an_iteration_whose_damping_falls_does_not_stand_still():
     falling = [step._replace(damping=1e-4 * 0.7**step.number) for step in _history(*[3.0] * 20)]
     assert not stands_still(tuple(falling))
