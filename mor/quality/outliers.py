@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cache, partial
 from itertools import combinations
 from typing import NamedTuple
 
@@ -456,8 +457,9 @@ def without_suspects(
         return Attempt(plain)
     if plain.outcome in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(plain):
         return Attempt(plain)
+    from_far = cache(partial(_from_far, plain, settings, watch))
     found = _by_weights(plain, watch, by_parts=True)
-    first = _attempt(plain, found, settings, watch) or _from_far(plain, settings, watch)
+    first = _attempt(plain, found, settings, watch, from_far) or from_far()
     first = first._replace(robust=found.values)
     if first.adjustment.outcome is Outcome.CONVERGED or not any(
         is_image_point(group.type) for group in plain.problem.groups
@@ -466,7 +468,7 @@ def without_suspects(
     other = _by_weights(plain, watch, by_parts=False)
     if all(map(np.array_equal, found.suspects, other.suspects)):
         return first
-    second = _attempt(plain, other, settings, watch)
+    second = _attempt(plain, other, settings, watch, from_far)
     return first if second is None else second._replace(robust=other.values)
 
 
@@ -477,7 +479,11 @@ def _by_weights(plain: Adjustment, watch: Watcher | None, by_parts: bool) -> Gra
 
 
 def _attempt(
-    plain: Adjustment, found: Graduated, settings: SolverSettings | None, watch: Watcher | None
+    plain: Adjustment,
+    found: Graduated,
+    settings: SolverSettings | None,
+    watch: Watcher | None,
+    from_far: Callable[[], Attempt],
 ) -> Attempt | None:
     """Return the adjustment of all observations, or of those that fit the weights; ``None`` if neither converges."""
     problem = plain.problem
@@ -509,7 +515,7 @@ def _attempt(
             of_lost = tuple(np.zeros_like(mask) for mask in suspects.masks)
             _add_rows(problem, of_lost, set(suspects.lost))
             mostly_lost = 2 * sum(int(np.count_nonzero(mask)) for mask in of_lost) > suspects.count
-            recomputed = _from_far(plain, settings, watch) if mostly_lost else Attempt(plain)
+            recomputed = from_far() if mostly_lost else Attempt(plain)
             return recomputed if recomputed.adjustment is not plain else Attempt(rest, suspects)
         missing = {unknown[:2] for one in rest.defect.undetermined for unknown in one.unknowns[:1]}
         missing = {block for block in missing if block[0] in _GIVEN_UP and block not in suspects.lost}
