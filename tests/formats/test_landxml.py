@@ -132,7 +132,9 @@ def test_a_plan_of_bearings_and_distances(tmp_path: Path) -> None:
         assert words in notes
 
 
-def test_arcs_of_a_plan_are_their_chords_and_heights_that_nothing_measures_are_not_used(tmp_path: Path) -> None:
+def test_arcs_of_a_plan_are_their_chords_and_heights_that_nothing_measures_are_not_used(
+    tmp_path: Path,
+) -> None:
     arc = (
         '<ReducedArcObservation name="5" setupID="IS-A" targetSetupID="IS-C" chordAzimuth="36.5212" radius="50.0" '
         'length="157.079633" rot="cw"/>\n'
@@ -140,7 +142,7 @@ def test_arcs_of_a_plan_are_their_chords_and_heights_that_nothing_measures_are_n
     path = tmp_path / "plan.xml"
     path.write_text(
         PLAN.replace("<RedVert", arc + "<RedVert").replace(
-            'pntSurv="boundary">100.0 200.0<', '>100.0 200.0 7.5<'
+            'pntSurv="boundary">100.0 200.0<', ">100.0 200.0 7.5<"
         )
     )
     document = read_foreign(path)
