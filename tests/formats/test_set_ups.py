@@ -222,6 +222,18 @@ def test_computed_coordinates_of_sdr_are_no_observations(tmp_path: Path) -> None
     assert "observations reduced by the instrument (MC) (1 record" in _notes(document)
 
 
+def test_computed_coordinates_of_a_station_that_no_sight_reached_are_given(tmp_path: Path) -> None:
+    lines = [
+        _sdr("02KI", "A", "100.0", "200.0", "10.0", "1.5"),
+        _sdr_sight("A", "P", 5.0, 90.0, 0.0),
+        _sdr("08TP", "B", "150.0", "230.0", "10.0"),
+        _sdr("02TP", "B", "150.0", "230.0", "10.0", "1.6"),
+        _sdr_sight("B", "A", 58.31, 90.0, 211.0),
+    ]
+    document = _read(tmp_path, "b.sdr", SDR + "\n".join(lines))
+    assert _points(document) == {"A": [200.0, 100.0, 10.0], "B": [230.0, 150.0, 10.0]}
+
+
 def test_a_resection_of_sdr_precedes_its_station(tmp_path: Path) -> None:
     """The readings of the last attempt count; the station and its coordinates follow from them."""
     lines = [

@@ -311,7 +311,7 @@ class FieldBook:
         known = self.points.get(name)
         if known is not None and known[:3] == (east, north, height):
             return
-        if self.sighted(name) or name in self.computed:
+        if self.sighted(name):
             self.computed_point(name, east, north, height, line)
         else:
             self.point(name, east, north, height, line)
