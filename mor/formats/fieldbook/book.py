@@ -554,6 +554,12 @@ def _put_points(
     measured |= {sight.target for set_up in occupied for sight in set_up.sights}
     measured |= {name for row in levelled for name in (row.start, row.end)}
     taking_part = [name for name in book.points if name in measured]
+    if measured and not taking_part and book.points:
+        draft.note(
+            f"{counted(len(book.points), 'given point')} not used: no reading refers to them",
+            next(iter(book.points.values())).line,
+        )
+        book.points = {}
     control = len(taking_part) >= 2 or not measured
     sigma = SIGMA_CONTROL if control and measured else None
     known = [
