@@ -93,7 +93,7 @@ FORMATS: dict[str, FileFormat] = {
     "sdr": FileFormat("Sokkia SDR20, SDR33", _book("recorders", "read_sdr"), suffixes=(".sdr",)),
     "sokkia-scr": FileFormat("Sokkia SCR", _book("lists", "read_sokkia_scr"), suffixes=(".scr",)),
     "nikon": FileFormat("Nikon RAW", _book("lists", "read_nikon"), suffixes=(".raw",)),
-    "topcon": FileFormat("Topcon GTS-7", _book("lists", "read_topcon"), suffixes=(".gts7", ".gt7")),
+    "topcon": FileFormat("Topcon GTS-7, GTS-6", _book("lists", "read_topcon"), suffixes=(".gts7", ".gt7")),
     "m5": FileFormat("Zeiss and Trimble M5", _book("recorders", "read_m5"), suffixes=(".m5",)),
     "geodimeter": FileFormat(
         "Geodimeter ARE, JOB", _book("recorders", "read_geodimeter"), suffixes=(".are", ".job")

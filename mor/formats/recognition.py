@@ -1026,10 +1026,6 @@ _NOT_READ = (
         "this is a Trimble DC file (Survey Controller), which is not read; export the job as JobXML (.jxl)",
     ),
     (
-        re.compile(r"_\+?\S+_ \?[+-]\d{8}m"),
-        "this is a Topcon GTS-6 file (FC-4, FC-5), which is not read; export the job as GTS-7",
-    ),
-    (
         re.compile(r"For R[45]\|"),
         "this is a Zeiss Elta file (R4, R5), which is not read; export the job as M5",
     ),
@@ -1270,6 +1266,7 @@ _RECORD_FORMATS: tuple[tuple[str, re.Pattern[str], int, str], ...] = (
         2,
         "the records STN, JOB, UNITS",
     ),
+    ("topcon", re.compile(r"_'[^_]*_\("), 1, "stations and sights of a GTS-6 file"),
     ("pix4d-cam", re.compile(HEAD), 1, "the head of a camera file"),
     ("bundler", re.compile(r"# Bundle file"), 1, "the head of a bundle file"),
 )
