@@ -40,7 +40,7 @@ _HEIGHTS = {
 _SIGHT = {
     "station_height": f"fromheight|{_HEIGHTS['from_height']}",
     "to_height": _HEIGHTS["to_height"],
-    "set": "set|satz",
+    "set": "set|satz|setid|setno|round|series",
     "face": "face|lage",
     "epoch": "epoch|epoche",
 }
@@ -65,17 +65,22 @@ _POINTS = {
     "y": "y|y0|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy",
     "z": "z|z0|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|rl|reducedlevel",
 }
+_AXES = {"x": "xe", "y": "yn", "z": "zhu"}
 _STATED = {
     f"sigma_{ours}": "|".join(
         f"{word}{name}" for name in names for word in ("s", "std", "stdev", "sd", "sigma")
     )
-    for ours, names in (("x", "xe"), ("y", "yn"), ("z", "zhu"))
+    for ours, names in _AXES.items()
 } | {"sigma": "std|stdev|accuracy"}
 _COVARIANCES = {
-    f"cov_d{a}_d{b}": f"c{a}{b}|cov{a}{b}|q{a}{b}|covd{a}d{b}"
+    f"cov_d{a}_d{b}": "|".join(
+        form.format(one, other)
+        for one, other in product(_AXES[a], _AXES[b])
+        for form in ("c{}{}", "cov{}{}", "q{}{}", "covd{}d{}")
+    )
     for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
 }
-_VECTOR = {f"d{name}": f"d{name}|delta{name}" for name in "xyz"}
+_VECTOR = {f"d{ours}": "|".join(f"d{a}|delta{a}" for a in names) for ours, names in _AXES.items()}
 
 KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "image": (
@@ -97,9 +102,9 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "angle": (
         {
-            "at": "at|station|vertex|occupied|occ|instrument",
-            "from": "from|von|backsight|bs",
-            "to": "to|nach|foresight|fs",
+            "at": "at|station|vertex|occupied|occ|instrument|atpoint|atstation",
+            "from": "from|von|backsight|bs|frompoint|fromstation",
+            "to": "to|nach|foresight|fs|topoint|tostation",
             "angle": "angle|winkel|angleright|horizontalangle",
         },
         {**_BETWEEN, "at_height": "ih|hi"},
