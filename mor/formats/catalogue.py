@@ -127,6 +127,11 @@ FORMATS: dict[str, FileFormat] = {
         Code("mor.formats.snap.writer", "write_snap"),
         suffixes=(".snp", ".crd"),
     ),
+    "comp3d": FileFormat(
+        "Comp3D (.comp, or .cor with .obs)",
+        Code("mor.formats.comp3d", "read_comp3d"),
+        suffixes=(".obs", ".cor", ".comp"),
+    ),
     "sinex": FileFormat(
         "SINEX: a GNSS solution with its covariance matrix",
         Code("mor.formats.sinex", "read_sinex"),

@@ -1154,6 +1154,20 @@ def _jag3d(sample: Sample) -> bool:
     )
 
 
+def _comp3d(sample: Sample) -> bool:
+    """A project of Comp3D, or a file of its suffixes whose lines are a code, names and numbers."""
+    suffix = sample.path.suffix.lower()
+    if suffix == ".comp":
+        return '"root_OBS_file"' in sample.text or '"COMP3D_VERSION"' in sample.text
+    lines = [words for line in sample.records if (words := line.partition("*")[0].split())]
+    form = r"-?\d{1,2}|@.*"
+    return (
+        suffix in (".obs", ".cor")
+        and bool(lines)
+        and all(re.fullmatch(form, words[0]) and (len(words) > 1 or words[0][0] == "@") for words in lines)
+    )
+
+
 def _alicevision(sample: Sample) -> bool:
     head = sample.text.lstrip()[:1] == "{" and '"version"' in sample.text
     return head and any(f'"{name}"' in sample.text for name in ("featuresFolders", "viewId", "intrinsicId"))
@@ -1358,6 +1372,7 @@ _RULES: tuple[_Rule, ...] = (
     _root("gkf", "gama-local"),
     _if("dynadjust", lambda sample: sample.text.startswith("!#=DNA"), "the head !#=DNA"),
     _root("dynaml", "DnaXmlFormat"),
+    _if("comp3d", _comp3d, "codes, names and numbers of Comp3D"),
     _if("sinex", lambda sample: sample.text.startswith("%=SNX"), "the head %=SNX"),
     _if("jag3d-script", lambda s: '"PointApriori"' in s.text and "TABLE" in s.text, "tables of JAG3D"),
     _if("textbook", _sections, "sections as in [Coordinates]", certain=False),

@@ -317,11 +317,12 @@ def _cells(path: Path) -> tuple[str, tuple[tuple[str, ...], ...], tuple[str, ...
 
 
 def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:
-    """Return whether the rows are name, x, y, z, and perhaps codes that are no numbers."""
+    """Return whether the rows are name, x, y, z (or nothing), and perhaps codes that are no numbers."""
     return bool(rows) and all(
         len(row) == len(rows[0]) >= 4
         and row[0].strip()
-        and all(_NUMBER.fullmatch(cell.strip()) for cell in row[1:4])
+        and all(_NUMBER.fullmatch(cell.strip()) for cell in row[1:3])
+        and (not row[3].strip() or _NUMBER.fullmatch(row[3].strip()))
         and not any(_NUMBER.fullmatch(cell.strip()) for cell in row[4:])
         for row in rows
     )
