@@ -164,11 +164,12 @@ class _Reader:
             if rows:
                 draft.table("observations", _COLUMNS[type_], rows, type=type_, instrument=instrument)
         draft.put("settings", {"undetermined": "leave_out"})
-        left_out = [f"{what} ({counted(len(places), 'record')})" for what, places in self.skipped.items()]
-        for words, places in zip(left_out, self.skipped.values(), strict=True):
-            draft.note(f"not read: {words}", *places[0])
+        for what, places in self.skipped.items():
+            draft.note(f"Comp3D: {what} not read ({counted(len(places), 'record')})", *places[0])
         if not any(tables.values()):
-            draft.problem(f"there are no observations that are read; left out: {'; '.join(left_out) or '-'}")
+            draft.problem(
+                f"there are no observations that are read; left out: {'; '.join(self.skipped) or '-'}"
+            )
         if settings.get("use_proj") == "true":
             draft.problem("the coordinates of the project are in a projection (use_proj), which is not read")
 
