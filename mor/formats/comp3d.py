@@ -67,7 +67,11 @@ def read_comp3d(path: Path) -> Document:
     if path.suffix.lower() == _COMP:
         text = "\n".join(read_lines(path, draft))
         settings = dict(_SETTING.findall(text))
-        named = {kind: json.loads(name) for kind, name in _ROOT.findall(text)}
+        try:
+            named = {kind: json.loads(name) for kind, name in _ROOT.findall(text)}
+            reader.settings(settings)
+        except ValueError as error:
+            raise InputError([Message(f"config: {error}", str(path))]) from None
         files = {
             kind: path.parent / named[kind].replace("\\", "/") for kind in ("COR", "OBS") if named.get(kind)
         }
@@ -102,6 +106,9 @@ class _Reader:
     """Code, coordinates, σ, line and file by name."""
     ignored: set[str] = field(default_factory=set)
     observations: list[tuple[int, list[str], int, str]] = field(default_factory=list)
+    refraction: float = _REFRACTION
+    centre: list[float] = field(default_factory=list)
+    """East, north and height of the centre of the local frame, empty if unknown."""
     skipped: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
 
     def file(self, path: Path, read: Callable[[list[str], int, str], None], depth: int = 0) -> None:
@@ -116,6 +123,12 @@ class _Reader:
                     read(words, line, str(path))
             except ValueError as error:
                 self.draft.problem(str(error), line, str(path))
+
+    def settings(self, found: dict[str, str]) -> None:
+        """Refraction and centre of a project. Raises ``ValueError``."""
+        self.refraction = parse_number(found.get("refraction", repr(_REFRACTION)))
+        words = found.get("local_center", "[]").strip("[]").split(",")
+        self.centre = [parse_number(word) for word in words if word.strip()]
 
     def leave_out(self, what: str, line: int, file: str) -> None:
         self.skipped.setdefault(what, []).append((line, file))
@@ -151,10 +164,9 @@ class _Reader:
         draft.put("title", title)
         draft.put("units", {"length": "m", "angle": "gon"})
         draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
-        refraction = parse_number(settings.get("refraction", str(_REFRACTION)))
         if not settings:
             draft.note(f"no .comp file says the coefficient of refraction: {_REFRACTION} is Comp3D's default")
-        draft.put("instruments", {"comp3d": {"refraction": repr(refraction)}})
+        draft.put("instruments", {"comp3d": {"refraction": repr(self.refraction)}})
         draft.put("curvature", self._sphere(settings))
         free = settings.get("internal_constraints") == "true"
         tables = self._tables()
@@ -175,11 +187,7 @@ class _Reader:
 
     def _sphere(self, settings: dict[str, str]) -> dict[str, object]:
         """The sphere of the local frame: plan coordinates are those of its level 0 about the centre of the project."""
-        centre = [
-            parse_number(word)
-            for word in settings.get("local_center", "[]").strip("[]").split(",")
-            if word.strip()
-        ]
+        centre = self.centre
         if len(centre) < 2:
             places = [place for _, place, *_ in self.points.values()] or [[0.0, 0.0, 0.0]]
             centre = [sum(place[k] for place in places) / len(places) for k in range(2)]

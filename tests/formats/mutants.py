@@ -73,6 +73,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_alicevision import alicevision
     from .test_bal import _bal
     from .test_colmap import RIG
+    from .test_comp3d import COMP, COR, observed
     from .test_dbat import SCRIPT, TABLES
     from .test_dynadjust import MEASURED, STATIONS
     from .test_dynaml import MEASURED as XML_MEASURED
@@ -147,6 +148,16 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "nikon": ("nikon", "a.raw", {"a.raw": _NIKON.encode()}),
         "topcon": ("topcon", "a.gts7", {"a.gts7": _TOPCON.encode()}),
         "topcon stream": ("topcon", "a.raw", {"a.raw": _TOPCON_STREAM.encode()}),
+        "comp3d": (
+            "comp3d",
+            "n.comp",
+            {
+                "n.comp": COMP.encode(),
+                "n.cor": COR.encode(),
+                "sub/n.obs": observed().encode(),
+                "sub/more.obs": b"9 C D 0 0.003\n",
+            },
+        ),
         "sokkia": ("sokkia-scr", "a.scr", {"a.scr": _SOKKIA.encode()}),
         "geodimeter": ("geodimeter", "a.job", {"a.job": _GEODIMETER.encode()}),
     }
