@@ -71,7 +71,7 @@ def read_comp3d(path: Path) -> Document:
             named = {kind: json.loads(name) for kind, name in _ROOT.findall(text)}
             reader.settings(settings)
         except ValueError as error:
-            raise InputError([Message(f"config: {error}", str(path))]) from None
+            raise InputError([Message(str(error), str(path))]) from None
         files = {
             kind: path.parent / named[kind].replace("\\", "/") for kind in ("COR", "OBS") if named.get(kind)
         }
