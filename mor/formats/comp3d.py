@@ -141,8 +141,8 @@ class _Reader:
         if not 0 <= code <= 9 or len(words) < 5:
             raise ValueError(f"found {' '.join(words[:6])!r}, expected a code (-1 to 9), a name, E, N, h")
         numbers = [parse_number(word) for word in words[2:8]]
-        if len(words) > 8:
-            self.leave_out("deflections of the vertical", line, file)
+        if any(map(parse_number, words[8:10])):
+            raise ValueError(f"point {words[1]}: deflections of the vertical are not read")
         sigmas = [*numbers[3:], 0.0, 0.0, 0.0][:3] if len(numbers) > 3 else [0.0, 0.0, 0.0]
         self.points[words[1]] = (code, numbers[:3], sigmas, line, file)
 
@@ -222,9 +222,9 @@ class _Reader:
                 tables["vector"] += self._centring(origin, target, a, b or a, line, file)
                 continue
             length = distances.get((origin, target)) or distances.get((target, origin))
-            if b and length is None:
+            if b and not length:
                 self.leave_out("parts of σ that depend on an unknown distance", line, file)
-            elif length is not None:
+            elif length:
                 a += b / length * 200.0 / pi if code in (5, 6, 7, 8) else b * length
             if a <= 0.0:
                 self.draft.problem(f"found the σ {a:g}, expected more than 0", line, file)

@@ -146,3 +146,16 @@ def test_projections_and_projects_without_observations_are_refused(tmp_path: Pat
     (tmp_path / "sub" / "n.obs").write_text("12 A @a.xyz\n")
     with pytest.raises(InputError, match=r"no observations that are read; left out: polar subframes \(12\)"):
         read_foreign(path)
+
+
+def test_points_at_one_place_have_no_part_of_sigma_by_distance_and_deflections_are_refused(
+    tmp_path: Path,
+) -> None:
+    path = write(tmp_path)
+    (tmp_path / "n.cor").write_text(COR + "0 E 1000 2000 5\n")
+    (tmp_path / "sub" / "more.obs").write_text("5 A E 10.0 0.001 0.002\n")
+    notes = " ".join(map(str, read_foreign(path).notes))
+    assert "parts of σ that depend on an unknown distance not read (1 record)" in notes
+    (tmp_path / "n.cor").write_text(COR + "0 E 1 2 5 0 0 0 1.5 0\n")
+    with pytest.raises(InputError, match=r"n\.cor:5: point E: deflections of the vertical are not read"):
+        read_foreign(path)
