@@ -90,6 +90,7 @@ CHAPTERS = {
                 "textbook",
                 "starnet",
                 "jag3d",
+                "comp3d",
                 "dynadjust",
                 "snap",
                 "sinex",

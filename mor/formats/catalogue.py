@@ -93,7 +93,7 @@ FORMATS: dict[str, FileFormat] = {
     "sdr": FileFormat("Sokkia SDR20, SDR33", _book("recorders", "read_sdr"), suffixes=(".sdr",)),
     "sokkia-scr": FileFormat("Sokkia SCR", _book("lists", "read_sokkia_scr"), suffixes=(".scr",)),
     "nikon": FileFormat("Nikon RAW", _book("lists", "read_nikon"), suffixes=(".raw",)),
-    "topcon": FileFormat("Topcon GTS-7", _book("lists", "read_topcon"), suffixes=(".gts7", ".gt7")),
+    "topcon": FileFormat("Topcon GTS-7, GTS-6", _book("lists", "read_topcon"), suffixes=(".gts7", ".gt7")),
     "m5": FileFormat("Zeiss and Trimble M5", _book("recorders", "read_m5"), suffixes=(".m5",)),
     "geodimeter": FileFormat(
         "Geodimeter ARE, JOB", _book("recorders", "read_geodimeter"), suffixes=(".are", ".job")
@@ -126,6 +126,11 @@ FORMATS: dict[str, FileFormat] = {
         Code("mor.formats.snap.reader", "read_snap"),
         Code("mor.formats.snap.writer", "write_snap"),
         suffixes=(".snp", ".crd"),
+    ),
+    "comp3d": FileFormat(
+        "Comp3D (.comp, or .cor with .obs)",
+        Code("mor.formats.comp3d", "read_comp3d"),
+        suffixes=(".obs", ".cor", ".comp"),
     ),
     "sinex": FileFormat(
         "SINEX: a GNSS solution with its covariance matrix",

@@ -1026,10 +1026,6 @@ _NOT_READ = (
         "this is a Trimble DC file (Survey Controller), which is not read; export the job as JobXML (.jxl)",
     ),
     (
-        re.compile(r"_\+?\S+_ \?[+-]\d{8}m"),
-        "this is a Topcon GTS-6 file (FC-4, FC-5), which is not read; export the job as GTS-7",
-    ),
-    (
         re.compile(r"For R[45]\|"),
         "this is a Zeiss Elta file (R4, R5), which is not read; export the job as M5",
     ),
@@ -1158,6 +1154,20 @@ def _jag3d(sample: Sample) -> bool:
     )
 
 
+def _comp3d(sample: Sample) -> bool:
+    """A project of Comp3D, or a file of its suffixes whose lines are a code, names and numbers."""
+    suffix = sample.path.suffix.lower()
+    if suffix == ".comp":
+        return '"root_OBS_file"' in sample.text or '"COMP3D_VERSION"' in sample.text
+    lines = [words for line in sample.records if (words := line.partition("*")[0].split())]
+    form = r"-?\d{1,2}|@.*"
+    return (
+        suffix in (".obs", ".cor")
+        and bool(lines)
+        and all(re.fullmatch(form, words[0]) and (len(words) > 1 or words[0][0] == "@") for words in lines)
+    )
+
+
 def _alicevision(sample: Sample) -> bool:
     head = sample.text.lstrip()[:1] == "{" and '"version"' in sample.text
     return head and any(f'"{name}"' in sample.text for name in ("featuresFolders", "viewId", "intrinsicId"))
@@ -1270,6 +1280,7 @@ _RECORD_FORMATS: tuple[tuple[str, re.Pattern[str], int, str], ...] = (
         2,
         "the records STN, JOB, UNITS",
     ),
+    ("topcon", re.compile(r"_'[^_]*_\("), 1, "stations and sights of a GTS-6 file"),
     ("pix4d-cam", re.compile(HEAD), 1, "the head of a camera file"),
     ("bundler", re.compile(r"# Bundle file"), 1, "the head of a bundle file"),
 )
@@ -1361,6 +1372,7 @@ _RULES: tuple[_Rule, ...] = (
     _root("gkf", "gama-local"),
     _if("dynadjust", lambda sample: sample.text.startswith("!#=DNA"), "the head !#=DNA"),
     _root("dynaml", "DnaXmlFormat"),
+    _if("comp3d", _comp3d, "codes, names and numbers of Comp3D"),
     _if("sinex", lambda sample: sample.text.startswith("%=SNX"), "the head %=SNX"),
     _if("jag3d-script", lambda s: '"PointApriori"' in s.text and "TABLE" in s.text, "tables of JAG3D"),
     _if("textbook", _sections, "sections as in [Coordinates]", certain=False),

@@ -40,7 +40,7 @@ _HEIGHTS = {
 _SIGHT = {
     "station_height": f"fromheight|{_HEIGHTS['from_height']}",
     "to_height": _HEIGHTS["to_height"],
-    "set": "set|satz",
+    "set": "set|satz|setid|setno|round|series",
     "face": "face|lage",
     "epoch": "epoch|epoche",
 }
@@ -65,17 +65,22 @@ _POINTS = {
     "y": "y|y0|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy",
     "z": "z|z0|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|rl|reducedlevel",
 }
+_AXES = {"x": "xe", "y": "yn", "z": "zhu"}
 _STATED = {
     f"sigma_{ours}": "|".join(
         f"{word}{name}" for name in names for word in ("s", "std", "stdev", "sd", "sigma")
     )
-    for ours, names in (("x", "xe"), ("y", "yn"), ("z", "zhu"))
+    for ours, names in _AXES.items()
 } | {"sigma": "std|stdev|accuracy"}
 _COVARIANCES = {
-    f"cov_d{a}_d{b}": f"c{a}{b}|cov{a}{b}|q{a}{b}|covd{a}d{b}"
+    f"cov_d{a}_d{b}": "|".join(
+        form.format(one, other)
+        for one, other in product(_AXES[a], _AXES[b])
+        for form in ("c{}{}", "cov{}{}", "q{}{}", "covd{}d{}")
+    )
     for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
 }
-_VECTOR = {f"d{name}": f"d{name}|delta{name}" for name in "xyz"}
+_VECTOR = {f"d{ours}": "|".join(f"d{a}|delta{a}" for a in names) for ours, names in _AXES.items()}
 
 KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "image": (
@@ -97,9 +102,9 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "angle": (
         {
-            "at": "at|station|vertex|occupied|occ|instrument",
-            "from": "from|von|backsight|bs",
-            "to": "to|nach|foresight|fs",
+            "at": "at|station|vertex|occupied|occ|instrument|atpoint|atstation",
+            "from": "from|von|backsight|bs|frompoint|fromstation",
+            "to": "to|nach|foresight|fs|topoint|tostation",
             "angle": "angle|winkel|angleright|horizontalangle",
         },
         {**_BETWEEN, "at_height": "ih|hi"},
@@ -312,11 +317,12 @@ def _cells(path: Path) -> tuple[str, tuple[tuple[str, ...], ...], tuple[str, ...
 
 
 def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:
-    """Return whether the rows are name, x, y, z, and perhaps codes that are no numbers."""
+    """Return whether the rows are name, x, y, z (or nothing), and perhaps codes that are no numbers."""
     return bool(rows) and all(
         len(row) == len(rows[0]) >= 4
         and row[0].strip()
-        and all(_NUMBER.fullmatch(cell.strip()) for cell in row[1:4])
+        and all(_NUMBER.fullmatch(cell.strip()) for cell in row[1:3])
+        and (not row[3].strip() or _NUMBER.fullmatch(row[3].strip()))
         and not any(_NUMBER.fullmatch(cell.strip()) for cell in row[4:])
         for row in rows
     )

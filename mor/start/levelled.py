@@ -421,6 +421,8 @@ def grow_single_points(
     if not missing or len(known) < 2:
         return False
     size, middle = float(np.linalg.norm(np.ptp(known, axis=0))), known.mean(axis=0)
+    if not size:
+        return False
     fits = np.inf if contradicting else ROUGHLY if ambiguous else FITS
     systems = [_pose_of_system(part, one, fits) for one in scene.partial_systems]
     added = False

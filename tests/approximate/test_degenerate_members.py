@@ -9,11 +9,13 @@ from __future__ import annotations
 import sys
 from collections import Counter
 from contextlib import suppress
+from itertools import permutations
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+import mor
 from mor.api.pipeline import diagnose_network, read_document, read_network, solve_network
 from mor.errors import MorError
 from mor.model import rotations as tolerant
@@ -79,3 +81,46 @@ def test_no_degenerate_candidate_ends_a_run(seed, tmp_path, monkeypatch, capfd):
         diagnose_network(network, lambda: next(trials, None) is not None)
     assert places
     assert capfd.readouterr() == ("", "")  # LAPACK writes there of arguments that it does not like
+
+
+@pytest.mark.slow
+def test_angles_in_the_wrong_unit_do_not_stop_the_start_values() -> None:
+    """Degrees that are called gon contradict the distances so far that points of a part may coincide."""
+    places = {"K1": (998, 2000), "K2": (1515, 2027), "A": (1072, 2128), "B": (1269, 2276), "C": (1384, 2138)}
+    apart = {pair: np.subtract(places[pair[1]], places[pair[0]]) for pair in permutations(places, 2)}
+    azimuth = {pair: np.degrees(np.arctan2(*away)) % 360.0 for pair, away in apart.items()}
+    turned = [("A", "K1", "B"), ("B", "A", "C"), ("C", "B", "K2"), ("A", "K1", "C"), ("B", "A", "K2")]
+    sights = ["K1 A", "K1 B", "K1 K2", "A B", "A C", "A K2", "B C", "B K2", "C K2", "C A"]
+    lengths = ["K1 A", "A B", "B C", "C K2", "K1 B", "A C", "B K2", "K1 K2"]
+    tables = {
+        "angle": (
+            ["at", "from", "to", "angle"],
+            [[at, one, to, (azimuth[at, to] - azimuth[at, one]) % 360.0] for at, one, to in turned],
+        ),
+        "directions": (
+            ["station", "to", "horizontal"],
+            [[*pair, azimuth[pair]] for pair in (tuple(text.split()) for text in sights)],
+        ),
+        "distance": (
+            ["from", "to", "distance"],
+            [[*pair, float(np.hypot(*apart[pair]))] for pair in (tuple(text.split()) for text in lengths)],
+        ),
+    }
+    project = {
+        "mor": 1,
+        "units": {"length": "m", "angle": "gon"},
+        "points": [
+            {"columns": ["id", "x", "y", "z"], "rows": [[name, *xy, 100.0] for name, xy in places.items()]}
+        ],
+        "observations": [
+            {
+                "type": kind,
+                "columns": columns,
+                "rows": rows,
+                "values": {"sigma": "5 mm" if kind == "distance" else "1 mgon"},
+            }
+            for kind, (columns, rows) in tables.items()
+        ],
+    }
+    with suppress(MorError):  # no solution is an answer, an internal error is none
+        mor.adjust(project)

@@ -469,3 +469,21 @@ def test_a_header_may_be_a_comment(tmp_path: Path, first: str, columns: str) -> 
     wanted = columns or "columns: [id, x, y, z]  # CHECK the order: the file has no header"
     assert wanted in project.read_text()
     assert mor("check", project).code == 0
+
+
+def test_baselines_by_east_and_north_and_angles_at_points(tmp_path: Path) -> None:
+    (tmp_path / "b.csv").write_text(
+        "obs_id,from_point,to_point,dE,dN,dH,cov_EE,cov_EN,cov_EH,cov_NN,cov_NH,cov_HH\n"
+        "1,A,B,10.0,20.0,1.0,1e-6,0,0,1e-6,0,4e-6\n"
+    )
+    (tmp_path / "a.csv").write_text("at_point,from_point,to_point,angle\nB,A,C,100.0\n")
+    (tmp_path / "d.csv").write_text("from_point,to_point,direction,set_id\nA,B,1.0,S1\nA,C,2.0,S1\n")
+    tables = {found.kind: found for name in "bad" for found in recognise(tmp_path / f"{name}.csv")}
+    vector = tables["vector"].columns
+    assert [vector[name] for name in ("dx", "dy", "dz")] == ["dE", "dN", "dH"]
+    assert [vector[f"cov_d{a}_d{b}"] for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")] == [
+        f"cov_{name}" for name in ("EE", "EN", "EH", "NN", "NH", "HH")
+    ]
+    assert tables["vector"].unused == ("obs_id",)
+    assert tables["angle"].columns["at"] == "at_point"
+    assert tables["directions"].columns["set"] == "set_id"

@@ -73,6 +73,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_alicevision import alicevision
     from .test_bal import _bal
     from .test_colmap import RIG
+    from .test_comp3d import COMP, COR, observed
     from .test_dbat import SCRIPT, TABLES
     from .test_dynadjust import MEASURED, STATIONS
     from .test_dynaml import MEASURED as XML_MEASURED
@@ -146,6 +147,17 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),
         "nikon": ("nikon", "a.raw", {"a.raw": _NIKON.encode()}),
         "topcon": ("topcon", "a.gts7", {"a.gts7": _TOPCON.encode()}),
+        "topcon stream": ("topcon", "a.raw", {"a.raw": _TOPCON_STREAM.encode()}),
+        "comp3d": (
+            "comp3d",
+            "n.comp",
+            {
+                "n.comp": COMP.encode(),
+                "n.cor": COR.encode(),
+                "sub/n.obs": observed().encode(),
+                "sub/more.obs": b"9 C D 0 0.003\n",
+            },
+        ),
         "sokkia": ("sokkia-scr", "a.scr", {"a.scr": _SOKKIA.encode()}),
         "geodimeter": ("geodimeter", "a.job", {"a.job": _GEODIMETER.encode()}),
     }
@@ -160,6 +172,11 @@ def _tie_points(folder: Path, tied: Callable[[Path, str], object]) -> Files:
     }
 
 
+_TOPCON_STREAM = (
+    "_'S1_(X_)1.500_+A_ ?+00012345m0903015+3595930d+00012344***+00+00000_*_,1.400_+B_ W+0001234\n"
+    "56m08959300-00010200d+0000000001+0000000002-0000000003***+0000+000000_*T_,1.60000_+C_ <0900000+0450000d_*_,1.2_"
+    "'S2_(_)1.700_+A_ ?+00020000m0900000+0000000d+00020000***_*_,1.300\n"
+)
 _IDX = (
     "HEADER\n\tUNITS\n\t\tANGULAR DMS\n\t\tLINEAR  METRE\n\tEND UNITS\nEND HEADER\nDATABASE\n"
     "\tPOINTS(PointNo, PointID, East, North, Elevation, Code, Date, CLASS)\n"

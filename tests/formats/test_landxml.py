@@ -132,6 +132,29 @@ def test_a_plan_of_bearings_and_distances(tmp_path: Path) -> None:
         assert words in notes
 
 
+def test_arcs_of_a_plan_are_their_chords_and_heights_that_nothing_measures_are_not_used(
+    tmp_path: Path,
+) -> None:
+    arc = (
+        '<ReducedArcObservation name="5" setupID="IS-A" targetSetupID="IS-C" chordAzimuth="36.5212" radius="50.0" '
+        'length="157.079633" rot="cw"/>\n'
+    )
+    path = tmp_path / "plan.xml"
+    path.write_text(
+        PLAN.replace("<RedVert", arc + "<RedVert").replace(
+            'pntSurv="boundary">100.0 200.0<', ">100.0 200.0 7.5<"
+        )
+    )
+    document = read_foreign(path)
+    assert document.data["settings"]["dimensions"] == "xy"
+    tables = {table["type"]: table["rows"] for table in document.data["observations"]}
+    (distance,) = (float(row[2]) for row in tables["horizontal_distance"] if row[:2] == ["A", "C"])
+    (bearing,) = (float(row[2]) for row in tables["bearing"] if row[:2] == ["A", "C"])
+    assert (distance, bearing) == pytest.approx((100.0, 36.87), abs=1e-6)
+    assert "1 given height not used" in " ".join(map(str, document.notes))
+    assert mor.adjust(str(path)).solved is not None
+
+
 def test_a_backsight_that_nothing_measures_is_a_sight(tmp_path: Path) -> None:
     path = tmp_path / "n.xml"
     back = (

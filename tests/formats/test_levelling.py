@@ -143,3 +143,19 @@ def test_points_without_names_and_feet(tmp_path: Path) -> None:
         ("turning point 3", "B2", -0.6096, 60.96),
     ]
     assert "not read: staff readings without a counterpart (1 record, lines 7)" in _notes(document)
+
+
+def test_given_heights_of_points_that_no_reading_refers_to_are_not_used(tmp_path: Path) -> None:
+    """The given height stands alone: the line is a free network of its own."""
+    path = tmp_path / "b.gsi"
+    path.write_text(
+        "110001+00000B01 83...6+01000000\n"
+        "110002+00000001 32...6+00100000 331.06+00015000\n"
+        "110003+00000002 32...6+00100000 332.06+00012000\n"
+    )
+    document = read_foreign(path)
+    assert [row[0] for table in document.data["points"] for row in table["rows"]] == ["1", "2"]
+    assert "1 given point not used: no reading refers to them" in " ".join(map(str, document.notes))
+    adjustment = solve_network(network_of(document, tmp_path)).adjustment
+    values = adjustment.values["point"]
+    assert float(values[1][2] - values[0][2]) == pytest.approx(0.3)

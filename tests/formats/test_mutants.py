@@ -38,7 +38,19 @@ from .mutants import faults, materials
             "gsib",
             "gsio",
         ),
-        *("sdrb", "m5b", "jxlb", "rw5b", "idx", "nikon", "topcon", "sokkia", "geodimeter"),
+        *(
+            "sdrb",
+            "m5b",
+            "jxlb",
+            "rw5b",
+            "idx",
+            "nikon",
+            "topcon",
+            "topcon stream",
+            "comp3d",
+            "sokkia",
+            "geodimeter",
+        ),
     ],
 )
 def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
@@ -46,4 +58,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 33
+    assert len(materials(tmp_path)) == 35

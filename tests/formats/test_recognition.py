@@ -80,12 +80,6 @@ def test_records_tell_the_format_whatever_the_name(tmp_path: Path, key: str, suf
         ),
         ("a.dat", "x\0y", "this is a binary file of an unknown kind"),
         ("a.txt", "", "this file is empty"),
-        (
-            "a.txt",
-            "_'A_(_)1.540_+1_ ?+00043575m0970930+1317260g+00043530t**+00+00111_*_,1.500_+2_ ?+00064702m0968990+136"
-            "0970g\n_,1.500_+3_ ?+00070501m096\n087110+00070412t**+00+00101_*_,1.500_+4_\n",
-            "a Topcon GTS-6 file",
-        ),
         ("a.txt", "For R5|Adr 0001|TR OR.COOR|          |          |          |\n", "a Zeiss Elta file"),
         ("a.dc", "00TMSC V10-70       0   10/01/2021 13:52113111\n", "a Trimble DC file"),
         (

@@ -222,6 +222,18 @@ def test_computed_coordinates_of_sdr_are_no_observations(tmp_path: Path) -> None
     assert "observations reduced by the instrument (MC) (1 record" in _notes(document)
 
 
+def test_computed_coordinates_of_a_station_that_no_sight_reached_are_given(tmp_path: Path) -> None:
+    lines = [
+        _sdr("02KI", "A", "100.0", "200.0", "10.0", "1.5"),
+        _sdr_sight("A", "P", 5.0, 90.0, 0.0),
+        _sdr("08TP", "B", "150.0", "230.0", "10.0"),
+        _sdr("02TP", "B", "150.0", "230.0", "10.0", "1.6"),
+        _sdr_sight("B", "A", 58.31, 90.0, 211.0),
+    ]
+    document = _read(tmp_path, "b.sdr", SDR + "\n".join(lines))
+    assert _points(document) == {"A": [200.0, 100.0, 10.0], "B": [230.0, 150.0, 10.0]}
+
+
 def test_a_resection_of_sdr_precedes_its_station(tmp_path: Path) -> None:
     """The readings of the last attempt count; the station and its coordinates follow from them."""
     lines = [
@@ -458,3 +470,34 @@ def test_the_units_of_a_commented_record_count_if_there_is_no_other(tmp_path: Pa
     (row,) = _rows(_read(tmp_path, "b.rw5", f"MO,AD0,UN1\n--MO,AD0,UN0\n{book}"), "distance")
     assert float(row["distance"]) == 100.0
     assert "no MO record tells the units" in _notes(_read(tmp_path, "c.rw5", book))
+
+
+def test_a_stream_of_topcon_gts6(tmp_path: Path) -> None:
+    """Lengths in mm or 0.1 mm, angles to 1 or 0.1 second; lines end anywhere, records may be incomplete."""
+    text = (
+        "_'S1_(X_)1.500_+A_ ?+00012345m0903015+3595930d+00012344***+00+00000_*_,1.400_+B_ W+0001234\n"
+        "56m08959300-00010200d+0000000001+0000000002-0000000003***+0000+000000_*T_,1.60000_+C_ <0900000+0450000d"
+        "_*_,1.2_+D_\n ?+0001"
+        "_'S2_(_)1.700_+A_ ?+00020000m0900000+0000000d+00020000***_*_,1.300"
+    )
+    document = _read(tmp_path, "b.raw", text)
+    names = ("horizontal", "zenith", "to_height")
+    angles = [
+        (row["station"], row["to"], *(float(row[name]) for name in names))
+        for row in _rows(document, "zenith_directions")
+    ]
+    assert angles == [
+        ("S1", "A", pytest.approx(359 + 59.5 / 60), pytest.approx(90 + 30.25 / 60), 1.4),
+        ("S1", "B", pytest.approx(-(10 / 60 + 20 / 3600)), pytest.approx(89 + 59.5 / 60), 1.6),
+        ("S1", "C", 45.0, 90.0, 1.2),
+        ("S2", "A", 0.0, 90.0, 1.3),
+    ]
+    lengths = [
+        (row["from"], row["to"], row["distance"], row["from_height"]) for row in _rows(document, "distance")
+    ]
+    assert lengths == [
+        ("S1", "A", "12.345", "1.5"),
+        ("S1", "B", "12.3456", "1.5"),
+        ("S2", "A", "20.0", "1.7"),
+    ]
+    assert "sights without readings (1 record" in _notes(document)

@@ -311,7 +311,7 @@ class FieldBook:
         known = self.points.get(name)
         if known is not None and known[:3] == (east, north, height):
             return
-        if self.sighted(name) or name in self.computed:
+        if self.sighted(name):
             self.computed_point(name, east, north, height, line)
         else:
             self.point(name, east, north, height, line)
@@ -342,6 +342,9 @@ class FieldBook:
         draft.put("units", {"length": "m", "angle": self.angle})
         draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
         occupied = [set_up for set_up in self.set_ups if set_up.sights]
+        plane = bool(occupied) and not levelled and not self._spatial()
+        if plane:
+            self._drop_heights()
         _put_points(self, occupied, levelled)
         if occupied:
             _put_sights(self, occupied)
@@ -352,7 +355,7 @@ class FieldBook:
             settings = {"undetermined": "leave_out"}
             if not occupied:
                 settings["dimensions"] = "z"
-            elif not self._spatial() and not levelled:
+            elif plane:
                 settings["dimensions"] = "xy"
             draft.put("settings", settings)
         elif draft.data.get("points"):
@@ -390,10 +393,20 @@ class FieldBook:
         return [row for row in rows if row.start != row.end]
 
     def _spatial(self) -> bool:
-        """Return whether anything tells heights: a zenith angle, a slope distance or a given height."""
+        """Return whether a sight tells heights: by a zenith angle or a slope distance."""
         sights = [sight for set_up in self.set_ups for sight in set_up.sights]
-        measured = any(sight.zenith is not None or sight.slope is not None for sight in sights)
-        return measured or any(place.height is not None for place in self.points.values())
+        return any(sight.zenith is not None or sight.slope is not None for sight in sights)
+
+    def _drop_heights(self) -> None:
+        """Leave out the given heights of a book whose readings tell none."""
+        heights = [place.line for place in self.points.values() if place.height is not None]
+        if heights:
+            self.draft.note(
+                f"{counted(len(heights), 'given height')} not used: no reading tells heights, so the network is in "
+                "the plane",
+                heights[0],
+            )
+        self.points = {name: place._replace(height=None) for name, place in self.points.items()}
 
     def _only(self) -> str:
         found = [f"{what} ({counted(len(lines), 'record')})" for what, lines in self.skipped.items()]
@@ -541,6 +554,12 @@ def _put_points(
     measured |= {sight.target for set_up in occupied for sight in set_up.sights}
     measured |= {name for row in levelled for name in (row.start, row.end)}
     taking_part = [name for name in book.points if name in measured]
+    if measured and not taking_part and book.points:
+        draft.note(
+            f"{counted(len(book.points), 'given point')} not used: no reading refers to them",
+            next(iter(book.points.values())).line,
+        )
+        book.points = {}
     control = len(taking_part) >= 2 or not measured
     sigma = SIGMA_CONTROL if control and measured else None
     known = [

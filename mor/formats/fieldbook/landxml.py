@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
-from math import degrees, isfinite
+from math import degrees, isfinite, sin
 from pathlib import Path
 
 from mor.errors import InputError, Message
@@ -226,7 +226,7 @@ class _Survey:
     def observations_in(self, element: Element, key: str) -> None:
         """Observations inside an element; ``key`` is the set-up of those that name none."""
         for child in element.children:
-            if child.name in ("RawObservation", "ReducedObservation"):
+            if child.name in ("RawObservation", "ReducedObservation", "ReducedArcObservation"):
                 self._try(partial(self._observation, key), child)
             elif child.name == "Backsight":
                 self._try(partial(self._backsight, key), child)
@@ -261,15 +261,26 @@ class _Survey:
             _angle(element, "horizAngle", unit),
             _angle(element, "zenithAngle", unit),
             self._length(element, "slopeDistance") or None,
-            None if computed["horizDistance"] else self._length(element, "horizDistance") or None,
+            None if computed["horizDistance"] else self._horizontal_distance(element),
             self._length(element, "targetHeight") or 0.0,
             2 if element.attributes.get("directFace", "").lower() in ("false", "0") else 0,
-            None if computed["azimuth"] else _angle(element, "azimuth", self.direction),
+            None if computed["azimuth"] else self._azimuth(element),
         )
         if not any(value is not None for value in (*sight[2:6], sight.bearing)):
             self.book.leave_out(f"{element.name} without readings", element.line)
             return
         station.sights.append(sight)
+
+    def _horizontal_distance(self, element: Element) -> float | None:
+        """Horizontal distance; that of an arc is its chord, 2 r sin(length / 2 r)."""
+        radius, length = self._length(element, "radius"), self._length(element, "length")
+        if element.name == "ReducedArcObservation" and radius and length:
+            return 2.0 * radius * sin(length / (2.0 * radius))
+        return self._length(element, "horizDistance") or None
+
+    def _azimuth(self, element: Element) -> float | None:
+        name = "chordAzimuth" if element.name == "ReducedArcObservation" else "azimuth"
+        return _angle(element, name, self.direction)
 
     def _station(self, key: str) -> InstrumentSetUp:
         if key not in self.stations:

@@ -1,8 +1,10 @@
-"""Field books of comma-separated records: Nikon RAW, Topcon GTS-7, Sokkia SCR."""
+"""Field books of comma-separated records: Nikon RAW, Topcon GTS-7 and GTS-6, Sokkia SCR."""
 
 from __future__ import annotations
 
 import re
+from bisect import bisect_right
+from itertools import accumulate
 from pathlib import Path
 
 from mor.formats.draft import Draft, parse_number
@@ -144,16 +146,23 @@ class _Nikon:
 
 
 def read_topcon(path: Path) -> Document:
-    """The project of a Topcon GTS-7 file. Raises :class:`InputError` with every mistake found.
+    """The project of a Topcon GTS-7 or GTS-6 file. Raises :class:`InputError` with every mistake found.
 
-    STN station and instrument height, BS and SS target and its height, then HV circle and zenith, SD with the slope
-    distance. The order of XYZ is not said in the file: they are left out.
+    GTS-7: STN station and instrument height, BS and SS target and its height, then HV circle and zenith, SD with the
+    slope distance. The order of XYZ is not said in the file: they are left out.
+
+    GTS-6: one stream of ``_'station_(code_)height``, then ``_+target_``, a measurement and ``_*code_,height`` for each
+    sight (Topcon Link, "GTS-6 Raw Format").
     """
     draft = Draft(str(path))
     book = FieldBook(draft)
     target: list[str] = []
     metres, read = 1.0, sexagesimal
-    for line, text in records(path, draft):
+    lines = list(records(path, draft))
+    if lines and _GTS6.match(lines[0][1]):
+        _read_gts6(lines, book)
+        lines = []
+    for line, text in lines:
         kind = text[:8].strip()
         cells = _cells(text[8:], 3)
         try:
@@ -180,6 +189,52 @@ def read_topcon(path: Path) -> Document:
             draft.problem(str(error), line)
     book.finish(path.stem)
     return draft.finish()
+
+
+_GTS6 = re.compile(r"_'[^_]*_\(")
+_GTS6_RECORD = re.compile(r"_(['+*])(.*?)(?=_['+*]|$)")
+_GTS6_READINGS = re.compile(
+    r"[?W](?P<slope>[+-]\d{8,9})[mf](?P<zenith>\d{7,8})(?P<circle>[+-]\d{7,8})[dg]"
+    r"|<(?P<zenith_alone>\d{7,8})(?P<circle_alone>[+-]\d{7,8})[dg]"
+)
+
+
+def _read_gts6(lines: list[tuple[int, str]], book: FieldBook) -> None:
+    """Lengths have 8 digits for mm or 9 for 0.1 mm, angles 7 (dddmmss) or 8 (dddmmsst); a line may end anywhere."""
+    stream, ends = "".join(text for _, text in lines), list(accumulate(len(text) for _, text in lines))
+    metres = 0.3048 if re.search(r"[?W][+-]\d{8,9}f", stream) else 1.0
+    book.angle = "gon" if re.search(r"[+-]\d{7,8}g", stream) else "deg"
+    open_sight: Sight | None = None
+    for record in _GTS6_RECORD.finditer(stream):
+        kind, cells = record[1], record[2].split("_")
+        line = lines[bisect_right(ends, record.start())][0]
+        try:
+            if kind == "*" and open_sight is not None:
+                open_sight = open_sight._replace(height=metres * (_optional(cells[-1].strip(" ,")) or 0.0))
+            if open_sight is not None:
+                book.sight(open_sight)
+                open_sight = None
+            readings = _GTS6_READINGS.search(record[2]) if kind == "+" else None
+            if kind == "'":
+                book.set_up(cells[0], line, metres * (_optional(cells[-1].strip(" ()")) or 0.0))
+            elif readings is not None:
+                slope, zenith, circle = (readings[name] for name in ("slope", "zenith", "circle"))
+                length = None if slope is None else metres * int(slope) / (1e3 if len(slope) == 9 else 1e4)
+                circle = _gts6_angle(circle or readings["circle_alone"], book)
+                zenith = _gts6_angle(zenith or readings["zenith_alone"], book)
+                open_sight = Sight(cells[0], line, circle, zenith, length or None)
+            elif kind == "+":
+                book.leave_out("sights without readings", line)
+        except ValueError as error:
+            book.draft.problem(str(error), line)
+    if open_sight is not None:
+        book.sight(open_sight)
+
+
+def _gts6_angle(text: str, book: FieldBook) -> float:
+    digits = text.lstrip("+-")
+    sign = "-" if text.startswith("-") else ""
+    return (parse_number if book.angle == "gon" else sexagesimal)(f"{sign}{digits[:3]}.{digits[3:]}")
 
 
 def read_sokkia_scr(path: Path) -> Document:

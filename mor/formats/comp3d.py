@@ -1,0 +1,324 @@
+"""Comp3D: coordinates (``.cor``) with observations (``.obs``), and the project (``.comp``) that names both.
+
+Lengths are in m, angles in gon, clockwise from north. A line of ``.cor``: code, name, E, N, h, and σ of E, N, h. Codes:
+0 free, 1 observed E N h, 2 observed E N, 3 observed h; 4, 5 only h is unknown (free, observed), 6 to 9 only E and N
+(free, observed, and both again for remote points); −1 ignored. σ 0 holds the coordinate, a negative σ frees it.
+
+A line of ``.obs``: code, origin, target, value, σ, part of σ that depends on the distance, heights of instrument and
+target. Codes: 1 and 3 slope distance, 4 height difference, 5 circle reading of the round that 7 begins, 6 zenith
+angle, 8 azimuth, 9 centring in plan (differences 0; σ of E, then of N), 14 and 15 difference of E and N. A negative
+code or σ switches an observation off. σ of a length is a + b s, that of an angle a + b / s rad, with b in m. ``@file``
+reads another file.
+
+Source: Comp3D, *User's documentation*: OBS File, COR File, Project Configuration.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from math import hypot, pi
+from pathlib import Path
+
+from mor.errors import InputError, Message, counted
+from mor.formats.draft import Draft, Row, parse_number, read_lines
+from mor.project.document import Document
+
+_REFRACTION = 0.12
+"""Default of Comp3D's coefficient of refraction."""
+_HELD = {4: ("x", "y"), 5: ("x", "y"), 6: ("z",), 7: ("z",), 8: ("z",), 9: ("z",)}
+_OBSERVED = {1: (0, 1, 2), 2: (0, 1), 3: (2,), 5: (2,), 7: (0, 1), 9: (0, 1)}
+"""Components of a point that are held, and that are observed, by its code."""
+_NOT_READ = {
+    2: "distances on the ellipsoid (2)",
+    11: "cartesian subframes (11)",
+    12: "polar subframes (12)",
+    18: "rotation axes (18)",
+    19: "GNSS baselines (19)",
+    21: "equal height differences (21)",
+    22: "equal distances (22)",
+}
+_OFF = "observations that are switched off"
+_TYPES = {1: "distance", 3: "distance", 4: "height_difference", 6: "zenith_angle", 8: "bearing"}
+_COLUMNS = {
+    "directions": ("station", "set", "to", "horizontal", "sigma"),
+    "zenith_angle": ("from", "to", "zenith_angle", "from_height", "to_height", "sigma"),
+    "distance": ("from", "to", "distance", "from_height", "to_height", "sigma"),
+    "bearing": ("from", "to", "bearing", "sigma"),
+    "height_difference": ("from", "to", "dz", "sigma"),
+    "vector": ("from", "to", "dx", "dy", "sigma_dx", "sigma_dy"),
+}
+_ROOT = re.compile(r'"root_(COR|OBS)_file"\s*:\s*("(?:[^"\\]|\\.)*")')
+_SETTING = re.compile(
+    r'"(refraction|internal_constraints|use_proj|center_latitude|local_center)"\s*:\s*([\w.+-]+|\[[\s\d.,eE+-]*\])'
+)
+_DEEPEST = 8
+"""Levels of files in files."""
+_COMP = ".comp"
+
+
+def read_comp3d(path: Path) -> Document:
+    """The project of a ``.comp``, ``.obs`` or ``.cor`` file. Raises :class:`InputError` with every mistake found."""
+    draft = Draft(str(path))
+    reader = _Reader(draft)
+    settings: dict[str, str] = {}
+    if path.suffix.lower() == _COMP:
+        text = "\n".join(read_lines(path, draft))
+        settings = dict(_SETTING.findall(text))
+        try:
+            named = {kind: json.loads(name) for kind, name in _ROOT.findall(text)}
+            reader.settings(settings)
+        except ValueError as error:
+            raise InputError([Message(str(error), str(path))]) from None
+        files = {
+            kind: path.parent / named[kind].replace("\\", "/") for kind in ("COR", "OBS") if named.get(kind)
+        }
+    else:
+        files = {kind: _beside(path, kind) for kind in ("COR", "OBS")}
+    for kind, read in (("COR", reader.point), ("OBS", reader.observation)):
+        file = files.get(kind)
+        if file is None:
+            words = (
+                f"found no .{kind.lower()} file that belongs to it, expected one of the same name beside it"
+            )
+            raise InputError([Message(words, str(path))])
+        reader.file(file, read)
+    reader.finish(path.stem, settings)
+    return draft.finish()
+
+
+def _beside(path: Path, kind: str) -> Path | None:
+    """The file of a kind that belongs to another: of the same name, or the only one in the folder."""
+    suffix = f".{kind.lower()}"
+    if path.suffix.lower() == suffix:
+        return path
+    found = sorted(other for other in path.parent.iterdir() if other.suffix.lower() == suffix)
+    same = [other for other in found if other.stem == path.stem]
+    return same[0] if same else found[0] if len(found) == 1 else None
+
+
+@dataclass
+class _Reader:
+    draft: Draft
+    points: dict[str, tuple[int, list[float], list[float], int, str]] = field(default_factory=dict)
+    """Code, coordinates, σ, line and file by name."""
+    ignored: set[str] = field(default_factory=set)
+    observations: list[tuple[int, list[str], int, str]] = field(default_factory=list)
+    refraction: float = _REFRACTION
+    centre: list[float] = field(default_factory=list)
+    """East, north and height of the centre of the local frame, empty if unknown."""
+    skipped: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
+
+    def file(self, path: Path, read: Callable[[list[str], int, str], None], depth: int = 0) -> None:
+        if depth > _DEEPEST:
+            raise InputError([Message("files name each other in a circle", str(path))])
+        for line, words in _words(path, self.draft):
+            try:
+                if words[0].startswith("@"):
+                    name = words[0][1:] or (words[1] if len(words) > 1 else "")
+                    self.file(path.parent / name.replace("\\", "/"), read, depth + 1)
+                else:
+                    read(words, line, str(path))
+            except ValueError as error:
+                self.draft.problem(str(error), line, str(path))
+
+    def settings(self, found: dict[str, str]) -> None:
+        """Refraction and centre of a project. Raises ``ValueError``."""
+        self.refraction = parse_number(found.get("refraction", repr(_REFRACTION)))
+        words = found.get("local_center", "[]").strip("[]").split(",")
+        self.centre = [parse_number(word) for word in words if word.strip()]
+
+    def leave_out(self, what: str, line: int, file: str) -> None:
+        self.skipped.setdefault(what, []).append((line, file))
+
+    def point(self, words: list[str], line: int, file: str) -> None:
+        code = _code(words)
+        if code == -1 and len(words) > 1:
+            self.ignored.add(words[1])
+            return
+        if not 0 <= code <= 9 or len(words) < 5:
+            raise ValueError(f"found {' '.join(words[:6])!r}, expected a code (-1 to 9), a name, E, N, h")
+        numbers = [parse_number(word) for word in words[2:8]]
+        if any(map(parse_number, words[8:10])):
+            raise ValueError(f"point {words[1]}: deflections of the vertical are not read")
+        sigmas = [*numbers[3:], 0.0, 0.0, 0.0][:3] if len(numbers) > 3 else [0.0, 0.0, 0.0]
+        self.points[words[1]] = (code, numbers[:3], sigmas, line, file)
+
+    def observation(self, words: list[str], line: int, file: str) -> None:
+        code = _code(words)
+        if abs(code) in _NOT_READ:
+            self.leave_out(_NOT_READ[abs(code)], line, file)
+        elif abs(code) not in (1, 3, 4, 5, 6, 7, 8, 9, 14, 15) or len(words) < 5:
+            raise ValueError(f"found {' '.join(words[:6])!r}, expected a code, origin, target, value and σ")
+        elif code < 0 or (code != 9 and parse_number(words[4]) < 0.0):
+            self.leave_out(_OFF, line, file)
+            if abs(code) == 7:
+                self.observations.append((-7, words, line, file))
+        else:
+            self.observations.append((code, words, line, file))
+
+    def finish(self, title: str, settings: dict[str, str]) -> None:
+        draft = self.draft
+        draft.put("title", title)
+        draft.put("units", {"length": "m", "angle": "gon"})
+        draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
+        if not settings:
+            draft.note(f"no .comp file says the coefficient of refraction: {_REFRACTION} is Comp3D's default")
+        draft.put("instruments", {"comp3d": {"refraction": repr(self.refraction)}})
+        draft.put("curvature", self._sphere(settings))
+        free = settings.get("internal_constraints") == "true"
+        tables = self._tables()
+        self._put_points(tables, free)
+        for type_, rows in tables.items():
+            instrument = "comp3d" if type_ == "zenith_angle" else None
+            if rows:
+                draft.table("observations", _COLUMNS[type_], rows, type=type_, instrument=instrument)
+        draft.put("settings", {"undetermined": "leave_out"})
+        for what, places in self.skipped.items():
+            draft.note(f"Comp3D: {what} not read ({counted(len(places), 'record')})", *places[0])
+        if not any(tables.values()):
+            draft.problem(
+                f"there are no observations that are read; left out: {'; '.join(self.skipped) or '-'}"
+            )
+        if settings.get("use_proj") == "true":
+            draft.problem("the coordinates of the project are in a projection (use_proj), which is not read")
+
+    def _sphere(self, settings: dict[str, str]) -> dict[str, object]:
+        """The sphere of the local frame: plan coordinates are those of its level 0 about the centre of the project."""
+        centre = self.centre
+        if len(centre) < 2:
+            places = [place for _, place, *_ in self.points.values()] or [[0.0, 0.0, 0.0]]
+            centre = [sum(place[k] for place in places) / len(places) for k in range(2)]
+            self.draft.note(
+                "no .comp file says the centre of the local frame: the mean of the points is taken"
+            )
+        origin = {"x": repr(centre[0]), "y": repr(centre[1]), "z": "0"}
+        latitude = settings.get("center_latitude")
+        return {**({"latitude": f"{latitude} deg"} if latitude else {}), "origin": origin}
+
+    def _tables(self) -> dict[str, list[Row]]:
+        """Rows of observations by type; the stations of directions are their points."""
+        distances = self._distances()
+        tables: dict[str, list[Row]] = {type_: [] for type_ in _COLUMNS}
+        rounds: dict[str, int] = {}
+        for code, words, line, file in self.observations:
+            origin, target = words[1:3]
+            if abs(code) == 7:
+                rounds[origin] = rounds.get(origin, 0) + 1
+            if code < 0:
+                continue
+            try:
+                value, a, *rest = (parse_number(word) for word in words[3:8])
+            except ValueError as error:
+                self.draft.problem(str(error), line, file)
+                continue
+            if {origin, target} & self.ignored:
+                self.leave_out("observations of points that are ignored", line, file)
+                continue
+            b, *heights = [*rest, 0.0, 0.0, 0.0][:3]
+            if code == 9:
+                tables["vector"] += self._centring(origin, target, a, b or a, line, file)
+                continue
+            length = distances.get((origin, target)) or distances.get((target, origin))
+            if b and not length:
+                self.leave_out("parts of σ that depend on an unknown distance", line, file)
+            elif length:
+                a += b / length * 200.0 / pi if code in (5, 6, 7, 8) else b * length
+            if a <= 0.0:
+                self.draft.problem(f"found the σ {a:g}, expected more than 0", line, file)
+            elif code in (5, 7):
+                number = str(rounds.setdefault(origin, 1))
+                tables["directions"].append(_row([origin, number, target, value, a], line))
+            elif code in (14, 15):
+                partial = [value, None, a, None] if code == 14 else [None, value, None, a]
+                tables["vector"].append(_row([origin, target, *partial], line))
+            else:
+                between = heights if code in (1, 3, 6) else []
+                tables[_TYPES[code]].append(_row([origin, target, value, *between, a], line))
+        return tables
+
+    def _centring(
+        self, origin: str, target: str, east: float, north: float, line: int, file: str
+    ) -> list[Row]:
+        """Differences 0 of E and N; a negative σ switches one of them off."""
+        if east <= 0.0 or north <= 0.0:
+            self.leave_out(_OFF, line, file)
+        at = [0.0 if sigma > 0.0 else None for sigma in (east, north)]
+        sigmas = [sigma if sigma > 0.0 else None for sigma in (east, north)]
+        return [_row([origin, target, *at, *sigmas], line)] if any(sigmas) else []
+
+    def _distances(self) -> dict[tuple[str, str], float]:
+        """Distances between points, measured or between the coordinates of the file."""
+        found = {
+            (words[1], words[2]): parse_number(words[3])
+            for code, words, *_ in self.observations
+            if code in (1, 3) and _is_number(words[3])
+        }
+        for _, words, *_ in self.observations:
+            one, other = (self.points.get(name) for name in words[1:3])
+            if one is not None and other is not None:
+                found[words[1], words[2]] = hypot(*(p - q for p, q in zip(one[1], other[1], strict=True)))
+        return found
+
+    def _put_points(self, tables: dict[str, list[Row]], free: bool) -> None:
+        draft = self.draft
+        observed = False
+        groups: dict[tuple[tuple[str, ...], str], list[Row]] = {}
+        for name, (code, place, sigmas, line, file) in self.points.items():
+            fixed, sigma = list(_HELD.get(code, ())), ["", "", ""]
+            for k in () if free else _OBSERVED.get(code, ()):
+                if sigmas[k] == 0.0:
+                    fixed.append("xyz"[k])
+                elif sigmas[k] > 0.0:
+                    sigma[k], observed = repr(sigmas[k]), True
+            row = _row([name, *place, *(text or None for text in sigma)], line)
+            groups.setdefault((tuple(sorted(fixed)), file), []).append(row)
+        columns = ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
+        for (held, file), rows in groups.items():
+            other = file if file != draft.file else ""
+            draft.table("points", columns, rows, other, fixed=list(held) or None)
+        used = {name for rows in tables.values() for row in rows for name in _ends(row)}
+        rest = sorted(used - self.points.keys())
+        if rest:
+            draft.table("points", ("id",), [Row([name], 0) for name in rest])
+        stations = sorted({str(row.cells[0]) for row in tables["directions"]})
+        if stations:
+            draft.table("stations", ("id", "point"), [Row([name, name], 0) for name in stations])
+        if free or not (observed or any("x" in held or "z" in held for held, _ in groups)):
+            draft.put("datum", "free")
+
+
+def _ends(row: Row) -> tuple[str, str]:
+    first, second, third = (str(cell) for cell in row.cells[:3])
+    return (
+        (first, third)
+        if len(row.cells) == len(_COLUMNS["directions"]) and second.isdecimal()
+        else (first, second)
+    )
+
+
+def _row(cells: Sequence[str | float | None], line: int) -> Row:
+    return Row([None if c is None else c if isinstance(c, str) else repr(c) for c in cells], line)
+
+
+def _is_number(text: str) -> bool:
+    try:
+        return parse_number(text) > 0.0
+    except ValueError:
+        return False
+
+
+def _code(words: list[str]) -> int:
+    if not re.fullmatch(r"-?\d{1,2}", words[0]):
+        raise ValueError(f"found {words[0]!r}, expected a code")
+    return int(words[0])
+
+
+def _words(path: Path, draft: Draft) -> Iterator[tuple[int, list[str]]]:
+    """Words of the lines of a file, without what follows a ``*``."""
+    for line, text in enumerate(read_lines(path, draft), start=1):
+        words = text.partition("*")[0].split()
+        if words:
+            yield line, words
