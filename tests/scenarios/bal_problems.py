@@ -195,20 +195,26 @@ def by_scipy(problem: BalProblem, evaluations: int = 2000) -> Minimum:
 
 
 def by_mor(problem: BalProblem, folder: Path) -> Minimum:
-    """Return the minimum of the whole program, as its users run it. It has converged if nothing was left out."""
+    """Return the minimum of the whole program, as its users run it."""
     path = folder / "problem.txt"
     path.write_text(problem.text)
+    return minimum_of_mor(path)
+
+
+def minimum_of_mor(path: Path) -> Minimum:
+    """Return the minimum of a BAL file. It has converged if nothing was left out."""
+    steps: list[object] = []  # also those of adjustments that lead nowhere
     try:
-        solved = mor.adjust(str(path)).solved
+        solved = mor.adjust(str(path), watch=steps.append).solved
     except mor.NoStartValuesError as error:
-        return Minimum(np.inf, 0, False, str(error))
+        return Minimum(np.inf, len(steps), False, str(error))
     adjustment = solved.adjustment
     treated = [f"{thing.name} {thing.treatment}" for thing in solved.network.undeterminable]
     whole = solved.suspects is None and not any("left out" in one for one in treated)
     words = f"{adjustment.outcome.value} {adjustment.reason} {treated} {'' if whole else 'left out'}"
     converged = adjustment.outcome.is_solution and whole
     far = sum("at infinity" in one for one in treated)
-    return Minimum(0.5 * adjustment.normals.objective, len(adjustment.iterations), converged, words, far)
+    return Minimum(0.5 * adjustment.normals.objective, len(steps), converged, words, far)
 
 
 def main() -> None:
