@@ -221,6 +221,31 @@ _LARGEST_TURN = 0.5
 """Largest turn (rad) of any rotation that is tried at once along directions that hardly change the observations."""
 
 
+_FARTHER = 10.0
+"""Times that a point may get farther from a camera in a step."""
+
+
+def moved_by(plan: Plan, values: Values, step: FloatArray) -> dict[str, FloatArray]:
+    """Return values after a step (u,), which changes the inverse distances of points that only rays meet.
+
+    To first order this is the same as a step of their coordinates. A point at X = C + r, seen from C, goes to
+    C' + (r + Δ) / (1 − q), with q the part of its distance by which it gets farther and Δ the rest of its step. So it
+    stays in front of the camera, and comes to no more than :data:`_FARTHER` times its distance.
+    """
+    moved = move(plan.problem.index, values, step)
+    points, cameras = plan.seen_points
+    if len(points) == 0:
+        return moved
+    r = values["point"][points] - values["point"][cameras]
+    change = moved["point"][points] - moved["point"][cameras] - r
+    squares = np.einsum("ni,ni->n", r, r)
+    share = np.einsum("ni,ni->n", r, change) / np.where(squares > 0.0, squares, 1.0)
+    rest = r + change - share[:, None] * r
+    inverse = 1.0 - np.minimum(share, 1.0 - 1.0 / _FARTHER)
+    moved["point"][points] = moved["point"][cameras] + rest / inverse[:, None]
+    return moved
+
+
 class Taken(NamedTuple):
     """A step that was taken: where it leads, its damping, the share taken along, the system there if known."""
 
@@ -246,7 +271,7 @@ def accept(
     """
     along = weak + shift
     whole = regular + along
-    values = move(state.problem.index, state.values, whole)
+    values = moved_by(state.plan, state.values, whole)
     damped_before = bool(state.iterations) and state.iterations[-1].damping > 0.0
     normals = None if damped_before else build_normals(state.plan, values)
     reached = objective(state.plan, values) if normals is None else normals.objective
@@ -256,7 +281,7 @@ def accept(
     if full is not None and not (curved and change > 1.0):
         return full
     if full is None and shift.any():
-        shifted = _as_a_whole(state, move(state.problem.index, state.values, regular + weak), shift)
+        shifted = _as_a_whole(state, moved_by(state.plan, state.values, regular + weak), shift)
         if objective(state.plan, shifted) <= _limit(state):
             return Taken(shifted, 0.0, 1.0)
     if full is None and weak.any():
@@ -268,7 +293,7 @@ def accept(
         return taken
     if curved:
         share = 1.0 / (2.0 - _share_of(gained, change))
-        values = move(state.problem.index, state.values, share * whole)
+        values = moved_by(state.plan, state.values, share * whole)
         if objective(state.plan, values) < min(state.normals.objective, reached):
             return Taken(values, 1.0 / share - 1.0, share)
     return full or _damped(state)
@@ -276,7 +301,7 @@ def accept(
 
 def accept_whole(state: Adjustment, step: FloatArray, shift: FloatArray, change: float) -> Taken | None:
     """The step (u,) and the shift into the datum (u,), where that gains a quarter of ``change``² or more."""
-    values = move(state.problem.index, state.values, step + shift)
+    values = moved_by(state.plan, state.values, step + shift)
     normals = build_normals(state.plan, values)
     gained = state.normals.objective - normals.objective
     round_off_of_sum = 1e-12 * state.normals.objective + 1e-6
@@ -330,18 +355,18 @@ def _along(state: Adjustment, regular: FloatArray, along: FloatArray) -> Taken |
     ``None`` where the regular step itself does not help.
     """
     index = state.problem.index
-    without = move(index, state.values, regular)
+    without = moved_by(state.plan, state.values, regular)
     if objective(state.plan, without) > _limit(state):
         return None
     for share in _first_share(state, along) * 0.25 ** np.arange(5):
-        values, before = move(index, state.values, regular + share * along), np.inf
+        values, before = moved_by(state.plan, state.values, regular + share * along), np.inf
         for _ in range(_CORRECTIONS):
             normals = build_normals(state.plan, values)
             if not normals.objective < 0.5 * before:
                 break
             before = normals.objective
             inverse = invert(state.plan, normals, values, state.anchors)
-            values = move(index, values, inverse.parts_of_step(normals)[0])
+            values = moved_by(state.plan, values, inverse.parts_of_step(normals)[0])
             if objective(state.plan, values) <= _limit(state):
                 return Taken(values, 0.0, float(share))
     return Taken(without, 0.0, 0.0)
@@ -380,13 +405,13 @@ def _led_back(state: Adjustment, tried: DampedStep) -> tuple[Mapping[str, FloatA
             return -np.inf
         return (state.normals.objective - objective(state.plan, values)) / promised
 
-    values = move(state.problem.index, state.values, step)
+    values = moved_by(state.plan, state.values, step)
     ratio = gain_ratio(values)
     for _ in range(_BACK):
         if ratio > _GOOD_GAIN or not np.isfinite(ratio):
             break
         step = step + tried.solve(gradient_elsewhere(state.plan, state.values, values) - (b - of_step))
-        corrected = move(state.problem.index, state.values, step)
+        corrected = moved_by(state.plan, state.values, step)
         better = gain_ratio(corrected)
         if not better > ratio:
             break
@@ -800,7 +825,7 @@ def _last_step(state: Adjustment, step: FloatArray, iteration: Iteration) -> Adj
     if checked.outcome is not Outcome.NOT_CONVERGED:
         return checked
     return checked._replace(
-        values=move(state.problem.index, state.values, step),
+        values=moved_by(state.plan, state.values, step),
         normals=state.normals._replace(objective=objective_there),
         iterations=(*state.iterations, iteration),
     )
