@@ -98,6 +98,7 @@ _SHORTEST = 0.02
 A_WEAK_TURN = "a rotation of the whole network is not usefully determined"
 RAN_AWAY = "the iteration moved away from the start values to a place where unknowns are not determined"
 STANDS_STILL = "the iteration makes no progress"
+TO_INFINITY = "points have moved to infinity"
 SINGULAR_MINIMUM = "at the minimum of the sum of squares, a movement of the network changes no observation"
 """Reasons of outcomes."""
 
@@ -156,6 +157,9 @@ class Stride(NamedTuple):
         return Stride(whole, float(np.clip(1.0 / ratio, _SHORTEST, 1.0)) if ratio > 1.0 else 1.0)
 
 
+_NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
+
+
 class Adjustment(NamedTuple):
     """Outcome of the solver, complete with the inverse of the system at the solution."""
 
@@ -178,6 +182,8 @@ class Adjustment(NamedTuple):
     """What the last steps say of the curvature; empty where they do not creep."""
     kernels: bool = False
     """True where compiled kernels did the work, False where plain NumPy did."""
+    gone: IntArray = _NO_POINTS
+    """Numbers of the point blocks that have moved to infinity: the adjustment has stopped there."""
 
 
 Watcher = Callable[[Iteration], None]
@@ -223,6 +229,8 @@ _LARGEST_TURN = 0.5
 
 _FARTHER = 10.0
 """Times that a point may get farther from a camera in a step."""
+_BEYOND = 1e3
+"""Inverse distances of a point that a step takes from it, from which on the point is at infinity."""
 
 
 def moved_by(plan: Plan, values: Values, step: FloatArray) -> dict[str, FloatArray]:
@@ -232,18 +240,28 @@ def moved_by(plan: Plan, values: Values, step: FloatArray) -> dict[str, FloatArr
     C' + (r + Δ) / (1 − q), with q the part of its distance by which it gets farther and Δ the rest of its step. So it
     stays in front of the camera, and comes to no more than :data:`_FARTHER` times its distance.
     """
+    moved, r, change, q = _toward_points(plan, values, step)
+    points, cameras = plan.seen_points
+    if len(points):
+        inverse = 1.0 - np.minimum(q, 1.0 - 1.0 / _FARTHER)
+        rest = r + change - q[:, None] * r
+        moved["point"][points] = moved["point"][cameras] + rest / inverse[:, None]
+    return moved
+
+
+def _toward_points(
+    plan: Plan, values: Values, step: FloatArray
+) -> tuple[dict[str, FloatArray], FloatArray, FloatArray, FloatArray]:
+    """Return values after a step (u,) of coordinates, and r (k, 3), its change and q (k,) of :func:`moved_by`."""
     moved = move(plan.problem.index, values, step)
     points, cameras = plan.seen_points
     if len(points) == 0:
-        return moved
+        return moved, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
     r = values["point"][points] - values["point"][cameras]
     change = moved["point"][points] - moved["point"][cameras] - r
     squares = np.einsum("ni,ni->n", r, r)
-    share = np.einsum("ni,ni->n", r, change) / np.where(squares > 0.0, squares, 1.0)
-    rest = r + change - share[:, None] * r
-    inverse = 1.0 - np.minimum(share, 1.0 - 1.0 / _FARTHER)
-    moved["point"][points] = moved["point"][cameras] + rest / inverse[:, None]
-    return moved
+    q = np.einsum("ni,ni->n", r, change) / np.where(squares > 0.0, squares, 1.0)
+    return moved, r, change, q
 
 
 class Taken(NamedTuple):
@@ -278,7 +296,7 @@ def accept(
     full = Taken(values, 0.0, 1.0, normals) if reached <= _limit(state) else None
     gained = state.normals.objective - reached
     curved = state.inverse.weak.shape[1] == 0 and -1.0 < _share_of(gained, change) < _EXPECTED
-    if full is not None and not (curved and change > 1.0):
+    if full is not None and not (curved and change**2 > _round_off_of_sum(state)):
         return full
     if full is None and shift.any():
         shifted = _as_a_whole(state, moved_by(state.plan, state.values, regular + weak), shift)
@@ -304,14 +322,17 @@ def accept_whole(state: Adjustment, step: FloatArray, shift: FloatArray, change:
     values = moved_by(state.plan, state.values, step + shift)
     normals = build_normals(state.plan, values)
     gained = state.normals.objective - normals.objective
-    round_off_of_sum = 1e-12 * state.normals.objective + 1e-6
-    if normals.objective <= _limit(state) and gained >= _EXPECTED * change**2 - round_off_of_sum:
+    if normals.objective <= _limit(state) and gained >= _EXPECTED * change**2 - _round_off_of_sum(state):
         return Taken(values, 0.0, 1.0, normals, step=step)
     return None
 
 
 def _share_of(gained: float, change: float) -> float:
     return gained / change**2 if change > 0.0 and np.isfinite(gained) else -np.inf
+
+
+def _round_off_of_sum(state: Adjustment) -> float:
+    return 1e-12 * state.normals.objective + 1e-6
 
 
 def _limit(state: Adjustment) -> float:
@@ -745,6 +766,9 @@ def _advance(state: Adjustment) -> Adjustment:
     step = regular + stride.weak
     shift, gain = _into_datum(state, step)
     change = _gain(state, regular + weak)
+    gone = _gone(state, regular + weak)
+    if len(gone):
+        return state._replace(outcome=Outcome.DIVERGED, reason=TO_INFINITY, gone=gone)
     over = is_over(state, change, state.inverse.weak) and is_in_datum(state, step, shift, gain, change)
     iteration = Iteration(len(state.iterations) + 1, state.normals.objective, change, 0.0, _redundancy(state))
     if over and change <= ACCURACY:
@@ -766,6 +790,15 @@ def _advance(state: Adjustment) -> Adjustment:
         secants=_learnt(state, moved, step if taken.step is None else taken.step),
     )
     return _converged(moved) if over and taken.share == 1.0 else moved
+
+
+def _gone(state: Adjustment, step: FloatArray) -> IntArray:
+    """Return the points (k,) that are at infinity, as far as the step (u,) of Gauss-Newton and a standstill show it."""
+    now = state.normals.objective
+    if not state.iterations or state.iterations[-1].objective > (1.0 + _STANDS) * now:
+        return _NO_POINTS
+    beyond = _toward_points(state.plan, state.values, step)[-1] > _BEYOND
+    return state.plan.seen_points[0][beyond]
 
 
 def _with_curvature(state: Adjustment, change: float) -> Taken | None:
