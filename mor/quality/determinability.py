@@ -652,6 +652,7 @@ def _with_far_points(
         network = _with_reference(plain, start, values, doubted)
     beyond = far
     far = far.take(~given[far.points] | _without_parallax(values, far))
+    given[far.points] = False
     rounds, held = ROUNDS, far.points[:0]
     while rounds:
         rounds -= 1
@@ -680,7 +681,8 @@ def _with_far_points(
         found = nearly_parallel(network, there)
         found = with_free_poses(network, reduced, adjustment, there, found, means.critical)
         now = _beyond_reach(network, there, found, means)
-        now = found.take(np.isin(found.points, np.union1d(now.points[~given[now.points]], held)))
+        tested = np.union1d(now.points[~given[now.points]], held)
+        now = found.take(np.isin(found.points, tested) | _without_parallax(there, found))
         if np.array_equal(np.sort(now.points), np.sort(far.points)):
             break
         if attempt.is_complete and tuple(np.sort(now.points).tolist()) in complete:
