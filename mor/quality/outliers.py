@@ -452,7 +452,7 @@ def without_suspects(
     Weights lead by the medians of parts first, and where that leads to nothing, as where most rays to control points
     are wrong, by those of whole groups.
     """
-    if len(plain.gone) or (plain.outcome is Outcome.SINGULAR and not plain.iterations):
+    if plain.outcome is Outcome.SINGULAR and not plain.iterations:
         return Attempt(plain)
     if plain.outcome in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(plain):
         return Attempt(plain)

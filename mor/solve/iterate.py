@@ -691,6 +691,8 @@ class SolverSettings(NamedTuple):
     max_iterations: int = 50
     """Most iterations without progress; twice as many in all."""
     patience: Patience | None = None
+    to_infinity: bool = False
+    """Stop where points have moved to infinity, so that they can be directions."""
 
 
 def adjust(
@@ -711,7 +713,7 @@ def _iterated(plan: Plan, start: Values, settings: SolverSettings, watch: Watche
         and without_progress(state.iterations) < settings.max_iterations
         and len(state.iterations) < 2 * settings.max_iterations
     ):
-        state = _advance(state)
+        state = _advance(state, settings.to_infinity)
         if watch is not None and state.iterations:
             watch(state.iterations[-1])
         if state.outcome is Outcome.NOT_CONVERGED and stands_still(state.iterations, settings.patience):
@@ -759,14 +761,14 @@ def _judge_defect(state: Adjustment) -> Adjustment:
     return state
 
 
-def _advance(state: Adjustment) -> Adjustment:
-    """One accepted step, or the end."""
+def _advance(state: Adjustment, to_infinity: bool) -> Adjustment:
+    """One accepted step, or the end; ``to_infinity``: points that have moved there are an end."""
     regular, weak = state.inverse.parts_of_step(state.normals)
     stride = state.stride.next(weak)
     step = regular + stride.weak
     shift, gain = _into_datum(state, step)
     change = _gain(state, regular + weak)
-    gone = _gone(state, regular + weak)
+    gone = _gone(state, regular + weak) if to_infinity else _NO_POINTS
     if len(gone):
         return state._replace(outcome=Outcome.DIVERGED, reason=TO_INFINITY, gone=gone)
     over = is_over(state, change, state.inverse.weak) and is_in_datum(state, step, shift, gain, change)
