@@ -20,7 +20,7 @@ import numpy as np
 from peers import compile_ceres
 
 sys.path.insert(0, str(Path(__file__).parents[1]))
-from tests.scenarios.bal_problems import SAME, Minimum, bal_problem, minimum_of_mor  # noqa: E402
+from tests.scenarios.bal_problems import SAME, Minimum, bal_problem, minimum_of_mor
 
 
 class Trial(NamedTuple):
@@ -85,7 +85,9 @@ def main() -> None:
                 words = f"as low: {one.is_well}, excess {one.excess:.2e}, redundancy {one.redundancy}"
                 print(chosen.file or seed, words, *one[:3], sep="\n  ", flush=True)
     print(f"{sum(one.excess <= SAME for one in trials)} of {len(trials)} at the minimum of Ceres or lower")
-    print(f"{sum(one.is_well for one in trials)} with points at infinity that the test does not tell from finite ones")
+    print(
+        f"{sum(one.is_well for one in trials)} with points at infinity that the test does not tell from finite ones"
+    )
     for name in ("default", "tight"):
         ratios = np.array([one.ratio(getattr(one, name)) for one in trials])
         print(

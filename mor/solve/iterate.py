@@ -375,7 +375,6 @@ def _along(state: Adjustment, regular: FloatArray, along: FloatArray) -> Taken |
 
     ``None`` where the regular step itself does not help.
     """
-    index = state.problem.index
     without = moved_by(state.plan, state.values, regular)
     if objective(state.plan, without) > _limit(state):
         return None
@@ -713,8 +712,8 @@ def _iterated(plan: Plan, start: Values, settings: SolverSettings, watch: Watche
         and without_progress(state.iterations) < settings.max_iterations
         and len(state.iterations) < 2 * settings.max_iterations
     ):
-        state = _advance(state, settings.to_infinity)
-        if watch is not None and state.iterations:
+        before, state = len(state.iterations), _advance(state, settings.to_infinity)
+        if watch is not None and len(state.iterations) > before:
             watch(state.iterations[-1])
         if state.outcome is Outcome.NOT_CONVERGED and stands_still(state.iterations, settings.patience):
             return state._replace(reason=STANDS_STILL)
