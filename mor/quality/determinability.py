@@ -681,8 +681,7 @@ def _with_far_points(
         found = nearly_parallel(network, there)
         found = with_free_poses(network, reduced, adjustment, there, found, means.critical)
         now = _beyond_reach(network, there, found, means)
-        tested = np.union1d(now.points[~given[now.points]], held)
-        now = found.take(np.isin(found.points, tested) | _without_parallax(there, found))
+        now = found.take(np.isin(found.points, np.union1d(now.points, held)))
         if np.array_equal(np.sort(now.points), np.sort(far.points)):
             break
         if attempt.is_complete and tuple(np.sort(now.points).tolist()) in complete:

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.optimize
 
 import mor
+from mor.errors import NoStartValuesError
 from mor.types import FloatArray, IntArray
 
 SAME = 1e-6
@@ -206,7 +207,7 @@ def minimum_of_mor(path: Path) -> Minimum:
     steps: list[object] = []  # also those of adjustments that lead nowhere
     try:
         solved = mor.adjust(str(path), watch=steps.append).solved
-    except mor.NoStartValuesError as error:
+    except (mor.InputError, NoStartValuesError) as error:
         return Minimum(np.inf, len(steps), False, str(error))
     suspects = solved.suspects
     adjustment = solved.adjustment if suspects is None else suspects.plain
