@@ -26,15 +26,15 @@ class NotAvailableError(Exception):
     """A peer that is not installed, or does not run; the text says why."""
 
 
-def compile_ceres(folder: Path) -> Path:
-    """The program of Ceres. Raises :class:`NotAvailableError` where it cannot be built."""
+def compile_ceres(folder: Path, source: str = "adjust.cpp") -> Path:
+    """A program of Ceres. Raises :class:`NotAvailableError` where it cannot be built."""
     compiler = shutil.which("g++") or shutil.which("clang++")
     if compiler is None:
         raise NotAvailableError("no C++ compiler")
     program = folder / "adjust_by_ceres"
     includes = [f"-I{path}" for path in _EIGEN if Path(path).is_dir()]
-    source = _HERE / "ceres" / "adjust.cpp"
-    command = [compiler, "-O3", "-march=native", "-std=c++17", *includes, str(source), "-o", str(program)]
+    file = str(_HERE / "ceres" / source)
+    command = [compiler, "-O3", "-march=native", "-std=c++17", *includes, file, "-o", str(program)]
     done = subprocess.run([*command, "-lceres", "-lglog"], capture_output=True, text=True, check=False)
     if done.returncode:
         raise NotAvailableError("its program does not compile: " + done.stderr.strip().split("\n")[0])

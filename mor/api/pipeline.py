@@ -323,6 +323,8 @@ def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
 def _attempt(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Attempt:
     """Adjust from the start values; if they do not lead to a solution, repair them, or leave suspects out."""
     plain = _plainly(network, start, watch)
+    if len(plain.gone):
+        return Attempt(plain)
     settings = SolverSettings(network.project.settings.max_iterations)
     found = without_suspects(plain, settings, counting_on(watch, len(plain.iterations)))
     if found.adjustment is plain:
@@ -332,7 +334,7 @@ def _attempt(network: Network, start: Mapping[str, FloatArray], watch: Watcher |
 
 def _plainly(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Adjustment:
     problem = make_problem(network, start, start)
-    settings = SolverSettings(network.project.settings.max_iterations)
+    settings = SolverSettings(network.project.settings.max_iterations, to_infinity=True)
     try:
         adjustment = adjust(problem, start, settings, watch)
     except NotFiniteError:

@@ -541,8 +541,8 @@ ROUNDS = 6
 """Adjustments at most, until what is at infinity and what is left out stays the same."""
 FEWEST_OF_DATUM = 3
 """Points with all coordinates in the datum that determine any movement of a network."""
-_RUN_AWAY = 1e-3
-"""Inverse distance, in units of its σ, below which a point has run away: vᵀPv is the same to 1e-6 at infinity."""
+_NO_PARALLAX = 1e-3
+"""Inverse distance in units of its σ below which a point is at infinity: vᵀPv is the same to 1e-6 there."""
 EXPLAINED = 30
 """Loose things up to which the null space of the whole network is worked out to explain them."""
 
@@ -639,32 +639,49 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
 def _with_far_points(
     network: Network, start: Values, values: Values, found: RayPoints, means: Means
 ) -> tuple[Network, Attempt]:
-    """The network and its adjustment begun at ``values``, with points at infinity as they show there and later."""
+    """The network and its adjustment begun at ``values``, with points at infinity as they show there and later.
+
+    Points with given coordinates begin there and stay finite, unless the iteration moves them to infinity or leads
+    nowhere: the given values say too little of the poses to tell which points are at infinity.
+    """
     plain, doubted = network, found.points
+    given: BoolArray = np.asarray(np.isfinite(start["point"]).all(axis=1))
     complete = set[tuple[int, ...]]()
     far = _beyond_reach(network, values, found, means)
-    given: BoolArray = np.asarray(np.isfinite(start["point"][far.points]).all(axis=1))
-    if given.any():
-        begun = _from_given_places(network, start, values, found, far.take(~given), means)
-        if begun is not None:
-            there, met, gone = begun
-            blind = met.points[met.from_one_place()]
-            settled = _with_reference(plain, start, there, doubted)
-            reduced, attempt = _adjusted(settled, there, gone, blind, means)
-            if attempt.adjustment.outcome.is_solution and not (len(gone.points) and _leaves_out(network)):
-                return reduced, attempt
-    for _ in range(ROUNDS):
+    if given[far.points].any():
+        network = _with_reference(plain, start, values, doubted)
+    beyond = far
+    far = far.take(~given[far.points] | _without_parallax(values, far))
+    given[far.points] = False
+    rounds, held = ROUNDS, far.points[:0]
+    while rounds:
+        rounds -= 1
         blind = found.points[found.from_one_place()]
         reduced, attempt = _adjusted(network, values, far, blind, means)
         adjustment = attempt.adjustment
         if attempt.stayed_plain:
             means = means._replace(solve=means.plainly)
         there = _values_of(network, adjustment.values, far.points)
-        found = nearly_parallel(network, there)
+        if len(adjustment.gone):
+            every = nearly_parallel(network, there, contradicting=True)
+            to_infinity = np.isin(every.points, np.union1d(far.points, adjustment.gone))
+            gone = every.take(to_infinity | _without_parallax(there, every))
+            if len(gone.points) == len(far.points):
+                break
+            held = gone.points
+            far, values, doubted = gone, there, np.union1d(doubted, gone.points)
+            network = _with_reference(plain, start, values, doubted)
+            rounds += 1
+            continue
         if not adjustment.outcome.is_solution:
-            break
+            if not given[beyond.points].any():
+                break
+            far, given[beyond.points] = beyond, False  # it may be their coordinates that lead nowhere
+            continue
+        found = nearly_parallel(network, there)
         found = with_free_poses(network, reduced, adjustment, there, found, means.critical)
         now = _beyond_reach(network, there, found, means)
+        now = found.take(np.isin(found.points, np.union1d(now.points, held)))
         if np.array_equal(np.sort(now.points), np.sort(far.points)):
             break
         if attempt.is_complete and tuple(np.sort(now.points).tolist()) in complete:
@@ -683,28 +700,10 @@ def _with_far_points(
     return reduced, attempt
 
 
-def _from_given_places(
-    network: Network, start: Values, values: Values, found: RayPoints, far: RayPoints, means: Means
-) -> tuple[dict[str, FloatArray], RayPoints, RayPoints] | None:
-    """Return the solution of an adjustment in which far points begin at their given coordinates, and its far points.
-
-    The given values say too little of the poses to tell which points are at infinity. Points under a narrow angle do
-    not carry the datum. Only points that run away are far where the adjustment leads: there, infinity is as good as any
-    place. ``None`` if it leads nowhere.
-    """
-    begun = _with_reference(network, start, values, found.points)
-    blind = found.points[found.from_one_place()]
-    reduced, attempt = _adjusted(begun, values, far, blind, means._replace(solve=means.plainly))
-    adjustment = attempt.adjustment
-    there = _values_of(network, adjustment.values, far.points)
-    met = nearly_parallel(network, there)
-    if adjustment.outcome.is_solution:
-        met = with_free_poses(network, reduced, adjustment, there, met, means.critical)
-    distance = np.linalg.norm(there["point"][met.points] - met.centres, axis=1)
-    gone = ~met.from_one_place() & ~(distance * met.sigma * _RUN_AWAY < 1.0)
-    if not adjustment.outcome.is_solution and not gone.any():
-        return None
-    return _with_coordinates(there, met.take(np.isin(met.points, far.points))), met, met.take(gone)
+def _without_parallax(values: Values, found: RayPoints) -> BoolArray:
+    """(k,) true for points so far away that observations hardly change if they are at infinity."""
+    distance = np.linalg.norm(values["point"][found.points] - found.centres, axis=1)
+    return np.asarray(~found.from_one_place() & (distance * found.sigma * _NO_PARALLAX >= 1.0))
 
 
 def _with_reference(network: Network, start: Values, values: Values, doubted: IntArray) -> Network:

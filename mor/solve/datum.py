@@ -230,13 +230,16 @@ def explain_defect(null: FloatArray, problem: Problem, values: Values) -> Defect
     if null.shape[1] == 0:
         return Defect((), null)
     lengths = units_of_length(problem.index, values)
-    basis, _ = np.linalg.qr(null / lengths[:, None])
     columns = problem.index.columns["point"]
+    far = _distances(values["point"])
+    lengths[columns[columns >= 0]] *= np.broadcast_to(far, columns.shape)[columns >= 0]
+    basis, _ = np.linalg.qr(null / lengths[:, None])
     used = _telling_components(problem, values, null.shape[1])
     free = (columns[used] >= 0)[:, None]
     generators = similarity_generators(values["point"], used)
+    units = np.broadcast_to(far, used.shape)[used][:, None]
     on_points = np.where(free, basis[columns[used]], 0.0)
-    span, sizes, _ = np.linalg.svd(generators, full_matrices=False)
+    span, sizes, _ = np.linalg.svd(generators / units, full_matrices=False)
     span = span[:, sizes > 1e-9 * max(sizes.max(initial=0.0), 1e-300)]
     deformation = on_points - span @ (span.T @ on_points)
     stretches, right = _stretches(deformation)
@@ -244,8 +247,18 @@ def explain_defect(null: FloatArray, problem: Problem, values: Values) -> Defect
     motion, inner = _stretches(on_points @ rigid)
     datum = basis @ rigid @ inner[motion > _SMALL].T
     inside = Inside(basis, datum, problem.index, lengths) if datum.shape[1] < basis.shape[1] else None
-    names = _name(np.where(free, datum[columns[used]], 0.0), generators)
+    names = _name(np.where(free, units * datum[columns[used]], 0.0), generators)
     return Defect(names, lengths[:, None] * datum, inside)
+
+
+def _distances(points: FloatArray) -> FloatArray:
+    """(n, 1) distances from the middle of a network in units of the median distance, at least 1.
+
+    A movement changes far points most, and these are where its null vector has the largest errors.
+    """
+    distance = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+    size = float(np.median(distance))
+    return np.maximum(distance / size, 1.0)[:, None] if size > 0.0 else np.ones((len(points), 1))
 
 
 def units_of_length(index: Index, values: Values) -> FloatArray:

@@ -98,6 +98,7 @@ _SHORTEST = 0.02
 A_WEAK_TURN = "a rotation of the whole network is not usefully determined"
 RAN_AWAY = "the iteration moved away from the start values to a place where unknowns are not determined"
 STANDS_STILL = "the iteration makes no progress"
+TO_INFINITY = "points have moved to infinity"
 SINGULAR_MINIMUM = "at the minimum of the sum of squares, a movement of the network changes no observation"
 """Reasons of outcomes."""
 
@@ -156,6 +157,9 @@ class Stride(NamedTuple):
         return Stride(whole, float(np.clip(1.0 / ratio, _SHORTEST, 1.0)) if ratio > 1.0 else 1.0)
 
 
+_NO_POINTS: IntArray = np.zeros(0, dtype=np.int64)
+
+
 class Adjustment(NamedTuple):
     """Outcome of the solver, complete with the inverse of the system at the solution."""
 
@@ -178,6 +182,8 @@ class Adjustment(NamedTuple):
     """What the last steps say of the curvature; empty where they do not creep."""
     kernels: bool = False
     """True where compiled kernels did the work, False where plain NumPy did."""
+    gone: IntArray = _NO_POINTS
+    """Numbers of the point blocks that have moved to infinity: the adjustment has stopped there."""
 
 
 Watcher = Callable[[Iteration], None]
@@ -221,6 +227,43 @@ _LARGEST_TURN = 0.5
 """Largest turn (rad) of any rotation that is tried at once along directions that hardly change the observations."""
 
 
+_FARTHER = 10.0
+"""Times that a point may get farther from a camera in a step."""
+_BEYOND = 1e3
+"""Inverse distances of a point that a step takes from it, from which on the point is at infinity."""
+
+
+def moved_by(plan: Plan, values: Values, step: FloatArray) -> dict[str, FloatArray]:
+    """Return values after a step (u,), which changes the inverse distances of points that only rays meet.
+
+    To first order this is the same as a step of their coordinates. A point at X = C + r, seen from C, goes to
+    C' + (r + Δ) / (1 − q), with q the part of its distance by which it gets farther and Δ the rest of its step. So it
+    stays in front of the camera, and comes to no more than :data:`_FARTHER` times its distance.
+    """
+    moved, r, change, q = _toward_points(plan, values, step)
+    points, cameras = plan.seen_points
+    if len(points):
+        inverse = 1.0 - np.minimum(q, 1.0 - 1.0 / _FARTHER)
+        rest = r + change - q[:, None] * r
+        moved["point"][points] = moved["point"][cameras] + rest / inverse[:, None]
+    return moved
+
+
+def _toward_points(
+    plan: Plan, values: Values, step: FloatArray
+) -> tuple[dict[str, FloatArray], FloatArray, FloatArray, FloatArray]:
+    """Return values after a step (u,) of coordinates, and r (k, 3), its change and q (k,) of :func:`moved_by`."""
+    moved = move(plan.problem.index, values, step)
+    points, cameras = plan.seen_points
+    if len(points) == 0:
+        return moved, np.zeros((0, 3)), np.zeros((0, 3)), np.zeros(0)
+    r = values["point"][points] - values["point"][cameras]
+    change = moved["point"][points] - moved["point"][cameras] - r
+    squares = np.einsum("ni,ni->n", r, r)
+    q = np.einsum("ni,ni->n", r, change) / np.where(squares > 0.0, squares, 1.0)
+    return moved, r, change, q
+
+
 class Taken(NamedTuple):
     """A step that was taken: where it leads, its damping, the share taken along, the system there if known."""
 
@@ -246,17 +289,17 @@ def accept(
     """
     along = weak + shift
     whole = regular + along
-    values = move(state.problem.index, state.values, whole)
+    values = moved_by(state.plan, state.values, whole)
     damped_before = bool(state.iterations) and state.iterations[-1].damping > 0.0
     normals = None if damped_before else build_normals(state.plan, values)
     reached = objective(state.plan, values) if normals is None else normals.objective
     full = Taken(values, 0.0, 1.0, normals) if reached <= _limit(state) else None
     gained = state.normals.objective - reached
     curved = state.inverse.weak.shape[1] == 0 and -1.0 < _share_of(gained, change) < _EXPECTED
-    if full is not None and not (curved and change > 1.0):
+    if full is not None and not (curved and change**2 > _round_off_of_sum(state)):
         return full
     if full is None and shift.any():
-        shifted = _as_a_whole(state, move(state.problem.index, state.values, regular + weak), shift)
+        shifted = _as_a_whole(state, moved_by(state.plan, state.values, regular + weak), shift)
         if objective(state.plan, shifted) <= _limit(state):
             return Taken(shifted, 0.0, 1.0)
     if full is None and weak.any():
@@ -268,7 +311,7 @@ def accept(
         return taken
     if curved:
         share = 1.0 / (2.0 - _share_of(gained, change))
-        values = move(state.problem.index, state.values, share * whole)
+        values = moved_by(state.plan, state.values, share * whole)
         if objective(state.plan, values) < min(state.normals.objective, reached):
             return Taken(values, 1.0 / share - 1.0, share)
     return full or _damped(state)
@@ -276,17 +319,20 @@ def accept(
 
 def accept_whole(state: Adjustment, step: FloatArray, shift: FloatArray, change: float) -> Taken | None:
     """The step (u,) and the shift into the datum (u,), where that gains a quarter of ``change``² or more."""
-    values = move(state.problem.index, state.values, step + shift)
+    values = moved_by(state.plan, state.values, step + shift)
     normals = build_normals(state.plan, values)
     gained = state.normals.objective - normals.objective
-    round_off_of_sum = 1e-12 * state.normals.objective + 1e-6
-    if normals.objective <= _limit(state) and gained >= _EXPECTED * change**2 - round_off_of_sum:
+    if normals.objective <= _limit(state) and gained >= _EXPECTED * change**2 - _round_off_of_sum(state):
         return Taken(values, 0.0, 1.0, normals, step=step)
     return None
 
 
 def _share_of(gained: float, change: float) -> float:
     return gained / change**2 if change > 0.0 and np.isfinite(gained) else -np.inf
+
+
+def _round_off_of_sum(state: Adjustment) -> float:
+    return 1e-12 * state.normals.objective + 1e-6
 
 
 def _limit(state: Adjustment) -> float:
@@ -329,19 +375,18 @@ def _along(state: Adjustment, regular: FloatArray, along: FloatArray) -> Taken |
 
     ``None`` where the regular step itself does not help.
     """
-    index = state.problem.index
-    without = move(index, state.values, regular)
+    without = moved_by(state.plan, state.values, regular)
     if objective(state.plan, without) > _limit(state):
         return None
     for share in _first_share(state, along) * 0.25 ** np.arange(5):
-        values, before = move(index, state.values, regular + share * along), np.inf
+        values, before = moved_by(state.plan, state.values, regular + share * along), np.inf
         for _ in range(_CORRECTIONS):
             normals = build_normals(state.plan, values)
             if not normals.objective < 0.5 * before:
                 break
             before = normals.objective
             inverse = invert(state.plan, normals, values, state.anchors)
-            values = move(index, values, inverse.parts_of_step(normals)[0])
+            values = moved_by(state.plan, values, inverse.parts_of_step(normals)[0])
             if objective(state.plan, values) <= _limit(state):
                 return Taken(values, 0.0, float(share))
     return Taken(without, 0.0, 0.0)
@@ -380,13 +425,13 @@ def _led_back(state: Adjustment, tried: DampedStep) -> tuple[Mapping[str, FloatA
             return -np.inf
         return (state.normals.objective - objective(state.plan, values)) / promised
 
-    values = move(state.problem.index, state.values, step)
+    values = moved_by(state.plan, state.values, step)
     ratio = gain_ratio(values)
     for _ in range(_BACK):
         if ratio > _GOOD_GAIN or not np.isfinite(ratio):
             break
         step = step + tried.solve(gradient_elsewhere(state.plan, state.values, values) - (b - of_step))
-        corrected = move(state.problem.index, state.values, step)
+        corrected = moved_by(state.plan, state.values, step)
         better = gain_ratio(corrected)
         if not better > ratio:
             break
@@ -652,6 +697,8 @@ class SolverSettings(NamedTuple):
     max_iterations: int = 50
     """Most iterations without progress; twice as many in all."""
     patience: Patience | None = None
+    to_infinity: bool = False
+    """Stop where points have moved to infinity, so that they can be directions."""
 
 
 def adjust(
@@ -672,8 +719,8 @@ def _iterated(plan: Plan, start: Values, settings: SolverSettings, watch: Watche
         and without_progress(state.iterations) < settings.max_iterations
         and len(state.iterations) < 2 * settings.max_iterations
     ):
-        state = _advance(state)
-        if watch is not None and state.iterations:
+        before, state = len(state.iterations), _advance(state, settings.to_infinity)
+        if watch is not None and len(state.iterations) > before:
             watch(state.iterations[-1])
         if state.outcome is Outcome.NOT_CONVERGED and stands_still(state.iterations, settings.patience):
             return state._replace(reason=STANDS_STILL)
@@ -720,13 +767,16 @@ def _judge_defect(state: Adjustment) -> Adjustment:
     return state
 
 
-def _advance(state: Adjustment) -> Adjustment:
-    """One accepted step, or the end."""
+def _advance(state: Adjustment, to_infinity: bool) -> Adjustment:
+    """One accepted step, or the end; ``to_infinity``: points that have moved there are an end."""
     regular, weak = state.inverse.parts_of_step(state.normals)
     stride = state.stride.next(weak)
     step = regular + stride.weak
     shift, gain = _into_datum(state, step)
     change = _gain(state, regular + weak)
+    gone = _gone(state, regular + weak) if to_infinity else _NO_POINTS
+    if len(gone):
+        return state._replace(outcome=Outcome.DIVERGED, reason=TO_INFINITY, gone=gone)
     over = is_over(state, change, state.inverse.weak) and is_in_datum(state, step, shift, gain, change)
     iteration = Iteration(len(state.iterations) + 1, state.normals.objective, change, 0.0, _redundancy(state))
     if over and change <= ACCURACY:
@@ -748,6 +798,15 @@ def _advance(state: Adjustment) -> Adjustment:
         secants=_learnt(state, moved, step if taken.step is None else taken.step),
     )
     return _converged(moved) if over and taken.share == 1.0 else moved
+
+
+def _gone(state: Adjustment, step: FloatArray) -> IntArray:
+    """Return the points (k,) that are at infinity, as far as the step (u,) of Gauss-Newton and a standstill show it."""
+    now = state.normals.objective
+    if not state.iterations or state.iterations[-1].objective > (1.0 + _STANDS) * now:
+        return _NO_POINTS
+    beyond = _toward_points(state.plan, state.values, step)[-1] > _BEYOND
+    return state.plan.seen_points[0][beyond]
 
 
 def _with_curvature(state: Adjustment, change: float) -> Taken | None:
@@ -807,7 +866,7 @@ def _last_step(state: Adjustment, step: FloatArray, iteration: Iteration) -> Adj
     if checked.outcome is not Outcome.NOT_CONVERGED:
         return checked
     return checked._replace(
-        values=move(state.problem.index, state.values, step),
+        values=moved_by(state.plan, state.values, step),
         normals=state.normals._replace(objective=objective_there),
         iterations=(*state.iterations, iteration),
     )

@@ -92,6 +92,16 @@ class Plan:
         return of_rows, alike_clusters(self.problem, wide)
 
     @cached_property
+    def seen_points(self) -> tuple[IntArray, IntArray]:
+        """Points that only rays meet, and of each the position of a camera that sees it: numbers of point blocks."""
+        points = _candidates(self.problem)
+        camera = np.zeros(int(points.max(initial=-1)) + 1, dtype=np.int64)
+        for group in filter(is_ray, self.problem.groups):
+            seen = group.blocks[-1] < len(camera)
+            camera[group.blocks[-1][seen]] = group.blocks[0][seen]
+        return points, camera[points]
+
+    @cached_property
     def places_in_clusters(self) -> dict[tuple[int, int, int], tuple[ClusterRows, int]]:
         """Group, row and component of every correlated entry → its cluster, and its place in it."""
         return {

@@ -73,10 +73,10 @@ class RayPoints(NamedTuple):
         return self.centres + self.directions / self.inverse[:, None]
 
 
-def nearly_parallel(network: Network, values: Values) -> RayPoints:
+def nearly_parallel(network: Network, values: Values, contradicting: bool = False) -> RayPoints:
     """Points with two rays or more, nothing else, at less than :data:`NARROW` to each other, or without coordinates.
 
-    Where their rays contradict each other only those without coordinates are among them.
+    Where their rays contradict each other only those without coordinates are among them, unless ``contradicting``.
     """
     suspects = _suspects(network, values)
     none = np.zeros(0)
@@ -90,7 +90,7 @@ def nearly_parallel(network: Network, values: Values) -> RayPoints:
     only = replace(network, groups=tuple(group for group in groups if group.count), start=values)
     found = _met(only, values["point"])
     placed = np.isfinite(values["point"][found.points]).all(axis=1)
-    return found.take(~(placed & found.contradicting()))
+    return found if contradicting else found.take(~(placed & found.contradicting()))
 
 
 def _suspects(network: Network, values: Values) -> BoolArray:

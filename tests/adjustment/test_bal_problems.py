@@ -7,6 +7,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from mor.api.pipeline import make_problem, read_document, read_network
+from mor.solve.iterate import moved_by
+from mor.solve.normals import make_plan
 from tests.scenarios.bal_problems import SAME, bal_problem, by_mor, by_scipy, projected
 
 
@@ -22,6 +25,36 @@ def test_derivatives_of_the_independent_solver():
         step = 1e-6 * np.eye(3)[k]
         moved = projected(cameras, points + step)[0] - projected(cameras, points - step)[0]
         np.testing.assert_allclose(moved / 2e-6, by_point[:, :, k], rtol=1e-5, atol=1e-4)
+
+
+def test_steps_change_the_inverse_distance_of_points_that_rays_meet(tmp_path: Path):
+    path = tmp_path / "problem.txt"
+    path.write_text(bal_problem(0).text)
+    network = read_network(read_document(path), tmp_path)
+    plan = make_plan(make_problem(network, network.start, network.start))
+    points, cameras = plan.seen_points
+    assert len(points) == len(bal_problem(0).points)
+    values, columns = network.start, plan.problem.index.columns["point"]
+    away = values["point"][points] - values["point"][cameras]
+    for part in (-3.0, 0.5, 3.0):
+        step = np.zeros(plan.problem.index.count)
+        step[columns[points]] = part * away
+        moved = moved_by(plan, values, step)["point"]
+        times = 1.0 / (1.0 - min(part, 0.9))
+        np.testing.assert_allclose(
+            moved[points] - values["point"][cameras], times * away, rtol=1e-9, atol=1e-9
+        )
+
+
+@pytest.mark.parametrize("seed", [1001, 1004, 1034])
+def test_far_points_and_gross_errors_end_at_the_minimum(seed: int, tmp_path: Path):
+    """The points 16 of 1004 and 79 of 1034 decide: one moves to infinity, the other must not."""
+    problem = bal_problem(seed)
+    lowest = {1001: 5522.92874295, 1004: 4008.36779024, 1034: 22403.34787570}[seed]
+    found = by_mor(problem, tmp_path)
+    assert found.converged, found.words
+    assert found.cost <= lowest * (1.0 + SAME)
+    assert found.iterations <= 40
 
 
 @pytest.mark.slow

@@ -16,6 +16,7 @@ import numpy as np
 import scipy.optimize
 
 import mor
+from mor.errors import NoStartValuesError
 from mor.types import FloatArray, IntArray
 
 SAME = 1e-6
@@ -195,20 +196,28 @@ def by_scipy(problem: BalProblem, evaluations: int = 2000) -> Minimum:
 
 
 def by_mor(problem: BalProblem, folder: Path) -> Minimum:
-    """Return the minimum of the whole program, as its users run it. It has converged if nothing was left out."""
+    """Return the minimum of the whole program, as its users run it."""
     path = folder / "problem.txt"
     path.write_text(problem.text)
+    return minimum_of_mor(path)
+
+
+def minimum_of_mor(path: Path) -> Minimum:
+    """Return the minimum of a BAL file: that of all observations, also where suspects were left out afterwards."""
+    steps: list[object] = []  # also those of adjustments that lead nowhere
     try:
-        solved = mor.adjust(str(path)).solved
-    except mor.NoStartValuesError as error:
-        return Minimum(np.inf, 0, False, str(error))
-    adjustment = solved.adjustment
+        solved = mor.adjust(str(path), watch=steps.append).solved
+    except (mor.InputError, NoStartValuesError) as error:
+        return Minimum(np.inf, len(steps), False, str(error))
+    suspects = solved.suspects
+    adjustment = solved.adjustment if suspects is None else suspects.plain
     treated = [f"{thing.name} {thing.treatment}" for thing in solved.network.undeterminable]
-    whole = solved.suspects is None and not any("left out" in one for one in treated)
-    words = f"{adjustment.outcome.value} {adjustment.reason} {treated} {'' if whole else 'left out'}"
-    converged = adjustment.outcome.is_solution and whole
+    whole = suspects is not None or not any("left out" in one for one in treated)
+    words = f"{adjustment.outcome.value} {adjustment.reason} {treated}"
+    words += f" {suspects.count} left out" if suspects is not None else ""
     far = sum("at infinity" in one for one in treated)
-    return Minimum(0.5 * adjustment.normals.objective, len(adjustment.iterations), converged, words, far)
+    converged = adjustment.outcome.is_solution and whole
+    return Minimum(0.5 * adjustment.normals.objective, len(steps), converged, words, far)
 
 
 def main() -> None:
