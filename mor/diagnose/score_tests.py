@@ -32,7 +32,7 @@ from mor.quality.assessment import Quality, assess
 from mor.quality.external_reliability import WhitenedRows, sparse_matrix, whitened_rows
 from mor.quality.global_tests import factor_of_group, fits_factor
 from mor.quality.outliers import SuspectedOutliers, cost_of_choice, with_suspects
-from mor.quality.plausibility import NOTED, largest_effect, sphere_under
+from mor.quality.plausibility import NOTED, beyond_reach, largest_effect, sphere_under, usual_height
 from mor.quality.redundancy import Reliability
 from mor.quality.solution import AddedParameter, ScoredHypothesis
 from mor.quality.test_statistics import CONTROLLED, log_p_chi2
@@ -629,16 +629,39 @@ def _heights(problem: Problem, network: Network, values: Values, quality: Qualit
             (number, rows, _slot_columns(problem.groups[number], values, rows, slot, [0]))
             for number, rows, slot in one.rows
         )
-        what = (
-            "stations, {}: height" if one.cause == "instrument height" else "observations, to {}: to_height"
-        )
         yield _Candidate(
             one.cause,
             one.things,
-            what.format(", from ".join(one.things)),
+            _line_of(one),
             parts,
             amount=("height", _given(network, one)),
         )
+    beyond = beyond_reach(network)
+    usual = {**values, "height": np.where(beyond[:, None], usual_height(network), values["height"])}
+    for one in height_sights(network) if beyond.any() else ():
+        number, rows, slot = one.rows[0]
+        if len(one.things) == 1 and beyond[network.groups[number].blocks[slot][rows]].all():
+            yield _Candidate(
+                one.cause, one.things, _line_of(one), tuple(_instead(problem, values, usual, one)), True
+            )
+
+
+def _line_of(one: HeightRows) -> str:
+    names = ", from ".join(one.things)
+    return (
+        f"stations, {names}: height"
+        if one.cause == "instrument height"
+        else f"observations, to {names}: to_height"
+    )
+
+
+def _instead(
+    problem: Problem, values: Values, usual: Values, one: HeightRows
+) -> Iterator[tuple[int, IntArray, FloatArray]]:
+    for number, rows, _ in one.rows:
+        group = problem.groups[number]
+        change = evaluated(group, usual, rows).values - evaluated(group, values, rows).values
+        yield number, rows, np.nan_to_num(np.where(group.type.wraps, wrap(change), change))[:, :, None]
 
 
 def _given(network: Network, one: HeightRows) -> float:
