@@ -255,33 +255,36 @@ _LINES = 100
 
 
 def levelling_hypotheses(situation: Situation) -> list[Hypothesis]:
-    """The lines that promise most with the other sign."""
+    """The lines that score tests name, and those that promise most, with the other sign."""
     found = list(_reversed_vectors(situation))
     for number, group in enumerate(situation.network.groups):
         if group.type != PLAIN_TYPES["height_difference"] or not situation.misfitting[number].any():
             continue
+        scored = [place for one in situation.scored if one.cause == "levelling sign" for place in one.rows]
+        rows = sorted({row for k, row in scored if k == number})
+        if len(rows) > 1:
+            found.append(_other_sign(situation, "levelling sign", number, rows))
         promised = _reductions_of_lines(situation, number, group)
         best = np.argsort(-promised, kind="stable")[:3]
-        for row in (int(row) for row in best if promised[row] > 0.0):
-            names = tuple(column[row] for column in group.references)
-            found.append(
-                Hypothesis(
-                    "levelling sign",
-                    names,
-                    partial(with_observed, number=number, rows=np.array([row]), change=np.negative),
-                    f"{group.name}, {' → '.join(names)}: {names[1]} → {names[0]}",
-                    group.count,
-                    rows=((number, row),),
-                    edits=cells(
-                        situation.network,
-                        number,
-                        [row],
-                        group.type.components[0].name,
-                        computed(lambda value: -value),
-                    ),
-                )
-            )
+        singles = (int(row) for row in best if promised[row] > 0.0)
+        found += [_other_sign(situation, "levelling sign", number, [row]) for row in singles]
     return found
+
+
+def _other_sign(situation: Situation, cause: str, number: int, rows: list[int]) -> Hypothesis:
+    group = situation.network.groups[number]
+    ends = [tuple(column[row] for column in group.references[:2]) for row in rows]
+    columns = [component.name for component in group.type.components]
+    edits = [cells(situation.network, number, rows, c, computed(lambda value: -value)) for c in columns]
+    return Hypothesis(
+        cause,
+        tuple(dict.fromkeys(name for pair in ends for name in pair)),
+        partial(with_observed, number=number, rows=np.array(rows), change=np.negative),
+        "; ".join(f"{group.name}, {one} → {other}: {other} → {one}" for one, other in ends),
+        group.count,
+        rows=tuple((number, row) for row in rows),
+        edits=tuple(edit for some in edits for edit in some),
+    )
 
 
 _FITS = 0.1
@@ -302,23 +305,7 @@ def _reversed_vectors(situation: Situation) -> Iterator[Hypothesis]:
             rows = np.array(sorted(row for k, row in scored if k == number), dtype=np.int64)
         if not len(rows):
             continue
-        names = tuple(dict.fromkeys(column[row] for row in rows.tolist() for column in group.references[:2]))
-        columns = [component.name for component in group.type.components]
-        edits = [
-            cells(situation.network, number, rows.tolist(), c, computed(lambda value: -value))
-            for c in columns
-        ]
-        yield Hypothesis(
-            "vector sign",
-            names,
-            partial(with_observed, number=number, rows=rows, change=np.negative),
-            "; ".join(
-                f"{group.name}, {group.references[1][r]} → {group.references[0][r]}" for r in rows.tolist()
-            ),
-            group.count,
-            rows=tuple((number, int(row)) for row in rows),
-            edits=tuple(edit for some in edits for edit in some),
-        )
+        yield _other_sign(situation, "vector sign", number, rows.tolist())
 
 
 def _reductions_of_lines(situation: Situation, number: int, group: ObservationGroup) -> FloatArray:
