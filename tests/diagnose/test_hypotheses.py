@@ -47,6 +47,7 @@ CASES = [
     ("slope_for_horizontal", 7000),  # a factor of all σ, which the score tests name too, explains nothing
     ("control_unit", 7002),  # the same
     ("control_moved", 7001),  # one coordinate of a point
+    ("two_levelling_signs", 8200),  # two lines together
     ("images_exchanged", 7000),  # images whose places are observed
     ("axes_exchanged", 7001),  # three control points that moved are no rival
 ]
