@@ -24,7 +24,7 @@ from tests.scenarios.bal_problems import SAME, Minimum, bal_problem, minimum_of_
 
 
 class Trial(NamedTuple):
-    """What both ended with."""
+    """Minima of mor and of Ceres with both tolerances."""
 
     mor: Minimum
     tight: Minimum

@@ -80,7 +80,8 @@ def matches(network: Network, values: Values, number: int, row: int) -> Iterator
     """Names that make a row of a group fit."""
     group = network.groups[number]
     names = tuple(column[row] for column in group.references)
-    now = float(np.sqrt(np.mean(sizes_of([group], values)[0][row] ** 2)))
+    (sizes_now,) = sizes_of([some_rows(group, np.array([row]))], values)
+    now = float(np.sqrt(np.mean(sizes_now**2)))
     for place, reference in enumerate(group.type.references):
         slots = [k for k, slot in enumerate(group.type.slots) if slot.of == reference.name]
         named: set[int] = (

@@ -56,6 +56,8 @@ _UNIT_CAUSES = ("table unit", "circle unit")
 """Causes of which one for each table is enough."""
 _PAIRS = 12
 """Flagged rows of a station or image of which all pairs are looked at, the worst first."""
+_NAMES = 20_000
+"""Names that are tried for the rows of a table in small networks; in large ones as many as there are observations."""
 _LEFT_OVER = 0.02
 """Part of the gain of mistakes of one kind below which another one explains second-order terms of the others."""
 _JOINED = 12
@@ -525,12 +527,14 @@ def _wrong_names(
 ) -> Iterator[_Candidate]:
     """Flagged rows that fit with another name."""
     found: list[Match] = []
+    names = max((len(things.ids) for things in network.things.values()), default=1)
+    most = min(ROWS, max(_NAMES, network.observations) // max(names, 1))
     for number, group in enumerate(network.groups):
         if len(group.references) < 2 or group.type.between_marks:
             continue
         rows = np.flatnonzero(flagged[number])
         tests = np.nan_to_num(np.abs(quality.reliability[number].at(rows).test)).max(axis=1, initial=0.0)
-        for row in rows[np.argsort(-tests, kind="stable")[:ROWS]].tolist():
+        for row in rows[np.argsort(-tests, kind="stable")[:most]].tolist():
             found += matches(network, values, number, row)
     for same in with_the_same_names(found):
         cause, things, line = wrong_name(network, same)

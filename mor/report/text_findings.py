@@ -103,7 +103,7 @@ def diagnosed(data: dict[str, Any], words: Words = ENGLISH) -> str:
         )
     ]
     if not data["offered"]:
-        lines.append(words("No hypothesis explains the observations better than chance."))
+        lines.append(words("No hypothesis explains the observations."))
     for number, row in enumerate(data["offered"], 1):
         lines.append(f"{number}. {sentence(row, words)}")
         lines.append(

@@ -102,7 +102,7 @@ class Judgement(NamedTuple):
 
     @property
     def as_they_stood(self) -> Judgement:
-        """That of the same start values before they were adjusted."""
+        """Judgement of the same start values before their adjustment."""
         return Judgement(self.missing, min(self.fit, self.before), self.worst)
 
     def beats(self, other: Judgement) -> bool:

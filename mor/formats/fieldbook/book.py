@@ -517,7 +517,7 @@ class FieldBook:
         ]
 
     def _turned(self, set_up: InstrumentSetUp, early: Sequence[Sight], full: float) -> float | None:
-        """What the readings before a station record lack to be azimuths; ``None`` if no coordinates tell."""
+        """Angle from readings before a station record to azimuths; ``None`` if no coordinates tell it."""
         place = self.points.get(set_up.station) or self.computed.get(set_up.station)
         turns = [
             azimuth - radians(s.horizontal * 360.0 / full)
