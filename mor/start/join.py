@@ -22,7 +22,7 @@ from mor.start.intersection import posed_frames
 from mor.start.movement import OPEN, PRECISION, FreeRotation, Movement, Ties, movement
 from mor.start.part import SLACKS, Frame, Join, Part, Phrase, Tie, empty_part, given_pose
 from mor.start.scene import Scene, StereoPair, forget_marks, make_upright
-from mor.start.sights import Terrestrial
+from mor.start.sights import Terrestrial, frame_verticals
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE_UNITS
 
@@ -517,12 +517,15 @@ def _fill(
     scale = 1.0 if free else float(start["scale"][one.scale, 0])
     D = start["rotation"][one.rotation]
     if not turned and (recomputed or np.isnan(D).any()):
-        none = np.zeros((0, 3))
-        found = movement(Ties(scale * points, one.local, none, none), FreeRotation.ANY, not free)
+        found = movement(_ties(network, start, one, scale), FreeRotation.ANY, not free)
         if found is None:
             return
-        scale, D = scale * found.scale, found.rotation
-        start["rotation"][one.rotation] = D
+        scale = scale * found.scale
+        if recomputed:
+            start["rotation"][one.rotation] = found.rotation
+        else:
+            put_rotation(network, start["rotation"], one.rotation, found.rotation)
+        D = start["rotation"][one.rotation]
         if free:
             start["scale"][one.scale, 0] = scale
     # Mean of what shift and offset have to make up for; a component that was not observed asks for nothing.
@@ -531,6 +534,18 @@ def _fill(
     _put_origin(
         network, start, one, recomputed, scale * D, away, np.asarray(seen.any(axis=0)), points.mean(axis=0)
     )
+
+
+def _ties(network: Network, start: dict[str, FloatArray], one: _Measured, scale: float) -> Ties:
+    """The points, the origin where it is known and the offset is not free, and the vertical where it is known."""
+    blocks = np.append(one.points, one.origin)
+    local = np.vstack([one.local, start["eccentricity"][one.offset]])
+    known = np.isfinite(start["point"][blocks]).all(axis=1)
+    known[-1] &= not network.blocks["eccentricity"].free[one.offset].any()
+    up = frame_verticals(network)[[one.rotation]]
+    told = np.isfinite(up).all(axis=1)
+    vertical = np.array([[0.0, 0.0, 1.0]])[told]
+    return Ties(scale * start["point"][blocks[known]], local[known], vertical, up[told])
 
 
 def _put_origin(

@@ -27,7 +27,7 @@ from mor.start.resection import (
     resect,
     star_of,
 )
-from mor.start.scene import Scene
+from mor.start.scene import Scene, make_upright
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- The pose of one frame from the points known so far: like its neighbour if that fits, else in closed form.
@@ -464,6 +464,8 @@ def rigid_seeds(scene: Scene) -> Iterator[Part]:
         part = empty_part(scene.points)
         part.points[system.points] = system.coordinates
         part.scaled = system.scaled
+        if np.isfinite(system.up).all():
+            make_upright(part, system.up)
         part.began = rule("coordinates in {one}", one=system.name)
         part.how |= {f"point {p}": part.began for p in system.points.tolist()}
         yield part

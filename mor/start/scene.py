@@ -41,6 +41,7 @@ from mor.start.sights import (
     Vertical,
     VerticalAngles,
     bearing,
+    frame_verticals,
     terrestrial,
     vertical_of_directions,
 )
@@ -109,6 +110,8 @@ class LocalSystem(NamedTuple):
     """(n, 3) all three known; NaN among those of a system in part."""
     scaled: bool
     """True where its length unit is that of the network."""
+    up: FloatArray
+    """(3,) the vertical in the axes of the system, NaN where it is not known."""
 
 
 @dataclass(frozen=True)
@@ -228,10 +231,12 @@ def _pairs(network: Network, frames: tuple[Frame, ...]) -> tuple[StereoPair, ...
 def _systems(network: Network, partial: bool) -> tuple[LocalSystem, ...]:
     """Systems in which points are known in all three coordinates, or, ``partial``, in single ones; no features."""
     systems = []
+    up = frame_verticals(network)
+    marks = np.concatenate([network.things[kind].parts["position"] for kind in ("point", "station", "image")])
     for group in network.groups:
         if group.type.key != "local":
             continue
-        _, rotation, scale, offset, point = group.blocks
+        origin, rotation, scale, offset, point = group.blocks
         seen = np.isfinite(group.observed)
         usable = (network.start["eccentricity"][offset] == 0.0).all(axis=1)
         usable &= seen.any(axis=1) if partial else seen.all(axis=1)
@@ -239,15 +244,17 @@ def _systems(network: Network, partial: bool) -> tuple[LocalSystem, ...]:
         usable &= True if about_axes is None else ~about_axes[rotation]
         for system in np.unique(rotation[usable]):
             rows = np.flatnonzero(usable & (rotation == system))
-            if len(rows) < 3 or (partial and seen[rows].all()):
+            points, coordinates = point[rows], group.observed[rows]
+            if origin[rows[0]] in marks:
+                points, coordinates = np.append(points, origin[rows[0]]), np.vstack([coordinates, np.zeros(3)])
+            if len(points) < 3 or (partial and seen[rows].all()):
                 continue
             block = scale[rows[0]]
             free = bool(network.blocks["scale"].free[block, 0])
             unit = 1.0 if free else float(network.start["scale"][block, 0])
             name = network.blocks["rotation"].ids[system]
-            coordinates = group.observed[rows] / unit
             systems.append(
-                LocalSystem(name, int(system), point[rows].astype(np.int64), coordinates, not free)
+                LocalSystem(name, int(system), points.astype(np.int64), coordinates / unit, not free, up[system])
             )
     return tuple(systems)
 
