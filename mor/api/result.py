@@ -380,6 +380,32 @@ class Result:
 
         return protocol(self._view, standard, None if against is None else against._view, permissible)
 
+    def certificate(
+        self,
+        camera: str,
+        *,
+        coverage: float | None = None,
+        administration: str | PathLike[str] | None = None,
+        language: Literal["en", "de"] = "en",
+    ) -> str:
+        """Return the certificate of a camera as text; as XML (DCC 3.2.0) with a YAML file of administrative data.
+
+        ``coverage`` is the factor k of the expanded uncertainties. Raises :class:`mor.InputError` for an unknown
+        camera, one without image points, and mistakes in the file.
+        """
+        from mor.input_files import read_text
+        from mor.project.document import read_yaml
+        from mor.report.certificate import certificate, certificate_text
+        from mor.report.digital_certificate import administration as read_administration
+        from mor.report.digital_certificate import digital_certificate
+        from mor.report.language import words_of, words_of_page
+
+        one = certificate(self._view, camera, coverage)
+        if administration is None:
+            return certificate_text(one, words_of(language))
+        who = read_administration(read_yaml(read_text(Path(administration)), str(administration)))
+        return digital_certificate(one, who, words_of_page(language))
+
     def to_dict(self) -> dict[str, Any]:
         """Return the content of ``results.json`` as plain data."""
         from mor.report.results import results

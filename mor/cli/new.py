@@ -41,8 +41,8 @@ from mor.cli.options import InputPath, OutputPath, force_option
 )
 @click.option(
     "--protocol",
-    type=click.Choice(["iso17123-3", "iso17123-4", "iso17123-8", "vdi2634-1"]),
-    help="Begin the full test of directions, a distance meter, RTK (ISO 17123) or lengths (VDI/VDE 2634) instead.",
+    type=click.Choice(["iso17123-3", "iso17123-4", "iso17123-5", "iso17123-8", "vdi2634-1"]),
+    help="Begin the test of an instrument (ISO 17123, VDI/VDE 2634) instead.",
 )
 @force_option
 def command(

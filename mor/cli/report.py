@@ -36,7 +36,7 @@ from mor.cli.options import InputPath, OutputPath
 )
 @click.option(
     "--protocol",
-    type=click.Choice(["iso17123-3", "iso17123-4", "iso17123-8", "vdi2634-1"]),
+    type=click.Choice(["iso17123-3", "iso17123-4", "iso17123-5", "iso17123-8", "vdi2634-1"]),
     help="Write the protocol of a test by this standard.",
 )
 @click.option(

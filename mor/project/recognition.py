@@ -499,6 +499,11 @@ def begin_test(target: Path, title: str, protocol: str) -> dict[Path, str]:
         table, header = "lengths.csv", "from,to,distance"
         pairs = [(f"L{line}-1", f"L{line}-{end}") for line, end in product(range(1, 8), range(2, 7))]
         content["ends"] = ", ".join(f"[L{line}-{end}]" for line, end in product(range(1, 8), range(1, 7)))
+    elif protocol == "iso17123-5":
+        table, header = "coordinates.csv", "system,point,x,y,z"
+        set_ups = list(product("123", "123"))
+        pairs = [(f"{series}-{k}", f"{to},,") for series, k in set_ups for to in "123" if to != k]
+        content["systems"] = "\n      - ".join(f'["{one}-{k}", "{k}", 0, 0, 1]' for one, k in set_ups)
     elif protocol == "iso17123-8":
         table, header = "positions.csv", "series,set,point,x,y,z"
         pairs = [(f"{series},{k}", f"{point},,") for series, k, point in product("123", "12345", "12")]

@@ -1,4 +1,7 @@
-"""Tests of instruments by ISO 17123-3:2001, -4:2012 and -8:2015 and by VDI/VDE 2634 part 1: the protocol."""
+"""Tests of instruments by ISO 17123-3:2001, -4:2012 and -8:2015, for -5, and by VDI/VDE 2634 part 1: the protocol.
+
+The text of ISO 17123-5 was not at hand: its arrangement, and so its degrees of freedom, are those of the template.
+"""
 
 from __future__ import annotations
 
@@ -58,6 +61,14 @@ PROCEDURES = {
         "mm",
         1e-3,
     ),
+    "iso17123-5": Procedure(
+        "Test of the coordinates of a total station, for ISO 17123-5",
+        "local",
+        54,
+        (SigmaGroup("position", ("x", "y"), 24), SigmaGroup("height", ("z",), 16)),
+        "mm",
+        1e-3,
+    ),
     "iso17123-8": Procedure(
         "Test of a GNSS receiver (RTK) by ISO 17123-8:2015, full procedure",
         "coordinates",
@@ -68,7 +79,8 @@ PROCEDURES = {
     ),
 }
 """Four series of three sets to five targets; seven points in a line, with all distances and an unknown zero offset;
-three series of five sets of the coordinates of two points."""
+three series of set-ups on three points, with the coordinates of the two others; three series of five sets of the
+coordinates of two points."""
 
 
 class Figures(NamedTuple):

@@ -537,11 +537,11 @@ def _fill(
 
 
 def _ties(network: Network, start: dict[str, FloatArray], one: _Measured, scale: float) -> Ties:
-    """The points, the origin where it is known and the offset is not free, and the vertical where it is known."""
+    """The points, where they are few the origin if the offset is not free, and the vertical, as far as known."""
     blocks = np.append(one.points, one.origin)
     local = np.vstack([one.local, start["eccentricity"][one.offset]])
     known = np.isfinite(start["point"][blocks]).all(axis=1)
-    known[-1] &= not network.blocks["eccentricity"].free[one.offset].any()
+    known[-1] &= len(one.points) < 3 and not network.blocks["eccentricity"].free[one.offset].any()
     up = frame_verticals(network)[[one.rotation]]
     told = np.isfinite(up).all(axis=1)
     vertical = np.array([[0.0, 0.0, 1.0]])[told]

@@ -246,7 +246,10 @@ def _systems(network: Network, partial: bool) -> tuple[LocalSystem, ...]:
             rows = np.flatnonzero(usable & (rotation == system))
             points, coordinates = point[rows], group.observed[rows]
             if origin[rows[0]] in marks:
-                points, coordinates = np.append(points, origin[rows[0]]), np.vstack([coordinates, np.zeros(3)])
+                points, coordinates = (
+                    np.append(points, origin[rows[0]]),
+                    np.vstack([coordinates, np.zeros(3)]),
+                )
             if len(points) < 3 or (partial and seen[rows].all()):
                 continue
             block = scale[rows[0]]
@@ -254,7 +257,9 @@ def _systems(network: Network, partial: bool) -> tuple[LocalSystem, ...]:
             unit = 1.0 if free else float(network.start["scale"][block, 0])
             name = network.blocks["rotation"].ids[system]
             systems.append(
-                LocalSystem(name, int(system), points.astype(np.int64), coordinates / unit, not free, up[system])
+                LocalSystem(
+                    name, int(system), points.astype(np.int64), coordinates / unit, not free, up[system]
+                )
             )
     return tuple(systems)
 

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from scipy import stats
 
+import mor as api
 from mor.report.digital_certificate import si_unit
 from tests.scenarios.small_projects import mor
 
@@ -115,6 +116,22 @@ def test_administrative_data_are_those_of_the_laboratory(results: Path, tmp_path
         "0815",
     ):
         assert texts.count(text) == 1, text
+
+
+def test_python_gives_what_the_command_writes(results: Path, tmp_path: Path) -> None:
+    """The numbers of the two certificates; those of the command went through the tables of results."""
+    assert (
+        mor("certificate", results, "D7", "--coverage", 2, "-o", tmp_path / "d7.txt", "--lang", "de").code
+        == 0
+    )
+    result = api.adjust(SAMPLES / "facade" / "project.yaml")
+    text = result.certificate("D7", coverage=2.0, language="de")
+    assert text == (tmp_path / "d7.txt").read_text(encoding="utf-8")
+    written(results, tmp_path)
+    document = result.certificate("D7", administration=tmp_path / "admin.yaml")
+    assert document == (tmp_path / "d7.xml").read_text(encoding="utf-8")
+    with pytest.raises(api.InputError, match="known: D7"):
+        result.certificate("D8")
 
 
 @pytest.mark.parametrize("key", ["identifier", "begin", "place", "laboratory", "customer", "persons", "item"])

@@ -1,4 +1,4 @@
-"""Tests by ISO 17123-3, -4 and -8 and VDI/VDE 2634, against formulas in NumPy and quantiles of SciPy."""
+"""Tests for ISO 17123-3, -4, -5 and -8 and VDI/VDE 2634, against formulas in NumPy and quantiles of SciPy."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import optimize, stats
 
 import mor as api
 from mor.report.protocol import figures, length_tests, statistical_tests
@@ -192,6 +192,47 @@ def test_positions_by_gnss(tmp_path: Path) -> None:
         f"Standardabweichung s, Position  {expected[0]:.3f} mm, 56 Freiheitsgrade".replace(".", ",") in text
     )
     assert "b) Standardabweichung s, Höhe" in text
+
+
+def test_coordinates_of_a_total_station(tmp_path: Path) -> None:
+    """s from a triangle and nine orientations adjusted as complex numbers, and from heights adjusted alone."""
+    assert mor("new", tmp_path / "test.yaml", "--protocol", "iso17123-5").code == 0
+    table, random = tmp_path / "coordinates.csv", np.random.default_rng(11)
+    lines = table.read_text().splitlines()
+    assert (lines[0], lines[1], len(lines)) == ("system,point,x,y,z", "1-1,2,,,", 19)
+    at, to = (np.array([int(line.split(",")[k][-1]) - 1 for line in lines[1:]]) for k in (0, 1))
+    places, heights = np.array([0.0, 120.0 + 15.0j, 50.0 + 95.0j]), np.array([0.0, 4.0, -3.0])
+    turns = np.repeat(random.uniform(-3.0, 3.0, 9), 2)
+    seen = (places[to] - places[at]) * np.exp(1j * turns) + 0.001 * (random.normal(size=(18, 2)) @ [1.0, 1j])
+    dz = heights[to] - heights[at] + random.normal(0.0, 0.003, 18)
+    rows = [
+        f"{line.removesuffix(',,,')},{z.real!r},{z.imag!r},{h!r}"
+        for line, z, h in zip(lines[1:], seen.tolist(), dz.tolist(), strict=True)
+    ]
+    table.write_text("\n".join([lines[0], *rows]) + "\n")
+    assert mor("adjust", tmp_path / "test.yaml", "--no-html").code == 0
+
+    def misclosures(x: np.ndarray) -> np.ndarray:
+        triangle = np.array([0.0, x[0], x[1] + 1j * x[2]])
+        off = (triangle[to] - triangle[at]) * np.exp(1j * np.repeat(x[3:], 2)) - seen
+        return np.concatenate([off.real, off.imag])
+
+    bearing = np.angle(places[1])
+    start = np.concatenate([[121.0, 60.0, 90.0], turns[::2] + bearing])
+    squares = 2.0 * optimize.least_squares(misclosures, start, x_scale="jac", ftol=1e-15, xtol=1e-15).cost
+    A = np.eye(3)[to][:, 1:] - np.eye(3)[at][:, 1:]
+    expected = 1e3 * np.sqrt([squares / (36 - 12), np.linalg.lstsq(A, dz, rcond=None)[1][0] / (18 - 2)])
+    found = figures(view_of_folder(tmp_path / "test.results"), "iso17123-5")
+    assert [one.s for one in found] == pytest.approx(expected, rel=1e-6)
+    assert [one.part.freedom for one in found] == [24, 16]
+    tests = statistical_tests(found, None, "iso17123-5")
+    limits = [2.0 * np.sqrt(stats.chi2.ppf(0.95, nu) / nu) for nu in (24, 16)]
+    assert [test.high for test in tests] == pytest.approx(limits, rel=1e-10)
+    assert [test.passed for test in tests] == [True, False]
+    assert mor("report", tmp_path / "test.results", "--protocol", "iso17123-5", "--lang", "de").code == 0
+    text = (tmp_path / "test.results" / "protocol.txt").read_text(encoding="utf-8")
+    assert text.startswith("Prüfung der Koordinaten einer Totalstation")
+    assert f"Standardabweichung s, Höhe      {expected[1]:.3f} mm, 16".replace(".", ",") in text
 
 
 def test_lengths(tmp_path: Path) -> None:

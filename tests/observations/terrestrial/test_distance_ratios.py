@@ -6,7 +6,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import optimize
 
+import mor as api
 from mor.api.pipeline import read_document, read_network, solve_network
 from mor.model.earth import Ellipsoid, Horizon
 from mor.model.observation_types import PLAIN_TYPES, earth_types
@@ -55,3 +57,46 @@ observations:
     assert solved.quality is not None
     assert solved.quality.redundancy == 1
     assert mor("adjust", tmp_path / "project.yaml", "-o", tmp_path / "out", "--lang", "de").code in (0, 1)
+
+
+def test_equal_lengths_have_a_common_one() -> None:
+    """Three bars of one unknown length: distances 0 with the free offset of one instrument, against SciPy."""
+    random = np.random.default_rng(3)
+    ends = np.cumsum(random.normal(size=(6, 3)), axis=0)
+    ends[1::2] = ends[::2] + 1.2 * (way := random.normal(size=(3, 3))) / np.linalg.norm(way, axis=1)[:, None]
+    observed = ends + random.normal(0.0, 0.01, ends.shape)
+    result = api.adjust(
+        {
+            "mor": 1,
+            "instruments": {"bar": {"offset": {"free": 1.0}}},
+            "points": [{"columns": ["id"], "rows": [[f"P{k}"] for k in range(6)]}],
+            "observations": [
+                {
+                    "type": "coordinates",
+                    "columns": ["point", "x", "y", "z"],
+                    "rows": [[f"P{k}", *row] for k, row in enumerate(observed.tolist())],
+                    "values": {"sigma": 0.01},
+                },
+                {
+                    "type": "distance",
+                    "instrument": "bar",
+                    "columns": ["from", "to", "distance"],
+                    "rows": [[f"P{k}", f"P{k + 1}", 0] for k in (0, 2, 4)],
+                    "values": {"sigma": 1e-4},
+                },
+            ],
+        }
+    )
+
+    def misclosures(x: np.ndarray) -> np.ndarray:
+        points = x[:18].reshape(6, 3)
+        bars = np.linalg.norm(points[1::2] - points[::2], axis=1) - x[18]
+        return np.concatenate([(points - observed).ravel() / 0.01, bars / 1e-4])
+
+    best = optimize.least_squares(
+        misclosures, np.append(observed, 1.2), x_scale="jac", xtol=1e-15, ftol=1e-15
+    )
+    found = [[result.points.row(f"P{k}")[c] for c in "xyz"] for k in range(6)]
+    np.testing.assert_allclose(found, best.x[:18].reshape(6, 3), rtol=0.0, atol=1e-8)
+    (bar,) = (one for one in result.to_dict()["others"] if one["id"] == "bar")
+    assert bar["components"]["offset"]["value"] == pytest.approx(best.x[18], abs=1e-8)
