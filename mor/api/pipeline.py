@@ -40,6 +40,7 @@ from mor.quality.outliers import (
     SuspectedOutliers,
     left_out,
     lost_blocks,
+    may_be_absurd,
     without_suspects,
 )
 from mor.quality.plausibility import implausible, neglected_curvature
@@ -195,6 +196,7 @@ def start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:
 #
 # project file → Project → Network → Problem + start values → Adjustment → Quality → Report
 
+POSES_ANEW = "the start values lead to no solution; the poses of images were computed anew from all else"
 SIGMA_ROUNDS = 4
 _SAME_SIGMA = 1e-9
 """σ that change by less between two adjustments have settled."""
@@ -287,7 +289,41 @@ class _Adjusted(NamedTuple):
 
 
 def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
-    """Adjust a network as far as its observations determine it."""
+    """Adjust a network as far as its observations determine it; without a solution, with poses computed anew."""
+    found = _from_start_values(network, watch)
+    if found.attempt.adjustment.outcome.is_solution:
+        return found
+    anew = _without_poses(network)
+    if anew is None:
+        return found
+    try:
+        other = _from_start_values(anew, watch)
+    except (InputError, NoStartValuesError):
+        return found
+    sound = other.attempt.adjustment.outcome is Outcome.CONVERGED and not may_be_absurd(
+        other.attempt.adjustment
+    )
+    return other if sound else found
+
+
+def _without_poses(network: Network) -> Network | None:
+    """The network without the given start values of poses of images; ``None`` where there are none."""
+    images, start = network.things["image"].parts, dict(network.start)
+    if "rotation" not in start:
+        return None
+    for kind, part in (("rotation", "rotation"), ("point", "position")):
+        blocks = images[part][images[part] >= 0]
+        known = ~network.blocks[kind].free[blocks] | np.isfinite(network.sigma[kind][blocks])
+        start[kind] = start[kind].copy()
+        start[kind][blocks[~known.any(axis=1)]] = np.nan
+    if not any(
+        np.isnan(start[kind]).sum() > np.isnan(network.start[kind]).sum() for kind in ("rotation", "point")
+    ):
+        return None
+    return replace(network, start=start, notes=(*network.notes, Message(POSES_ANEW)))
+
+
+def _from_start_values(network: Network, watch: Watcher | None) -> _Adjusted:
     with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
         with one_thread():
             whole, start = determinable_start(network)

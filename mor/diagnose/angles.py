@@ -346,13 +346,14 @@ def _exchanged_images(situation: Situation, pair: tuple[str, str], candidates: i
 def exchanged_frames(network: Network, pair: tuple[str, str], of: str, only: int = ALL) -> Network:
     """Return the network with the blocks of two frames exchanged in all their rows, or in those of one table.
 
-    ``of`` is ``station``, whose positions are exchanged, or ``image``, whose positions, rotations and interiors are.
+    ``of`` is ``station``, whose positions are exchanged (and rotations and heights where it is the names in one table),
+    or ``image``, whose positions, rotations and interiors are.
     """
     for number, group in enumerate(network.groups):
         if only not in (ALL, number):
             continue
         blocks, changed = list(group.blocks), False
-        for slot in _slots(group, of):
+        for slot in _slots(group, of, only != ALL):
             column = group.references[
                 [r.name for r in group.type.references].index(group.type.slots[slot].of)
             ]
@@ -370,14 +371,14 @@ def exchanged_frames(network: Network, pair: tuple[str, str], of: str, only: int
     return network
 
 
-def _slots(group: ObservationGroup, of: str) -> list[int]:
+def _slots(group: ObservationGroup, of: str, by_name: bool = False) -> list[int]:
     if of == "image":
         parts = ("position", "rotation", "interior")
         return [k for k, s in enumerate(group.type.slots) if s.of == "image" and s.part in parts]
     if not group.type.distances or group.type.between_marks:
         return []
-    begin = group.type.distances[0]
-    return [k for k, s in enumerate(group.type.slots) if s.of == begin and s.part == "position"]
+    begin, parts = group.type.distances[0], ("position", "rotation", "height") if by_name else ("position",)
+    return [k for k, s in enumerate(group.type.slots) if s.of == begin and s.part in parts]
 
 
 def _blocks_of(network: Network, pair: tuple[str, str], of: str, part: str) -> tuple[int, int] | None:

@@ -102,8 +102,9 @@ def score_tests(
     """Return up to three mistakes that would explain what the tests of an adjustment reject, the best first.
 
     They are possible causes, not verified ones. A mistake is named if its test rejects at the family-wise level
-    ``LEVEL`` and it explains more than the worst single observation does. ``doubtful`` are the rows (n,) of each
-    group that single mistakes are looked for in; by default those that the tests of single observations flag.
+    ``LEVEL`` and it explains more than the worst single observation does, or as much with one parameter.
+    ``doubtful`` are the rows (n,) of each group that single mistakes are looked for in; by default those that the
+    tests of single observations flag.
     """
     problem, values = quality.adjustment.problem, quality.adjustment.values
     flagged = doubtful or [np.asarray(flags.any(axis=1)) for flags in quality.flagged]
@@ -113,11 +114,12 @@ def score_tests(
     count = len(candidates)
     scored = [one for some in _chunks(candidates, quality) for one in _scores(quality, some, count)]
     limit = float(np.log(LEVEL / count))
-    good = [one for one in scored if one.log_p < limit and one.length > _single(quality)]
+    worst, least = _single(quality)
+    good = [one for one in scored if one.length > least or (one.freedom == 1 and one.gain >= worst)]
     joined, too_many = _joined(quality, candidates, count)
     good = [one for one in good if one.candidate.cause not in too_many]
-    good += [one for one in joined if one.log_p < limit and one.length > _single(quality)]
-    good += [one for one in _sigmas(quality) if one.log_p < limit and one.length > _single(quality)]
+    good += [one for one in (*joined, *_sigmas(quality)) if one.length > least]
+    good = [one for one in good if one.log_p < limit]
     return tuple(_cause(network, one) for one in _distinct(good)[:OFFERED])
 
 
@@ -899,13 +901,15 @@ def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
     return whitened_rows(quality, used)
 
 
-def _single(quality: Quality) -> float:
-    worst = max(
+def _single(quality: Quality) -> tuple[float, float]:
+    """Gain and length of the worst single observation; the gain less its round-off."""
+    largest = max(
         (float(np.nanmax(np.abs(one.at(slice(None)).test), initial=0.0)) for one in quality.reliability),
         default=0.0,
     )
     observations = quality.adjustment.problem.observations
-    return max(worst**2 - cost_of_choice(observations, observations, 1, 0.0), 0.0)
+    length = largest**2 - cost_of_choice(observations, observations, 1, 0.0)
+    return (1.0 - 1e-6) * largest**2, max(length, 0.0)
 
 
 def _sigmas(quality: Quality) -> Iterator[_Scored]:

@@ -222,6 +222,16 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
                 explained = max(explained, promised) if stage is OF_A_WHOLE else explained
         if stage is OF_ROWS and done:
             break
+    if not found and situation.solution is None:  # what all begin with may be what is wrong
+        for number, (hypothesis, fit, _) in enumerate(trials):
+            if fit is not None or not hypothesis.afresh or untried or not go_on(hypothesis):
+                continue
+            fit = tried(situation, hypothesis, spoken_for=True)
+            if fit is not None:
+                trials[number] = Trial(hypothesis, fit, _gain(situation, fit))
+                found.append(SolvedHypothesis(hypothesis, fit, 0.0))
+                if _explains(hypothesis, fit):
+                    break
     return Diagnosis(before, _offered(situation, before, found), tuple(trials), untried)
 
 

@@ -12,8 +12,9 @@ import numpy as np
 from scipy.special import betaln, gammaln
 
 from mor.model import rotations
+from mor.model.images import is_on_the_sphere
 from mor.model.observation_types import Computed, ObservationGroup, is_image_point, wrap
-from mor.model.parameters import Blocks, Values, index_unknowns
+from mor.model.parameters import ROTATION, Blocks, Values, index_unknowns
 from mor.quality.robust_estimation import (
     Graduated,
     exclude,
@@ -353,6 +354,8 @@ _LONG_TAILS = 1.6
 """Root mean square of residuals in units of their robust σ: 1 if normal, 1.7 with 2 % errors of ten σ among them."""
 _TOO_SMALL = 30.0
 """Times that σ may be too small. Of 178 landings far off, 11 had residuals without long tails, from 1 400 σ on."""
+_BESIDE, _PART = 0.5, 0.1
+"""Arc (rad) between a ray and its point on another branch of the projection, and part of it that v is at the most."""
 LARGEST_WEIGHT = "its observations contradict each other or the rest"
 """Reason why a thing is left out."""
 _SAME = 1e-6
@@ -426,15 +429,40 @@ def may_be_absurd(adjustment: Adjustment) -> bool:
     Half of its residuals are beyond 3 σ, and they have long tails or are beyond 30 σ. Residuals that are normal with a
     larger σ come from σ that are too small.
     """
-    problem = adjustment.problem
-    redundancy = problem.observations - problem.index.count + adjustment.defect.dimension
-    squares = adjustment.normals.objective
-    if redundancy <= 0 or squares <= redundancy * _WORSE**2:
+    if not _fits_badly(adjustment):
         return False
-    overall = _overall(adjustment)
+    overall, problem = _overall(adjustment), adjustment.problem
     if overall > _TOO_SMALL:
         return True
-    return overall > _WORSE and squares > problem.observations * (_LONG_TAILS * overall) ** 2
+    return (
+        overall > _WORSE
+        and adjustment.normals.objective > problem.observations * (_LONG_TAILS * overall) ** 2
+    )
+
+
+def _fits_badly(adjustment: Adjustment) -> bool:
+    problem = adjustment.problem
+    redundancy = problem.observations - problem.index.count + adjustment.defect.dimension
+    return redundancy > 0 and adjustment.normals.objective > redundancy * _WORSE**2
+
+
+def _sees_beside(adjustment: Adjustment) -> bool:
+    """True where a ray fits on another branch of its projection: behind the camera, or where the distortion turns back.
+
+    There the arc from the measured ray to the point is far larger than the residual.
+    """
+    sphere = problem_on_the_sphere(adjustment.problem, adjustment.values)
+    if sphere is None:
+        return False
+    for group, own in zip(sphere.groups, adjustment.problem.groups, strict=True):
+        if is_on_the_sphere(group.type):
+            arc = misclosures(group, adjustment.values)
+            v = misclosures(own, adjustment.values)
+            far = np.linalg.norm(arc, axis=1) > _BESIDE
+            less = np.linalg.norm(v / own.sigma, axis=1) < _PART * np.linalg.norm(arc / group.sigma, axis=1)
+            if (far & less).any():
+                return True
+    return False
 
 
 def without_suspects(
@@ -455,8 +483,15 @@ def without_suspects(
     """
     if plain.outcome is Outcome.SINGULAR and not plain.iterations:
         return Attempt(plain)
+    if plain.outcome is Outcome.CONVERGED and _fits_badly(plain) and _sees_beside(plain):
+        other = _repaired(plain._replace(outcome=Outcome.NOT_CONVERGED), settings, watch)
+        return other if other.adjustment.outcome is Outcome.CONVERGED else Attempt(plain, robust=other.robust)
     if plain.outcome in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(plain):
         return Attempt(plain)
+    return _repaired(plain, settings, watch)
+
+
+def _repaired(plain: Adjustment, settings: SolverSettings | None, watch: Watcher | None) -> Attempt:
     from_far = cache(partial(_from_far, plain, settings, watch))
     found = _by_weights(plain, watch, by_parts=True)
     first = _attempt(plain, found, settings, watch, from_far) or from_far()
@@ -475,7 +510,45 @@ def without_suspects(
 def _by_weights(plain: Adjustment, watch: Watcher | None, by_parts: bool) -> Graduated:
     """Return the solution with graduated weights; ``by_parts``: most of every part is assumed right."""
     found = graduated_weights(plain.problem, plain.start, watch, by_parts)
+    found = _with_frames_put_back(plain.problem, found, plain.start, watch)
     return _with_points_moved(plain.problem, found, plain.start, watch)
+
+
+def _with_frames_put_back(
+    problem: Problem, found: Graduated, start: Values, watch: Watcher | None
+) -> Graduated:
+    """Return the solution with frames that most of their rows contradict turned anew from their start values.
+
+    They are turned while all else is held, and the solution is taken if that costs less.
+    """
+    if ROTATION.key not in problem.index.blocks:
+        return found
+    turned = _contradicted(problem, found.suspects, ROTATION.key)
+    if not turned.any():
+        return found
+    blocks = {
+        kind: own._replace(
+            free=own.free & turned[:, None] if kind == ROTATION.key else np.zeros_like(own.free)
+        )
+        for kind, own in problem.index.blocks.items()
+    }
+    frames = np.where(turned[:, None, None], start[ROTATION.key], found.values[ROTATION.key])
+    alone = replace(problem, index=index_unknowns(blocks))
+    there = graduated_weights(alone, {**found.values, ROTATION.key: frames}, watch)
+    other = settled_weights(problem, there.values, watch)
+    starts = Starts(found.values["point"], 0.0)
+    return other if _cost(problem, other, starts) < _cost(problem, found, starts) else found
+
+
+def _contradicted(problem: Problem, suspects: Sequence[BoolArray], kind: str) -> BoolArray:
+    """(n,) blocks of a kind most of whose rows are suspects."""
+    seen, wrong = np.zeros((2, len(problem.index.columns[kind])), dtype=np.int64)
+    for group, mask in zip(problem.groups, suspects, strict=True):
+        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+            if slot.kind == kind:
+                np.add.at(seen, blocks, (group.mask & ~group.left_out).any(axis=1))
+                np.add.at(wrong, blocks, mask.any(axis=1))
+    return np.asarray(2 * wrong > seen)
 
 
 def _attempt(

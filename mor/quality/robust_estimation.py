@@ -222,7 +222,7 @@ _FEW = 10
 """Observations of a group below which its own median says nothing of it."""
 _FIRST_DAMPING, _LEAST_DAMPED, _MOST_DAMPED = 1e-3, 1e-7, 1e8
 _SMALLEST = 1e-10
-"""Factor on a weight below which nothing is made lighter: the system must stay regular."""
+"""Factor on a weight below which nothing is made lighter, as the system must stay regular, but what is 1 σ with it."""
 _SETTLED, _NEARLY_SETTLED = 1e-3, 1e-2
 """Root mean square change of the factors after which they have settled, and of directions, which only lead there."""
 REJECTED = 3.29
@@ -356,10 +356,11 @@ def _scales(
 def _factors(
     problem: Problem, sizes: tuple[FloatArray, ...], multiples: FloatArray, scales: tuple[FloatArray, ...]
 ) -> tuple[FloatArray, ...]:
-    widths = [multiple * scale for multiple, scale in zip(multiples, scales, strict=True)]
+    squares = [_joint(group, size) ** 2 for group, size in zip(problem.groups, sizes, strict=True)]
+    widths = [(multiple * scale) ** 2 for multiple, scale in zip(multiples, scales, strict=True)]
     return tuple(
-        np.maximum((width**2 / (width**2 + _joint(group, size) ** 2)) ** 2, _SMALLEST)
-        for group, size, width in zip(problem.groups, sizes, widths, strict=True)
+        np.maximum((width / (width + square)) ** 2, _SMALLEST / np.maximum(1.0, _SMALLEST * square))
+        for square, width in zip(squares, widths, strict=True)
     )
 
 

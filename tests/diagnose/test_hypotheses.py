@@ -50,6 +50,10 @@ CASES = [
     ("two_levelling_signs", 8200),  # two lines together
     ("images_exchanged", 7000),  # images whose places are observed
     ("axes_exchanged", 7001),  # three control points that moved are no rival
+    ("misnumbered_in_image", 8101),  # a ray that fits where the distortion turns back
+    ("control_moved", 8200),  # what the worst single observation says, too
+    ("set_ups_exchanged", 8200),  # start values that the mistake has spoilt for every hypothesis
+    ("station_exchanged_in_directions", 8200),  # in one of several tables
 ]
 """A few that are quick; ``python -m tests.scenarios.planted_mistakes`` has all kinds."""
 
@@ -57,6 +61,12 @@ CASES = [
 def _solved(path: Path) -> Solved:
     document = pipeline.read_document(path)
     return pipeline.solve_network(pipeline.read_network(document, path.parent))
+
+
+def test_exchanged_start_poses_are_computed_anew(tmp_path: Path) -> None:
+    """Two images with each other's start pose; nothing else tells their names."""
+    found = trial("images_exchanged", 8201, tmp_path)
+    assert (found.code, found.outcome, found.offered) == (0, "converged", ())
 
 
 @pytest.mark.parametrize(("kind", "seed"), slow_but([("offset", 1)], CASES))
