@@ -17,7 +17,7 @@ from mor.linalg.cholesky import NotFiniteError, one_thread
 from mor.linalg.compilation import chosen_by_size
 from mor.model.contract import with_sigma_model
 from mor.model.observation_types import without
-from mor.model.parameters import ROTATION, all_known, index_unknowns, with_shared_components
+from mor.model.parameters import ROTATION, Values, all_known, index_unknowns, with_shared_components
 from mor.project.document import Document, read_yaml
 from mor.project.entities import TableWatcher, ignore_table, thing_of
 from mor.project.network import Network, build_network, with_blocks_held
@@ -445,7 +445,19 @@ def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
     if told is Rejection.NOTHING:
         return NOTHING_FOUND
     ended = RejectedAdjustment(plain, solution, quality, told, attempt.robust, solved.possible_causes)
-    return causes(adjusted.whole, adjusted.start, ended, make_problem, start_or_nothing, go_on)
+    start = adjusted.start if solution is None else _start_from(adjusted, solution.values)
+    return causes(adjusted.whole, start, ended, make_problem, start_or_nothing, go_on)
+
+
+def _start_from(adjusted: _Adjusted, values: Values) -> Mapping[str, FloatArray]:
+    """Values of the whole network: those of a solution, and the start values of what was left out of it."""
+    found = {kind: values[kind][: len(own)].copy() for kind, own in adjusted.start.items()}
+    for thing in adjusted.network.undeterminable:
+        for kind, blocks in adjusted.whole.blocks.items():
+            if thing.kind == "point" == kind and thing.name in blocks.ids:
+                k = blocks.ids.index(thing.name)
+                found[kind][k] = adjusted.start[kind][k]
+    return found
 
 
 def _moved_apart(problem: Problem, start: Mapping[str, FloatArray]) -> dict[str, FloatArray]:

@@ -30,6 +30,7 @@ from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.project.rows import group_name
 from mor.quality.outliers import costs_of_sizes
+from mor.quality.plausibility import look_like_elevations
 from mor.solve.problem import misclosures
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE_UNITS
@@ -52,6 +53,17 @@ def circle_hypotheses(situation: Situation) -> list[Hypothesis]:
         for things, rows in _sets(situation, number, group):
             found += list(_of_rows(situation, number, group, things, rows))
     return found
+
+
+def implausible_zenith_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """Return elevations for the zenith angles of tables that look like it."""
+    return [
+        hypothesis
+        for number, group in enumerate(situation.network.groups)
+        if look_like_elevations(group)
+        for hypothesis in _of_rows(situation, number, group, (group.name,), np.arange(group.count))
+        if hypothesis.cause == "elevation for zenith"
+    ]
 
 
 def face_hypotheses(situation: Situation) -> list[Hypothesis]:

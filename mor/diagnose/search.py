@@ -22,6 +22,7 @@ from mor.diagnose.angles import (
     circle_hypotheses,
     face_hypotheses,
     frame_hypotheses,
+    implausible_zenith_hypotheses,
     scored_frame_hypotheses,
     turned_circle_hypotheses,
 )
@@ -81,6 +82,8 @@ _ABSURD, _LESS = 10.0, 0.3
 """Factor of all σ that nobody errs by, and part of it that is less."""
 _RIVAL = 0.5
 """Part of what a hypothesis that explains everything promised, or gained, below which another one is no rival to it."""
+_MIRRORED = ("circle sense", "image flipped", "axes exchanged")
+"""Causes that are one another's mirror image: where one explains everything the others may."""
 _ALIKE = 0.1
 """vᵀPv that differ by less tell nothing: likelihoods are the same to a twentieth."""
 _A_PART = 0.1
@@ -102,7 +105,7 @@ OF_ROWS: tuple[Family, ...] = (
 """Families that change a few observations or points: what explains everything so has no rival among the others."""
 OF_UNKNOWNS: tuple[Family, ...] = (distance_hypotheses, height_hypotheses, camera_constant_hypotheses)
 OF_SIGMAS: tuple[Family, ...] = (sigma_hypotheses,)
-BEYOND_REACH: tuple[Family, ...] = (implausible_height_hypotheses,)
+BEYOND_REACH: tuple[Family, ...] = (implausible_height_hypotheses, implausible_zenith_hypotheses)
 """Families of values that nobody has: they are tried first, even if nothing else is known."""
 OF_THE_EARTH: tuple[Family, ...] = (curvature_hypotheses,)
 OF_A_WHOLE: tuple[Family, ...] = (
@@ -119,6 +122,11 @@ def control_point_hypotheses(situation: Situation) -> list[Hypothesis]:
     return [*exchange_hypotheses(situation), *moved_hypotheses(situation)]
 
 
+def distance_or_unit_hypotheses(situation: Situation) -> list[Hypothesis]:
+    """A table in another unit, which is a scale too, and what else is wrong with distances."""
+    return [*table_unit_hypotheses(situation), *distance_hypotheses(situation)]
+
+
 _FAMILIES: dict[str, Family] = {
     "names exchanged": name_hypotheses,
     "wrong name": name_hypotheses,
@@ -133,7 +141,7 @@ _FAMILIES: dict[str, Family] = {
     "sigma of a table": scored_sigma_hypotheses,
     "pixel origin": camera_constant_hypotheses,
     "distance offset": distance_hypotheses,
-    "distance scale": distance_hypotheses,
+    "distance scale": distance_or_unit_hypotheses,
     "slope distance": distance_hypotheses,
     "horizontal distance": distance_hypotheses,
     "table unit": table_unit_hypotheses,
@@ -166,7 +174,10 @@ def _scored(situation: Situation) -> list[Hypothesis]:
         found += [
             hypothesis
             for hypothesis in of_family[family]
-            if (hypothesis.cause == one.cause or family is control_point_hypotheses)
+            if (
+                hypothesis.cause == one.cause
+                or family in (control_point_hypotheses, distance_or_unit_hypotheses)
+            )
             and (things <= set(hypothesis.things) or set(hypothesis.things) <= things)
         ]
     return found
@@ -207,12 +218,14 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
         stages = tuple(stage for stage in stages if stage in (OF_ROWS, OF_UNKNOWNS))
     for stage in stages:
         for hypothesis, promised in _of_stage(situation, stage):
-            if promised < _RIVAL * explained or (hypothesis.cause, hypothesis.things) in known:
+            no_rival = promised < _RIVAL * explained and hypothesis.cause not in _MIRRORED
+            if no_rival or (hypothesis.cause, hypothesis.things) in known:
                 continue
             if untried or not go_on(hypothesis):
                 untried += 1
                 continue
-            fit = tried(situation, hypothesis, not done, promised > _BY_CHANCE)
+            mirrored = done and hypothesis.cause in _MIRRORED
+            fit = tried(situation, hypothesis, mirrored or not done, mirrored or promised > _BY_CHANCE)
             trials.append(Trial(hypothesis, fit, _gain(situation, fit) if fit is not None else 0.0))
             if fit is None:
                 continue
@@ -222,7 +235,7 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
                 explained = max(explained, promised) if stage is OF_A_WHOLE else explained
         if stage is OF_ROWS and done:
             break
-    if not found and situation.solution is None:  # what all begin with may be what is wrong
+    if not found:  # what all begin with may be what is wrong
         for number, (hypothesis, fit, _) in enumerate(trials):
             if fit is not None or not hypothesis.afresh or untried or not go_on(hypothesis):
                 continue

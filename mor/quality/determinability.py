@@ -633,7 +633,8 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     begun = _with_coordinates(there, again)
     begun["point"] = np.where(np.isnan(begun["point"]), start["point"], begun["point"])
     second = _with_far_points(network, start, begun, again, means)
-    return second if second[1].is_complete else first
+    solved = [attempt.adjustment.outcome.is_solution for _, attempt in (first, second)]
+    return second if second[1].is_complete or solved == [False, True] else first
 
 
 def _with_far_points(

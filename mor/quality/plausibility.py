@@ -676,6 +676,14 @@ def vertical_convention(network: Network) -> Iterator[Message]:
                     yield Message(said, group.file, line)
 
 
+def look_like_elevations(group: ObservationGroup) -> bool:
+    """Return True if all zenith angles of a table are near 0 or a half circle."""
+    components = enumerate(group.type.components)
+    return any(
+        of.name in ("zenith", "zenith_angle") and _all_near(group, k, 0.0)[0] > 0 for k, of in components
+    )
+
+
 def _all_near(group: ObservationGroup, component: int, suspicious: float) -> tuple[int, int]:
     """Number of angles if all are near one value in either face, else 0; and the line of the first."""
     here = np.flatnonzero(group.mask[:, component])
