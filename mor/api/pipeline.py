@@ -307,18 +307,16 @@ def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
 
 
 def _without_poses(network: Network) -> Network | None:
-    """The network without the given start values of poses of images; ``None`` where there are none."""
+    """The network without the given start values of poses of images; ``None`` where some are worked out anyway."""
     images, start = network.things["image"].parts, dict(network.start)
-    if "rotation" not in start:
+    if "rotation" not in start or not all_known(start):
         return None
     for kind, part in (("rotation", "rotation"), ("point", "position")):
         blocks = images[part][images[part] >= 0]
         known = ~network.blocks[kind].free[blocks] | np.isfinite(network.sigma[kind][blocks])
         start[kind] = start[kind].copy()
         start[kind][blocks[~known.any(axis=1)]] = np.nan
-    if not any(
-        np.isnan(start[kind]).sum() > np.isnan(network.start[kind]).sum() for kind in ("rotation", "point")
-    ):
+    if all_known(start):
         return None
     return replace(network, start=start, notes=(*network.notes, Message(POSES_ANEW)))
 
