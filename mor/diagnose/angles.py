@@ -389,8 +389,8 @@ def _slots(group: ObservationGroup, of: str, by_name: bool = False) -> list[int]
         return [k for k, s in enumerate(group.type.slots) if s.of == "image" and s.part in parts]
     if not group.type.distances or group.type.between_marks:
         return []
-    begin, parts = group.type.distances[0], ("position", "rotation", "height") if by_name else ("position",)
-    return [k for k, s in enumerate(group.type.slots) if s.of == begin and s.part in parts]
+    begin, further = group.type.distances[0], ("rotation", "height") if by_name else ()
+    return [k for k, s in enumerate(group.type.slots) if s.of == begin and s.part in ("position", *further)]
 
 
 def _blocks_of(network: Network, pair: tuple[str, str], of: str, part: str) -> tuple[int, int] | None:
