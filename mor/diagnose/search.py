@@ -235,7 +235,7 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
                 explained = max(explained, promised) if stage is OF_A_WHOLE else explained
         if stage is OF_ROWS and done:
             break
-    if not found:  # what all begin with may be what is wrong
+    if not done and before.compared > _ABSURD * before.freedom:  # what all begin with may be what is wrong
         for number, (hypothesis, fit, _) in enumerate(trials):
             if fit is not None or not hypothesis.afresh or untried or not go_on(hypothesis):
                 continue
@@ -276,7 +276,8 @@ def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hyp
     promised = promises(situation, found)
     seen = not situation.begun or (situation.settled and situation.something_is_wrong_as_a_whole)
     least = -np.inf if seen else _BY_CHANCE
-    order = np.argsort(-promised, kind="stable").tolist()
+    told = np.where(promised > _BY_CHANCE, promised, 0.0)  # else a table comes before its stations
+    order = np.lexsort((-promised, [len(one.things) for one in found], -told)).tolist()
     return [(found[k], float(promised[k])) for k in order if promised[k] >= least]
 
 
