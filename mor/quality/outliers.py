@@ -485,7 +485,10 @@ def without_suspects(
         return Attempt(plain)
     if plain.outcome is Outcome.CONVERGED and _fits_badly(plain) and _sees_beside(plain):
         other = _repaired(plain._replace(outcome=Outcome.NOT_CONVERGED), settings, watch)
-        return other if other.adjustment.outcome is Outcome.CONVERGED else Attempt(plain, robust=other.robust)
+        if other.adjustment.outcome is not Outcome.CONVERGED:
+            return Attempt(plain, robust=other.robust)
+        suspects = None if other.suspects is None else replace(other.suspects, plain=plain)
+        return other._replace(suspects=suspects)
     if plain.outcome in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(plain):
         return Attempt(plain)
     return _repaired(plain, settings, watch)

@@ -208,8 +208,7 @@ def sentences(data: dict[str, Any] | None, words: Words = ENGLISH) -> list[str]:
     if data["outcome"] == Outcome.CONVERGED.value:
         return [
             words(
-                "ENDS with half of all residuals beyond 3 sigma if all observations are used (sigma0 ratio {ratio} "
-                "after {count:iteration|iterations}).",
+                "FITS BADLY if all observations are used (sigma0 ratio {ratio} after {count:iteration|iterations}).",
                 ratio=words.number(short(data["sigma0_ratio"], 4)),
                 count=data["iterations"],
             ),
