@@ -485,9 +485,9 @@ def _system(code: str, path: Path, line: int) -> tuple[str, str]:
     if not known:
         known = ", ".join(system for system in SYSTEMS if not system[:-4].endswith("TM"))
         words = (
-            f"coordinate system {code!r} is not supported{nearest(plain, SYSTEMS)} (known: {known} and the "
+            f"coordinate system {code!r} is not supported{nearest(plain, SYSTEMS)} "
+            f"(known: {known} and the meridional circuits, such as WELLTM2000)"
         )
-        words += "meridional circuits, such as WELLTM2000)"
         raise InputError([Message(words, str(path), line)])
     return SYSTEMS[known], f"{known} of one epoch" if version else ""
 
