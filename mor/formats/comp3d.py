@@ -10,6 +10,11 @@ angle, 8 azimuth, 9 centring in plan (differences 0; σ of E, then of N), 14 and
 code or σ switches an observation off. σ of a length is a + b s, that of an angle a + b / s rad, with b in m. ``@file``
 reads another file.
 
+``11 origin @file [V [K]]``: coordinates in a frame that is at the origin, levelled (V or 1) or not, with σ times K; a
+line of the file has name, x, y, z, and σ, σ and its part by distance, or σ of x, y, z, this part, height of target.
+``12``: angle from x to y, elevation, distance in such a frame, σ of angles (its part by 1/s), σ of the distance, its
+part by distance, height of target.
+
 Source: Comp3D, *User's documentation*: OBS File, COR File, Project Configuration.
 """
 
@@ -17,10 +22,12 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import hypot, pi
 from pathlib import Path
+from typing import NamedTuple
 
 from mor.errors import InputError, Message, counted
 from mor.formats.draft import Draft, Row, parse_number, read_lines
@@ -33,8 +40,6 @@ _OBSERVED = {1: (0, 1, 2), 2: (0, 1), 3: (2,), 5: (2,), 7: (0, 1), 9: (0, 1)}
 """Components of a point that are held, and that are observed, by its code."""
 _NOT_READ = {
     2: "distances on the ellipsoid (2)",
-    11: "cartesian subframes (11)",
-    12: "polar subframes (12)",
     18: "rotation axes (18)",
     19: "GNSS baselines (19)",
     21: "equal height differences (21)",
@@ -49,6 +54,14 @@ _COLUMNS = {
     "bearing": ("from", "to", "bearing", "sigma"),
     "height_difference": ("from", "to", "dz", "sigma"),
     "vector": ("from", "to", "dx", "dy", "sigma_dx", "sigma_dy"),
+}
+_IN_FRAMES = {
+    "local": ("system", "point", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"),
+    "directions": (
+        *("station", "to", "horizontal", "vertical"),
+        *("sigma_horizontal", "sigma_vertical", "to_height"),
+    ),
+    "distance": ("from", "to", "distance", "to_height", "sigma"),
 }
 _ROOT = re.compile(r'"root_(COR|OBS)_file"\s*:\s*("(?:[^"\\]|\\.)*")')
 _SETTING = re.compile(
@@ -99,6 +112,19 @@ def _beside(path: Path, kind: str) -> Path | None:
     return same[0] if same else found[0] if len(found) == 1 else None
 
 
+class _Frame(NamedTuple):
+    """A frame at a point in which others are measured, in Cartesian (11) or polar coordinates (12)."""
+
+    code: int
+    origin: str
+    levelled: bool
+    factor: float
+    """Of all σ."""
+    path: Path
+    line: int
+    file: str
+
+
 @dataclass
 class _Reader:
     draft: Draft
@@ -109,6 +135,7 @@ class _Reader:
     refraction: float = _REFRACTION
     centre: list[float] = field(default_factory=list)
     """East, north and height of the centre of the local frame, empty if unknown."""
+    frames: list[_Frame] = field(default_factory=list)
     skipped: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
 
     def file(self, path: Path, read: Callable[[list[str], int, str], None], depth: int = 0) -> None:
@@ -150,6 +177,16 @@ class _Reader:
         code = _code(words)
         if abs(code) in _NOT_READ:
             self.leave_out(_NOT_READ[abs(code)], line, file)
+        elif abs(code) in (11, 12):
+            if len(words) < 3 or not words[2].startswith("@"):
+                raise ValueError(f"found {' '.join(words[:4])!r}, expected a code, origin, @file [V [K]]")
+            factor = parse_number(words[4]) if len(words) > 4 else 1.0
+            levelled = len(words) > 3 and words[3].upper() in ("V", "1")
+            path = Path(file).parent / words[2][1:].replace("\\", "/")
+            if code > 0:
+                self.frames.append(_Frame(code, words[1], levelled, factor, path, line, file))
+            else:
+                self.leave_out(_OFF, line, file)
         elif abs(code) not in (1, 3, 4, 5, 6, 7, 8, 9, 14, 15) or len(words) < 5:
             raise ValueError(f"found {' '.join(words[:6])!r}, expected a code, origin, target, value and σ")
         elif code < 0 or (code != 9 and parse_number(words[4]) < 0.0):
@@ -170,7 +207,7 @@ class _Reader:
         draft.put("curvature", self._sphere(settings))
         free = settings.get("internal_constraints") == "true"
         tables = self._tables()
-        self._put_points(tables, free)
+        self._put_points(tables, free, self._put_frames())
         for type_, rows in tables.items():
             instrument = "comp3d" if type_ == "zenith_angle" else None
             if rows:
@@ -178,7 +215,7 @@ class _Reader:
         draft.put("settings", {"undetermined": "leave_out"})
         for what, places in self.skipped.items():
             draft.note(f"Comp3D: {what} not read ({counted(len(places), 'record')})", *places[0])
-        if not any(tables.values()):
+        if not any(tables.values()) and not self.frames:
             draft.problem(
                 f"there are no observations that are read; left out: {'; '.join(self.skipped) or '-'}"
             )
@@ -239,6 +276,48 @@ class _Reader:
                 tables[_TYPES[code]].append(_row([origin, target, value, *between, a], line))
         return tables
 
+    def _put_frames(self) -> set[str]:
+        """Write the frames of points; return the names of all points in them."""
+        draft, counts, names = self.draft, Counter[str](), set[str]()
+        frames: dict[tuple[int, bool, str], list[Row]] = {}
+        measured: dict[tuple[str, str], list[Row]] = {}
+        for frame in self.frames:
+            if frame.origin in self.ignored:
+                self.leave_out("observations of points that are ignored", frame.line, frame.file)
+                continue
+            counts[frame.origin] += 1
+            name = f"{frame.origin} frame {counts[frame.origin]}"
+            key = (frame.code, frame.levelled, frame.file)
+            attitude: list[str | float | None] = [1.0, 0.0, 0.0] if frame.levelled else [1.0]
+            cells = [name, frame.origin, *(attitude if frame.code == 11 else [])]
+            frames.setdefault(key, []).append(_row(cells, frame.line))
+            names.add(frame.origin)
+            for line, words in _words(frame.path, draft):
+                if words[0] in self.ignored:
+                    self.leave_out("observations of points that are ignored", line, str(frame.path))
+                    continue
+                try:
+                    numbers = [parse_number(word) for word in words[1:]]
+                    if frame.code == 11:
+                        found = {"local": _cartesian(name, words[0], numbers, frame.factor, line)}
+                    else:
+                        found = _polar(frame, name, words[0], numbers, line)
+                except ValueError as error:
+                    draft.problem(str(error), line, str(frame.path))
+                    continue
+                names.add(words[0])
+                for type_, row in found.items():
+                    measured.setdefault((type_, str(frame.path)), []).append(row)
+        for (code, levelled, file), rows in frames.items():
+            own = ["scale", "omega", "phi"] if levelled else ["scale"]
+            if code == 11:
+                draft.table("systems", ("id", "point", *own), rows, file, fixed=own)
+            else:
+                draft.table("stations", ("id", "point"), rows, file, level=None if levelled else "free")
+        for (type_, file), rows in measured.items():
+            draft.table("observations", _IN_FRAMES[type_], rows, file, type=type_)
+        return names
+
     def _centring(
         self, origin: str, target: str, east: float, north: float, line: int, file: str
     ) -> list[Row]:
@@ -262,7 +341,7 @@ class _Reader:
                 found[words[1], words[2]] = hypot(*(p - q for p, q in zip(one[1], other[1], strict=True)))
         return found
 
-    def _put_points(self, tables: dict[str, list[Row]], free: bool) -> None:
+    def _put_points(self, tables: dict[str, list[Row]], free: bool, in_frames: set[str]) -> None:
         draft = self.draft
         observed = False
         groups: dict[tuple[tuple[str, ...], str], list[Row]] = {}
@@ -280,7 +359,7 @@ class _Reader:
             other = file if file != draft.file else ""
             draft.table("points", columns, rows, other, fixed=list(held) or None)
         used = {name for rows in tables.values() for row in rows for name in _ends(row)}
-        rest = sorted(used - self.points.keys())
+        rest = sorted((used | in_frames) - self.points.keys())
         if rest:
             draft.table("points", ("id",), [Row([name], 0) for name in rest])
         stations = sorted({str(row.cells[0]) for row in tables["directions"]})
@@ -288,6 +367,44 @@ class _Reader:
             draft.table("stations", ("id", "point"), [Row([name, name], 0) for name in stations])
         if free or not (observed or any("x" in held or "z" in held for held, _ in groups)):
             draft.put("datum", "free")
+
+
+def _cartesian(frame: str, point: str, numbers: list[float], factor: float, line: int) -> Row:
+    """Coordinates in a frame; a negative σ switches one of them off. Raises ``ValueError``."""
+    if len(numbers) < 4:
+        raise ValueError(f"found {len(numbers)} numbers behind {point}, expected x, y, z and σ")
+    place, (first, *rest) = numbers[:3], numbers[3:]
+    if len(rest) < 2:
+        sigmas, relative = [first] * 3, sum(rest)
+    else:
+        sigmas, relative = [first, *rest[:2]], sum(rest[2:3])
+    if any(rest[3:]):
+        raise ValueError(f"the height of the target {point} in a Cartesian frame is not read")
+    sigmas = [factor * (sigma + relative * hypot(*place)) if sigma > 0.0 else sigma for sigma in sigmas]
+    if 0.0 in sigmas:
+        raise ValueError(f"found the σ 0 of {point}, expected more than 0")
+    on = [sigma > 0.0 for sigma in sigmas]
+    cells = [value if used else None for value, used in zip([*place, *sigmas], on * 2, strict=True)]
+    return _row([frame, point, *cells], line)
+
+
+def _polar(frame: _Frame, name: str, point: str, numbers: list[float], line: int) -> dict[str, Row]:
+    """Directions in a frame and distance, each unless its σ switches it off. Raises ``ValueError``."""
+    if len(numbers) < 6:
+        raise ValueError(
+            f"found {len(numbers)} numbers behind {point}, expected two angles, a distance and three σ"
+        )
+    alpha, beta, distance, a, *rest = numbers
+    b, c, d, *height = rest if len(rest) > 2 else [0.0, *rest]
+    up = height[0] if height else 0.0
+    found = {}
+    if a > 0.0:
+        sigma = frame.factor * (a + (b / distance * 200.0 / pi if distance > 0.0 else 0.0))
+        found["directions"] = _row([name, point, -alpha, beta, sigma, sigma, up], line)
+    if c > 0.0:
+        sigma = frame.factor * (c + d * distance)
+        found["distance"] = _row([frame.origin, point, distance, up, sigma], line)
+    return found
 
 
 def _ends(row: Row) -> tuple[str, str]:
