@@ -385,18 +385,17 @@ class _Reader:
         return [_row([origin, target, *at, *sigmas], line)] if any(sigmas) else []
 
     def _distances(self) -> dict[tuple[str, str], float]:
-        """Distances between points, measured or between the coordinates of the file."""
-        found = {
-            (words[1], words[2]): parse_number(words[3])
-            for code, words, *_ in self.observations
-            if code in (1, 3) and _is_number(words[3])
-        }
+        """Distances between points: measured ones, else those between the coordinates of the file."""
+        found = {}
         for _, words, *_ in self.observations:
             one, other = (self.points.get(name) for name in words[1:3])
             if one is not None and other is not None:
                 found[words[1], words[2]] = hypot(
                     *(p - q for p, q in zip(one.place, other.place, strict=True))
                 )
+        for code, words, *_ in self.observations:
+            if code in (1, 3) and _is_number(words[3]):
+                found[words[1], words[2]] = found[words[2], words[1]] = parse_number(words[3])
         return found
 
     def _put_points(

@@ -91,7 +91,8 @@ def test_a_project_of_comp3d(tmp_path: Path) -> None:
     assert D["id"] == "D"
     assert document.data["curvature"]["origin"] == {"x": "1000.0", "y": "2000.0", "z": "0"}
     (long, short) = _rows(document, "distance")
-    assert float(long["sigma"]) == pytest.approx(0.001 + 1e-5 * hypot(39.98, 50.01, 3.0))
+    measured = round(_slope("A", "C", -0.2), 4)  # the distance, not that of the coordinates given for C
+    assert float(long["sigma"]) == pytest.approx(0.001 + 1e-5 * measured, abs=1e-12)
     assert [short[key] for key in ("from", "to", "from_height")] == ["C", "B", "0.0"]
     first, second = (row for row in _rows(document, "directions") if row["station"] == "A")
     assert float(first["sigma"]) == pytest.approx(0.001 + 0.002 / hypot(60.0, 80.0, 3.0) * 200.0 / pi)
