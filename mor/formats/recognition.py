@@ -1217,11 +1217,11 @@ def _bal(sample: Sample) -> bool:
 
 
 _STARNET = re.compile(
-    r"\s*(?:\.[A-Za-z0-9]+|#|'|(?:C|E|B|A|D|V|DV|M|BM|L|SS|DB|DN|DM|DE|TB|T|TE|G0|G1|G2|G3|P)(?:\s|$))",
+    r"\s*(?:\.[A-Za-z0-9]+|#|'|(?:C|E|B|A|D|V|DV|M|BM|L|SS|DB|DN|DM|DE|TB|T|TE|G[0-4]|PH?)(?:\s|$))",
     re.IGNORECASE,
 )
 _STARNET_NAMES = re.compile(
-    r"\s*(?:(?:B|A|D|V|DV|M|BM|L|SS)\s+\S+-\S+|DB\s+\S|TB\s+\S|C\s+\S+(?:\s+-?[\d.]+){2})", re.I
+    r"\s*(?:(?:B|A|D|V|DV|M|BM|L|SS|G1)\s+\S+-\S+|DB\s+\S|TB\s+\S|C\s+\S+(?:\s+-?[\d.]+){2})", re.I
 )
 
 
