@@ -158,6 +158,13 @@ def _vectors(*pairs: str, weights: str = "G2 1e-6 2e-6 3e-6\nG3 1e-7 2e-7 -3e-7"
     return "\n".join(lines) + "\n"
 
 
+def _on_earth() -> str:
+    """Vectors between points of every kind, and an angle."""
+    x, y, z = GEOCENTRIC.transform(*GIVEN["C"])
+    held = f"PH A 48-30-00.0 W122-30-00.0 100.0 0.01 0.02 0.03\nC C {x} {y} {z} 0.1 0.1 0.2 --MON\n"
+    return held + ".GPS FACTOR 2 VERT 3\nA A-B-C 10-00-00 5\n" + _vectors("A-B", "B-C")
+
+
 @pytest.mark.parametrize(
     "held",
     [
