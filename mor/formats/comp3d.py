@@ -233,8 +233,8 @@ class _Reader:
         draft.put("instruments", {"comp3d": {"refraction": repr(self.refraction)}})
         projected = settings.get("use_proj") == "true"
         if projected:
-            crs = json.loads(settings.get("proj_def", '""'))
-            draft.put("world", {"crs": crs.partition("<>")[0].strip(), "heights": "ellipsoidal"})
+            crs = settings.get("proj_def", "").strip('"').replace("\\/", "/").partition("<>")[0].strip()
+            draft.put("world", {"crs": crs, "heights": "ellipsoidal"})
         else:
             draft.put("curvature", self._sphere(settings))
             for name, point in self.points.items():
