@@ -10,6 +10,15 @@ angle, 8 azimuth, 9 centring in plan (differences 0; σ of E, then of N), 14 and
 code or σ switches an observation off. σ of a length is a + b s, that of an angle a + b / s rad, with b in m. ``@file``
 reads another file.
 
+``11 origin @file [V [K]]``: coordinates in a frame that is at the origin, levelled (V or 1) or not, with σ times K; a
+line of the file has name, x, y, z, and σ, σ and its part by distance, or σ of x, y, z, this part, height of target.
+``12``: angle from x to y, elevation, distance in such a frame, σ of angles (its part by 1/s), σ of the distance, its
+part by distance, height of target. ``19 origin @file [K [height]]``: name, dx, dy, dz of a GNSS baseline, the upper
+triangle of its covariances, height of target.
+
+A project with ``use_proj`` lies on the ellipsoid: E, N, h are those of the projection ``proj_def``, and points have
+deflections of the vertical η, ξ (arc seconds) behind their σ.
+
 Source: Comp3D, *User's documentation*: OBS File, COR File, Project Configuration.
 """
 
@@ -17,14 +26,19 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import hypot, pi
 from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
 
 from mor.errors import InputError, Message, counted
 from mor.formats.draft import Draft, Row, parse_number, read_lines
 from mor.project.document import Document
+from mor.types import FloatArray
 
 _REFRACTION = 0.12
 """Default of Comp3D's coefficient of refraction."""
@@ -33,10 +47,7 @@ _OBSERVED = {1: (0, 1, 2), 2: (0, 1), 3: (2,), 5: (2,), 7: (0, 1), 9: (0, 1)}
 """Components of a point that are held, and that are observed, by its code."""
 _NOT_READ = {
     2: "distances on the ellipsoid (2)",
-    11: "cartesian subframes (11)",
-    12: "polar subframes (12)",
     18: "rotation axes (18)",
-    19: "GNSS baselines (19)",
     21: "equal height differences (21)",
     22: "equal distances (22)",
 }
@@ -50,10 +61,25 @@ _COLUMNS = {
     "height_difference": ("from", "to", "dz", "sigma"),
     "vector": ("from", "to", "dx", "dy", "sigma_dx", "sigma_dy"),
 }
+_IN_FRAMES = {
+    "local": ("system", "point", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"),
+    "directions": (
+        *("station", "to", "horizontal", "vertical"),
+        *("sigma_horizontal", "sigma_vertical", "to_height"),
+    ),
+    "distance": ("from", "to", "distance", "to_height", "sigma"),
+}
 _ROOT = re.compile(r'"root_(COR|OBS)_file"\s*:\s*("(?:[^"\\]|\\.)*")')
 _SETTING = re.compile(
-    r'"(refraction|internal_constraints|use_proj|center_latitude|local_center)"\s*:\s*([\w.+-]+|\[[\s\d.,eE+-]*\])'
+    r'"(refraction|internal_constraints|use_proj|proj_def|center_latitude|local_center)"\s*:\s*'
+    r'([\w.+-]+|\[[\s\d.,eE+-]*\]|"[^"]*")'
 )
+_BASELINE = ("from", "to", "dx", "dy", "dz", "from_height", "to_height")
+_UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
+_ON_A_SPHERE = {"bearing": "azimuths (8)", "vector": "differences of plan coordinates (9, 14, 15)"}
+"""Types that a project in a projection cannot have here."""
+_FIXED = 1e-6
+"""σ (m) of a coordinate that is held in a projection while others of its point are not."""
 _DEEPEST = 8
 """Levels of files in files."""
 _COMP = ".comp"
@@ -99,16 +125,41 @@ def _beside(path: Path, kind: str) -> Path | None:
     return same[0] if same else found[0] if len(found) == 1 else None
 
 
+class _Point(NamedTuple):
+    code: int
+    place: list[float]
+    sigmas: list[float]
+    deflection: list[float]
+    """η and ξ, arc seconds."""
+    line: int
+    file: str
+
+
+class _Frame(NamedTuple):
+    """A frame at a point: others are measured in it, Cartesian (11), polar (12) or as baselines (19)."""
+
+    code: int
+    origin: str
+    levelled: bool
+    factor: float
+    """Of all σ."""
+    height: float
+    """Of the instrument above the point."""
+    path: Path
+    line: int
+    file: str
+
+
 @dataclass
 class _Reader:
     draft: Draft
-    points: dict[str, tuple[int, list[float], list[float], int, str]] = field(default_factory=dict)
-    """Code, coordinates, σ, line and file by name."""
+    points: dict[str, _Point] = field(default_factory=dict)
     ignored: set[str] = field(default_factory=set)
     observations: list[tuple[int, list[str], int, str]] = field(default_factory=list)
     refraction: float = _REFRACTION
     centre: list[float] = field(default_factory=list)
     """East, north and height of the centre of the local frame, empty if unknown."""
+    frames: list[_Frame] = field(default_factory=list)
     skipped: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
 
     def file(self, path: Path, read: Callable[[list[str], int, str], None], depth: int = 0) -> None:
@@ -141,15 +192,28 @@ class _Reader:
         if not 0 <= code <= 9 or len(words) < 5:
             raise ValueError(f"found {' '.join(words[:6])!r}, expected a code (-1 to 9), a name, E, N, h")
         numbers = [parse_number(word) for word in words[2:8]]
-        if any(map(parse_number, words[8:10])):
-            raise ValueError(f"point {words[1]}: deflections of the vertical are not read")
+        deflection = [*map(parse_number, words[8:10]), 0.0, 0.0][:2]
         sigmas = [*numbers[3:], 0.0, 0.0, 0.0][:3] if len(numbers) > 3 else [0.0, 0.0, 0.0]
-        self.points[words[1]] = (code, numbers[:3], sigmas, line, file)
+        self.points[words[1]] = _Point(code, numbers[:3], sigmas, deflection, line, file)
 
     def observation(self, words: list[str], line: int, file: str) -> None:
+        if words[0] in ("#VERT", "#NEW"):  # MMVII: levelled stations, a new one of the same kind
+            return
         code = _code(words)
         if abs(code) in _NOT_READ:
             self.leave_out(_NOT_READ[abs(code)], line, file)
+        elif abs(code) in (11, 12, 19):
+            if len(words) < 3 or not words[2].startswith("@"):
+                raise ValueError(f"found {' '.join(words[:4])!r}, expected a code, origin, @file")
+            options = words[3:]
+            levelled = abs(code) != 19 and options[:1] in (["V"], ["v"], ["1"])
+            numbers = [parse_number(word) for word in options[abs(code) != 19 :]]
+            factor, height = [*numbers, *(1.0, 0.0)[len(numbers) :]][:2]
+            path = Path(file).parent / words[2][1:].replace("\\", "/")
+            if code > 0:
+                self.frames.append(_Frame(code, words[1], levelled, factor, height, path, line, file))
+            else:
+                self.leave_out(_OFF, line, file)
         elif abs(code) not in (1, 3, 4, 5, 6, 7, 8, 9, 14, 15) or len(words) < 5:
             raise ValueError(f"found {' '.join(words[:6])!r}, expected a code, origin, target, value and σ")
         elif code < 0 or (code != 9 and parse_number(words[4]) < 0.0):
@@ -167,29 +231,43 @@ class _Reader:
         if not settings:
             draft.note(f"no .comp file says the coefficient of refraction: {_REFRACTION} is Comp3D's default")
         draft.put("instruments", {"comp3d": {"refraction": repr(self.refraction)}})
-        draft.put("curvature", self._sphere(settings))
+        projected = settings.get("use_proj") == "true"
+        if projected:
+            crs = settings.get("proj_def", "").strip('"').replace("\\/", "/").partition("<>")[0].strip()
+            draft.put("world", {"crs": crs, "heights": "ellipsoidal"})
+        else:
+            draft.put("curvature", self._sphere(settings))
+            for name, point in self.points.items():
+                if any(point.deflection):
+                    words = (
+                        f"point {name}: deflections of the vertical need a project in a projection (use_proj)"
+                    )
+                    draft.problem(words, point.line, point.file)
         free = settings.get("internal_constraints") == "true"
         tables = self._tables()
-        self._put_points(tables, free)
+        for type_, what in _ON_A_SPHERE.items() if projected else ():
+            for row in tables[type_][:1]:
+                words = f"{what} in a projection (use_proj) are not read ({counted(len(tables[type_]), 'record')})"
+                draft.problem(words, row.line)
+        self._put_points(tables, free, self._put_frames(projected), projected)
         for type_, rows in tables.items():
             instrument = "comp3d" if type_ == "zenith_angle" else None
             if rows:
-                draft.table("observations", _COLUMNS[type_], rows, type=type_, instrument=instrument)
+                own = "ellipsoidal_height_difference" if projected and type_ == "height_difference" else type_
+                draft.table("observations", _COLUMNS[type_], rows, type=own, instrument=instrument)
         draft.put("settings", {"undetermined": "leave_out"})
         for what, places in self.skipped.items():
             draft.note(f"Comp3D: {what} not read ({counted(len(places), 'record')})", *places[0])
-        if not any(tables.values()):
+        if not any(tables.values()) and not self.frames:
             draft.problem(
                 f"there are no observations that are read; left out: {'; '.join(self.skipped) or '-'}"
             )
-        if settings.get("use_proj") == "true":
-            draft.problem("the coordinates of the project are in a projection (use_proj), which is not read")
 
     def _sphere(self, settings: dict[str, str]) -> dict[str, object]:
         """The sphere of the local frame: plan coordinates are those of its level 0 about the centre of the project."""
         centre = self.centre
         if len(centre) < 2:
-            places = [place for _, place, *_ in self.points.values()] or [[0.0, 0.0, 0.0]]
+            places = [point.place for point in self.points.values()] or [[0.0, 0.0, 0.0]]
             centre = [sum(place[k] for place in places) / len(places) for k in range(2)]
             self.draft.note(
                 "no .comp file says the centre of the local frame: the mean of the points is taken"
@@ -239,6 +317,63 @@ class _Reader:
                 tables[_TYPES[code]].append(_row([origin, target, value, *between, a], line))
         return tables
 
+    def _put_frames(self, projected: bool) -> set[str]:
+        """Write the frames of points; return the names of all points in them."""
+        draft, counts, names = self.draft, Counter[str](), set[str]()
+        frames: dict[tuple[int, bool, str], list[Row]] = {}
+        measured: dict[tuple[str, str], list[Row]] = {}
+        baselines: list[tuple[list[Row], FloatArray]] = []
+        for frame in self.frames:
+            if frame.origin in self.ignored:
+                self.leave_out("observations of points that are ignored", frame.line, frame.file)
+                continue
+            refused = ""
+            if frame.code == 19 and not projected:
+                refused = "only a project in a projection (use_proj) has GNSS baselines (19)"
+            elif frame.code == 11 and frame.levelled and projected:
+                refused = "levelled frames (11) in a projection (use_proj) are not read"
+            if refused:
+                draft.problem(refused, frame.line, frame.file)
+                continue
+            counts[frame.origin] += 1
+            name = f"{frame.origin}@{counts[frame.origin]}"
+            key = (frame.code, frame.levelled, frame.file)
+            attitude: list[str | float | None] = [1.0, 0.0, 0.0] if frame.levelled else [1.0]
+            cells = [name, frame.origin, *(attitude if frame.code == 11 else [])]
+            if frame.code != 19:
+                frames.setdefault(key, []).append(_row(cells, frame.line))
+            names.add(frame.origin)
+            for line, (point, *rest) in _words(frame.path, draft):
+                if point in self.ignored:
+                    self.leave_out("observations of points that are ignored", line, str(frame.path))
+                    continue
+                try:
+                    numbers = [parse_number(word) for word in rest]
+                    found: dict[str, Row] = {}
+                    if frame.code == 19:
+                        baselines += _baseline(frame, point, numbers, line)
+                    elif frame.code == 11:
+                        found = {"local": _cartesian(name, point, numbers, frame.factor, line)}
+                    else:
+                        found = _polar(frame, name, point, numbers, line)
+                except ValueError as error:
+                    draft.problem(str(error), line, str(frame.path))
+                    continue
+                names.add(point)
+                for type_, row in found.items():
+                    measured.setdefault((type_, str(frame.path)), []).append(row)
+        for (code, levelled, file), rows in frames.items():
+            held = ["scale", "omega", "phi"] if levelled else ["scale"]
+            if code == 11:
+                draft.table("systems", ("id", "point", *held), rows, file, fixed=held)
+            else:
+                draft.table("stations", ("id", "point"), rows, file, level=None if levelled else "free")
+        for (type_, file), rows in measured.items():
+            draft.table("observations", _IN_FRAMES[type_], rows, file, type=type_)
+        if baselines:
+            draft.correlated(_BASELINE, baselines, "gnss_vector", str(self.frames[0].path))
+        return names
+
     def _centring(
         self, origin: str, target: str, east: float, north: float, line: int, file: str
     ) -> list[Row]:
@@ -250,37 +385,67 @@ class _Reader:
         return [_row([origin, target, *at, *sigmas], line)] if any(sigmas) else []
 
     def _distances(self) -> dict[tuple[str, str], float]:
-        """Distances between points, measured or between the coordinates of the file."""
-        found = {
-            (words[1], words[2]): parse_number(words[3])
-            for code, words, *_ in self.observations
-            if code in (1, 3) and _is_number(words[3])
-        }
+        """Distances between points: measured ones, else those between the coordinates of the file."""
+        found = {}
         for _, words, *_ in self.observations:
             one, other = (self.points.get(name) for name in words[1:3])
             if one is not None and other is not None:
-                found[words[1], words[2]] = hypot(*(p - q for p, q in zip(one[1], other[1], strict=True)))
+                found[words[1], words[2]] = hypot(
+                    *(p - q for p, q in zip(one.place, other.place, strict=True))
+                )
+        for code, words, *_ in self.observations:
+            if code in (1, 3) and _is_number(words[3]):
+                found[words[1], words[2]] = found[words[2], words[1]] = parse_number(words[3])
         return found
 
-    def _put_points(self, tables: dict[str, list[Row]], free: bool) -> None:
+    def _put_points(
+        self, tables: dict[str, list[Row]], free: bool, in_frames: set[str], projected: bool
+    ) -> None:
         draft = self.draft
         observed = False
         groups: dict[tuple[tuple[str, ...], str], list[Row]] = {}
-        for name, (code, place, sigmas, line, file) in self.points.items():
-            fixed, sigma = list(_HELD.get(code, ())), ["", "", ""]
-            for k in () if free else _OBSERVED.get(code, ()):
-                if sigmas[k] == 0.0:
-                    fixed.append("xyz"[k])
-                elif sigmas[k] > 0.0:
-                    sigma[k], observed = repr(sigmas[k]), True
-            row = _row([name, *place, *(text or None for text in sigma)], line)
-            groups.setdefault((tuple(sorted(fixed)), file), []).append(row)
-        columns = ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
+        for name, point in self.points.items():
+            sigma: list[float | None] = [0.0 if axis in _HELD.get(point.code, ()) else None for axis in "xyz"]
+            for k in () if free else _OBSERVED.get(point.code, ()):
+                if point.sigmas[k] >= 0.0:
+                    sigma[k] = point.sigmas[k]
+            fixed = tuple(axis for axis, s in zip("xyz", sigma, strict=True) if s == 0.0)
+            if projected and len(fixed) < 3:
+                sigma = [_FIXED if s == 0.0 else s for s in sigma]
+                fixed = ()
+            observed |= any(sigma)
+            deflection = [value or None for value in point.deflection]
+            row = _row([name, *point.place, *(s or None for s in sigma), *deflection], point.line)
+            groups.setdefault((fixed, point.file), []).append(row)
+        columns = (
+            "id",
+            "x",
+            "y",
+            "z",
+            "sigma_x",
+            "sigma_y",
+            "sigma_z",
+            "deflection_east",
+            "deflection_north",
+        )
+        if projected:
+            columns = (
+                "id",
+                "east",
+                "north",
+                "height",
+                "sigma_east",
+                "sigma_north",
+                "sigma_up",
+                *columns[-2:],
+            )
         for (held, file), rows in groups.items():
             other = file if file != draft.file else ""
-            draft.table("points", columns, rows, other, fixed=list(held) or None)
+            deflected = any(cell is not None for row in rows for cell in row.cells[-2:])
+            units = dict.fromkeys(columns[-2:], "arcsec") if deflected else None
+            draft.table("points", columns, rows, other, fixed=list(held) or None, units=units)
         used = {name for rows in tables.values() for row in rows for name in _ends(row)}
-        rest = sorted(used - self.points.keys())
+        rest = sorted((used | in_frames) - self.points.keys())
         if rest:
             draft.table("points", ("id",), [Row([name], 0) for name in rest])
         stations = sorted({str(row.cells[0]) for row in tables["directions"]})
@@ -288,6 +453,67 @@ class _Reader:
             draft.table("stations", ("id", "point"), [Row([name, name], 0) for name in stations])
         if free or not (observed or any("x" in held or "z" in held for held, _ in groups)):
             draft.put("datum", "free")
+
+
+def _cartesian(frame: str, point: str, numbers: list[float], factor: float, line: int) -> Row:
+    """Coordinates in a frame; a negative σ switches one of them off. Raises ``ValueError``."""
+    if len(numbers) < 4:
+        raise ValueError(f"found {len(numbers)} numbers behind {point}, expected x, y, z and σ")
+    place, (first, *rest) = numbers[:3], numbers[3:]
+    if len(rest) < 2:
+        sigmas, relative = [first] * 3, sum(rest)
+    else:
+        sigmas, relative = [first, *rest[:2]], sum(rest[2:3])
+    if any(rest[3:]):
+        raise ValueError(f"the height of the target {point} in a Cartesian frame is not read")
+    sigmas = [factor * (sigma + relative * hypot(*place)) if sigma > 0.0 else sigma for sigma in sigmas]
+    if 0.0 in sigmas:
+        raise ValueError(f"found the σ 0 of {point}, expected more than 0")
+    on = [sigma > 0.0 for sigma in sigmas]
+    cells = [value if used else None for value, used in zip([*place, *sigmas], on * 2, strict=True)]
+    return _row([frame, point, *cells], line)
+
+
+def _polar(frame: _Frame, name: str, point: str, numbers: list[float], line: int) -> dict[str, Row]:
+    """Directions in a frame and distance, each unless its σ switches it off. Raises ``ValueError``."""
+    if len(numbers) < 6:
+        raise ValueError(
+            f"found {len(numbers)} numbers behind {point}, expected two angles, a distance and three σ"
+        )
+    alpha, beta, distance, a, *rest = numbers
+    b, c, d, *height = rest if len(rest) > 2 else [0.0, *rest]
+    up = height[0] if height else 0.0
+    found = {}
+    if a > 0.0:
+        sigma = frame.factor * (a + (b / distance * 200.0 / pi if distance > 0.0 else 0.0))
+        found["directions"] = _row([name, point, -alpha, beta, sigma, sigma, up], line)
+    if c > 0.0:
+        sigma = frame.factor * (c + d * distance)
+        found["distance"] = _row([frame.origin, point, distance, up, sigma], line)
+    return found
+
+
+def _baseline(
+    frame: _Frame, point: str, numbers: list[float], line: int
+) -> list[tuple[list[Row], FloatArray]]:
+    """A baseline with its covariances, none if a negative variance switches it off. Raises ``ValueError``."""
+    if len(numbers) < 9:
+        raise ValueError(
+            f"found {len(numbers)} numbers behind {point}, expected dx, dy, dz and six covariances"
+        )
+    matrix = np.zeros((3, 3))
+    for (i, j), value in zip(_UPPER, numbers[3:9], strict=True):
+        matrix[i, j] = matrix[j, i] = value * frame.factor**2
+    if matrix.diagonal().min() < 0.0:
+        return []
+    cells: list[str | float | None] = [
+        frame.origin,
+        point,
+        *numbers[:3],
+        frame.height,
+        *[*numbers, 0.0][9:10],
+    ]
+    return [([_row(cells, line)], matrix)]
 
 
 def _ends(row: Row) -> tuple[str, str]:

@@ -268,7 +268,7 @@ def read_opensfm(path: Path) -> Document:
     if control.ids:
         draft.data.setdefault("points", []).append(control.table)
     _put_tracks(folder / "tracks.csv", set(shots), set(points), cameras, shots, control, draft)
-    if not weighted and not control.ids:
+    if not weighted and not control.has_coordinates:
         draft.put("datum", "free")
     reference = whole.get("reference_lla")
     if isinstance(reference, dict) and any(reference.values()):

@@ -406,10 +406,16 @@ SYSTEM = re.compile(r"EPSG:\s*\d+|WGS\s*84\b|\+proj=|\+init=|PROJCS|GEOGCS|PROJC
 class ControlMeasurements:
     """Control points, their image points, and whether they are in a system that is not the block's."""
 
-    ids: dict[str, tuple[float, float, float | None]] = field(default_factory=dict)
+    ids: dict[str, tuple[float | None, float | None, float | None]] = field(default_factory=dict)
+    """Coordinates by name; a point that is only measured in images has none."""
     rays: list[tuple[str, str, float, float]] = field(default_factory=list)
     """Image, point, px from the upper left corner."""
     own_system: bool = False
+
+    @property
+    def has_coordinates(self) -> bool:
+        """True if a point has coordinates."""
+        return any(x is not None for x, _, _ in self.ids.values())
 
     @property
     def table(self) -> dict[str, Any]:
@@ -417,14 +423,10 @@ class ControlMeasurements:
         rows = [
             [
                 name,
-                repr(x),
-                repr(y),
-                None if z is None else repr(z),
-                SIGMA,
-                SIGMA,
-                None if z is None else SIGMA,
+                *(None if value is None else repr(value) for value in place),
+                *(None if value is None else SIGMA for value in place),
             ]
-            for name, (x, y, z) in self.ids.items()
+            for name, place in self.ids.items()
         ]
         return {
             "columns": ["id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"],
@@ -447,7 +449,12 @@ def read_control(
         _read_json(described, whole, draft, control)
     elif listed is not None:
         _read_list(listed, whole, shots, draft, control)
-    if control.ids:
+    names = {name: f"gcp {name}" for name in control.ids if name in (whole.get("points") or {})}
+    control.ids = {names.get(name, name): place for name, place in control.ids.items()}
+    control.rays = [(image, names.get(point, point), u, v) for image, point, u, v in control.rays]
+    for name, new in names.items():
+        draft.note(f"control point {name} is {new} here, because a reconstructed point has this name, too")
+    if control.has_coordinates:
         draft.note(f"control points are observed with σ = {SIGMA} m: the files say none")
     return control
 
@@ -610,14 +617,18 @@ def _json_point(
     name = str(point.get("id", "")).strip()
     if not name:
         raise Wrong("a control point has no id")
-    position = mapping(point.get("position"), f"point {name!r}: position")
-    lat, lon = (json_number(position.get(key), f"point {name!r}: {key}") for key in ("latitude", "longitude"))
-    has_height = bool(position.get("has_altitude", "altitude" in position))
-    height = json_number(position.get("altitude", 0.0), f"point {name!r}: altitude")
-    place = _local(lat, lon, height, whole)
-    if place is None:
-        raise Wrong(f"point {name!r}: latitude, longitude need reference_lla in the reconstruction")
-    control.ids[name] = (float(place[0]), float(place[1]), float(place[2]) if has_height else None)
+    control.ids[name] = (None, None, None)
+    if point.get("position") is not None:
+        position = mapping(point["position"], f"point {name!r}: position")
+        lat, lon = (
+            json_number(position.get(key), f"point {name!r}: {key}") for key in ("latitude", "longitude")
+        )
+        has_height = bool(position.get("has_altitude", "altitude" in position))
+        height = json_number(position.get("altitude", 0.0), f"point {name!r}: altitude")
+        place = _local(lat, lon, height, whole)
+        if place is None:
+            raise Wrong(f"point {name!r}: latitude, longitude need reference_lla in the reconstruction")
+        control.ids[name] = (float(place[0]), float(place[1]), float(place[2]) if has_height else None)
     seen = point.get("observations")
     for one in seen if isinstance(seen, list) else []:
         shot = str(mapping(one, f"point {name!r}: observations").get("shot_id"))
@@ -1206,11 +1217,11 @@ def _bal(sample: Sample) -> bool:
 
 
 _STARNET = re.compile(
-    r"\s*(?:\.[A-Za-z0-9]+|#|'|(?:C|E|B|A|D|V|DV|M|BM|L|SS|DB|DN|DM|DE|TB|T|TE|G0|G1|G2|G3|P)(?:\s|$))",
+    r"\s*(?:\.[A-Za-z0-9]+|#|'|(?:C|E|B|A|D|V|DV|M|BM|L|SS|DB|DN|DM|DE|TB|T|TE|G[0-4]|PH?)(?:\s|$))",
     re.IGNORECASE,
 )
 _STARNET_NAMES = re.compile(
-    r"\s*(?:(?:B|A|D|V|DV|M|BM|L|SS)\s+\S+-\S+|DB\s+\S|TB\s+\S|C\s+\S+(?:\s+-?[\d.]+){2})", re.I
+    r"\s*(?:(?:B|A|D|V|DV|M|BM|L|SS|G1)\s+\S+-\S+|DB\s+\S|TB\s+\S|C\s+\S+(?:\s+-?[\d.]+){2})", re.I
 )
 
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from mor.errors import InputError, Message, counted
 from mor.formats.content import Content, ContentTable, content_of, not_carried, points
-from mor.formats.draft import Draft, Row, Written, parse_number
+from mor.formats.draft import Draft, Row, Written, geocentric, parse_number
 from mor.formats.draft import read_lines as text_lines
 from mor.formats.networks import (
     ObservationTable,
@@ -26,6 +26,7 @@ from mor.formats.networks import (
 )
 from mor.model.observation_types import PLAIN_TYPES
 from mor.project.document import Document
+from mor.types import FloatArray
 from mor.units import ANGLE_UNITS
 
 # ---- Lines of a STAR*NET input file: continued, without comments, with their code, and the values in them.
@@ -49,12 +50,12 @@ class DataLine(NamedTuple):
 
 
 def read_lines(lines: list[str]) -> Iterator[DataLine]:
-    """Every line that says something; # begins a comment, ' a description.
+    """Every line that says something; # begins a comment, ' or -- a description.
 
     A last & continues where the next line begins with no code; else it is the default σ.
     """
     begun, first = "", 0
-    bare = [re.split(r"#|(?:^|(?<=\s))'", text, maxsplit=1)[0].strip() for text in lines]
+    bare = [re.split(r"#|(?:^|(?<=\s))(?:'|--)", text, maxsplit=1)[0].strip() for text in lines]
     for k, text in enumerate(bare, start=1):
         first = first if begun else k
         if text.endswith(" &") and k < len(bare) and bare[k] and not _CODE.match(bare[k]):
@@ -117,6 +118,29 @@ Values = tuple[str | float | None, ...]
 
 
 @dataclass
+class Vector:
+    """A GNSS vector in geocentric axes (m), with its covariances by ``xx yy zz`` and ``xy xz yz``."""
+
+    ends: list[str]
+    difference: list[float]
+    line: int
+    factors: tuple[float, float]
+    by_correlation: bool
+    variances: list[float] = field(default_factory=list)
+    covariances: list[float] = field(default_factory=lambda: [0.0] * 3)
+
+    def matrix(self, axes: FloatArray) -> FloatArray:
+        """Covariances (3, 3) with the factors in the horizon whose ``axes`` are east, north and up."""
+        diagonal = np.square(self.variances) if self.by_correlation else np.array(self.variances)
+        matrix = np.diag(diagonal)
+        for (i, j), value in zip(((0, 1), (0, 2), (1, 2)), self.covariances, strict=True):
+            scale = np.sqrt(diagonal[i] * diagonal[j]) if self.by_correlation else 1.0
+            matrix[i, j] = matrix[j, i] = value * scale
+        scales = axes.T @ np.diag([self.factors[0], *self.factors]) @ axes
+        return np.asarray(scales @ matrix @ scales)
+
+
+@dataclass
 class StarNetContext:
     """Content read so far, and the options in force."""
 
@@ -138,6 +162,14 @@ class StarNetContext:
     sets: dict[str, int] = field(default_factory=dict)
     traverse: list[DataLine] = field(default_factory=list)
     skipped: dict[str, list[int]] = field(default_factory=dict)
+    vectors: list[Vector] = field(default_factory=list)
+    by_correlation: bool = False
+    """G2 and G3 are σ and correlations, else variances and covariances."""
+    factors: tuple[float, float] = (1.0, 1.0)
+    """Of σ of vectors, horizontal and vertical."""
+    positive_west: bool = False
+    geodetic: dict[str, int] = field(default_factory=dict)
+    """Points with latitude, longitude and height, and their lines."""
 
     def add(self, type_: str, values: Values, line: int) -> None:
         """A row of observations, none where its σ is that of a free one."""
@@ -283,11 +315,17 @@ def measured(line: DataLine, network: StarNetContext) -> None:
     """All to a point: angle, distance and, in space, zenith angle, with their σ in this order."""
     values = 3 if network.plane else 4
     need(line, values, "at-from-to, angle, distance, zenith angle, σ")
-    names, words = at_from_to(line.words[0], network), line.words
-    network.add(
-        "angle", (*names, network.angle(words[1]), network.sigma(words, values, "angle")), line.number
-    )
-    ends = [names[0], names[2]]
+    given, words = line.words[0].split(network.separator), line.words
+    at, back = (given[1:2], given[:1]) if network.from_first else (given[:1], given[1:2])
+    if len(given) == 3 and given[2:] == back:
+        ends = names_of(network.separator.join((*at, *back)), 2, network)
+        network.skip(f"angles of {line.code} from a backsight to itself", line.number)
+    else:
+        names = at_from_to(line.words[0], network)
+        network.add(
+            "angle", (*names, network.angle(words[1]), network.sigma(words, values, "angle")), line.number
+        )
+        ends = [names[0], names[2]]
     put_distance(ends, words[2], network.sigma(words, values + 1, "distance"), line, network)
     if not network.plane:
         put_vertical(ends, words[3], words, values + 2, line, network)
@@ -322,6 +360,47 @@ def levelled(line: DataLine, network: StarNetContext) -> None:
     else:
         sigma = network.sigma(words, 2, "height")
     network.add("height_difference", (*ends, dz, sigma), line.number)
+
+
+# ---- GNSS vectors G1, G2, G3, and positions on the ellipsoid P, PH.
+
+
+def vector(line: DataLine, network: StarNetContext) -> None:
+    """G1 begins a vector, G2 and G3 are its variances and covariances, or σ and correlations."""
+    if line.code == "G1":
+        need(line, 4, "from-to, dx, dy, dz")
+        ends = names_of(line.words[0], 2, network)
+        difference = [parse_number(word) for word in line.words[1:4]]
+        found = Vector(ends, difference, line.number, network.factors, network.by_correlation)
+        network.vectors.append(found)
+        for name in ends:
+            network.points.setdefault(name, ([None] * 3, [None] * 3, line.number))
+        return
+    need(line, 3, "three numbers")
+    if not network.vectors:
+        raise ValueError("expected G1 before it")
+    numbers = [parse_number(word) for word in line.words[:3]]
+    if line.code == "G2":
+        network.vectors[-1].variances = numbers
+    else:
+        network.vectors[-1].covariances = numbers
+
+
+def _geodetic(line: DataLine, network: StarNetContext) -> None:
+    """P, PH: latitude, longitude (with N S E W, or signed) and height; σ north, east and up."""
+    need(line, 3, "name, latitude, longitude, height, and their σ")
+    name, *rest = line.words
+    angles = []
+    for word, negative in ((rest.pop(0), "S"), (rest.pop(0), "W")):
+        letter = next((sign for sign in "NSEW" if sign in word.upper()), "")
+        angle = degrees(re.sub("[NSEW]", "", word, flags=re.IGNORECASE))
+        west = negative == "W" and not letter and network.positive_west
+        angles.append(-angle if letter == negative or west else angle)
+    height = network.length(rest.pop(0)) if rest and rest[0] not in STATUSES else None
+    marks = [_status(word, network) for word in rest[:3]] + [None] * 3
+    texts = [repr(angles[0]), repr(angles[1]), None if height is None else repr(height)]
+    network.points[name] = (texts, marks[:3], line.number)
+    network.geodetic[name] = line.number
 
 
 # ---- Sets of directions and traverses of STAR*NET.
@@ -407,9 +486,10 @@ def _leg(lines: list[DataLine], target: str, network: StarNetContext) -> None:
 
 # ---- A STAR*NET input file (``.dat``) as a project: plane or local spatial networks.
 #
-# Codes C E B A D V DV M BM L SS, sets DB DN DM DE, traverses TB T TE; GNSS vectors and positions on the
-# ellipsoid are left out and told. σ that a line does not give are those of STAR*NET's own project options,
-# which stand in another file. Source: MicroSurvey, *STAR*NET Reference Manual*, chapter 5.
+# Codes C E B A D V DV M BM L SS, sets DB DN DM DE, traverses TB T TE, and GNSS vectors G1 G2 G3 between points with
+# geocentric (C) or geodetic (P PH) coordinates; those in a projection are left out and told. σ that a line does not
+# give are those of STAR*NET's own project options, which stand in another file. Source: MicroSurvey, *STAR*NET
+# Reference Manual*, chapter 5; Carlson, *SurvNet*, for files of vectors with geocentric coordinates.
 
 
 def read_starnet(path: Path) -> Document:
@@ -424,14 +504,104 @@ def read_starnet(path: Path) -> Document:
                 _option(code[1:], [word.upper() for word in line.words], line.number, network)
             elif code in _CODES:
                 _CODES[code](line, network)
-            elif code in ("G0", "G1", "G2", "G3", "G4", "P", "PH", "EH", "CH"):
-                network.skip("GNSS vectors and positions on the ellipsoid", line.number)
-            else:
+            elif code in ("G4", "EH", "CH"):
+                network.skip(code, line.number)
+            elif code != "G0":
                 raise ValueError(f"unknown code, expected one of {', '.join(_CODES)}")
         except ValueError as error:
             draft.problem(f"{line.code}: {error}", line.number)
-    _finish(network, path.stem)
+    on_earth = _put_vectors(network)
+    _finish(network, path.stem, on_earth)
     return draft.finish()
+
+
+def _is_geocentric(place: Sequence[float] | FloatArray) -> bool:
+    """True for coordinates C at the surface of the earth; the third one of others is a height."""
+    return len(place) == 3 and abs(place[2]) > 1e4 and 6.3e6 < float(np.linalg.norm(place)) < 6.4e6
+
+
+def _put_vectors(network: StarNetContext) -> bool:
+    """Write GNSS vectors; True for a project on the earth.
+
+    The projection of coordinates stands in STAR*NET's project options: vectors need points whose coordinates are
+    geocentric or geodetic.
+    """
+    draft, places = network.draft, dict[str, FloatArray]()
+    for name, (texts, _, line) in network.points.items():
+        if texts[0] is None and texts[1] is None:
+            continue
+        place = np.array([np.nan if text is None else float(text) for text in texts])
+        if name in network.geodetic:
+            if texts[2] is None:
+                draft.problem(f"P: point {name} has no height", line)
+            places[name] = geocentric(np.nan_to_num(place)[None])[0]
+        elif _is_geocentric(place):
+            places[name] = place
+        elif network.geodetic or network.vectors:
+            words = (
+                "GNSS vectors and positions on the ellipsoid: the projection of the other points is unknown"
+            )
+            for line in [*network.geodetic.values(), *(one.line for one in network.vectors)]:
+                network.skip(words, line)
+            network.points = {k: v for k, v in network.points.items() if k not in network.geodetic}
+            return False
+    if not (network.vectors or network.geodetic):
+        return False
+    if not places:
+        draft.problem("GNSS vectors need a point with geocentric (C) or geodetic (P, PH) coordinates")
+        return False
+    draft.put("world", {"crs": "EPSG:4978"})
+    _put_places(network, places)
+    axes = horizon_axes(np.mean(list(places.values()), axis=0))
+    clusters = []
+    for one in network.vectors:
+        if len(one.variances) < 3 or min(one.variances) <= 0.0:
+            draft.problem(f"G1: vector {'-'.join(one.ends)} has no G2 with three numbers above 0", one.line)
+            continue
+        clusters.append(([Row([*one.ends, *map(repr, one.difference)], one.line)], one.matrix(axes)))
+    if clusters:
+        draft.correlated(("from", "to", "dx", "dy", "dz"), clusters, "gnss_vector")
+    return True
+
+
+def horizon_axes(place: FloatArray) -> FloatArray:
+    """(3, 3) unit vectors east, north and up at a geocentric place (3,)."""
+    from mor.model.earth import east_north_up
+    from mor.project.reference_system import reference_system
+
+    latitude, longitude, _ = reference_system("EPSG:4978").ellipsoid.geodetic(place[None])[0]
+    return east_north_up(latitude, longitude)
+
+
+def _put_places(network: StarNetContext, places: dict[str, FloatArray]) -> None:
+    """Points on the earth: held, or observed with σ north, east and up (P) or along the geocentric axes (C)."""
+    draft = network.draft
+    held: dict[bool, list[Row]] = {True: [], False: []}
+    observed = []
+    for name, (_, sigma, line) in network.points.items():
+        place = places.get(name)
+        cells = [None] * 3 if place is None else [repr(float(value)) for value in place]
+        fixed = place is not None and all(s == "0" for s in sigma)
+        own: list[str | None] = [None if s is None else repr(float(s) or 1e-6) for s in sigma]
+        if fixed or name not in network.geodetic:
+            if not fixed and any(own):
+                values = [value if s else None for value, s in zip(cells, own, strict=True)]
+                observed.append(Row([name, *values, *own], line))
+            own = [None] * 3
+        held[fixed].append(Row([name, *cells, *own], line))
+    columns = ("id", "x", "y", "z", "sigma_north", "sigma_east", "sigma_up")
+    for fixed, rows in held.items():
+        if rows:
+            draft.table("points", columns, rows, fixed=["x", "y", "z"] if fixed else None)
+    if observed:
+        columns = ("point", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
+        draft.table("observations", columns, observed, type="gnss_position")
+    if not held[True] and not observed and not any(row.cells[4:] != [None] * 3 for row in held[False]):
+        draft.put("datum", "free")
+    if network.geodetic:
+        draft.note(
+            "heights of P are taken as ellipsoidal; longitudes without E or W are positive east unless .LONG says POS"
+        )
 
 
 def _is_plane(lines: Sequence[DataLine]) -> bool:
@@ -443,7 +613,7 @@ def _is_plane(lines: Sequence[DataLine]) -> bool:
         if line.code in (".2D", ".3D"):
             return line.code == ".2D"
     return not any(
-        line.code in ("V", "DV", "E", "L")
+        line.code in ("V", "DV", "E", "L", "G1", "P", "PH")
         or (line.code == "M" and _count(line) > 3)
         or (line.code == "C" and (len(line.words) > 5 or len(line.words) == _count(line) == 4))
         for line in lines
@@ -474,6 +644,12 @@ def _option(name: str, words: list[str], line: int, network: StarNetContext) -> 
                 raise ValueError(f"found {word}, expected NE, EN, ATFROMTO or FROMATTO")
     elif name == "DELTA":
         network.delta = words[:1] == ["ON"]
+    elif name == "GPS" and words[:1] == ["WEIGHT"] and words[1:] and words[1][:3] in ("COV", "STD"):
+        network.by_correlation = words[1].startswith("STD")
+    elif name == "GPS" and words[:1] == ["FACTOR"] and len(words) in (2, 4):
+        network.factors = (parse_number(words[1]), parse_number(words[-1]))
+    elif name == "LONG":
+        network.positive_west = words[:1] == ["POS"]
     elif name == "DATA":
         network.skip("lines after .DATA OFF are read all the same", line)
     elif name in ("SEP", "SEPARATOR") and words:
@@ -492,7 +668,7 @@ def _coordinates(line: DataLine, network: StarNetContext) -> None:
         raise ValueError("found no north and east")
     marks = [_status(word, network) for word in rest[: len(values)]]
     marks += [None] * (3 - len(marks))
-    first, second = (0, 1) if network.east_first else (1, 0)
+    first, second = (0, 1) if network.east_first or _is_geocentric(values) else (1, 0)
     texts = [repr(values[first]), repr(values[second]), repr(values[2]) if len(values) > 2 else None]
     network.points[name] = (texts, [marks[first], marks[second], marks[2]], line.number)
 
@@ -519,6 +695,8 @@ def _elevation(line: DataLine, network: StarNetContext) -> None:
 _CODES: dict[str, Callable[[DataLine, StarNetContext], None]] = {
     "C": _coordinates,
     "E": _elevation,
+    **dict.fromkeys(("G1", "G2", "G3"), vector),
+    **dict.fromkeys(("P", "PH"), _geodetic),
     "B": bearing,
     "A": angle,
     "D": distance,
@@ -537,12 +715,8 @@ _CODES: dict[str, Callable[[DataLine, StarNetContext], None]] = {
 """What reads the lines of each code."""
 
 
-def _finish(network: StarNetContext, title: str) -> None:
+def _finish(network: StarNetContext, title: str, on_earth: bool) -> None:
     draft = network.draft
-    heights = {"height_difference", "zenith_angle", "distance"} & set(network.tables)
-    flat = {"angle", "bearing", "directions", "horizontal_distance"} & set(network.tables)
-    dimensions = "xyz" if heights and (flat or "distance" in network.tables) else "z" if heights else "xy"
-    dimensions = dimensions if network.tables or network.plane else "xyz"
     draft.put("title", title)
     draft.put("units", {"length": "m", "angle": "deg"})
     draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
@@ -550,19 +724,31 @@ def _finish(network: StarNetContext, title: str) -> None:
         Row([name, *texts, *(s if t is not None else None for s, t in zip(sigma, texts, strict=True))], line)
         for name, (texts, sigma, line) in network.points.items()
     ]
-    if rows:
+    if on_earth:
+        for row in network.tables.pop("bearing", []):
+            network.skip("B, BM: bearings in an unknown projection", row.line)
+    elif rows:
         columns = ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
         draft.table("points", columns, rows)
     for type_, found in network.tables.items():
         draft.table("observations", COLUMNS[type_], found, type=type_)
     if not network.tables and not rows:
         draft.problem("there are no points and no observations")
-    draft.put("settings", {"dimensions": dimensions})
-    for what, lines in network.skipped.items():
+    if not on_earth:
+        draft.put("settings", {"dimensions": _dimensions(network)})
+    for what, lines in sorted(network.skipped.items(), key=lambda one: -len(one[1])):
         draft.note(f"not read: {what} ({counted(len(lines), 'line')})", lines[0])
     if network.defaults:
         words = f"{counted(network.defaults, 'observation')} without σ: 4″ for angles, 10″ for zenith angles, 2 mm"
         draft.note(f"{words} for distances; the project options of STAR*NET stand in another file")
+
+
+def _dimensions(network: StarNetContext) -> str:
+    heights = {"height_difference", "zenith_angle", "distance"} & set(network.tables)
+    flat = {"angle", "bearing", "directions", "horizontal_distance"} & set(network.tables)
+    if not network.tables and not network.plane:
+        return "xyz"
+    return "xyz" if heights and (flat or "distance" in network.tables) else "z" if heights else "xy"
 
 
 # ---- A network as a STAR*NET input file: metres, d-m-s, x east, with all the digits a round trip needs.

@@ -91,7 +91,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_snap import COMMANDS
     from .test_snap import MEASURED as SNAP_DATA
     from .test_snap import STATIONS as SNAP_STATIONS
-    from .test_starnet import _space
+    from .test_starnet import _on_earth, _space
 
     def written_by(key: str, name: str) -> Files:
         source = Path(tempfile.mkdtemp(dir=folder))
@@ -143,6 +143,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "landxml": ("landxml", "n.xml", {"n.xml": survey().encode()}),
         "landxml plan": ("landxml", "n.xml", {"n.xml": PLAN.encode()}),
         "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
+        "starnet vectors": ("starnet", "n.dat", {"n.dat": _on_earth().encode()}),
         **{name: (suffixes[name], file, {file: text}) for name, (file, text) in books.items()},
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),
         "nikon": ("nikon", "a.raw", {"a.raw": _NIKON.encode()}),
@@ -155,7 +156,21 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
                 "n.comp": COMP.encode(),
                 "n.cor": COR.encode(),
                 "sub/n.obs": observed().encode(),
-                "sub/more.obs": b"9 C D 0 0.003\n",
+                "sub/more.obs": b"9 C D 0 0.003\n11 A @f.xyz V 2\n12 C @p.xyz\n",
+                "sub/f.xyz": b"B 1 2 3 0.001\nC 3 -2 1 0.001 0.002 -0.003 0.0001\n",
+                "sub/p.xyz": b"A 10 20 3 0.001 0.002 0.0001\nB 390 -5 4 0.001 0.0002 0.002 0.0001 1.5\n",
+            },
+        ),
+        "comp3d on the earth": (
+            "comp3d",
+            "n.comp",
+            {
+                "n.comp": COMP.replace(
+                    '"use_proj" : false', '"use_proj" : true, "proj_def" : "EPSG:2154"'
+                ).encode(),
+                "n.cor": b"1 A 600000 6500000 100 0 0 0 3.0 -2.0\n2 B 600100 6500000 90 0.01 0 0\n",
+                "sub/n.obs": b"19 A @b.bas 2 1.5\n3 A B 100.5 0.001\n6 A B 106.3 0.001\n",
+                "sub/b.bas": b"B 10 20 30 1e-6 1e-7 0 2e-6 -1e-7 3e-6 1.2\nC 1 2 3 1e-6 0 0 2e-6 0 3e-6\n",
             },
         ),
         "sokkia": ("sokkia-scr", "a.scr", {"a.scr": _SOKKIA.encode()}),

@@ -143,6 +143,13 @@ def test_a_rig_is_a_pair(tmp_path: Path) -> None:
     assert "1 image point of no object point" in " ".join(map(str, document.notes))
 
 
+def test_cameras_of_no_image_are_left_out(tmp_path: Path) -> None:
+    """COLMAP lists the cameras of images that it has not registered, too: nothing would determine them."""
+    document = read_foreign(_rig(tmp_path, "# cameras\r\n", "3 PINHOLE 800 600 720 720 400 300\r\n"))
+    assert list(document.data["cameras"]) == ["1", "2"]
+    assert "1 camera of no image not read" in " ".join(map(str, document.notes))
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

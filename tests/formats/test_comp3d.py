@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
+import csv
 from math import atan2, hypot, pi, sqrt
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+from pyproj import Transformer
 
 import mor
 from mor.errors import InputError
 from mor.formats import read_foreign
 from mor.formats.recognition import format_of
 from mor.project.document import Document
+from tests.scenarios.small_projects import mor as run
 
 PLACES = {"A": (1000.0, 2000.0, 5.0), "B": (1060.0, 2080.0, 8.0), "C": (960.0, 2050.0, 2.0)}
 COR = "1 A 1000 2000 5 0 0 0 *held\n2 B 1060 2080 8 0.01 0.02 0\n0 C 960.02 2050.01 2\n-1 Z\n"
@@ -52,7 +55,7 @@ def observed() -> str:
         "-3 A B 5.0 0.001",
         "3 A B 5.0 -0.001",
         "3 A Z 7.0 0.001",
-        "11 A @a.xyz V",
+        "22 @a.eq",
         "@more.obs",
     ]
     return "\n".join(lines) + "\n"
@@ -88,7 +91,8 @@ def test_a_project_of_comp3d(tmp_path: Path) -> None:
     assert D["id"] == "D"
     assert document.data["curvature"]["origin"] == {"x": "1000.0", "y": "2000.0", "z": "0"}
     (long, short) = _rows(document, "distance")
-    assert float(long["sigma"]) == pytest.approx(0.001 + 1e-5 * hypot(39.98, 50.01, 3.0))
+    measured = round(_slope("A", "C", -0.2), 4)  # the distance, not that of the coordinates given for C
+    assert float(long["sigma"]) == pytest.approx(0.001 + 1e-5 * measured, abs=1e-12)
     assert [short[key] for key in ("from", "to", "from_height")] == ["C", "B", "0.0"]
     first, second = (row for row in _rows(document, "directions") if row["station"] == "A")
     assert float(first["sigma"]) == pytest.approx(0.001 + 0.002 / hypot(60.0, 80.0, 3.0) * 200.0 / pi)
@@ -100,7 +104,7 @@ def test_a_project_of_comp3d(tmp_path: Path) -> None:
     for words in (
         "switched off not read (2 records)",
         "points that are ignored not read (1 record)",
-        "cartesian subframes (11) not read (1",
+        "equal distances (22) not read (1",
     ):
         assert words in notes
     values = mor.adjust(str(path))
@@ -137,25 +141,120 @@ def test_mistakes_are_told_with_their_lines(tmp_path: Path, old: str, new: str, 
         read_foreign(path)
 
 
-def test_projections_and_projects_without_observations_are_refused(tmp_path: Path) -> None:
+def test_projects_without_observations_are_refused(tmp_path: Path) -> None:
     path = write(tmp_path)
-    path.write_text(COMP.replace('"use_proj" : false', '"use_proj" : true'))
-    with pytest.raises(InputError, match="in a projection"):
-        read_foreign(path)
-    path.write_text(COMP)
-    (tmp_path / "sub" / "n.obs").write_text("12 A @a.xyz\n")
-    with pytest.raises(InputError, match=r"no observations that are read; left out: polar subframes \(12\)"):
+    (tmp_path / "sub" / "n.obs").write_text("18 A @a.axe\n")
+    with pytest.raises(InputError, match=r"no observations that are read; left out: rotation axes \(18\)"):
         read_foreign(path)
 
 
-def test_points_at_one_place_have_no_part_of_sigma_by_distance_and_deflections_are_refused(
-    tmp_path: Path,
-) -> None:
+NEAR = {
+    "A": (1000.0, 2000.0, 5.0),
+    "B": (1006.0, 2008.0, 6.0),
+    "C": (996.0, 2005.0, 2.0),
+    "D": (1003.0, 1996.0, 7.0),
+}
+"""Places so near to each other that the curvature of the earth is less than the tolerance."""
+
+
+def _turned(name: str, origin: str, omega: float, kappa: float) -> Any:
+    """Coordinates of a point in a frame at another one, turned about x and then z."""
+    c, s = np.cos([omega, kappa]), np.sin([omega, kappa])
+    about_x = np.array([[1, 0, 0], [0, c[0], s[0]], [0, -s[0], c[0]]])
+    about_z = np.array([[c[1], s[1], 0], [-s[1], c[1], 0], [0, 0, 1]])
+    return about_z @ about_x @ np.subtract(NEAR[name], NEAR[origin])
+
+
+@pytest.mark.parametrize(("options", "omega"), [("", 0.7), ("V 2", 0.0), ("1", 0.0), ("N", 0.2)])
+@pytest.mark.parametrize("code", [11, 12])
+def test_frames_at_a_point(tmp_path: Path, code: int, options: str, omega: float) -> None:
+    """C follows from a frame at D in which the others are measured, Cartesian or polar."""
+    rows = []
+    for name in "ABC":
+        x, y, z = _turned(name, "D", omega, 0.4)
+        if code == 11:
+            rows.append(f"{name} {x:.6f} {y:.6f} {z:.6f} 0.001 0.0001")
+        else:
+            angles = np.array([atan2(y, x), atan2(z, hypot(x, y))]) * 200.0 / pi
+            rows.append(f"{name} {angles[0]:.6f} {angles[1]:.6f} {hypot(x, y, z):.6f} 0.001 0.002 0.0001")
     path = write(tmp_path)
-    (tmp_path / "n.cor").write_text(COR + "0 E 1000 2000 5\n")
-    (tmp_path / "sub" / "more.obs").write_text("5 A E 10.0 0.001 0.002\n")
-    notes = " ".join(map(str, read_foreign(path).notes))
-    assert "parts of σ that depend on an unknown distance not read (1 record)" in notes
-    (tmp_path / "n.cor").write_text(COR + "0 E 1 2 5 0 0 0 1.5 0\n")
-    with pytest.raises(InputError, match=r"n\.cor:5: point E: deflections of the vertical are not read"):
+    held = [f"1 {name} {' '.join(map(str, NEAR[name]))} 0 0 0" for name in "AB"]
+    (tmp_path / "n.cor").write_text("\n".join([*held, "0 D 1003.1 1996.2 7", ""]))
+    (tmp_path / "sub" / "n.obs").write_text(f"{code} D @f.xyz {options}\n4 A D 2.0 0.001\n")
+    (tmp_path / "sub" / "f.xyz").write_text("\n".join([*rows, "**! comment", ""]))
+    values = mor.adjust(str(path))
+    points = values.project.network.things["point"]
+    place = values.solved.adjustment.values["point"][points.part("C", "position")]
+    np.testing.assert_allclose(place, NEAR["C"], atol=5e-5)
+    (table,) = (
+        one for one in read_foreign(path).data["observations"] if one["type"] in ("local", "distance")
+    )
+    sigma = float(
+        dict(zip(table["columns"], table["rows"][0], strict=True))["sigma_x" if code == 11 else "sigma"]
+    )
+    distance = sqrt(sum(value**2 for value in _turned("A", "D", 0.0, 0.0)))
+    expected = (0.001 if code == 11 else 0.002) + 0.0001 * distance
+    assert sigma == pytest.approx(expected * (2.0 if options == "V 2" else 1.0), rel=1e-6)
+
+
+def test_a_project_in_a_projection(tmp_path: Path) -> None:
+    """Baselines in geocentric axes, deflections of the vertical; coordinates by pyproj."""
+    geocentric = Transformer.from_crs("EPSG:4965", "EPSG:4964", always_xy=True)
+    plane = Transformer.from_crs("EPSG:4171", "EPSG:2154", always_xy=True)
+    given = {"A": (2.5, 48.5, 100.0), "B": (2.501, 48.502, 120.0), "C": (2.499, 48.501, 90.0)}
+    space = {name: np.array(geocentric.transform(*place)) for name, place in given.items()}
+    east, north = plane.transform(*given["A"][:2])
+    path = write(tmp_path)
+    projection = '"use_proj" : true, "proj_def" : "EPSG:2154", "input_proj_def" : "?"'
+    path.write_text(COMP.replace('"use_proj" : false', projection))
+    (tmp_path / "n.cor").write_text(f"1 A {east:.4f} {north:.4f} 100 0 0 0 3.0 -2.0\n")
+    matrix = "1e-6 1e-7 0 2e-6 -1e-7 3e-6"
+    rows = [f"{name} {' '.join(f'{v:.4f}' for v in space[name] - space['A'])} {matrix}" for name in "BC"]
+    (tmp_path / "sub" / "n.obs").write_text("19 A @b.bas 2\n4 B C -30.0 0.001\n")
+    (tmp_path / "sub" / "b.bas").write_text("\n".join(rows) + "\n")
+    document = read_foreign(path)
+    points = document.data["points"][0]
+    held = dict(zip(points["columns"], points["rows"][0], strict=True))
+    assert (points["fixed"], held["deflection_east"], held["deflection_north"]) == (
+        ["x", "y", "z"],
+        "3.0",
+        "-2.0",
+    )
+    vectors = next(table for table in document.data["observations"] if table["type"] == "gnss_vector")
+    assert np.array(vectors["covariance"])[0] == pytest.approx([4e-6, 4e-7, 0.0])
+    assert run("adjust", path, "-o", tmp_path / "out", "--no-html").code == 0
+    with (tmp_path / "out" / "places.csv").open(newline="") as file:
+        places = {row["id"]: row for row in csv.DictReader(file)}
+    found = [float(places["B"][column]) for column in ("east", "north")]
+    assert found == pytest.approx(plane.transform(*given["B"][:2]), abs=2e-4)
+    assert float(places["C"]["height"]) == pytest.approx(90.0, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("observations", "words"),
+    [
+        ("8 A B 10 0.001\n", r"azimuths \(8\) in a projection"),
+        ("9 A B 0 0.001\n", r"differences of plan coordinates \(9, 14, 15\) in a projection"),
+        ("11 A @f.xyz V\n", "levelled frames"),
+        ("11 A @none.xyz\n", "this file does not exist"),
+        ("11 A f.xyz\n", r"found '11 A f\.xyz', expected a code, origin, @file"),
+    ],
+)
+def test_what_a_projection_cannot_have(tmp_path: Path, observations: str, words: str) -> None:
+    path = write(tmp_path)
+    path.write_text(COMP.replace('"use_proj" : false', '"use_proj" : true, "proj_def" : "EPSG:2154"'))
+    (tmp_path / "sub" / "n.obs").write_text(observations)
+    (tmp_path / "sub" / "f.xyz").write_text("B 1 2 3 0.001\n")
+    with pytest.raises(InputError, match=words):
         read_foreign(path)
+
+
+def test_deflections_and_baselines_need_a_projection(tmp_path: Path) -> None:
+    path = write(tmp_path)
+    (tmp_path / "n.cor").write_text(COR.replace("0 C 960.02 2050.01 2", "0 C 960.02 2050.01 2 0 0 0 1.5 2"))
+    (tmp_path / "sub" / "more.obs").write_text("19 A @b.bas\n#VERT\n")
+    with pytest.raises(InputError) as raised:
+        read_foreign(path)
+    said = " ".join(str(problem) for problem in raised.value.problems)
+    assert "point C: deflections of the vertical need a project in a projection" in said
+    assert "only a project in a projection (use_proj) has GNSS baselines (19)" in said

@@ -420,6 +420,18 @@ def test_identifiers_of_a_database_and_a_network_without_held_stations(tmp_path:
     assert "datum" not in read_foreign(tmp_path / "n.msr").data
 
 
+def test_identifiers_at_the_epoch_are_no_part_of_it(tmp_path: Path) -> None:
+    rows = "\n".join(
+        _numbers(*numbers) for numbers in ((-1617.5, 1e-5), (-124.25, 0, 2e-5), (1722.75, 0, 0, 3e-5))
+    )
+    lines = ["!#=DNA 3.01 MSR    13.12.2018       GDA2020    01.01.2020         2"]
+    for number in (127, 128):
+        frame = f"            GDA2020          01.01.2020{number}"
+        lines += [_line("G", "A", "B B", scales="   4.00      1.00      1.00      1.00" + frame), rows]
+    document = read_foreign(_files(tmp_path, measured="\n".join(lines) + "\n"))
+    assert not [note for note in document.notes if "frames and epochs" in note.message]
+
+
 def test_scales_in_latitude_longitude_and_height(tmp_path: Path) -> None:
     """σ north, east and up at the station where the vector begins; the scale of the whole matrix multiplies them."""
     measured = MEASURED.replace(

@@ -291,3 +291,24 @@ def test_a_gross_direction_does_not_spoil_its_set(tmp_path):
 )
 def test_seconds_rounded_up_to_sixty(text, carried_):
     assert carried(text) == carried_
+
+
+def test_positions_and_heights_that_nothing_observes_are_not_adjusted(tmp_path):
+    """As in gama-local: distances and directions determine plan coordinates, a height difference a height."""
+    body = (
+        '<point id="A" x="0" y="0" z="10" fix="xyz"/><point id="B" x="100" y="0" z="11" fix="xyz"/>\n'
+        '<point id="C" x="60" y="80" adj="xyz"/><point id="D" x="40" y="-30" z="9" adj="XYZ"/>\n'
+        '<point id="E" x="1" y="2" adj="xyz"/>\n'
+        '<obs from="C"><direction to="A" val="0"/><direction to="B" val="70.4833"/><distance to="A" val="100"/></obs>\n'
+        '<height-differences><dh from="A" to="D" val="-1" stdev="1"/></height-differences>\n'
+    )
+    document = _document(tmp_path, body, implicit='distance-stdev="5" direction-stdev="10"')
+    adjusted = {
+        row[0]: sorted(set("xyz") - set(table.get("fixed", ())))
+        for table in document.data["points"]
+        for row in table["rows"]
+    }
+    assert adjusted == {"A": [], "B": [], "C": ["x", "y"], "D": ["z"]}
+    (note,) = (note for note in document.notes if "nothing observes it" in note.message)
+    assert "C z, D xy, E xy, E z" in note.message
+    assert document.data["datum"] == {"free": {"z": ["D"]}}

@@ -131,6 +131,21 @@ def test_control_of_opendronemap_in_degrees(tmp_path: Path) -> None:
     assert "datum" not in data
 
 
+def test_control_points_without_a_position_and_with_the_name_of_a_track(tmp_path: Path) -> None:
+    """A point that is only measured in images is a tie point; a name of both is told apart."""
+    seen = [{"shot_id": shot, "projection": [0.0, 0.25]} for shot in ("a b.jpg", "c.jpg")]
+    place = {"latitude": 50.0, "longitude": 8.0, "altitude": 103.0}
+    given = [{"id": "P", "observations": seen}, {"id": "7", "position": place, "observations": seen}]
+    (tmp_path / "ground_control_points.json").write_text(json.dumps({"points": given}))
+    document = read_foreign(_folder(tmp_path))
+    rows = {row[0]: row[1:] for row in document.data["points"][-1]["rows"]}
+    assert rows["P"] == [None] * 6
+    assert [float(value) for value in rows["gcp 7"]] == pytest.approx([0, 0, 3, 0.02, 0.02, 0.02], abs=1e-6)
+    frame = document.frames["tracks"]
+    assert frame.filter(frame["point"] == "gcp 7")["x"].to_list() == [2000.0, 2000.0]
+    assert "control point 7 is gcp 7 here" in " ".join(map(str, document.notes))
+
+
 def test_control_in_a_projection_leaves_the_poses_out(tmp_path: Path) -> None:
     _folder(tmp_path)
     (tmp_path / "gcp_list.txt").write_text("EPSG:25832\n500000 5500000 100 99.5 199.5 c.jpg\n")

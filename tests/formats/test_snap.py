@@ -271,13 +271,13 @@ def test_mistakes_are_told_with_their_line(tmp_path: Path, old: str, new: str, s
         (
             STATIONS,
             COMMANDS + "free inside NZGD2000\n",
-            "the line ends where the file of an area is expected",
+            "the line ends where the file of an area behind inside NZGD2000 is expected",
         ),
         (STATIONS, COMMANDS + "free inside NZGD1949 n.crd\n", "the area in NZGD1949 is on another ellipsoid"),
         (STATIONS, COMMANDS + "free inside NZGD2000 none\n", "file 'none' does not exist"),
         (STATIONS, COMMANDS.replace("fix A", "fix D"), "station 'D' is not in n.crd"),
         (STATIONS, COMMANDS.replace("fix A", "fix automatically all"), "fix automatically is not supported"),
-        (STATIONS, COMMANDS.replace("3d", "2d"), "mode 2d is not supported"),
+        (STATIONS, COMMANDS.replace("3d", "4d"), "mode 4d is not supported"),
         (STATIONS, COMMANDS.replace("n.dat", "no.dat"), "this file does not exist"),
         (
             STATIONS,
@@ -290,6 +290,23 @@ def test_mistakes_of_stations_and_commands(tmp_path: Path, stations: str, comman
     with pytest.raises(InputError) as raised:
         read_foreign(_files(tmp_path, MEASURED, stations, commands), "snap")
     assert any(said in problem.message for problem in raised.value.problems), raised.value
+
+
+@pytest.mark.parametrize(
+    ("mode", "held"), [("2d", {"sigma_up"}), ("1d", {"sigma_east", "sigma_north"}), ("3d", set())]
+)
+def test_modes_hold_what_they_do_not_adjust(tmp_path: Path, mode: str, held: set[str]) -> None:
+    document = read_foreign(_files(tmp_path, commands=COMMANDS.replace("3d", mode)), "snap")
+    columns = [set(table["columns"]) for table in document.data["points"] if not table.get("fixed")]
+    assert [found & {"sigma_east", "sigma_north", "sigma_up"} for found in columns] == [held]
+
+
+def test_stations_in_a_meridional_circuit(tmp_path: Path) -> None:
+    rows = "A 350000.0 680000.0 5.0\nB 350300.0 680400.0 5.0\n"
+    stations = f"Two stations\nTAIETM1949\noptions ellipsoidal_heights\n{rows}"
+    measured = "Two\n#data SD error no_heights\nA B 499.98 0.002\n"
+    document = read_foreign(_files(tmp_path, measured, stations), "snap")
+    assert document.data["world"]["crs"] == "EPSG:27231"
 
 
 def test_it_is_adjusted_by_the_command(tmp_path: Path) -> None:
@@ -328,6 +345,8 @@ def _count(document: Document, kind: str) -> int:
         ("ignore_observations after 2001-05-13", 3),
         ("ignore_observations data_type=SD data_file=o*.dat", 3),
         ("recode C to *", 2),
+        ("recode C to D\nignore_observations using_stations D", 2),
+        ("recode C to D after 2009-01-01\nignore_observations using_stations D", 3),
         ("recode C to * after 13-May-2001", 3),
         ("ignore_missing_stations\nrecode C to D", 3),
         ("classification equpt reject EDM", 0),

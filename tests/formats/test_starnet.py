@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
+import csv
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pyproj import Transformer
 
 import mor
 from mor.errors import InputError
 from mor.formats import format_of, read_foreign
 from mor.formats.starnet import degrees
+from mor.project.document import Document
 from tests.reference_data import network_of
+from tests.scenarios.small_projects import mor as run
 
 PLACES = {
     "1": (1000.0, 500.0, 100.0),
@@ -137,3 +141,121 @@ def test_mistakes_have_their_line(tmp_path: Path, line: str, words: str) -> None
     path.write_text(f"C 1 0 0 0 ! ! !\nV 1-2 90-00-00\n{line}\n")
     with pytest.raises(InputError, match=words):
         read_foreign(path, "starnet")
+
+
+GIVEN = {"A": (-122.5, 48.5, 100.0), "B": (-122.498, 48.502, 120.0), "C": (-122.501, 48.501, 90.0)}
+"""Longitude, latitude and height."""
+GEOCENTRIC = Transformer.from_crs("EPSG:4979", "EPSG:4978", always_xy=True)
+
+
+def _vectors(*pairs: str, weights: str = "G2 1e-6 2e-6 3e-6\nG3 1e-7 2e-7 -3e-7") -> str:
+    places = {name: np.array(GEOCENTRIC.transform(*place)) for name, place in GIVEN.items()}
+    lines = []
+    for pair in pairs:
+        one, other = pair.split("-")
+        dx, dy, dz = places[other] - places[one]
+        lines.append(f"G0 'session 1\nG1 {pair} {dx:.4f} {dy:.4f} {dz:.4f} --rover\n{weights}")
+    return "\n".join(lines) + "\n"
+
+
+def _on_earth() -> str:
+    """Vectors between points of every kind, and an angle."""
+    x, y, z = GEOCENTRIC.transform(*GIVEN["C"])
+    held = f"PH A 48-30-00.0 W122-30-00.0 100.0 0.01 0.02 0.03\nC C {x} {y} {z} 0.1 0.1 0.2 --MON\n"
+    return held + ".GPS FACTOR 2 VERT 3\nA A-B-C 10-00-00 5\n" + _vectors("A-B", "B-C")
+
+
+@pytest.mark.parametrize(
+    "held",
+    [
+        "PH A 48-30-00.0 -122-30-00.0 100.0 ! ! !",
+        "P A N48-30-00.0 W122-30-00.0 100.0 ! ! ! 'monument",
+        ".LONG POS\nP A 48-30-00.0 122-30-00.0 100.0 ! ! !",
+        "C A {:.4f} {:.4f} {:.4f} ! ! ! --MON",
+    ],
+)
+def test_gnss_vectors_from_a_point_on_the_earth(tmp_path: Path, held: str) -> None:
+    """B and C are where pyproj has them, whatever form the position of A has."""
+    path = tmp_path / "gps.dat"
+    path.write_text(held.format(*GEOCENTRIC.transform(*GIVEN["A"])) + "\n" + _vectors("A-B", "B-C", "C-A"))
+    assert format_of(path) == "starnet"
+    assert run("adjust", path, "-o", tmp_path / "out", "--no-html").code == 0
+    with (tmp_path / "out" / "places.csv").open(newline="") as file:
+        places = {row["id"]: row for row in csv.DictReader(file)}
+    for name in "BC":
+        found = [float(places[name][axis]) for axis in "xyz"]
+        assert found == pytest.approx(GEOCENTRIC.transform(*GIVEN[name]), abs=3e-4)
+
+
+def test_weights_of_gnss_vectors(tmp_path: Path) -> None:
+    """σ with correlations; factors of σ in the horizon of the point, which is that of the equator here."""
+    path = tmp_path / "gps.dat"
+    weights = "G2 0.001 0.002 0.003\nG3 0.5 0.0 -0.2"
+    held = "PH A 0-00-00.0 0-00-00.0 0.0 ! ! !\n.GPS WEIGHT STDERRCORRELATIONS\n.GPS FACTOR 2 VERT 3\n"
+    path.write_text(held + _vectors("A-B", weights=weights))
+    (vectors,) = read_foreign(path, "starnet").data["observations"]
+    # x is up there, y east and z north.
+    expected = np.array([[9e-6, 6e-6, 0.0], [6e-6, 16e-6, -4.8e-6], [0.0, -4.8e-6, 36e-6]])
+    np.testing.assert_allclose(vectors["covariance"], expected, atol=1e-15)
+
+
+def test_observed_positions_on_the_earth(tmp_path: Path) -> None:
+    path = tmp_path / "gps.dat"
+    x, y, z = GEOCENTRIC.transform(*GIVEN["C"])
+    observed = f"PH A 48-30-00.0 -122-30-00.0 100.0 0.01 0.02 0.03\nC C {x} {y} {z} 0.1 0.1 0.2\n"
+    path.write_text(observed + "B A-B 10-00-00 5\n" + _vectors("A-B", "B-C"))
+    document = read_foreign(path)
+    (points,) = document.data["points"]
+    row = dict(zip(points["columns"], points["rows"][0], strict=True))
+    assert [row[f"sigma_{name}"] for name in ("north", "east", "up")] == ["0.01", "0.02", "0.03"]
+    positions, vectors = document.data["observations"]
+    assert (positions["type"], vectors["type"]) == ("gnss_position", "gnss_vector")
+    assert [float(value) for value in positions["rows"][0][1:]] == pytest.approx([x, y, z, 0.1, 0.1, 0.2])
+    assert "B, BM: bearings in an unknown projection (1 line)" in " ".join(map(str, document.notes))
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        (_vectors("A-B"), "GNSS vectors need a point with geocentric"),
+        ("PH A 48-30-00 -122-30-00 100 ! ! !\nG1 A-B 1 2 3\n", "G1: vector A-B has no G2"),
+        ("PH A 48-30-00 -122-30-00\n" + _vectors("A-B"), "P: point A has no height"),
+        ("G2 1 2 3\n" + _vectors("A-B"), "G2: expected G1 before it"),
+    ],
+)
+def test_mistakes_of_gnss_vectors(tmp_path: Path, text: str, words: str) -> None:
+    path = tmp_path / "gps.dat"
+    path.write_text(text)
+    with pytest.raises(InputError, match=words):
+        read_foreign(path, "starnet")
+
+
+def test_vectors_between_points_in_a_projection_are_left_out(tmp_path: Path) -> None:
+    path = tmp_path / "n.dat"
+    path.write_text(_space() + "\n" + _vectors("A-B"))
+    document = read_foreign(path)
+    assert "vector" not in " ".join(table["type"] for table in document.data["observations"])
+    assert "the projection of the other points is unknown (" in " ".join(map(str, document.notes))
+
+
+@pytest.mark.parametrize(("order", "names"), [("ATFROMTO", "1-2-2"), ("FROMATTO", "2-1-2")])
+def test_an_angle_to_the_backsight_itself_says_nothing(tmp_path: Path, order: str, names: str) -> None:
+    """The distance and the zenith angle behind it count."""
+    path = tmp_path / "n.dat"
+    path.write_text(f"{_space()}\n.ORDER NE {order}\nM {names} 0-00-00 82.5 88-00-00 4 0.01 20\n")
+    before = _rows_of(read_foreign(_written(tmp_path / "m.dat", _space())))
+    after = _rows_of(document := read_foreign(path))
+    assert {kind: after[kind] - before[kind] for kind in after if after[kind] != before[kind]} == {
+        "distance": 1,
+        "zenith_angle": 1,
+    }
+    assert "angles of M from a backsight to itself (1 line)" in " ".join(map(str, document.notes))
+
+
+def _written(path: Path, text: str) -> Path:
+    path.write_text(text)
+    return path
+
+
+def _rows_of(document: Document) -> dict[str, int]:
+    return {table["type"]: len(table["rows"]) for table in document.data["observations"]}

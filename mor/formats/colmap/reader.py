@@ -395,7 +395,11 @@ def read_colmap(path: Path) -> Document:
     draft.put("title", folder.resolve().name)
     draft.put("units", {"length": "m", "angle": "rad"})
     draft.put("axes", {"xy": "en"})
-    draft.put("cameras", {str(camera.id): camera_of(camera) for camera in model.cameras})
+    used = {image.camera for image in model.images}
+    cameras = [camera for camera in model.cameras if camera.id in used] or model.cameras
+    if len(cameras) < len(model.cameras):
+        draft.note(f"{counted(len(model.cameras) - len(cameras), 'camera')} of no image not read")
+    draft.put("cameras", {str(camera.id): camera_of(camera) for camera in cameras})
     pairs, follows = followers(model, draft)
     rows = [_image_row(image, follows.get(image.id)) for image in model.images]
     columns = ("id", "camera", "x", "y", "z", "omega", "phi", "kappa", "leader", "pair")
@@ -409,7 +413,7 @@ def read_colmap(path: Path) -> Document:
         draft.frame("points", "points3D", frame)
     _put_image_points(model, draft)
     draft.put("datum", "free")
-    looser = [str(camera.id) for camera in model.cameras if has_one_unknown_more(camera.model)]
+    looser = [str(camera.id) for camera in cameras if has_one_unknown_more(camera.model)]
     if looser:
         words = "fx and fy are two unknowns, one focal length in COLMAP"
         draft.note(f"cameras {', '.join(looser[:10])}: {words}")

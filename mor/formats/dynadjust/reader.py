@@ -357,7 +357,7 @@ def read_cluster(found: MeasurementFile, code: str) -> None:
         found.skip(OFF, found.at)
         return
     words = found.lines[first - 1][VALUES:].split()
-    found.frames.setdefault(" ".join(words[4:6]), first)
+    found.frames.setdefault(" ".join(word[:10] for word in words[4:6]), first)
     put_cluster(found, code, form, rows, Q, scales)
 
 

@@ -555,6 +555,31 @@ def without_lonely_directions(clusters: list[GamaCluster], draft: Draft) -> list
     return result
 
 
+def leave_out_unobserved(points: dict[str, GamaPoint], clusters: list[GamaCluster], draft: Draft) -> None:
+    """Adjust no position or height that no observation needs, as gama-local does; one note names all of them.
+
+    A coordinate of ``point`` and ``vec`` that is not given needs nothing.
+    """
+    needed = set[tuple[str, str]]()
+    for observation in (one for cluster in clusters for one in cluster.observations):
+        parts: set[str] = set(KINDS[observation.kind].parts)
+        if observation.kind in ("point", "vec"):
+            given = [value is not None for value in observation.values]
+            parts = {part for part, there in (("xy", any(given[:2])), ("z", given[2])) if there}
+        needed |= {(name, part) for name in observation.names for part in parts}
+    left_out = []
+    for point in points.values():
+        for part in POINT_PARTS:
+            if part in point.adjusted - point.fixed and (point.name, part) not in needed:
+                point.adjusted.discard(part)
+                point.constrained.discard(part)
+                left_out.append((point, part))
+    if left_out:
+        names = ", ".join(f"{point.name} {part}" for point, part in left_out[:5])
+        more = " …" if len(left_out) > 5 else ""
+        draft.note(f"not adjusted, because nothing observes it: {names}{more}", left_out[0][0].line)
+
+
 # ---- GNU Gama's names and units of observation components.
 
 GON = np.pi / 200.0
@@ -799,6 +824,7 @@ def _read_network(network: Element, body: Element, draft: Draft) -> None:
     tolerance = float(parameters.get("tol-abs", "1000")) / 1000.0
     clusters = within_tolerance(clusters, points, x_axis, y_sign, tolerance, sigma_apriori, draft)
     clusters = without_lonely_directions(clusters, draft)
+    leave_out_unobserved(points, clusters, draft)
     if given := [key for key in ("ellipsoid", "latitude") if key in parameters]:
         words = (
             f"{' and '.join(given)}: gama-local reduces directions and zenith angles to the vertical of a central "

@@ -236,11 +236,46 @@ def vector_error_of(words: WordReader, code: str) -> VectorError:
 
 # ---- Station coordinate files: places in the coordinate system of the adjustment, with geoid heights and deflections.
 
+_CIRCUITS = (
+    ("EDEN", 5),
+    ("PLEN", 6),
+    ("POVE", 7),
+    ("HAWK", 8),
+    ("TARA", 9),
+    ("TUHI", 10),
+    ("WANG", 11),
+    ("WAIR", 12),
+    ("WELL", 13),
+    ("COLL", 14),
+    ("NELS", 15),
+    ("KARA", 16),
+    ("BULL", 17),
+    ("GREY", 18),
+    ("AMUR", 19),
+    ("MARL", 20),
+    ("HOKI", 21),
+    ("OKAR", 22),
+    ("JACK", 23),
+    ("PLEA", 24),
+    ("GAWL", 25),
+    ("TIMA", 26),
+    ("LIND", 27),
+    ("NICH", 28),
+    ("YORK", 29),
+    ("OBSE", 30),
+    ("TAIE", 31),
+    ("BLUF", 32),
+)
+"""Letters of the meridional circuits of New Zealand, and the last digits of EPSG codes: 272.. of 1949, 21.. of 2000."""
+PROJECTIONS = {
+    "NZMG": "EPSG:27200",
+    "NZTM": "EPSG:2193",
+    **{f"{name}TM1949": f"EPSG:{27200 + number}" for name, number in _CIRCUITS},
+    **{f"{name}TM2000": f"EPSG:{2100 + number}" for name, number in _CIRCUITS},
+}
 SYSTEMS = {
     "NZGD1949": "EPSG:4272",
     "NZGD2000": "EPSG:4167",
-    "NZMG": "EPSG:27200",
-    "NZTM": "EPSG:2193",
     "WGS84": "EPSG:4326",
     "ITRF96": "EPSG:8995",
     "ITRF97": "EPSG:8996",
@@ -249,8 +284,18 @@ SYSTEMS = {
     "ITRF2008": "EPSG:8999",
     "ITRF2014": "EPSG:9000",
     "ITRF2020": "EPSG:9990",
+    **PROJECTIONS,
 }
 """EPSG codes of SNAP's coordinate systems."""
+
+
+def projection_of(name: str) -> str:
+    """EPSG code of a projection. Raises ``ValueError``."""
+    if name.upper() not in PROJECTIONS:
+        raise ValueError(f"projection {name!r} is not known{nearest(name.upper(), PROJECTIONS)}")
+    return PROJECTIONS[name.upper()]
+
+
 _OPTIONS = {
     *("orthometric_heights", "ellipsoidal_heights", "degrees"),
     *("deflections", "geoid_heights", "geoid", "station_orders"),
@@ -288,6 +333,8 @@ class StationFile(NamedTuple):
     by_name: dict[str, SnapStation]
     spelt: dict[str, str]
     """Names by their capitals."""
+    recoded: set[str]
+    """Codes that recodes give, in capitals: names in lists, even if no observation has them."""
 
     def geocentric(self, names: list[str]) -> FloatArray:
         """(n, 3) of stations by their coordinates."""
@@ -346,6 +393,7 @@ def read_stations(path: Path, draft: Draft, form: Definition | None = None) -> S
         deflections,
         {},
         {},
+        set(),
     )
     if frame:
         draft.note(f"coordinate system {code}: coordinates are taken as {frame}", lines[1].number, str(path))
@@ -435,7 +483,11 @@ def _system(code: str, path: Path, line: int) -> tuple[str, str]:
     name = plain.removesuffix("_XYZ")
     known = next((system for system in SYSTEMS if name == system or name.startswith(f"{system}_2")), "")
     if not known:
-        words = f"coordinate system {code!r} is not supported{nearest(plain, SYSTEMS)} (known: {', '.join(SYSTEMS)})"
+        known = ", ".join(system for system in SYSTEMS if not system[:-4].endswith("TM"))
+        words = (
+            f"coordinate system {code!r} is not supported{nearest(plain, SYSTEMS)} "
+            f"(known: {known} and the meridional circuits, such as WELLTM2000)"
+        )
         raise InputError([Message(words, str(path), line)])
     return SYSTEMS[known], f"{known} of one epoch" if version else ""
 
@@ -499,13 +551,14 @@ def station_list(words: WordReader, stations: StationFile, end: str = "") -> Cho
 def _stations_of(word: str, words: WordReader, stations: StationFile, strict: bool) -> set[str]:
     names = {name.upper() for name in stations.by_name}
     code = word.removeprefix("\\").upper()
-    if code in names:
+    if code in names | stations.recoded:
         return {code}
     if word.lower() == "all":
         return names
     if word.lower() in ("inside", "outside"):
-        code = words.take("a coordinate system")
-        within = _stations_in_area(code, words.take("the file of an area").strip("\"'"), stations)
+        code = words.take(f"a coordinate system behind {word}")
+        file = words.take(f"the file of an area behind {word} {code}").strip("\"'")
+        within = _stations_in_area(code, file, stations)
         return within if word.lower() == "inside" else names - within
     if word[0] == "@" and word.partition("=")[1] == "":
         return _stations_in_file(word[1:], stations, strict)
@@ -724,53 +777,6 @@ def recodes_of(path: Path) -> list[Recode]:
     if draft.problems:
         raise InputError(draft.problems)
     return found
-
-
-# ---- EPSG codes of the projections that SNAP knows by the names of New Zealand's meridional circuits.
-
-_CIRCUITS = (
-    ("EDEN", 5),
-    ("PLEN", 6),
-    ("POVE", 7),
-    ("HAWK", 8),
-    ("TARA", 9),
-    ("TUHI", 10),
-    ("WANG", 11),
-    ("WAIR", 12),
-    ("WELL", 13),
-    ("COLL", 14),
-    ("NELS", 15),
-    ("KARA", 16),
-    ("BULL", 17),
-    ("GREY", 18),
-    ("AMUR", 19),
-    ("MARL", 20),
-    ("HOKI", 21),
-    ("OKAR", 22),
-    ("JACK", 23),
-    ("PLEA", 24),
-    ("GAWL", 25),
-    ("TIMA", 26),
-    ("LIND", 27),
-    ("NICH", 28),
-    ("YORK", 29),
-    ("OBSE", 30),
-    ("BLUF", 32),
-)
-"""Their letters, and the last digits of the codes: 272.. of 1949, 21.. of 2000."""
-PROJECTIONS = {
-    "NZMG": "EPSG:27200",
-    "NZTM": "EPSG:2193",
-    **{f"{name}TM1949": f"EPSG:{27200 + number}" for name, number in _CIRCUITS},
-    **{f"{name}TM2000": f"EPSG:{2100 + number}" for name, number in _CIRCUITS},
-}
-
-
-def projection_of(name: str) -> str:
-    """EPSG code of a projection. Raises ``ValueError``."""
-    if name.upper() not in PROJECTIONS:
-        raise ValueError(f"projection {name!r} is not known{nearest(name.upper(), PROJECTIONS)}")
-    return PROJECTIONS[name.upper()]
 
 
 # ---- GNSS vectors and positions with their covariances: alone, or in sets with one matrix.

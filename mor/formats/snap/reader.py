@@ -119,6 +119,8 @@ class _Commands:
     """More coordinate files, what is taken from them, and the line and file of their commands."""
     data: list[_DataFile] = field(default_factory=list)
     mode: str = "adjustment"
+    dimensions: str = "3d"
+    """Heights are held in 2d, plan coordinates in 1d."""
     later: list[_Command] = field(default_factory=list)
     """Commands about stations and observations, in their order."""
     float_errors: tuple[float, float] = (1.0, 1.0)
@@ -336,9 +338,11 @@ def _mode(found: _Commands, words: WordReader) -> None:
         word = words.take("a mode").lower()
         if word in ("adjustment", "adjust", "data_check", "free_net", "free_net_adjustment"):
             found.mode = word
-        elif word != "3d":
+        elif word in ("1d", "2d", "3d"):
+            found.dimensions = word
+        else:
             raise ValueError(
-                f"mode {word} is not supported, expected 3d with adjustment, data_check or free_net"
+                f"mode {word} is not supported, expected 1d, 2d or 3d with adjustment, data_check or free_net"
             )
 
 
@@ -366,6 +370,7 @@ def _recode(data: Data, words: WordReader) -> None:
         raise ValueError(f"found {words.peek()!r}, expected before, after or between and dates")
     for one in codes:
         renamed = f"{one}{suffix}" if suffix else new
+        data.stations.recoded.add(renamed.upper())
         data.recodes.append(Recode(one.upper(), renamed, period, sigma))
 
 
@@ -477,9 +482,11 @@ def _put_stations(data: Data, commands: _Commands) -> None:
 def _sigma(commands: _Commands, name: str) -> tuple[float | None, float | None]:
     if commands.mode == "data_check":
         return 0.0, 0.0
-    if commands.mode.startswith("free_net"):
-        return None, None
-    return commands.sigmas.get(name, (None, None))
+    given = commands.sigmas.get(name, (None, None))
+    horizontal, vertical = (None, None) if commands.mode.startswith("free_net") else given
+    if commands.dimensions == "2d":
+        vertical = 0.0
+    return 0.0 if commands.dimensions == "1d" else horizontal, vertical
 
 
 def _row(stations: StationFile, name: str) -> Row:
