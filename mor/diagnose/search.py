@@ -277,7 +277,7 @@ def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hyp
     seen = not situation.begun or (situation.settled and situation.something_is_wrong_as_a_whole)
     least = -np.inf if seen else _BY_CHANCE
     told = np.where(promised > _BY_CHANCE, promised, 0.0)  # else a table comes before its stations
-    order = np.lexsort((-promised, [len(one.things) for one in found], -told)).tolist()
+    order = np.lexsort((-promised, np.array([len(one.things) for one in found]), -told)).tolist()
     return [(found[k], float(promised[k])) for k in order if promised[k] >= least]
 
 
