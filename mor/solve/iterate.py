@@ -522,6 +522,12 @@ def without_progress(iterations: tuple[Iteration, ...]) -> int:
     return next(larger, len(objectives))
 
 
+def settles(iterations: tuple[Iteration, ...]) -> bool:
+    """Return True where steps below a tenth of σ become smaller from ten iterations to the next ten."""
+    steps = [iteration.largest_change for iteration in iterations[-20:]]
+    return len(steps) == 20 and max(steps[10:]) < min(0.1, 0.9 * max(steps[:10]))
+
+
 def stands_still(iterations: tuple[Iteration, ...], patience: Patience | None = None) -> bool:
     """Return True if iterations, twenty by default, have made neither vᵀPv smaller, nor the steps, nor the damping.
 
@@ -716,7 +722,7 @@ def _iterated(plan: Plan, start: Values, settings: SolverSettings, watch: Watche
     state = _begin(plan, start)
     while (
         state.outcome is Outcome.NOT_CONVERGED
-        and without_progress(state.iterations) < settings.max_iterations
+        and (without_progress(state.iterations) < settings.max_iterations or settles(state.iterations))
         and len(state.iterations) < 2 * settings.max_iterations
     ):
         before, state = len(state.iterations), _advance(state, settings.to_infinity)

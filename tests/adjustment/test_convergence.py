@@ -14,6 +14,7 @@ from mor.solve.iterate import (
     adjust,
     left_after,
     round_off,
+    settles,
     stands_still,
     without_progress,
 )
@@ -50,6 +51,10 @@ def test_steps_that_halve_are_followed_to_the_end():
 
 def test_a_standstill_is_twenty_iterations_that_lead_nowhere():
     assert stands_still(_history(*[3.0] * 20))
+    period = np.tile([1.0, 0.5, 0.2, 0.02, 0.1], 4)
+    assert settles(_history(*(0.05 * 0.9 ** np.arange(20) * period)))
+    assert not settles(_history(*(0.05 * period)))
+    assert not settles(_history(*(5.0 * 0.9 ** np.arange(20) * period)))
     assert not stands_still(_history(*[3.0] * 19))
     assert not stands_still(_history(*(100.0 * 0.8 ** np.arange(20))))
     assert not stands_still(_history(*(1e-3 * 0.9 ** np.arange(20))))
