@@ -16,7 +16,7 @@ from mor.input_files import is_folder, note_input, read_text, standard_input
 from mor.linalg.cholesky import NotFiniteError, one_thread
 from mor.linalg.compilation import chosen_by_size
 from mor.model.contract import with_sigma_model
-from mor.model.observation_types import without
+from mor.model.observation_types import is_image_point, without
 from mor.model.parameters import ROTATION, Values, all_known, index_unknowns, with_shared_components
 from mor.project.document import Document, read_yaml
 from mor.project.entities import TableWatcher, ignore_table, thing_of
@@ -251,8 +251,17 @@ def solve_network(
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
     """
-    with chosen_by_size(network.observations), mistakes_in(network.file):
+    with chosen_by_size(network.observations, _times_as_long(network)), mistakes_in(network.file):
         return with_poses(_assessed(_adjusted(network, watch), assessing))
+
+
+def _times_as_long(network: Network) -> int:
+    """How many times as long as in an aerial block, with eight rays to a point, it takes to eliminate the points."""
+    rays = np.zeros(len(network.blocks["point"].ids))
+    for group in network.groups:
+        if is_image_point(group.type):
+            rays += np.bincount(group.blocks[-1], minlength=len(rays))
+    return max(1, int(rays @ rays / max(8.0 * rays.sum(), 1.0)))
 
 
 def diagnose_network(
@@ -265,7 +274,11 @@ def diagnose_network(
     ``go_on`` is called before each trial and ends the search if it returns False. There is no adjustment if start
     values cannot be found.
     """
-    with chosen_by_size(network.observations), mistakes_in(network.file), np.errstate(all="ignore"):
+    with (
+        chosen_by_size(network.observations, _times_as_long(network)),
+        mistakes_in(network.file),
+        np.errstate(all="ignore"),
+    ):
         try:
             adjusted = _adjusted(network, watch)
         except NoStartValuesError as error:
