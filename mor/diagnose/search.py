@@ -190,6 +190,8 @@ class SolvedHypothesis(NamedTuple):
     fit: NetworkFit
     promised: float
     """By how much the start values speak for it; 0 where that was not asked."""
+    scored: bool = False
+    """True if a score test names it."""
 
 
 def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagnosis:
@@ -211,7 +213,7 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
         fit = tried(situation, hypothesis, scored=True)
         trials.append(Trial(hypothesis, fit, _gain(situation, fit) if fit is not None else 0.0))
         if fit is not None:
-            found.append(SolvedHypothesis(hypothesis, fit, 0.0))
+            found.append(SolvedHypothesis(hypothesis, fit, 0.0, scored=True))
             done |= _explains(hypothesis, fit)
     stages = _stages(situation)
     if done:  # a change of a whole is no rival then
@@ -282,7 +284,7 @@ def _of_stage(situation: Situation, stage: tuple[Family, ...]) -> list[tuple[Hyp
 
 
 def _offered(situation: Situation, before: Before, found: list[SolvedHypothesis]) -> tuple[Offered, ...]:
-    """Hypotheses that are better than none beyond chance, the best first."""
+    """Hypotheses that are better than none beyond chance, or say what a single wrong observation is; the best first."""
     if situation.many_are_out:  # of a single observation only what explains all of it
         found = [one for one in found if len(one.hypothesis.rows) != 1 or nothing_is_left(one.fit)]
     good = _in_order(
@@ -291,7 +293,8 @@ def _offered(situation: Situation, before: Before, found: list[SolvedHypothesis]
             one
             for one in found
             if (
-                _gain(situation, one.fit) > _BY_CHANCE
+                _gain(situation, one.fit)
+                > (0.0 if one.scored and _explains(one.hypothesis, one.fit) else _BY_CHANCE)
                 and _nearer(one.fit, before)
                 and (one.fit.scale <= max(_ABSURD, _LESS * situation.fit.scale))
             )
