@@ -16,7 +16,7 @@ from mor.input_files import is_folder, note_input, read_text, standard_input
 from mor.linalg.cholesky import NotFiniteError, one_thread
 from mor.linalg.compilation import chosen_by_size
 from mor.model.contract import with_sigma_model
-from mor.model.observation_types import is_image_point, without
+from mor.model.observation_types import is_image_point, target_slot, without
 from mor.model.parameters import ROTATION, Values, all_known, index_unknowns, with_shared_components
 from mor.project.document import Document, read_yaml
 from mor.project.entities import TableWatcher, ignore_table, thing_of
@@ -260,7 +260,7 @@ def _times_as_long(network: Network) -> int:
     rays = np.zeros(len(network.blocks["point"].ids))
     for group in network.groups:
         if is_image_point(group.type):
-            rays += np.bincount(group.blocks[-1], minlength=len(rays))
+            rays += np.bincount(group.blocks[target_slot(group.type)], minlength=len(rays))
     return max(1, int(rays @ rays / max(8.0 * rays.sum(), 1.0)))
 
 
