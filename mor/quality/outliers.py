@@ -476,7 +476,7 @@ def without_suspects(
     stands, however bad, where it is come to from there, too (then it is no matter of where the iteration began), unless
     suspects are few; where most of a group of observations are among them, or all that see a given point (of two
     sources that contradict each other they would only be the smaller one); and where as many chosen ones would lessen
-    vᵀPv so by chance. A solution that fits badly, with a ray on another branch of its projection, gives way to any other.
+    vᵀPv so by chance. A bad one with a ray on another branch of its projection gives way to any other.
 
     Weights lead by the medians of parts first, and where that leads to nothing, as where most rays to control points
     are wrong, by those of whole groups.
