@@ -47,6 +47,7 @@ from .mutants import faults, materials
             "nikon",
             "topcon",
             "topcon stream",
+            "fbk",
             "comp3d",
             "sokkia",
             "geodimeter",
@@ -58,4 +59,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 35
+    assert len(materials(tmp_path)) == 36

@@ -41,10 +41,10 @@ def _rows(document: Document, type_: str) -> list[dict[str, str]]:
 
 
 def _points(document: Document) -> dict[str, list[float]]:
-    """Points with coordinates."""
+    """Points with given coordinates: those of the other table, if it has any, are start values."""
     return {
         row[0]: [float(cell) for cell in row[1:4] if cell is not None]
-        for table in document.data["points"]
+        for table in document.data["points"][:1]
         if "x" in table["columns"]
         for row in table["rows"]
     }
