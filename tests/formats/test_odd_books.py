@@ -85,9 +85,35 @@ def test_coordinates_that_stations_share_are_presets(tmp_path: Path) -> None:
     preset = (1000.0, 5000.0, 200.0)
     text = _gsi("S1", "P", "Q", place=preset) + _gsi("S2", "P", "Q", place=preset, turn=30)
     document = _read(tmp_path, "a.gsi", text)
-    assert "not read: coordinates that several stations share" in _notes(document)
+    assert "not read: coordinates that an instrument presets" in _notes(document)
     assert document.data["datum"] == "free"
     assert solve_network(network_of(document, tmp_path)).quality.sigma0 < 1.5
+
+
+def test_whole_hundreds_far_from_others_are_presets(tmp_path: Path) -> None:
+    real = "110009+000000S2 81..10+64280000 82..10+53410000 83..10+00012000\n"
+    text = _gsi("S1", "P", "Q", "S2", place=(1000.0, 5000.0, 200.0)) + _gsi("S2", "P", "Q", turn=30)
+    for control, kept in (("", ["S1"]), (real.replace("+64280000", "+642800008"), ["S2"])):
+        document = _read(tmp_path, "a.gsi", control + text)
+        assert [row[0] for row in _points(document)[0][1]] == kept
+
+
+def test_circles_of_rw5_are_azimuths_where_nothing_else_tells_the_direction(tmp_path: Path) -> None:
+    """Station 1 sights no known point, station 2 does; BS is the azimuth of the backsight where the circle reads BC."""
+    text = (
+        "MO,AD0,UN1,SF1.0,EC0,EO0.0,AU0\nOC,OP1,N 100.0,E 50.0,EL10.0\nLS,HI1.5,HR1.5\n"
+        "BK,OP1,BP9,BS30.0000,BC10.0000\nSS,OP1,FP3,AR70.0000,ZE90.0000,SD20.0\n"
+        "SS,OP1,FP4,AR250.0000,ZE270.0000,SD10.0\nOC,OP2,N 0.0,E 50.0,EL10.0\n"
+        "BK,OP2,BP1,BS0.0000,BC5.0000\nSS,OP2,FP1,AR5.0000,ZE90.0000,SD100.0\nSS,OP2,FP5,AR95.0000,ZE90.0000,SD30.0\n"
+    )
+    document = _read(tmp_path, "a.rw5", text)
+    bearings = [(row["from"], row["to"], float(row["bearing"])) for row in _rows(document, "bearing")]
+    assert bearings == [("1", "9", 30.0), ("1", "3", 90.0), ("1", "4", 90.0)]
+    solved = solve_network(network_of(document, tmp_path))
+    values = dict(zip(solved.network.blocks["point"].ids, solved.adjustment.values["point"], strict=True))
+    np.testing.assert_allclose(values["3"][:2], (70.0, 100.0), atol=0.01)
+    np.testing.assert_allclose(values["4"][:2], (60.0, 100.0), atol=0.01)
+    np.testing.assert_allclose(values["5"][:2], (80.0, 0.0), atol=0.01)
 
 
 def test_a_station_at_computed_coordinates_is_computed(tmp_path: Path) -> None:

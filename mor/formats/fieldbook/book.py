@@ -12,6 +12,7 @@ Readers translate records into calls of :class:`FieldBook`; everything that hold
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from math import atan2, cos, hypot, pi, radians, sin, tau
@@ -44,6 +45,8 @@ NOT_TURNED = 0.01
 """Gon (36 arcsec) within which a circle reads azimuths."""
 APART, APART_IN_HEIGHT = 0.5, 3.0
 """Metres in plan and in height (a target height may be wrong) beyond which two sights are not to the same point."""
+ELSEWHERE = 1e5
+"""Metres from all others beyond which whole hundreds of metres are another system."""
 SAME_PLACE = 0.01
 """Metres within which readings are to the same place."""
 LEAST_COPIED = 3
@@ -55,7 +58,7 @@ CIRCLE_SET = 1e-4
 COMPUTED = "coordinates that the instrument computed from its readings"
 _ZERO = "coordinates that are all 0"
 _HEIGHT = "target heights that differ from those of a later sight to the same place, which are used instead"
-_PRESET = "coordinates that several stations share, as an instrument presets them"
+_PRESET = "coordinates that an instrument presets: several stations share them, or they are far from others"
 
 
 class Sight(NamedTuple):
@@ -94,6 +97,8 @@ class InstrumentSetUp:
     sights: list[Sight] = field(default_factory=list)
     used: bool = False
     """True once a sight followed the station record."""
+    orientation: float | None = None
+    """What the book adds to circle readings to get azimuths; ``None`` if it does not say it."""
     unnamed: bool = False
     """True if the book does not name the station."""
     turn: float | None = None
@@ -350,6 +355,7 @@ class FieldBook:
         draft = self.draft
         self._settle()
         self._drop_presets()
+        self._orient()
         levelled = self._level()
         for what, lines in self.skipped.items():
             draft.note(f"not read: {what} ({counted(len(lines), 'record')}, lines {_spans(lines)})", lines[0])
@@ -424,14 +430,63 @@ class FieldBook:
         return any(sight.zenith is not None or sight.slope is not None for sight in sights)
 
     def _drop_presets(self) -> None:
-        """Leave out given coordinates that are the same for several stations."""
-        sharing: dict[tuple[float | None, float | None], list[str]] = {}
-        for name in {set_up.station: 0 for set_up in self.set_ups}:
-            if name in self.points:
-                sharing.setdefault(self.points[name][:2], []).append(name)
-        for names in sharing.values():
-            for name in names if len(names) > 1 else []:
+        """Leave out coordinates that an instrument presets: several stations share them, or they are far from others.
+
+        Those far from others are whole hundreds of metres.
+        """
+        plans = {
+            name: complex(place.east, place.north)
+            for name, place in self.points.items()
+            if place.east is not None and place.north is not None
+        }
+        stations = {set_up.station: 0 for set_up in self.set_ups if set_up.station in plans}
+        shared = Counter(plans[name] for name in stations)
+        whole = {name for name in stations if plans[name].real % 100.0 == plans[name].imag % 100.0 == 0.0}
+        others = [plan for name, plan in plans.items() if name not in whole]
+        for name in stations:
+            far = name in whole and others and min(abs(plans[name] - other) for other in others) > ELSEWHERE
+            if far or shared[plans[name]] > 1:
                 self.leave_out(_PRESET, self.points.pop(name).line)
+
+    def _orient(self) -> None:
+        """Turn circle readings into azimuths where nothing but the orientation that the book says tells the direction.
+
+        That is at stations with given coordinates that sight no point with given coordinates, or with a place from
+        another station.
+        """
+        placed: dict[str, set[int]] = {}
+        for k, set_up in enumerate(self.set_ups):
+            placed.setdefault(set_up.station, set()).add(k)
+            for sight in set_up.sights:
+                if sight.slope or sight.horizontal_distance:
+                    placed.setdefault(sight.target, set()).add(k)
+        turned = []
+        for k, set_up in enumerate(self.set_ups):
+            targets = {sight.target for sight in set_up.sights if sight.horizontal is not None}
+            tied = any(name in self.points or placed.get(name, set()) - {k} for name in targets)
+            if set_up.orientation is None or tied or set_up.station not in self.points or not targets:
+                continue
+            turned.append(set_up)
+            set_up.sights = [
+                sight
+                if sight.horizontal is None
+                else sight._replace(
+                    horizontal=None,
+                    bearing=(sight.horizontal + set_up.orientation + self._flip(sight)) % self._full,
+                )
+                for sight in set_up.sights
+            ]
+        if turned:
+            names = ", ".join(s.station for s in turned[:_NAMED]) + (", …" if len(turned) > _NAMED else "")
+            self.draft.note(
+                f"{counted(len(turned), 'set-up')} oriented by the azimuth of the backsight that the book says, as no "
+                f"known point is sighted: {names}",
+                turned[0].line,
+            )
+
+    def _flip(self, sight: Sight) -> float:
+        """Half a circle for a reading in face two."""
+        return self._full / 2 if face_of(sight, self._full) == 2 else 0.0
 
     def _drop_heights(self) -> None:
         """Leave out the given heights of a book whose readings tell none."""
@@ -519,10 +574,7 @@ class FieldBook:
     def _apart(self, one: Sight, other: Sight) -> float:
         """Angle (rad) between two circle readings, both in face one."""
         full = self._full
-        readings = [
-            (sight.horizontal or 0.0) - (full / 2 if face_of(sight, full) == 2 else 0.0)
-            for sight in (one, other)
-        ]
+        readings = [(sight.horizontal or 0.0) - self._flip(sight) for sight in (one, other)]
         return ((readings[1] - readings[0] + full / 2) % full - full / 2) * tau / full
 
     def _part_first_sight(self, set_up: InstrumentSetUp) -> None:

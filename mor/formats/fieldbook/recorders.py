@@ -461,6 +461,8 @@ class _RW5Reader:
         self.station, self.height, self.target = "", 0.0, 0.0
         self.backsight: tuple[str, float, int] = ("", 0.0, 0)
         """Point, reading of the circle and line of the last BK."""
+        self.azimuth: float | None = None
+        """Azimuth of the last BK."""
         self.begun = False
         self.gnss = False
         """True in the comments of a GPS record."""
@@ -482,6 +484,7 @@ class _RW5Reader:
             self.close()
             self.station = cells.get("OP") or self.station
             self.backsight = (cells.get("BP", ""), self._angle(cells.get("BC") or "0"), line)
+            self.azimuth = self._angle(cells["BS"]) if cells.get("BS") else None
         elif kind == "LS":
             height = self._length(cells, "HI")
             if height is not None and height != self.height:
@@ -501,6 +504,8 @@ class _RW5Reader:
         point, circle, line = self.backsight
         if self.begun and point and point != self.station:
             self.book.backsight(self.book.set_ups[-1], Sight(point, line, circle, face=1))
+            if self.azimuth is not None:
+                self.book.set_ups[-1].orientation = self.azimuth - circle
         self.begun = False
 
     def _gnss_point(self, cells: dict[str, str], line: int) -> None:
@@ -531,7 +536,7 @@ class _RW5Reader:
             raise ValueError(f"found no point in {kind}")
         if kind == "OC":
             self.close()
-            self.station, self.backsight = name, ("", 0.0, 0)
+            self.station, self.backsight, self.azimuth = name, ("", 0.0, 0), None
         east, north, height = (self._length(cells, key) for key in ("E", "N", "EL"))
         self.book.station_point(name, east, north, height, line)
 
