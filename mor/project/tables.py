@@ -355,19 +355,7 @@ def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
     ``sheet`` is needed if several sheets hold something. Raises :class:`InputError` if the file cannot be read, if the
     sheet is missing or not named, and if python-calamine (extra ``formats``) is not installed.
     """
-    try:
-        import python_calamine
-    except ImportError:
-        words = "spreadsheets need the extra formats: pip install 'mor-adjustment[formats]'"
-        raise InputError([Message(words, str(path))]) from None
-    check_regular(path)
-    check_size(path.stat().st_size, path, TABLE)
-    note_file(path)
-    try:
-        book = python_calamine.CalamineWorkbook.from_path(str(path))
-        sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
-    except (python_calamine.CalamineError, OSError) as error:
-        raise InputError([Message(f"this file cannot be read: {error}", str(path))]) from None
+    sheets = read_sheets(path)
     filled = [name for name, rows in sheets.items() if rows]
     if sheet is not None and sheet not in sheets:
         words = f"found no sheet {sheet!r}{nearest(sheet, sheets)} (sheets: {', '.join(sheets)})"
@@ -388,6 +376,23 @@ def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
         raise InputError([Message(f"column {', '.join(map(repr, twice))} is given twice", str(path))])
     columns = {name: [row[k] or None for row in rows[1:]] for k, name in enumerate(header)}
     return pl.DataFrame(columns, schema=dict.fromkeys(header, pl.String))
+
+
+def read_sheets(path: Path) -> dict[str, list[list[object]]]:
+    """Return the rows of each sheet. Raises :class:`InputError`."""
+    try:
+        import python_calamine
+    except ImportError:
+        words = "spreadsheets need the extra formats: pip install 'mor-adjustment[formats]'"
+        raise InputError([Message(words, str(path))]) from None
+    check_regular(path)
+    check_size(path.stat().st_size, path, TABLE)
+    note_file(path)
+    try:
+        book = python_calamine.CalamineWorkbook.from_path(str(path))
+        return {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
+    except (python_calamine.CalamineError, OSError) as error:
+        raise InputError([Message(f"this file cannot be read: {error}", str(path))]) from None
 
 
 def _text(cell: object) -> str:
