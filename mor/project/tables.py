@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, time
 from pathlib import Path
@@ -378,7 +378,7 @@ def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
     return pl.DataFrame(columns, schema=dict.fromkeys(header, pl.String))
 
 
-def read_sheets(path: Path) -> dict[str, list[list[object]]]:
+def read_sheets(path: Path) -> Mapping[str, Sequence[Sequence[object]]]:
     """Return the rows of each sheet. Raises :class:`InputError`."""
     try:
         import python_calamine
