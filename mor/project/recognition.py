@@ -26,7 +26,7 @@ _FROM = (
     "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ|occupied"
     "|fromstation|stationid|stationname|std"
 )
-_TO = "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
+_TO = "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname|targetpoint"
 _POINT = (
     "point|pointid|pt|ptid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
     "|ptno|ptnr|ptname|pnr|pointno|pointnr|pointname|pointnumber|punktname|gcpid|gcpname|gcplabel|markerid|markername"
@@ -50,11 +50,11 @@ _LENGTHS = "laenge|linelength|length|distance|dist|strecke|d"
 _DISTANCE = "distance|length|dist|strecke|sd|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke"
 _HORIZONTAL = (
     "horizontal|hz|ha|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
-    "|hzrichtung|horizontalrichtung|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel"
+    "|hzrichtung|horizontalrichtung|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
 )
 _ZENITH = (
     "zenith|v|za|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
-    "|verticalcircle|verticalreading|vertikalwinkel"
+    "|verticalcircle|verticalreading|vertikalwinkel|zenithang|verticalang|vertangle"
 )
 _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
 """Kind and column of vertical circles that read elevations, whose columns have the same names."""
