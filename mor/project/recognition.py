@@ -26,7 +26,10 @@ _FROM = (
     "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ|occupied"
     "|fromstation|stationid|stationname|std"
 )
-_TO = "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname|targetpoint"
+_TO = (
+    "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
+    "|targetpoint"
+)
 _POINT = (
     "point|pointid|pt|ptid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
     "|ptno|ptnr|ptname|pnr|pointno|pointnr|pointname|pointnumber|punktname|gcpid|gcpname|gcplabel|markerid|markername"
