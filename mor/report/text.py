@@ -150,7 +150,7 @@ def _untied(solved: Solved, words: Words) -> list[str]:
     parts = solved.network.untied
     if not parts:
         return []
-    lines = [f"{words.told(part)}." for part in parts[:NAMED]]
+    lines = [f"{words.told(part.message)}." for part in parts[:NAMED]]
     if len(parts) > NAMED:
         lines.append(words("{count} more parts have an arbitrary position.", count=len(parts) - NAMED))
     return [*lines, words("Start values or coordinates of two points of a part would tie it.")]

@@ -459,8 +459,13 @@ def test_a_book_without_heights_is_in_the_plane(tmp_path: Path) -> None:
 
 def test_points_without_readings_say_that_records_were_left_out(tmp_path: Path) -> None:
     text = "JB,NMjob\nMO,AD0,UN1\nSP,PNA,N 10,E 20,EL1\nGPS,PN1,LA45.1,LN-66.0,EL3.0\n"
-    with pytest.raises(InputError, match="no observations; mor convert lists what was not read"):
+    with pytest.raises(
+        InputError, match="no observations: GNSS positions, as in this file, are read as points"
+    ):
         network_of(_read(tmp_path, "a.rw5", text), tmp_path)
+    text = "JB,NMjob\nMO,AD0,UN1\nSP,PNA,N 10,E 20,EL1\n"
+    with pytest.raises(InputError, match="no observations, only points; mor convert lists what was not read"):
+        network_of(_read(tmp_path, "b.rw5", text), tmp_path)
 
 
 def test_the_units_of_a_commented_record_count_if_there_is_no_other(tmp_path: Path) -> None:
