@@ -352,6 +352,7 @@ def is_spreadsheet(path: Path) -> bool:
 def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
     """Return the cells of a sheet as texts; its first row that is not empty has the names of the columns.
 
+    Titles may stand above it: rows of one cell, above a row of several that are no numbers.
     ``sheet`` is needed if several sheets hold something. Raises :class:`InputError` if the file cannot be read, if the
     sheet is missing or not named, and if python-calamine (extra ``formats``) is not installed.
     """
@@ -370,6 +371,9 @@ def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
     ]
     if not rows:
         raise InputError([Message("the table is empty", str(path))])
+    titles = next((k for k, row in enumerate(rows) if sum(map(bool, row)) > 1), 0)
+    if not any(cell.replace(".", "").removeprefix("-").isdigit() for cell in rows[titles]):
+        rows = rows[titles:]
     header = [name or f"column{k + 1}" for k, name in enumerate(rows[0])]
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:

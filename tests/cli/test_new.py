@@ -524,3 +524,17 @@ def test_baselines_by_east_and_north_and_angles_at_points(tmp_path: Path) -> Non
     assert tables["vector"].unused == ("obs_id",)
     assert tables["angle"].columns["at"] == "at_point"
     assert tables["directions"].columns["set"] == "set_id"
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("Survey of May\nRidge\nPoint;East;North\nA;1;2", ["Point", "East", "North"]),
+        ("Point\nA\nB", ["Point"]),
+        ("Point\nA;1;2", ["Point", "column2", "column3"]),
+    ],
+)
+def test_titles_above_the_header_of_a_spreadsheet(tmp_path: Path, text: str, names: list[str]) -> None:
+    frame = read_spreadsheet(_as_spreadsheet(tmp_path / "book.csv", text))
+    assert frame.columns == names
+    assert frame["Point"][0] == "A"
