@@ -6,6 +6,7 @@ import codecs
 import gzip
 import hashlib
 import os
+import re
 import sys
 import time
 import zlib
@@ -190,9 +191,11 @@ def read_text(path: Path, most: str = PROJECT, errors: str = "strict") -> str:
 
 
 def as_utf8(content: bytes) -> bytes:
-    """Return text as UTF-8 without a byte order mark; text that begins with the mark of UTF-16 is converted."""
+    """Return text as UTF-8 without a byte order mark, also of UTF-16 with its mark and with the degree of Windows."""
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
         return content.decode("utf-16", "replace").encode()
+    if b"\xb0" in content and set(re.findall(rb"[\x80-\xff]", content)) == {b"\xb0"}:
+        return content.decode("cp1252").encode()
     return content.removeprefix(codecs.BOM_UTF8)
 
 

@@ -31,6 +31,7 @@ from mor.quality.determinability import (
     adjust_determinable,
     completed,
     with_fitting_reason,
+    without_hanging,
     without_unknown,
 )
 from mor.quality.group_tests import GroupTests, Rejection, group_tests, rejection
@@ -103,6 +104,8 @@ def determinable_start(
         from mor.start.along_trajectories import along_trajectories
 
         network = along_trajectories(network)
+    if network.project.settings.undetermined == "leave_out":
+        network = without_hanging(network)
     if all_known(network.start):
         return _over_its_places(network, network.start)
     # Imported here: its libraries take as long to load as a small project to adjust.

@@ -85,6 +85,7 @@ def command(
     from mor.output_files import write_files
     from mor.project.recognition import CameraSettings, begin, begin_test, recognise, told_apart
     from mor.project.schema import project_schema
+    from mor.project.tables import read_sheets
     from mor.units import ANGLE_UNITS, LENGTH_UNITS
 
     if protocol is not None:
@@ -113,6 +114,11 @@ def command(
         tell(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}")
     for path, unused in {table.path: table.unused for table in found if table.unused}.items():
         tell(f"note: {path}: columns not used: {', '.join(unused)}")
+    for path in dict.fromkeys(table.path for table in found if table.sheet):
+        used = {table.sheet for table in found if table.path == path}
+        rest = [name for name, rows in read_sheets(path).items() if rows and name not in used]
+        if rest:
+            tell(f"note: {path}: sheets not used: {', '.join(rest)}")
     tell(f"{project} is written: look at the lines marked CHECK, then run mor check {project}")
 
 

@@ -99,6 +99,7 @@ FORMATS: dict[str, FileFormat] = {
         "Geodimeter ARE, JOB", _book("recorders", "read_geodimeter"), suffixes=(".are", ".job")
     ),
     "rw5": FileFormat("Carlson RW5, TDS raw data", _book("recorders", "read_rw5"), suffixes=(".rw5",)),
+    "fbk": FileFormat("Autodesk FBK", _book("recorders", "read_fbk"), suffixes=(".fbk",)),
     "jobxml": FileFormat(
         "Trimble JobXML",
         _book("landxml", "read_jobxml"),

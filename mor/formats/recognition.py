@@ -1286,6 +1286,12 @@ _RECORD_FORMATS: tuple[tuple[str, re.Pattern[str], int, str], ...] = (
     ),
     ("sokkia-scr", re.compile(r"A,SET\d"), 1, "the head of a SET file"),
     (
+        "fbk",
+        re.compile(r"UNITS? (?:METER|FOOT)|(?:AD|F[12]|FC[12]) VA |STN \S+|PRISM [\d.]|NEZ? \S+ [\d.]"),
+        2,
+        "the commands UNIT, STN, F1 VA",
+    ),
+    (
         "topcon",
         re.compile(r"(?:TopSURV|STN     |JOB     |UNITS   |BKB     )"),
         2,
@@ -1306,6 +1312,7 @@ _SIMILAR = {
     "m5": r"For\b|(?:[^|]*\|){3}",
     "rw5": r"[A-Z]{2},[A-Z]{2}|--",
     "nikon": r"[A-Z]{2},[^,]*,",
+    "fbk": r"(?:UNITS?|NEZ?|STN|PRISM|BS|AD|F[12]) ",
     "sokkia-scr": r"A,|\w+,E[ae],",
     "topcon": r"(?:TopSURV|GTS-7|JOB|UNITS|STN|BKB|[BFS]S|SD|HV|XYZ)\s",
     "geodimeter": r"\s*\d{1,3}\s*=",

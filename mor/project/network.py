@@ -543,7 +543,7 @@ def build_network(
     _check_pairs(reading)
     if not problems:
         carries = bool(datum.mask.any()) or not datum.free
-        check_feasible(reading, [*plain, *others], carries, len(document.notes))
+        check_feasible(reading, [*plain, *others], carries, document.notes)
         check_held_on_earth(reading, [*plain, *others], datum.free)
     if problems:
         raise InputError(problems)

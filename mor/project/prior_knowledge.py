@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import NamedTuple
 
@@ -580,17 +580,30 @@ def _upright(directions: FloatArray) -> FloatArray:
 
 
 def check_feasible(
-    reading: Reading, groups: Iterable[ObservationGroup], carries_datum: bool, left_out: int = 0
+    reading: Reading,
+    groups: Iterable[ObservationGroup],
+    carries_datum: bool,
+    left_out: Sequence[Message] = (),
 ) -> None:
     """Tell what cannot be adjusted; ``carries_datum`` is false where the datum names no coordinates.
 
-    ``left_out`` is the number of notes on what was not read of a foreign file.
+    ``left_out`` are the notes on what was not read of a foreign file.
     """
     groups = list(groups)
     if not groups:
         words = "there are no observations"
         if left_out:
-            words = f"there are no observations; mor convert lists what was not read ({counted(left_out, 'note')})"
+            notes = counted(len(left_out), "note")
+            words = f"there are no observations; mor convert lists what was not read ({notes})"
+            if any("not read: GNSS" in note.message for note in left_out):
+                words = (
+                    "there are no observations: GNSS positions, as in this file, are read as points only; "
+                    f"mor convert lists what was not read ({notes})"
+                )
+            elif any("the points are all there is" in note.message for note in left_out):
+                words = (
+                    f"there are no observations, only points; mor convert lists what was not read ({notes})"
+                )
         reading.problems.append(reading.at("observations").problem(words))
     elif not reading.shop.store("point").ids:
         reading.problems.append(reading.at("points").problem("there are no points, images or stations"))

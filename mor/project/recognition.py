@@ -17,7 +17,7 @@ import yaml
 from mor.errors import InputError, Message
 from mor.input_files import TABLE, read_text
 from mor.project.document import LONGEST, guarded, plain
-from mor.project.tables import is_spreadsheet, read_spreadsheet
+from mor.project.tables import is_spreadsheet, read_sheets, read_spreadsheet
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
 # ---- Recognise tables of measurements and coordinates by the names of their columns, to begin a project from them.
@@ -26,7 +26,10 @@ _FROM = (
     "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ|occupied"
     "|fromstation|stationid|stationname|std"
 )
-_TO = "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
+_TO = (
+    "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
+    "|targetpoint"
+)
 _POINT = (
     "point|pointid|pt|ptid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
     "|ptno|ptnr|ptname|pnr|pointno|pointnr|pointname|pointnumber|punktname|gcpid|gcpname|gcplabel|markerid|markername"
@@ -50,11 +53,11 @@ _LENGTHS = "laenge|linelength|length|distance|dist|strecke|d"
 _DISTANCE = "distance|length|dist|strecke|sd|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke"
 _HORIZONTAL = (
     "horizontal|hz|ha|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
-    "|hzrichtung|horizontalrichtung|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel"
+    "|hzrichtung|horizontalrichtung|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
 )
 _ZENITH = (
     "zenith|v|za|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
-    "|verticalcircle|verticalreading|vertikalwinkel"
+    "|verticalcircle|verticalreading|vertikalwinkel|zenithang|verticalang|vertangle"
 )
 _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
 """Kind and column of vertical circles that read elevations, whose columns have the same names."""
@@ -133,6 +136,10 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
     "points": ({"id": f"id|{_POINT}|station|target", **_POINTS}, _STATED),
     "images with positions": ({"id": "image|imageid|imagename|photo|bild|foto", **_POINTS}, _STATED),
+    "points in the plane": (
+        {"id": f"id|{_POINT}|station|target", "x": _POINTS["x"], "y": _POINTS["y"]},
+        _STATED,
+    ),
     "points with heights": (
         {"id": f"id|{_POINT}", "z": _POINTS["z"]},
         {"sigma_z": _STATED["sigma_z"], "sigma": _STATED["sigma"]},
@@ -183,6 +190,8 @@ class Found(NamedTuple):
     has_header: bool
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    sheet: str = ""
+    """Sheet of a spreadsheet that has several."""
 
     def texts(self, name: str) -> list[str]:
         """Cells of a column, empty if it is missing."""
@@ -205,9 +214,25 @@ class Found(NamedTuple):
 def recognise(path: Path) -> list[Found]:
     """Read a table and return what it holds, one entry per kind: a field book may hold directions and distances.
 
-    Raises :class:`InputError` if its columns are those of no kind.
+    Of several sheets in a spreadsheet those are returned that hold something known. Raises :class:`InputError` if the
+    columns are those of no kind.
     """
-    delimiter, rows, above = _cells(path)
+    sheets = [name for name, rows in read_sheets(path).items() if rows] if is_spreadsheet(path) else []
+    if len(sheets) < 2:
+        return _recognise(path, None)
+    found, mistakes = list[Found](), list[Message]()
+    for name in sheets:
+        try:
+            found += [table._replace(sheet=name) for table in _recognise(path, name)]
+        except InputError as error:
+            mistakes += [Message(f"sheet {name}: {mistake.message}", str(path)) for mistake in error.problems]
+    if not found:
+        raise InputError(mistakes)
+    return found
+
+
+def _recognise(path: Path, sheet: str | None) -> list[Found]:
+    delimiter, rows, above = _cells(path, sheet)
     header = tuple(cell.strip() for cell in rows[0]) if rows else ()
     has_header = bool(header) and not any(_NUMBER.fullmatch(cell) for cell in header)
     if not has_header and len(above) == len(header) and _kinds(_named(above)):
@@ -295,10 +320,10 @@ def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
     return table._replace(kind="images") if of_images else table
 
 
-def _cells(path: Path) -> tuple[str, tuple[tuple[str, ...], ...], tuple[str, ...]]:
+def _cells(path: Path, sheet: str | None) -> tuple[str, tuple[tuple[str, ...], ...], tuple[str, ...]]:
     """Delimiter and cells of a table, without comments and empty lines, and those of a comment in its first line."""
     if is_spreadsheet(path):
-        frame = read_spreadsheet(path)
+        frame = read_spreadsheet(path, sheet)
         rows = (tuple(cell or "" for cell in row) for row in frame.iter_rows())
         return ",", (tuple(frame.columns), *rows), ()
     text = read_text(path, TABLE)
@@ -464,6 +489,8 @@ def begin(
         "observations": [_entry(target, table, corner) for table in measured],
         "datum": datum,
         "levelled": levelled,
+        "plane": any("x" in t.columns and "z" not in t.columns for t in by_kind["points"])
+        and all(t.kind in ("angle", "bearing", "directions", "distance") for t in measured),
         **{
             kind: [_entry(target, table, corner, levelled) for table in found]
             for kind, found in by_kind.items()
@@ -584,7 +611,7 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> 
     units |= dict.fromkeys((name for name in _ANGLES if any(map(_DMS.match, table.texts(name)))), "dms")
     if "km" in _normalised(table.columns.get("length", "")):
         units.setdefault("length", "km")
-    keys: dict[str, Any] = {}
+    keys: dict[str, Any] = {"sheet": table.sheet} if table.sheet else {}
     if not table.has_header:
         keys["columns"] = [
             renamed.get(name, name if name in table.columns else None) for name in table.header

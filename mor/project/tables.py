@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import date, datetime, time
 from pathlib import Path
@@ -352,22 +352,11 @@ def is_spreadsheet(path: Path) -> bool:
 def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
     """Return the cells of a sheet as texts; its first row that is not empty has the names of the columns.
 
+    Titles may stand above it: rows of one cell, above a row of several that are no numbers.
     ``sheet`` is needed if several sheets hold something. Raises :class:`InputError` if the file cannot be read, if the
     sheet is missing or not named, and if python-calamine (extra ``formats``) is not installed.
     """
-    try:
-        import python_calamine
-    except ImportError:
-        words = "spreadsheets need the extra formats: pip install 'mor-adjustment[formats]'"
-        raise InputError([Message(words, str(path))]) from None
-    check_regular(path)
-    check_size(path.stat().st_size, path, TABLE)
-    note_file(path)
-    try:
-        book = python_calamine.CalamineWorkbook.from_path(str(path))
-        sheets = {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
-    except (python_calamine.CalamineError, OSError) as error:
-        raise InputError([Message(f"this file cannot be read: {error}", str(path))]) from None
+    sheets = read_sheets(path)
     filled = [name for name, rows in sheets.items() if rows]
     if sheet is not None and sheet not in sheets:
         words = f"found no sheet {sheet!r}{nearest(sheet, sheets)} (sheets: {', '.join(sheets)})"
@@ -382,12 +371,32 @@ def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
     ]
     if not rows:
         raise InputError([Message("the table is empty", str(path))])
+    titles = next((k for k, row in enumerate(rows) if sum(map(bool, row)) > 1), 0)
+    if not any(cell.replace(".", "").removeprefix("-").isdigit() for cell in rows[titles]):
+        rows = rows[titles:]
     header = [name or f"column{k + 1}" for k, name in enumerate(rows[0])]
     twice = sorted({name for name in header if header.count(name) > 1})
     if twice:
         raise InputError([Message(f"column {', '.join(map(repr, twice))} is given twice", str(path))])
     columns = {name: [row[k] or None for row in rows[1:]] for k, name in enumerate(header)}
     return pl.DataFrame(columns, schema=dict.fromkeys(header, pl.String))
+
+
+def read_sheets(path: Path) -> Mapping[str, Sequence[Sequence[object]]]:
+    """Return the rows of each sheet. Raises :class:`InputError`."""
+    try:
+        import python_calamine
+    except ImportError:
+        words = "spreadsheets need the extra formats: pip install 'mor-adjustment[formats]'"
+        raise InputError([Message(words, str(path))]) from None
+    check_regular(path)
+    check_size(path.stat().st_size, path, TABLE)
+    note_file(path)
+    try:
+        book = python_calamine.CalamineWorkbook.from_path(str(path))
+        return {name: book.get_sheet_by_name(name).to_python() for name in book.sheet_names}
+    except (python_calamine.CalamineError, OSError) as error:
+        raise InputError([Message(f"this file cannot be read: {error}", str(path))]) from None
 
 
 def _text(cell: object) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
@@ -52,7 +53,7 @@ class NetworkPart:
 def connected_parts(network: Network, groups: Sequence[ObservationGroup]) -> tuple[NetworkPart, ...]:
     """Parts of the network, the largest first; fixed points are one part with all that is tied to any of them.
 
-    What was left out belongs to none.
+    So are parts with two observed points or more: they have a datum. What was left out belongs to none.
     """
     blocks = network.blocks
     first, count = {}, 1  # node 0 is the ground: everything that is fixed
@@ -85,6 +86,9 @@ def connected_parts(network: Network, groups: Sequence[ObservationGroup]) -> tup
 
     graph = coo_array((np.ones(len(ends[0])), (ends[0], ends[1])), shape=(count, count))
     _, labels = connected_components(graph, directed=False)
+    observed = [group.blocks[0] for group in groups if group.type.key == "observed/point"]
+    known = np.unique(np.concatenate([np.zeros(0, dtype=int), *observed])) + first["point"]
+    labels[np.isin(labels, np.flatnonzero(np.bincount(labels[known], minlength=1) > 1))] = labels[0]
     return _parts(network, labels.astype(np.int64), first["point"])
 
 
@@ -125,6 +129,109 @@ LOOSE = "its observations do not determine one of its directions"
 HANGS_ON = "it depends on other objects that are not determined"
 NOT_CONNECTED = "no observation connects it with the larger part of the network"
 MOVES_TOGETHER = "it can move together with others, and no observation changes"
+
+
+ONE_TIE = "it shares one point or none with the others, so nothing tells its direction"
+_LEVELLED = {
+    "directions",
+    "zenith_directions",
+    "zenith_angle",
+    "distance",
+    "horizontal_distance",
+    "height_difference",
+    "observed/point",
+}
+"""Types of a network of levelled instruments, whose stations can turn about the vertical only."""
+
+
+class _RigidPart(NamedTuple):
+    """Sets of directions whose points have one shape."""
+
+    polar: set[int]
+    """Points that have a place in it."""
+    points: set[int]
+    """These and all others that are sighted."""
+    rotations: list[int]
+    given: bool = False
+    """True if it has the points with given coordinates."""
+
+
+def without_hanging(network: Network) -> Network:
+    """The network without stations that can turn about the only point they share with the others.
+
+    Sets of directions are one part if they share two points with directions and distances; the points with given
+    coordinates are a part as well. The smallest part that hangs on one point goes first, until none does.
+    """
+    types = {group.type.key for group in network.groups if group.count}
+    if not types <= _LEVELLED or not types & {"directions", "zenith_directions"}:
+        return network
+    if network.blocks["rotation"].free[:, :2].any():
+        return network
+    parts: list[_RigidPart] = []
+    for part in _sets_of_directions(network):
+        while joined := next((other for other in parts if len(part.polar & other.polar) > 1), None):
+            parts.remove(joined)
+            part = _RigidPart(
+                part.polar | joined.polar,
+                part.points | joined.points,
+                part.rotations + joined.rotations,
+                part.given or joined.given,
+            )
+        parts.append(part)
+    hanging: list[_RigidPart] = []
+    while sum(bool(part.rotations) for part in parts) > 1:
+        count = Counter(point for part in parts for point in part.points)
+        ties = [sum(count[point] > 1 for point in part.points) for part in parts]
+        loose = [part for part, tie in zip(parts, ties, strict=True) if part.rotations and tie < 2]
+        if not loose:
+            break
+        hanging.append(min(loose, key=lambda part: (part.given, len(part.points))))
+        parts = [part for part in parts if part is not hanging[-1]]
+    if not hanging:
+        return network
+    marked = nothing_marked(network)
+    marked["rotation"][[number for part in hanging for number in part.rotations]] = True
+    kept = set[int]().union(*(part.points for part in parts))
+    alone = sorted(set[int]().union(*(part.points for part in hanging)) - kept)
+    marked["point"][alone] = True
+    ids = network.blocks["rotation"].ids
+    stations = dict.fromkeys(
+        thing_of("rotation", ids[number]) for part in hanging for number in part.rotations
+    )
+    things = [UndeterminedObject(*thing, ONE_TIE, "left out") for thing in stations]
+    points = network.blocks["point"].ids
+    things += [UndeterminedObject("point", points[point], HANGS_ON, "left out") for point in alone]
+    return without_blocks(network, marked, things)
+
+
+def _sets_of_directions(network: Network) -> Iterator[_RigidPart]:
+    """Each set of directions with its points, the distances without one, and the points with given coordinates."""
+    free = network.blocks["point"].free
+    given = set[int]()
+    lengths = set[tuple[int, int]]()
+    sets: dict[int, tuple[int, set[int]]] = {}
+    for group in network.groups:
+        if group.type.key in ("directions", "zenith_directions"):
+            rows = np.flatnonzero(group.mask[:, 0])
+            for station, number, target in zip(
+                *(group.blocks[k][rows].tolist() for k in (0, 1, 3)), strict=True
+            ):
+                sets.setdefault(number, (station, set()))[1].add(target)
+        elif group.type.key in ("distance", "horizontal_distance"):
+            lengths.update(zip(group.blocks[0].tolist(), group.blocks[2].tolist(), strict=True))
+        elif group.type.key == "observed/point":
+            given.update(group.blocks[0][group.mask[:, :2].all(axis=1)].tolist())
+    used = {point for station, targets in sets.values() for point in (station, *targets)}
+    given = (given | set(np.flatnonzero(~free[:, :2].any(axis=1)).tolist())) & used
+    if len(given) > 1 and not network.datum.free:
+        yield _RigidPart(given, given, [], given=True)
+    for number, (station, targets) in sets.items():
+        polar = {target for target in targets if (station, target) in lengths or (target, station) in lengths}
+        yield _RigidPart(polar | {station}, targets | {station}, [number])
+    seen = {(station, target) for station, targets in sets.values() for target in targets}
+    for start, end in lengths - seen:
+        if (end, start) not in seen:
+            yield _RigidPart({start, end}, {start, end}, [])
 
 
 @dataclass(frozen=True)

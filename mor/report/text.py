@@ -24,7 +24,7 @@ from mor.solve.iterate import STANDS_STILL, Outcome
 # ---- Head of the report: the verdict first, then counts, σ0, global test and datum.
 
 NAMED = 3
-"""Observations that nothing controls that are named one by one."""
+"""Observations that nothing controls, and parts that nothing ties, that are named one by one."""
 
 
 def section(solved: Solved, words: Words = ENGLISH, persons: Sequence[tuple[str, str]] = ()) -> str:
@@ -78,7 +78,8 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         reason = f", {words.told(adjustment.reason)}" if adjustment.reason else ""
         outcome = words.listed(adjustment.outcome.value) + reason
         cause = first_sentence(possible_causes(solved), words)
-        return [words("NO SOLUTION: {outcome}.", outcome=outcome), *_advice(solved, words), *cause]
+        said = words("NO SOLUTION: {outcome}.", outcome=outcome)
+        return [said, *_untied(solved, words), *_advice(solved, words), *cause]
     lines = sentences(suspects(solved), words)
     lines += [words("Converged after {count:iteration|iterations}.", count=len(adjustment.iterations))]
     test = quality.global_test
@@ -142,6 +143,17 @@ def _uncontrolled(solved: Solved, words: Words) -> list[str]:
     if count > NAMED:
         return [f"{judged}."]
     return [f"{judged}: {'; '.join(in_words(row, words) for row in data['observations'])}."]
+
+
+def _untied(solved: Solved, words: Words) -> list[str]:
+    """The parts that nothing ties to the rest, a few of them, and what would tie them."""
+    parts = solved.network.untied
+    if not parts:
+        return []
+    lines = [f"{words.told(part.message)}." for part in parts[:NAMED]]
+    if len(parts) > NAMED:
+        lines.append(words("{count} more parts have an arbitrary position.", count=len(parts) - NAMED))
+    return [*lines, words("Start values or coordinates of two points of a part would tie it.")]
 
 
 def _advice(solved: Solved, words: Words) -> list[str]:

@@ -748,10 +748,10 @@ def _conditions(part: Part, scene: Scene, number: int, slack: float) -> Conditio
 def _over_two(targets: FloatArray, rays: FloatArray) -> Poses:
     """Poses (k) all over the surface from which two points (2, 3) are seen under the angle of their rays."""
     apart = float(np.arccos(np.clip(rays[0] @ rays[1], -1.0, 1.0)))
-    if apart < _SMALLEST:
-        return Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)))
     line = targets[1] - targets[0]
     length = float(np.linalg.norm(line))
+    if apart < _SMALLEST or length == 0.0:
+        return Poses(np.zeros((0, 3)), np.zeros((0, 3, 3)))
     u, (v, w) = line / length, rotations.svd(line[None])[2][1:]
     at_first = (np.pi - apart) * (np.arange(_ALONG) + 0.5) / _ALONG
     about = 2.0 * np.pi * np.arange(_AROUND) / _AROUND

@@ -229,22 +229,13 @@ def _in_utf_16(path: Path, text: str) -> Path:
     return path
 
 
-def _as_spreadsheet(path: Path, text: str) -> Path:
-    """Numbers as numbers, the rest as texts, in the smallest .xlsx file."""
-    rows = []
-    for line in text.splitlines():
-        cells = []
-        for cell in line.split(";"):
-            number = cell.replace(",", ".")
-            is_number = number.replace(".", "").isdigit()
-            cells.append(
-                f"<c><v>{number}</v></c>" if is_number else f'<c t="inlineStr"><is><t>{cell}</t></is></c>'
-            )
-        rows.append(f"<row>{''.join(cells)}</row>")
+def _as_spreadsheet(path: Path, *texts: str) -> Path:
+    """Sheets S, T, …: numbers as numbers, the rest as texts, in the smallest .xlsx file."""
     main = "http://schemas.openxmlformats.org/spreadsheetml/2006/main"
     relations = "http://schemas.openxmlformats.org/officeDocument/2006/relationships"
     packages = "http://schemas.openxmlformats.org/package/2006"
     path = path.with_suffix(".xlsx")
+    numbers = range(1, len(texts) + 1)
     with zipfile.ZipFile(path, "w") as file:
         file.writestr(
             "[Content_Types].xml",
@@ -255,21 +246,39 @@ def _as_spreadsheet(path: Path, text: str) -> Path:
             f'<Relationships xmlns="{packages}/relationships"><Relationship Id="a" '
             f'Type="{relations}/officeDocument" Target="xl/workbook.xml"/></Relationships>',
         )
+        sheets = (f'<sheet name="{"STUVW"[k - 1]}" sheetId="{k}" r:id="a{k}"/>' for k in numbers)
         file.writestr(
             "xl/workbook.xml",
-            f'<workbook xmlns="{main}" xmlns:r="{relations}"><sheets><sheet name="S" sheetId="1" r:id="a"/></sheets>'
-            "</workbook>",
+            f'<workbook xmlns="{main}" xmlns:r="{relations}"><sheets>{"".join(sheets)}</sheets></workbook>',
+        )
+        links = (
+            f'<Relationship Id="a{k}" Type="{relations}/worksheet" Target="worksheets/sheet{k}.xml"/>'
+            for k in numbers
         )
         file.writestr(
             "xl/_rels/workbook.xml.rels",
-            f'<Relationships xmlns="{packages}/relationships"><Relationship Id="a" '
-            f'Type="{relations}/worksheet" Target="worksheets/sheet1.xml"/></Relationships>',
+            f'<Relationships xmlns="{packages}/relationships">{"".join(links)}</Relationships>',
         )
-        file.writestr(
-            "xl/worksheets/sheet1.xml",
-            f'<worksheet xmlns="{main}"><sheetData>{"".join(rows)}</sheetData></worksheet>',
-        )
+        for k, text in zip(numbers, texts, strict=True):
+            file.writestr(
+                f"xl/worksheets/sheet{k}.xml",
+                f'<worksheet xmlns="{main}"><sheetData>{_sheet_rows(text)}</sheetData></worksheet>',
+            )
     return path
+
+
+def _sheet_rows(text: str) -> str:
+    rows = []
+    for line in text.splitlines():
+        cells = []
+        for cell in line.split(";"):
+            number = cell.replace(",", ".")
+            is_number = number.replace(".", "").isdigit()
+            cells.append(
+                f"<c><v>{number}</v></c>" if is_number else f'<c t="inlineStr"><is><t>{cell}</t></is></c>'
+            )
+        rows.append(f"<row>{''.join(cells)}</row>")
+    return "".join(rows)
 
 
 @pytest.mark.parametrize("written", [_in_utf_16, _as_spreadsheet])
@@ -308,6 +317,34 @@ def test_a_list_of_points_without_header(tmp_path: Path) -> None:
     table.write_text("A 1 2 3\nB 2 3 4\n")
     (found,) = recognise(table)
     assert (found.kind, found.has_header, found.texts("id")) == ("points", False, ["A", "B"])
+
+
+def test_every_sheet_that_holds_something_known_is_used(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = _as_spreadsheet(
+        tmp_path / "p.csv",
+        "name;x;y\nA;0;0\nB;100;0\nC;0;100\nP;40;30",
+        "from;to;distance\nA;P;50\nB;P;67.082\nC;P;80.623",
+        "remark;by\nnone;me",
+    )
+    project = tmp_path / "p.yaml"
+    assert run(["new", str(project), str(table)]) == 0
+    assert "sheets not used: U" in capsys.readouterr().err
+    data = read_document(project).data
+    assert [entry["sheet"] for entry in (data["points"][0], data["observations"][0])] == ["S", "T"]
+    assert data["settings"]["dimensions"] == "xy", "the points have no heights"
+    assert run(["check", str(project), "--quiet"]) == 0
+
+
+def test_the_degree_sign_of_windows(tmp_path: Path) -> None:
+    table = tmp_path / "t.csv"
+    table.write_bytes('station,to,hz\nA,B,"037° 02\' 59"""\n'.encode("cp1252"))
+    (found,) = recognise(table)
+    assert found.texts("horizontal") == ["037° 02' 59\""]
+    table.write_bytes("station,to,hz\nA,Bä,1\n".encode("cp1252"))
+    with pytest.raises(InputError, match="not UTF-8"):
+        recognise(table)
 
 
 def test_sheets_of_a_spreadsheet_must_be_named_if_missing(tmp_path: Path) -> None:
@@ -487,3 +524,17 @@ def test_baselines_by_east_and_north_and_angles_at_points(tmp_path: Path) -> Non
     assert tables["vector"].unused == ("obs_id",)
     assert tables["angle"].columns["at"] == "at_point"
     assert tables["directions"].columns["set"] == "set_id"
+
+
+@pytest.mark.parametrize(
+    ("text", "names"),
+    [
+        ("Survey of May\nRidge\nPoint;East;North\nA;1;2", ["Point", "East", "North"]),
+        ("Point\nA\nB", ["Point"]),
+        ("Point\nA;1;2", ["Point", "column2", "column3"]),
+    ],
+)
+def test_titles_above_the_header_of_a_spreadsheet(tmp_path: Path, text: str, names: list[str]) -> None:
+    frame = read_spreadsheet(_as_spreadsheet(tmp_path / "book.csv", text))
+    assert frame.columns == names
+    assert frame["Point"][0] == "A"

@@ -83,6 +83,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_jag3d_script import small
     from .test_landxml import PLAN, survey
     from .test_metashape import PANE, XML, _zipped, tied
+    from .test_odd_books import FBK
     from .test_opensfm import _folder
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
     from .test_pix4d import CAM
@@ -148,6 +149,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),
         "nikon": ("nikon", "a.raw", {"a.raw": _NIKON.encode()}),
         "topcon": ("topcon", "a.gts7", {"a.gts7": _TOPCON.encode()}),
+        "fbk": ("fbk", "a.fbk", {"a.fbk": FBK.encode()}),
         "topcon stream": ("topcon", "a.raw", {"a.raw": _TOPCON_STREAM.encode()}),
         "comp3d": (
             "comp3d",

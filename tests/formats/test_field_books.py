@@ -205,7 +205,8 @@ def test_rounds() -> None:
 def test_degrees_minutes_seconds() -> None:
     assert sexagesimal("17.573160") == pytest.approx(17 + 57 / 60 + 31.6 / 3600)
     assert sexagesimal("-0.3") == -0.5
-    for wrong in ("12.6000", "12.0060", "x", "1e3", ""):
+    assert sexagesimal("12.0060") == pytest.approx(12 + 1 / 60)
+    for wrong in ("12.6000", "12.0061", "x", "1e3", ""):
         with pytest.raises(ValueError, match="expected"):
             sexagesimal(wrong)
 

@@ -48,6 +48,7 @@ from .mutants import faults, materials
             "nikon",
             "topcon",
             "topcon stream",
+            "fbk",
             "comp3d",
             "comp3d on the earth",
             "sokkia",
@@ -60,4 +61,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 37
+    assert len(materials(tmp_path)) == 38

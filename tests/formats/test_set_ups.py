@@ -41,10 +41,10 @@ def _rows(document: Document, type_: str) -> list[dict[str, str]]:
 
 
 def _points(document: Document) -> dict[str, list[float]]:
-    """Points with coordinates."""
+    """Points with given coordinates: those of the other table, if it has any, are start values."""
     return {
         row[0]: [float(cell) for cell in row[1:4] if cell is not None]
-        for table in document.data["points"]
+        for table in document.data["points"][:1]
         if "x" in table["columns"]
         for row in table["rows"]
     }
@@ -459,8 +459,13 @@ def test_a_book_without_heights_is_in_the_plane(tmp_path: Path) -> None:
 
 def test_points_without_readings_say_that_records_were_left_out(tmp_path: Path) -> None:
     text = "JB,NMjob\nMO,AD0,UN1\nSP,PNA,N 10,E 20,EL1\nGPS,PN1,LA45.1,LN-66.0,EL3.0\n"
-    with pytest.raises(InputError, match="no observations; mor convert lists what was not read"):
+    with pytest.raises(
+        InputError, match="no observations: GNSS positions, as in this file, are read as points"
+    ):
         network_of(_read(tmp_path, "a.rw5", text), tmp_path)
+    text = "JB,NMjob\nMO,AD0,UN1\nSP,PNA,N 10,E 20,EL1\n"
+    with pytest.raises(InputError, match="no observations, only points; mor convert lists what was not read"):
+        network_of(_read(tmp_path, "b.rw5", text), tmp_path)
 
 
 def test_the_units_of_a_commented_record_count_if_there_is_no_other(tmp_path: Path) -> None:

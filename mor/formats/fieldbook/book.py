@@ -12,6 +12,7 @@ Readers translate records into calls of :class:`FieldBook`; everything that hold
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 from math import atan2, cos, hypot, pi, radians, sin, tau
@@ -44,10 +45,20 @@ NOT_TURNED = 0.01
 """Gon (36 arcsec) within which a circle reads azimuths."""
 APART, APART_IN_HEIGHT = 0.5, 3.0
 """Metres in plan and in height (a target height may be wrong) beyond which two sights are not to the same point."""
+ELSEWHERE = 1e5
+"""Metres from all others beyond which whole hundreds of metres are another system."""
+SAME_PLACE = 0.01
+"""Metres within which readings are to the same place."""
+LEAST_COPIED = 3
+"""Sights in a run from which on equal readings are copies."""
+ROUNDED = 0.0015
+"""Metres within which coordinates are the same but for rounding."""
 CIRCLE_SET = 1e-4
 """Part of the full circle (2 arcmin) within which a sight reads what the circle was set to."""
 COMPUTED = "coordinates that the instrument computed from its readings"
 _ZERO = "coordinates that are all 0"
+_HEIGHT = "target heights that differ from those of a later sight to the same place, which are used instead"
+_PRESET = "coordinates that an instrument presets: several stations share them, or they are far from others"
 
 
 class Sight(NamedTuple):
@@ -86,6 +97,10 @@ class InstrumentSetUp:
     sights: list[Sight] = field(default_factory=list)
     used: bool = False
     """True once a sight followed the station record."""
+    orientation: float | None = None
+    """What the book adds to circle readings to get azimuths; ``None`` if it does not say it."""
+    unnamed: bool = False
+    """True if the book does not name the station."""
     turn: float | None = None
     """What the circle was turned by when the station was recorded, in the unit of the book; ``None`` if unknown."""
 
@@ -131,6 +146,8 @@ class FieldBook:
         resection before its station. ``place`` are the coordinates of the station record. Those of a station that two
         or more waiting points determine, or that are recorded after the line of a ``resection``, are computed.
         """
+        if not station:
+            return self._unnamed(line, height)
         last = self.set_ups[-1] if self.set_ups else None
         if last is not None and last.station == station and not last.used and not self.waiting:
             last.height = height or last.height
@@ -210,9 +227,15 @@ class FieldBook:
     def instrument_height(self, height: float, line: int) -> None:
         """The height of the instrument; a different one after the first sight is that of another set-up."""
         if not self.set_ups:
-            return
+            if self.waiting and self.unnamed_height and height != self.unnamed_height:
+                self._place_waiting()
+            else:
+                self.unnamed_height = height
+                return
         current = self.set_ups[-1]
-        if not current.used:
+        if current.unnamed and height != current.height:
+            self._unnamed(line, height)
+        elif not current.used:
             current.height = height
         elif height != current.height:
             self.draft.note(
@@ -228,7 +251,7 @@ class FieldBook:
             if self.stations_follow:
                 self.waiting.append(sight)
                 return
-            self._unnamed(sight.line)
+            self._unnamed(sight.line, self.unnamed_height)
         self.set_ups[-1].sights.append(sight)
         self.set_ups[-1].used = True
 
@@ -242,10 +265,12 @@ class FieldBook:
             self.leave_out(what, sight.line)
         self.waiting = []
 
-    def _unnamed(self, line: int) -> None:
+    def _unnamed(self, line: int, height: float) -> InstrumentSetUp:
         name = f"station {1 + len(self.set_ups)}"
         self.draft.note(f"readings without a station before them: it is called {name}", line)
-        self.set_up(name, line, self.unnamed_height)
+        opened = self.set_up(name, line, height)
+        opened.unnamed = True
+        return opened
 
     def backsight(self, set_up: InstrumentSetUp, sight: Sight, turned: bool = False) -> None:
         """Add the reading that the circle was set to at the backsight, unless a sight measured it.
@@ -307,11 +332,16 @@ class FieldBook:
     def station_point(
         self, name: str, east: float | None, north: float | None, height: float | None, line: int
     ) -> None:
-        """Add coordinates of a station record: computed if an earlier set-up sighted the point, given otherwise."""
+        """Add coordinates of a station record: computed if an earlier set-up sighted the point, given otherwise.
+
+        They are computed as well if they are those of a point that was sighted: instruments offer the last ones.
+        """
         known = self.points.get(name)
         if known is not None and known[:3] == (east, north, height):
             return
-        if self.sighted(name):
+        if self.sighted(name) or any(
+            other != name and _same_plan(place, (east, north)) for other, place in self.computed.items()
+        ):
             self.computed_point(name, east, north, height, line)
         else:
             self.point(name, east, north, height, line)
@@ -324,6 +354,8 @@ class FieldBook:
         """Put everything into the draft."""
         draft = self.draft
         self._settle()
+        self._drop_presets()
+        self._orient()
         levelled = self._level()
         for what, lines in self.skipped.items():
             draft.note(f"not read: {what} ({counted(len(lines), 'record')}, lines {_spans(lines)})", lines[0])
@@ -397,6 +429,65 @@ class FieldBook:
         sights = [sight for set_up in self.set_ups for sight in set_up.sights]
         return any(sight.zenith is not None or sight.slope is not None for sight in sights)
 
+    def _drop_presets(self) -> None:
+        """Leave out coordinates that an instrument presets: several stations share them, or they are far from others.
+
+        Those far from others are whole hundreds of metres.
+        """
+        plans = {
+            name: complex(place.east, place.north)
+            for name, place in self.points.items()
+            if place.east is not None and place.north is not None
+        }
+        stations = {set_up.station: 0 for set_up in self.set_ups if set_up.station in plans}
+        shared = Counter(plans[name] for name in stations)
+        whole = {name for name in stations if plans[name].real % 100.0 == plans[name].imag % 100.0 == 0.0}
+        others = [plan for name, plan in plans.items() if name not in whole]
+        for name in stations:
+            far = name in whole and others and min(abs(plans[name] - other) for other in others) > ELSEWHERE
+            if far or shared[plans[name]] > 1:
+                self.leave_out(_PRESET, self.points.pop(name).line)
+
+    def _orient(self) -> None:
+        """Turn circle readings into azimuths where nothing but the orientation that the book says tells the direction.
+
+        That is at stations with given coordinates that sight no point with given coordinates, or with a place from
+        another station.
+        """
+        placed: dict[str, set[int]] = {}
+        for k, set_up in enumerate(self.set_ups):
+            placed.setdefault(set_up.station, set()).add(k)
+            for sight in set_up.sights:
+                if sight.slope or sight.horizontal_distance:
+                    placed.setdefault(sight.target, set()).add(k)
+        turned = []
+        for k, set_up in enumerate(self.set_ups):
+            targets = {sight.target for sight in set_up.sights if sight.horizontal is not None}
+            tied = any(name in self.points or placed.get(name, set()) - {k} for name in targets)
+            if set_up.orientation is None or tied or set_up.station not in self.points or not targets:
+                continue
+            turned.append(set_up)
+            set_up.sights = [
+                sight
+                if sight.horizontal is None
+                else sight._replace(
+                    horizontal=None,
+                    bearing=(sight.horizontal + set_up.orientation + self._flip(sight)) % self._full,
+                )
+                for sight in set_up.sights
+            ]
+        if turned:
+            names = ", ".join(s.station for s in turned[:_NAMED]) + (", …" if len(turned) > _NAMED else "")
+            self.draft.note(
+                f"{counted(len(turned), 'set-up')} oriented by the azimuth of the backsight that the book says, as no "
+                f"known point is sighted: {names}",
+                turned[0].line,
+            )
+
+    def _flip(self, sight: Sight) -> float:
+        """Half a circle for a reading in face two."""
+        return self._full / 2 if face_of(sight, self._full) == 2 else 0.0
+
     def _drop_heights(self) -> None:
         """Leave out the given heights of a book whose readings tell none."""
         heights = [place.line for place in self.points.values() if place.height is not None]
@@ -420,6 +511,9 @@ class FieldBook:
                 if sight.target == set_up.station:
                     self.leave_out("sights from a station to itself", sight.line)
             set_up.sights = [sight for sight in set_up.sights if sight.target != set_up.station]
+            self._drop_faulty(set_up)
+            self._correct_heights(set_up)
+            self._part_first_sight(set_up)
         for set_up in self.set_ups:
             self._join_circles(set_up)
         self._part_names()
@@ -427,11 +521,80 @@ class FieldBook:
             self.skipped.pop(COMPUTED, None)
             self.points = {**self.computed, **self.points}
 
+    @property
+    def _full(self) -> float:
+        """The full circle in the unit of the book."""
+        return 360.0 if self.angle == "deg" else 400.0
+
+    def _drop_faulty(self, set_up: InstrumentSetUp) -> None:
+        """Leave out impossible zenith angles, and runs of sights that a download repeated to the last digit."""
+        kept: list[Sight] = []
+        for sight in set_up.sights:
+            if sight.zenith is not None and not 0.0 <= sight.zenith <= self._full:
+                self.leave_out("sights with an impossible zenith angle", sight.line)
+            else:
+                kept.append(sight)
+        first: dict[Sight, int] = {}
+        runs: list[list[int]] = []
+        for k, sight in enumerate(kept):
+            same = first.setdefault(sight._replace(line=0), k)
+            if same == k:
+                continue
+            if runs and runs[-1][1] == k - 1 and first[kept[k - 1]._replace(line=0)] == same - 1:
+                runs[-1][1] = k
+            else:
+                runs.append([k, k])
+        copies = {k for a, b in runs if b - a >= LEAST_COPIED - 1 for k in range(a, b + 1)}
+        for k in copies:
+            self.leave_out(
+                "sights that repeat earlier ones in the same order to the last digit", kept[k].line
+            )
+        set_up.sights = [sight for k, sight in enumerate(kept) if k not in copies]
+
+    def _correct_heights(self, set_up: InstrumentSetUp) -> None:
+        """Give a target that is sighted at the same place again the last target height, unless that is 0."""
+        for k, sight in enumerate(set_up.sights):
+            for later in reversed(set_up.sights[k + 1 :]):
+                if later.target == sight.target and self._same_place(sight, later):
+                    if later.height not in (0.0, sight.height):
+                        self.leave_out(_HEIGHT, sight.line)
+                        set_up.sights[k] = sight._replace(height=later.height)
+                    break
+
+    def _same_place(self, one: Sight, other: Sight) -> bool:
+        if None in (one.zenith, other.zenith, one.slope, other.slope, one.horizontal, other.horizontal):
+            return False
+        a, b = self._polar(one._replace(height=0.0)), self._polar(other._replace(height=0.0))
+        across = self._apart(one, other) * (one.slope or 0.0)
+        return (
+            bool(a and b)
+            and max(abs(across), *(abs(x - y) for x, y in zip(a or (), b or (), strict=True))) < SAME_PLACE
+        )
+
+    def _apart(self, one: Sight, other: Sight) -> float:
+        """Angle (rad) between two circle readings, both in face one."""
+        full = self._full
+        readings = [(sight.horizontal or 0.0) - self._flip(sight) for sight in (one, other)]
+        return ((readings[1] - readings[0] + full / 2) % full - full / 2) * tau / full
+
+    def _part_first_sight(self, set_up: InstrumentSetUp) -> None:
+        """Make a first sight a set of its own if all later ones to its target read another circle: it was set then."""
+        sights = set_up.sights
+        again = [s for s in sights[1:] if s.target == sights[0].target and s.horizontal is not None]
+        if not again or sights[0].horizontal is None or any(sight.before for sight in sights):
+            return
+        if any(abs((s.slope or -1.0) - (sights[0].slope or 1.0)) > SAME_PLACE for s in again):
+            return
+        turned = min(abs(self._apart(sights[0], sight)) for sight in again)
+        steady = max(abs(self._apart(again[0], sight)) for sight in again)
+        if turned > CIRCLE_SET * tau > steady:
+            sights[0] = sights[0]._replace(before=True)
+
     def _part_names(self) -> None:
         """Give points of a set-up that share a name and are too far apart to be one different names.
 
-        Only distances are compared, as the circle may be turned between sets, and only points that one station sights
-        and that have no given coordinates: nothing else refers to them.
+        Directions are compared if the sets of a set-up show that the circle was not turned between them. Only points
+        count that one station sights and that have no given coordinates: nothing else refers to them.
         """
         stations: dict[str, set[str]] = {}
         for set_up in self.set_ups:
@@ -441,6 +604,7 @@ class FieldBook:
         parted: dict[str, int] = {}
         for set_up in self.set_ups:
             seen: dict[str, list[tuple[str, float, float]]] = {}
+            elsewhere = self._elsewhere(set_up)
             for k, sight in enumerate(set_up.sights):
                 name, measured = sight.target, self._polar(sight)
                 alone = len(stations[name]) == 1 and name not in self.points and name not in occupied
@@ -450,7 +614,9 @@ class FieldBook:
                 same = [
                     other
                     for other, length, rise in known
-                    if abs(length - measured[0]) <= APART and abs(rise - measured[1]) <= APART_IN_HEIGHT
+                    if abs(length - measured[0]) <= APART
+                    and abs(rise - measured[1]) <= APART_IN_HEIGHT
+                    and k not in elsewhere
                 ]
                 own = same[0] if same else f"{name} ({len(known) + 1})" if known else name
                 if not same:
@@ -466,6 +632,28 @@ class FieldBook:
                 next(iter(parted.values())),
             )
 
+    def _elsewhere(self, set_up: InstrumentSetUp) -> set[int]:
+        """Numbers of sights that read other directions to a name than before, though the circle was not turned.
+
+        A circle that is turned between two sets changes all directions by the same angle.
+        """
+        first: dict[str, Sight] = {}
+        moved: dict[int, list[tuple[float, int]]] = {}
+        numbers = rounds(set_up.sights, self._full)
+        for k, (sight, number) in enumerate(zip(set_up.sights, numbers, strict=True)):
+            if sight.horizontal is None or sight.slope is None:
+                continue
+            earlier = first.setdefault(sight.target, sight)
+            if earlier is not sight:
+                moved.setdefault(number, []).append((self._apart(earlier, sight) * sight.slope, k))
+        return {
+            k
+            for across in moved.values()
+            if max(across)[0] - min(across)[0] > APART
+            for size, k in across
+            if abs(size) > AGREES
+        }
+
     def _polar(self, sight: Sight) -> tuple[float, float] | None:
         """Distance in plan and height above the instrument of a target; ``None`` if they were not measured."""
         if sight.slope is None or sight.zenith is None:
@@ -476,7 +664,7 @@ class FieldBook:
     def _place_waiting(self) -> None:
         if self.waiting:
             waiting, self.waiting = self.waiting, []
-            self._unnamed(waiting[0].line)
+            self._unnamed(waiting[0].line, self.unnamed_height)
             self.set_ups[-1].sights, self.set_ups[-1].used = waiting, True
 
     def _join_circles(self, set_up: InstrumentSetUp) -> None:
@@ -520,7 +708,7 @@ class FieldBook:
         """Angle from readings before a station record to azimuths; ``None`` if no coordinates tell it."""
         place = self.points.get(set_up.station) or self.computed.get(set_up.station)
         turns = [
-            azimuth - radians(s.horizontal * 360.0 / full)
+            azimuth - radians(s.horizontal * 360.0 / full) + (pi if face_of(s, full) == 2 else 0.0)
             for s in early
             if place is not None
             and s.horizontal is not None
@@ -536,6 +724,12 @@ class FieldBook:
         if end is None or None in end[:2] or None in station[:2]:
             return None
         return atan2((end.east or 0.0) - (station.east or 0.0), (end.north or 0.0) - (station.north or 0.0))
+
+
+def _same_plan(place: PointRecord, coordinates: tuple[float | None, float | None]) -> bool:
+    """Return whether a point has these coordinates in plan, but for rounding."""
+    pairs = zip(place[:2], coordinates, strict=True)
+    return all(a is not None and b is not None and abs(a - b) < ROUNDED for a, b in pairs)
 
 
 def records(path: Path, draft: Draft) -> Iterator[tuple[int, str]]:
@@ -560,7 +754,7 @@ def _put_points(
             next(iter(book.points.values())).line,
         )
         book.points = {}
-    control = len(taking_part) >= 2 or not measured
+    control = _given_together(book, occupied, levelled) > 1 or not measured
     sigma = SIGMA_CONTROL if control and measured else None
     known = [
         Row(
@@ -594,9 +788,30 @@ def _put_points(
     for row in levelled:
         first.setdefault(row.start, row.line)
         first.setdefault(row.end, row.line)
-    others = [Row([name], line) for name, line in first.items() if name not in book.points]
+    # Coordinates that the instrument computed from the given ones are start values.
+    begun = book.computed if sigma and _PRESET not in book.skipped else {}
+    others = [
+        Row([name, *(None if v is None else repr(v) for v in begun.get(name, (None,) * 4)[:3])], line)
+        for name, line in first.items()
+        if name not in book.points
+    ]
     if others:
-        draft.table("points", ("id",), others)
+        draft.table("points", ("id", "x", "y", "z"), others)
+
+
+def _given_together(
+    book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: Sequence[LevelledDifference]
+) -> int:
+    """Return the most given points in a part of the book that sights connect."""
+    parts: list[set[str]] = []
+    for set_up in occupied:
+        parts.append({set_up.station, *(sight.target for sight in set_up.sights)})
+    parts += [{row.start, row.end} for row in levelled]
+    joined: list[set[str]] = []
+    for part in parts:
+        apart = [other for other in joined if other.isdisjoint(part)]
+        joined = [*apart, part.union(*(other for other in joined if not other.isdisjoint(part)))]
+    return max((len(part & book.points.keys()) for part in joined), default=0)
 
 
 _COLUMNS = {
@@ -747,7 +962,10 @@ def _spans(lines: Sequence[int]) -> str:
 
 
 def sexagesimal(text: str) -> float:
-    """Degrees of ddd.mmss…, as instruments write degrees, minutes and seconds. Raises ``ValueError``."""
+    """Degrees of ddd.mmss…, as instruments write degrees, minutes and seconds. Raises ``ValueError``.
+
+    Seconds may be 60: instruments round them.
+    """
     bare = text.strip()
     sign = -1.0 if bare.startswith("-") else 1.0
     whole, _, fraction = bare.lstrip("+-").partition(".")
@@ -755,6 +973,6 @@ def sexagesimal(text: str) -> float:
         raise ValueError(f"found {text!r}, expected degrees, minutes and seconds as ddd.mmss")
     fraction = fraction.ljust(4, "0")
     minutes, seconds = int(fraction[:2]), float(f"{fraction[2:4]}.{fraction[4:] or '0'}")
-    if minutes >= 60 or seconds >= 60.0:
+    if minutes >= 60 or seconds > 60.0:
         raise ValueError(f"found {text!r}, expected less than 60 minutes and seconds in ddd.mmss")
     return sign * (int(whole or "0") + minutes / 60.0 + seconds / 3600.0)

@@ -19,12 +19,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from mor.formats.draft import Draft
+from mor.formats.draft import Draft, parse_number
 from mor.formats.fieldbook.book import FieldBook, PointRecord, Sight, records, sexagesimal
 from mor.formats.fieldbook.level import StaffReading
 from mor.project.document import Document
 
-_WORD = re.compile(r"^(\d\d)([\d.]{4})([+-])(.+)$")
+_WORD = re.compile(r"^(\d\d)([\d.]{0,4})([+-])(.+)$")
 _LENGTHS = {"0": 1e-3, "1": 1e-3 * 0.3048, "6": 1e-4, "7": 1e-4 * 0.3048, "8": 1e-5}
 """Metres per last digit, by the unit of a word."""
 _NAMES = {
@@ -85,13 +85,16 @@ def _blocks(text: str, line: int, draft: Draft) -> Iterator[_GsiBlock]:
     words: Words = {}
     for word in text.replace("*", " ").split():
         match = _WORD.match(word)
+        if match is None and words and (last := next(reversed(words)))[0] in "14":
+            words[last] = words[last][0], f"{words[last][1]} {word}"  # a name with a blank
+            continue
         if match is None:
             draft.problem(f"found {word!r}, expected words like 21.322+12345600", line)
             return
         if match[1] in ("11", "41") and words:
             yield _GsiBlock(words, line)
             words = {}
-        words[match[1]] = match[2], match[3] + match[4]
+        words[match[1]] = match[2].rjust(4, "."), match[3] + match[4]
     if words:
         yield _GsiBlock(words, line)
 
@@ -274,10 +277,17 @@ def _length(words: Words, index: str, line: int, book: FieldBook) -> float | Non
     if index not in words:
         return None
     unit = words[index][0][3]
+    if unit == ".":  # a word without a unit has that of the other lengths of its block
+        unit = next(
+            (info[3] for other, (info, _) in words.items() if other[0] in "38" and info[3] in _LENGTHS), "."
+        )
     if unit not in _LENGTHS:
         raise ValueError(
             f"word {index}: found unit {unit!r}, expected a unit of lengths ({', '.join(_LENGTHS)})"
         )
+    text = words[index][1]
+    if "." in text and unit in "068":  # some format files write millimetres with a decimal point
+        return parse_number(text) / 1e3
     digits = _digits(words, index)
     if digits is None:
         book.leave_out(f"word {index} that is not a number", line)
@@ -290,7 +300,11 @@ def _length(words: Words, index: str, line: int, book: FieldBook) -> float | Non
 def _angle(words: Words, index: str, book: FieldBook) -> float | None:
     if index not in words:
         return None
-    unit, digits = words[index][0][3], _digits(words, index)
+    unit, (whole, point, part) = words[index][0][3], words[index][1].partition(".")
+    if point and unit == "4":  # seconds with a decimal point
+        _choose_unit(book, "deg")
+        return sexagesimal(f"{whole[:-4]}.{whole[-4:]}{part}")
+    digits = _digits(words, index)
     if digits is None:
         raise ValueError(f"word {index}: found {words[index][1]!r}, expected digits")
     if unit not in "2345":

@@ -201,6 +201,10 @@ _GTS6_READINGS = re.compile(
 
 def _read_gts6(lines: list[tuple[int, str]], book: FieldBook) -> None:
     """Lengths have 8 digits for mm or 9 for 0.1 mm, angles 7 (dddmmss) or 8 (dddmmsst); a line may end anywhere."""
+    if all(text[-4:].isdecimal() and int(text[-4]) == k % 10 for k, (_, text) in enumerate(lines[:-1])):
+        lines = [(line, text[:-4]) for line, text in lines[:-1]] + lines[
+            -1:
+        ]  # numbers and checksums of a transfer
     stream, ends = "".join(text for _, text in lines), list(accumulate(len(text) for _, text in lines))
     metres = 0.3048 if re.search(r"[?W][+-]\d{8,9}f", stream) else 1.0
     book.angle = "gon" if re.search(r"[+-]\d{7,8}g", stream) else "deg"
@@ -249,8 +253,7 @@ def read_sokkia_scr(path: Path) -> Document:
         cells = _cells(text, 9)
         try:
             if cells[0] == "M":
-                book.set_up(f"station {len(book.set_ups) + 1}", line, _optional(cells[4]) or 0.0)
-                draft.note(f"the file names no station: it is called station {len(book.set_ups)}", line)
+                book.set_up("", line, _optional(cells[4]) or 0.0)
             elif cells[1] == "Ea":
                 slope, zenith, circle = parse_number(cells[6]), sexagesimal(cells[7]), sexagesimal(cells[8])
                 height = _optional(cells[4]) or 0.0

@@ -1,4 +1,4 @@
-"""Field books of data recorders: Geodimeter, IDX, M5, RW5, SDR."""
+"""Field books of data recorders: Geodimeter, IDX, M5, RW5, SDR, FBK."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from itertools import pairwise
 from pathlib import Path
 
 from mor.formats.draft import Draft, parse_number
-from mor.formats.fieldbook.book import FieldBook, Sight, records, sexagesimal
+from mor.formats.fieldbook.book import FieldBook, InstrumentSetUp, Sight, records, sexagesimal
 from mor.formats.fieldbook.level import REPEATED, StaffReading
 from mor.project.document import Document
 
 # ---- Geodimeter ARE and JOB: a number and a value a line.
 #
-# 2 station, 62 reference object, 5 point, 3 instrument height, 6 target height, 4 code, 23 units; 7
-# horizontal and 8 zenith reading, 17 and 18 in face two, 24 and 25 in face one, 9 slope, 11 horizontal
-# distance, 37 north, 38 east, 39 height (Geodimeter, "Labels"). 7 and 8 are the means of both faces if 24 and
-# 25 are there. Coordinates of a point with readings are computed; those of a station, a reference object and
-# of a point without readings are given.
+# 2 station, 62 reference object, 21 circle reading there, 5 point, 3 instrument height, 6 target height, 4
+# code, 23 units; 7 horizontal and 8 zenith reading, 17 and 18 in face two, 24 and 25 in face one, 9 slope, 11
+# horizontal distance, 37 north, 38 east, 39 height (Geodimeter, "Labels"). 7 and 8 are the means of both faces
+# if 24 and 25 are there. Coordinates of a point with readings are computed, and those of a station or a
+# reference object that was sighted before; others are given.
 #
 # The first digit of 23 tells the unit of angles (1 gon, 2 degrees, minutes and seconds, 3 decimal degrees).
 # Without it angles are ddd.mmss if every one of them may be, gon otherwise.
 
-_ANGLES = ("7", "8", "17", "18", "24", "25")
+_ANGLES = ("7", "8", "17", "18", "21", "24", "25")
 _BEGIN = ("2", "5", "62")
 """Labels of what follows: a station, a point, a reference object."""
 Entry = tuple[str, str, int]
@@ -48,11 +48,14 @@ def read_geodimeter(path: Path) -> Document:
     for label, _, line in entries[: begin[0] if begin else len(entries)]:
         book.leave_out(f"label {label} before the first point", line)
     height = 0.0
+    backsights: list[tuple[InstrumentSetUp, Sight]] = []
     for first, end in pairwise([*begin, len(entries)]):
         try:
-            height = _thing(entries[first:end], book, read, height)
+            height = _thing(entries[first:end], book, read, height, backsights)
         except ValueError as error:
             draft.problem(str(error), entries[first][2])
+    for set_up, sight in backsights:
+        book.backsight(set_up, sight)
     book.finish(path.stem)
     return draft.finish()
 
@@ -83,7 +86,13 @@ _LENGTHS = ("3", "6", "9", "11", "37", "38", "39")
 _NOTES = {"0": "notes", "4": "codes", "23": "units"}
 
 
-def _thing(entries: list[Entry], book: FieldBook, dms: bool, height: float) -> float:
+def _thing(
+    entries: list[Entry],
+    book: FieldBook,
+    dms: bool,
+    height: float,
+    backsights: list[tuple[InstrumentSetUp, Sight]],
+) -> float:
     """A station, reference object or point with all that follows it; returns the target height from here on."""
     values = {label: (value, line) for label, value, line in entries}
     kind, name, line = entries[0]
@@ -98,6 +107,8 @@ def _thing(entries: list[Entry], book: FieldBook, dms: bool, height: float) -> f
     elif "3" in numbers:
         book.instrument_height(numbers["3"], line)
     height = numbers.get("6", height)
+    if kind == "62" and "21" in angles and book.set_ups:
+        backsights.append((book.set_ups[-1], Sight(name, values["21"][1], angles["21"], face=1)))
     first = ("24", "25") if {"24", "25"} & angles.keys() else ("7", "8")
     faces = (first, ("17", "18"))
     sights = []
@@ -110,11 +121,11 @@ def _thing(entries: list[Entry], book: FieldBook, dms: bool, height: float) -> f
             plan = None if slope is not None else found[3]
             sights.append(Sight(name, at, found[0], found[1], slope, plan, height, face))
     if {"37", "38", "39"} & numbers.keys():
-        add = book.computed_point if sights else book.station_point if kind == "2" else book.point
+        add = book.computed_point if sights else book.station_point if kind in ("2", "62") else book.point
         add(name, numbers.get("38"), numbers.get("37"), numbers.get("39"), line)
     for sight in sights:
         book.sight(sight)
-    used = {*_BEGIN, *_LENGTHS, *(label for pair in faces for label in pair)}
+    used = {*_BEGIN, *_LENGTHS, "21", *(label for pair in faces for label in pair)}
     for label, (_, at) in values.items():
         if label not in used:
             book.leave_out(_NOTES.get(label, f"label {label}"), at)
@@ -450,6 +461,8 @@ class _RW5Reader:
         self.station, self.height, self.target = "", 0.0, 0.0
         self.backsight: tuple[str, float, int] = ("", 0.0, 0)
         """Point, reading of the circle and line of the last BK."""
+        self.azimuth: float | None = None
+        """Azimuth of the last BK."""
         self.begun = False
         self.gnss = False
         """True in the comments of a GPS record."""
@@ -471,6 +484,7 @@ class _RW5Reader:
             self.close()
             self.station = cells.get("OP") or self.station
             self.backsight = (cells.get("BP", ""), self._angle(cells.get("BC") or "0"), line)
+            self.azimuth = self._angle(cells["BS"]) if cells.get("BS") else None
         elif kind == "LS":
             height = self._length(cells, "HI")
             if height is not None and height != self.height:
@@ -490,6 +504,8 @@ class _RW5Reader:
         point, circle, line = self.backsight
         if self.begun and point and point != self.station:
             self.book.backsight(self.book.set_ups[-1], Sight(point, line, circle, face=1))
+            if self.azimuth is not None:
+                self.book.set_ups[-1].orientation = self.azimuth - circle
         self.begun = False
 
     def _gnss_point(self, cells: dict[str, str], line: int) -> None:
@@ -520,7 +536,7 @@ class _RW5Reader:
             raise ValueError(f"found no point in {kind}")
         if kind == "OC":
             self.close()
-            self.station, self.backsight = name, ("", 0.0, 0)
+            self.station, self.backsight, self.azimuth = name, ("", 0.0, 0), None
         east, north, height = (self._length(cells, key) for key in ("E", "N", "EL"))
         self.book.station_point(name, east, north, height, line)
 
@@ -543,6 +559,8 @@ class _RW5Reader:
             self.begun = True
         slope, horizontal = (self._length(cells, key) or None for key in ("SD", "HD"))
         circle, zenith = self._circle(cells), self._zenith(cells)
+        if slope is None and cells.get("SD") and zenith == (100.0 if self.book.angle == "gon" else 90.0):
+            zenith = None  # a backsight that was not measured has the distance 0 and the zenith angle 90°
         if "CE" in cells:
             self.book.leave_out("differences of height (CE)", line)
         if circle is None and zenith is None and slope is None and horizontal is None:
@@ -704,3 +722,105 @@ class _SDRReader:
         if station != current:
             self.book.set_up(station, line)
         self.book.sight(sight)
+
+
+# ---- FBK: the survey command language of Autodesk, a command a line.
+#
+# UNIT lengths and angles; NEZ, NE given coordinates; STN station and instrument height; BS backsight and the
+# circle reading there; PRISM target height; AD, F1, F2 (and FC1, FC2): point, circle reading and slope distance
+# with the vertical angle (VA), else the horizontal distance. Source: Autodesk, *Survey command language*.
+
+_FBK_SIGHTS = {"AD": 0, "F1": 1, "F2": 2, "FC1": 1, "FC2": 2}
+"""Faces of the sights; 0 where the zenith angle tells."""
+
+
+def read_fbk(path: Path) -> Document:
+    """The project of an FBK file. Raises :class:`InputError` with every mistake found."""
+    draft = Draft(str(path))
+    reader = _FbkReader(FieldBook(draft))
+    for line, text in records(path, draft):
+        try:
+            reader.command(text.partition('"')[0].split(), line)
+        except ValueError as error:
+            draft.problem(str(error), line)
+    reader.close()
+    reader.book.finish(path.stem)
+    return draft.finish()
+
+
+class _FbkReader:
+    """Units, target height and backsight, until another command changes them."""
+
+    def __init__(self, book: FieldBook) -> None:
+        self.book = book
+        self.metres, self.decimal, self.left, self.vertical = 1.0, False, False, "ZENITH"
+        self.target = 0.0
+        self.backsight: Sight | None = None
+
+    def command(self, words: list[str], line: int) -> None:
+        name, *rest = [word.upper() for word in words] or ["!"]
+        if name.startswith("!"):
+            self.book.leave_out("comments", line)
+        elif name in ("UNIT", "UNITS"):
+            self._units(rest)
+        elif name in ("HORIZ", "VERT") and rest[:1] == ["ANGLE"]:
+            if name == "HORIZ":
+                self.left = rest[1:] == ["LEFT"]
+            else:
+                self.vertical = rest[1] if len(rest) > 1 else "ZENITH"
+        elif name in ("NEZ", "NE") and len(rest) >= 3:
+            north, east, *up = (
+                parse_number(word) * self.metres for word in rest[1 : 4 if name == "NEZ" else 3]
+            )
+            self.book.point(words[1], east, north, up[0] if up else None, line)
+        elif name == "STN" and rest:
+            self.close()
+            self.book.set_up(words[1], line, parse_number(rest[1]) * self.metres if len(rest) > 1 else 0.0)
+        elif name == "BS" and rest:
+            self.close()
+            self.backsight = Sight(words[1], line, self._angle(rest[1]) if len(rest) > 1 else 0.0, face=1)
+        elif name == "PRISM" and rest:
+            self.target = parse_number(rest[0]) * self.metres
+        elif name in _FBK_SIGHTS:
+            self._sight(name, words[1:], line)
+        else:
+            self.book.leave_out(f"commands {name}", line)
+
+    def close(self) -> None:
+        """End a set-up: where its backsight was not measured, it was read when the circle was set."""
+        if self.backsight is not None and self.book.set_ups and self.book.set_ups[-1].used:
+            self.book.backsight(self.book.set_ups[-1], self.backsight)
+        self.backsight = None
+
+    def _units(self, rest: list[str]) -> None:
+        for word in rest:
+            if word.startswith(("MET", "FOOT", "FEET")):
+                self.metres = 1.0 if word.startswith("MET") else 0.3048
+            elif word in ("DMS", "DEC", "DECDEG", "DECDMS", "GRAD", "GRADS"):
+                self.book.angle = "gon" if word.startswith("GRAD") else "deg"
+                self.decimal = word in ("DEC", "DECDEG", "GRAD", "GRADS")
+            else:
+                raise ValueError(f"found the unit {word!r}, expected METER, FOOT, DMS, DECDEG or GRADS")
+
+    def _angle(self, text: str) -> float:
+        return parse_number(text) if self.decimal else sexagesimal(text)
+
+    def _sight(self, name: str, rest: list[str], line: int) -> None:
+        spatial = bool(rest) and rest[0].upper() == "VA"
+        if not spatial and rest and rest[0].isalpha() and rest[0].isupper() and len(rest[0]) == 2:
+            self.book.leave_out(f"commands {name} {rest[0]}", line)
+            return
+        point, *numbers = rest[spatial : 5 if spatial else 3]
+        if len(numbers) < 2 + spatial:
+            raise ValueError(f"found {len(numbers)} values in {name}, expected an angle and a distance")
+        full = 400.0 if self.book.angle == "gon" else 360.0
+        circle, length = self._angle(numbers[0]), parse_number(numbers[1]) * self.metres
+        start = self.backsight.horizontal if self.backsight is not None else 0.0
+        circle = ((start or 0.0) - circle) % full if self.left else circle
+        zenith = self._angle(numbers[2]) if spatial else None
+        if zenith is not None and self.vertical.startswith("HOR"):
+            zenith = full / 4 - zenith
+        elif zenith is not None and self.vertical.startswith("NAD"):
+            zenith = full / 2 - zenith
+        slope, plan = (length or None, None) if spatial else (None, length or None)
+        self.book.sight(Sight(point, line, circle, zenith, slope, plan, self.target, _FBK_SIGHTS[name]))

@@ -1,9 +1,14 @@
 """Singular where parts were put anywhere is not said of the observations."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from mor.api.pipeline import make_problem, read_document, read_network
+from mor.errors import Message
 from mor.quality.determinability import OPEN, PUT_ANYWHERE, with_fitting_reason
+from mor.quality.solution import Solved
+from mor.report.text import verdict
 from mor.solve.iterate import Outcome, adjust
 from mor.start.part import Join, Tie, rule, untied
 
@@ -42,3 +47,14 @@ def test_a_part_is_untied_where_movements_stay_open_and_it_is_not_the_first_of_a
     parts = join(1, None), join(2, firm), join(3, loose)
     assert [one.number for one in untied(parts, given=True)] == [1, 3]
     assert [one.number for one in untied(parts, given=False)] == [3]
+
+
+def test_no_solution_names_the_parts_that_nothing_ties(tmp_path):
+    (tmp_path / "project.yaml").write_text(TWO_PARTS, encoding="utf-8")
+    network = read_network(read_document(tmp_path / "project.yaml"), tmp_path)
+    parts = tuple(Message(f"start values: part {number} has an arbitrary position") for number in range(5))
+    solved = Solved(replace(network, untied=parts), adjusted(tmp_path), None)
+    lines = verdict(solved)
+    assert [line for line in lines if "start values: part" in line] == [f"{part}." for part in parts[:3]]
+    assert "2 more parts have an arbitrary position." in lines
+    assert "Start values or coordinates of two points of a part would tie it." in lines
