@@ -31,11 +31,7 @@ def rows_of(network: object, groups: object) -> FloatArray:
     xy = network.start["point"][:, :2]  # type: ignore[attr-defined]
     found = []
     for group in groups:  # type: ignore[attr-defined]
-        slots = [
-            block
-            for slot, block in zip(group.type.slots, group.blocks, strict=True)
-            if slot.part == "position"
-        ]
+        slots = [block for slot, block in zip(group.type.slots, group.blocks, strict=True) if slot.part == "position"]
         for a, b in zip(*slots, strict=True):
             row = np.zeros((len(xy), 2))
             row[b] = (xy[b] - xy[a]) / np.linalg.norm(xy[b] - xy[a])
@@ -106,9 +102,7 @@ def main() -> None:
                 np.mean(ratios),
                 flush=True,
             )
-    print(
-        f"{counted} networks: requirement reached in {reached}; with up to 1.2 times the best of {ORDERS}: {within}"
-    )
+    print(f"{counted} networks: requirement reached in {reached}; with up to 1.2 times the best of {ORDERS}: {within}")
     print(f"greedy by best: mean {np.mean(ratios):.3f}, most {max(ratios):.3f}")
 
 

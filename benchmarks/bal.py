@@ -48,9 +48,7 @@ class Trial(NamedTuple):
 
 def by_ceres(program: Path, path: Path, tolerance: float) -> Minimum:
     """Return the minimum that Ceres reaches; rejected steps are iterations too."""
-    done = subprocess.run(
-        [program, path, str(tolerance)], capture_output=True, text=True, check=True, timeout=3600
-    )
+    done = subprocess.run([program, path, str(tolerance)], capture_output=True, text=True, check=True, timeout=3600)
     found = json.loads(done.stdout)
     words = f"{found['behind']} image points behind their camera"
     return Minimum(found["cost"], found["iterations"], found["converged"], words)
@@ -85,9 +83,7 @@ def main() -> None:
                 words = f"as low: {one.is_well}, excess {one.excess:.2e}, redundancy {one.redundancy}"
                 print(chosen.file or seed, words, *one[:3], sep="\n  ", flush=True)
     print(f"{sum(one.excess <= SAME for one in trials)} of {len(trials)} at the minimum of Ceres or lower")
-    print(
-        f"{sum(one.is_well for one in trials)} with points at infinity that the test does not tell from finite ones"
-    )
+    print(f"{sum(one.is_well for one in trials)} with points at infinity that the test does not tell from finite ones")
     for name in ("default", "tight"):
         ratios = np.array([one.ratio(getattr(one, name)) for one in trials])
         print(

@@ -50,17 +50,13 @@ _ALL = (
     Case("aerial-500", "20 strips of 25 images", "aerial", (20, 25), command=True, peers=True, pycolmap=True),
     Case("aerial-2000", "40 strips of 50 images", "aerial", (40, 50), peers=True, dense=False),
     Case("aerial-10000", "100 strips of 100 images", "aerial", (100, 100), command=True, usual=False),
-    Case(
-        "convergent-500", "500 images around an object, 30 rays", "convergent", (500, 20_000, 30), peers=True
-    ),
+    Case("convergent-500", "500 images around an object, 30 rays", "convergent", (500, 20_000, 30), peers=True),
     Case("grid-25", "25 points: does the runner run?", "grid", (5, 0), command=True, gama=True, usual=False),
     Case("grid-2500-50", "2 500 points, 50 long ties at random", "grid", (50, 50), command=True, gama=True),
     Case("grid-10000-0", "10 000 points, neighbours only", "grid", (100, 0), command=True, gama=True),
     Case("grid-10000-200", "… and 200 long ties at random", "grid", (100, 200), command=True, gama=True),
     Case("grid-10000-2000", "… and 2 000 long ties at random", "grid", (100, 2000), command=True),
-    Case(
-        "mixed-6", "6 images, 40 sights: does the runner run?", "mixed", (2, 3, 40), command=True, usual=False
-    ),
+    Case("mixed-6", "6 images, 40 sights: does the runner run?", "mixed", (2, 3, 40), command=True, usual=False),
     Case(
         "mixed",
         "100 images, 5 000 tacheometric sights to points of theirs",

@@ -70,9 +70,7 @@ def write(folder: Path, models: list[str], points: int, epochs: int) -> Path:
 
 def main() -> None:
     """Write, adjust, tell."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("models", nargs="*", choices=[*_MODELS, []])
     parser.add_argument("--points", type=int, default=1_000)
     parser.add_argument("--epochs", type=int, default=50)

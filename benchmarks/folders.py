@@ -41,9 +41,7 @@ def write_project(scene: Scene, folder: Path, kind: str = "csv") -> Path:
 def write_mixed(scene: Mixed, folder: Path, kind: str = "csv") -> Path:
     """Write an image block with distances and bearings between its points. Returns the project file."""
     folder.mkdir(parents=True, exist_ok=True)
-    sights = _write_sights(
-        folder, scene.one, scene.other, {"distance": scene.distance, "bearing": scene.bearing}
-    )
+    sights = _write_sights(folder, scene.one, scene.other, {"distance": scene.distance, "bearing": scene.bearing})
     return write_block(scene.block, folder, kind, sights)
 
 
@@ -61,9 +59,7 @@ def write_block(
     network with a calibrated camera.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    images = images_of_block(
-        block.observed_centre, block.start_centre, block.start_angles, started, positions
-    )
+    images = images_of_block(block.observed_centre, block.start_centre, block.start_angles, started, positions)
     points: dict[str, _Column] = {"id": names("P", np.arange(len(block.point)))}
     if started:
         points |= {axis: block.start_point[:, k] for k, axis in enumerate("xyz")}

@@ -71,9 +71,7 @@ def main() -> None:
         apart = get_context("spawn").Process(target=write, args=(asked.scene, sizes, asked.given, large))
         apart.start()  # in a process of its own, whose memory is not that of the adjustment
         apart.join()
-        print(
-            f"{asked.scene} {sizes}, given: {asked.given}; {time_block(large / 'project.yaml')}", flush=True
-        )
+        print(f"{asked.scene} {sizes}, given: {asked.given}; {time_block(large / 'project.yaml')}", flush=True)
 
 
 if __name__ == "__main__":

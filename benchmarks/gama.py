@@ -73,9 +73,7 @@ def write_gkf(scene: Scene, path: Path) -> None:
 
 
 def _elements(kind: str, ends: list[str], values: list[float], sigma: float) -> list[str]:
-    return [
-        f'<{kind} {end} val="{value!r}" stdev="{sigma!r}" />' for end, value in zip(ends, values, strict=True)
-    ]
+    return [f'<{kind} {end} val="{value!r}" stdev="{sigma!r}" />' for end, value in zip(ends, values, strict=True)]
 
 
 def adjust_by_gama(program: str, network: Path, limit: float = LIMIT) -> dict[str, Any]:

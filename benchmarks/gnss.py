@@ -52,9 +52,7 @@ def network(points: int, vectors: int, each: int) -> tuple[FloatArray, FloatArra
 def factors(count: int, size: int) -> FloatArray:
     """(count, size, size) factors of covariance matrices, σ some 3 mm, all correlated."""
     random = np.random.default_rng(2)
-    return 0.003 * (
-        np.eye(size) + 0.3 * np.tril(random.normal(0.0, 1.0 / np.sqrt(size), (count, size, size)))
-    )
+    return 0.003 * (np.eye(size) + 0.3 * np.tril(random.normal(0.0, 1.0 / np.sqrt(size), (count, size, size))))
 
 
 def write_columns(folder: Path, points: int, vectors: int) -> Path:
@@ -66,9 +64,7 @@ def write_columns(folder: Path, points: int, vectors: int) -> Path:
     C = factor @ factor.transpose(0, 2, 1)
     names = np.array([f"S{k}" for k in range(points)])
     axes = ["dx", "dy", "dz"]
-    table = {"from": names[ends[:, 0]], "to": names[ends[:, 1]]} | {
-        a: values[:, k] for k, a in enumerate(axes)
-    }
+    table = {"from": names[ends[:, 0]], "to": names[ends[:, 1]]} | {a: values[:, k] for k, a in enumerate(axes)}
     for i in range(3):
         table |= {f"cov_{axes[i]}_{axes[j]}": C[:, i, j] for j in range(i, 3)}
     pl.DataFrame(table).write_csv(folder / "vectors.csv")
@@ -92,9 +88,7 @@ def write_sessions(folder: Path, points: int, vectors: int, session: int) -> Pat
     _, geocentric, ends = network(points, vectors, session)
     lines = [f"!#=DNA 3.01 MSR    13.12.2018       GDA2020    01.01.2020  {len(ends) // session:8d}"]
     random = np.random.default_rng(3)
-    for first, L in zip(
-        range(0, len(ends), session), factors(len(ends) // session, 3 * session), strict=False
-    ):
+    for first, L in zip(range(0, len(ends), session), factors(len(ends) // session, 3 * session), strict=False):
         C, error = L @ L.T, (L @ random.standard_normal(3 * session)).reshape(-1, 3)
         for k, (a, b) in enumerate(ends[first : first + session].tolist()):
             lines.append(
@@ -121,9 +115,7 @@ def write_sessions(folder: Path, points: int, vectors: int, session: int) -> Pat
 
 def main() -> None:
     """Write, adjust, tell."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("form", nargs="*", choices=["columns", "sessions", []])
     parser.add_argument("--points", type=int, default=5_000)
     parser.add_argument("--vectors", type=int, default=20_000)
@@ -152,9 +144,7 @@ def main() -> None:
                 raise SystemExit(done.errors)
             results = json.loads((folder / "out" / "results.json").read_text(encoding="utf-8"))
             told = {key: results[key] for key in ("observations", "unknowns", "sigma0") if key in results}
-            print(
-                f"{form}: CPU {done.seconds.cpu:.2f} s, {done.peak / 2**20:.0f} MB, {told or list(results)}"
-            )
+            print(f"{form}: CPU {done.seconds.cpu:.2f} s, {done.peak / 2**20:.0f} MB, {told or list(results)}")
 
 
 if __name__ == "__main__":

@@ -48,18 +48,14 @@ def timed(work: Callable[[], Result]) -> tuple[Result, float]:
 def main() -> None:
     """Print a row of a table for each part."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument(
-        "case", choices=[name for name, case in cases.CASES.items() if case.scene == "aerial"]
-    )
+    parser.add_argument("case", choices=[name for name, case in cases.CASES.items() if case.scene == "aerial"])
     parser.add_argument("--parts", type=float, nargs="+", default=[0.01, 0.03, 0.1])
     parser.add_argument("--seed", type=int, default=1)
     arguments = parser.parse_args()
     warnings.simplefilter("ignore")
     case = cases.CASES[arguments.case]
     problem, start = as_problem(scenes.make(case.scene, case.sizes))
-    print(
-        "| block | rays | wrong | plain way, CPU s | iterations | found | others named | robust way, CPU s | ratio |"
-    )
+    print("| block | rays | wrong | plain way, CPU s | iterations | found | others named | robust way, CPU s | ratio |")
     with chosen_by_size(problem.observations):
         adjust(problem, start)
         _, usual = timed(lambda: adjust(problem, start))

@@ -40,9 +40,7 @@ def time_kernel(scene: scenes.Scene) -> dict[str, Any]:
     peak = dgemm_gflops()
     before = resident()
     times = 2 if problem.observations < _SMALL_NUMBER else 1
-    adjustment, solve, iteration = min(
-        (timed_adjustment(problem, start) for _ in range(times)), key=_of_iteration
-    )
+    adjustment, solve, iteration = min((timed_adjustment(problem, start) for _ in range(times)), key=_of_iteration)
     normals = fastest(lambda: build_normals(adjustment.plan, adjustment.values), 2)
     sigma_and_r = fastest(lambda: sigma_and_redundancy(adjustment), times)
     begin = now()
@@ -69,9 +67,7 @@ def time_kernel(scene: scenes.Scene) -> dict[str, Any]:
     return result
 
 
-def timed_adjustment(
-    problem: Problem, start: Mapping[str, FloatArray]
-) -> tuple[Adjustment, Seconds, Seconds]:
+def timed_adjustment(problem: Problem, start: Mapping[str, FloatArray]) -> tuple[Adjustment, Seconds, Seconds]:
     """The adjustment, the time of all of it and of its fastest iteration.
 
     From the end of one iteration to the end of the next: step, new values, normal equations and objective there,

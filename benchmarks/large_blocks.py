@@ -118,9 +118,7 @@ class LargeBlock:
 
     def points(self, b: int, band: Band) -> pl.DataFrame:
         """Start values of the points of a band that two images have at least."""
-        start = band.point + np.random.default_rng([self.seed, 2, b + REACH]).normal(
-            0.0, 0.1, band.point.shape
-        )
+        start = band.point + np.random.default_rng([self.seed, 2, b + REACH]).normal(0.0, 0.1, band.point.shape)
         kept = np.flatnonzero(band.rays >= 2)
         columns = {axis: start[kept, k] for k, axis in enumerate("xyz")}
         return pl.DataFrame({"id": names("P", (b + REACH) * self.width + kept), **columns})

@@ -59,9 +59,7 @@ def problem_of_images(block: Block, read_out: bool) -> Posed:
     block = replace(block, image=block.image[kept], of_point=block.of_point[kept], xy=block.xy[kept])
     n, knots = len(block.image), [block.image, block.image + 1]
     rotation = rotation_from_angles(block.angles)
-    clock = np.column_stack(
-        [np.full(n, SINCE), np.repeat(linear_weights(np.ones(1)).reshape(1, 4), n, axis=0)]
-    )
+    clock = np.column_stack([np.full(n, SINCE), np.repeat(linear_weights(np.ones(1)).reshape(1, 4), n, axis=0)])
     type_: ObservationType = on_trajectory(IMAGE_TYPES["mor"], 2)
     rows = _rows(block, [*(block.centre[k] for k in knots), *(rotation[k] for k in knots)], INTERIOR)
     between, blocks = np.zeros((n, 1)), dict(problem.index.blocks)

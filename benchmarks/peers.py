@@ -82,9 +82,7 @@ def adjust_by_ceres(program: Path, block: Path, dense: bool, covariance: bool, b
         quickest += [one["solve_wall"] for one in together]
     result["fastest_solve_wall"] = min(quickest)
     if covariance:
-        result |= {
-            k: v for k, v in _run(program, block, blas, best, more="covariance").items() if k not in result
-        }
+        result |= {k: v for k, v in _run(program, block, blas, best, more="covariance").items() if k not in result}
     return result
 
 
@@ -110,14 +108,8 @@ def _blas_of(program: Path, blas: str) -> str:
     ldd = shutil.which("ldd")
     if ldd is None:
         return "unknown"
-    told = subprocess.run(
-        [ldd, str(program)], capture_output=True, text=True, check=False, env={**os.environ, **paths}
-    )
-    lines = [
-        line.split("=>")[1].split()[0]
-        for line in told.stdout.split("\n")
-        if "libblas" in line and "=>" in line
-    ]
+    told = subprocess.run([ldd, str(program)], capture_output=True, text=True, check=False, env={**os.environ, **paths})
+    lines = [line.split("=>")[1].split()[0] for line in told.stdout.split("\n") if "libblas" in line and "=>" in line]
     return os.path.basename(os.path.dirname(os.path.realpath(lines[0]))) if lines else "unknown"
 
 

@@ -38,9 +38,7 @@ def timed(what: str, work: Callable[[], Result]) -> Result:
     """The result of some work, whose wall and CPU time are printed."""
     wall, cpu = time.perf_counter(), time.process_time()
     found = work()
-    print(
-        f"{what:<44} {time.perf_counter() - wall:8.2f} s   CPU {time.process_time() - cpu:8.2f} s", flush=True
-    )
+    print(f"{what:<44} {time.perf_counter() - wall:8.2f} s   CPU {time.process_time() - cpu:8.2f} s", flush=True)
     return found
 
 
@@ -57,9 +55,7 @@ def unseen(block: Block, count: int, seed: int) -> pl.DataFrame:
         inside = near[(xy[:, 0] < 45.0) & (xy[:, 1] < 35.0)]
         pairs += [(k, p) for p in inside.tolist() if (k, p) not in seen]
     chosen = rng.permutation(len(pairs))[:count]
-    return pl.DataFrame(
-        {"image": [f"I{pairs[c][0]}" for c in chosen], "point": [f"P{pairs[c][1]}" for c in chosen]}
-    )
+    return pl.DataFrame({"image": [f"I{pairs[c][0]}" for c in chosen], "point": [f"P{pairs[c][1]}" for c in chosen]})
 
 
 def rank_block(folder: Path, count: int) -> None:
@@ -128,12 +124,8 @@ def _report(path: Path, steps: int) -> None:
 
 def main() -> None:
     """Run what is asked for."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
-    parser.add_argument(
-        "what", nargs="*", choices=["block", "greedy", []], help="both where nothing is named"
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("what", nargs="*", choices=["block", "greedy", []], help="both where nothing is named")
     parser.add_argument("--candidates", type=int, default=100_000)
     parser.add_argument("--steps", type=int, default=100)
     given = parser.parse_args()

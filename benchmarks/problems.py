@@ -112,18 +112,14 @@ def problem_of_mixed(scene: Mixed) -> Posed:
     return Problem(index_unknowns(blocks), problem.groups + sights, (), problem.datum), values
 
 
-def _sights(
-    one: IntArray, other: IntArray, distance: FloatArray, bearing: FloatArray
-) -> tuple[ObservationGroup, ...]:
+def _sights(one: IntArray, other: IntArray, distance: FloatArray, bearing: FloatArray) -> tuple[ObservationGroup, ...]:
     return (
         _between("distance", one, other, distance, SIGMA_DISTANCE),
         _between("bearing", one, other, bearing, SIGMA_BEARING),
     )
 
 
-def _between(
-    key: str, one: IntArray, other: IntArray, observed: FloatArray, sigma: float
-) -> ObservationGroup:
+def _between(key: str, one: IntArray, other: IntArray, observed: FloatArray, sigma: float) -> ObservationGroup:
     """Observations of a type between two points; heights of instrument and target are block 0, fixed to 0."""
     kind, count = PLAIN_TYPES[key], len(one)
     nothing = np.zeros(count, dtype=np.int64)
@@ -142,9 +138,7 @@ def _between(
 
 
 def _fixed(values: dict[str, FloatArray]) -> DatumDefinition:
-    return DatumDefinition(
-        "fixed", False, {"point": np.zeros(values["point"].shape, bool)}, {"point": values["point"]}
-    )
+    return DatumDefinition("fixed", False, {"point": np.zeros(values["point"].shape, bool)}, {"point": values["point"]})
 
 
 def _blocks(kind: BlockKind, count: int, free: bool) -> Blocks:

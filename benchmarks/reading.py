@@ -143,9 +143,7 @@ def read_here(path: Path) -> dict[str, float]:
 
 def main() -> None:
     """Write, read, tell."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("forms", nargs="*", help=", ".join(FORMS))
     parser.add_argument("--rays", type=int, default=1_000_000)
     parser.add_argument("--times", type=int, default=3)

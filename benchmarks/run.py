@@ -88,17 +88,13 @@ def options() -> argparse.ArgumentParser:
     parser.add_argument("--add", action="store_true", help="keep the other cases that are in the JSON file")
     parser.add_argument("--show", action="store_true", help="measure nothing, show the JSON file")
     parser.add_argument("--markdown", action="store_true", help="print the tables as Markdown")
-    parser.add_argument(
-        "--page", type=Path, metavar="FILE", help="put the tables into this page, in place of old ones"
-    )
+    parser.add_argument("--page", type=Path, metavar="FILE", help="put the tables into this page, in place of old ones")
     parser.add_argument("--pycolmap", metavar="PYTHON", help="a Python that has pycolmap [this one]")
     parser.add_argument("--gama", metavar="PROGRAM", help="gama-local of GNU Gama [the one on the path]")
     parser.add_argument(
         "--gama-limit", type=float, default=LIMIT, metavar="SECONDS", help=f"stop it then [{LIMIT:.0f}]"
     )
-    parser.add_argument(
-        "--blas", default="", metavar="FOLDER", help="libblas and liblapack for Ceres [the system's]"
-    )
+    parser.add_argument("--blas", default="", metavar="FOLDER", help="libblas and liblapack for Ceres [the system's]")
     parser.add_argument("--folder", metavar="FOLDER", help="where temporary data go [the system's place]")
     return parser
 
@@ -185,9 +181,7 @@ def peers(
     return found
 
 
-def gama(
-    case: Case, folder: Path, scene: Path, chosen: argparse.Namespace, results: dict[str, Any]
-) -> dict[str, Any]:
+def gama(case: Case, folder: Path, scene: Path, chosen: argparse.Namespace, results: dict[str, Any]) -> dict[str, Any]:
     """The same network by gama-local, and how far its result is from mor's."""
     network = folder / "network.gkf"
     try:

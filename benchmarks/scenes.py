@@ -73,9 +73,7 @@ def aerial(strips: int, images_in_strip: int, seed: int = 1, seen: float = 0.468
     """An aerial block: c = 100 mm, image 90 × 70 mm, 1000 m above ground; each image shows a part of its points."""
     rng = np.random.default_rng(seed)
     along, across = 180.0, 280.0
-    centre = np.array(
-        [[i * along, j * across, 1000.0] for j in range(strips) for i in range(images_in_strip)]
-    )
+    centre = np.array([[i * along, j * across, 1000.0] for j in range(strips) for i in range(images_in_strip)])
     centre = centre + rng.normal(0.0, 5.0, centre.shape)
     angles = rng.normal(0.0, 0.02, centre.shape)
     width, height = images_in_strip * along + 600.0, strips * across + 500.0

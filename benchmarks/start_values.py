@@ -151,9 +151,7 @@ def stationing(seed: int, noise: float) -> Trial:
     points, station = rng.uniform(-100, 100, (4, 2)), rng.uniform(-100, 100, 2)
     offset = points - station
     kappa = rng.uniform(-np.pi, np.pi)
-    observed = np.column_stack(
-        [np.arctan2(offset[:, 0], offset[:, 1]) + kappa, np.linalg.norm(offset, axis=1)]
-    )
+    observed = np.column_stack([np.arctan2(offset[:, 0], offset[:, 1]) + kappa, np.linalg.norm(offset, axis=1)])
     observed += np.array([noise * 1e-2, noise]) * rng.normal(size=(4, 2))
     for row in observed:
         kind = rng.integers(3)

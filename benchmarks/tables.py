@@ -20,9 +20,7 @@ class Table(NamedTuple):
 
 def plain(results: dict[str, Any]) -> str:
     """All tables in aligned columns."""
-    return "\n".join(
-        [_machine(results["machine"]), *_notes(results), *map(_aligned, tables(results["cases"]))]
-    )
+    return "\n".join([_machine(results["machine"]), *_notes(results), *map(_aligned, tables(results["cases"]))])
 
 
 def markdown(results: dict[str, Any]) -> str:
@@ -232,9 +230,7 @@ def _or_dash(show: Callable[[float], str]) -> Callable[[float | None], str]:
 
 
 _count = _or_dash(lambda value: f"{value:,.0f}".replace(",", " ") if value else "–")
-_seconds = _or_dash(
-    lambda value: f"{value:.4f}" if value < 0.1 else f"{value:.3f}" if value < 10 else f"{value:.1f}"
-)
+_seconds = _or_dash(lambda value: f"{value:.4f}" if value < 0.1 else f"{value:.3f}" if value < 10 else f"{value:.1f}")
 _percent = _or_dash(lambda value: f"{100 * value:.0f} %")
 
 

@@ -30,9 +30,7 @@ def judged(cases: Cases) -> Iterator[Figure]:
     yield from _deviations(cases)
     yield from _commands(cases)
     checks = [abs(one["kernel"]["redundancy_check"]) for one in cases.values()]
-    checks += [
-        abs(done["redundancy_check"]) for one in cases.values() for done in one.get("commands", {}).values()
-    ]
+    checks += [abs(done["redundancy_check"]) for one in cases.values() for done in one.get("commands", {}).values()]
     if checks:
         worst = max(checks)
         yield Figure("Σ r = n − u + d", "to 1e-6 in every case", f"{worst:.0e}", worst < _REDUNDANCY)

@@ -115,9 +115,7 @@ def _posed(
         )
         for (kind, sigma), truth in zip(SIGMA_KNOT.items(), (centre, angles), strict=True)
     ]
-    held = DatumDefinition(
-        "fixed", False, {"point": np.zeros(values["point"].shape, bool)}, {"point": values["point"]}
-    )
+    held = DatumDefinition("fixed", False, {"point": np.zeros(values["point"].shape, bool)}, {"point": values["point"]})
     return Problem(index_unknowns(blocks), (rays, *observed), (), held), values
 
 

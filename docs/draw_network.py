@@ -28,9 +28,7 @@ AZIMUTH, ELEVATION = np.radians(-60.0), np.radians(28.0)
 def flat(xyz: np.ndarray) -> np.ndarray:
     """Points (n, 3) as seen from afar: (n, 2), right and up."""
     right = np.array([-np.sin(AZIMUTH), np.cos(AZIMUTH), 0.0])
-    back = np.array(
-        [np.cos(AZIMUTH) * np.cos(ELEVATION), np.sin(AZIMUTH) * np.cos(ELEVATION), np.sin(ELEVATION)]
-    )
+    back = np.array([np.cos(AZIMUTH) * np.cos(ELEVATION), np.sin(AZIMUTH) * np.cos(ELEVATION), np.sin(ELEVATION)])
     return np.asarray(xyz @ np.stack([right, np.cross(back, right)]).T)
 
 
@@ -68,9 +66,7 @@ def draw(solved: Solved) -> Figure:
         step = np.zeros_like(xyz)
         step[:, axis] = sigma[:, axis]
         axes.add_collection(
-            LineCollection(
-                np.stack([flat(xyz - step), flat(xyz + step)], axis=1), colors="#222222", linewidths=0.8
-            )
+            LineCollection(np.stack([flat(xyz - step), flat(xyz + step)], axis=1), colors="#222222", linewidths=0.8)
         )
     axes.scatter(*flat(xyz).T, s=7, color="#222222", zorder=3)
     axes.scatter(*flat(centres).T, s=46, marker="^", color="#3b6ea5", zorder=3)

@@ -147,9 +147,7 @@ class NoStartValuesError(InputError):
 
     told_by = "mor approximate"
 
-    def __init__(
-        self, things: Iterable[UndeterminedObject], remarks: Iterable[str], said: Iterable[str] = ()
-    ):
+    def __init__(self, things: Iterable[UndeterminedObject], remarks: Iterable[str], said: Iterable[str] = ()):
         self.things = tuple(things)
         self.remarks = tuple(remarks)
         count = f"{len(self.things)} objects have" if len(self.things) != 1 else "one object has"
@@ -160,9 +158,7 @@ class NoStartValuesError(InputError):
         )
         contradicted = bool(self.remarks) or any(thing.reason == CONTRADICTED for thing in self.things)
         hint = ("mor diagnose searches for mistakes that may be the cause",) if contradicted else ()
-        super().__init__(
-            [Message(words) for words in (advice, *said, *hint, *map(str, self.things), *self.remarks)]
-        )
+        super().__init__([Message(words) for words in (advice, *said, *hint, *map(str, self.things), *self.remarks)])
 
 
 def nearest(name: str, known: Iterable[str]) -> str:

@@ -55,9 +55,7 @@ class _Scratch:
                 _allocate(file.fileno(), size)
                 found = mmap.mmap(file.fileno(), size)
         except OSError as error:
-            words = (
-                f"long arrays cannot be kept in this folder: {error.strerror}; --scratch names another one"
-            )
+            words = f"long arrays cannot be kept in this folder: {error.strerror}; --scratch names another one"
             raise InputError([Message(words, str(self.folder))]) from None
         with self.lock:
             self.maps.add(found)
@@ -96,9 +94,7 @@ def limited_memory(size: float | None, folder: Path) -> Iterator[None]:
         yield
         return
     if not is_folder(folder):
-        raise InputError(
-            [Message("this is not a folder; expected a folder for the files of long arrays", str(folder))]
-        )
+        raise InputError([Message("this is not a folder; expected a folder for the files of long arrays", str(folder))])
     scratch, over = _Scratch(folder), Event()
 
     def watch() -> None:

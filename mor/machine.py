@@ -53,9 +53,7 @@ def check_room(further: float, phase: str, advice: str) -> None:
         words = f"{phase} needs about {_said(further)} of memory more, and {_said(left)} of {most} are left (--memory)"
         raise OutOfMemoryError(f"{words}. What helps: a larger limit; {advice}.")
     words = f"{phase} needs about {_said(further)} of memory more, and {_said(left)} are left"
-    raise OutOfMemoryError(
-        f"{words}. What helps: {advice}; a machine with more of it ({ENVIRONMENT}=… overrules)."
-    )
+    raise OutOfMemoryError(f"{words}. What helps: {advice}; a machine with more of it ({ENVIRONMENT}=… overrules).")
 
 
 _ALLOWED: list[tuple[float, Callable[[], None]]] = []

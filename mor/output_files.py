@@ -36,9 +36,7 @@ MANIFEST = "files.json"
 MANIFESTS = {"results.json": "mor-results", MANIFEST: "mor-files"}
 """Files that list what mor has written into their folder, and the schema that each of them names."""
 _OVER_INPUT = "this file is an input of the same command, and nothing is written over it; choose another file"
-_RESULTS_OVER_INPUT = (
-    "results would overwrite this file, from which the project is read; choose another folder"
-)
+_RESULTS_OVER_INPUT = "results would overwrite this file, from which the project is read; choose another folder"
 _NOT_LISTED = (
     "this file exists, and no earlier results in this folder list it, so not even --force replaces it; "
     "choose another folder"

@@ -79,10 +79,7 @@ def point_results(solved: Solved) -> dict[str, list[float]]:
     blocks = things.parts["position"]
     values = solved.adjustment.values["point"][blocks]
     sigma = standard_deviations(quality_of(solved), "point")[blocks]
-    return {
-        name: [*map(float, xyz), *map(float, s)]
-        for name, xyz, s in zip(things.ids, values, sigma, strict=True)
-    }
+    return {name: [*map(float, xyz), *map(float, s)] for name, xyz, s in zip(things.ids, values, sigma, strict=True)}
 
 
 def camera_results(solved: Solved) -> dict[str, dict[str, list[float]]]:

@@ -84,15 +84,11 @@ def say(trials: Sequence[Trial]) -> None:
     expected = 1.0 / np.sqrt(2.0 * trials[0].redundancy)
     print(f"{count} sets of errors, {ratios.shape[1]} coordinates and parameters, r = {trials[0].redundancy}")
     print(f"sigma0      mean {sigma0.mean():.4f} (1 +- {expected / np.sqrt(count):.4f})")
-    print(
-        f"            spread {sigma0.std(ddof=1):.4f} ({expected:.4f} +- {expected / np.sqrt(2 * count):.4f})"
-    )
+    print(f"            spread {sigma0.std(ddof=1):.4f} ({expected:.4f} +- {expected / np.sqrt(2 * count):.4f})")
     print(f"error/sigma rms {np.sqrt(np.mean(ratios**2)):.4f}, mean {ratios.mean():+.4f}")
     print(f"            beyond 1.96: {np.mean(np.abs(ratios) > 1.96):.4f} (0.0500)")
     rms = np.sqrt(np.mean(ratios**2, axis=0))
-    print(
-        f"            rms of single ones {rms.min():.3f} to {rms.max():.3f} (1 +- {1 / np.sqrt(2 * count):.3f})"
-    )
+    print(f"            rms of single ones {rms.min():.3f} to {rms.max():.3f} (1 +- {1 / np.sqrt(2 * count):.3f})")
     p = [kstest(column, "norm").pvalue for column in ratios.T]
     print(f"            normal (Kolmogorov-Smirnov, level 0.01): {np.mean(np.array(p) < 0.01):.4f} rejected")
 

@@ -42,9 +42,7 @@ def pytest_runtest_makereport() -> Generator[None, pytest.TestReport, pytest.Tes
 def pytest_configure(config: pytest.Config) -> None:
     """Register the markers, and let kernels be used if they are asked for."""
     compilation.elsewhere = config.getoption("kernels")
-    config.addinivalue_line(
-        "markers", "shared_data: uses the reference data beside the repository, if present"
-    )
+    config.addinivalue_line("markers", "shared_data: uses the reference data beside the repository, if present")
     config.addinivalue_line("markers", "kernels: needs compiled kernels (pytest --kernels)")
 
 

@@ -47,8 +47,7 @@ def dense_system(problem: Problem, values: Values) -> Dense:
     for group in problem.groups:
         for i in range(group.count):
             blocks = [
-                values[slot.kind][b[i] : b[i] + 1]
-                for slot, b in zip(group.type.slots, group.blocks, strict=True)
+                values[slot.kind][b[i] : b[i] + 1] for slot, b in zip(group.type.slots, group.blocks, strict=True)
             ]
             computed = group.type.equation(blocks, group.constants[i : i + 1])
             row = np.zeros((group.observed.shape[1], index.count))

@@ -25,7 +25,4 @@ def mistakes(path: Path) -> list[str]:
     results = path.suffix == ".json"
     text = path.read_text(encoding="utf-8")
     data = json.loads(text) if results else yaml.safe_load(text)
-    return [
-        f"{list(error.absolute_path)}: {error.message[:200]}"
-        for error in _validator(results).iter_errors(data)
-    ]
+    return [f"{list(error.absolute_path)}: {error.message[:200]}" for error in _validator(results).iter_errors(data)]

@@ -37,9 +37,7 @@ def template(node: ast.AST) -> str | None:
     if isinstance(node, ast.Constant) and isinstance(node.value, str):
         return node.value if _is_template(node.value) else _doubled(node.value)
     if isinstance(node, ast.JoinedStr):
-        return "".join(
-            _doubled(str(part.value)) if isinstance(part, ast.Constant) else "{}" for part in node.values
-        )
+        return "".join(_doubled(str(part.value)) if isinstance(part, ast.Constant) else "{}" for part in node.values)
     if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Add):
         sides = template(node.left), template(node.right)
         return None if sides == (None, None) else "".join(side if side else "{}" for side in sides)
@@ -52,9 +50,7 @@ def _doubled(text: str) -> str:
 
 def _is_template(text: str) -> bool:
     """Whether a text is one that values are put into later: each of its braces is a place."""
-    return bool(_FIELDS.search(text)) and not set("{}") & set(
-        _FIELDS.sub("", text).replace("{{", "").replace("}}", "")
-    )
+    return bool(_FIELDS.search(text)) and not set("{}") & set(_FIELDS.sub("", text).replace("{{", "").replace("}}", ""))
 
 
 def _parts(tree: ast.AST) -> Iterator[int]:

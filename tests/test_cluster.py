@@ -52,9 +52,7 @@ def test_other_versions_and_no_common_files_are_told_at_once(tmp_path: Path) -> 
         (OSError(), "has stopped answering"),
     ],
 )
-def test_where_nobody_is_at_work_it_is_said(
-    monkeypatch: pytest.MonkeyPatch, told: object, words: str
-) -> None:
+def test_where_nobody_is_at_work_it_is_said(monkeypatch: pytest.MonkeyPatch, told: object, words: str) -> None:
     engine = waiting(told)
     monkeypatch.setattr(cluster, "_PATIENCE", -1.0)
     with pytest.raises(InputError, match=words):
@@ -137,9 +135,7 @@ def test_workers_without_the_program_are_told() -> None:
         cluster._asked(Other(), "token")
 
 
-@pytest.mark.parametrize(
-    "answer", [None, b"", b"SSH-2.0-OpenSSH_9.6 and so on\r\n", b"HTTP/1.1 400 Bad\r\n\r\n" * 9]
-)
+@pytest.mark.parametrize("answer", [None, b"", b"SSH-2.0-OpenSSH_9.6 and so on\r\n", b"HTTP/1.1 400 Bad\r\n\r\n" * 9])
 def test_a_port_that_is_no_scheduler_is_told_in_time(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, answer: bytes | None
 ) -> None:

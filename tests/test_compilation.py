@@ -201,24 +201,18 @@ class _Broken:
         raise RuntimeError("it does not load")
 
 
-def test_a_numba_that_does_not_compile_is_done_without(
-    process: Process, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_numba_that_does_not_compile_is_done_without(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(numba, "njit", lambda **options: lambda function: _Broken())
     _is_refused(process, "RuntimeError: it does not compile")
 
 
-def test_a_numba_that_does_not_load_is_done_without(
-    process: Process, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_numba_that_does_not_load_is_done_without(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     assert process.run()
     monkeypatch.setattr(numba, "njit", lambda **options: lambda function: _Broken())
     _is_refused(process, "RuntimeError: it does not load")
 
 
-def test_a_numba_that_is_not_imported_is_done_without(
-    process: Process, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_numba_that_is_not_imported_is_done_without(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     class Finder:
         @staticmethod
         def find_spec(name: str, *rest: object) -> None:
@@ -231,9 +225,7 @@ def test_a_numba_that_is_not_imported_is_done_without(
     _is_refused(process, "RuntimeError: it needs another NumPy")
 
 
-def test_where_numba_is_missing_a_large_network_is_told(
-    process: Process, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_where_numba_is_missing_a_large_network_is_told(process: Process, monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("available", "_installed"):
         monkeypatch.setattr(compilation, name, False)
     assert not process.run()
@@ -278,9 +270,7 @@ def test_compiled_ahead_kernels_are_complete_and_give_the_numbers_of_numpy(tmp_p
         for kernels in ("numpy", "numba"):
             out = tmp_path / sample / kernels
             out.parent.mkdir(exist_ok=True)
-            told = run(
-                "adjust", str(SAMPLES / sample / "project.yaml"), "-o", str(out), "--no-html", kernels=kernels
-            )
+            told = run("adjust", str(SAMPLES / sample / "project.yaml"), "-o", str(out), "--no-html", kernels=kernels)
             assert "the kernels" not in told
             found.append(json.loads((out / "results.json").read_text()))
             assert found[-1]["kernels"] == kernels

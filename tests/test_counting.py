@@ -28,9 +28,7 @@ def test_counted() -> None:
     assert counted(2, "point does", "points do") == "2 points do"
 
 
-@pytest.mark.parametrize(
-    ("count", "said"), [(1, "1 observation is flagged."), (12, "12 observations are flagged.")]
-)
+@pytest.mark.parametrize(("count", "said"), [(1, "1 observation is flagged."), (12, "12 observations are flagged.")])
 def test_places_of_sentences(count: int, said: str) -> None:
     key = "{count:observation is|observations are} flagged."
     assert english(key, count=count) == words_of("en")(key, count=count) == said
@@ -41,9 +39,7 @@ def test_places_of_sentences(count: int, said: str) -> None:
 @pytest.mark.parametrize("language", ["en", "de"])
 def test_one_unknown_and_one_iteration(tmp_path: Path, language: str) -> None:
     """A levelling line of one point, adjusted from its result: everything there is stands there once."""
-    text = LEVELLING.replace(", [C, 0, 0, 12]", "").replace(
-        ", [B, C, 1.002, 0.001], [C, A, -2.001, 0.001]", ""
-    )
+    text = LEVELLING.replace(", [C, 0, 0, 12]", "").replace(", [B, C, 1.002, 0.001], [C, A, -2.001, 0.001]", "")
     first = mor("adjust", write(tmp_path, text), "--lang", language)
     assert first.code == 0, first.err
     folder = tmp_path / "project.results"
@@ -56,9 +52,7 @@ def test_one_unknown_and_one_iteration(tmp_path: Path, language: str) -> None:
 
 
 def test_contents(tmp_path: Path) -> None:
-    text = LEVELLING.replace(", [C, 0, 0, 12]", "").replace(
-        ", [B, C, 1.002, 0.001], [C, A, -2.001, 0.001]", ""
-    )
+    text = LEVELLING.replace(", [C, 0, 0, 12]", "").replace(", [B, C, 1.002, 0.001], [C, A, -2.001, 0.001]", "")
     checked = mor("check", write(tmp_path, text)).out
     assert "       2 points" in checked
     assert "       1 observation, 1 unknown, datum: fixed" in checked

@@ -54,9 +54,7 @@ def moved_onto(points: np.ndarray, target: np.ndarray, movements: tuple[str, ...
     with_scale = "scale" in movements
     if "rotation X" not in movements:
         turn = np.angle(np.sum((one[:, 0] - 1j * one[:, 1]) * (other[:, 0] + 1j * other[:, 1])))
-        about_z = np.array(
-            [[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]]
-        )
+        about_z = np.array([[np.cos(turn), -np.sin(turn), 0.0], [np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
         level: np.ndarray = one @ about_z.T + target_centre
         return level
     left, sizes, right = np.linalg.svd(other.T @ one)
@@ -72,9 +70,7 @@ def test_simulation_reproduces_the_files(name: str) -> None:
     for file, found in files.items():
         assert (FOLDER / name / file).read_bytes() == content(found), f"{name}/{file}"
     tables = {
-        path.relative_to(FOLDER / name).as_posix()
-        for path in sample_files(name)
-        if path.suffix in (".csv", ".gtx")
+        path.relative_to(FOLDER / name).as_posix() for path in sample_files(name) if path.suffix in (".csv", ".gtx")
     }
     assert tables == set(files), "tables that the simulation does not make"
 
@@ -137,9 +133,7 @@ WIDEST = {"refraction": 0.05, "position shift": 0.06, "time offset": 0.005}
 @with_parameters
 def test_further_parameters_are_what_they_truly_are(name: str) -> None:
     with (FOLDER / name / "truth" / "parameters.csv").open(newline="") as file:
-        truth = {
-            (row["kind"], row["block"], row["component"]): float(row["value"]) for row in csv.DictReader(file)
-        }
+        truth = {(row["kind"], row["block"], row["component"]): float(row["value"]) for row in csv.DictReader(file)}
     results = expected.parameter_results(solved_sample(name))
     for key, true in truth.items():
         value, sigma = results[key]
@@ -176,8 +170,8 @@ def _compare(found: Any, written: Any, where: str) -> None:
             _compare(one, other, f"{where}[{k}]")
     elif isinstance(written, float):
         coordinate = where[-3:] in (": x", ": y", ": z")
-        assert found == pytest.approx(
-            written, rel=0.0 if coordinate else 1e-6, abs=1e-6 if coordinate else 1e-12
-        ), where
+        assert found == pytest.approx(written, rel=0.0 if coordinate else 1e-6, abs=1e-6 if coordinate else 1e-12), (
+            where
+        )
     else:
         assert found == written, where

@@ -30,9 +30,7 @@ def main(results: list[str]) -> int:
                 done = mor("report", folder, "--lang", language, "-o", written, "--force")
                 assert done.code == 0, done.err
                 page = written.read_text(encoding="utf-8")
-                wrong += sum(
-                    _said(folder, language, page, width, theme, Path(place)) for width, theme in LOOKS
-                )
+                wrong += sum(_said(folder, language, page, width, theme, Path(place)) for width, theme in LOOKS)
     return int(wrong > 0)
 
 

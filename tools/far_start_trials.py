@@ -45,9 +45,7 @@ def minpack_reaches(scene: Spoiled, part: float, angle: float, seed: int, evalua
         return _dense(problem, values)[1] @ _turned(problem, x)
 
     begin = np.zeros(problem.index.count)
-    found = scipy.optimize.least_squares(
-        residuals, begin, jacobian, method="lm", x_scale="jac", max_nfev=evaluations
-    )
+    found = scipy.optimize.least_squares(residuals, begin, jacobian, method="lm", x_scale="jac", max_nfev=evaluations)
     return _same(scene, 2.0 * float(found.cost))
 
 

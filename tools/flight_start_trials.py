@@ -75,9 +75,7 @@ def flown(kind: str, seed: int) -> tuple[dict[str, Any], list[Strip], dict[str, 
     images, rows = [], []
     for number, strip in enumerate(strips):
         taken = (
-            _lines(strip, number, truth, random)
-            if kind.startswith("lines")
-            else _images(strip, number, truth, random)
+            _lines(strip, number, truth, random) if kind.startswith("lines") else _images(strip, number, truth, random)
         )
         images += taken[0]
         rows += taken[1]
@@ -87,9 +85,7 @@ def flown(kind: str, seed: int) -> tuple[dict[str, Any], list[Strip], dict[str, 
     return _project(kind, strips, images, rows, truth, random), strips, truth
 
 
-def _strip(
-    random: np.random.Generator, turn: Array, heading: float, flying: float, speed: float, back: bool
-) -> Strip:
+def _strip(random: np.random.Generator, turn: Array, heading: float, flying: float, speed: float, back: bool) -> Strip:
     ahead, behind = (flying * abs(LINES[name]) / C + 150.0 for name in ("forward", "backward"))
     along = LENGTH + behind if back else -ahead
     if back:
@@ -98,9 +94,7 @@ def _strip(
     across = WIDTH_OF_ALL / 2.0 + (APART if back else -APART) / 2.0
     begin = np.array([*(turn @ (along, across)), 300.0 + flying])
     velocity = direction * speed * np.array([*turn[:, 0], 0.0])
-    mean = np.array(
-        [*random.normal(0.0, 1.0, 2), heading - 90.0 + (180.0 if back else 0.0) + random.normal(0.0, 2.0)]
-    )
+    mean = np.array([*random.normal(0.0, 1.0, 2), heading - 90.0 + (180.0 if back else 0.0) + random.normal(0.0, 2.0)])
     size = np.array([1.5, 1.5, 1.2, 0.3, 0.3, 0.4])
     period, phase = random.uniform(15.0, 40.0, (2, 6)), random.uniform(0.0, 2.0 * np.pi, (2, 6))
     return Strip(begin, velocity, mean, size, period, phase, (LENGTH + ahead + behind) / speed)
@@ -119,13 +113,9 @@ def _lines(
             passed = strip.seen(time, places)[:, 1] < line
             early, late = np.where(passed, early, time), np.where(passed, time, late)
         x = strip.seen(early, places)[:, 0]
-        good = (
-            (np.abs(x) < 25.5) & (early > 0.1) & (early < strip.seconds - 0.1) & (random.random(len(x)) < 0.9)
-        )
+        good = (np.abs(x) < 25.5) & (early > 0.1) & (early < strip.seconds - 0.1) & (random.random(len(x)) < 0.9)
         images.append([f"{camera} {number}", camera, f"S{number}", 0.0])
-        for name, column, t, seen in zip(
-            truth, x / PIXEL + WIDTH / 2.0, early / LINE_TIME, good, strict=True
-        ):
+        for name, column, t, seen in zip(truth, x / PIXEL + WIDTH / 2.0, early / LINE_TIME, good, strict=True):
             if seen:
                 noise = SIGMA * random.standard_normal(2)
                 rows.append([f"{camera} {number}", name, column + noise[0], t + noise[1]])
@@ -167,17 +157,12 @@ def _project(
     """The project as a user would write it."""
     camera = {"coordinates": "corner", "interior": {"c": C}}
     cameras: dict[str, Any] = {
-        name: camera
-        | {"image": {"width": WIDTH, "height": 1, "pixel": "6.5 um"}, "line_time": "1.5 ms", "line": line}
+        name: camera | {"image": {"width": WIDTH, "height": 1, "pixel": "6.5 um"}, "line_time": "1.5 ms", "line": line}
         for name, line in LINES.items()
     }
     if kind.startswith("images"):
         cameras = {"frame": camera | {"image": {"width": WIDTH, "height": IMAGE_HEIGHT, "pixel": "6.5 um"}}}
-    control = [
-        [name, *(xyz + 0.03 * random.standard_normal(3)), 0.03]
-        for name, xyz in truth.items()
-        if name[0] == "C"
-    ]
+    control = [[name, *(xyz + 0.03 * random.standard_normal(3)), 0.03] for name, xyz in truth.items() if name[0] == "C"]
     observations = [
         {"type": "image", "columns": ["image", "point", "x", "y"], "rows": rows, "values": {"sigma": SIGMA}}
     ]
@@ -194,8 +179,7 @@ def _project(
             place, D = strip.pose(times)
             values = place if system == "GNSS" else np.stack([angles(one) for one in D]) / DEGREE
             table += [
-                [f"S{k}", t, *(row + sigma * random.standard_normal(3))]
-                for t, row in zip(times, values, strict=True)
+                [f"S{k}", t, *(row + sigma * random.standard_normal(3))] for t, row in zip(times, values, strict=True)
             ]
         observations.append(
             {

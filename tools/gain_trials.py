@@ -42,8 +42,7 @@ def planned_with_candidates(network: Network, quality: Quality, seed: int) -> Ne
         for k, group in enumerate(network.groups)
         if k not in tied
         for row in np.flatnonzero(
-            (np.nan_to_num(quality.groups[k].r) > CONTROLLED).sum(axis=1)
-            == np.maximum(group.mask.sum(axis=1), 1)
+            (np.nan_to_num(quality.groups[k].r) > CONTROLLED).sum(axis=1) == np.maximum(group.mask.sum(axis=1), 1)
         ).tolist()
     ]
     drawn = [where[i] for i in rng.permutation(len(where))[: min(AT_A_TIME, len(where) // 10)].tolist()]
@@ -60,17 +59,13 @@ def _measured(group: ObservationGroup, rows: np.ndarray) -> ObservationGroup:
     return replace(group, observed=np.where(rows[:, None], group.observed, np.nan))
 
 
-def differences(
-    network: Network, required: tuple[Requirement, ...], found: Ranking
-) -> list[tuple[str, float]]:
+def differences(network: Network, required: tuple[Requirement, ...], found: Ranking) -> list[tuple[str, float]]:
     """Kind of each candidate that can be ranked, and how far its outcome is from that of the adjusted network."""
     far = []
     for one in found.candidates:
         group = network.candidates[one.unit.group]
         row = np.arange(group.count) == one.unit.row
-        quality = solve_plan(
-            replace(network, groups=(*network.groups, _measured(group, row)), candidates=())
-        ).quality
+        quality = solve_plan(replace(network, groups=(*network.groups, _measured(group, row)), candidates=())).quality
         assert quality is not None, group.type.name
         of_sigma = abs(one.precision / _precision(quality, required) - 1.0)
         of_r = abs(one.shortfall - _shortfall(quality, required))
@@ -94,9 +89,7 @@ def _shortfall(quality: Quality, required: tuple[Requirement, ...]) -> float:
 
 def main() -> None:
     """Count, sample by sample."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("samples", nargs="*", default=sorted(SCENES))
     given = parser.parse_args()

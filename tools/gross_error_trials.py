@@ -153,8 +153,7 @@ def table(count: int, part: float, angle: float, first: int = 0) -> str:
         for errors in PARTS:
             found = [trial(kind, errors, seed, part, angle) for seed in range(first, first + count)]
             can, missed, false, rows = (
-                sum(getattr(one, name) for one in found)
-                for name in ("can_be_named", "missed", "false", "rows")
+                sum(getattr(one, name) for one in found) for name in ("can_be_named", "missed", "false", "rows")
             )
             lines.append(
                 f"| {kind} | {errors:.0%} | {sum(one.converged for one in found)}/{count} "
@@ -170,9 +169,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--count", type=int, default=20, help="scenes of each kind and part of errors")
     parser.add_argument("--first", type=int, default=0, help="first seed")
-    parser.add_argument(
-        "--start", type=float, default=0.01, help="start values off by this part of the extent"
-    )
+    parser.add_argument("--start", type=float, default=0.01, help="start values off by this part of the extent")
     parser.add_argument("--turn", type=float, default=1.0, help="attitudes off by so many gon")
     chosen = parser.parse_args()
     warnings.simplefilter("ignore")

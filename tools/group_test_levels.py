@@ -49,8 +49,7 @@ def rejections(solved: Solved, count: int, seed: int = 0) -> BoolArray:
 def _moments(quality: Quality, found: GroupTests) -> list[Moments]:
     """Moments of each test, worked out for all of them."""
     return [
-        moments(rows_of_test(quality, test, found.partitions[test.partition]), test.redundancy)
-        for test in found.tests
+        moments(rows_of_test(quality, test, found.partitions[test.partition]), test.redundancy) for test in found.tests
     ]
 
 
@@ -71,9 +70,7 @@ def measured_anew(adjustment: Adjustment, seed: int) -> Adjustment:
         groups.append(replace(group, observed=true + group.sigma * random.standard_normal(true.shape)))
     for cluster in adjustment.plan.clusters:
         noise = np.linalg.solve(cluster.whitening, random.standard_normal(len(cluster.rows)))
-        for number, row, component, error in zip(
-            cluster.groups, cluster.rows, cluster.components, noise, strict=True
-        ):
+        for number, row, component, error in zip(cluster.groups, cluster.rows, cluster.components, noise, strict=True):
             own = problem.groups[number], adjustment.values, np.array([row])
             true = own[0].observed[row, component] - misclosures(*own)[0, component]
             groups[number].observed[row, component] = true + error

@@ -97,9 +97,7 @@ def trial(scene: Scene, name: str, draw: random.Random) -> Trial:
     # Hit before or after all of the program, which has no say then.
     outside = process.returncode < 0 or ("Traceback" in said and "__main__.py" not in said)
     found, faults = content(scene.out), []
-    which = next(
-        (word for word, k in (("old", old), ("new", 1 - old)) if found == scene.results[k]), "neither"
-    )
+    which = next((word for word, k in (("old", old), ("new", 1 - old)) if found == scene.results[k]), "neither")
     if which == "neither":
         faults.append("the results are neither the old nor the new ones")
     if not outside and ("Traceback" in said or "Exception ignored" in said):
@@ -135,9 +133,7 @@ def _strangers(scene: Scene) -> list[str]:
 def _started(scene: Scene) -> subprocess.Popen[str]:
     command = [sys.executable, "-m", "mor", "adjust", str(scene.project), "--force"]
     environment = {**os.environ, "PYTHONPATH": str(ROOT)}
-    return subprocess.Popen(
-        command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True
-    )
+    return subprocess.Popen(command, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.PIPE, text=True)
 
 
 def _finish(scene: Scene) -> None:
@@ -149,9 +145,7 @@ def _finish(scene: Scene) -> None:
 
 def main() -> None:
     """Do as many trials as asked for and say what came of them."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--count", type=int, default=20)
     parser.add_argument("--signal", choices=SIGNALS, default="SIGKILL")
     parser.add_argument("--seed", type=int, default=1)
@@ -164,9 +158,7 @@ def main() -> None:
             found[done.found] += 1
             faulty += bool(done.faults)
             for fault in done.faults:
-                print(
-                    f"trial {number}, after {done.moment:.3f} s, exit code {done.code}: {fault}", flush=True
-                )
+                print(f"trial {number}, after {done.moment:.3f} s, exit code {done.code}: {fault}", flush=True)
     print(f"{given.count} × {given.signal}: {found['old']} old, {found['new']} new, {faulty} with faults")
     sys.exit(1 if faulty else 0)
 

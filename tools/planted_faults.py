@@ -68,9 +68,7 @@ def judged(fault: dict[str, str], folder: Path) -> tuple[str, str]:
 
 def main() -> int:
     """Plant the chosen faults and print one line for each."""
-    parser = argparse.ArgumentParser(
-        description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
-    )
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", default="", help="a word of the file or of the fault")
     parser.add_argument("numbers", type=int, nargs="*", help="numbers of faults; all if there are none")
     chosen = parser.parse_args()
@@ -86,9 +84,7 @@ def main() -> int:
             begun = time.monotonic()
             who, where = judged(fault, Path(name))
             missed += who not in ("default", "slow")
-            print(
-                f"{number:3} {who:8} {time.monotonic() - begun:5.0f} s  {fault['fault']}: {where}", flush=True
-            )
+            print(f"{number:3} {who:8} {time.monotonic() - begun:5.0f} s  {fault['fault']}: {where}", flush=True)
     return 1 if missed else 0
 
 

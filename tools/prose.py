@@ -146,9 +146,7 @@ def main() -> int:
     """Print the measures and faults of all pages; return 1 if there is a fault."""
     docs = ROOT / "docs"
     paths = [ROOT / "README.md", *sorted(docs.rglob("*.md"))]
-    pages = {
-        str(p.relative_to(docs if docs in p.parents else ROOT)): measure(p.read_text("utf-8")) for p in paths
-    }
+    pages = {str(p.relative_to(docs if docs in p.parents else ROOT)): measure(p.read_text("utf-8")) for p in paths}
     print("words  mean  longest  page")
     for name, page in sorted(pages.items(), key=lambda entry: -entry[1].words):
         longest = max(map(length, page.sentences), default=0)

@@ -149,18 +149,14 @@ def _projects(group: str, top: Path, options: list[str] | None = None, only: str
             continue
         beside = [main]
         if main.parent != top:
-            beside += [
-                p for p in sorted(main.parent.rglob("*")) if p.suffix in DATA and "truth" not in p.parts
-            ]
+            beside += [p for p in sorted(main.parent.rglob("*")) if p.suffix in DATA and "truth" not in p.parts]
         files = {p.relative_to(main.parent).as_posix(): p.read_bytes() for p in beside if not _is_result(p)}
         name = inside.parent if main.name == "project.yaml" else inside
         with_project.add(main.parent)
         yield Input(f"{group}/{name.as_posix()}", main.name, options or ["--no-html"], files)
     alone = sorted({path.relative_to(top).as_posix() for path in skipped if path.parent not in with_project})
     if alone:
-        print(
-            f"{group}: {len(alone)} files without a project are not run: {', '.join(alone)}", file=sys.stderr
-        )
+        print(f"{group}: {len(alone)} files without a project are not run: {', '.join(alone)}", file=sys.stderr)
 
 
 def _is_result(path: Path) -> bool:
@@ -224,9 +220,7 @@ def _run(folder: Path, given: Input, starters: SimpleQueue[Starter]) -> dict[str
         path.write_bytes(content)
     starter = starters.get()
     try:
-        outcome, seconds = starter.run(
-            work, ["adjust", given.main, "-o", OUTPUT, "--tables", "all", *given.options]
-        )
+        outcome, seconds = starter.run(work, ["adjust", given.main, "-o", OUTPUT, "--tables", "all", *given.options])
     finally:
         starters.put(starter)
     paths = [(str(path), word) for path, word in _paths(work, starter.tree)]
@@ -411,9 +405,7 @@ def load(path: Path) -> dict[str, Any]:
 
 def stored_inputs(snapshot: dict[str, Any], patterns: list[str]) -> list[Input]:
     """Return the inputs that a snapshot holds, as far as the patterns select them."""
-    contents = {
-        digest: text.encode("utf-8", "surrogateescape") for digest, text in snapshot["contents"].items()
-    }
+    contents = {digest: text.encode("utf-8", "surrogateescape") for digest, text in snapshot["contents"].items()}
     return [
         Input(name, run["main"], run["options"], {file: contents[d] for file, d in run["inputs"].items()})
         for name, run in snapshot["runs"].items()
@@ -494,9 +486,7 @@ NAMES = (
 """Columns and keys that say what a row is about; rows with the same names are compared."""
 
 
-def differences(
-    a: dict[str, Any], b: dict[str, Any], bounds: list[Bound], ignored: list[str]
-) -> list[Difference]:
+def differences(a: dict[str, Any], b: dict[str, Any], bounds: list[Bound], ignored: list[str]) -> list[Difference]:
     """Return all differences between two snapshots, in the order in which they are shown."""
     found: list[Difference] = []
     patterns = [snapshot["header"].get("only", ["*"]) for snapshot in (a, b)]
@@ -513,9 +503,7 @@ def differences(
                 states = [str(g.get(file, "none")) for g in given]
                 found.append(Difference("inputs", name, file, "", states[0], states[1]))
         if old["outcome"] != new["outcome"]:
-            found.append(
-                Difference("exit codes", name, "", "", str(old["outcome"]), str(new["outcome"]), 0.0)
-            )
+            found.append(Difference("exit codes", name, "", "", str(old["outcome"]), str(new["outcome"]), 0.0))
         for stream in ("stdout", "stderr"):
             found += _texts("messages", name, stream, old[stream], new[stream], bounds, ignored)
         for file in sorted({**old["files"], **new["files"]}):
@@ -527,9 +515,7 @@ def differences(
     return sorted(found, key=lambda difference: SECTIONS.index(difference.section))
 
 
-def _files(
-    run: str, file: str, old: str, new: str, bounds: list[Bound], ignored: list[str]
-) -> list[Difference]:
+def _files(run: str, file: str, old: str, new: str, bounds: list[Bound], ignored: list[str]) -> list[Difference]:
     """Return the differences of a file: cell by cell for tables and JSON, line by line for anything else."""
     short = file.removeprefix(f"{OUTPUT}/")
     read = {".json": _json_cells, ".csv": _table_cells}.get(Path(file).suffix)
@@ -583,9 +569,7 @@ def _json_cells(text: str) -> dict[tuple[str, str], Cell]:
 
 def _label(record: dict[str, Any], seen: Counter[str]) -> str:
     """Return the name of a row from the names in it; rows of the same name are numbered."""
-    words = [
-        str(record[name]) for name in NAMES if isinstance(record.get(name), str | int) and record[name] != ""
-    ]
+    words = [str(record[name]) for name in NAMES if isinstance(record.get(name), str | int) and record[name] != ""]
     label = " ".join(words)
     seen[label] += 1
     return f"{label} ({seen[label]})".strip() if seen[label] > 1 or not label else label
@@ -646,9 +630,7 @@ def _cells(
             yield Difference("numbers", run, place, row, str(a), str(b), _relative(x, y))
 
 
-def _within(
-    x: float, y: float, sigma: float | None, largest: float, amounts: list[tuple[float, str]]
-) -> bool:
+def _within(x: float, y: float, sigma: float | None, largest: float, amounts: list[tuple[float, str]]) -> bool:
     """Return whether two numbers differ by no more than one of the amounts."""
     if not (math.isfinite(x) and math.isfinite(y)):
         return bool(amounts) and (x == y or (math.isnan(x) and math.isnan(y)))
@@ -674,10 +656,7 @@ def _texts(
     lines = [stable(text).splitlines() for text in (old, new)]
     if bounds:
         lines = [[line for line in part if not line.startswith("digest of the pictures")] for part in lines]
-    shapes = [
-        [re.sub(r"[-−\s]+", " ", NUMBER.sub("#", line)) if bounds else line for line in part]
-        for part in lines
-    ]
+    shapes = [[re.sub(r"[-−\s]+", " ", NUMBER.sub("#", line)) if bounds else line for line in part] for part in lines]
     matcher = difflib.SequenceMatcher(None, shapes[0], shapes[1], autojunk=False)
     for operation, i, k, j, m in matcher.get_opcodes():
         if operation == "equal":
@@ -762,9 +741,7 @@ def show_times(a: dict[str, Any], b: dict[str, Any]) -> None:
         if names:
             old, new = (sum(seconds[name][i] for name in names) for i in (0, 1))
             those = [ratios[name] for name in names]
-            print(
-                f"{group:24} {len(names):5} {old:9.1f} {new:9.1f} {statistics.median(those):7.2f} {max(those):7.2f}"
-            )
+            print(f"{group:24} {len(names):5} {old:9.1f} {new:9.1f} {statistics.median(those):7.2f} {max(those):7.2f}")
     print("\nThe ten worst ratios")
     for name in sorted(ratios, key=ratios.__getitem__, reverse=True)[:10]:
         print(f"{name:50} {seconds[name][0]:9.2f} {seconds[name][1]:9.2f} {ratios[name]:7.2f}")
@@ -786,9 +763,7 @@ def main(arguments: list[str] | None = None) -> int:
         default="",
         help='command to start anew for each run, such as "python -m mor" (default: forks of one process)',
     )
-    making.add_argument(
-        "--only", default="*", help="groups or patterns of runs, with commas: samples,mutants/00*"
-    )
+    making.add_argument("--only", default="*", help="groups or patterns of runs, with commas: samples,mutants/00*")
     making.add_argument("--add", action="store_true", help="keep the other runs that the file already has")
     making.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="runs at a time")
     making.add_argument("--limit", type=float, default=120.0, help="CPU seconds that a run may take")

@@ -53,9 +53,7 @@ def cases(patterns: Iterable[str], output: Path) -> list[Case]:
     for path in found:
         name = _name(path.resolve().relative_to(common))
         if name in named:
-            problems.append(
-                Message(f"two projects would have the name {name!r}: this and {named[name]}", str(path))
-            )
+            problems.append(Message(f"two projects would have the name {name!r}: this and {named[name]}", str(path)))
         named[name] = path
     if problems:
         raise InputError(problems)

@@ -117,9 +117,7 @@ def ranking(solved: Solved, required: Sequence[Requirement], most: int) -> Ranki
         )
 
 
-def _of_large_block(
-    solved: Solved, required: Sequence[Requirement], blocks: IntArray, names: Sequence[str]
-) -> Ranking:
+def _of_large_block(solved: Solved, required: Sequence[Requirement], blocks: IntArray, names: Sequence[str]) -> Ranking:
     """Candidates ranked by what they do to required σ and to weak observations."""
     quality, network = solved.quality, solved.network
     assert quality is not None
@@ -131,9 +129,7 @@ def _of_large_block(
     now = present(wide.interest, wanted)
     found: list[Ranked] = []
     unestimable: list[tuple[int, int]] = []
-    for units, outcome, estimable in wide_outcomes(
-        quality, wide, wanted, network.candidates, least[len(groups) :]
-    ):
+    for units, outcome, estimable in wide_outcomes(quality, wide, wanted, network.candidates, least[len(groups) :]):
         unestimable += [(u.group, u.row) for u, good in zip(units, estimable, strict=True) if not good]
         found += [one for one, good in zip(of_units(units, outcome), estimable, strict=True) if good]
     found.sort(key=lambda one: (one.unit.group, one.unit.row))
@@ -154,9 +150,7 @@ def variant_network(document: Document, folder: Path, name: str, base: Network) 
     names = [group.name for group in network.candidates]
     chosen = chosen_names(variant.candidates, names, "table of candidates", at, problems)
     kept = tuple(group for k, group in enumerate(network.candidates) if k not in chosen)
-    network = replace(
-        network, groups=(*network.groups, *(network.candidates[k] for k in chosen)), candidates=kept
-    )
+    network = replace(network, groups=(*network.groups, *(network.candidates[k] for k in chosen)), candidates=kept)
     network = _with_factors(network, variant, at, problems)
     network = _without(network, variant, at, problems)
     if problems:
@@ -320,9 +314,7 @@ class Design(NamedTuple):
         if self.ranking is not None:
             frame = self._ranking_table(self.ranking)
             sections.append(
-                ranking_text(
-                    frame, self.ranking.now, self.ranking.network, len(self.ranking.unestimable), words
-                )
+                ranking_text(frame, self.ranking.now, self.ranking.network, len(self.ranking.unestimable), words)
             )
         return sections
 
@@ -360,10 +352,7 @@ def _without_points(required: Requirement, variant: Variant) -> Requirement | No
     if not isinstance(required, RequiredPrecision):
         return required
     stays: BoolArray = np.array(
-        [
-            not any(fnmatchcase(name, pattern) for pattern in variant.without.points)
-            for name in required.names
-        ],
+        [not any(fnmatchcase(name, pattern) for pattern in variant.without.points) for name in required.names],
         dtype=bool,
     )
     names = tuple(name for name, here in zip(required.names, stays, strict=True) if here)

@@ -65,9 +65,7 @@ IMPATIENT = Patience(6, 1e-2, 1e-2)
 """Start values in doubt lead nowhere if twelve iterations lower vᵀPv by less than a hundredth."""
 
 
-def make_problem(
-    network: Network, start: Mapping[str, FloatArray], place: Mapping[str, FloatArray]
-) -> Problem:
+def make_problem(network: Network, start: Mapping[str, FloatArray], place: Mapping[str, FloatArray]) -> Problem:
     """The adjustment problem of a network: unknowns numbered, correlations and datum set, σ models evaluated.
 
     The datum refers to the given coordinates, and to those of ``start`` for points without. Distances in σ models, and
@@ -86,9 +84,7 @@ def make_problem(
     )
     reference = {"point": network.datum.reference_from(start["point"])}
     movements = reference if network.datum.at_reference else None
-    datum = DatumDefinition(
-        network.datum.name, network.datum.free, {"point": network.datum.mask}, reference, movements
-    )
+    datum = DatumDefinition(network.datum.name, network.datum.free, {"point": network.datum.mask}, reference, movements)
     return Problem(index_unknowns(network.blocks), groups, clusters, datum)
 
 
@@ -141,9 +137,7 @@ def determinable_start(
     return _over_its_places(network, with_shared_components(network.blocks, start))
 
 
-def _over_its_places(
-    network: Network, start: Mapping[str, FloatArray]
-) -> tuple[Network, Mapping[str, FloatArray]]:
+def _over_its_places(network: Network, start: Mapping[str, FloatArray]) -> tuple[Network, Mapping[str, FloatArray]]:
     if network.world is None:
         return network, start
     from mor.project.planned_network import with_planes_over  # most projects need nothing of it
@@ -158,9 +152,7 @@ def worked_out(network: Network) -> Approximation:
     return approximate(network, partial(_settled, network))
 
 
-def _settled(
-    network: Network, start: Mapping[str, FloatArray]
-) -> tuple[Mapping[str, FloatArray], float] | None:
+def _settled(network: Network, start: Mapping[str, FloatArray]) -> tuple[Mapping[str, FloatArray], float] | None:
     """Values to which start values lead and their v'Pv, infinite if singular; ``None`` if they lead nowhere."""
     from mor.start.part import with_lines_turned
 
@@ -316,9 +308,7 @@ def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
         other = _from_start_values(anew, watch)
     except (InputError, NoStartValuesError):
         return found
-    sound = other.attempt.adjustment.outcome is Outcome.CONVERGED and not may_be_absurd(
-        other.attempt.adjustment
-    )
+    sound = other.attempt.adjustment.outcome is Outcome.CONVERGED and not may_be_absurd(other.attempt.adjustment)
     return other if sound else found
 
 
@@ -363,9 +353,7 @@ def _from_start_values(network: Network, watch: Watcher | None) -> _Adjusted:
             UndeterminedObject(*thing, LARGEST_WEIGHT, "left out")
             for thing in dict.fromkeys(thing_of(*block) for block in attempt.suspects.lost)
         ]
-        marked = {
-            kind: lost_blocks(blocks, kind, attempt.suspects.lost) for kind, blocks in network.blocks.items()
-        }
+        marked = {kind: lost_blocks(blocks, kind, attempt.suspects.lost) for kind, blocks in network.blocks.items()}
         network = with_blocks_held(network, marked, things)
     return _Adjusted(whole, start, network, attempt)
 
@@ -412,9 +400,7 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
         return Solved(network, sound, None, None, suspects)
     if suspects is not None:
         again = SolverSettings(settings.max_iterations)
-        quality, suspects = put_back(
-            quality, suspects, lambda one: assess(one, levels(settings), aposteriori), again
-        )
+        quality, suspects = put_back(quality, suspects, lambda one: assess(one, levels(settings), aposteriori), again)
     tests = group_tests(quality, network)
     tested = (quality.groups, tests)
     possible = _possible_causes(quality, network, tests, suspects)
@@ -496,11 +482,7 @@ def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Messag
             words = f"{group.type.name}, {names}: no value or no derivative at the start values"
             line = int(group.lines[row]) if len(group.lines) > row else 0
             angles = all(slot.kind == ROTATION.key for slot in group.type.slots)
-            asked = (
-                f"{words}; is phi ±100 gon there?"
-                if angles
-                else f"{words}; do two of its points coincide there?"
-            )
+            asked = f"{words}; is phi ±100 gon there?" if angles else f"{words}; do two of its points coincide there?"
             mistakes.append(Message(asked, group.file, line))
     return mistakes or [Message("observations have no value or no derivative at the last iteration")]
 

@@ -49,9 +49,7 @@ class PlannedProject(NamedTuple):
 def read_plan(document: Document, folder: Path) -> PlannedProject:
     """The plan of a project. Raises :class:`InputError`."""
     document, sighted = with_visible(document, folder)
-    return PlannedProject(
-        build_network(validate(document), document, folder, planned=True), document, sighted
-    )
+    return PlannedProject(build_network(validate(document), document, folder, planned=True), document, sighted)
 
 
 def at_its_place(network: Network) -> Network:
@@ -92,9 +90,7 @@ def _with_circles_at_zero(network: Network) -> tuple[dict[str, FloatArray], list
     """Start values with free turns of circles, and what has no place still."""
     place = {kind: values.copy() for kind, values in network.start.items()}
     stations = network.things["station"].parts["rotation"]
-    loose = (
-        stations[~np.isfinite(place["rotation"][stations]).all(axis=(1, 2))] if len(stations) else stations
-    )
+    loose = stations[~np.isfinite(place["rotation"][stations]).all(axis=(1, 2))] if len(stations) else stations
     if len(loose):
         place["rotation"][loose] = np.eye(3)
     missing = [
@@ -128,6 +124,4 @@ def solve_plan(network: Network) -> Solved:
         if not adjustment.outcome.is_solution:
             return Solved(network, adjustment, None)
         check_minimal(network, adjustment)
-        return with_poses(
-            Solved(network, adjustment, assess(adjustment, levels(settings), aposteriori=False))
-        )
+        return with_poses(Solved(network, adjustment, assess(adjustment, levels(settings), aposteriori=False)))

@@ -306,14 +306,10 @@ class Result:
         from mor.report.observations import observation_table
 
         frame = observation_table(self._solution)
-        units = dict.fromkeys(
-            ("observed", "adjusted", "v", "sigma", "sigma_adjusted", "error", "nabla"), "unit"
-        )
+        units = dict.fromkeys(("observed", "adjusted", "v", "sigma", "sigma_adjusted", "error", "nabla"), "unit")
         return Table(frame, {**units, "influence": self._length})
 
-    def covariance(
-        self, *points: str, images: Sequence[str] = (), cameras: Sequence[str] | None = None
-    ) -> Labelled:
+    def covariance(self, *points: str, images: Sequence[str] = (), cameras: Sequence[str] | None = None) -> Labelled:
         """Return the joint covariance of named points, images and cameras, or of all unknowns if none is named.
 
         An empty sequence ``cameras`` stands for all cameras. Labelled with names and units, in the datum of the result

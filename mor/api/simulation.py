@@ -112,12 +112,8 @@ def simulated(path: Path, form: str, seed: int, wishes: Wishes, noise: bool = Tr
     ]
     of_checks = [group.observed + error for group, error in zip(there.checks, drawn[kept:], strict=True)]
     observed = list(with_planted(problem, [*observed, *of_checks], found, wishes))
-    groups = tuple(
-        replace(group, observed=values) for group, values in zip(there.groups, observed, strict=False)
-    )
-    checks = tuple(
-        replace(group, observed=values) for group, values in zip(there.checks, observed[kept:], strict=True)
-    )
+    groups = tuple(replace(group, observed=values) for group, values in zip(there.groups, observed, strict=False))
+    checks = tuple(replace(group, observed=values) for group, values in zip(there.checks, observed[kept:], strict=True))
     there = replace(there, groups=groups, checks=checks, observed=_prior(there, groups))
     if there.world is not None:
         from mor.project.planned_network import with_control_moved  # most projects need nothing of it
@@ -330,8 +326,7 @@ def tasks_on_cluster(
     """
     here = Path.cwd()
     submitted = [
-        cluster.submit(_alone, function, number, task, here, most_seconds)
-        for number, task in enumerate(tasks)
+        cluster.submit(_alone, function, number, task, here, most_seconds) for number, task in enumerate(tasks)
     ]
     yield from map(cluster.result, submitted)
 

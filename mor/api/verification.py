@@ -72,9 +72,7 @@ class About(NamedTuple):
     def check(self, quantity: str, numbers: Iterable[Number]) -> Iterator[ReferenceCheck]:
         """One check of all numbers; none if there are no numbers."""
         found = [
-            ReferenceCheck(
-                self.group, self.name, quantity, self.source, place, 0, *map(float, (wanted, value, limit))
-            )
+            ReferenceCheck(self.group, self.name, quantity, self.source, place, 0, *map(float, (wanted, value, limit)))
             for place, value, wanted, limit in numbers
         ]
         if found:
@@ -127,9 +125,7 @@ def tasks() -> list[VerificationTask]:
     for group, scenes in (("closed forms", _CLOSED_FORMS), ("start values", _START_VALUES)):
         found += [VerificationTask(About(group, name, source), run) for name, source, run in scenes]
     for key, (name, run) in _WORKED_START_VALUES.items():
-        found.append(
-            VerificationTask(About("start values", name, small[key]["source"]), partial(run, small[key]))
-        )
+        found.append(VerificationTask(About("start values", name, small[key]["source"]), partial(run, small[key])))
     about = About("threads", "block of two images", "the same adjustment by one thread")
     found.append(VerificationTask(about, _threads))
     about = About("processes", _SIMULATED[0], "the same simulation by one process")
@@ -185,9 +181,7 @@ def _regression(data: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
     columns = (values, data["parameters"], names)
     yield from about.check("parameters", ((n, v, r, part * abs(r)) for v, r, n in zip(*columns, strict=True)))
     rows = zip(names, quality.sigma0 * scale, data["standard_deviations"], scale, strict=True)
-    yield from about.check(
-        "standard deviations", ((n, s, r, max(part * r, floor * q)) for n, s, r, q in rows)
-    )
+    yield from about.check("standard deviations", ((n, s, r, max(part * r, floor * q)) for n, s, r, q in rows))
     yield from about.check(
         "residual standard deviation", [("", quality.sigma0, residual, max(1e-10 * residual, floor))]
     )
@@ -210,9 +204,7 @@ def _columns(data: dict[str, Any], x: FloatArray) -> tuple[FloatArray, FloatArra
     mapped = (2.0 * x - sum(domain)) / (domain[1] - domain[0])
     back = np.zeros((degree + 1, degree + 1))
     for k in range(degree + 1):
-        coefficients = (
-            Chebyshev.basis(k, domain=domain).convert(kind=Polynomial, domain=_PLAIN, window=_PLAIN).coef
-        )
+        coefficients = Chebyshev.basis(k, domain=domain).convert(kind=Polynomial, domain=_PLAIN, window=_PLAIN).coef
         back[: len(coefficients), k] = coefficients
     return np.asarray(chebyshev.chebvander(mapped, degree), dtype=float), back
 
@@ -233,9 +225,7 @@ def linear_regression(A: FloatArray, y: FloatArray) -> Quality:
     # each parameter is a block of one component; heights are the plain kind
     slots = tuple(Slot(HEIGHT.key, f"b{k}", "value") for k in range(p))
     type_ = ObservationType("regression", (Component("y", NUMBER),), (), slots, equation)
-    group = ObservationGroup(
-        "y", type_, tuple(np.full(n, k) for k in range(p)), y[:, None], np.ones((n, 1)), A, ()
-    )
+    group = ObservationGroup("y", type_, tuple(np.full(n, k) for k in range(p)), y[:, None], np.ones((n, 1)), A, ())
     names = tuple(slot.of for slot in slots)
     blocks = {HEIGHT.key: Blocks(HEIGHT, names, np.ones((p, 1), dtype=bool), np.arange(p)[:, None])}
     problem = Problem(index_unknowns(blocks), (group,), (), DatumDefinition("none", False, {}, {}))
@@ -309,9 +299,7 @@ def image_results(solved: Solved) -> Estimates:
     images = solved.network.things["image"]
     position, rotation = images.parts["position"], images.parts["rotation"]
     values, cofactors = solved.adjustment.values, solved.quality.cofactors
-    pose = np.concatenate(
-        [values["point"][position], angles_from_rotation(values["rotation"][rotation])], axis=1
-    )
+    pose = np.concatenate([values["point"][position], angles_from_rotation(values["rotation"][rotation])], axis=1)
     by_angles = moves_by_angles(solved.network.blocks["rotation"])
     angles = angle_cofactors(cofactors["rotation"], values["rotation"], by_angles)
     blocks = (cofactors["point"][position], angles[rotation])
@@ -365,10 +353,7 @@ def network_checks(path: Path, about: About, solved: Solved | None = None) -> It
     yield from about.check("sigma0", [("", quality.sigma0, expected["sigma0"], limit)])
     points = point_results(solved)
     for name, kind in (("points", ""), ("published", " as printed")):
-        found = [
-            (f"{row['point']} {row['component']}", *_component(points, row), row)
-            for row in table(expected, name)
-        ]
+        found = [(f"{row['point']} {row['component']}", *_component(points, row), row) for row in table(expected, name)]
         if not found:
             continue
         own = tolerance if name == "points" else expected["published"]["tolerance"]
@@ -391,9 +376,7 @@ def _component(points: Estimates, row: dict[str, Any]) -> tuple[float, float]:
     return float(values[k]), float(sigma[k])
 
 
-def _image_checks(
-    solved: Solved, expected: dict[str, Any], about: About, factor: float
-) -> Iterator[ReferenceCheck]:
+def _image_checks(solved: Solved, expected: dict[str, Any], about: About, factor: float) -> Iterator[ReferenceCheck]:
     tolerance, images = expected["tolerance"], table(expected, "images")
     results = image_results(solved) if images else {}
     places: list[Number] = []
@@ -484,13 +467,9 @@ def _observation_checks(
     limits: list[Number] = []
     for row in table(expected, "levels"):
         above, below = row["test"][2:-1].split(",")
-        if (
-            below == "inf" and "." not in above
-        ):  # the others are tests of variance components, or no tests of mor
+        if below == "inf" and "." not in above:  # the others are tests of variance components, or no tests of mor
             limit = chi2_level(float(above), solved.quality.noncentrality, solved.quality.levels.power)
-            limits.append(
-                (row["test"], limit.critical / float(above), row["quantile"], 1e-7 * row["quantile"])
-            )
+            limits.append((row["test"], limit.critical / float(above), row["quantile"], 1e-7 * row["quantile"]))
             limits.append((row["test"], limit.level, row["alpha"], 1e-6 * row["alpha"]))
     yield from about.check("quantiles and levels", limits)
 
@@ -546,9 +525,7 @@ def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
             f"    rows: [{', '.join(rows)}]",
         ]
         variance = 2.0 * (_RADIUS * sigma) ** 2 / _SIDES
-    targets = ", ".join(
-        f"[T{k}, {a!r}, {b!r}]" for k, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True))
-    )
+    targets = ", ".join(f"[T{k}, {a!r}, {b!r}]" for k, (a, b) in enumerate(zip(x.tolist(), y.tolist(), strict=True)))
     solved = _solved(
         [
             "mor: 1",
@@ -567,29 +544,21 @@ def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
     found = observations(solved)
     redundancy = _SIDES - unknowns
     sigma0 = float(np.sqrt(errors @ errors / redundancy) / sigma)
-    yield from about.check(
-        "coordinates", ((f"M {n}", float(values[k]), 0.0, 1e-10) for k, n in enumerate("xy"))
-    )
+    yield from about.check("coordinates", ((f"M {n}", float(values[k]), 0.0, 1e-10) for k, n in enumerate("xy")))
     yield from about.check(
         "σ of coordinates",
         ((f"M {n}", float(sigmas[k]), sqrt(variance), 1e-9 * sqrt(variance)) for k, n in enumerate("xy")),
     )
     yield from about.check("sigma0", [("", quality.sigma0, sigma0, 1e-8 * sigma0)])
     residuals = zip(found, errors.tolist(), strict=True)
-    yield from about.check(
-        "residuals", ((one.name, one.v, -e, 1e-8 * float(errors.max())) for one, e in residuals)
-    )
-    yield from about.check(
-        "redundancy numbers", ((one.name, one.r, redundancy / _SIDES, 1e-10) for one in found)
-    )
+    yield from about.check("residuals", ((one.name, one.v, -e, 1e-8 * float(errors.max())) for one, e in residuals))
+    yield from about.check("redundancy numbers", ((one.name, one.r, redundancy / _SIDES, 1e-10) for one in found))
     yield from about.check("sum of redundancy numbers", [_redundancy(quality)])
 
 
 def _levelling_loop(about: About) -> Iterator[ReferenceCheck]:
     n, sigma, misclosure = 5, 0.001, 0.004
-    rows = [
-        f"[P{k}, P{(k + 1) % n}, {misclosure / n if k else misclosure / n - 0.0}, {sigma}]" for k in range(n)
-    ]
+    rows = [f"[P{k}, P{(k + 1) % n}, {misclosure / n if k else misclosure / n - 0.0}, {sigma}]" for k in range(n)]
     steps = [0.3, -0.7, 1.1, 0.2]
     steps.append(misclosure - sum(steps))
     rows = [f"[P{k}, P{(k + 1) % n}, {step!r}, {sigma}]" for k, step in enumerate(steps)]
@@ -655,10 +624,7 @@ def _weighted_mean(about: About) -> Iterator[ReferenceCheck]:
     expected = np.sqrt(np.diag(Q))
     yield from about.check(
         "σ of coordinates",
-        (
-            (f"P {n}", float(sigmas[k]), float(expected[k]), 1e-9 * float(expected[k]))
-            for k, n in enumerate("xyz")
-        ),
+        ((f"P {n}", float(sigmas[k]), float(expected[k]), 1e-9 * float(expected[k])) for k, n in enumerate("xyz")),
     )
     yield from about.check("sigma0", [("", _quality(solved).sigma0, sqrt(omega / 3.0), 1e-8)])
     yield from about.check("sum of redundancy numbers", [_redundancy(_quality(solved))])
@@ -762,9 +728,7 @@ def _quantiles(about: About) -> Iterator[ReferenceCheck]:
     numbers = [(f"α = {a}, upper", one.upper, -2.0 * log(0.5 * a), 1e-11) for a, one in tests.items()]
     numbers += [(f"α = {a}, lower", one.lower, -2.0 * log(1.0 - 0.5 * a), 1e-11) for a, one in tests.items()]
     yield from about.check("quantiles of χ² with 2 degrees of freedom", numbers)
-    students = [
-        (t, f, float(log_p_student(np.array([t**2]), f)[0])) for t in (0.5, 3.0, 40.0) for f in (1.0, 2.0)
-    ]
+    students = [(t, f, float(log_p_student(np.array([t**2]), f)[0])) for t in (0.5, 3.0, 40.0) for f in (1.0, 2.0)]
     yield from about.check(
         "ln p of Student's t with 1 and 2 degrees of freedom",
         (
@@ -831,9 +795,7 @@ _CLOSED_FORMS: tuple[tuple[str, str, Callable[[About], Iterable[ReferenceCheck]]
 
 def _numbers(name: str, found: FloatArray, reference: FloatArray, limit: float) -> Iterator[Number]:
     pairs = zip(np.ravel(found), np.ravel(reference), strict=True)
-    return (
-        (f"{name} {k + 1}", float(value), float(wanted), limit) for k, (value, wanted) in enumerate(pairs)
-    )
+    return ((f"{name} {k + 1}", float(value), float(wanted), limit) for k, (value, wanted) in enumerate(pairs))
 
 
 def _rinner(about: About) -> Iterator[ReferenceCheck]:
@@ -912,13 +874,9 @@ def _resection(example: dict[str, Any], about: About) -> Iterator[ReferenceCheck
     )
     rays = np.column_stack([xy, np.full(len(xy), -example["f_mm"])])
     found = resect(image_bundle(rays, 0.003), points)
-    yield from about.check(
-        "projection centre", _numbers("X0", found.position, np.array(result["X0_m"]), 1e-5)
-    )
+    yield from about.check("projection centre", _numbers("X0", found.position, np.array(result["X0_m"]), 1e-5))
     angles = np.degrees(found.angles)
-    yield from about.check(
-        "attitude", _numbers("angle", angles, np.array(result["omega_phi_kappa_deg"]), 1e-7)
-    )
+    yield from about.check("attitude", _numbers("angle", angles, np.array(result["omega_phi_kappa_deg"]), 1e-7))
     sigma0 = result["sigma0_mm"]
     yield from about.check("sigma0", [("", found.sigma0 * 0.003, sigma0, 1e-6 * sigma0)])
 
@@ -947,9 +905,7 @@ def _threads(about: About) -> Iterator[ReferenceCheck]:
     for i, pose in enumerate(_POSES[:2]):
         images.append(f"[I{i}, C, {', '.join(map(repr, pose))}]")
         measured = _brown(pose, points) + random.normal(0.0, 0.001, (_SHARED_POINTS, 2))
-        rays.append(
-            pl.DataFrame({"image": f"I{i}", "point": names, "x": measured[:, 0], "y": measured[:, 1]})
-        )
+        rays.append(pl.DataFrame({"image": f"I{i}", "point": names, "x": measured[:, 0], "y": measured[:, 1]}))
     interior = ", ".join(f"{key}: {value!r}" for key, value in _INTERIOR.items())
     lines = [
         "mor: 1",
@@ -991,10 +947,7 @@ def _processes(path: Path, about: About) -> Iterator[ReferenceCheck]:
         ThreadPoolExecutor(2) as pool,
     ):
         chunks = [(0, CHUNK), (CHUNK, CHUNK)]
-        shared = [
-            Task((str(path.resolve()), str(first), str(count)), Path(f"{first}.log"))
-            for first, count in chunks
-        ]
+        shared = [Task((str(path.resolve()), str(first), str(count)), Path(f"{first}.log")) for first, count in chunks]
         begin = partial(done_alone, _write_tally, folder=Path(folder))
         for task, done in zip(shared, pool.map(begin, range(2), shared), strict=True):
             if done.code != 0:

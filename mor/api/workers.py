@@ -115,9 +115,7 @@ def _what_became(worker: _Worker, most: float | None) -> Done | None:
     return Done(worker.number, None, f"ended after {most:g} s", seconds)
 
 
-def done_alone(
-    function: Function, number: int, task: Task, folder: Path, most_seconds: float | None = None
-) -> Done:
+def done_alone(function: Function, number: int, task: Task, folder: Path, most_seconds: float | None = None) -> Done:
     """Do a task in a process of its own, begun in a folder, which ends where this one is lost.
 
     Unlike those of :func:`run_tasks` it may be begun by the worker of a cluster, which must have no children of
@@ -126,9 +124,7 @@ def done_alone(
     begun = time.monotonic()
     with (
         (folder / task.log).open("wb") as log,
-        Popen(
-            [sys.executable, "-P", "-m", __name__], stdin=PIPE, stdout=log, stderr=log, cwd=folder
-        ) as process,
+        Popen([sys.executable, "-P", "-m", __name__], stdin=PIPE, stdout=log, stderr=log, cwd=folder) as process,
     ):
         assert process.stdin is not None
         pickle.dump((function, task.arguments), process.stdin)

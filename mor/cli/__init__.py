@@ -136,8 +136,7 @@ def _out_of_memory(error: MemoryError) -> str:
 
 
 OUT_OF_MEMORY = (
-    "Use --no-html and --tables worst, adjust fewer observations at a time, "
-    "or use a machine with more memory."
+    "Use --no-html and --tables worst, adjust fewer observations at a time, or use a machine with more memory."
 )
 
 
@@ -148,9 +147,7 @@ def _tell(error: MorError, language: str) -> None:
     lines = [shortened(line) for line in _said(error, language).splitlines()]
     more = len(lines) - MOST_TOLD
     if more > 0:
-        words = (
-            f"… and {more} more mistakes; {getattr(error, 'told_by', 'mor check --all')} lists all of them"
-        )
+        words = f"… and {more} more mistakes; {getattr(error, 'told_by', 'mor check --all')} lists all of them"
         lines = [*lines[: MOST_TOLD - 1], told(words, language), lines[-1]]
     for line in lines:
         click.echo(line, err=True)

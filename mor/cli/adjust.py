@@ -99,9 +99,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
 @click.option(
     "--json", "as_json", is_flag=True, help="Print results.json on standard output; write files only with -o."
 )
-@click.option(
-    "--strict", is_flag=True, help="Exit with 1 if the global test rejects or an observation is flagged."
-)
+@click.option("--strict", is_flag=True, help="Exit with 1 if the global test rejects or an observation is flagged.")
 @click.option(
     "--snoop",
     is_flag=True,
@@ -282,9 +280,7 @@ def adjusted(document: Document, folder: Path, snoop: bool, say: Progress) -> So
     say.inputs_are_known()
     say.phase("adjusting")
     project = Project(document, network, folder)
-    solved = adjust(
-        project, snoop, say.iteration, lambda effort: say.phase("precision and reliability", effort)
-    ).solved
+    solved = adjust(project, snoop, say.iteration, lambda effort: say.phase("precision and reliability", effort)).solved
     say.notes(solved.network.notes[len(network.notes) :])
     return solved
 
@@ -364,9 +360,7 @@ def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Mess
     notes = []
     if tables is None and is_large(solved):
         notes.append(
-            Message(
-                f"only the {WORST} worst residuals are written because of their number; --tables all writes all"
-            )
+            Message(f"only the {WORST} worst residuals are written because of their number; --tables all writes all")
         )
     if html is None and entries(solved) > MOST_OF_PAGE:
         notes.append(Message("no report.html because of the number of observations; mor report writes it"))

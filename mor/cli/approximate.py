@@ -128,9 +128,7 @@ def _report(
     from mor.report.start_values import start_data, start_text, start_values
 
     words = words_of_start_values(lang)
-    rows = start_values(
-        network, approximation, make_problem(network, approximation.start, approximation.start)
-    )
+    rows = start_values(network, approximation, make_problem(network, approximation.start, approximation.start))
     text = start_text(approximation, rows, words)
     click.echo(to_json(start_data(network, approximation, rows)) if as_json else text, nl=False)
     if plot is not None:

@@ -43,9 +43,7 @@ _TABLES = ("batch.txt", "batch.json", "batch.html", "junit.xml")
 )
 @jobs_option("Number of processes that share the projects.")
 @cluster_option
-@click.option(
-    "--strict", is_flag=True, help="Let projects fail that are rejected or have flagged observations."
-)
+@click.option("--strict", is_flag=True, help="Let projects fail that are rejected or have flagged observations.")
 @click.option("--snoop", is_flag=True, help="Data snooping in every project.")
 @click.option("--html", is_flag=True, help="Also write report.html of each project.")
 @click.option(

@@ -28,9 +28,7 @@ FORMS = ("opencv", "metashape", "colmap", "aicon", "photomodeler")
     show_default="certificate_CAMERA.html in RESULTS",
     help="File to write: .html, .txt or .pdf, or the calibration of --to.",
 )
-@click.option(
-    "--to", "form", type=click.Choice(FORMS), help="Write the calibration for another program instead."
-)
+@click.option("--to", "form", type=click.Choice(FORMS), help="Write the calibration for another program instead.")
 @click.option(
     "--dcc",
     "admin",
@@ -124,9 +122,7 @@ def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
     return write_calibration(read_document(adjusted), results, camera, form, target)
 
 
-def _certified(
-    results: Path, camera: str, target: Path, paper: str, coverage: float | None, lang: str
-) -> Content:
+def _certified(results: Path, camera: str, target: Path, paper: str, coverage: float | None, lang: str) -> Content:
     """The certificate, or what writes it as PDF."""
     from mor.errors import InputError, Message
     from mor.report.certificate import certificate, certificate_page, certificate_text

@@ -12,9 +12,7 @@ from mor.cli.options import InputPath, format_option, only_project, quiet_option
 
 @click.command(name="check")
 @click.argument("project", type=InputPath())
-@click.option(
-    "-a", "--all", "everything", is_flag=True, help="List all mistakes and notes, not only the first twenty."
-)
+@click.option("-a", "--all", "everything", is_flag=True, help="List all mistakes and notes, not only the first twenty.")
 @format_option
 @quiet_option
 def command(project: Path, everything: bool, source_format: str | None, quiet: bool) -> int:

@@ -51,9 +51,7 @@ SCHEMA = "mor-results"
     metavar="EPOCH EPOCH",
     help="Two epochs of one adjustment: congruence test over the moving points seen in both.",
 )
-@click.option(
-    "--level", default=0.001, show_default=True, metavar="NUMBER", help="Level α of the tests of movements."
-)
+@click.option("--level", default=0.001, show_default=True, metavar="NUMBER", help="Level α of the tests of movements.")
 @click.option("--known-sigma0", is_flag=True, help="Test with σ0 a priori, not with the estimated one.")
 @click.option(
     "--page",
@@ -144,8 +142,7 @@ def _regression(one: Path, other: Path, tol: float, lang: str, quiet: bool) -> E
     if not quiet:
         for difference in found[:SHOWN]:
             click.echo(
-                f"{difference.place}: {words.listed(_said(difference.one))}"
-                f" | {words.listed(_said(difference.other))}"
+                f"{difference.place}: {words.listed(_said(difference.one))} | {words.listed(_said(difference.other))}"
             )
         if len(found) > SHOWN:
             click.echo(words("and {count} more", count=len(found) - SHOWN))
@@ -191,8 +188,7 @@ def _epochs(
         raise InputError([Message("the two epochs have no points in common", str(other))])
     coordinates = first.network.start["point"][blocks_of(first.network, names)]
     solved = [
-        solve(replace(epoch, network=over_points(epoch.network, names, coordinates)))
-        for epoch in (first, second)
+        solve(replace(epoch, network=over_points(epoch.network, names, coordinates))) for epoch in (first, second)
     ]
     assessed = [(s.quality, blocks_of(s.network, names)) for s in solved if s.quality is not None]
     with chosen_by_size(max(s.network.observations for s in solved)):
@@ -236,9 +232,7 @@ def _epoch_numbers(solved: Solved, wanted: tuple[str, str], path: Path) -> tuple
             raise InputError([Message(f"--between: {error}")]) from None
         if time not in motion.times:
             known = [motion.labels[k] for k in motion.in_order]
-            words = (
-                f"--between: no epoch {text!r}{nearest(text, known)}; there are {', '.join(known) or 'none'}"
-            )
+            words = f"--between: no epoch {text!r}{nearest(text, known)}; there are {', '.join(known) or 'none'}"
             raise InputError([Message(words, str(path))])
         numbers.append(motion.times.index(time))
     if numbers[0] == numbers[1]:

@@ -28,9 +28,7 @@ _OWN = (".yaml", ".yml")
     multiple=True,
     help="Format of SOURCE; by default found from its content. Repeat it for several files, in their order.",
 )
-@click.option(
-    "--to", "target_format", metavar="FORMAT", help="Format of TARGET, if its suffix does not determine it."
-)
+@click.option("--to", "target_format", metavar="FORMAT", help="Format of TARGET, if its suffix does not determine it.")
 @force_option
 @quiet_option
 def command(
@@ -76,9 +74,7 @@ def command(
     if not key and place.suffix.lower() not in _OWN:
         words = "this name has no suffix of a known format; use the suffix .yaml for a project file, or --to FORMAT"
         raise InputError([Message(words, str(place))])
-    files, notes = (
-        _own_files(document, source, place) if not key else _foreign_files(document, source, place, key)
-    )
+    files, notes = _own_files(document, source, place) if not key else _foreign_files(document, source, place, key)
     write_files(files, force, makes_folders=True)
     if not quiet:
         for note in [*document.notes, *notes]:
@@ -104,9 +100,7 @@ def _own_files(document: Document, source: Path, target: Path) -> tuple[dict[Pat
     return {path: text.encode() for path, text in texts.items()}, []
 
 
-def _foreign_files(
-    document: Document, source: Path, target: Path, key: str
-) -> tuple[dict[Path, bytes], list[Message]]:
+def _foreign_files(document: Document, source: Path, target: Path, key: str) -> tuple[dict[Path, bytes], list[Message]]:
     from mor.formats import write_foreign
 
     return write_foreign(document, source.parent, target, key)

@@ -123,15 +123,11 @@ def command(
     check_covariance(output)
     check_file(output, force)
     if (blocks or relative or relative_pose) and output.suffix != ".csv":
-        raise InputError(
-            [Message("--blocks, --relative and --relative-pose are written as .csv", str(output))]
-        )
+        raise InputError([Message("--blocks, --relative and --relative-pose are written as .csv", str(output))])
     project = reopen(results)
     solved = in_datum(project, target, "--to")[1] if target is not None else solve(project)
     with chosen_by_size(solved.network.observations):
-        write_file(
-            output, lambda path: _write(path, solved, named, blocks, relative, relative_pose, coverage), force
-        )
+        write_file(output, lambda path: _write(path, solved, named, blocks, relative, relative_pose, coverage), force)
     if coverage is not None:
         said = coverage_words(coverage, freedom_of(solved), words_of(language_of_command()))
         click.echo(said, err=True)

@@ -12,9 +12,7 @@ from mor.cli.options import InputPath, OutputPath
 
 @click.command(name="datum")
 @click.argument("results", type=InputPath())
-@click.option(
-    "--to", "target", metavar="DATUM", required=True, help="The other datum, as in the project file."
-)
+@click.option("--to", "target", metavar="DATUM", required=True, help="The other datum, as in the project file.")
 @click.option(
     "-o",
     "--output",
@@ -53,9 +51,7 @@ def command(results: Path, target: str, output: Path | None, force: bool, lang: 
         check_folder(output, force, usual_files(None, "csv"))
     project, solved = in_datum(project, target, "--to")
     if not solved.adjustment.defect.datum.size:
-        words = (
-            "the observations define the datum themselves (defect 0): it stays the same whatever --to says"
-        )
+        words = "the observations define the datum themselves (defect 0): it stays the same whatever --to says"
         click.echo(words_of(lang)("note: {text}", text=words_of(lang)(words)), err=True)
     if output is not None:
         choice = Choice(tables_by_size(solved), language=lang)

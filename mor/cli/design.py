@@ -42,9 +42,7 @@ if TYPE_CHECKING:
     type=click.IntRange(min=1),
     help="Choose up to N candidates, one after another, until all requirements are met.",
 )
-@click.option(
-    "--json", "as_json", is_flag=True, help="Print design.json on standard output; write files only with -o."
-)
+@click.option("--json", "as_json", is_flag=True, help="Print design.json on standard output; write files only with -o.")
 @language_option("the report")
 @kernels_option
 @quiet_option

@@ -73,9 +73,7 @@ def command(
             return left > 0.0
 
         say.phase("adjusting")
-        solved, found = diagnose_network(
-            Project(document, network, project.parent).network, go_on, say.iteration
-        )
+        solved, found = diagnose_network(Project(document, network, project.parent).network, go_on, say.iteration)
     data = diagnosis(network, found, document, project.parent)
     data["possible_causes"] = possible_causes(solved) if solved is not None else []
     accepted = solved is not None and solved.accepted and solved.suspects is None and not found.trials

@@ -16,9 +16,7 @@ from mor.cli.options import InputPath, OutputPath, force_option
 @click.option(
     "-t", "--title", default="", metavar="TEXT", show_default="name of the file", help="Title of the project."
 )
-@click.option(
-    "--length", metavar="UNIT", default="m", show_default=True, help="Unit of lengths: m, mm, ft and more."
-)
+@click.option("--length", metavar="UNIT", default="m", show_default=True, help="Unit of lengths: m, mm, ft and more.")
 @click.option(
     "--angle",
     metavar="UNIT",
@@ -29,9 +27,7 @@ from mor.cli.options import InputPath, OutputPath, force_option
 @click.option("--camera", metavar="NAME", default="camera", show_default=True, help="Name of the camera.")
 @click.option("-c", "--constant", metavar="NUMBER", type=float, help="Camera constant, mm.")
 @click.option("--size", metavar="WIDTH HEIGHT", type=(int, int), help="Image format, px.")
-@click.option(
-    "--pixel", metavar="SIZE", default="0.004 mm", show_default=True, help="Pixel size with its unit."
-)
+@click.option("--pixel", metavar="SIZE", default="0.004 mm", show_default=True, help="Pixel size with its unit.")
 @click.option(
     "--datum",
     type=click.Choice(["fixed", "free"]),
@@ -97,9 +93,7 @@ def command(
         return
     for unit, known in ((length, LENGTH_UNITS), (angle, ANGLE_UNITS)):
         if unit not in known:
-            raise InputError(
-                [Message(f"unknown unit {unit!r}{nearest(unit, known)} (known: {', '.join(known)})")]
-            )
+            raise InputError([Message(f"unknown unit {unit!r}{nearest(unit, known)} (known: {', '.join(known)})")])
     if tables and all(map(is_photograph, tables)):
         _begin_from_photographs(project, tables, force)
         return

@@ -40,9 +40,7 @@ def command() -> None:
     """
 
 
-@command.command(
-    name="relative", short_help="Two images or a chain, from 8 or more homologous points (Rinner)."
-)
+@command.command(name="relative", short_help="Two images or a chain, from 8 or more homologous points (Rinner).")
 @click.argument("pairs", type=InputPath())
 @_CONSTANT
 @_SIGMA
@@ -100,9 +98,7 @@ def relative_command(
     return ExitCode.DONE if solved(found) else ExitCode.SINGULAR
 
 
-@command.command(
-    name="planar", short_help="A plane object, from two or more images of 4 or more points (Killian)."
-)
+@command.command(name="planar", short_help="A plane object, from two or more images of 4 or more points (Killian).")
 @click.argument("points", type=InputPath())
 @_CONSTANT
 @_SIGMA

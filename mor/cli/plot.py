@@ -46,9 +46,7 @@ KINDS = ("network", "ellipses", "residuals", "camera", "histogram", "overlap")
 )
 @click.option("-f", "--force", is_flag=True, help="Replace an existing file.")
 @language_option("the picture")
-def command(
-    kind: str, source: Path, output: Path, name: str | None, confidence: str, force: bool, lang: str
-) -> None:
+def command(kind: str, source: Path, output: Path, name: str | None, confidence: str, force: bool, lang: str) -> None:
     """Plot SOURCE: network, ellipses, residuals, camera, histogram or overlap.
 
     \b
@@ -88,9 +86,7 @@ def view_of_source(source: Path) -> View:
     solved = adjust(source).solved
     if solved.quality is None:
         reason = solved.adjustment.reason or solved.adjustment.outcome.value
-        raise InputError(
-            [Message(f"the adjustment has no solution ({reason}): there is nothing to plot", str(source))]
-        )
+        raise InputError([Message(f"the adjustment has no solution ({reason}): there is nothing to plot", str(source))])
     return view_of(solved, observation_table(solved))
 
 

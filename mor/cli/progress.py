@@ -48,9 +48,7 @@ def iteration_line(step: Iteration, words: Words = ENGLISH) -> str:
     )
 
 
-def iteration_table(
-    steps: Sequence[Iteration], title: str, most: int | None = MOST, words: Words = ENGLISH
-) -> Table:
+def iteration_table(steps: Sequence[Iteration], title: str, most: int | None = MOST, words: Words = ENGLISH) -> Table:
     """Number, σ0, largest change in units of σ and length of step: of many iterations the first and the last ones."""
     from rich import box
     from rich.table import Table
@@ -149,9 +147,7 @@ class Progress:
 
     def table_counter(self, document: Document, folder: Path) -> Callable[[str | None], None]:
         """Counts the tables of a project that are read, by the sizes of their files."""
-        sizes = {
-            name: path.stat().st_size for name in document.table_files() if (path := folder / name).is_file()
-        }
+        sizes = {name: path.stat().st_size for name in document.table_files() if (path := folder / name).is_file()}
         more = self.counter(sum(sizes.values()))
         return lambda name: more(sizes.get(name or "", 0))
 

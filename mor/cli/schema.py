@@ -6,9 +6,7 @@ import click
 
 
 @click.command(name="schema")
-@click.argument(
-    "what", metavar="[project|results]", type=click.Choice(["project", "results"]), default="project"
-)
+@click.argument("what", metavar="[project|results]", type=click.Choice(["project", "results"]), default="project")
 def command(what: str) -> None:
     """Print the JSON Schema of project files (for editors), or of results.json (for programs).
 

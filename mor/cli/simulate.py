@@ -194,9 +194,7 @@ def _refuse_with_runs(gross: int, drop: float, systematic: Sequence[Systematic],
     from mor.errors import InputError, Message
 
     given = {"--gross": gross, "--drop": drop, "--offset or --ppm": systematic, "--noise-free": noise_free}
-    problems = [
-        Message("this goes with one simulated project, not with --runs", key) for key, v in given.items() if v
-    ]
+    problems = [Message("this goes with one simulated project, not with --runs", key) for key, v in given.items() if v]
     if problems:
         raise InputError(problems)
 

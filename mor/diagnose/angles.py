@@ -104,9 +104,7 @@ def _turned_on(network: Network, number: int, rows: list[int], slot: int, values
     return with_blocks(network, number, rows, {slot: [own] * len(rows)})
 
 
-def _sets(
-    situation: Situation, number: int, group: ObservationGroup
-) -> Iterator[tuple[tuple[str, ...], IntArray]]:
+def _sets(situation: Situation, number: int, group: ObservationGroup) -> Iterator[tuple[tuple[str, ...], IntArray]]:
     """The whole group, which may fit a mirrored place of its stations, and the rows of each station that fit badly."""
     bad: BoolArray = np.asarray(situation.misfitting[number].any(axis=1))
     yield (group.name,), np.arange(group.count)
@@ -115,9 +113,7 @@ def _sets(
     shares = {name: float(bad[stations == name].mean()) for name in names if np.sum(stations == name) > 1}
     worst = sorted((name for name in shares if shares[name] >= _BAD), key=lambda name: -shares[name])
     causes = ("circle sense", "circle unit", "elevation for zenith")
-    scored = [
-        name for one in situation.scored if one.cause in causes for name in one.things if name in shares
-    ]
+    scored = [name for one in situation.scored if one.cause in causes for name in one.things if name in shares]
     for name in dict.fromkeys([*scored, *worst[:_STATIONS]]) if len(names) > 1 else []:
         yield (name, group.name), np.flatnonzero(stations == name)
 
@@ -181,9 +177,7 @@ def _of_rows(
             partial(_complement, columns),
             f"observations, {things[0]}: type: directions",
             0.0,
-            _in_cells(
-                network, number, rows, [names[k] for k in columns], lambda angle: (0.25 * full - angle) % full
-            ),
+            _in_cells(network, number, rows, [names[k] for k in columns], lambda angle: (0.25 * full - angle) % full),
         )
 
 
@@ -366,9 +360,7 @@ def exchanged_frames(network: Network, pair: tuple[str, str], of: str, only: int
             continue
         blocks, changed = list(group.blocks), False
         for slot in _slots(group, of, only != ALL):
-            column = group.references[
-                [r.name for r in group.type.references].index(group.type.slots[slot].of)
-            ]
+            column = group.references[[r.name for r in group.type.references].index(group.type.slots[slot].of)]
             names = np.array(list(column))
             rows = [np.flatnonzero(names == name) for name in pair]
             known = _blocks_of(network, pair, of, group.type.slots[slot].part)
@@ -426,9 +418,7 @@ def _stations_of_frame(situation: Situation) -> list[Hypothesis]:
                 rows = np.flatnonzero(column == name).tolist()
                 booked += cells(network, only, rows, group.type.references[0].name, to(other))
             found.append(
-                _hypothesis_of_frame(
-                    "set-ups exchanged", pair, "station", len(pairs), booked, situation, only
-                )
+                _hypothesis_of_frame("set-ups exchanged", pair, "station", len(pairs), booked, situation, only)
             )
             continue
         found.append(_exchanged_stations(situation, pair, len(pairs)))
@@ -448,9 +438,7 @@ def _exchanged_stations(situation: Situation, pair: tuple[str, str], candidates:
 def _alike(network: Network, pair: tuple[str, str]) -> bool:
     cameras = network.things["image"].parts["camera"]
     numbers = network.things["image"].numbers
-    models = {
-        network.project.cameras[network.things["camera"].ids[cameras[numbers[name]]]].model for name in pair
-    }
+    models = {network.project.cameras[network.things["camera"].ids[cameras[numbers[name]]]].model for name in pair}
     return len(models) == 1
 
 
@@ -478,9 +466,7 @@ def _best(situation: Situation, pairs: list[_Pair], of: str) -> list[_Pair]:
     for pair, only in pairs:
         places = [situation.values]
         blocks = _blocks_of(network, pair, of, "position")
-        if (
-            blocks is not None
-        ):  # the points, or images, are where the others have them, or have been exchanged
+        if blocks is not None:  # the points, or images, are where the others have them, or have been exchanged
             places.append(_exchanged_values(situation.values, _kind(network, of), blocks))
         changed = exchanged_frames(network, pair, of, only)
         gains[pair, only] = now - min(_cost(situation, changed, values) for values in places)

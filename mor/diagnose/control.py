@@ -77,12 +77,7 @@ def table_unit_hypotheses(situation: Situation) -> list[Hypothesis]:
     scored = [one.things for one in situation.scored if one.cause == "table unit"]
     for number, group in enumerate(network.groups):
         lengths = np.array([c.quantity.length == 1 for c in group.type.components])
-        if (
-            not lengths.any()
-            or not group.type.distances
-            or group.count < _AT_LEAST
-            or is_image_point(group.type)
-        ):
+        if not lengths.any() or not group.type.distances or group.count < _AT_LEAST or is_image_point(group.type):
             continue
         count = int(np.count_nonzero(group.mask[:, lengths]))
         for words, factor in LENGTHS.items():
@@ -98,9 +93,7 @@ def table_unit_hypotheses(situation: Situation) -> list[Hypothesis]:
                     len(LENGTHS),
                     stretch=count * float(np.log(factor)),
                     afresh=True,
-                    edits=table_key(
-                        network, number, "units", f"{{{', '.join(f'{n}: {unit}' for n in names)}}}"
-                    ),
+                    edits=table_key(network, number, "units", f"{{{', '.join(f'{n}: {unit}' for n in names)}}}"),
                 )
             )
     return sorted(found, key=lambda one: one.things not in scored)
@@ -139,9 +132,7 @@ def _common(network: Network, label: str, chosen: tuple[int, ...], name: str, se
     line = f"instruments: {{edm: {{{name}: {given}}}}}; observations, {label}: instrument: edm"
     tables = [edit for k in chosen for edit in table_key(network, k, "instrument", "edm")]
     edits = (key_edit(("instruments", "edm", name), given), *tables) if len(tables) == len(chosen) else ()
-    return Hypothesis(
-        f"distance {name}", (label,), change, line, sets, parameters=1, edits=edits, amount=amount
-    )
+    return Hypothesis(f"distance {name}", (label,), change, line, sets, parameters=1, edits=edits, amount=amount)
 
 
 def other_kind(group: ObservationGroup) -> tuple[str, ObservationGroup, str]:
@@ -376,9 +367,7 @@ def _sighted_exchanged(situation: Situation, control: ControlPoints) -> list[tup
     return sorted(drops, key=lambda pair: -drops[pair])[:_PAIRS]
 
 
-def _misfit(
-    situation: Situation, control: ControlPoints, adjusted: FloatArray, pair: tuple[int, int]
-) -> float:
+def _misfit(situation: Situation, control: ControlPoints, adjusted: FloatArray, pair: tuple[int, int]) -> float:
     """Misfit of the given coordinates, two exchanged, to those that were adjusted: as they are, or moved as a whole."""
     order = np.arange(len(control.given))
     order[list(pair)] = order[list(reversed(pair))]
@@ -391,9 +380,7 @@ def _misfit(
     return min(float(np.sum(residuals**2)), plain**2 + float(np.sum((adjusted - given) ** 2)))
 
 
-def _exchange(
-    situation: Situation, control: ControlPoints, pair: tuple[int, int], candidates: int
-) -> Hypothesis:
+def _exchange(situation: Situation, control: ControlPoints, pair: tuple[int, int], candidates: int) -> Hypothesis:
     names = [situation.network.blocks["point"].ids[control.points[k]] for k in pair]
     points = control.points[list(pair)]
     return Hypothesis(
@@ -447,9 +434,7 @@ def scored_sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
                 count = int(np.count_nonzero(group.mask & ~group.left_out))
                 plain = _hypothesis(situation, number, group.name, float(f"{one.amount.value:.3g}"), count)
                 found.append(
-                    replace(
-                        plain, cause="sigma of a table", parameters=1, amount=partial(_the_same, one.amount)
-                    )
+                    replace(plain, cause="sigma of a table", parameters=1, amount=partial(_the_same, one.amount))
                 )
     return found
 
@@ -503,7 +488,5 @@ def _hypothesis(situation: Situation, number: int, name: str, factor: float, cou
         line,
         len(_FACTORS),
         stretch=-count * float(np.log(factor)),
-        edits=()
-        if at is None
-        else (KeyEdit((*at, "factor"), lambda old, _: f"{float(old or 1) * factor:g}"),),
+        edits=() if at is None else (KeyEdit((*at, "factor"), lambda old, _: f"{float(old or 1) * factor:g}"),),
     )

@@ -86,9 +86,7 @@ def implausible_height_hypotheses(situation: Situation) -> list[Hypothesis]:
     for one in height_sights(situation.network):
         number, rows, slot = one.rows[0]
         if len(one.things) == 1 and beyond[situation.network.groups[number].blocks[slot][rows]].all():
-            found.append(
-                replace(_hypothesis(situation, one, 1, usual_height(situation.network)), afresh=True)
-            )
+            found.append(replace(_hypothesis(situation, one, 1, usual_height(situation.network)), afresh=True))
     return found[:_TRIED]
 
 
@@ -119,8 +117,7 @@ def _antenna(situation: Situation, name: str, amount: AddedParameter) -> Hypothe
         return changed
 
     edits = [
-        cells(network, number, rows.tolist(), "dz", computed(partial(float.__add__, by)))
-        for number, rows, by in ends
+        cells(network, number, rows.tolist(), "dz", computed(partial(float.__add__, by))) for number, rows, by in ends
     ]
     return Hypothesis(
         "antenna height",
@@ -202,9 +199,7 @@ def _reductions(here: Adjustment, sights: list[HeightRows]) -> FloatArray:
     return np.where(good, right**2 / np.where(good, left, 1.0), 0.0)
 
 
-def _hypothesis(
-    situation: Situation, sights: HeightRows, candidates: int, begin: float | None = None
-) -> Hypothesis:
+def _hypothesis(situation: Situation, sights: HeightRows, candidates: int, begin: float | None = None) -> Hypothesis:
     network = situation.network
     number = len(network.blocks["height"].ids)
     given = _given(network, sights) if begin is None else begin

@@ -93,9 +93,7 @@ def table_key(network: Network, number: int, name: str, text: str) -> tuple[Edit
     return () if at is None else (key_edit((*at, name), text),)
 
 
-def cells(
-    network: Network, number: int, rows: Iterable[int], column: str, change: CellChange
-) -> tuple[Edit, ...]:
+def cells(network: Network, number: int, rows: Iterable[int], column: str, change: CellChange) -> tuple[Edit, ...]:
     """Return the edits of a column in some rows of a group of observations."""
     at, group = table_of(network, number), network.groups[number]
     rows = list(rows)
@@ -166,12 +164,7 @@ def as_diff(
         amount: The estimated parameter, for edits that write it.
     """
     project = Path(document.file)
-    if (
-        not edits
-        or document.files
-        or project.suffix.lower() not in (".yaml", ".yml")
-        or not project.is_file()
-    ):
+    if not edits or document.files or project.suffix.lower() not in (".yaml", ".yml") or not project.is_file():
         return None
     try:
         return _Files(document, project, folder).diff(edits, amount)
@@ -204,9 +197,7 @@ class _Files:
         for (start, end), text in sorted(self.pieces[path].items(), reverse=True):
             new = new[:start] + text + new[end:]
         name = path.name if path.parent == self.project.parent else str(path)
-        lines = difflib.unified_diff(
-            old.splitlines(keepends=True), new.splitlines(keepends=True), name, name, n=1
-        )
+        lines = difflib.unified_diff(old.splitlines(keepends=True), new.splitlines(keepends=True), name, name, n=1)
         return "".join(line if line.endswith("\n") else f"{line}\n" for line in lines)
 
     def _text(self, path: Path) -> str:
@@ -285,9 +276,7 @@ class _Files:
             place = len(whole) if place < 0 else place
             self._replace(self.project, place, place, f"\n{indent}{first}: {text}")
         else:
-            self._replace(
-                self.project, name.start_mark.index, name.start_mark.index, f"{first}: {text}\n{indent}"
-            )
+            self._replace(self.project, name.start_mark.index, name.start_mark.index, f"{first}: {text}\n{indent}")
 
     def _change_cell(self, edit: CellEdit, amount: AddedParameter | None) -> None:
         table: Any = self.document.data
@@ -329,9 +318,7 @@ class _Files:
             raise _NotExpressibleError
         start, end = node.start_mark.index, node.end_mark.index
         text = edit.change(node.value, amount)
-        if text is not None and (
-            not text or re.search(r"[^\w.+\-]", text) or whole[start : start + 1] in "\"'"
-        ):
+        if text is not None and (not text or re.search(r"[^\w.+\-]", text) or whole[start : start + 1] in "\"'"):
             text = '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
         self._replace(self.project, start, end, text)
 
@@ -353,9 +340,7 @@ class _Files:
             header = list(declared)
         else:
             model = TableEntry.model_construct(columns=declared)
-            header = [
-                our_name(model, name.strip().lstrip("\ufeff")) for name in lines[used[0]].split(delimiter)
-            ]
+            header = [our_name(model, name.strip().lstrip("\ufeff")) for name in lines[used[0]].split(delimiter)]
             used = used[1:]
         if edit.column not in header:
             raise _NotExpressibleError
@@ -495,9 +480,7 @@ def with_group(network: Network, number: int, group: ObservationGroup) -> Networ
     return replace(network, groups=tuple(groups))
 
 
-def with_observed(
-    network: Network, number: int, rows: IntArray, change: Callable[[FloatArray], FloatArray]
-) -> Network:
+def with_observed(network: Network, number: int, rows: IntArray, change: Callable[[FloatArray], FloatArray]) -> Network:
     """Return the network with changed observed values (k, m) of some rows of a group, and their faces.
 
     Of image coordinates the measured ones, before distortion, are changed as well.
@@ -514,9 +497,7 @@ def with_observed(
     return with_group(network, number, replace(group, observed=observed, constants=constants))
 
 
-def with_blocks(
-    network: Network, number: int, rows: Sequence[int], blocks: Mapping[int, Sequence[int]]
-) -> Network:
+def with_blocks(network: Network, number: int, rows: Sequence[int], blocks: Mapping[int, Sequence[int]]) -> Network:
     """The network with other blocks in some slots (by number) of some rows of a group."""
     group = network.groups[number]
     changed = list(group.blocks)
@@ -541,12 +522,8 @@ def with_unknown(
         ids=(*blocks.ids, "hypothesis"),
         free=np.concatenate([blocks.free, free[None]]),
         owner=np.concatenate([blocks.owner, more]),
-        about_axes=None
-        if blocks.about_axes is None
-        else np.append(blocks.about_axes, blocks.about_axes[like]),
-        difference=None
-        if blocks.difference is None
-        else np.concatenate([blocks.difference, 0.0 * value[None]]),
+        about_axes=None if blocks.about_axes is None else np.append(blocks.about_axes, blocks.about_axes[like]),
+        difference=None if blocks.difference is None else np.concatenate([blocks.difference, 0.0 * value[None]]),
     )
     return replace(
         network,
@@ -700,9 +677,7 @@ class Situation:
     def most_do_not_fit(self) -> bool:
         """True where half of all rows have an observation that does not fit."""
         pairs = zip(self.network.groups, self.misfitting, strict=False)
-        return 2 * sum(int(bad.any(axis=1).sum()) for _, bad in pairs) > sum(
-            g.count for g in self.network.groups
-        )
+        return 2 * sum(int(bad.any(axis=1).sum()) for _, bad in pairs) > sum(g.count for g in self.network.groups)
 
     @cached_property
     def many_are_out(self) -> bool:
@@ -718,9 +693,7 @@ class Situation:
     @cached_property
     def something_is_wrong_as_a_whole(self) -> bool:
         """True where half of a group, of an image or of a station does not fit: only then a change of all of it may."""
-        for group, bad in zip(
-            self.network.groups, self.misfitting, strict=False
-        ):  # checks, left out, come last
+        for group, bad in zip(self.network.groups, self.misfitting, strict=False):  # checks, left out, come last
             rows = bad.any(axis=1)
             if group.count >= _AT_LEAST and 2 * np.count_nonzero(rows) >= group.count:
                 return True
@@ -824,11 +797,7 @@ def _impatient() -> Watcher:
         seen.append(iteration.objective)
         last = seen[-1 - _PATIENCE :]
         slow = len(last) > _PATIENCE and all(b > 0.5 * a for a, b in pairwise(last))
-        if (
-            slow
-            and iteration.objective > 25.0 * max(iteration.redundancy, 1)
-            and iteration.largest_change > 1.0
-        ):
+        if slow and iteration.objective > 25.0 * max(iteration.redundancy, 1) and iteration.largest_change > 1.0:
             raise HopelessError
 
     return watch

@@ -83,9 +83,7 @@ def other_camera_hypotheses(situation: Situation) -> list[Hypothesis]:
         for k, camera in enumerate(cameras.ids):
             models = {network.project.cameras[cameras.ids[j]].model for j in (*own, k)}
             if own != {k} and len(own) == 1 and len(models) == 1:
-                edits = tuple(
-                    CellEdit(("images",), "camera", to(camera), cells={"id": name}) for name in names
-                )
+                edits = tuple(CellEdit(("images",), "camera", to(camera), cells={"id": name}) for name in names)
                 found.append(
                     Hypothesis(
                         "camera of images",
@@ -130,19 +128,13 @@ def _of_images(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis]
             bad[name] = before[0] + int(rows_bad[rows].sum()), before[1] + len(rows)
     shares = {name: wrong / count for name, (wrong, count) in bad.items() if count >= 3}
     worst = sorted((n for n in shares if shares[n] >= _BAD), key=lambda n: -shares[n])
-    named = [
-        names for names in (worst, _against_start_values(situation, parts)) if 2 * len(names) <= len(parts)
-    ]
+    named = [names for names in (worst, _against_start_values(situation, parts)) if 2 * len(names) <= len(parts)]
     for name in dict.fromkeys(name for names in reversed(named) for name in names[:_IMAGES]):
         for cause, (signs, axes) in _MIRRORS.items():
-            yield _mirrored(
-                situation, cause, (name,), parts[name], signs, f"image {name}: −{axes}", True, len(bad)
-            )
+            yield _mirrored(situation, cause, (name,), parts[name], signs, f"image {name}: −{axes}", True, len(bad))
 
 
-def _against_start_values(
-    situation: Situation, parts: Mapping[str, Sequence[tuple[int, IntArray]]]
-) -> list[str]:
+def _against_start_values(situation: Situation, parts: Mapping[str, Sequence[tuple[int, IntArray]]]) -> list[str]:
     """Images whose rays come nearer to their start values mirrored or turned, the clearest first."""
     gains = {}
     for name, rows in parts.items():
@@ -158,9 +150,7 @@ def _against_start_values(
 def _beside(network: Network, number: int, rows: IntArray, signs: tuple[float, float]) -> float:
     """Σ ln |v|/σ of some rays at the given start values, their coordinates with other signs."""
     group = network.groups[number]
-    blocks = [
-        network.start[slot.kind][own[rows]] for slot, own in zip(group.type.slots, group.blocks, strict=True)
-    ]
+    blocks = [network.start[slot.kind][own[rows]] for slot, own in zip(group.type.slots, group.blocks, strict=True)]
     with np.errstate(all="ignore"):
         computed = group.type.equation(blocks, group.constants[rows]).values
         sizes = np.abs(group.observed[rows] * np.array(signs) - computed) / group.given_sigma[rows]
@@ -182,9 +172,7 @@ def _of_cameras(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis
             continue
         other = "centred" if network.project.cameras[name].coordinates == "corner" else "corner"
         line = f"cameras, {name}: coordinates: {other} (y)"
-        yield _mirrored(
-            situation, "image flipped", (name,), parts, (1.0, -1.0), line, False, len(cameras.ids)
-        )
+        yield _mirrored(situation, "image flipped", (name,), parts, (1.0, -1.0), line, False, len(cameras.ids))
         yield from _units(situation, name, parts)
 
 
@@ -205,9 +193,7 @@ def _mirrored(
 
     recomputed = _poses(situation.network, parts) if local else {}
     edits = _mirrored_cells(situation.network, parts, signs)
-    return Hypothesis(
-        cause, things, change, line, candidates, recomputed=recomputed, afresh=not local, edits=edits
-    )
+    return Hypothesis(cause, things, change, line, candidates, recomputed=recomputed, afresh=not local, edits=edits)
 
 
 def _mirrored_cells(
@@ -247,9 +233,7 @@ def _units(situation: Situation, name: str, parts: list[tuple[int, IntArray]]) -
     count = sum(int(np.count_nonzero(situation.network.groups[k].mask[rows])) for k, rows in parts)
     table = situation.network.groups[parts[0][0]].name
     for words, change in _readings(scale).items():
-        stretch = count * float(
-            np.log(np.abs(np.diff(change(np.array([[0.0, 0.0], [1.0, 1.0]])), axis=0)[0, 0]))
-        )
+        stretch = count * float(np.log(np.abs(np.diff(change(np.array([[0.0, 0.0], [1.0, 1.0]])), axis=0)[0, 0])))
 
         def changed(network: Network, change: Change = change) -> Network:
             for number, rows in parts:
@@ -261,9 +245,7 @@ def _units(situation: Situation, name: str, parts: list[tuple[int, IntArray]]) -
         (number, rows), *others = parts
         alone = not others and len(rows) == situation.network.groups[number].count
         edits = table_key(situation.network, number, "units", f"{{x: {unit}, y: {unit}}}") if alone else ()
-        yield Hypothesis(
-            "image unit", (name, words), changed, line, 4, stretch=stretch, afresh=True, edits=edits
-        )
+        yield Hypothesis("image unit", (name, words), changed, line, 4, stretch=stretch, afresh=True, edits=edits)
 
 
 def _readings(scale: ImageScale) -> dict[str, Change]:
@@ -283,9 +265,7 @@ def _readings(scale: ImageScale) -> dict[str, Change]:
     return {words: partial(np.multiply, factor) for words, factor in factors.items()}
 
 
-def _interior(
-    situation: Situation, name: str, camera: int, cause: str, among: tuple[str, ...]
-) -> Iterator[Hypothesis]:
+def _interior(situation: Situation, name: str, camera: int, cause: str, among: tuple[str, ...]) -> Iterator[Hypothesis]:
     """Some components of the interior orientation as unknowns, if they are fixed or observed.
 
     An observed one costs its observation already.
@@ -296,9 +276,7 @@ def _interior(
     block = int(network.things["camera"].parts["interior"][camera])
     names = network.blocks[kind].kind.names
     columns = [k for k, own in enumerate(names) if own in among]
-    held = [
-        k for k in columns if not network.blocks[kind].free[block, k] or _is_observed(network, kind, block, k)
-    ]
+    held = [k for k in columns if not network.blocks[kind].free[block, k] or _is_observed(network, kind, block, k)]
     if not held:
         return
 

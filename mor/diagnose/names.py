@@ -84,9 +84,7 @@ def matches(network: Network, values: Values, number: int, row: int) -> Iterator
     now = float(np.sqrt(np.mean(sizes_now**2)))
     for place, reference in enumerate(group.type.references):
         slots = [k for k, slot in enumerate(group.type.slots) if slot.of == reference.name]
-        named: set[int] = (
-            set()
-        )  # places that a thing of an earlier kind has: a station over a point is named by it
+        named: set[int] = set()  # places that a thing of an earlier kind has: a station over a point is named by it
         for space in reference.among:
             things = network.things.get(space)
             if things is None or not len(things.ids):
@@ -204,9 +202,7 @@ def _wrong_name(network: Network, same: list[Match]) -> Hypothesis:
 
     def change(changed: Network) -> Network:
         for match in same:
-            changed = with_blocks(
-                changed, match.group, [match.row], {k: [b] for k, b in match.blocks.items()}
-            )
+            changed = with_blocks(changed, match.group, [match.row], {k: [b] for k, b in match.blocks.items()})
         return changed
 
     return Hypothesis(
@@ -297,8 +293,7 @@ def _alone(problem: Problem, situation: Situation, name: str) -> _Alone:
             if slot.of == group.type.references[0].name and slot.part in ("position", "rotation"):
                 free[slot.kind][blocks[own]] = True
     held = {
-        kind: blocks._replace(free=blocks.free & free[kind][:, None])
-        for kind, blocks in problem.index.blocks.items()
+        kind: blocks._replace(free=blocks.free & free[kind][:, None]) for kind, blocks in problem.index.blocks.items()
     }
     alone = replace(problem, groups=tuple(groups), clusters=(), index=index_unknowns(held))
     return _Alone(alone, tuple(numbers), tuple(rows))
@@ -365,14 +360,10 @@ def _system(problem: Problem, values: Values) -> tuple[FloatArray, FloatArray]:
     for group in problem.groups:
         part = linearise(group, problem.index, values, tangent, slice(None))
         weight = np.where(group.mask & ~group.left_out, 1.0 / group.sigma, 0.0)
-        dense = np.zeros(
-            (*part.misclosure.shape, problem.index.count + 1)
-        )  # fixed ones go to the last column
+        dense = np.zeros((*part.misclosure.shape, problem.index.count + 1))  # fixed ones go to the last column
         rows = np.arange(group.count)[:, None]
         for component in range(part.misclosure.shape[1]):
             np.add.at(dense[:, component], (rows, part.columns), part.jacobian[:, component])
-        derivatives.append(
-            (dense[..., :-1] * weight[:, :, None]).reshape(part.misclosure.size, problem.index.count)
-        )
+        derivatives.append((dense[..., :-1] * weight[:, :, None]).reshape(part.misclosure.size, problem.index.count))
         misclosures.append((part.misclosure * weight).ravel())
     return np.concatenate(misclosures), np.concatenate(derivatives)

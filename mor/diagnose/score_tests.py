@@ -141,9 +141,7 @@ def score_tests_with_suspects(
     pairs = zip(masks, quality.flagged, strict=True)
     doubtful = [np.asarray((mask | flags).any(axis=1)) for mask, flags in pairs]
     of_all = assess(here, quality.levels, aposteriori=False)
-    return _explaining(of_all, network, doubtful, masks) or score_tests(
-        _after_step(of_all), network, doubtful
-    )
+    return _explaining(of_all, network, doubtful, masks) or score_tests(_after_step(of_all), network, doubtful)
 
 
 _LEFT = 0.01
@@ -219,9 +217,7 @@ def _slot_columns(
     return found
 
 
-def _instruments(
-    problem: Problem, values: Values, number: int, group: ObservationGroup
-) -> Iterator[_Candidate]:
+def _instruments(problem: Problem, values: Values, number: int, group: ObservationGroup) -> Iterator[_Candidate]:
     """Offset and scale of the distances of a table, and slope for horizontal."""
     slots = [k for k, slot in enumerate(group.type.slots) if slot.kind == "distance meter"]
     if not slots or group.count < 3:
@@ -235,9 +231,7 @@ def _instruments(
         edm = f"{{edm: {{{name}: {{free: {1 - component}}}}}}}"
         line = f"instruments: {edm}; observations, {group.name}: instrument: edm"
         present = float(values["distance meter"][group.blocks[slots[0]][0], component])
-        yield _Candidate(
-            f"distance {name}", (group.name,), line, ((number, rows, columns),), amount=(name, present)
-        )
+        yield _Candidate(f"distance {name}", (group.name,), line, ((number, rows, columns),), amount=(name, present))
     if group.type not in (DISTANCE, HORIZONTAL_DISTANCE):
         return
     cause, other, line = other_kind(group)
@@ -285,9 +279,7 @@ def _interiors(
     for image in dict.fromkeys(frames[flagged].tolist()):
         rows = np.flatnonzero(frames == image)
         columns = _slot_columns(group, values, rows, slot, constant).sum(axis=2, keepdims=True)
-        yield _Candidate(
-            "camera of images", (image,), f"images, {image}: camera: …", ((number, rows, columns),)
-        )
+        yield _Candidate("camera of images", (image,), f"images, {image}: camera: …", ((number, rows, columns),))
         # With a camera for each image there is nothing to take the wrong one from.
         for other, name in camera_of.items() if 2 * len(camera_of) <= len(images.ids) else ():
             if other != blocks[rows[0]] and other < len(values[kind]):
@@ -332,9 +324,7 @@ def _signs(number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator
         yield _Candidate(cause, names, line, ((number, rows, change),), definite=True, alike=group.count)
 
 
-def _with_blocks(
-    group: ObservationGroup, values: Values, rows: IntArray, blocks: dict[int, IntArray]
-) -> FloatArray:
+def _with_blocks(group: ObservationGroup, values: Values, rows: IntArray, blocks: dict[int, IntArray]) -> FloatArray:
     """(k, m) by how much the computed observations of some rows change with other blocks in some slots."""
     numbers = [blocks.get(k, np.asarray(own[rows])) for k, own in enumerate(group.blocks)]
     given = [values[slot.kind][own] for slot, own in zip(group.type.slots, numbers, strict=True)]
@@ -357,9 +347,7 @@ def _units(number: int, group: ObservationGroup) -> Iterator[_Candidate]:
         for words, ratio in ((name, factor), (" for ".join(reversed(name.split(" for "))), 1.0 / factor)):
             change = -(ratio - 1.0) * np.where(lengths, np.nan_to_num(group.observed), 0.0)[:, :, None]
             line = f"observations, {group.name}: units: {words.split()[0]}"
-            yield _Candidate(
-                "table unit", (group.name, words), line, ((number, rows, change),), definite=True, alike=6
-            )
+            yield _Candidate("table unit", (group.name, words), line, ((number, rows, change),), definite=True, alike=6)
 
 
 def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_Candidate]:
@@ -385,15 +373,11 @@ def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_
         if zenith:
             other = observed.copy()
             other[:, zenith] = 0.5 * np.pi - observed[:, zenith]
-            changes.append(
-                ("elevation for zenith", things, f"observations, {things[0]}: type: directions", other)
-            )
+            changes.append(("elevation for zenith", things, f"observations, {things[0]}: type: directions", other))
         for unit, factor in _angle_units(observed[:, angles]):
             other = observed.copy()
             other[:, angles] *= factor
-            changes.append(
-                ("circle unit", (*things, unit), f"observations, {things[0]}: units: {unit}", other)
-            )
+            changes.append(("circle unit", (*things, unit), f"observations, {things[0]}: units: {unit}", other))
         for cause, about, line, other in changes:
             change = _read_otherwise(values, number, group, rows, other)
             part = (number, rows, change[:, :, None])
@@ -455,16 +439,12 @@ _LEAST_TURNED = 2
 """Directions before and after a circle was turned, at least."""
 
 
-def _turned_circles(
-    values: Values, number: int, group: ObservationGroup, flagged: BoolArray
-) -> Iterator[_Candidate]:
+def _turned_circles(values: Values, number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator[_Candidate]:
     """Sets whose circle was turned between two of their rows: another orientation from there on."""
     if not group.type.turns or group.type.references[0].name != "station":
         return
     column, stations = group.type.turns[0], np.array(list(group.references[0]))
-    shares = {
-        name: int(flagged[stations == name].sum()) for name in dict.fromkeys(stations[flagged].tolist())
-    }
+    shares = {name: int(flagged[stations == name].sum()) for name in dict.fromkeys(stations[flagged].tolist())}
     for name in sorted(shares, key=lambda one: -shares[one])[:_PAIRS]:
         rows = np.flatnonzero(stations == name)
         places = range(_LEAST_TURNED, len(rows) - _LEAST_TURNED + 1)
@@ -519,9 +499,7 @@ def _exchanges(
                 continue
             line = f"{_where(group, int(pair[0]))}: {names[1]}; {_where(group, int(pair[1]))}: {names[0]}"
             part = (number, pair, change[2 * k : 2 * k + 2, :, None])
-            yield _Candidate(
-                "names exchanged", (frame, *sorted(names)), line, (part,), definite=True, alike=len(pairs)
-            )
+            yield _Candidate("names exchanged", (frame, *sorted(names)), line, (part,), definite=True, alike=len(pairs))
 
 
 def _wrong_names(
@@ -573,9 +551,7 @@ def _set_ups(
     pairs = {tuple(sorted((a, b))) for a in suspected for b in sights if a != b}
     ordered = sorted(pairs, key=lambda pair: (-sum(doubtful[n] for n in pair), pair))[: _PAIRS**2]
     for pair in ordered:
-        places = [
-            int(problem.groups[k].blocks[slot][rows[0]]) for k, slot, rows in (sights[n][0] for n in pair)
-        ]
+        places = [int(problem.groups[k].blocks[slot][rows[0]]) for k, slot, rows in (sights[n][0] for n in pair)]
         if places[0] == places[1]:
             continue
         parts = []
@@ -583,9 +559,7 @@ def _set_ups(
             for number, slot, rows in sights[name]:
                 group = problem.groups[number]
                 moved = _with_blocks(group, values, rows, {slot: np.full(len(rows), other)})
-                change = _read_otherwise(
-                    values, number, group, rows, np.nan_to_num(group.observed[rows]) - moved
-                )
+                change = _read_otherwise(values, number, group, rows, np.nan_to_num(group.observed[rows]) - moved)
                 parts.append((number, rows, change[:, :, None]))
         line = f"stations: {pair[0]} ↔ {pair[1]}"
         yield _Candidate("set-ups exchanged", pair, line, tuple(parts), True, alike=len(ordered))
@@ -647,18 +621,12 @@ def _heights(problem: Problem, network: Network, values: Values, quality: Qualit
     for one in height_sights(network) if beyond.any() else ():
         number, rows, slot = one.rows[0]
         if len(one.things) == 1 and beyond[network.groups[number].blocks[slot][rows]].all():
-            yield _Candidate(
-                one.cause, one.things, _line_of(one), tuple(_instead(problem, values, usual, one)), True
-            )
+            yield _Candidate(one.cause, one.things, _line_of(one), tuple(_instead(problem, values, usual, one)), True)
 
 
 def _line_of(one: HeightRows) -> str:
     names = ", from ".join(one.things)
-    return (
-        f"stations, {names}: height"
-        if one.cause == "instrument height"
-        else f"observations, to {names}: to_height"
-    )
+    return f"stations, {names}: height" if one.cause == "instrument height" else f"observations, to {names}: to_height"
 
 
 def _instead(
@@ -675,9 +643,7 @@ def _given(network: Network, one: HeightRows) -> float:
     return float(network.start["height"][network.groups[number].blocks[slot][rows[0]], 0])
 
 
-def _antennas(
-    problem: Problem, network: Network, values: Values, adjusted: Sequence[int]
-) -> Iterator[_Candidate]:
+def _antennas(problem: Problem, network: Network, values: Values, adjusted: Sequence[int]) -> Iterator[_Candidate]:
     """Height of the antenna at a point in all vectors to and from it."""
     numbers = [k for k in adjusted if problem.groups[k].type == PLAIN_TYPES["vector"]]
     points = {name for k in numbers for column in problem.groups[k].references[:2] for name in column}
@@ -755,9 +721,7 @@ def _control(
             doubtful = np.unique(blocks[flagged[k]])
             for point in doubtful[~free[doubtful].any(axis=1)].tolist():
                 rows = np.flatnonzero(blocks == point)
-                fixed.setdefault(point, []).append(
-                    (k, rows, _slot_columns(group, values, rows, slot, (0, 1, 2)))
-                )
+                fixed.setdefault(point, []).append((k, rows, _slot_columns(group, values, rows, slot, (0, 1, 2))))
     for pair in combinations(list(fixed)[:_PAIRS], 2):
         change_parts = _of_exchanged_points(problem, values, adjusted, pair)
         names = (ids[pair[0]], ids[pair[1]])
@@ -768,9 +732,7 @@ def _control(
         yield _Candidate("control moved", (ids[point],), f"points, {ids[point]}: x, y, z", tuple(parts))
 
 
-def _curvature(
-    problem: Problem, network: Network, values: Values, adjusted: Sequence[int]
-) -> Iterator[_Candidate]:
+def _curvature(problem: Problem, network: Network, values: Values, adjusted: Sequence[int]) -> Iterator[_Candidate]:
     """Verticals that are not parallel."""
     effect = largest_effect(network, values)
     if effect is None or effect.in_sigma < NOTED:
@@ -1020,10 +982,7 @@ def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
             one.candidate.cause == other.candidate.cause
             and (
                 set(one.candidate.things) <= set(other.candidate.things)
-                or (
-                    one.candidate.cause in _UNIT_CAUSES
-                    and one.candidate.things[0] == other.candidate.things[0]
-                )
+                or (one.candidate.cause in _UNIT_CAUSES and one.candidate.things[0] == other.candidate.things[0])
             )
             for other in found
         )

@@ -174,10 +174,7 @@ def _scored(situation: Situation) -> list[Hypothesis]:
         found += [
             hypothesis
             for hypothesis in of_family[family]
-            if (
-                hypothesis.cause == one.cause
-                or family in (control_point_hypotheses, distance_or_unit_hypotheses)
-            )
+            if (hypothesis.cause == one.cause or family in (control_point_hypotheses, distance_or_unit_hypotheses))
             and (things <= set(hypothesis.things) or set(hypothesis.things) <= things)
         ]
     return found
@@ -200,9 +197,7 @@ def possible_causes(situation: Situation, before: Before, go_on: GoOn) -> Diagno
     trials: list[Trial] = []
     untried, explained, done = 0, -np.inf, False
     known: set[tuple[str, tuple[str, ...]]] = set()
-    later = {
-        (one.cause, one.things) for one in implausible_height_hypotheses(situation)
-    }  # begun at a usual height
+    later = {(one.cause, one.things) for one in implausible_height_hypotheses(situation)}  # begun at a usual height
     for hypothesis in _scored(situation):
         if (hypothesis.cause, hypothesis.things) in known | later:
             continue
@@ -293,8 +288,7 @@ def _offered(situation: Situation, before: Before, found: list[SolvedHypothesis]
             one
             for one in found
             if (
-                _gain(situation, one.fit)
-                > (0.0 if one.scored and _explains(one.hypothesis, one.fit) else _BY_CHANCE)
+                _gain(situation, one.fit) > (0.0 if one.scored and _explains(one.hypothesis, one.fit) else _BY_CHANCE)
                 and _nearer(one.fit, before)
                 and (one.fit.scale <= max(_ABSURD, _LESS * situation.fit.scale))
             )
@@ -324,9 +318,7 @@ def _in_order(situation: Situation, good: list[SolvedHypothesis]) -> list[Solved
     Where the observations cannot tell them apart, the one that changes fewest cells comes first.
     """
     by_gain = sorted(good, key=lambda one: -round(_gain(situation, one.fit), 6))
-    alike = [
-        one for one in by_gain if _gain(situation, one.fit) > _gain(situation, by_gain[0].fit) - _BY_CHANCE
-    ]
+    alike = [one for one in by_gain if _gain(situation, one.fit) > _gain(situation, by_gain[0].fit) - _BY_CHANCE]
     told = sorted(alike, key=lambda one: -one.promised if one.promised > _BY_CHANCE else 0.0)
     same = [one for one in told if _are_alike(one.fit, told[0].fit)]
     same.sort(key=lambda one: len(one.hypothesis.edits) or np.inf)
@@ -526,9 +518,7 @@ def _beginnings(
     # Of what is wrong as a whole little fits; start values of a wrong change take long, for nothing agrees. A station
     # or an image that was placed again needs no other ones.
     afresh &= hypothesis.afresh and (
-        spoken_for
-        or situation.most_do_not_fit
-        or (not missing and _most_of_it_does_not_fit(situation, network))
+        spoken_for or situation.most_do_not_fit or (not missing and _most_of_it_does_not_fit(situation, network))
     )
     if not hypothesis.rows and (afresh or known or not situation.begun):
         begin = situation.begin(network)
@@ -546,9 +536,7 @@ def _most_of_it_does_not_fit(situation: Situation, network: Network) -> bool:
     return 2 * bad > count
 
 
-def _adjusted(
-    situation: Situation, network: Network, begin: Values, hypothesis: Hypothesis
-) -> Adjustment | None:
+def _adjusted(situation: Situation, network: Network, begin: Values, hypothesis: Hypothesis) -> Adjustment | None:
     """The adjustment of the changed network.
 
     With a change of few observations the others that do not fit are left out.
@@ -575,10 +563,7 @@ def _with_all(situation: Situation, problem: Problem, reduced: Adjustment) -> Ad
         found = attempt(problem, reduced.values)
     except (NotFiniteError, HopelessError):
         return reduced
-    costs = [
-        cost_of_residuals(sizes_of(problem.groups, v), situation.count)
-        for v in (found.values, reduced.values)
-    ]
+    costs = [cost_of_residuals(sizes_of(problem.groups, v), situation.count) for v in (found.values, reduced.values)]
     kept = found.outcome.is_solution and costs[0] <= costs[1] + 1.0
     return found if kept else reduced
 

@@ -66,9 +66,7 @@ def read_aicon(path: Path) -> Document:
             words = f"rotation order {order} of image {name!r}: only 0 (omega, phi, kappa) is understood"
             draft.problem(words, line.line, line.file)
         if camera not in cameras:
-            draft.problem(
-                f"camera {camera!r} of image {name!r} is not in the .ior file", line.line, line.file
-            )
+            draft.problem(f"camera {camera!r} of image {name!r} is not in the .ior file", line.line, line.file)
         oriented: list[str | None] = [None] * 6 if state == "1" else [*pose]
         rows.append(Row([name, camera, *oriented], line.line))
     if rows:
@@ -158,9 +156,7 @@ def _put_rays(lines: list[FileLine], images: set[str], points: set[str], draft: 
         image, point, x, y = line.words[:4]
         if line.words[9] == "0" or not numbers(line, slice(2, 4), draft):
             continue
-        unknown = (
-            f"image {image!r}" if image not in images else f"point {point!r}" if point not in points else ""
-        )
+        unknown = f"image {image!r}" if image not in images else f"point {point!r}" if point not in points else ""
         if unknown:
             lost[unknown] = lost.get(unknown, 0) + 1
         else:
@@ -186,9 +182,7 @@ def _put_scales(lines: list[FileLine], points: set[str], draft: Draft) -> None:
         if first in points and second in points:
             rows.append(Row([first, second, length, sigma], line.line))
         else:
-            draft.note(
-                f"scale bar {first}-{second} not used: its points are not active", line.line, line.file
-            )
+            draft.note(f"scale bar {first}-{second} not used: its points are not active", line.line, line.file)
     if rows:
         columns = ("from", "to", "distance", "sigma")
         draft.table("observations", columns, rows, lines[0].file, type="distance")
@@ -221,9 +215,7 @@ def write_aicon(document: Document, folder: Path, target: Path) -> Written:
         if set(name) & set(" \t#'\"")
     ]
     if any("".join(found.texts[key]) for key in ("leader", "shared_height", "shared_eccentricity")):
-        problems.append(
-            Message("AICON's files have no stereo rigs, heights and eccentricities", document.file)
-        )
+        problems.append(Message("AICON's files have no stereo rigs, heights and eccentricities", document.file))
     if not content.edge.right_handed:
         problems.append(content.place("axes").problem("AICON's files have right-handed axes"))
     if problems:
@@ -251,9 +243,7 @@ def write_aicon(document: Document, folder: Path, target: Path) -> Written:
         if count:
             notes.append(Message(f"{counted(count, what)}: as if there were none", str(stem)))
     notes.append(Message(_TOLD, str(stem)))
-    texts = {
-        stem.with_name(f"{stem.name}{end}"): "\n".join([*lines, ""]).encode() for end, lines in files.items()
-    }
+    texts = {stem.with_name(f"{stem.name}{end}"): "\n".join([*lines, ""]).encode() for end, lines in files.items()}
     return Written(texts, notes)
 
 
@@ -294,11 +284,7 @@ def _points(places: ContentTable, rays: ImagePoints, content: Content, lengths: 
     """Points: new ones, and known ones with their σ (0: fixed); flagged where they carry the datum."""
     count = Counter(rays.points)
     datum = content.project.datum
-    chosen = (
-        {str(name) for name in datum.free}
-        if isinstance(datum, Datum) and isinstance(datum.free, list)
-        else set()
-    )
+    chosen = {str(name) for name in datum.free} if isinstance(datum, Datum) and isinstance(datum.free, list) else set()
     lines = []
     for k, name in enumerate(places.ids):
         sigma, known = np.nan_to_num(places.statuses.sigma[k]), bool(_known(places)[k].all())

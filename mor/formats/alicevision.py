@@ -62,9 +62,7 @@ class BlockBuilder:
         Raises :class:`Wrong` for what is no camera.
         """
         if not (all(1.0 <= length < 1e6 for length in size) and 1e-3 < focal < 1e9):
-            raise Wrong(
-                f"camera {name!r}: found the size {size[0]:g} x {size[1]:g} and the focal length {focal:g} px"
-            )
+            raise Wrong(f"camera {name!r}: found the size {size[0]:g} x {size[1]:g} and the focal length {focal:g} px")
         model, values = _interior(size, focal, centre, distortion)
         status = "fixed" if locked else "free"
         self.cameras[name] = {
@@ -144,9 +142,7 @@ def _interior(
 def plain(value: Any, what: str) -> float:
     """A finite number, also one that is written as a text. Raises :class:`Wrong`."""
     try:
-        number = (
-            float(value) if isinstance(value, (int, float, str)) and not isinstance(value, bool) else np.nan
-        )
+        number = float(value) if isinstance(value, (int, float, str)) and not isinstance(value, bool) else np.nan
     except (ValueError, OverflowError):
         number = np.nan
     if not abs(number) < 1e30 or (isinstance(value, str) and "_" in value):
@@ -216,9 +212,7 @@ def _alicevision_camera(block: BlockBuilder, given: dict[str, Any], version: Any
     kind = _NAMES.get(kind, kind)
     if kind not in DISTORTIONS or str(given.get("type")) == "equidistant":
         known = ", ".join(name for name in DISTORTIONS if name)
-        raise Wrong(
-            f"{what}: type {kind!r} has no counterpart in mor that says exactly the same (known: {known})"
-        )
+        raise Wrong(f"{what}: type {kind!r} has no counterpart in mor that says exactly the same (known: {known})")
     focal = _focal_length(given, size, what)
     centre = plain_list(given.get("principalPoint"), 2, f"{what}: principalPoint")
     if version >= _FROM_THE_CENTRE:
@@ -228,9 +222,7 @@ def _alicevision_camera(block: BlockBuilder, given: dict[str, Any], version: Any
     params = params if isinstance(params, list) else [params]
     values = [plain(value, f"{what}: distortionParams") for value in params]
     if len(values) != len(names):
-        raise Wrong(
-            f"{what}: found {len(values)} distortionParams, expected {len(names)} for {kind or 'pinhole'}"
-        )
+        raise Wrong(f"{what}: found {len(values)} distortionParams, expected {len(names)} for {kind or 'pinhole'}")
     locked = str(given.get("locked", "0")).lower() in ("1", "true")
     block.add_camera(name, size, focal, centre, dict(zip(names, values, strict=True)), locked)
 
@@ -266,9 +258,7 @@ def _alicevision_image(block: BlockBuilder, view: dict[str, Any], poses: Any) ->
         return
     name = PurePosixPath(str(view.get("path", "")).replace("\\", "/")).name.strip() or number
     transform = mapping(mapping(pose.get("pose"), f"pose of {name!r}").get("transform"), f"pose of {name!r}")
-    rotation = (
-        np.array(plain_list(transform.get("rotation"), 9, f"pose of {name!r}: rotation")).reshape(3, 3).T
-    )
+    rotation = np.array(plain_list(transform.get("rotation"), 9, f"pose of {name!r}: rotation")).reshape(3, 3).T
     centre = plain_list(transform.get("center"), 3, f"pose of {name!r}: center")
     block.add_image(number, name, str(view.get("intrinsicId", "")), rotation, centre)
 

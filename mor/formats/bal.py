@@ -60,9 +60,7 @@ class _Numbers:
         except ValueError:
             self.values = np.zeros(0)
         if len(self.values) != len(words) or not usable(self.values):
-            raise self.refuse(
-                next(k for k, word in enumerate(words) if not _is_number(word)), "expected a number"
-            )
+            raise self.refuse(next(k for k, word in enumerate(words) if not _is_number(word)), "expected a number")
         self.at = 0
 
     def refuse(self, number: int, words: str) -> InputError:
@@ -105,13 +103,9 @@ def read_bal(path: Path) -> Document:
     xyz = numbers.take(3 * count, "three of each point").reshape(-1, 3)
     _check_end(numbers)
     indices = seen[:, :2]
-    wrong = np.flatnonzero(
-        ((indices < 0) | (indices >= [cameras, count]) | (indices != np.floor(indices))).any(axis=1)
-    )
+    wrong = np.flatnonzero(((indices < 0) | (indices >= [cameras, count]) | (indices != np.floor(indices))).any(axis=1))
     if len(wrong):
-        raise numbers.refuse(
-            3 + 4 * int(wrong[0]), f"expected a camera below {cameras} and a point below {count}"
-        )
+        raise numbers.refuse(3 + 4 * int(wrong[0]), f"expected a camera below {cameras} and a point below {count}")
     block = BalBlock(
         exponential(given[:, :3]),
         given[:, 3:6],
@@ -181,9 +175,7 @@ def _document(block: BalBlock, path: Path) -> Document:
         return draft.finish()
     draft.table("images", ("id", "camera", "x", "y", "z", "omega", "phi", "kappa"), rows)
     names = pl.Series("id", np.arange(len(block.points))).cast(pl.String)
-    draft.frame(
-        "points", "points", pl.DataFrame({"id": names, **dict(zip("xyz", block.points.T, strict=True))})
-    )
+    draft.frame("points", "points", pl.DataFrame({"id": names, **dict(zip("xyz", block.points.T, strict=True))}))
     used = oriented[block.image]
     columns = {
         "image": pl.Series(block.image[used]).cast(pl.String),
@@ -211,9 +203,7 @@ def write_bal(document: Document, folder: Path, target: Path) -> Written:
     content = content_of(document, folder)
     found = frames(content, "BAL")
     problems: list[Message] = []
-    interior = {
-        name: _interior(content, name, camera, problems) for name, camera in content.project.cameras.items()
-    }
+    interior = {name: _interior(content, name, camera, problems) for name, camera in content.project.cameras.items()}
     if np.isnan(found.values).any():
         words = "there are images without a pose of their own; convert an adjusted project (adjusted.yaml)"
         problems.append(Message(words, document.file))
@@ -242,16 +232,12 @@ def write_bal(document: Document, folder: Path, target: Path) -> Written:
     lines += [repr(v) for v in places.values.ravel().tolist()]
     notes = [*without, *lost, *not_carried(content, ("image",), (), "BAL")]
     notes.append(
-        Message(
-            "BAL has no names, no σ, no fixed or observed points: images and points are numbered", str(target)
-        )
+        Message("BAL has no names, no σ, no fixed or observed points: images and points are numbered", str(target))
     )
     return Written({target: ("\n".join(lines) + "\n").encode()}, notes)
 
 
-def _interior(
-    content: Content, name: str, camera: Camera, problems: list[Message]
-) -> tuple[float, float, float]:
+def _interior(content: Content, name: str, camera: Camera, problems: list[Message]) -> tuple[float, float, float]:
     """f, k1, k2 in px."""
     scale = image_scale(camera)
     try:

@@ -35,9 +35,7 @@ def write_opencv(document: Document, folder: Path, target: Path) -> Written:
     several = len(content.project.cameras) > 1
     for name, camera in content.project.cameras.items():
         if several and set(name) & set("/\\"):
-            words = (
-                f"camera {name!r}: its name becomes the name of a file, which cannot have / or \\; rename it"
-            )
+            words = f"camera {name!r}: its name becomes the name of a file, which cannot have / or \\; rename it"
             problems.append(content.place("cameras", name).problem(words))
             continue
         place = target.with_name(f"{target.stem}_{name}{target.suffix}") if several else target
@@ -89,9 +87,7 @@ def write_calibration(document: Document, folder: Path, name: str, form: str, ta
     cameras = document.data.get("cameras") or {}
     if name not in cameras:
         raise InputError([Message(f"unknown camera {name!r}{nearest(name, cameras)}", document.file)])
-    kept: dict[str, Any] = {
-        key: document.data[key] for key in ("mor", "units", "axes") if key in document.data
-    }
+    kept: dict[str, Any] = {key: document.data[key] for key in ("mor", "units", "axes") if key in document.data}
     alone = replace(document, data={**kept, "cameras": {name: cameras[name]}}, frames={})
     try:
         return FORMS[form](alone, folder, target)

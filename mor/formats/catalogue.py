@@ -95,9 +95,7 @@ FORMATS: dict[str, FileFormat] = {
     "nikon": FileFormat("Nikon RAW", _book("lists", "read_nikon"), suffixes=(".raw",)),
     "topcon": FileFormat("Topcon GTS-7, GTS-6", _book("lists", "read_topcon"), suffixes=(".gts7", ".gt7")),
     "m5": FileFormat("Zeiss and Trimble M5", _book("recorders", "read_m5"), suffixes=(".m5",)),
-    "geodimeter": FileFormat(
-        "Geodimeter ARE, JOB", _book("recorders", "read_geodimeter"), suffixes=(".are", ".job")
-    ),
+    "geodimeter": FileFormat("Geodimeter ARE, JOB", _book("recorders", "read_geodimeter"), suffixes=(".are", ".job")),
     "rw5": FileFormat("Carlson RW5, TDS raw data", _book("recorders", "read_rw5"), suffixes=(".rw5",)),
     "fbk": FileFormat("Autodesk FBK", _book("recorders", "read_fbk"), suffixes=(".fbk",)),
     "jobxml": FileFormat(
@@ -152,12 +150,8 @@ FORMATS: dict[str, FileFormat] = {
         suffixes=(".script",),
         untried="no project of JAG3D was available: this reader follows the tables that its source makes",
     ),
-    "textbook": FileFormat(
-        "textbook network (Krumm)", Code("mor.formats.textbook", "read_krumm"), suffixes=(".dat",)
-    ),
-    "photomodeler": FileFormat(
-        "PhotoModeler text export", Code("mor.formats.photomodeler", "read_photomodeler")
-    ),
+    "textbook": FileFormat("textbook network (Krumm)", Code("mor.formats.textbook", "read_krumm"), suffixes=(".dat",)),
+    "photomodeler": FileFormat("PhotoModeler text export", Code("mor.formats.photomodeler", "read_photomodeler")),
     "dbat": FileFormat("DBAT script (XML with the tables it names)", Code("mor.formats.dbat", "read_dbat")),
     "pix4d": FileFormat(
         "Pix4Dmapper parameters (folder params, or …_calibrated_camera_parameters.txt)",
@@ -186,9 +180,7 @@ FORMATS: dict[str, FileFormat] = {
     ),
     "ply": FileFormat("PLY points", write=Code("mor.formats.drawing", "write_ply"), suffixes=(".ply",)),
     "dxf": FileFormat("DXF drawing", write=Code("mor.formats.drawing", "write_dxf"), suffixes=(".dxf",)),
-    "geojson": FileFormat(
-        "GeoJSON", write=Code("mor.formats.drawing", "write_geojson"), suffixes=(".geojson",)
-    ),
+    "geojson": FileFormat("GeoJSON", write=Code("mor.formats.drawing", "write_geojson"), suffixes=(".geojson",)),
     "landxml": FileFormat(
         "LandXML: surveys with their points; written: points",
         _book("landxml", "read_landxml"),

@@ -130,9 +130,7 @@ def _without_coordinates(project: _Project) -> None:
                 table["columns"] = [columns[k] for k in kept]
                 table["rows"] = [[row[k] for k in kept] for row in table["rows"]]
     if lost:
-        project.note(
-            "coordinates and poses, in a system of their own, are not taken: they are computed again"
-        )
+        project.note("coordinates and poses, in a system of their own, are not taken: they are computed again")
 
 
 def _names(project: _Project, section: str) -> list[str]:
@@ -203,9 +201,7 @@ def _drop_empty(whole: _Project, section: str) -> None:
     """Tables that lost every row go, and the lines of those behind them move up."""
     tables = whole.tables(section)
     kept = [
-        k
-        for k, table in enumerate(tables)
-        if table.get("rows") or len(whole.frames.get(str(table.get("file")), ()))
+        k for k, table in enumerate(tables) if table.get("rows") or len(whole.frames.get(str(table.get("file")), ()))
     ]
     if len(kept) == len(tables):
         return

@@ -98,17 +98,13 @@ def read_comp3d(path: Path) -> Document:
             reader.settings(settings)
         except ValueError as error:
             raise InputError([Message(str(error), str(path))]) from None
-        files = {
-            kind: path.parent / named[kind].replace("\\", "/") for kind in ("COR", "OBS") if named.get(kind)
-        }
+        files = {kind: path.parent / named[kind].replace("\\", "/") for kind in ("COR", "OBS") if named.get(kind)}
     else:
         files = {kind: _beside(path, kind) for kind in ("COR", "OBS")}
     for kind, read in (("COR", reader.point), ("OBS", reader.observation)):
         file = files.get(kind)
         if file is None:
-            words = (
-                f"found no .{kind.lower()} file that belongs to it, expected one of the same name beside it"
-            )
+            words = f"found no .{kind.lower()} file that belongs to it, expected one of the same name beside it"
             raise InputError([Message(words, str(path))])
         reader.file(file, read)
     reader.finish(path.stem, settings)
@@ -239,9 +235,7 @@ class _Reader:
             draft.put("curvature", self._sphere(settings))
             for name, point in self.points.items():
                 if any(point.deflection):
-                    words = (
-                        f"point {name}: deflections of the vertical need a project in a projection (use_proj)"
-                    )
+                    words = f"point {name}: deflections of the vertical need a project in a projection (use_proj)"
                     draft.problem(words, point.line, point.file)
         free = settings.get("internal_constraints") == "true"
         tables = self._tables()
@@ -259,9 +253,7 @@ class _Reader:
         for what, places in self.skipped.items():
             draft.note(f"Comp3D: {what} not read ({counted(len(places), 'record')})", *places[0])
         if not any(tables.values()) and not self.frames:
-            draft.problem(
-                f"there are no observations that are read; left out: {'; '.join(self.skipped) or '-'}"
-            )
+            draft.problem(f"there are no observations that are read; left out: {'; '.join(self.skipped) or '-'}")
 
     def _sphere(self, settings: dict[str, str]) -> dict[str, object]:
         """The sphere of the local frame: plan coordinates are those of its level 0 about the centre of the project."""
@@ -269,9 +261,7 @@ class _Reader:
         if len(centre) < 2:
             places = [point.place for point in self.points.values()] or [[0.0, 0.0, 0.0]]
             centre = [sum(place[k] for place in places) / len(places) for k in range(2)]
-            self.draft.note(
-                "no .comp file says the centre of the local frame: the mean of the points is taken"
-            )
+            self.draft.note("no .comp file says the centre of the local frame: the mean of the points is taken")
         origin = {"x": repr(centre[0]), "y": repr(centre[1]), "z": "0"}
         latitude = settings.get("center_latitude")
         return {**({"latitude": f"{latitude} deg"} if latitude else {}), "origin": origin}
@@ -374,9 +364,7 @@ class _Reader:
             draft.correlated(_BASELINE, baselines, "gnss_vector", str(self.frames[0].path))
         return names
 
-    def _centring(
-        self, origin: str, target: str, east: float, north: float, line: int, file: str
-    ) -> list[Row]:
+    def _centring(self, origin: str, target: str, east: float, north: float, line: int, file: str) -> list[Row]:
         """Differences 0 of E and N; a negative σ switches one of them off."""
         if east <= 0.0 or north <= 0.0:
             self.leave_out(_OFF, line, file)
@@ -390,17 +378,13 @@ class _Reader:
         for _, words, *_ in self.observations:
             one, other = (self.points.get(name) for name in words[1:3])
             if one is not None and other is not None:
-                found[words[1], words[2]] = hypot(
-                    *(p - q for p, q in zip(one.place, other.place, strict=True))
-                )
+                found[words[1], words[2]] = hypot(*(p - q for p, q in zip(one.place, other.place, strict=True)))
         for code, words, *_ in self.observations:
             if code in (1, 3) and _is_number(words[3]):
                 found[words[1], words[2]] = found[words[2], words[1]] = parse_number(words[3])
         return found
 
-    def _put_points(
-        self, tables: dict[str, list[Row]], free: bool, in_frames: set[str], projected: bool
-    ) -> None:
+    def _put_points(self, tables: dict[str, list[Row]], free: bool, in_frames: set[str], projected: bool) -> None:
         draft = self.draft
         observed = False
         groups: dict[tuple[tuple[str, ...], str], list[Row]] = {}
@@ -477,9 +461,7 @@ def _cartesian(frame: str, point: str, numbers: list[float], factor: float, line
 def _polar(frame: _Frame, name: str, point: str, numbers: list[float], line: int) -> dict[str, Row]:
     """Directions in a frame and distance, each unless its σ switches it off. Raises ``ValueError``."""
     if len(numbers) < 6:
-        raise ValueError(
-            f"found {len(numbers)} numbers behind {point}, expected two angles, a distance and three σ"
-        )
+        raise ValueError(f"found {len(numbers)} numbers behind {point}, expected two angles, a distance and three σ")
     alpha, beta, distance, a, *rest = numbers
     b, c, d, *height = rest if len(rest) > 2 else [0.0, *rest]
     up = height[0] if height else 0.0
@@ -493,14 +475,10 @@ def _polar(frame: _Frame, name: str, point: str, numbers: list[float], line: int
     return found
 
 
-def _baseline(
-    frame: _Frame, point: str, numbers: list[float], line: int
-) -> list[tuple[list[Row], FloatArray]]:
+def _baseline(frame: _Frame, point: str, numbers: list[float], line: int) -> list[tuple[list[Row], FloatArray]]:
     """A baseline with its covariances, none if a negative variance switches it off. Raises ``ValueError``."""
     if len(numbers) < 9:
-        raise ValueError(
-            f"found {len(numbers)} numbers behind {point}, expected dx, dy, dz and six covariances"
-        )
+        raise ValueError(f"found {len(numbers)} numbers behind {point}, expected dx, dy, dz and six covariances")
     matrix = np.zeros((3, 3))
     for (i, j), value in zip(_UPPER, numbers[3:9], strict=True):
         matrix[i, j] = matrix[j, i] = value * frame.factor**2
@@ -518,11 +496,7 @@ def _baseline(
 
 def _ends(row: Row) -> tuple[str, str]:
     first, second, third = (str(cell) for cell in row.cells[:3])
-    return (
-        (first, third)
-        if len(row.cells) == len(_COLUMNS["directions"]) and second.isdecimal()
-        else (first, second)
-    )
+    return (first, third) if len(row.cells) == len(_COLUMNS["directions"]) and second.isdecimal() else (first, second)
 
 
 def _row(cells: Sequence[str | float | None], line: int) -> Row:

@@ -186,9 +186,7 @@ def images(content: Content) -> ContentTable:
         rows = content.rows("images", k, table, columns)
         found: list[Message] = []
         statuses = component_rows(rows, components, table.fixed, found)
-        parts.append(
-            ContentTable(rows.text("id"), {name: rows.text(name) for name in _IMAGE_TEXTS}, statuses)
-        )
+        parts.append(ContentTable(rows.text("id"), {name: rows.text(name) for name in _IMAGE_TEXTS}, statuses))
     return _joined(parts, len(components), _IMAGE_TEXTS)
 
 
@@ -207,10 +205,7 @@ def image_points(content: Content, cameras: dict[str, str], corner: bool = True)
     ``corner``: coordinates from the upper left corner, y down; else from the image centre, y up.
     """
     scales = {name: image_scale(camera) for name, camera in content.project.cameras.items()}
-    parts = [
-        _image_points(entry, rows, cameras, scales, place, corner)
-        for entry, rows, place in image_tables(content)
-    ]
+    parts = [_image_points(entry, rows, cameras, scales, place, corner) for entry, rows, place in image_tables(content)]
     return ImagePoints(
         [name for part in parts for name in part.images],
         [name for part in parts for name in part.points],
@@ -388,8 +383,7 @@ def rays_of_points(
         return rays, []
     if not len(chosen):
         words = (
-            f"{what}: no image point belongs to a point with coordinates; "
-            "convert an adjusted project (adjusted.yaml)"
+            f"{what}: no image point belongs to a point with coordinates; convert an adjusted project (adjusted.yaml)"
         )
         raise InputError([Message(words, content.document.file)])
     words = f"{counted(lost, 'image point')} of points without coordinates: left out of {what}"
@@ -408,9 +402,7 @@ _SECTIONS = (
 )
 
 
-def not_carried(
-    content: Content, types: tuple[str, ...], sections: tuple[str, ...], what: str
-) -> list[Message]:
+def not_carried(content: Content, types: tuple[str, ...], sections: tuple[str, ...], what: str) -> list[Message]:
     """Return counted notes on observations, sections and columns that a format cannot hold."""
     project, file = content.project, content.document.file
     notes = []

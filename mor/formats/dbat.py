@@ -96,9 +96,7 @@ def numbers(text: str, name: str, place: LineReference) -> list[float]:
     return found
 
 
-def put_cameras(
-    elements: list[tuple[Element, str]], initial: dict[str, Element], free: set[str], draft: Draft
-) -> None:
+def put_cameras(elements: list[tuple[Element, str]], initial: dict[str, Element], free: set[str], draft: Draft) -> None:
     """The section ``cameras`` of elements and the files they are in; every mistake is told."""
     cameras: dict[str, Any] = {}
     for element, file in elements:
@@ -127,9 +125,7 @@ def _camera(texts: Texts, free: set[str], name: str, draft: Draft) -> dict[str, 
         raise CameraError(f"found the model {model!r}, expected one of {', '.join(_MODELS)}", where)
     unit = own["unit"].text.strip() if "unit" in own else "mm"
     if unit not in _UNITS:
-        raise CameraError(
-            f"found the unit {unit!r}, expected one of {', '.join(_UNITS)}", texts.at(own["unit"])
-        )
+        raise CameraError(f"found the unit {unit!r}, expected one of {', '.join(_UNITS)}", texts.at(own["unit"]))
     columns, rows, width, height, b1 = _format(texts, name, draft)
     pixel = height / rows
     text, place = texts.find("cc")
@@ -179,9 +175,7 @@ def _format(texts: Texts, name: str, draft: Draft) -> tuple[float, float, float,
             raise CameraError(f"found no <{key}>", texts.at(texts.camera))
     size = numbers(own["image"].text, "image", texts.at(own["image"]))
     if len(size) != 2 or min(size) < 1.0:
-        raise CameraError(
-            f"image: found {own['image'].text!r}, expected width,height in px", texts.at(own["image"])
-        )
+        raise CameraError(f"image: found {own['image'].text!r}, expected width,height in px", texts.at(own["image"]))
     words = [word.strip() for word in own["sensor"].text.split(",")]
     sensor = numbers(",".join(word for word in words if word != "auto"), "sensor", texts.at(own["sensor"]))
     if len(words) != 2 or words[1] == "auto" or not sensor or min(sensor) <= 1e-30:
@@ -194,9 +188,7 @@ def _format(texts: Texts, name: str, draft: Draft) -> tuple[float, float, float,
         return size[0], size[1], square, height, ratio - 1.0
     b1 = 1.0 - texts.numbers("aspect", [1.0], 1)[0]
     if len(sensor) == 2 and abs(ratio - 1.0 - b1) > 1e-4:
-        said = (
-            f"pixels are {ratio:.6g} times as wide as high by the sensor, {1.0 + b1:.6g} times by the aspect"
-        )
+        said = f"pixels are {ratio:.6g} times as wide as high by the sensor, {1.0 + b1:.6g} times by the aspect"
         draft.note(f"camera {name}: {said}, which is taken", *place)
     return size[0], size[1], square, height, b1
 
@@ -276,9 +268,7 @@ def held_exterior(root: Element, draft: Draft) -> set[str]:
     return held
 
 
-def _settings(
-    root: Element, part: str, known: dict[str, tuple[str, ...]], draft: Draft
-) -> Iterator[tuple[str, str]]:
+def _settings(root: Element, part: str, known: dict[str, tuple[str, ...]], draft: Draft) -> Iterator[tuple[str, str]]:
     """Section and word of each setting, in their order; ``<io>true</io>`` says all."""
     for block in operations(root, "set_bundle_estimate_params"):
         for group in block.all(part):
@@ -290,9 +280,7 @@ def _settings(
                 if one.name not in known:
                     draft.problem(f"found <{one.name}> in <{part}>, expected {', '.join(known)}", one.line)
                 elif word not in ("true", "false", "default"):
-                    draft.problem(
-                        f"found {word!r} in <{one.name}>, expected true, false or default", one.line
-                    )
+                    draft.problem(f"found {word!r} in <{one.name}>, expected true, false or default", one.line)
                 else:
                     yield one.name, word
 
@@ -392,9 +380,7 @@ def base_folder(given: Element, project: Path, draft: Draft) -> Path:
     text = given.attributes.get("base_dir", "").strip()
     for word in ("$DBAT", "$HOME"):
         if text.startswith(word):
-            words = (
-                f"base_dir {text!r}: {word} is known to DBAT only; files are looked for beside the project"
-            )
+            words = f"base_dir {text!r}: {word} is known to DBAT only; files are looked for beside the project"
             draft.note(words, given.line)
             return project.parent
     text = text.replace("$HERE", ".", 1).replace("\\", "/")
@@ -534,9 +520,7 @@ def _put_images(sections: dict[str, Element], root: Element, folder: Path, draft
     held = held_exterior(root, draft)
     if held and len(poses) < len(names):
         words = f"{', '.join(c for c in EXTERIOR if c in held)} of the images are not estimated, but there are images"
-        draft.problem(
-            f"{words} without a prior pose", next(operations(root, "set_bundle_estimate_params")).line
-        )
+        draft.problem(f"{words} without a prior pose", next(operations(root, "set_bundle_estimate_params")).line)
     if table and not draft.problems:
         columns = ("id", "camera", *EXTERIOR, *(f"sigma_{name}" for name in EXTERIOR))
         fixed = [name for name in EXTERIOR if name in held] or None
@@ -648,9 +632,7 @@ def _put_checks(sections: dict[str, Element], folder: Path, draft: Draft) -> Non
     known = {cells[0] for table in draft.data.get("points", []) for cells in table["rows"]}
     lost = [row for row in rows if row.cells["id"] not in known]
     if lost:
-        words = (
-            f"{counted(len(lost), 'check point')} in no image not used: the first is {lost[0].cells['id']}"
-        )
+        words = f"{counted(len(lost), 'check point')} in no image not used: the first is {lost[0].cells['id']}"
         draft.note(words, lost[0].line, lost[0].file)
     used = [row for row in rows if row.cells["id"] in known]
     given_ = [[s if s is not None and float(s) > 0.0 else SIGMA_CHECK for s in sigmas(row)] for row in used]

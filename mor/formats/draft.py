@@ -69,9 +69,7 @@ class Draft:
         if line:
             self.lines[key,] = line
 
-    def table(
-        self, section: str, columns: Sequence[str], rows: Sequence[Row], file: str = "", **keys: Any
-    ) -> KeyPath:
+    def table(self, section: str, columns: Sequence[str], rows: Sequence[Row], file: str = "", **keys: Any) -> KeyPath:
         """Add a table to a section; columns without any value are left out. Returns its path."""
         tables = self.data.setdefault(section, [])
         path: KeyPath = (section, len(tables))
@@ -203,9 +201,7 @@ class JsonFile:
         self.file = str(path)
         self.text = decoded(read_bytes(path, TABLE))[0]
         try:
-            self.data: Any = json.loads(
-                self.text, object_pairs_hook=self._once, parse_constant=self._constant
-            )
+            self.data: Any = json.loads(self.text, object_pairs_hook=self._once, parse_constant=self._constant)
         except json.JSONDecodeError as error:
             raise self._refused(f"this is not valid JSON: {error.msg}", error.lineno) from None
         except (RecursionError, ValueError) as error:
@@ -249,9 +245,7 @@ def mapping(value: Any, what: str) -> dict[str, Any]:
 def json_number(value: Any, what: str) -> float:
     """A finite number. Raises :class:`Wrong`."""
     try:
-        result = (
-            float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else float("nan")
-        )
+        result = float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else float("nan")
     except OverflowError:
         result = float("nan")
     if not isfinite(result) or abs(result) > 1e30:

@@ -139,9 +139,7 @@ def _on_earth(content: Content) -> Drawing:
         note_input(path)
         rows = {row["id"]: row for row in pl.read_csv(path, infer_schema=False).iter_rows(named=True)}
     columns = ("seast", "snorth", "sup")
-    sigma = (
-        np.array([[_number(rows.get(name, {}).get(key)) for key in columns] for name in ids]) * world.metres
-    )
+    sigma = np.array([[_number(rows.get(name, {}).get(key)) for key in columns] for name in ids]) * world.metres
     nothing = np.full((len(ids), 3), np.nan)
     lines = _lines(content, set(ids))
     centres = np.zeros((0, 3))
@@ -284,8 +282,7 @@ def write_geojson(document: Document, folder: Path, target: Path) -> Written:
         for name, centre in zip(shown.images, shown.centres.tolist(), strict=True)
     ]
     features += [
-        _feature("LineString", [at[a], at[b]], {"from": a, "to": b, "kind": "observed"})
-        for a, b in shown.lines
+        _feature("LineString", [at[a], at[b]], {"from": a, "to": b, "kind": "observed"}) for a, b in shown.lines
     ]
     collection: dict[str, Any] = {"type": "FeatureCollection"}
     if shown.crs:

@@ -95,9 +95,7 @@ def _number(value: Any) -> float:
 def _place(gps: dict[int, Any]) -> tuple[float, float, float] | None:
     """Latitude and longitude of tags 1 to 4, height of 5 and 6."""
     try:
-        latitude, longitude = (
-            sum(float(part) / 60.0**k for k, part in enumerate(gps[tag])) for tag in (2, 4)
-        )
+        latitude, longitude = (sum(float(part) / 60.0**k for k, part in enumerate(gps[tag])) for tag in (2, 4))
         height = float(gps.get(6, 0.0))
     except (KeyError, TypeError, ValueError, ZeroDivisionError):
         return None

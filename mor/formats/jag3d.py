@@ -78,9 +78,7 @@ def read_jag3d_script(path: Path) -> Document:
     draft = Draft(str(path))
     script = _parse(path, draft)
     if "PointApriori" not in script.columns:
-        raise InputError(
-            [Message('found no table "PointApriori", expected a project of JAG3D', str(path), 1)]
-        )
+        raise InputError([Message('found no table "PointApriori", expected a project of JAG3D', str(path), 1)])
     if not script.of("PointApriori") and not draft.problems:
         raise InputError([Message(_without_rows(script, path), str(path), 1)])
     draft.put("title", path.stem)
@@ -296,9 +294,7 @@ def read_jag3d(path: Path) -> Document:
     if others:
         draft.note(f"not read, for their names tell nothing: {', '.join(others[:10])}")
     for what, count in without.items():
-        draft.note(
-            f"{counted(count, 'line')} of {what} without σ: {_SIGMAS.get(what, LENGTH_SIGMA)} gon or m is taken"
-        )
+        draft.note(f"{counted(count, 'line')} of {what} without σ: {_SIGMAS.get(what, LENGTH_SIGMA)} gon or m is taken")
     if not known or not draft.data.get("observations"):
         draft.problem("there are no points, or no observations: names of files tell what they are")
     if datum:
@@ -310,23 +306,17 @@ def read_jag3d(path: Path) -> Document:
 
 def _words(file: Path, draft: Draft) -> list[tuple[int, list[str]]]:
     lines = enumerate(read_lines(file, draft), start=1)
-    return [
-        (line, text.split()) for line, text in lines if text.strip() and not text.lstrip().startswith("#")
-    ]
+    return [(line, text.split()) for line, text in lines if text.strip() and not text.lstrip().startswith("#")]
 
 
-def _read_points(
-    file: Path, kind: str, axes: tuple[str, ...], known: dict[str, str], draft: Draft
-) -> list[str]:
+def _read_points(file: Path, kind: str, axes: tuple[str, ...], known: dict[str, str], draft: Draft) -> list[str]:
     """Names of the points of a file: name, coordinates in the order y x z of JAG3D, σ."""
     rows, count = [], len(axes)
     for line, (name, *words) in _words(file, draft):
         try:
             numbers = [parse_number(word.replace(",", ".")) for word in words]
             if len(numbers) < count:
-                raise ValueError(
-                    f"found {len(numbers)} numbers behind the name, expected {count} coordinates"
-                )
+                raise ValueError(f"found {len(numbers)} numbers behind the name, expected {count} coordinates")
             sigma = _sigma(numbers[count:], count) if kind == "stochastic" else []
         except ValueError as error:
             draft.problem(str(error), line, str(file))
@@ -345,9 +335,7 @@ def _read_points(
 def _sigma(numbers: list[float], count: int) -> list[str]:
     """One σ for all, one in plan and one in height, or one each. Raises ``ValueError``."""
     if len(numbers) > count or any(value <= 0.0 for value in numbers):
-        raise ValueError(
-            f"found the σ {' '.join(map(repr, numbers))}, expected up to {count} numbers above 0"
-        )
+        raise ValueError(f"found the σ {' '.join(map(repr, numbers))}, expected up to {count} numbers above 0")
     if not numbers:
         return [SIGMA_POINT] * count
     if len(numbers) == count:
@@ -356,9 +344,7 @@ def _sigma(numbers: list[float], count: int) -> list[str]:
     return [*plan, repr(numbers[-1])] if count == 3 else plan[:count]
 
 
-def _read_observations(
-    file: Path, type_: str, sets: Counter[str], without: Counter[str], draft: Draft
-) -> None:
+def _read_observations(file: Path, type_: str, sets: Counter[str], without: Counter[str], draft: Draft) -> None:
     """Lines from, to, then value, or value and σ, or both heights, value, and σ; a σ of 1 or more is a distance."""
     rows = []
     stations: set[str] = set()
@@ -425,9 +411,7 @@ def write_jag3d(document: Document, folder: Path, target: Path) -> Written:
         raise InputError([Message(words, content.document.file)])
     notes = not_carried(content, _TYPES_WRITTEN, ("stations",), "JAG3D's text")
     if any(e.instrument or e.centring or e.ppm for e in content.project.observations):
-        words = (
-            "scales, offsets, refraction, centring: not written; σ that grow with the distance as they are"
-        )
+        words = "scales, offsets, refraction, centring: not written; σ that grow with the distance as they are"
         notes.append(Message(words, str(target)))
     notes.append(Message("units are m and gon: set them in JAG3D before the import", str(target)))
     texts = {target / name: ("\n".join(lines) + "\n").encode() for name, lines in files.items()}
@@ -475,9 +459,7 @@ def _datum(content: Content, ids: list[str], axes: tuple[str, ...], problems: li
         return set()
     chosen = datum.free if isinstance(datum, Datum) and datum.minimal is None else "all"
     components = datum.components if isinstance(datum, Datum) else ["x", "y", "z"]
-    by_axes = (
-        chosen if isinstance(chosen, dict) else {"".join(components): ids if chosen == "all" else chosen}
-    )
+    by_axes = chosen if isinstance(chosen, dict) else {"".join(components): ids if chosen == "all" else chosen}
     names = [{str(name) for key, found in by_axes.items() if axis in key for name in found} for axis in axes]
     if (isinstance(datum, Datum) and datum.minimal is not None) or any(one != names[0] for one in names):
         words = "JAG3D has inner constraints over all coordinates of points only"
@@ -515,7 +497,5 @@ def _observations(
 def _line(ends: str, heights: tuple[float, float], value: float, sigma: float) -> str:
     """All six columns. Raises :class:`InputError` for a σ that JAG3D would take for a distance."""
     if not sigma < 1.0:
-        raise InputError(
-            [Message(f"{ends}: JAG3D reads a σ of 1 and more ({sigma:g}, m or gon) as a distance")]
-        )
+        raise InputError([Message(f"{ends}: JAG3D reads a σ of 1 and more ({sigma:g}, m or gon) as a distance")])
     return " ".join([ends, *(repr(float(number)) for number in (*heights, value, sigma))])

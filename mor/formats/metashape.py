@@ -41,9 +41,7 @@ def camera_of(sensor: Element) -> tuple[dict[str, Any], bool]:
     """
     kind = sensor.attributes.get("type", "frame")
     if kind != "frame":
-        raise SensorError(
-            f"type {kind!r} has no counterpart in mor that says exactly the same (known: frame)"
-        )
+        raise SensorError(f"type {kind!r} has no counterpart in mor that says exactly the same (known: frame)")
     found = {c.attributes.get("class", "adjusted"): c for c in sensor.all("calibration")}
     calibration = found.get("adjusted") or found.get("initial") or next(iter(found.values()), None)
     size = next(iter((calibration.all("resolution") if calibration else []) + sensor.all("resolution")), None)
@@ -101,9 +99,7 @@ def _from_properties(sensor: Element, width: float) -> float:
     """Focal length of a sensor without calibration: in mm by the size of a pixel, or the width of the image."""
     given = {p.attributes.get("name"): p.attributes.get("value", "") for p in sensor.all("property")}
     if given.get("focal_length") and given.get("pixel_width"):
-        return _number(given["focal_length"], "focal_length") / (
-            _number(given["pixel_width"], "pixel_width") or 1.0
-        )
+        return _number(given["focal_length"], "focal_length") / (_number(given["pixel_width"], "pixel_width") or 1.0)
     return width
 
 
@@ -150,9 +146,7 @@ def read_metashape(path: Path) -> Document:
     root = project_tree(path) if own else parse_xml(read_bytes(path, PROJECT), draft.file)
     chunks = [root] if root.name == "chunk" else list(_inside(root, "chunk"))
     if not chunks:
-        raise InputError(
-            [Message(f"found <{root.name}> without a <chunk>, expected Metashape's XML", draft.file, 1)]
-        )
+        raise InputError([Message(f"found <{root.name}> without a <chunk>, expected Metashape's XML", draft.file, 1)])
     if len(chunks) > 1:
         draft.note(f"{len(chunks)} chunks: only the first one is read", chunks[1].line)
     chunk = chunks[0]
@@ -167,9 +161,7 @@ def read_metashape(path: Path) -> Document:
         _put_cameras(chunk, draft)
         control = _read_markers(chunk, found, draft)
         control = _put_images(chunk, found, control, draft) or control
-        rows = [
-            Row([name, *place, *sigma], line) for name, (place, sigma, line) in found.markers_placed.items()
-        ]
+        rows = [Row([name, *place, *sigma], line) for name, (place, sigma, line) in found.markers_placed.items()]
         if rows:
             draft.table("points", ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), rows)
         _put_projections(chunk, found, draft)
@@ -264,9 +256,7 @@ def _read_markers(chunk: Element, found: MetashapeChunk, draft: Draft) -> bool:
         control += any(text is not None for text in sigma)
         found.markers_placed[name] = place, sigma, marker.line
     if system == "geographic" and found.markers:
-        draft.note(
-            "coordinates of markers are longitude and latitude: not read; the network is free", chunk.line
-        )
+        draft.note("coordinates of markers are longitude and latitude: not read; the network is free", chunk.line)
     if control:
         draft.note(f"{counted(control, 'marker')} with coordinates: observed, σ as the file says", chunk.line)
     return control >= 3
@@ -380,16 +370,12 @@ def _positions(chunk: Element, draft: Draft) -> dict[str, tuple[list[str | None]
             if given.attributes.get("enabled", "true") in ("true", "1") and "x" in given.attributes:
                 found[camera.attributes.get("id", "")] = _reference(given, common)
     if found:
-        words = (
-            f"positions of {counted(len(found), 'image')} are observed, σ as the file says, else {common} m"
-        )
+        words = f"positions of {counted(len(found), 'image')} are observed, σ as the file says, else {common} m"
         draft.note(words, chunk.line)
     return found
 
 
-def _observed(
-    pose: list[str | None], known: tuple[list[str | None], list[str | None]] | None
-) -> list[str | None]:
+def _observed(pose: list[str | None], known: tuple[list[str | None], list[str | None]] | None) -> list[str | None]:
     """Pose, σ and start values of the position: observed where it is known, starting where the transform has it."""
     if known is None:
         return [*pose, *[None] * 6]
@@ -417,17 +403,13 @@ def _put_projections(chunk: Element, found: MetashapeChunk, draft: Draft) -> Non
                     parse_number(text)
                 rows.append(Row([image, name, *xy], location.line))
     if lost:
-        draft.note(
-            f"{counted(lost, 'projection')} of markers or images that are not there: not read", chunk.line
-        )
+        draft.note(f"{counted(lost, 'projection')} of markers or images that are not there: not read", chunk.line)
     sigma = _accuracy(chunk, "accuracy_projections", SIGMA_PROJECTION)
     if rows:
         columns = ("image", "point", "x", "y")
         draft.table("observations", columns, rows, type="image", units="px", values={"sigma": sigma})
     elif found.tie is None:
-        draft.note(
-            "the file has no projections of markers: export the markers, too; tie points are in neither"
-        )
+        draft.note("the file has no projections of markers: export the markers, too; tie points are in neither")
 
 
 def _tie_points(chunk: Element, path: Path, draft: Draft) -> TiePoints | None:
@@ -479,11 +461,7 @@ def read_reference(path: Path) -> Document:
     draft = Draft(str(path))
     lines = read_lines(path, draft)
     at = next(
-        (
-            k
-            for k, text in enumerate(lines)
-            if (re.match(r"#?\s*label\s*[,;\t]\s*x/", text, re.IGNORECASE) is not None)
-        ),
+        (k for k, text in enumerate(lines) if (re.match(r"#?\s*label\s*[,;\t]\s*x/", text, re.IGNORECASE) is not None)),
         None,
     )
     if at is None:
@@ -509,9 +487,7 @@ def read_reference(path: Path) -> Document:
         if text.startswith("#") or not text.replace(sign, "").strip():
             continue
         row = next(csv.reader([text], delimiter=sign))
-        cells.append(
-            (line, [cell.replace(",", ".") if decimal and k else cell for k, cell in enumerate(row)])
-        )
+        cells.append((line, [cell.replace(",", ".") if decimal and k else cell for k, cell in enumerate(row)]))
     _put(cells, columns, names, draft)
     if decimal:
         draft.note("numbers have decimal commas", at + 2)
@@ -528,9 +504,7 @@ def _put(cells: list[tuple[int, list[str]]], columns: dict[str, int], names: lis
         name = given.get("id", "")
         try:
             place = _place(given)
-            sigma = [
-                _sigma(given, axis, default) if place[k] is not None else None for k, axis in enumerate(_AXES)
-            ]
+            sigma = [_sigma(given, axis, default) if place[k] is not None else None for k, axis in enumerate(_AXES)]
         except ValueError as error:
             draft.problem(str(error), line)
             continue
@@ -646,9 +620,7 @@ def _sensor(number: int, name: str, camera: Camera, content: Content) -> str:
 
 def interior_of(camera: Camera, content: Content) -> tuple[dict[str, float], list[str]]:
     """Metashape's numbers and the names of the free ones. Raises ``ValueError`` where they say something else."""
-    free = [
-        k for k, s in camera.interior.items() if isinstance(s, Value) and s.fixed is None and s.sigma != "0"
-    ]
+    free = [k for k, s in camera.interior.items() if isinstance(s, Value) and s.fixed is None and s.sigma != "0"]
     if camera.model == "metashape":
         scale = image_scale(camera)
         pixel = 1.0 if np.isnan(scale.pixel) else scale.pixel
@@ -678,9 +650,7 @@ def _markers(whole: ImageBlock) -> list[str]:
             sigma = np.nan_to_num(found.statuses.sigma[k]).tolist()
             numbers = found.statuses.values[k] if known else found.values[k]
             inside = [f'{axis}="{value!r}"' for axis, value in zip("xyz", numbers.tolist(), strict=True)]
-            inside += (
-                [f's{axis}="{value!r}"' for axis, value in zip("xyz", sigma, strict=True)] if known else []
-            )
+            inside += [f's{axis}="{value!r}"' for axis, value in zip("xyz", sigma, strict=True)] if known else []
             reference = f'<reference {" ".join(inside)} enabled="{"true" if known else "false"}"/>'
         lines.append(f'<marker id="{k}" label={quoteattr(name)}>{reference}</marker>')
     lines += ["</markers>", '<frames><frame id="0"><markers>']

@@ -68,9 +68,7 @@ def groups(
         _between_points(_group(content, k, entry, known[entry.type]), under, points, images, content)
         for k, entry in chosen
     ]
-    return [
-        part for (k, _), group in zip(chosen, found, strict=True) for part in _by_cluster(group, content, k)
-    ]
+    return [part for (k, _), group in zip(chosen, found, strict=True) for part in _by_cluster(group, content, k)]
 
 
 def _between_points(
@@ -94,9 +92,7 @@ def _between_points(
                 space, _, bare = name.rpartition(":")
                 names[row] = bare = bare if space in ("point", "station", "image", "centre") else name
                 if space in ("image", "centre") or (bare in images and bare not in points | under.keys()):
-                    words = (
-                        f"{column}: {bare!r} is an image; the format knows observations between points only"
-                    )
+                    words = f"{column}: {bare!r} is an image; the format knows observations between points only"
                     problems.append(Message(words, group.rows.file, int(group.rows.lines[row])))
                 elif bare in under and (space == "station" or (space != "point" and bare not in points)):
                     names[row], own = under[bare]
@@ -105,9 +101,7 @@ def _between_points(
             texts[column], numbers[f"{column}_height"] = pl.Series(names, dtype=pl.String), height
             columns.append(names)
     ends = np.array([[len(set(row)) < len(columns)] for row in zip(*columns, strict=True)], dtype=bool)
-    tell_rows(
-        problems, ends.ravel(), group.rows, lambda row: f"point {columns[-1][row]!r} is observed from itself"
-    )
+    tell_rows(problems, ends.ravel(), group.rows, lambda row: f"point {columns[-1][row]!r} is observed from itself")
     if problems:
         raise InputError(problems)
     return replace(group, rows=replace(group.rows, texts=texts, numbers=numbers))
@@ -163,9 +157,7 @@ def _group(content: Content, number: int, entry: Observations, type_: Observatio
     if entry.ppm:
         far = np.nan_to_num(values[:, :1]) if "distance" in entry.type else np.zeros((len(values), 1))
         sigma = np.hypot(sigma, entry.ppm * 1e-6 * far)
-    return ObservationTable(
-        entry, rows, values, sigma, _covariance(entry, type_, rows, values, sigma), factors
-    )
+    return ObservationTable(entry, rows, values, sigma, _covariance(entry, type_, rows, values, sigma), factors)
 
 
 def _sigma_unit(entry: Observations, name: str) -> str:

@@ -133,9 +133,7 @@ def write_gcp_list(document: Document, folder: Path, target: Path) -> Written:
             lines.append(f"{control[point]} {x - 0.5!r} {y - 0.5!r} {image} {point}")
     odd = [name for name in (*control, *found.ids) if any(sign.isspace() for sign in name)]
     if odd or len(lines) == 1:
-        words = (
-            f"{odd[0]!r}: names in a gcp_list.txt have no blanks" if odd else "no image shows a control point"
-        )
+        words = f"{odd[0]!r}: names in a gcp_list.txt have no blanks" if odd else "no image shows a control point"
         raise InputError([Message(words, document.file)])
     notes = not_carried(content, ("image",), (), "gcp_list.txt")
     words = f"line 1 says {_SYSTEM}: put the coordinate system of the control there, as EPSG:25832 or WGS84 UTM 32N"
@@ -283,15 +281,11 @@ def _largest(file: JsonFile, draft: Draft) -> dict[str, Any]:
     found = file.data if isinstance(file.data, list) else [file.data]
     good = [one for one in found if isinstance(one, dict) and isinstance(one.get("shots"), dict)]
     if not good:
-        raise InputError(
-            [Message("expected a list of reconstructions with shots, cameras, points", file.file, 1)]
-        )
+        raise InputError([Message("expected a list of reconstructions with shots, cameras, points", file.file, 1)])
     good.sort(key=lambda one: -len(one["shots"]))
     if len(good) > 1:
         shots = sum(len(one["shots"]) for one in good[1:])
-        words = (
-            f"{len(good)} reconstructions that nothing ties: only the largest is read, without {shots} images"
-        )
+        words = f"{len(good)} reconstructions that nothing ties: only the largest is read, without {shots} images"
         draft.note(words, 1)
     return good[0]
 
@@ -354,9 +348,7 @@ def _put_images(
     return observed > 0
 
 
-def _image(
-    name: str, shot: dict[str, Any], cameras: dict[str, str], file: JsonFile, other_system: bool
-) -> Row:
+def _image(name: str, shot: dict[str, Any], cameras: dict[str, str], file: JsonFile, other_system: bool) -> Row:
     camera = str(shot.get("camera"))
     if camera not in cameras:
         raise Wrong(f"shot {name!r}: camera {camera!r} is not among the cameras")
@@ -415,9 +407,7 @@ def _put_tracks(
             side, width, height = sizes[image]
             rows.append((image, point, x * side + width / 2.0, y * side + height / 2.0))
     for what, count in lost.items():
-        draft.note(
-            f"{counted(count, 'image point')} not read: their {what} is not reconstructed", file=str(path)
-        )
+        draft.note(f"{counted(count, 'image point')} not read: their {what} is not reconstructed", file=str(path))
     rows += [(image, point, u, v) for image, point, u, v in control.rays if image in sizes]
     if not rows:
         draft.problem("there are no image points of reconstructed images and points", file=str(path))
@@ -440,15 +430,11 @@ def _coordinate(cell: str) -> float:
     return value
 
 
-def _sizes(
-    shots: dict[str, Any], cameras: dict[str, str], draft: Draft
-) -> dict[str, tuple[float, float, float]]:
+def _sizes(shots: dict[str, Any], cameras: dict[str, str], draft: Draft) -> dict[str, tuple[float, float, float]]:
     """Longer side, width and height (px) of each image."""
     sizes = {}
     for name, shot in shots.items():
-        camera = draft.data["cameras"].get(
-            cameras.get(str(shot.get("camera")) if isinstance(shot, dict) else "", "")
-        )
+        camera = draft.data["cameras"].get(cameras.get(str(shot.get("camera")) if isinstance(shot, dict) else "", ""))
         if camera is not None:
             width, height = (float(camera["image"][key]) for key in ("width", "height"))
             sizes[name] = max(width, height), width, height

@@ -112,17 +112,13 @@ def read_export(path: Path, draft: Draft) -> Export:
     if len(lines) < 6:
         words = "this is not a PhotoModeler text export: found fewer than 6 lines"
         raise InputError([Message(words, draft.file, max(len(lines), 1))])
-    general = _numbers(
-        lines, 1, 2, "tolerance, iterations and, where known, image width and height in px", draft
-    )
+    general = _numbers(lines, 1, 2, "tolerance, iterations and, where known, image width and height in px", draft)
     defaults = _numbers(lines, 2, 1, "default σ of image points, control, points, poses", draft)
     camera = _numbers(lines, 3, 5, "c xp yp, format width and height, K1 K2 K3 P1 P2", draft)
     photos, after = _photos(lines, draft)
     for values, line in [(camera or [], 4), *((photo.camera, photo.line + 4) for photo in photos)]:
         if values and min(values[3:5]) <= 0.0:
-            draft.problem(
-                f"found the format {values[3]:g} x {values[4]:g} mm, expected numbers above 0", line
-            )
+            draft.problem(f"found the format {values[3]:g} x {values[4]:g} mm, expected numbers above 0", line)
     if not photos:
         draft.problem("found no photo, expected a photo number and its file name", 6)
     if draft.problems or general is None or defaults is None or camera is None:
@@ -203,9 +199,7 @@ def read_photomodeler(path: Path) -> Document:
         words = "found no image width and height (px) here, and the solution in the file does not give them; "
         draft.problem(words + "put them behind tolerance and iterations", 2)
         return draft.finish()
-    used = _used(
-        marks, {row.cells[0] for row in (*control, *objects)}, {p.name for p in export.photos}, draft
-    )
+    used = _used(marks, {row.cells[0] for row in (*control, *objects)}, {p.name for p in export.photos}, draft)
     names = _put_cameras(export, size, draft)
     _put_photos(export.photos, names, {row.cells[0] for row in used}, draft)
     _put_points(control, objects, draft)
@@ -249,9 +243,7 @@ def _marks(export: Export, draft: Draft) -> list[Row]:
         sigma: list[str | None] = [*words[4:6]] if good else [repr(export.sigma)] * 2
         rows.append(Row([*words[:4], *sigma], line))
     if replaced:
-        words_ = (
-            f"{counted(replaced, 'image point')} without σ: σ = {export.sigma:g} px, the default of the file"
-        )
+        words_ = f"{counted(replaced, 'image point')} without σ: σ = {export.sigma:g} px, the default of the file"
         draft.note(words_, 3)
     return rows
 
@@ -272,14 +264,9 @@ def _once(rows: list[Row], what: str, draft: Draft) -> list[Row]:
     return list(first.values())
 
 
-def _worked_out(
-    export: Export, points: list[Row], marks: list[Row], draft: Draft
-) -> tuple[float, float] | None:
+def _worked_out(export: Export, points: list[Row], marks: list[Row], draft: Draft) -> tuple[float, float] | None:
     """Image size by the solution in the file."""
-    seen = [
-        ImagePoint(str(row.cells[0]), str(row.cells[1]), *map(float, map(str, row.cells[2:4])))
-        for row in marks
-    ]
+    seen = [ImagePoint(str(row.cells[0]), str(row.cells[1]), *map(float, map(str, row.cells[2:4]))) for row in marks]
     places = {str(row.cells[0]): [float(str(v)) for v in row.cells[1:4]] for row in points}
     size = image_size(export.camera, {photo.name: photo.pose for photo in export.photos}, places, seen)
     if size is not None:
@@ -332,16 +319,12 @@ def _put_cameras(export: Export, size: tuple[float, float], draft: Draft) -> dic
     if free:
         draft.note("a calibration project: c, xh, yh, K1, K2, K3, P1, P2 are free, b1 is fixed", 1)
     else:
-        draft.note(
-            "no calibration project: the interior orientation is fixed; {free: …} in cameras frees it", 1
-        )
+        draft.note("no calibration project: the interior orientation is fixed; {free: …} in cameras frees it", 1)
     draft.put("cameras", cameras)
     return names
 
 
-def _put_photos(
-    photos: list[PhotoRecord], names: dict[str, str], used: set[str | None], draft: Draft
-) -> None:
+def _put_photos(photos: list[PhotoRecord], names: dict[str, str], used: set[str | None], draft: Draft) -> None:
     rows = []
     for photo in photos:
         if photo.name not in used:

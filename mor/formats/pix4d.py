@@ -57,8 +57,7 @@ def read_pix4d(path: Path) -> Document:
     if draft.problems:
         return draft.finish()
     rows = [
-        Row([photo.name, names[photo.name], *map(repr, map(float, poses[photo.name]))], photo.line)
-        for photo in photos
+        Row([photo.name, names[photo.name], *map(repr, map(float, poses[photo.name]))], photo.line) for photo in photos
     ]
     draft.table("images", ("id", "camera", *_POSE), rows, str(files[CAMERAS]))
     used = _put_marks(marks, photos, str(files.get(MARKS, "")), draft)
@@ -109,9 +108,7 @@ def _put_cameras(photos: Sequence[CalibratedImage], file: str, draft: Draft) -> 
         names[photo.name] = by_values[key]
     draft.put("cameras", cameras)
     if cameras:
-        words = (
-            "the files do not say which camera parameters were estimated: all are free, as is Pix4D's default"
-        )
+        words = "the files do not say which camera parameters were estimated: all are free, as is Pix4D's default"
         draft.note(words, file=file)
     return names
 
@@ -136,9 +133,7 @@ def _poses(photos: Sequence[CalibratedImage], files: dict[str, Path], draft: Dra
     if OFFSET in files:
         offset = _offset(files[OFFSET], draft)
     poses = {
-        photo.name: np.array(
-            [*(photo.position + offset), *np.degrees(angles_from_rotation(_FLIP @ photo.rotation))]
-        )
+        photo.name: np.array([*(photo.position + offset), *np.degrees(angles_from_rotation(_FLIP @ photo.rotation))])
         for photo in photos
     }
     if EXTERNAL not in files:
@@ -152,11 +147,7 @@ def _poses(photos: Sequence[CalibratedImage], files: dict[str, Path], draft: Dra
         words = f"{counted(len(lost), 'image')} not in the external parameters: the first is {lost[0].name}"
         draft.problem(words, lost[0].line, str(files[CAMERAS]))
         return poses
-    apart = [
-        row
-        for row in known
-        if row.name in poses and _apart(poses[row.name], found[row.name], OFFSET in files)
-    ]
+    apart = [row for row in known if row.name in poses and _apart(poses[row.name], found[row.name], OFFSET in files)]
     if apart:
         words = f"{counted(len(apart), 'pose')} of the external parameters are not those of …_{CAMERAS}"
         draft.note(
@@ -199,9 +190,7 @@ def _put_marks(
             file=file,
         )
         columns = ("image", "point", "x", "y")
-        draft.table(
-            "observations", columns, rows, file, type="image", units="px", values={"sigma": SIGMA_MARK}
-        )
+        draft.table("observations", columns, rows, file, type="image", units="px", values={"sigma": SIGMA_MARK})
     return [mark for _, mark in used]
 
 
@@ -219,8 +208,6 @@ def _put_control(control: list[NamedValues], file: str, draft: Draft) -> None:
             draft.problem(f"found the accuracy {min(given):g}, expected 0 or more", row.line, file)
         rows.append(Row([row.name, repr(x), repr(y), repr(z), plan, plan, height], row.line))
     if bare:
-        draft.note(
-            f"control points without an accuracy have σ = {SIGMA_CONTROL} m, Pix4D's default", file=file
-        )
+        draft.note(f"control points without an accuracy have σ = {SIGMA_CONTROL} m, Pix4D's default", file=file)
     columns = ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
     draft.table("points", columns, rows, file, group="control")

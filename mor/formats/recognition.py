@@ -89,13 +89,9 @@ def read_words(stem: Path, suffix: str, draft: Draft) -> list[FileLine]:
         if not path.is_file():
             continue
         lines = enumerate(read_text(path, errors="replace").split("\n"), start=1)
-        return [
-            FileLine(_split(bare), i, str(path)) for i, line in lines if (bare := line.split("#")[0]).strip()
-        ]
+        return [FileLine(_split(bare), i, str(path)) for i, line in lines if (bare := line.split("#")[0]).strip()]
     if suffix in REQUIRED:
-        draft.problem(
-            "this file does not exist, plain or as .gz", file=str(stem.parent / f"{stem.name}{suffix}")
-        )
+        draft.problem("this file does not exist, plain or as .gz", file=str(stem.parent / f"{stem.name}{suffix}"))
     return []
 
 
@@ -247,12 +243,7 @@ def _ply(content: bytes, needed: tuple[str, ...]) -> np.ndarray:
         raise ValueError(f"found the format {said!r}, expected {' or '.join(_ORDERS)}")
     elements = [words for words in lines if words[:1] == ["element"]]
     properties = [words[1:] for words in lines if words[:1] == ["property"]]
-    if (
-        len(elements) != 1
-        or len(elements[0]) != 3
-        or elements[0][1] != "vertex"
-        or not elements[0][2].isdecimal()
-    ):
+    if len(elements) != 1 or len(elements[0]) != 3 or elements[0][1] != "vertex" or not elements[0][2].isdecimal():
         raise ValueError("expected vertices and nothing else")
     if not properties or not all(len(words) == 2 and words[0] in _TYPES for words in properties):
         raise ValueError("found a property that is not a plain number")
@@ -262,9 +253,7 @@ def _ply(content: bytes, needed: tuple[str, ...]) -> np.ndarray:
     form = np.dtype([(name, _ORDERS[said] + _TYPES[type_]) for type_, name in properties])
     count = int(elements[0][2])
     if count * form.itemsize != len(content) - end.end():
-        raise ValueError(
-            f"found {len(content) - end.end()} bytes of vertices, expected {count} · {form.itemsize}"
-        )
+        raise ValueError(f"found {len(content) - end.end()} bytes of vertices, expected {count} · {form.itemsize}")
     missing = [name for name in needed if name not in names]
     if missing:
         raise ValueError(f"found no property {missing[0]}")
@@ -372,9 +361,7 @@ def _fill(element: Element, folder: Path, inner: tuple[str, ...]) -> None:
         if child.name == inner[0] and place.endswith(".zip"):
             found = _archive(folder / place, inner[1:])
             child.attributes.update(found.attributes, **{ARCHIVE: str(folder / place)})
-            element.children[k] = Element(
-                child.name, child.attributes, child.line, found.children, found.text
-            )
+            element.children[k] = Element(child.name, child.attributes, child.line, found.children, found.text)
         else:
             _fill(child, folder, inner)
 
@@ -435,14 +422,10 @@ class ControlMeasurements:
         }
 
 
-def read_control(
-    folder: Path, whole: dict[str, Any], shots: dict[str, Any], draft: Draft
-) -> ControlMeasurements:
+def read_control(folder: Path, whole: dict[str, Any], shots: dict[str, Any], draft: Draft) -> ControlMeasurements:
     """The control of a block, empty if it has none."""
     places = [folder / "gcp_list.txt", folder.parent / "gcp_list.txt"]
-    listed = next(
-        (p for p in places if p.is_file() and (p.parent == folder or folder.name == "opensfm")), None
-    )
+    listed = next((p for p in places if p.is_file() and (p.parent == folder or folder.name == "opensfm")), None)
     described = folder / "ground_control_points.json"
     control = ControlMeasurements()
     if described.is_file():
@@ -564,9 +547,7 @@ def _read_list(
         if known:
             control.rays.append((words[5], name, u + 0.5, v + 0.5))
     if lost:
-        draft.note(
-            f"{lost} image points of control not read: their images are not reconstructed", file=str(path)
-        )
+        draft.note(f"{lost} image points of control not read: their images are not reconstructed", file=str(path))
     if control.ids and not geographic:
         control.own_system = True
         said = f"coordinates are those of {system!r}, taken as plane"
@@ -620,9 +601,7 @@ def _json_point(
     control.ids[name] = (None, None, None)
     if point.get("position") is not None:
         position = mapping(point["position"], f"point {name!r}: position")
-        lat, lon = (
-            json_number(position.get(key), f"point {name!r}: {key}") for key in ("latitude", "longitude")
-        )
+        lat, lon = (json_number(position.get(key), f"point {name!r}: {key}") for key in ("latitude", "longitude"))
         has_height = bool(position.get("has_altitude", "altitude" in position))
         height = json_number(position.get("altitude", 0.0), f"point {name!r}: altitude")
         place = _local(lat, lon, height, whole)
@@ -822,9 +801,7 @@ def read_cameras(path: Path, draft: Draft) -> list[CalibratedImage]:
     head = next((k for k, words in lines if not words), 0)
     body = [(k, words) for k, words in lines if words and k > head]
     if not head or not body:
-        form = (
-            "an empty line behind the description, then name, K, distortion, position, rotation of each image"
-        )
+        form = "an empty line behind the description, then name, K, distortion, position, rotation of each image"
         draft.problem(f"found no images, expected {form}", 1, str(path))
         return []
     photos = []
@@ -842,9 +819,7 @@ def read_cameras(path: Path, draft: Draft) -> list[CalibratedImage]:
 def _photo(block: list[tuple[int, list[str]]]) -> CalibratedImage:
     line, head = block[0]
     if len(head) < 3 or len(block) < 1 + len(_BLOCK):
-        raise ValueError(
-            f"found {' '.join(head)!r}, expected name, width, height and {len(_BLOCK)} lines behind it"
-        )
+        raise ValueError(f"found {' '.join(head)!r}, expected name, width, height and {len(_BLOCK)} lines behind it")
     size = _numbers(head[-2:], 2, "width, height")
     rows = []
     for (k, words), count in zip(block[1:], _BLOCK, strict=True):
@@ -956,13 +931,7 @@ class Sample:
     @cached_property
     def kind(self) -> str:
         """xml, json or text."""
-        return (
-            "xml"
-            if self.root
-            else "json"
-            if self.text.lstrip()[:1] in ("{", "[") and '":' in self.text
-            else "text"
-        )
+        return "xml" if self.root else "json" if self.text.lstrip()[:1] in ("{", "[") and '":' in self.text else "text"
 
     @cached_property
     def binary(self) -> str:
@@ -970,9 +939,7 @@ class Sample:
         known = (words for begins, words in _BINARY if re.match(begins, self.head, re.DOTALL))
         wide = self.head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
         strange = sum(byte < 32 and byte not in b"\t\n\v\f\r\x1a" for byte in self.head)
-        return next(
-            known, "a binary file of an unknown kind" if strange * 50 > len(self.head) and not wide else ""
-        )
+        return next(known, "a binary file of an unknown kind" if strange * 50 > len(self.head) and not wide else "")
 
 
 class FormatCandidate(NamedTuple):
@@ -1001,9 +968,7 @@ def format_of(path: Path) -> str | None:
 
 def candidates(sample: Sample) -> list[FormatCandidate]:
     """Formats whose rules hold: the certain ones if there are any, and of several those of the suffix."""
-    found = [
-        FormatCandidate(rule.key, reason, rule.certain) for rule in _RULES if (reason := rule.reason(sample))
-    ]
+    found = [FormatCandidate(rule.key, reason, rule.certain) for rule in _RULES if (reason := rule.reason(sample))]
     found = [c for k, c in enumerate(found) if c.key not in [other.key for other in found[:k]]]
     found = [c for c in found if c.certain] or found
     by_suffix = [c for c in found if sample.path.suffix.lower() in FORMATS[c.key].suffixes]
@@ -1192,10 +1157,7 @@ def _photomodeler(sample: Sample) -> bool:
 
 def _idx(sample: Sample) -> bool:
     head = re.match(r"\s*HEADER\b", sample.text) is not None and "UNITS" in sample.text
-    return (
-        head
-        or re.search(r"^\s*(?:SLOPE|POINTS)\(.*\)\s*$", sample.text, re.MULTILINE | re.IGNORECASE) is not None
-    )
+    return head or re.search(r"^\s*(?:SLOPE|POINTS)\(.*\)\s*$", sample.text, re.MULTILINE | re.IGNORECASE) is not None
 
 
 def _sections(sample: Sample) -> bool:
@@ -1362,9 +1324,7 @@ def _records(key: str, pattern: re.Pattern[str], least: int, form: str) -> _Rule
     return _Rule(key, reason, False, form if least == 1 else f"{least} lines or more like {form}")
 
 
-def _if(
-    key: str, holds: Callable[[Sample], bool], said: str, certain: bool = True, kind: str = "text"
-) -> _Rule:
+def _if(key: str, holds: Callable[[Sample], bool], said: str, certain: bool = True, kind: str = "text") -> _Rule:
     return _Rule(key, lambda sample: said if holds(sample) else "", certain, said, kind)
 
 

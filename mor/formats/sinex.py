@@ -110,16 +110,10 @@ def matrix_of(block: SinexBlock, parameters: dict[int, Parameter], draft: Draft)
             row, first = int(words[0]), int(words[1])
             for column, word in enumerate(words[2:], start=first):
                 if row not in place or column not in place:
-                    raise ValueError(
-                        f"parameter {column if row in place else row} is not among the estimates"
-                    )
+                    raise ValueError(f"parameter {column if row in place else row} is not among the estimates")
                 if (column > row) if kind[0] == "L" else (column < row):
-                    raise ValueError(
-                        f"found row {row}, column {column}, expected the other triangle ({kind[0]})"
-                    )
-                M[place[row], place[column]] = M[place[column], place[row]] = parse_number(
-                    word.replace("D", "E")
-                )
+                    raise ValueError(f"found row {row}, column {column}, expected the other triangle ({kind[0]})")
+                M[place[row], place[column]] = M[place[column], place[row]] = parse_number(word.replace("D", "E"))
         except ValueError as error:
             draft.problem(str(error), line)
             good = False
@@ -204,9 +198,7 @@ def _put(draft: Draft, parameters: dict[int, Parameter], Q: FloatArray) -> None:
     draft.put("world", {"crs": _SYSTEM}, 1)
     draft.table("points", ("id", "x", "y", "z"), rows)
     covariance = Q[np.ix_(places, places)]
-    draft.table(
-        "observations", ("point", "x", "y", "z"), rows, type="gnss_position", covariance=covariance.tolist()
-    )
+    draft.table("observations", ("point", "x", "y", "z"), rows, type="gnss_position", covariance=covariance.tolist())
 
 
 def _names(sites: list[str]) -> dict[str, str]:
@@ -220,14 +212,10 @@ def _tell(draft: Draft, parameters: dict[int, Parameter], apriori: bool) -> None
     others = [found for found in parameters.values() if found.type not in _AXES]
     if others:
         types = ", ".join(dict.fromkeys(found.type for found in others))
-        draft.note(
-            f"not read: {len(others)} parameters ({types}); positions keep their covariances", others[0].line
-        )
+        draft.note(f"not read: {len(others)} parameters ({types}); positions keep their covariances", others[0].line)
     epochs = list(dict.fromkeys(found.epoch for found in parameters.values() if found.type in _AXES))
     if len(epochs) > 1:
-        draft.note(
-            f"positions are of {len(epochs)} epochs ({epochs[0]}, {epochs[1]}, …), taken as they are", 1
-        )
+        draft.note(f"positions are of {len(epochs)} epochs ({epochs[0]}, {epochs[1]}, …), taken as they are", 1)
     if apriori:
         draft.note("a-priori constraints of the solution stay in its covariances", 1)
 
@@ -297,9 +285,7 @@ def write_sinex(document: Document, folder: Path, target: Path) -> Written:
     lines = [head]
     for title, inside in blocks.items():
         lines += [f"+{title}", *inside, f"-{title}"]
-    return Written(
-        {target: "\n".join([*lines, "%ENDSNX", ""]).encode("ascii", "replace")}, _notes(content, target)
-    )
+    return Written({target: "\n".join([*lines, "%ENDSNX", ""]).encode("ascii", "replace")}, _notes(content, target))
 
 
 def _notes(content: Content, target: Path) -> list[Message]:
@@ -330,9 +316,7 @@ def _sites(names: list[str], file: str) -> list[str]:
             problems.append(Message(words, file))
         sites.append(f"{code:<{_CODE}} {point:>{_POINT}} {solution:>{_SOLUTION}}")
     if 3 * len(names) > MOST:
-        problems.append(
-            Message(f"found {3 * len(names)} coordinates, expected up to {MOST}: the matrix is full", file)
-        )
+        problems.append(Message(f"found {3 * len(names)} coordinates, expected up to {MOST}: the matrix is full", file))
     if problems:
         raise InputError(problems)
     return sites
@@ -373,6 +357,4 @@ def _matrix_lines(Q: FloatArray) -> Iterator[str]:
         for first in range(0, i + 1, _A_LINE):
             values = Q[i, first : min(first + _A_LINE, i + 1)]
             if values.any():
-                yield f" {i + 1:5d} {first + 1:5d} " + " ".join(
-                    f"{value:21.14E}" for value in values.tolist()
-                )
+                yield f" {i + 1:5d} {first + 1:5d} " + " ".join(f"{value:21.14E}" for value in values.tolist())

@@ -247,18 +247,14 @@ def bearing(line: DataLine, network: StarNetContext) -> None:
     """A bearing."""
     need(line, 2, "from-to, bearing, σ")
     ends = names_of(line.words[0], 2, network)
-    network.add(
-        "bearing", (*ends, network.angle(line.words[1]), network.sigma(line.words, 2, "bearing")), line.number
-    )
+    network.add("bearing", (*ends, network.angle(line.words[1]), network.sigma(line.words, 2, "bearing")), line.number)
 
 
 def angle(line: DataLine, network: StarNetContext) -> None:
     """A horizontal angle."""
     need(line, 2, "at-from-to, angle, σ")
     names = at_from_to(line.words[0], network)
-    network.add(
-        "angle", (*names, network.angle(line.words[1]), network.sigma(line.words, 2, "angle")), line.number
-    )
+    network.add("angle", (*names, network.angle(line.words[1]), network.sigma(line.words, 2, "angle")), line.number)
 
 
 def distance(line: DataLine, network: StarNetContext) -> None:
@@ -273,9 +269,7 @@ def distance(line: DataLine, network: StarNetContext) -> None:
     )
 
 
-def put_distance(
-    ends: list[str], word: str, sigma: str | float, line: DataLine, network: StarNetContext
-) -> None:
+def put_distance(ends: list[str], word: str, sigma: str | float, line: DataLine, network: StarNetContext) -> None:
     """A distance with its σ."""
     if network.plane or network.delta:
         network.add("horizontal_distance", (*ends, network.length(word), sigma), line.number)
@@ -322,9 +316,7 @@ def measured(line: DataLine, network: StarNetContext) -> None:
         network.skip(f"angles of {line.code} from a backsight to itself", line.number)
     else:
         names = at_from_to(line.words[0], network)
-        network.add(
-            "angle", (*names, network.angle(words[1]), network.sigma(words, values, "angle")), line.number
-        )
+        network.add("angle", (*names, network.angle(words[1]), network.sigma(words, values, "angle")), line.number)
         ends = [names[0], names[2]]
     put_distance(ends, words[2], network.sigma(words, values + 1, "distance"), line, network)
     if not network.plane:
@@ -336,9 +328,7 @@ def bearing_measured(line: DataLine, network: StarNetContext) -> None:
     values = 3 if network.plane else 4
     need(line, values, "from-to, bearing, distance, zenith angle, σ")
     ends, words = names_of(line.words[0], 2, network), line.words
-    network.add(
-        "bearing", (*ends, network.angle(words[1]), network.sigma(words, values, "bearing")), line.number
-    )
+    network.add("bearing", (*ends, network.angle(words[1]), network.sigma(words, values, "bearing")), line.number)
     put_distance(ends, words[2], network.sigma(words, values + 1, "distance"), line, network)
     if not network.plane:
         put_vertical(ends, words[3], words, values + 2, line, network)
@@ -425,9 +415,7 @@ def direction(line: DataLine, network: StarNetContext) -> None:
     if line.words[0] == network.station:
         raise ValueError(f"found the station {network.station!r} itself as target")
     words = line.words
-    network.add(
-        "directions", (*at, network.angle(words[1]), network.sigma(words, values, "direction")), line.number
-    )
+    network.add("directions", (*at, network.angle(words[1]), network.sigma(words, values, "direction")), line.number)
     if full:
         ends = [network.station, words[0]]
         put_distance(ends, words[2], network.sigma(words, values + 1, "distance"), line, network)
@@ -451,15 +439,11 @@ def traverse(line: DataLine, network: StarNetContext) -> None:
     need(line, 1, "the station")
     if len(network.traverse) > 1:
         _leg(network.traverse, line.words[0], network)
-    network.traverse = (
-        [*network.traverse[-1:], line] if len(network.traverse) > 1 else [*network.traverse, line]
-    )
+    network.traverse = [*network.traverse[-1:], line] if len(network.traverse) > 1 else [*network.traverse, line]
     if line.code == "TE":
         if len(line.words) > 2:
             names = (line.words[0], network.traverse[-2].words[0], line.words[2])
-            network.add(
-                "angle", (*names, network.angle(line.words[1]), network.sigma([], 0, "angle")), line.number
-            )
+            network.add("angle", (*names, network.angle(line.words[1]), network.sigma([], 0, "angle")), line.number)
         network.traverse = []
 
 
@@ -473,8 +457,7 @@ def _leg(lines: list[DataLine], target: str, network: StarNetContext) -> None:
     back = before.words[0]
     sigma = network.sigma(words, values, "angle")
     if before.code == "TB" and (
-        "-" in back
-        or (back[:1].upper() in "NS" and back[-1:].upper() in "EW" and any(c.isdigit() for c in back))
+        "-" in back or (back[:1].upper() in "NS" and back[-1:].upper() in "EW" and any(c.isdigit() for c in back))
     ):
         network.add("bearing", (at, target, (network.angle(back) + turned) % 360.0, sigma), line.number)
     else:
@@ -538,9 +521,7 @@ def _put_vectors(network: StarNetContext) -> bool:
         elif _is_geocentric(place):
             places[name] = place
         elif network.geodetic or network.vectors:
-            words = (
-                "GNSS vectors and positions on the ellipsoid: the projection of the other points is unknown"
-            )
+            words = "GNSS vectors and positions on the ellipsoid: the projection of the other points is unknown"
             for line in [*network.geodetic.values(), *(one.line for one in network.vectors)]:
                 network.skip(words, line)
             network.points = {k: v for k, v in network.points.items() if k not in network.geodetic}
@@ -793,9 +774,7 @@ def write_starnet(document: Document, folder: Path, target: Path) -> Written:
         lines += _set_lines(group, known, content, separator)
         lines += _single_lines(group, known, content, separator)
     if not written and not any(group.rows.count for group in tables):
-        words = (
-            "STAR*NET has networks: this project has no point with coordinates and no terrestrial observation"
-        )
+        words = "STAR*NET has networks: this project has no point with coordinates and no terrestrial observation"
         raise InputError([Message(words, document.file)])
     return Written({target: ("\n".join(lines) + "\n").encode()}, _notes(content, target, guessed))
 
@@ -832,11 +811,7 @@ def _separator(found: ContentTable, content: Content) -> str:
     odd = [name for name in dict.fromkeys(names) if set(name) & set(" \t#'\"") or name[:1] in ".&"]
     free = [sign for sign in SEPARATORS if sign not in signs]
     if odd or not free:
-        words = (
-            f"point {odd[0]!r}: names in STAR*NET have no blanks, # ' \" and no . or & in front"
-            if odd
-            else ""
-        )
+        words = f"point {odd[0]!r}: names in STAR*NET have no blanks, # ' \" and no . or & in front" if odd else ""
         raise InputError([Message(words or f"every one of {SEPARATORS} is in a name", content.document.file)])
     return free[0]
 
@@ -850,10 +825,7 @@ def _points(found: ContentTable, content: Content) -> tuple[list[str], int]:
     mean = float(some.mean()) if len(some) else 0.0
     lines, guessed = [], 0
     for k, name in enumerate(found.ids):
-        marks = [
-            "!" if not f else plain(s) if np.isfinite(s) else "*"
-            for f, s in zip(free[k], sigma[k], strict=True)
-        ]
+        marks = ["!" if not f else plain(s) if np.isfinite(s) else "*" for f, s in zip(free[k], sigma[k], strict=True)]
         if dimensions != "z" and finite[k, :2].all():
             height = [plain(values[k, 2]) if finite[k, 2] else plain(mean)] if dimensions == "xyz" else []
             guessed += dimensions == "xyz" and not finite[k, 2]

@@ -81,9 +81,7 @@ def read_sections(text: str, draft: Draft) -> list[TextSection]:
 def _section(whole: str, number: int, draft: Draft) -> TextSection:
     match = _HEADER.match(_COMMENT.split(whole, maxsplit=1)[0])
     if match is None:
-        draft.problem(
-            f"found {whole.strip()!r}, expected [Name] or [Name,unit of values,unit of sigmas]", number
-        )
+        draft.problem(f"found {whole.strip()!r}, expected [Name] or [Name,unit of values,unit of sigmas]", number)
         return TextSection("Graphics", "", "", number)
     given = match[1]
     by_name = {name.lower(): name for name in KNOWN}
@@ -204,16 +202,13 @@ def _complete(rows: list[list[str]], line: int, draft: Draft) -> list[list[str]]
         return rows
     if all(length == 1 for length in lengths):
         return [
-            [repr(float(row[0]) * float(row[0])) if i == k else "0" for k in range(size)]
-            for i, row in enumerate(rows)
+            [repr(float(row[0]) * float(row[0])) if i == k else "0" for k in range(size)] for i, row in enumerate(rows)
         ]
     lower = lengths == list(range(1, size + 1))
     if lower or lengths == list(range(size, 0, -1)):
         at = (lambda i, k: rows[i][k]) if lower else (lambda i, k: rows[k][i - k])
         return [[at(max(i, k), min(i, k)) for k in range(size)] for i in range(size)]
-    words = (
-        f"{size} observed coordinates need a σ each, a {size} × {size} covariance matrix or a triangle of it"
-    )
+    words = f"{size} observed coordinates need a σ each, a {size} × {size} covariance matrix or a triangle of it"
     draft.problem(f"found rows of {', '.join(map(str, lengths))} numbers, {words}", line)
     return []
 
@@ -234,9 +229,7 @@ def _component(word: str, coordinates: Coordinates, line: Line, draft: Draft) ->
     if word[:1].lower() in coordinates.estimated and word[1:] in coordinates.texts:
         return word[1:], word[0].lower()
     expected = (
-        "a point"
-        if coordinates.estimated == "z"
-        else f"{', '.join(coordinates.estimated)} and a point, as in xA"
+        "a point" if coordinates.estimated == "z" else f"{', '.join(coordinates.estimated)} and a point, as in xA"
     )
     draft.problem(f"found {word!r}, expected {expected} of [Coordinates]", line.number)
     return None
@@ -247,9 +240,7 @@ def put_coordinates(coordinates: Coordinates, draft: Draft) -> None:
     tables: dict[str, list[Row]] = {}
     for name, texts in coordinates.texts.items():
         held = "".join(c for c in coordinates.estimated if (name, c) in coordinates.fixed)
-        tables.setdefault(held, []).append(
-            Row([name, *(texts.get(c) for c in "xyz")], coordinates.lines[name])
-        )
+        tables.setdefault(held, []).append(Row([name, *(texts.get(c) for c in "xyz")], coordinates.lines[name]))
     for held, rows in tables.items():
         draft.table("points", ("id", "x", "y", "z"), rows, fixed=list(held))
     if coordinates.free is not None:
@@ -313,9 +304,7 @@ KINDS = {
     "ZenithAngles": KrummKind("zenith_angle", ("from", "to"), "zenith_angle", angular=True, heights=True),
     "TrigonometricHeightDifferences": KrummKind("height_difference", ("from", "to"), "dz"),
     "PositionAngles": KrummKind("spatial_angle", ("at", "from", "to"), "angle", angular=True),
-    "VerticalAngles": KrummKind(
-        "vertical_direction", ("from", "to"), "vertical_direction", angular=True, heights=True
-    ),
+    "VerticalAngles": KrummKind("vertical_direction", ("from", "to"), "vertical_direction", angular=True, heights=True),
 }
 """Sections of the form names, value, σ, and heights where it says so; the others have readers of their own."""
 
@@ -399,19 +388,13 @@ def _put_plain(section: TextSection, kind: KrummKind, draft: Draft) -> None:
             rows.append(Row(cells + [None] * (2 - len(heights)), line.number))
     if rows:
         columns = [*kind.names, kind.value, "sigma", "from_height", "to_height"]
-        draft.table(
-            "observations", columns, rows, type=kind.type, units={kind.value: unit, "sigma": sigma_unit}
-        )
+        draft.table("observations", columns, rows, type=kind.type, units={kind.value: unit, "sigma": sigma_unit})
 
 
 def _sigma(word: str, kind: KrummKind, line: Line, draft: Draft) -> str:
     """A σ as written, with the unit that a sign behind it means: 30" are seconds of arc."""
     sign = word[-1:]
-    unit = (
-        {'"': "arcsec", "″": "arcsec", "'": "arcmin", "′": "arcmin", "°": "deg"}.get(sign)
-        if kind.angular
-        else None
-    )
+    unit = {'"': "arcsec", "″": "arcsec", "'": "arcmin", "′": "arcmin", "°": "deg"}.get(sign) if kind.angular else None
     number_ = word[:-1] if unit else word
     if not _is_positive(number_, line, draft):
         return "1"

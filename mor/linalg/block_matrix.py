@@ -245,9 +245,7 @@ def structure_from_cliques(
     return BlockStructure(_running_total(block_sizes), indptr, indices, _running_total(lengths))
 
 
-def union_of_cliques_by_sorting(
-    blocks: int, pointers: IntArray, members: IntArray
-) -> tuple[IntArray, IntArray]:
+def union_of_cliques_by_sorting(blocks: int, pointers: IntArray, members: IntArray) -> tuple[IntArray, IntArray]:
     """Return (indptr, indices) of the union of cliques by sorting all pairs; needs no compiler."""
     lengths = np.diff(pointers)
     pairs_before = _running_total(lengths**2)
@@ -354,9 +352,7 @@ class DensePart:
 
     def numbers_of(self, unknowns: IntArray) -> IntArray:
         """Numbers, of the same shape, of unknowns of the whole matrix; n where they are -1."""
-        found: IntArray = np.where(
-            unknowns >= 0, np.searchsorted(self.unknowns, unknowns), self.unknowns.size
-        )
+        found: IntArray = np.where(unknowns >= 0, np.searchsorted(self.unknowns, unknowns), self.unknowns.size)
         return found
 
     def add_to(self, values: FloatArray, dense: FloatArray) -> None:
@@ -409,9 +405,7 @@ def dense_part(structure: BlockStructure, blocks: IntArray) -> DensePart:
 
 
 @compile_kernel
-def segments(
-    columns: IntArray, block_of: IntArray, blocks: IntArray, starts: IntArray, ends: IntArray
-) -> int:
+def segments(columns: IntArray, block_of: IntArray, blocks: IntArray, starts: IntArray, ends: IntArray) -> int:
     """Split one row of columns into runs of equal blocks; columns that are fixed (−1) are left out."""
     count = 0
     for k in range(columns.size):
@@ -597,9 +591,7 @@ def _stored(into: Target, columns: IntArray) -> tuple[IntArray, IntArray]:
     return stored, places[stored]
 
 
-def row_cofactors(
-    cofactors: BlockMatrix, block_of: IntArray, jacobian: FloatArray, columns: IntArray
-) -> FloatArray:
+def row_cofactors(cofactors: BlockMatrix, block_of: IntArray, jacobian: FloatArray, columns: IntArray) -> FloatArray:
     """J Q Jᵀ (n, m, m) of observations with Jacobians (n, m, K), from the selected inverse Q."""
     structure = cofactors.structure
     result = np.zeros((len(jacobian), jacobian.shape[1], jacobian.shape[1]))
@@ -656,11 +648,7 @@ def _places(into: Target, columns: IntArray, *, lower_only: bool) -> tuple[IntAr
     high = np.where(row >= column, columns[:, :, None], columns[:, None, :])
     low = np.where(row >= column, columns[:, None, :], columns[:, :, None])
     high_block, low_block = np.maximum(row, column), np.minimum(row, column)
-    local = (
-        (high - structure.offsets[high_block]) * structure.sizes[low_block]
-        + low
-        - structure.offsets[low_block]
-    )
+    local = (high - structure.offsets[high_block]) * structure.sizes[low_block] + low - structure.offsets[low_block]
     usable = free[:, :, None] & free[:, None, :] & (start >= 0)
     if lower_only:
         usable &= row >= column

@@ -156,9 +156,7 @@ def add_to_column(
 
 
 @compile_kernel
-def extend_add(
-    update: FloatArray, places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray
-) -> None:
+def extend_add(update: FloatArray, places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray) -> None:
     """Add the lower triangle of a child's update to the parent's rows ``places`` (ascending)."""
     k = pivots.shape[0]
     split = int(np.searchsorted(places, k))
@@ -173,9 +171,7 @@ def extend_add(
 
 
 @compile_kernel
-def inherit(
-    places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray, inherited: FloatArray
-) -> None:
+def inherit(places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray, inherited: FloatArray) -> None:
     """Copy the full symmetric (r, r) part at ``places`` (ascending) out of the parent's inverse."""
     k = pivots.shape[0]
     split = np.searchsorted(places, k)
@@ -274,9 +270,7 @@ def _extract(values: FloatArray, entries: Entries, f: int, pivots: FloatArray, b
     values[found.to_below] = below.reshape(-1, order="F")[found.in_below]
 
 
-def _extend_add(
-    update: FloatArray, places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray
-) -> None:
+def _extend_add(update: FloatArray, places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray) -> None:
     k = pivots.shape[0]
     split = int(np.searchsorted(places, k))
     inside, beyond = places[:split], places[split:] - k
@@ -286,9 +280,7 @@ def _extend_add(
     rest[np.ix_(beyond, beyond)] += lower[split:, split:]
 
 
-def _inherit(
-    places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray, inherited: FloatArray
-) -> None:
+def _inherit(places: IntArray, pivots: FloatArray, below: FloatArray, rest: FloatArray, inherited: FloatArray) -> None:
     k = pivots.shape[0]
     split = int(np.searchsorted(places, k))
     inside, beyond = places[:split], places[split:] - k
@@ -347,9 +339,7 @@ class Factor:
         """Smallest pivot, squared as in N = L D Lᵀ; 0 if unknowns are set aside."""
         if len(self.set_aside):
             return 0.0
-        return min(
-            (float(np.square(front.diagonal()).min()) for front in self.pivots if front.size), default=np.inf
-        )
+        return min((float(np.square(front.diagonal()).min()) for front in self.pivots if front.size), default=np.inf)
 
     def solve(self, right_hand_side: FloatArray) -> FloatArray:
         """Return x of N x = b for b (n,) or (n, k); unknowns set aside are held at zero.
@@ -412,9 +402,7 @@ def factorise(matrix: BlockMatrix, elimination: Elimination, tolerance: float = 
 
 
 def _refuse_not_finite(matrix: BlockMatrix) -> None:
-    if not np.isfinite(
-        matrix.values.sum()
-    ):  # whatever is not finite shows in the sum, and it is five times as fast
+    if not np.isfinite(matrix.values.sum()):  # whatever is not finite shows in the sum, and it is five times as fast
         raise NotFiniteError("the normal matrix contains values that are not finite")
 
 
@@ -428,9 +416,7 @@ def _eliminated(matrix: BlockMatrix, elimination: Elimination, tolerance: float,
         with threads_for(order):
             for f in run:
                 children = updates.pop(f, [])
-                front = partial(
-                    _assembled_front, move, matrix.values, elimination, f, pivots[f], below[f], children
-                )
+                front = partial(_assembled_front, move, matrix.values, elimination, f, pivots[f], below[f], children)
                 if f >= fronts:
                     front()
                     continue

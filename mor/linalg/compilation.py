@@ -41,9 +41,7 @@ WAYS = ("auto", "numpy", "numba")
 ASKED = "MOR_KERNELS"
 """Environment variable that has one of :data:`WAYS`; processes that help with the work inherit it."""
 
-MISSING = (
-    "the Python package numba is missing: same results, but much slower (pip install 'mor-adjustment[large]')"
-)
+MISSING = "the Python package numba is missing: same results, but much slower (pip install 'mor-adjustment[large]')"
 COMPILING = "compiling the kernels, which takes some minutes, once only"
 FAILED = "the compiled kernels cannot be used; NumPy gives the same results but is slower: {reason}"
 DAMAGED = "the cache of kernels is damaged, mor compile renews it: {file}"
@@ -345,9 +343,7 @@ def compile_all(steps: Iterable[Callable[[], object]], done: Callable[[], None])
             for step in steps:
                 step()
                 done()
-        signatures = [
-            (one.__module__, one.py_func.__name__, one.in_numba.signatures) for one in _kernels if one.called
-        ]
+        signatures = [(one.__module__, one.py_func.__name__, one.in_numba.signatures) for one in _kernels if one.called]
         (filled / _SIGNATURES).write_bytes(pickle.dumps(signatures))
         sums = {path.relative_to(filled).as_posix(): _checksum(path) for path in _sealed_files(filled)}
         (filled / _SEAL).write_text(json.dumps(sums, indent=0))

@@ -73,9 +73,7 @@ def _tellings(plan: Elimination) -> dict[int, float]:
     return dict(zip((len(done) - 1 - ends).tolist(), np.diff(done[ends], prepend=0.0).tolist(), strict=True))
 
 
-def _inverse_of_front(
-    move: FrontOperations, factor: Factor, f: int, rest: FloatArray
-) -> tuple[FloatArray, FloatArray]:
+def _inverse_of_front(move: FrontOperations, factor: Factor, f: int, rest: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return Z11 (k, k), both triangles, and Z21 (r, k) of a front whose Z22 is known."""
     plan = factor.elimination
     pivots, _ = dpotri(factor.pivots[f], lower=1)

@@ -168,9 +168,7 @@ def rows_of_fronts(
 
 
 @compile_kernel
-def places_in_parents(
-    pivot_pointers: IntArray, row_pointers: IntArray, rows: IntArray, parent: IntArray
-) -> IntArray:
+def places_in_parents(pivot_pointers: IntArray, row_pointers: IntArray, rows: IntArray, parent: IntArray) -> IntArray:
     """Return for each scalar row of each front its place among the pivots and rows of the parent front."""
     places = np.empty(rows.size, dtype=np.int64)
     for f in range(parent.size):
@@ -459,9 +457,7 @@ def _scalars(
     r = row[block] + np.where(turned, across, down)
     c = column[block] + np.where(turned, down, across)
     inside = row[block] < pivots
-    return Scalars(
-        stored[inside], (r + c * pivots)[inside], stored[~inside], (r - pivots + c * rows)[~inside]
-    )
+    return Scalars(stored[inside], (r + c * pivots)[inside], stored[~inside], (r - pivots + c * rows)[~inside])
 
 
 def _permuted(graph: scipy.sparse.csr_array, order: IntArray) -> scipy.sparse.csr_array:

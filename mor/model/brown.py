@@ -50,9 +50,7 @@ def _correct(interior: FloatArray, measured: FloatArray, by_coefficients: FloatA
     return _Correction(x + distortion.dx, y + distortion.dy, by_measured, by_affine_x, (x_reduced, y_reduced))
 
 
-def project_brown(
-    star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray
-) -> Projection:
+def project_brown(star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray) -> Projection:
     """Measured coordinates plus the residual in the corrected image, so that computed − observed = v.
 
     The measured coordinates (x, y), y up, are reduced, sheared and corrected,
@@ -93,9 +91,7 @@ def project_brown(
     return Projection(xy, derivatives_by_star(ideal, undistorted), by_interior)
 
 
-def residuals_in_measured_image(
-    residuals: FloatArray, interior: FloatArray, measured: FloatArray
-) -> FloatArray:
+def residuals_in_measured_image(residuals: FloatArray, interior: FloatArray, measured: FloatArray) -> FloatArray:
     """Carry residuals (n, 2) of the corrected image to the measured one: w = J⁻¹ v, J = ∂(x_c, y_c)/∂(x, y).
 
     ``interior`` (n, 10) and ``measured`` (n, 2) as in :func:`project_brown`; the result (n, 2) is in image units,
@@ -198,9 +194,7 @@ BROWN_5 = _model("brown-5", before=1.0)
 # ---- Brown's polynomials evaluated at the ideal coordinates and subtracted: DBAT's "forward" model.
 
 
-def project_forward(
-    star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray
-) -> Projection:
+def project_forward(star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray) -> Projection:
     """Image coordinates x = x_H + x_s − dx, y = y_H + y_s − dy with x_s = −c X*/Z*, y_s = −c Y*/Z*, c > 0.
 
     With r² = x_s² + y_s²,
@@ -253,9 +247,7 @@ BROWN_FORWARD = CameraModel(
 # ---- The camera model of MOR: distortion added to, and evaluated at, the ideal image coordinates.
 
 
-def project_mor(
-    star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray
-) -> Projection:
+def project_mor(star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray) -> Projection:
     """Image coordinates x = x_H + x_s + dx, y = y_H + y_s + dy with x_s = −c X*/Z*, y_s = −c Y*/Z*, c > 0.
 
     With r² = x_s² + y_s² and q = A1 (r² − r0²) + A2 (r⁴ − r0⁴) + A3 (r⁶ − r0⁶),

@@ -225,9 +225,7 @@ def at_infinity(type_: ObservationType) -> ObservationType:
     Slots: those of ``type_`` that are no lengths, and a rotation instead of the point.
     """
     target = target_slot(type_)
-    kept = tuple(
-        k for k, slot in enumerate(type_.slots) if slot.kind not in _LENGTHS and slot.kind != "point"
-    )
+    kept = tuple(k for k, slot in enumerate(type_.slots) if slot.kind not in _LENGTHS and slot.kind != "point")
 
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
         D = blocks[-1]

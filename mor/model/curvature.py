@@ -70,9 +70,7 @@ def on_sphere(type_: ObservationType, sphere: LocalSphere, metres: float = 1.0) 
             else:
                 own[end.position] = place + height * (there[:, 2] - np.array([0.0, 0.0, 1.0]))
         if arc:
-            own[ends[1].position] = _arc(
-                own, ends, sphere.radius - sphere.origin[2] + blocks[ends[0].position][:, 2]
-            )
+            own[ends[1].position] = _arc(own, ends, sphere.radius - sphere.origin[2] + blocks[ends[0].position][:, 2])
         return Computed(type_.equation(own, constants).values, type_.equation(blocks, constants).jacobians)
 
     constants = tuple(

@@ -152,9 +152,7 @@ class Horizon:
         foot = self.foot(position)
         across = np.linalg.norm(np.cross(foot.up, self.pole), axis=1)
         latitude = np.arctan2(foot.up @ self.pole, across)
-        outwards = np.cross(
-            np.array([1.0, 0.0, 0.0]), self.pole
-        )  # from the axis, in the meridian of the origin
+        outwards = np.cross(np.array([1.0, 0.0, 0.0]), self.pole)  # from the axis, in the meridian of the origin
         longitude = self.longitude + np.arctan2(foot.up[:, 0], foot.up @ outwards)
         return np.stack([latitude, np.remainder(longitude + np.pi, 2.0 * np.pi) - np.pi, foot.height], axis=1)
 

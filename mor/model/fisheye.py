@@ -49,9 +49,7 @@ def _rays(star: FloatArray) -> _Ray:
     )
 
 
-def project_fisheye(
-    star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray
-) -> Projection:
+def project_fisheye(star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray) -> Projection:
     """Image coordinates x = u, y = −v, with (u, v) OpenCV's image coordinates, u right and v down.
 
     OpenCV's camera axes (right, down, forward) are (X*, −Y*, −Z*). With s = √(X*² + Y*²),
@@ -162,9 +160,7 @@ def _radial(r2: FloatArray, numerator: FloatArray, denominator: FloatArray) -> _
     return _Radial(factor, (above_slope - factor * below_slope) / below, below, (r2, r4, r6))
 
 
-def project_opencv(
-    star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray
-) -> Projection:
+def project_opencv(star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray) -> Projection:
     """Image coordinates x = u, y = −v, with (u, v) OpenCV's image coordinates, u right and v down.
 
     OpenCV's camera axes (right, down, forward) are (X*, −Y*, −Z*). With a = −X*/Z*, b = Y*/Z*, r² = a² + b²
@@ -216,9 +212,7 @@ def project_opencv(
     return Projection(xy, _by_star(a, b, per_depth, radial, interior), by_interior)
 
 
-def _by_star(
-    a: FloatArray, b: FloatArray, per_depth: FloatArray, radial: _Radial, interior: FloatArray
-) -> FloatArray:
+def _by_star(a: FloatArray, b: FloatArray, per_depth: FloatArray, radial: _Radial, interior: FloatArray) -> FloatArray:
     """Derivatives (n, 2, 3) of (x, y) by the image system's coordinates, through (a, b)."""
     fx, fy, p1, p2 = interior[:, 0], interior[:, 1], interior[:, 6], interior[:, 7]
     by_a = radial.factor + 2.0 * (a * a * radial.slope + p1 * b + 3.0 * p2 * a)
@@ -267,9 +261,7 @@ def _arctangent(q: FloatArray) -> tuple[FloatArray, FloatArray]:
     return np.where(small, h_near, h), np.where(small, slope_near, slope)
 
 
-def project_fov(
-    star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray
-) -> Projection:
+def project_fov(star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray) -> Projection:
     """Image coordinates x = u, y = −v, with (u, v) COLMAP's, u right and v down.
 
     With a = −X*/Z*, b = Y*/Z*, r² = a² + b² and t = 2 tan(ω/2),
@@ -356,9 +348,7 @@ def _assembled(interior: FloatArray, bent: _DistortedPoints, by_star: FloatArray
     return Projection(xy, scale[:, :, None] * (bent.slopes @ by_star), by_interior)
 
 
-def _side(
-    a: FloatArray, b: FloatArray, p: tuple[FloatArray, FloatArray]
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _side(a: FloatArray, b: FloatArray, p: tuple[FloatArray, FloatArray]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Tangential terms (n, 2) with ``p`` on (r² + 2 a²) and (r² + 2 b²), their slopes, their derivatives by p."""
     r2, ab = a * a + b * b, 2.0 * a * b
     by_p = np.stack([np.stack([r2 + 2.0 * a * a, ab], -1), np.stack([ab, r2 + 2.0 * b * b], -1)], 1)
@@ -416,9 +406,7 @@ def project_thin_prism(
     return _assembled(interior, _DistortedPoints(found, slopes, by), by_star)
 
 
-def project_rad_tan(
-    star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray
-) -> Projection:
+def project_rad_tan(star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray) -> Projection:
     """Image coordinates x = u, y = −v, with (u, v) COLMAP's, u right and v down.
 
     As :func:`project_thin_prism`, with tangential and prism terms at the coordinates that the radial ones moved: with
@@ -477,9 +465,7 @@ RAD_TAN_THIN_PRISM = CameraModel(
 # ---- A panorama: a line camera that turns about an axis and lays its lines side by side on a cylinder.
 
 
-def project_panorama(
-    star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray
-) -> Projection:
+def project_panorama(star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray) -> Projection:
     """Image coordinates of a camera whose line turns about the y axis of the image system; its middle looks along −z.
 
     Turned by α to the right, the line camera has its projection centre at ``ahead`` along the sight and ``aside`` to
@@ -513,8 +499,7 @@ def project_panorama(
     along = per_radian * (
         1.0
         + np.sum(
-            interior[:, 10:]
-            * np.stack([waves[:, 1], -waves[:, 0], 2.0 * waves[:, 3], -2.0 * waves[:, 2]], axis=1),
+            interior[:, 10:] * np.stack([waves[:, 1], -waves[:, 0], 2.0 * waves[:, 3], -2.0 * waves[:, 2]], axis=1),
             axis=1,
         )
     )  # ∂x/∂α

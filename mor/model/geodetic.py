@@ -64,9 +64,7 @@ def ends_of(type_: ObservationType) -> tuple[End, ...]:
     """The ends of a type in the order of their positions: the first is where the instrument stands."""
     slots = {(slot.of, slot.part): k for k, slot in enumerate(type_.slots)}
     names = [slot.of for slot in type_.slots if slot.part == "position"]
-    return tuple(
-        End(name, slots[name, "position"], slots.get((name, "height"), -1)) for name in dict.fromkeys(names)
-    )
+    return tuple(End(name, slots[name, "position"], slots.get((name, "height"), -1)) for name in dict.fromkeys(names))
 
 
 # ---- Distances that were reduced: to the ellipsoid (chord and arc), to the geoid, and by the heights of their ends.
@@ -358,9 +356,7 @@ def gnss_position(horizon: Horizon) -> ObservationType:
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
         position, frame = blocks
         there = _in_frame(position @ turn.T, frame)
-        return Computed(
-            horizon.origin + frame[:, :3] + there.values, (there.by_vector @ turn, there.by_frame)
-        )
+        return Computed(horizon.origin + frame[:, :3] + there.values, (there.by_vector @ turn, there.by_frame))
 
     return ObservationType(
         key="gnss_position",
@@ -437,9 +433,7 @@ def about_plumb_line(type_: ObservationType, horizon: Horizon) -> ObservationTyp
     return _about_vertical(type_, horizon, (*type_.constants, *further))
 
 
-def _about_vertical(
-    type_: ObservationType, horizon: Horizon, constants: tuple[Component, ...]
-) -> ObservationType:
+def _about_vertical(type_: ObservationType, horizon: Horizon, constants: tuple[Component, ...]) -> ObservationType:
     ends, own_constants = ends_of(type_), len(type_.constants)
     deflected = len(constants) > own_constants
 
@@ -538,8 +532,7 @@ class ProjectionPolynomial(NamedTuple):
         x, y = inside.T
         values = np.asarray(chebyshev.chebval2d(x, y, self.coefficients)).T
         by = [
-            np.asarray(chebyshev.chebval2d(x, y, chebyshev.chebder(self.coefficients, axis=k))).T
-            / self.half[k]
+            np.asarray(chebyshev.chebval2d(x, y, chebyshev.chebder(self.coefficients, axis=k))).T / self.half[k]
             for k in range(2)
         ]
         derivatives = np.stack(by, axis=2)
@@ -697,9 +690,7 @@ class Attitude:
         return np.where(np.isnan(given), np.arctan2(-by_north, by_east), given)
 
 
-def _attitude(
-    key: str, names: Sequence[str], equation: Attitude, constants: tuple[Component, ...]
-) -> ObservationType:
+def _attitude(key: str, names: Sequence[str], equation: Attitude, constants: tuple[Component, ...]) -> ObservationType:
     return ObservationType(
         key=key,
         components=tuple(Component(name, ANGLE) for name in names),

@@ -465,9 +465,7 @@ def stereographic(rays: FloatArray) -> FloatArray:
     return np.asarray(rays[:, :2] / np.maximum(1.0 - rays[:, 2:], 1e-300))
 
 
-def image_scale(
-    model: CameraModel, rays: FloatArray, interior: FloatArray, constants: FloatArray
-) -> FloatArray:
+def image_scale(model: CameraModel, rays: FloatArray, interior: FloatArray, constants: FloatArray) -> FloatArray:
     """(n,) image units per radian at unit rays (n, 3), in the mean; ``constants`` as image rows have them."""
     projection = model.project(rays, interior, constants[:, 2:], constants[:, :2])
     across = np.swapaxes(_axes_across(rays), 1, 2)

@@ -148,9 +148,7 @@ def project_ideally(star: FloatArray, camera_constant: FloatArray) -> IdealImage
     x_by_c = star[:, 0] * inverse_depth
     y_by_c = star[:, 1] * inverse_depth
     scale = camera_constant * inverse_depth
-    return IdealImage(
-        camera_constant * x_by_c, camera_constant * y_by_c, x_by_c, y_by_c, scale, inverse_depth
-    )
+    return IdealImage(camera_constant * x_by_c, camera_constant * y_by_c, x_by_c, y_by_c, scale, inverse_depth)
 
 
 def derivatives_by_star(ideal: IdealImage, plane: PlaneDerivatives) -> FloatArray:

@@ -143,9 +143,7 @@ class TrajectoryPoses:
         w = self.weights
         found = np.empty((*w.shape, 3, 3))
         found[:, 1:] = w[:, 1:, None, None] * (self.jacobian[:, None] @ self.inverse)
-        back = np.einsum(
-            "nk,nkji->nij", w[:, 1:], self.inverse
-        )  # left Jacobians are the right ones transposed
+        back = np.einsum("nk,nkji->nij", w[:, 1:], self.inverse)  # left Jacobians are the right ones transposed
         found[:, 0] = self.turned - self.jacobian @ back
         return found
 
@@ -201,9 +199,7 @@ def path_of(positions: FloatArray, rotations: FloatArray, weights: FloatArray) -
     return Path(positions, rotations[:, 0], turns, inverse, weights)
 
 
-def pose_at(
-    positions: FloatArray, rotations: FloatArray, weights: FloatArray, time: FloatArray
-) -> TrajectoryPoses:
+def pose_at(positions: FloatArray, rotations: FloatArray, weights: FloatArray, time: FloatArray) -> TrajectoryPoses:
     """Poses at ``time`` (n,) since knot 0, of what :func:`path_of` takes."""
     return path_of(positions, rotations, weights).at(time)
 

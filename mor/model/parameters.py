@@ -44,12 +44,8 @@ class BlockKind(NamedTuple):
 
 
 POINT = BlockKind("point", (Component("x", LENGTH), Component("y", LENGTH), Component("z", LENGTH)))
-ROTATION = BlockKind(
-    "rotation", (Component("omega", ANGLE), Component("phi", ANGLE), Component("kappa", ANGLE))
-)
-ECCENTRICITY = BlockKind(
-    "eccentricity", (Component("rx", LENGTH), Component("ry", LENGTH), Component("rz", LENGTH))
-)
+ROTATION = BlockKind("rotation", (Component("omega", ANGLE), Component("phi", ANGLE), Component("kappa", ANGLE)))
+ECCENTRICITY = BlockKind("eccentricity", (Component("rx", LENGTH), Component("ry", LENGTH), Component("rz", LENGTH)))
 BASE = BlockKind("base", (Component("bx", LENGTH), Component("by", LENGTH), Component("bz", LENGTH)))
 HEIGHT = BlockKind("height", (Component("height", LENGTH),))
 READOUT = BlockKind("readout", (Component("readout", TIME),))
@@ -58,9 +54,7 @@ IMAGE_VELOCITY = BlockKind("image velocity", tuple(Component(f"v{axis}", SPEED) 
 ROTATION_RATE = BlockKind("rotation rate", tuple(Component(f"rate_{axis}", TURN_RATE) for axis in "xyz"))
 """How an image moves while it is read out, in its own axes."""
 SCALE = BlockKind("scale", (Component("scale", NUMBER, default=1.0),))
-DISTANCE_METER = BlockKind(
-    "distance meter", (Component("scale", NUMBER, default=1.0), Component("offset", LENGTH))
-)
+DISTANCE_METER = BlockKind("distance meter", (Component("scale", NUMBER, default=1.0), Component("offset", LENGTH)))
 REFRACTION = BlockKind("refraction", (Component("refraction", NUMBER),))
 GNSS_FRAME = BlockKind(
     "gnss frame",
@@ -107,9 +101,7 @@ def interior_key(model: str) -> str:
     return f"interior/{model}"
 
 
-INTERIORS = {
-    model.key: BlockKind(interior_key(model.key), model.components) for model in CAMERA_MODELS.values()
-}
+INTERIORS = {model.key: BlockKind(interior_key(model.key), model.components) for model in CAMERA_MODELS.values()}
 
 KINDS = {
     kind.key: kind

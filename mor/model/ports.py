@@ -164,9 +164,7 @@ _ROUND_OFF = 1e-12
 """Derivatives, as parts of the distance, that are none: those by the radius of a dome round the projection centre."""
 
 
-def _trace(
-    port: Port, apparent: FloatArray, parameters: FloatArray, *, by_port: bool
-) -> tuple[FloatArray, FloatArray]:
+def _trace(port: Port, apparent: FloatArray, parameters: FloatArray, *, by_port: bool) -> tuple[FloatArray, FloatArray]:
     """Points T (3, n) that are seen as ``apparent`` (3, n), and their derivatives (3, 3, n) by the apparent points.
 
     ``by_port`` appends those by the k ``parameters`` (k, n): (3, 3 + k, n).
@@ -200,9 +198,7 @@ def _trace(
         s = np.copysign(np.sqrt(1.0 - ratio**2 * (1.0 - c**2)), c)
         by_s = (ratio**2 * c * by_c - ratio * (1.0 - c**2) * by_ratio) / s
         bend, by_bend = s - ratio * c, by_s - ratio * by_c - c * by_ratio
-        by_direction = (
-            ratio * by_direction + direction[:, None] * by_ratio + bend * by_m + m[:, None] * by_bend
-        )
+        by_direction = ratio * by_direction + direction[:, None] * by_ratio + bend * by_m + m[:, None] * by_bend
         direction = ratio * direction + bend * m
     return place + left * direction, by_place + left * by_direction + direction[:, None] * by_left
 
@@ -239,9 +235,7 @@ def behind(port: Port, lens: CameraModel) -> CameraModel:
     """
     own = len(lens.components)
 
-    def project(
-        star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray
-    ) -> Projection:
+    def project(star: FloatArray, interior: FloatArray, constants: FloatArray, measured: FloatArray) -> Projection:
         seen = apparent_points(port, star, interior[:, own:])
         projection = lens.project(seen.star, interior[:, :own], constants, measured)
         by_port = projection.by_star @ seen.by_port

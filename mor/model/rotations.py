@@ -98,17 +98,13 @@ def _each(operation: Callable[..., Any], *stacks: NDArray[Any]) -> Any:
     except np.linalg.LinAlgError:
         found = _one_by_one(operation, *usable)
     several = found if isinstance(found, tuple) else (found,)
-    marked = [
-        np.where(bad.reshape(bad.shape + (1,) * (part.ndim - bad.ndim)), np.nan, part) for part in several
-    ]
+    marked = [np.where(bad.reshape(bad.shape + (1,) * (part.ndim - bad.ndim)), np.nan, part) for part in several]
     return tuple(marked) if isinstance(found, tuple) else marked[0]
 
 
 def _one_by_one(operation: Callable[..., Any], *stacks: NDArray[Any]) -> Any:
     count = np.broadcast_shapes(*(stack.shape[:-2] for stack in stacks))
-    members = [
-        np.broadcast_to(stack, (*count, *stack.shape[-2:])).reshape(-1, *stack.shape[-2:]) for stack in stacks
-    ]
+    members = [np.broadcast_to(stack, (*count, *stack.shape[-2:])).reshape(-1, *stack.shape[-2:]) for stack in stacks]
     like = operation(*(np.eye(*stack.shape[-2:]) for stack in stacks))
     several = isinstance(like, tuple)
     found: list[list[NDArray[Any]]] = []
@@ -116,9 +112,7 @@ def _one_by_one(operation: Callable[..., Any], *stacks: NDArray[Any]) -> Any:
         try:
             result = operation(*one)
         except np.linalg.LinAlgError:
-            result = (
-                tuple(np.full_like(part, np.nan) for part in like) if several else np.full_like(like, np.nan)
-            )
+            result = tuple(np.full_like(part, np.nan) for part in like) if several else np.full_like(like, np.nan)
         found.append(list(result) if several else [result])
     parts = [np.stack(part).reshape(*count, *part[0].shape) for part in zip(*found, strict=True)]
     return tuple(parts) if several else parts[0]

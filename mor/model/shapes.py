@@ -75,15 +75,11 @@ def _above_zero(length: FloatArray) -> FloatArray:
     return np.maximum(length, np.finfo(float).tiny ** 0.5)
 
 
-def _one(
-    distance: FloatArray, by_local: FloatArray, by_shape: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _one(distance: FloatArray, by_local: FloatArray, by_shape: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     return distance[:, None], by_local[:, None, :], by_shape[:, None, :]
 
 
-def _shape_type(
-    key: str, distances: _Distances, components: tuple[str, ...] = ("distance",)
-) -> ObservationType:
+def _shape_type(key: str, distances: _Distances, components: tuple[str, ...] = ("distance",)) -> ObservationType:
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
         origin, rotation, offset, shape, point = blocks
         turned = np.einsum("nij,nj->ni", rotation, point - origin)

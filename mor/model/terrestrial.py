@@ -92,9 +92,7 @@ SPATIAL_ANGLE = ObservationType(
     components=(Component("angle", ANGLE),),
     references=tuple(Reference(name, POSITIONS) for name in _REFERENCES),
     slots=tuple(
-        Slot(kind, name, part)
-        for name in _REFERENCES
-        for kind, part in (("point", "position"), ("height", "height"))
+        Slot(kind, name, part) for name in _REFERENCES for kind, part in (("point", "position"), ("height", "height"))
     ),
     equation=equation,
     distances=("at", "to"),
@@ -147,9 +145,7 @@ def distance_type(key: str, length: Length, through_air: bool = False) -> Observ
         scale, offset = meter[:, 0], meter[:, 1]
         computed = (s - offset) / scale
         by_meter = np.stack([-computed / scale, -1.0 / scale], axis=1)[:, None, :]
-        return Computed(
-            computed[:, None], (*by_between(by_vector[:, None, :] / scale[:, None, None]), by_meter)
-        )
+        return Computed(computed[:, None], (*by_between(by_vector[:, None, :] / scale[:, None, None]), by_meter))
 
     return ObservationType(
         key=key,
@@ -186,9 +182,7 @@ DISTANCE_RATIO = ObservationType(
     components=(Component("ratio", NUMBER),),
     references=tuple(Reference(name, POSITIONS) for name in _REFERENCES),
     slots=tuple(
-        Slot(kind, name, part)
-        for name in _REFERENCES
-        for kind, part in (("point", "position"), ("height", "height"))
+        Slot(kind, name, part) for name in _REFERENCES for kind, part in (("point", "position"), ("height", "height"))
     ),
     equation=_ratio,
 )
@@ -302,9 +296,7 @@ def _on_the_circle(zenith: bool) -> Callable[[Sequence[FloatArray], FloatArray],
         second = constants[:, 1] == 2.0
         upwards = np.where(second, -1.0, 1.0)
         if zenith:
-            vertical = np.where(
-                second, 1.5 * np.pi + computed.values[:, 1], 0.5 * np.pi - computed.values[:, 1]
-            )
+            vertical = np.where(second, 1.5 * np.pi + computed.values[:, 1], 0.5 * np.pi - computed.values[:, 1])
             upwards = -upwards
         else:
             vertical = np.where(second, np.pi - computed.values[:, 1], computed.values[:, 1])

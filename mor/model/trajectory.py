@@ -68,9 +68,7 @@ def knots_of(blocks: Sequence[FloatArray], clock: FloatArray, knots: int) -> Kno
     return Knots(path_of(positions, rotations, weights), clock[:, 0])
 
 
-def by_knots(
-    pose: TrajectoryPoses, by_position: FloatArray, by_rotation: FloatArray
-) -> tuple[FloatArray, ...]:
+def by_knots(pose: TrajectoryPoses, by_position: FloatArray, by_rotation: FloatArray) -> tuple[FloatArray, ...]:
     """Jacobians (n, m, 3) by the knots, positions first, from those by position and small rotation of the pose."""
     count = pose.weights.shape[1]
     positions = (pose.weights[:, k, None, None] * by_position for k in range(count))
@@ -262,9 +260,7 @@ def _factors(constants: FloatArray) -> tuple[FloatArray, FloatArray]:
     return tuple((2.0 / (interval * (before + after)))[:, None, None] for interval in (before, after))  # type: ignore[return-value]
 
 
-def _type(
-    key: str, kind: str, names: tuple[str, ...], quantity: Quantity, equation: object
-) -> ObservationType:
+def _type(key: str, kind: str, names: tuple[str, ...], quantity: Quantity, equation: object) -> ObservationType:
     count = 2 if "constancy" in key else 3
     return ObservationType(
         key=key,
@@ -323,9 +319,7 @@ def moving(type_: ObservationType) -> ObservationType:
         times = constants[:, -len(BASIS) :].T[:, :, None]
         for k, number in enumerate(positions):
             motions = blocks[own + k * len(MOTIONS) : own + (k + 1) * len(MOTIONS)]
-            places[number] = places[number] + sum(
-                t * motion for t, motion in zip(times, motions, strict=True)
-            )
+            places[number] = places[number] + sum(t * motion for t, motion in zip(times, motions, strict=True))
         computed = type_.equation(places, given)
         further = [computed.jacobians[number] * t[:, :, None] for number in positions for t in times]
         return Computed(computed.values, (*computed.jacobians, *further))

@@ -55,9 +55,7 @@ def read_mesh(path: Path) -> Mesh:
         count = len(mesh.vertices)
         for number, face in enumerate(mesh.faces, start=1):
             if len(face) < 3 or face.min() < 0 or face.max() >= count:
-                raise _MeshError(
-                    f"face {number} has {len(face)} corners of {count} vertices: {face.tolist()}"
-                )
+                raise _MeshError(f"face {number} has {len(face)} corners of {count} vertices: {face.tolist()}")
     except _MeshError as error:
         raise InputError([Message(str(error), str(path), error.line)]) from None
     return mesh
@@ -150,9 +148,7 @@ def _ply_header(content: bytes) -> tuple[str, list[_Element], bytes, int]:
     return order, elements, rest[rest.find(b"\n") + 1 :], len(lines) + 1
 
 
-def _ascii_rows(
-    element: _Element, rest: bytes, order: str, line: int
-) -> tuple[list[list[FloatArray]], bytes]:
+def _ascii_rows(element: _Element, rest: bytes, order: str, line: int) -> tuple[list[list[FloatArray]], bytes]:
     """Rows of an element in lines of text: the numbers of each property."""
     rows = []
     for number in range(1, element.rows + 1):
@@ -174,9 +170,7 @@ def _ascii_rows(
     return rows, rest
 
 
-def _binary_rows(
-    element: _Element, rest: bytes, order: str, line: int
-) -> tuple[list[list[FloatArray]], bytes]:
+def _binary_rows(element: _Element, rest: bytes, order: str, line: int) -> tuple[list[list[FloatArray]], bytes]:
     rows, at = [], 0
     try:
         if not any(one.counted_by for one in element.properties):

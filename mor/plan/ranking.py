@@ -58,9 +58,7 @@ class EliminatedPoints(NamedTuple):
     parts: tuple[tuple[IntArray, int], ...]
     """Points that are worked on together, by how many unknowns their rays have, and the most of them."""
 
-    def put_solutions(
-        self, found: FloatArray, reduced: FloatArray, chosen: IntArray, right: FloatArray
-    ) -> None:
+    def put_solutions(self, found: FloatArray, reduced: FloatArray, chosen: IntArray, right: FloatArray) -> None:
         """Put what they do (u, m) where the reduced unknowns do x (r, m), with right-hand sides (c, 3, m) of some."""
         for some, most in self.parts:
             found[self.columns[some]] = -(self.back[some, :, :most] @ reduced[self.others[some, :most]])
@@ -138,9 +136,7 @@ def _padded(
     others = np.zeros((len(inverse), most), dtype=np.int64)
     padded = np.zeros((len(inverse), most, 3))
     others[point, within], padded[point, within] = other, coupling
-    order = (
-        np.lexsort((others[:, 0], count)) if most else np.argsort(count)
-    )  # neighbours meet the same cofactors
+    order = np.lexsort((others[:, 0], count)) if most else np.argsort(count)  # neighbours meet the same cofactors
     parts = [order[first : first + _POINTS] for first in range(0, len(order), _POINTS)]
     return (
         others,
@@ -313,14 +309,10 @@ def wide_outcomes(
         whole = group.mask.sum(axis=1)
         for size in np.unique(whole[whole > 0]).tolist():
             here = np.flatnonzero(whole == size)
-            here = here[
-                np.argsort(group.blocks[0][here], kind="stable")
-            ]  # neighbours meet the same cofactors
+            here = here[np.argsort(group.blocks[0][here], kind="stable")]  # neighbours meet the same cofactors
             for first in range(0, len(here), _AT_A_TIME):
                 rows = here[first : first + _AT_A_TIME]
-                outcome, estimable = _outcomes(
-                    quality, wide, wanted, some_rows(group, rows), size, least[number]
-                )
+                outcome, estimable = _outcomes(quality, wide, wanted, some_rows(group, rows), size, least[number])
                 units = [Unit(number, int(row), np.arange(size), True) for row in rows]
                 yield units, outcome, estimable
 
@@ -483,9 +475,7 @@ def greedy(interest: Interest, wanted: RowLimits, most: int) -> list[GreedyStep]
     return list(_one_by_one(interest, wanted, chosen, most)) if len(chosen) < len(steps) else steps
 
 
-def _one_by_one(
-    interest: Interest, wanted: RowLimits, units: Sequence[Unit], most: int
-) -> Iterator[GreedyStep]:
+def _one_by_one(interest: Interest, wanted: RowLimits, units: Sequence[Unit], most: int) -> Iterator[GreedyStep]:
     left = list(units)
     now = _one(present(interest, wanted), 0)
     total = 0
@@ -502,9 +492,7 @@ def _one_by_one(
         yield GreedyStep(best, total)
 
 
-def _fewer(
-    interest: Interest, wanted: RowLimits, chosen: Sequence[Unit], candidates: Sequence[Unit]
-) -> list[Unit]:
+def _fewer(interest: Interest, wanted: RowLimits, chosen: Sequence[Unit], candidates: Sequence[Unit]) -> list[Unit]:
     """A choice that reaches what is required as well, with fewer measurements where one is found near by."""
     whole = interest
     for unit in chosen:
@@ -543,9 +531,7 @@ def _one_that_will_do(
     cost = sum(unit.cost for unit in out)
     taken = {id(unit) for unit in (*rest, *out)}
     others = [unit for unit in candidates if id(unit) not in taken and unit.cost < cost]
-    found = [
-        one for one in _scored(interest, wanted, others, 1.0) if one.possible and one.shortfall <= REACHED
-    ]
+    found = [one for one in _scored(interest, wanted, others, 1.0) if one.possible and one.shortfall <= REACHED]
     return [min(found, key=lambda one: (one.unit.cost, _rounded(one.precision))).unit] if found else []
 
 

@@ -142,9 +142,7 @@ def _precision(network: Network, wanted: RequiredSigma, problems: list[Message])
             continue
         components = tuple(int(source["xyz".index(axis)]) for axis in _COORDINATES.get(key, ""))
         names = tuple(things.ids[k] for k in numbers)
-        found.append(
-            RequiredPrecision(key, tuple(wanted.points), names, positions[numbers], components, limit)
-        )
+        found.append(RequiredPrecision(key, tuple(wanted.points), names, positions[numbers], components, limit))
     return found
 
 
@@ -152,9 +150,7 @@ def _control(network: Network, wanted: RequiredReliability, problems: list[Messa
     names = [group.name for group in network.groups]
     groups = tuple(chosen_names(wanted.groups, names, "group of observations", network.file, problems))
     pairs = (("r", wanted.r), ("external", wanted.external))
-    return [
-        RequiredControl(of, tuple(wanted.groups), groups, limit) for of, limit in pairs if limit is not None
-    ]
+    return [RequiredControl(of, tuple(wanted.groups), groups, limit) for of, limit in pairs if limit is not None]
 
 
 def judged(requirement: Requirement, quality: Quality, absent: BoolArray | None = None) -> RequirementResult:
@@ -276,9 +272,7 @@ def observation_rows(quality: Quality, candidates: Sequence[ObservationGroup]) -
         part = linearise(group, problem.index, values, tangent, slice(None))
         mask = group.mask & ~group.left_out  # checks take no part
         first = rows.add(part.jacobian, part.columns, mask, group.sigma, number)
-        entry[problem.offsets[number] :][: mask.size][mask.ravel()] = np.arange(
-            first, first + np.count_nonzero(mask)
-        )
+        entry[problem.offsets[number] :][: mask.size][mask.ravel()] = np.arange(first, first + np.count_nonzero(mask))
         if len(group.lines):
             units += _units(mask, number, first, False)
     correlated = _whiten_clusters(problem, entry, rows)
@@ -305,9 +299,7 @@ def interest_of(quality: Quality, candidates: Sequence[ObservationGroup], blocks
     rows.put(dense, -1)
     M = rows.matrix()
     if len(M) > MOST_ROWS:
-        words = (
-            f"ranking considers {len(M)} observations and coordinates together, expected {MOST_ROWS} at most"
-        )
+        words = f"ranking considers {len(M)} observations and coordinates together, expected {MOST_ROWS} at most"
         raise InputError([Message(f"{words}; require less, or rank a part of the plan")])
     K = M @ adjustment.inverse.solve(np.ascontiguousarray(M.T))
     group_of = rows.group()
@@ -326,9 +318,7 @@ class MatrixRows:
         self.groups: list[IntArray] = []
         self.count = 0
 
-    def add(
-        self, jacobian: FloatArray, columns: IntArray, mask: BoolArray, sigma: FloatArray, number: int
-    ) -> int:
+    def add(self, jacobian: FloatArray, columns: IntArray, mask: BoolArray, sigma: FloatArray, number: int) -> int:
         """Add the observations of a group, divided by their σ; returns the first of their rows."""
         row, component = np.nonzero(mask)
         dense = np.zeros((len(row), self.unknowns + 1))
@@ -369,9 +359,7 @@ def _units(mask: BoolArray, number: int, first: int, is_candidate: bool) -> list
     ]
 
 
-def _whiten_clusters(
-    problem: Problem, entry: IntArray, rows: MatrixRows
-) -> list[tuple[IntArray, FloatArray]]:
+def _whiten_clusters(problem: Problem, entry: IntArray, rows: MatrixRows) -> list[tuple[IntArray, FloatArray]]:
     """Replace rows of correlated observations, which were divided by σ, by whitened ones."""
     found = []
     offsets = np.concatenate([[0], np.cumsum([len(part) for part in rows.parts])])
@@ -490,9 +478,7 @@ class PlanMeasures(NamedTuple):
     """False where something would be undetermined."""
 
 
-def wanted_of(
-    required: Sequence[Requirement], interest: Interest, quality: Quality, names: Sequence[str]
-) -> RowLimits:
+def wanted_of(required: Sequence[Requirement], interest: Interest, quality: Quality, names: Sequence[str]) -> RowLimits:
     """Limits of single rows; ``names`` are those of all groups, candidates last."""
     rows, limits, ellipsoids, squares = [], [], [], []
     least = np.zeros(len(interest.group))
@@ -613,9 +599,7 @@ def _judged(
     ellipsoids: FloatArray,
     possible: BoolArray,
 ) -> PlanMeasures:
-    parts = np.concatenate(
-        [diagonal[:, wanted.rows] / wanted.variance, ellipsoids / wanted.ellipsoid_limit], axis=1
-    )
+    parts = np.concatenate([diagonal[:, wanted.rows] / wanted.variance, ellipsoids / wanted.ellipsoid_limit], axis=1)
     least = wanted.least_r
     asked = least > 0.0
     below = np.maximum(1.0 - r[:, asked] / least[asked], 0.0) * taking[:, asked]
@@ -647,9 +631,7 @@ def present(interest: Interest, wanted: RowLimits) -> PlanMeasures:
     diagonal = np.diagonal(K).copy()
     r = redundancies(interest, diagonal, K)
     ellipsoids = _largest_axes(K, np.zeros((1, len(K), 1)), wanted.ellipsoids, 1.0)
-    return _judged(
-        interest, wanted, diagonal[None], r[None], interest.active[None], ellipsoids, np.ones(1, dtype=bool)
-    )
+    return _judged(interest, wanted, diagonal[None], r[None], interest.active[None], ellipsoids, np.ones(1, dtype=bool))
 
 
 # ---- What planned observations see, where a project leaves that to be worked out.

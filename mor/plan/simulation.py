@@ -202,9 +202,7 @@ def planted(problem: Problem, wishes: Wishes, generator: np.random.Generator) ->
         sign = 1.0 if generator.random() < 0.5 else -1.0
         amount = sign * wishes.size * float(problem.groups[k].sigma[row, component])
         found.append(Planted("gross", k, row, component, amount))
-    found += [
-        Planted("dropped", k, int(row), -1, 0.0) for k, rows in lost.items() for row in np.flatnonzero(rows)
-    ]
+    found += [Planted("dropped", k, int(row), -1, 0.0) for k, rows in lost.items() for row in np.flatnonzero(rows)]
     return found
 
 
@@ -296,14 +294,10 @@ def conditions(problem: Problem) -> list[int]:
 
 def unwritten(problem: Problem) -> list[int]:
     """Groups whose errors have to be in the place."""
-    return [
-        k for k, group in enumerate(problem.groups) if is_implied(group) and group.type.key not in _STEADY
-    ]
+    return [k for k, group in enumerate(problem.groups) if is_implied(group) and group.type.key not in _STEADY]
 
 
-def place_with_errors(
-    problem: Problem, place: Values, errors: Sequence[FloatArray], chosen: Sequence[int]
-) -> Values:
+def place_with_errors(problem: Problem, place: Values, errors: Sequence[FloatArray], chosen: Sequence[int]) -> Values:
     """The place at which the ``chosen`` groups have the ``errors`` (n, m), and observed is what was observed."""
     if not chosen:
         return place
@@ -630,9 +624,7 @@ def findings(truth: Truth, tally: Tally) -> list[Finding]:
         if f > 0:
             after = float(tally.covered_after.mean()) / n
             spread = _spread(tally.coverage, n) * z
-            found.append(
-                Finding("coverage after", CONFIDENCE, after, CONFIDENCE - spread, CONFIDENCE + spread)
-            )
+            found.append(Finding("coverage after", CONFIDENCE, after, CONFIDENCE - spread, CONFIDENCE + spread))
     found += _of_unknowns(truth, tally, n)
     if float(tally.planted) > 0.0:
         found.append(_share("power", quality.levels.power, float(tally.found), float(tally.planted), z))

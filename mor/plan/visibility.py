@@ -562,9 +562,7 @@ def _seen(
     wanted, before = entry.visible, len(scene.reading.problems)
     assert wanted is not None
     if type_ is None:
-        scene.mistake(
-            f"{entry.type} has no line of sight between two places (those that do: {', '.join(known)})"
-        )
+        scene.mistake(f"{entry.type} has no line of sight between two places (those that do: {', '.join(known)})")
         return None
     viewpoints = _viewpoints(scene, entry, type_)
     chosen = targets_named(wanted.to, scene.targets, scene.place, "visible: to", scene.reading.problems)
@@ -635,9 +633,7 @@ def _frame(
     sets = scene.reading.sets
     first, second = (reference.name for reference in type_.references)
     columns = {
-        first: pl.Series([sets.get(name, (name, ""))[0] for name in viewpoints], dtype=pl.String).gather(
-            from_
-        ),
+        first: pl.Series([sets.get(name, (name, ""))[0] for name in viewpoints], dtype=pl.String).gather(from_),
         second: pl.Series(list(scene.targets.names), dtype=pl.String).gather(to),
     }
     if first == "station" and any(name in sets for name in viewpoints):
@@ -664,18 +660,14 @@ def _viewpoints(scene: VisibilityScene, entry: Observations, type_: ObservationT
     names = reading.shop.things[space].ids
     mistakes: list[Message] = []
     found = named(wanted.at, names, space, scene.place, "visible: at", mistakes)
-    if (
-        space == "station" and mistakes
-    ):  # directions are observed on points, too, that are declared as no station
+    if space == "station" and mistakes:  # directions are observed on points, too, that are declared as no station
         others = [p for p in wanted.at if not named([p], names, space, scene.place, "", [])]
         points = targets_named(others, scene.targets, scene.place, "visible: at", reading.problems)
         return [*_at(scene, space, found), *_at(scene, "point", points.tolist())]
     reading.problems += mistakes
     if space != "image":
         return _at(scene, space, found)
-    without = {
-        reading.shop.things["camera"].ids[int(c)] for c in reading.shop.things["image"].parts["camera"][found]
-    }
+    without = {reading.shop.things["camera"].ids[int(c)] for c in reading.shop.things["image"].parts["camera"][found]}
     for camera in sorted(name for name in without if reading.project.cameras[name].image is None):
         scene.mistake(f"camera {camera!r} has no format (image: {{width, height, pixel}})")
     for camera in sorted(without & reading.scanners.keys()):
@@ -699,9 +691,7 @@ def _at(scene: VisibilityScene, space: str, numbers: Sequence[int], height: floa
     blocks = things.parts["position"][chosen]
     return [
         Viewpoint(things.ids[k], origin, int(block), up)
-        for k, origin, block, up in zip(
-            numbers, origins, blocks, upwards(scene.reading, origins), strict=True
-        )
+        for k, origin, block, up in zip(numbers, origins, blocks, upwards(scene.reading, origins), strict=True)
     ]
 
 
@@ -726,14 +716,10 @@ def _limits(scene: VisibilityScene, entry: Observations, type_: ObservationType)
         "incidence": (wanted.incidence, ANGLE),
         "steepest": (wanted.steepest, ANGLE),
     }
-    return Limits(
-        **{key: _length(scene, key, text, of) for key, (text, of) in given.items() if text is not None}
-    )
+    return Limits(**{key: _length(scene, key, text, of) for key, (text, of) in given.items() if text is not None})
 
 
-def _length(
-    scene: VisibilityScene, key: str, text: str, quantity: Quantity, scale: ImageScale | None = None
-) -> float:
+def _length(scene: VisibilityScene, key: str, text: str, quantity: Quantity, scale: ImageScale | None = None) -> float:
     """A length or an angle, 0 or more; anything else is a mistake."""
     try:
         found = scene.reading.edge.number(text, quantity, "", scale)

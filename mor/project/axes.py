@@ -270,7 +270,5 @@ def external(type_: ObservationType, edge: Edge, scale: ImageScale | None = None
     """Form in which the components of a type are reported: project axes, senses and units, the camera's image unit."""
     units = tuple(edge.default_unit(component.quantity, scale) for component in type_.components)
     transform, offset = edge_transform(type_, edge)
-    factors = np.array(
-        [edge.factor(c.quantity, unit, scale) for c, unit in zip(type_.components, units, strict=True)]
-    )
+    factors = np.array([edge.factor(c.quantity, unit, scale) for c, unit in zip(type_.components, units, strict=True)])
     return External(transform, offset, factors, units)

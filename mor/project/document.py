@@ -219,9 +219,7 @@ class _YamlReader:
         self.values += 1
         if self.values > self.most:
             words = f"found more than {self.most} values, with all that is repeated by aliases; put long tables into"
-            raise self._error(
-                f"{words} files of their own, or {raise_it(_VALUES)}", self.unfolding or _line(event)
-            )
+            raise self._error(f"{words} files of their own, or {raise_it(_VALUES)}", self.unfolding or _line(event))
         if len(path) > _DEEPEST:
             raise self._error(_TOO_DEEP, _line(event))
         if isinstance(event, yaml.AliasEvent):
@@ -423,9 +421,7 @@ def _plain(value: Any, key: str, tables: list[list[str]], width: int) -> Any:
     if isinstance(value, dict):
         if isinstance(value.get("rows"), list) and isinstance(value.get("columns"), list):
             columns = [name or "" for name in value["columns"]]
-            rows = [
-                [_cell(cell, name) for cell, name in zip(row, columns, strict=False)] for row in value["rows"]
-            ]
+            rows = [[_cell(cell, name) for cell, name in zip(row, columns, strict=False)] for row in value["rows"]]
             lines = _simple_rows(rows, width)
             if lines is not None:
                 tables.append(lines)
@@ -455,9 +451,7 @@ def _cell(value: Any, key: str) -> Any:
 class _Dumper(yaml.SafeDumper):
     """Short lists and mappings without lists stand in one line, as a person writes them."""
 
-    def represent_sequence(
-        self, tag: str, sequence: Any, flow_style: bool | None = None
-    ) -> yaml.SequenceNode:
+    def represent_sequence(self, tag: str, sequence: Any, flow_style: bool | None = None) -> yaml.SequenceNode:
         simple = all(not isinstance(item, list | dict) for item in sequence)
         return super().represent_sequence(tag, sequence, flow_style=simple)
 
@@ -516,9 +510,7 @@ def project_files(
     return {target: yaml_text(written, width=120), **texts}
 
 
-def _entry(
-    entry: dict[str, Any], source: Path, target: Path, table: Path, texts: dict[Path, str]
-) -> dict[str, Any]:
+def _entry(entry: dict[str, Any], source: Path, target: Path, table: Path, texts: dict[Path, str]) -> dict[str, Any]:
     """An entry of a section, its rows moved into a table where they are many, its files found from the new place."""
     for key in ("file", "covariance"):
         if isinstance(entry.get(key), str):

@@ -31,14 +31,10 @@ from mor.units import ANGLE, LENGTH
 
 PLANE = ("east", "north")
 """Columns of the place at which angles refer to the axes of a projection."""
-MEANT = (
-    "its height is above the geoid, but the geoid is unknown: give a column geoid, or world: {geoid: FILE}"
-)
+MEANT = "its height is above the geoid, but the geoid is unknown: give a column geoid, or world: {geoid: FILE}"
 
 
-def known_at(
-    reading: Reading, world: EarthModel, known: str, blocks: IntArray, rows: Rows, names: Names
-) -> FloatArray:
+def known_at(reading: Reading, world: EarthModel, known: str, blocks: IntArray, rows: Rows, names: Names) -> FloatArray:
     """Deflections or geoid heights (n,) at positions; a missing geoid height is a mistake."""
     values = world.of_points(known, blocks)
     tell_rows(reading.problems, np.isnan(values), rows, lambda row: f"{names[row]!r}: {MEANT}")
@@ -119,9 +115,7 @@ def plane_of(
         if not np.isfinite(plane).all():
             raise PlaneError(f"{system.name} does not reach as far as the network")
         matrix = chebyshev.chebvander2d(place[:, 0], place[:, 1], [degree, degree])
-        whole = np.round(
-            plane.mean(axis=0)
-        )  # small numbers keep their digits: bearings of short lines need them
+        whole = np.round(plane.mean(axis=0))  # small numbers keep their digits: bearings of short lines need them
         solution = np.asarray(np.linalg.lstsq(matrix, plane - whole, rcond=None)[0], dtype=np.float64)
         found = ProjectionPolynomial(middle, half, solution.reshape(degree + 1, degree + 1, 2), crs)
         between = 0.97 * grid + 0.01
@@ -212,9 +206,7 @@ def read_sphere(reading: Reading) -> None:
     if refused or radius is None or origin is None:
         return
     reading.sphere = LocalSphere(radius, origin)
-    reading.types = {
-        key: on_sphere(type_, reading.sphere, reading.edge.metres) for key, type_ in PLAIN_TYPES.items()
-    }
+    reading.types = {key: on_sphere(type_, reading.sphere, reading.edge.metres) for key, type_ in PLAIN_TYPES.items()}
     given = np.array(origin) @ reading.edge.matrix  # rows: project axes = matrixᵀ · internal
     unit = reading.edge.units.length
     x, y, z = (f"{value:.10g}" for value in given)
@@ -267,9 +259,7 @@ def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] 
         store = reading.shop.store("point")
         positions = store.start_values(store.all_values())
         things = [reading.shop.things[space] for space in _NAMES if space in reading.shop.things]
-        blocks = np.concatenate(
-            [thing.parts["position"] for thing in things] or [np.zeros(0, dtype=np.int64)]
-        )
+        blocks = np.concatenate([thing.parts["position"] for thing in things] or [np.zeros(0, dtype=np.int64)])
         return median_origin(positions[np.unique(blocks)], 1.0 / reading.edge.metres)
     given = []
     for name in ("x", "y", "z"):
@@ -363,7 +353,5 @@ def _turn_is_held(reading: Reading, groups: Sequence[ObservationGroup]) -> bool:
     if any(group.type.key == "observed/rotation" and group.mask[:, _KAPPA].any() for group in groups):
         return True
     free = reading.shop.store("rotation").all_free()
-    rotations = [
-        reading.shop.things[space].parts["rotation"] for space in _FRAMES if space in reading.shop.things
-    ]
+    rotations = [reading.shop.things[space].parts["rotation"] for space in _FRAMES if space in reading.shop.things]
     return any(bool((~free[blocks[blocks >= 0], _KAPPA]).any()) for blocks in rotations)

@@ -91,9 +91,7 @@ class BlockStore:
     def blocks(self) -> Blocks:
         """The finished table of blocks."""
         size = self.kind.size
-        owner: IntArray = np.broadcast_to(
-            np.arange(len(self.ids), dtype=np.int64)[:, None], (len(self.ids), size)
-        )
+        owner: IntArray = np.broadcast_to(np.arange(len(self.ids), dtype=np.int64)[:, None], (len(self.ids), size))
         if self.shared:
             owner = owner.copy()
         for (block, component), other in self.shared.items():
@@ -323,8 +321,7 @@ def _settle(store: BlockStore, members: list[tuple[Node, float]], full: float) -
             names = f"{store.ids[known[0][0][0]]} and {store.ids[node[0]]}"
             raise ContradictionError(f"this contradicts the fixed values of {names}")
     starts = [
-        (table.values[node] if np.isnan(table.start[node]) else table.start[node]) - apart
-        for node, apart in members
+        (table.values[node] if np.isnan(table.start[node]) else table.start[node]) - apart for node, apart in members
     ]
     value = known[0][1] if known else next((start for start in starts if np.isfinite(start)), np.nan)
     for node, apart in members:
@@ -500,9 +497,7 @@ class Trajectory(NamedTuple):
         else:
             knots, weights = self._four(before)
         since = (times - self.times[before])[:, None]
-        return Clock(
-            knots, np.concatenate([since, weights.reshape(len(times), -1)], axis=1), np.asarray(inside)
-        )
+        return Clock(knots, np.concatenate([since, weights.reshape(len(times), -1)], axis=1), np.asarray(inside))
 
     def _before(self, times: FloatArray) -> IntArray:
         """(n,) the knots before times; the last of a stretch belongs to the interval that it ends."""

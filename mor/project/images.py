@@ -100,9 +100,7 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
     values = statuses.values
     if values[0, 0] <= 0.0 and model.components[0].name in given and len(reading.problems) == before:
         reading.problems.append(
-            place.problem(
-                f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0"
-            )
+            place.problem(f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0")
         )
     if camera.medium and len(reading.problems) == before:
         found = dict(zip((c.name for c in model.components), values[0].tolist(), strict=True))
@@ -147,9 +145,7 @@ def _guessed_constant(camera: Camera, scale: ImageScale) -> tuple[float, str]:
         return number * scale.factor(unit or "mm"), "from focal_length"
     if camera.image is None:
         raise UnitError("or give focal_length, or image: {width, height, pixel} for a first guess")
-    width, height = (
-        split(text)[0] * scale.factor("px") for text in (camera.image.width, camera.image.height)
-    )
+    width, height = (split(text)[0] * scale.factor("px") for text in (camera.image.width, camera.image.height))
     if camera.focal_length_35mm is not None:
         diagonal = float(np.hypot(width, height))
         return camera.focal_length_35mm * diagonal / DIAGONAL_35MM, "from focal_length_35mm"
@@ -212,11 +208,7 @@ def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, floa
     """Numbers of the image-variant components of a camera, with the σ of their difference from the camera's."""
     kind = INTERIORS[camera.model]
     result: dict[int, float] = {}
-    given = (
-        camera.image_variant
-        if isinstance(camera.image_variant, dict)
-        else dict.fromkeys(camera.image_variant)
-    )
+    given = camera.image_variant if isinstance(camera.image_variant, dict) else dict.fromkeys(camera.image_variant)
     for component, text in given.items():
         at = reading.at("cameras", name, "image_variant")
         if component not in kind.names:
@@ -247,9 +239,7 @@ def _variant_sigma(reading: Reading, text: str | None, component: Component, sca
 def variant_columns(reading: Reading) -> list[Column]:
     """Columns an image table may have for the start values of image-variant components, in the unit of the camera."""
     cameras = [camera for camera in reading.project.cameras.values() if camera.image_variant]
-    names = dict.fromkeys(
-        c for camera in cameras for c in camera.image_variant if c in INTERIORS[camera.model].names
-    )
+    names = dict.fromkeys(c for camera in cameras for c in camera.image_variant if c in INTERIORS[camera.model].names)
     return [Column(name, parse=lambda text, unit: reading.edge.number(text, NUMBER, unit)) for name in names]
 
 
@@ -368,9 +358,7 @@ def _read_images_table(
     check_unique("image", names, rows, seen, reading.problems)
     remember_epochs(reading, "image", names, rows)
     if not edge.right_handed:
-        reading.problems.append(
-            place.problem(f"images need right-handed axes; {edge.axes.xy} is left-handed")
-        )
+        reading.problems.append(place.problem(f"images need right-handed axes; {edge.axes.xy} is left-handed"))
         return
     cameras = _camera_numbers(reading, rows)
     if cameras is None:
@@ -509,14 +497,10 @@ def _follow(reading: Reading, leaders: list[tuple[int, str, str, str, int]]) -> 
             reading.problems.append(Message(unknown_name("pair", pair, pairs.ids), file, line))
         elif images.numbers[leader] == number:
             reading.problems.append(
-                Message(
-                    f"image {leader!r} is its own leader; a stereo follower follows another image", file, line
-                )
+                Message(f"image {leader!r} is its own leader; a stereo follower follows another image", file, line)
             )
         elif images.numbers[leader] in followers:
-            words = (
-                f"leader {leader!r} is itself a follower; a leader must have its own position and attitude"
-            )
+            words = f"leader {leader!r} is itself a follower; a leader must have its own position and attitude"
             reading.problems.append(Message(words, file, line))
         else:
             if leader in reading.image_times:

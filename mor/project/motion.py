@@ -90,9 +90,7 @@ def read_motions(reading: Reading) -> None:
 
 
 def _rows(reading: Reading, table: MotionEntry, place: TableLocation) -> Rows | None:
-    components = (
-        STEP if table.model == "steps" else [c for k in _KINDS.get(table.model, ()) for c in k.components]
-    )
+    components = STEP if table.model == "steps" else [c for k in _KINDS.get(table.model, ()) for c in k.components]
     columns = [Column("id", required=True), *component_columns(components, reading.edge)]
     columns += [number_column("sigma", LENGTH, reading.edge)] if components else []
     columns += [Column("time", required=True)] if table.model == "steps" else []
@@ -190,9 +188,7 @@ class _Step(NamedTuple):
     problem: Message
 
 
-def _steps(
-    reading: Reading, table: MotionEntry, rows: Rows, moving: list[MovingPoint], group: str
-) -> list[_Step]:
+def _steps(reading: Reading, table: MotionEntry, rows: Rows, moving: list[MovingPoint], group: str) -> list[_Step]:
     for component in STEP:
         rows.numbers[component.name] = np.nan_to_num(rows.number(component.name))
     statuses = component_rows(rows, STEP, table.fixed, reading.problems, rows.number("sigma"))
@@ -309,9 +305,7 @@ def remember_epochs(reading: Reading, space: str, names: list[str], rows: Rows) 
     known |= {name: epoch for name, epoch in zip(names, epochs.tolist(), strict=True) if epoch != NONE}
 
 
-def row_epochs(
-    reading: Reading, rows: Rows, references: tuple[Reference, ...], names: tuple[Names, ...]
-) -> IntArray:
+def row_epochs(reading: Reading, rows: Rows, references: tuple[Reference, ...], names: tuple[Names, ...]) -> IntArray:
     """(n,) epoch of every row: its own, or that of its image or station; −1 where nothing says any.
 
     Where two of them differ, that is a mistake, which is told.
@@ -359,9 +353,7 @@ def settle_reference(reading: Reading) -> None:
     """t0: as the project says, or the first of the epochs."""
     given = reading.project.epochs.reference
     try:
-        reading.motion.reference = (
-            decimal_year(given) if given is not None else min(reading.motion.times, default=0.0)
-        )
+        reading.motion.reference = decimal_year(given) if given is not None else min(reading.motion.times, default=0.0)
     except ValueError:
         return  # told where the section is read
 
@@ -424,9 +416,7 @@ def _at_its_epochs(reading: Reading, found: ReadGroup) -> list[ReadGroup]:
         rows = np.flatnonzero(moves)
         times = np.array(motion.times)[epochs[rows]] if moves.any() else np.zeros(0)
         times = np.where(epochs[rows] == NONE, motion.reference, times)
-        parts.append(
-            _moving(_some(whole, rows), [column[rows] for column in motions], basis(times, motion.reference))
-        )
+        parts.append(_moving(_some(whole, rows), [column[rows] for column in motions], basis(times, motion.reference)))
     return parts
 
 
@@ -483,9 +473,7 @@ def _some(found: ReadGroup, rows: IntArray) -> ReadGroup:
     )
 
 
-def _all_have_epochs(
-    reading: Reading, group: ObservationGroup, positions: list[int], without: BoolArray
-) -> bool:
+def _all_have_epochs(reading: Reading, group: ObservationGroup, positions: list[int], without: BoolArray) -> bool:
     """False if a row sees a moving point at no time; each such row is told."""
     if not without.any():
         return True
@@ -494,8 +482,7 @@ def _all_have_epochs(
         seen = [int(group.blocks[k][row]) for k in positions]
         name = next(moving[block].name for block in seen if block in moving)
         words = (
-            f"point {name!r} moves, and this row has no epoch: give the row, or its image or station, a column "
-            "epoch"
+            f"point {name!r} moves, and this row has no epoch: give the row, or its image or station, a column epoch"
         )
         line = int(group.lines[row]) if len(group.lines) > row else 0
         reading.problems.append(Message(words, group.file, line))
@@ -540,9 +527,7 @@ def _epochs_of_blocks(pairs: IntArray, epochs: int) -> Iterator[tuple[int, list[
         yield block, [epoch for _, epoch in of_block]
 
 
-def _add_epochs(
-    reading: Reading, pairs: IntArray, group: ObservationGroup, rows: IntArray, which: IntArray
-) -> None:
+def _add_epochs(reading: Reading, pairs: IntArray, group: ObservationGroup, rows: IntArray, which: IntArray) -> None:
     """Coordinates of their own for points in epochs that have not come before; the first epoch has the point's."""
     motion = reading.motion
     new: list[tuple[int, int]] = []

@@ -236,9 +236,7 @@ def _over_groups(reading: Reading, groups: list[ReadGroup], members: list[int]) 
     size = len(rows)
     if given.shape != (size, size):
         shape = " × ".join(map(str, given.shape))
-        reading.problems.append(
-            place.problem(f"covariance: found {shape}, expected {size} × {size}", "covariance")
-        )
+        reading.problems.append(place.problem(f"covariance: found {shape}, expected {size} × {size}", "covariance"))
         return []
     covariance = _inside(groups, where, rows, components).carried(given)
     words = _not_positive_definite(covariance)
@@ -485,9 +483,7 @@ def read_things(
 ) -> Reading:
     """Points, images, stations and all else that a project names, before any observation; with all mistakes found."""
     edge = Edge(project.units, project.axes)
-    reading = Reading(
-        project, TableLocation(document, (), folder), edge, workshop(), [], read, planned=planned
-    )
+    reading = Reading(project, TableLocation(document, (), folder), edge, workshop(), [], read, planned=planned)
     for space, reader in _READERS.items():
         before = len(reading.problems)
         reader(reading)
@@ -564,8 +560,7 @@ def _network(
     stores = {key: store for key, store in reading.shop.stores.items() if store.ids}
     observed = {key: store.all_values() for key, store in stores.items()}
     start = {
-        key: _representation(store.kind.is_rotation, store.start_values(observed[key]))
-        for key, store in stores.items()
+        key: _representation(store.kind.is_rotation, store.start_values(observed[key])) for key, store in stores.items()
     }
     return Network(
         project=project,
@@ -643,9 +638,7 @@ def _datum(reading: Reading) -> DatumChoice:
     if chosen.free == "all":
         mask[points.parts["position"]] = _internal_row(reading, "".join(chosen.components))
         return DatumChoice(datum_name(chosen), True, mask, at_reference)
-    by_components = (
-        chosen.free if isinstance(chosen.free, dict) else {"".join(chosen.components): list(chosen.free)}
-    )
+    by_components = chosen.free if isinstance(chosen.free, dict) else {"".join(chosen.components): list(chosen.free)}
     _mark(reading, mask, by_components)
     return DatumChoice(datum_name(reading.project.datum), True, mask, at_reference)
 
@@ -660,9 +653,7 @@ def datum_name(datum: str | Datum) -> str:
         held = {key: [names] if isinstance(names, str) else names for key, names in datum.minimal.items()}
         words = ", ".join(f"{components} of {', '.join(names)}" for components, names in held.items())
         return f"minimal, {words}"
-    by_components = (
-        datum.free if isinstance(datum.free, dict) else {"".join(datum.components): list(datum.free)}
-    )
+    by_components = datum.free if isinstance(datum.free, dict) else {"".join(datum.components): list(datum.free)}
     parts = [
         f"{', '.join(components)} of {counted(len(names), 'named point or group', 'named points or groups')}"
         for components, names in by_components.items()
@@ -741,10 +732,7 @@ def rows_of_points(network: Network) -> IntArray:
 def without_blocks(network: Network, marked: Marked, things: Sequence[UndeterminedObject]) -> Network:
     """The network without some blocks and all observations that refer to them; ``things`` says what they are."""
     kept = [~touches(group, marked) for group in network.groups]
-    blocks = {
-        kind: table._replace(free=table.free & ~marked[kind][:, None])
-        for kind, table in network.blocks.items()
-    }
+    blocks = {kind: table._replace(free=table.free & ~marked[kind][:, None]) for kind, table in network.blocks.items()}
     checks = (some_rows(group, np.flatnonzero(~touches(group, marked))) for group in network.checks)
     return replace(
         network,
@@ -766,10 +754,7 @@ def with_blocks_held(network: Network, marked: Marked, things: Sequence[Undeterm
     """
     if not things:
         return network
-    blocks = {
-        kind: table._replace(free=table.free & ~marked[kind][:, None])
-        for kind, table in network.blocks.items()
-    }
+    blocks = {kind: table._replace(free=table.free & ~marked[kind][:, None]) for kind, table in network.blocks.items()}
     return replace(
         network,
         blocks=blocks,

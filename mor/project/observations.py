@@ -126,9 +126,7 @@ def image_groups(
     result = []
     for key in np.unique(keys):
         chosen = np.flatnonzero(keys == key)
-        group = _image_group(
-            reading, entry, number, rows, place, _taken(image, chosen), _taken(point, chosen), chosen
-        )
+        group = _image_group(reading, entry, number, rows, place, _taken(image, chosen), _taken(point, chosen), chosen)
         result += [replace(group, epochs=epochs[chosen])] if group is not None else []
     return result
 
@@ -200,9 +198,7 @@ def _image_group(
     return ReadGroup(group, number, chosen, np.eye(2), factors)
 
 
-def _blocks_beside(
-    reading: Reading, slots: Sequence[Slot], image: Names, point: Names
-) -> tuple[SmallIntArray, ...]:
+def _blocks_beside(reading: Reading, slots: Sequence[Slot], image: Names, point: Names) -> tuple[SmallIntArray, ...]:
     images, points = reading.shop.things["image"], reading.shop.things["point"]
     return tuple(
         _blocks_of(points.parts["position"], point)
@@ -308,10 +304,7 @@ def _image_values(
     xy = np.stack([rows.number("x")[chosen], rows.number("y")[chosen]], axis=1)
     common = rows.number("sigma")[chosen] * scale.factor(unit("sigma"))
     sigma = np.stack(
-        [
-            own_or_common(rows.number(f"sigma_{c}")[chosen] * scale.factor(unit(f"sigma_{c}")), common)
-            for c in "xy"
-        ],
+        [own_or_common(rows.number(f"sigma_{c}")[chosen] * scale.factor(unit(f"sigma_{c}")), common) for c in "xy"],
         axis=1,
     )
     factors = np.full(2, scale.factor(unit("sigma")))
@@ -356,9 +349,7 @@ def read_groups(reading: Reading, of_features: bool = False) -> list[ReadGroup]:
             if found is None:
                 continue
             type_ = found
-        if entry.ppm and not (
-            type_.distances is not None and any(c.quantity.length == 1 for c in type_.components)
-        ):
+        if entry.ppm and not (type_.distances is not None and any(c.quantity.length == 1 for c in type_.components)):
             reading.problems.append(place.problem(_NO_LENGTH.format(entry.type), "ppm"))
         if entry.type == "image":
             entry = units_of_values(entry)
@@ -513,11 +504,7 @@ def _plain_group(
     if type_.through_air:
         given = corrected(reading, entry, rows, given, place)
     if any(found.at_centre.any() for found in named.values()):
-        type_ = (
-            to_projection_centres(type_)
-            if reading.world or reading.sphere
-            else PROJECTION_CENTRE_TYPES[type_.key]
-        )
+        type_ = to_projection_centres(type_) if reading.world or reading.sphere else PROJECTION_CENTRE_TYPES[type_.key]
         blocks += tuple(_arm(reading, named[slot.of], slot.part) for slot in type_.slots[len(blocks) :])
     transform, offset = edge_transform(type_, reading.edge)
     for k, component in enumerate(type_.components):
@@ -578,9 +565,7 @@ def _arm(reading: Reading, found: Resolved, part: str) -> IntArray:
 
 def _sigma_factor(reading: Reading, entry: Observations, component: Component) -> float:
     unit = (
-        entry.units
-        if isinstance(entry.units, str)
-        else entry.units.get("sigma", entry.units.get(component.name, ""))
+        entry.units if isinstance(entry.units, str) else entry.units.get("sigma", entry.units.get(component.name, ""))
     )
     try:
         return reading.edge.factor(component.quantity, unit)
@@ -640,9 +625,7 @@ def _constants_of_group(
         known, _, end = constant.name.partition(" of ")
         if end and reading.world is not None:
             found = named[end]
-            columns.append(
-                known_at(reading, reading.world, known, found.blocks["position"], rows, found.names)
-            )
+            columns.append(known_at(reading, reading.world, known, found.blocks["position"], rows, found.names))
         elif constant.name == "face":
             told = type_.tell_face(given[:, -1]) if type_.tell_face else np.ones(rows.count)
             columns.append(own_or_common(rows.number("face"), told))
@@ -709,8 +692,7 @@ _NO_TARGET = (
     "alone, and vertical_direction for vertical directions alone"
 )
 _ONE_TARGET = (
-    "the set of directions at {} has only one horizontal target: it determines its own orientation and nothing "
-    "else"
+    "the set of directions at {} has only one horizontal target: it determines its own orientation and nothing else"
 )
 
 
@@ -755,9 +737,7 @@ def check_groups(reading: Reading, groups: list[ObservationGroup]) -> tuple[Obse
     return checks
 
 
-def _refuse_unobserved(
-    reading: Reading, groups: list[ObservationGroup], checks: tuple[ObservationGroup, ...]
-) -> None:
+def _refuse_unobserved(reading: Reading, groups: list[ObservationGroup], checks: tuple[ObservationGroup, ...]) -> None:
     points = reading.shop.store("point")
     seen = np.zeros(len(points.ids), dtype=bool)
     for group in groups:

@@ -165,8 +165,7 @@ def _tell_lost(group: ObservationGroup, times: FloatArray) -> None:
     image, point = group.references
     words = "point {0!r} does not cross the line of image {1!r} where it is planned"
     told = [
-        Message(words.format(point[k], image[k]), group.file, int(group.lines[k]))
-        for k in lost[:_MOST_TOLD].tolist()
+        Message(words.format(point[k], image[k]), group.file, int(group.lines[k])) for k in lost[:_MOST_TOLD].tolist()
     ]
     if told:
         raise InputError(told)
@@ -215,9 +214,7 @@ def poses_of(images: Entities, flights: Flights, values: Mapping[str, FloatArray
         clock = trajectory.clock(times)
         positions, rotations = trajectory.positions[clock.knots], trajectory.rotations[clock.knots]
         weights = clock.constants[:, 1:].reshape(len(mine), trajectory.order, trajectory.order)
-        pose = pose_at(
-            values["point"][positions], values["rotation"][rotations], weights, clock.constants[:, 0]
-        )
+        pose = pose_at(values["point"][positions], values["rotation"][rotations], weights, clock.constants[:, 0])
         found.append(ImagePoses(mine, positions, rotations, pose))
     return found
 
@@ -227,9 +224,7 @@ def with_image_poses(network: Network, values: Mapping[str, FloatArray]) -> dict
     return with_poses_of(network.things["image"], network, values)
 
 
-def with_poses_of(
-    images: Entities, flights: Flights, values: Mapping[str, FloatArray]
-) -> dict[str, FloatArray]:
+def with_poses_of(images: Entities, flights: Flights, values: Mapping[str, FloatArray]) -> dict[str, FloatArray]:
     """Values in which the ``images`` on trajectories have the poses of their times."""
     result, parts = dict(values), images.parts
     for found in poses_of(images, flights, values):
@@ -246,9 +241,7 @@ def with_poses_of(
 # ---- Rolling shutters on trajectories: which knots a row depends on follows from its time, by the readout time.
 
 
-def read_out_at(
-    network: Network, group: ObservationGroup, place: Mapping[str, FloatArray]
-) -> ObservationGroup:
+def read_out_at(network: Network, group: ObservationGroup, place: Mapping[str, FloatArray]) -> ObservationGroup:
     """The group with the knots about the times of its measured rows, by the readout time at a place.
 
     Any group but image coordinates of rolling shutters on trajectories, and one that has them already, comes back as it
@@ -303,11 +296,7 @@ def _over(world: EarthModel, group: ObservationGroup, points: FloatArray) -> Obs
     if not isinstance(equation, InPlane | Attitude) or equation.plane is None:
         return group
     plane = equation.plane
-    ends = [
-        points[blocks]
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
-        if slot.kind == "point"
-    ]
+    ends = [points[blocks] for slot, blocks in zip(group.type.slots, group.blocks, strict=True) if slot.kind == "point"]
     there = np.concatenate(ends)
     feet = world.horizon.foot(there[np.isfinite(there).all(axis=1)]).position[:, :2]
     if plane.holds(feet).all():
@@ -336,9 +325,7 @@ def known_at_place(network: Network, place: Mapping[str, FloatArray]) -> Network
     return with_planes_over(replace(network, **of_all), place)  # type: ignore[arg-type]
 
 
-def _known(
-    network: Network, world: EarthModel, group: ObservationGroup, points: FloatArray
-) -> ObservationGroup:
+def _known(network: Network, world: EarthModel, group: ObservationGroup, points: FloatArray) -> ObservationGroup:
     if needs_convergence(group.type):
         there = world.from_object(points[group.blocks[0]], np.zeros(group.count))
         return replace(group, constants=world.convergence(there[:, :2])[:, None])

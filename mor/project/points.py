@@ -240,9 +240,7 @@ def rotations(
     as_given = np.full(len(labels), level or not reading.edge.turned)
     as_given |= oriented if oriented is not None else False
     if np.isfinite(sigma[~as_given]).any() or not free[~as_given].all():
-        reading.problems.append(
-            Message("fixed or observed ω, φ, κ need axes: {xy: en}", rows.file, int(rows.lines[0]))
-        )
+        reading.problems.append(Message("fixed or observed ω, φ, κ need axes: {xy: en}", rows.file, int(rows.lines[0])))
     values[~as_given] = _turned_angles(values[~as_given], reading.edge.matrix)
     return reading.shop.store("rotation").add(labels, values, free, sigma, start)
 
@@ -275,9 +273,7 @@ class NameColumn(NamedTuple):
     rows: Rows
 
 
-def check_unique(
-    what: str, names: list[str], rows: Rows, seen: list[NameColumn], problems: list[Message]
-) -> None:
+def check_unique(what: str, names: list[str], rows: Rows, seen: list[NameColumn], problems: list[Message]) -> None:
     """Report names that occur twice; ``seen`` remembers the names of the tables before."""
     here = pl.Series(names, dtype=pl.String)
     again = (~here.is_first_distinct()).to_numpy()
@@ -352,9 +348,7 @@ def read_point_table(
     sigma = np.where(np.isnan(sigma), rows.number("sigma")[:, None], sigma)
     tell_rows(reading.problems, np.any(sigma < 0.0, axis=1), rows, "found a negative σ, expected a σ ≥ 0")
     if table.fixed and len(table.fixed) < 3:
-        words = (
-            "fixed: on the earth a point is fixed in x, y, z together; give single components a σ (sigma_up)"
-        )
+        words = "fixed: on the earth a point is fixed in x, y, z together; give single components a σ (sigma_up)"
         reading.problems.append(place.problem(words, "fixed"))
     if table.fixed:
         sigma[:] = 0.0
@@ -405,9 +399,7 @@ def geoid_of_table(
         if missing.all():
             reading.problems.append(place.problem(f"heights of these points are {words}"))
         else:
-            tell_rows(
-                reading.problems, missing, table.rows, lambda row: f"height of {table.ids[row]!r} is {words}"
-            )
+            tell_rows(reading.problems, missing, table.rows, lambda row: f"height of {table.ids[row]!r} is {words}")
     return N
 
 
@@ -426,9 +418,7 @@ def deflections_of_table(
         return table.deflection
     both = np.where(np.isnan(table.deflection), found, table.deflection)
     placed = np.all(np.isfinite(geodetic), axis=1)
-    _tell_uncovered(
-        reading, f"the grid of deflections {said}", table, geodetic, placed & np.isnan(both).any(axis=1)
-    )
+    _tell_uncovered(reading, f"the grid of deflections {said}", table, geodetic, placed & np.isnan(both).any(axis=1))
     return both
 
 
@@ -461,9 +451,7 @@ def _of_grid(reading: Reading, key: str, name: str, read: Callable[[], _Values])
         return None
 
 
-def _tell_uncovered(
-    reading: Reading, grid: str, table: PointTable, geodetic: FloatArray, uncovered: BoolArray
-) -> None:
+def _tell_uncovered(reading: Reading, grid: str, table: PointTable, geodetic: FloatArray, uncovered: BoolArray) -> None:
     """Tell points beyond the grid and where they are: that shows a wrong zone, or a wrong order."""
 
     def place(row: int) -> str:
@@ -503,9 +491,7 @@ def read_world(reading: Reading) -> None:
     if system is None or len(reading.problems) > before:
         return
     world = _world(reading, section, system, tables, orthometric)
-    if (
-        world is not None and len(reading.problems) == before
-    ):  # else what follows would be told again and again
+    if world is not None and len(reading.problems) == before:  # else what follows would be told again and again
         reading.world = world
         own = (projected_position(world.horizon), projected_attitude(world.horizon))
         of_projection = {type_.key: type_ for type_ in own if system.kind == "projected"}
@@ -568,9 +554,7 @@ def _world(
     xi, eta = deflection.T
     at_points = {GEOID: np.concatenate(N), DEFLECTIONS[0]: xi, DEFLECTIONS[1]: eta}
     file = Path(reading.place.folder) / section.geoid if section.geoid else None
-    horizon = (
-        middle(unit, everything[known]) if section.origin is None else _horizon(reading, unit, section.origin)
-    )
+    horizon = middle(unit, everything[known]) if section.origin is None else _horizon(reading, unit, section.origin)
     if horizon is None:
         return None
     flat = horizon.from_geodetic(everything[known])[:, :2]
@@ -752,8 +736,7 @@ def add_points(reading: Reading, names: Sequence[str], statuses: Statuses) -> In
     blocks = reading.shop.store("point").add(names, *statuses)
     nothing = np.zeros_like(blocks)
     parts = {
-        part: np.concatenate([known, blocks if part == "position" else nothing])
-        for part, known in points.parts.items()
+        part: np.concatenate([known, blocks if part == "position" else nothing]) for part, known in points.parts.items()
     }
     reading.shop.things["point"] = entities((*points.ids, *names), parts)
     return blocks

@@ -339,9 +339,7 @@ def _on_shape(
     coordinates = shop.store("point").all_values()[points]
     whole = np.isfinite(coordinates).all()
     fit = fit_shape(feature.type, coordinates, known, held) if whole else None
-    unfitted = (
-        np.eye(3) if held is None else PERPENDICULAR @ held.rotation if held.perpendicular else held.rotation
-    )
+    unfitted = np.eye(3) if held is None else PERPENDICULAR @ held.rotation if held.perpendicular else held.rotation
     fit = fit or FittedShape(unfitted, np.zeros(3), np.zeros(3), size.values[0])
     unknown = size.free & np.isnan(size.values)
     size.values[unknown] = fit.shape[unknown[0]]
@@ -484,9 +482,7 @@ def _shared(components: tuple[int, ...]) -> BoolArray:
     return np.isin(np.arange(3), components)
 
 
-def _point_beside(
-    reading: Reading, coordinates: FloatArray, line: Feature, D: FloatArray, centre: FloatArray
-) -> str:
+def _point_beside(reading: Reading, coordinates: FloatArray, line: Feature, D: FloatArray, centre: FloatArray) -> str:
     """Name of the point that carries the turn of a line; empty if all points are on it.
 
     While coordinates are missing any point may be: :mod:`mor.start.part` knows better when there are some.
@@ -524,9 +520,7 @@ def _freedom(type_: str) -> tuple[BoolArray, BoolArray]:
     return np.array(offsets), np.array(turns)
 
 
-def _start(
-    coordinates: FloatArray, first: IntArray, other: IntArray, type_: str
-) -> tuple[FloatArray, FloatArray]:
+def _start(coordinates: FloatArray, first: IntArray, other: IntArray, type_: str) -> tuple[FloatArray, FloatArray]:
     """Rotation and origin fitted to the start coordinates of the points."""
     points = coordinates[first]
     points = points[np.isfinite(points).all(axis=1)]
@@ -601,9 +595,7 @@ def check_feasible(
                     f"mor convert lists what was not read ({notes})"
                 )
             elif any("the points are all there is" in note.message for note in left_out):
-                words = (
-                    f"there are no observations, only points; mor convert lists what was not read ({notes})"
-                )
+                words = f"there are no observations, only points; mor convert lists what was not read ({notes})"
         reading.problems.append(reading.at("observations").problem(words))
     elif not reading.shop.store("point").ids:
         reading.problems.append(reading.at("points").problem("there are no points, images or stations"))
@@ -611,9 +603,7 @@ def check_feasible(
         _check_sigma(reading, group)
     if groups and not any(store.all_free().any() for store in reading.shop.stores.values() if store.ids):
         if reading.project.settings.dimensions == "xyz":
-            words = (
-                "all coordinates and parameters are fixed: the residuals compare the observations with them"
-            )
+            words = "all coordinates and parameters are fixed: the residuals compare the observations with them"
             reading.notes.append(reading.at("points").problem(words))
         else:
             words = "there is nothing to adjust: all coordinates and parameters are fixed or not estimated"
@@ -739,9 +729,7 @@ class _UnknownThingError(Exception):
     """A name is missing from a table that has mistakes of its own."""
 
 
-def _known(
-    reading: Reading, entry: Observations, rows: Rows, i: int, places: list[_BlockComponent]
-) -> _Known:
+def _known(reading: Reading, entry: Observations, rows: Rows, i: int, places: list[_BlockComponent]) -> _Known:
     """A row in internal units and axes. Raises ``ValueError`` with what is wrong."""
     if len({place.kind for place in places}) > 1:
         raise ValueError("a difference needs two blocks of the same kind")
@@ -768,9 +756,7 @@ def _find(reading: Reading, name: str, component: str) -> _BlockComponent:
     """The component behind ``camera C1`` and ``c``. Raises ``ValueError`` where there is none."""
     space, _, bare = name.partition(" ")
     if space not in PARTS:
-        raise ValueError(
-            f"found {name!r}, expected one of {', '.join(f'{s} …' for s in PARTS)}{nearest(space, PARTS)}"
-        )
+        raise ValueError(f"found {name!r}, expected one of {', '.join(f'{s} …' for s in PARTS)}{nearest(space, PARTS)}")
     things = reading.shop.things[space]
     if bare not in things.numbers:
         if space in reading.broken:
@@ -849,8 +835,7 @@ def _take_exactly(reading: Reading, exact: list[_Row]) -> None:
         here = [row for row in exact if row.kind == kind]
         tied = [row for row in here if len(row.known.blocks) == 2]
         ties = [
-            Equality(row.known.component, row.known.blocks[0], row.known.blocks[1], row.known.value)
-            for row in tied
+            Equality(row.known.component, row.known.blocks[0], row.known.blocks[1], row.known.value) for row in tied
         ]
         try:
             settle_equalities(reading.shop.store(kind), ties)
@@ -873,9 +858,7 @@ def _refuse_constant(reading: Reading, row: _Row) -> None:
     reading.problems.append(row.problem(words))
 
 
-def _parameter_group(
-    kind: str, unit: str, found: list[_Known], rows: Rows, names: tuple[str, ...]
-) -> ObservationGroup:
+def _parameter_group(kind: str, unit: str, found: list[_Known], rows: Rows, names: tuple[str, ...]) -> ObservationGroup:
     type_ = (OBSERVED_PARAMETERS if len(names) == 1 else OBSERVED_DIFFERENCES)[kind]
     size = KINDS[kind].size
     observed, sigma = np.full((len(found), size), np.nan), np.full((len(found), size), np.nan)

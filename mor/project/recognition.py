@@ -70,9 +70,7 @@ _POINTS = {
 }
 _AXES = {"x": "xe", "y": "yn", "z": "zhu"}
 _STATED = {
-    f"sigma_{ours}": "|".join(
-        f"{word}{name}" for name in names for word in ("s", "std", "stdev", "sd", "sigma")
-    )
+    f"sigma_{ours}": "|".join(f"{word}{name}" for name in names for word in ("s", "std", "stdev", "sd", "sigma"))
     for ours, names in _AXES.items()
 } | {"sigma": "std|stdev|accuracy"}
 _COVARIANCES = {
@@ -169,9 +167,7 @@ _DMS = re.compile(r"[-+]?\d+\s*[-°:]\s*\d+\s*[-'′:]\s*\d")
 _ANGLES = ("horizontal", "zenith", "angle", "bearing", "zenith_angle", "vertical_direction")
 """Columns that may hold degrees, minutes and seconds."""
 _OF_POINTS = ("id", "x", "y", "z")
-_UMLAUTS = str.maketrans(
-    {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "δ": "d", "ω": "omega", "φ": "phi", "κ": "kappa"}
-)
+_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "δ": "d", "ω": "omega", "φ": "phi", "κ": "kappa"})
 
 
 class Found(NamedTuple):
@@ -250,18 +246,12 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
     _tell_elevations(kinds, header, rows[has_header:])
     if not kinds:
         raise InputError(
-            [
-                Message(
-                    f"unknown kind of table: found the columns {', '.join(header)}; {_known()}", str(path), 1
-                )
-            ]
+            [Message(f"unknown kind of table: found the columns {', '.join(header)}; {_known()}", str(path), 1)]
         )
     used = {cell for columns in kinds.values() for cell in columns.values()}
     unused = tuple(cell for cell in header if cell not in used)
     units = {cell: unit for cell, _, unit in named if unit}
-    decimal_comma = delimiter != "," and any(
-        _DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row
-    )
+    decimal_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row)
     return [
         Found(
             path,
@@ -279,9 +269,7 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
     ]
 
 
-def _tell_elevations(
-    kinds: dict[str, dict[str, str]], header: Sequence[str], rows: Sequence[Sequence[str]]
-) -> None:
+def _tell_elevations(kinds: dict[str, dict[str, str]], header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
     """Turn columns of zenith angles that hold elevations into columns of vertical angles."""
     for kind, (other, column) in _ELEVATIONS.items():
         old = "zenith" if kind == "zenith_directions" else kind
@@ -303,9 +291,7 @@ def told_apart(tables: Sequence[Found]) -> list[Found]:
     """
     images = {name for table in tables if table.kind == "image" for name in table.texts("image")}
     points = {name for table in tables for place in PLACES for name in table.texts(place)}
-    return [
-        _told_apart(table, images - points, points) if table.kind == "points" else table for table in tables
-    ]
+    return [_told_apart(table, images - points, points) if table.kind == "points" else table for table in tables]
 
 
 def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
@@ -388,9 +374,7 @@ def _columns(kind: str, named: Sequence[tuple[str, str, str]]) -> dict[str, str]
     columns: dict[str, str] = {}
     for ours, others in (*required.items(), *optional.items()):
         for name in dict.fromkeys((_normalised(ours), *filter(None, others.split("|")))):
-            cell = next(
-                (cell for cell, text, _ in named if text == name and cell not in columns.values()), None
-            )
+            cell = next((cell for cell, text, _ in named if text == name and cell not in columns.values()), None)
             if cell is not None:
                 columns[ours] = cell
                 break
@@ -491,10 +475,7 @@ def begin(
         "levelled": levelled,
         "plane": any("x" in t.columns and "z" not in t.columns for t in by_kind["points"])
         and all(t.kind in ("angle", "bearing", "directions", "distance") for t in measured),
-        **{
-            kind: [_entry(target, table, corner, levelled) for table in found]
-            for kind, found in by_kind.items()
-        },
+        **{kind: [_entry(target, table, corner, levelled) for table in found] for kind, found in by_kind.items()},
     }
     return {target: _rendered("new.yaml.j2", content), **texts}
 
@@ -613,9 +594,7 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> 
         units.setdefault("length", "km")
     keys: dict[str, Any] = {"sheet": table.sheet} if table.sheet else {}
     if not table.has_header:
-        keys["columns"] = [
-            renamed.get(name, name if name in table.columns else None) for name in table.header
-        ]
+        keys["columns"] = [renamed.get(name, name if name in table.columns else None) for name in table.header]
     elif renamed or others:
         keys["columns"] = {**renamed, **dict.fromkeys(others)}
     if units:

@@ -79,9 +79,7 @@ def read_gsb(file: Path) -> list[Subgrid]:
         content = read_bytes(file, PROJECT)
     except InputError as error:
         raise GridError(error.problems[0].message) from None
-    order = next(
-        (sign for sign in "<>" if content[:12] == b"NUM_OREC" + struct.pack(sign + "i", _RECORDS)), ""
-    )
+    order = next((sign for sign in "<>" if content[:12] == b"NUM_OREC" + struct.pack(sign + "i", _RECORDS)), "")
     if not order or len(content) < _RECORDS * RECORD:
         raise GridError("this is not a binary grid of the format NTv2 (GSB)")
     count = struct.unpack_from(order + "i", content, 2 * RECORD + 8)[0]
@@ -104,9 +102,7 @@ def _subgrid(content: bytes, start: int, order: str, unit: float) -> tuple[Subgr
         struct.unpack_from(order + "d", content, start + k * RECORD + 8)[0] for k in range(4, 10)
     )
     count = struct.unpack_from(order + "i", content, start + 10 * RECORD + 8)[0]
-    if not np.isfinite([south, north, east, west, step, step_west]).all() or not (
-        step > 0.0 and step_west > 0.0
-    ):
+    if not np.isfinite([south, north, east, west, step, step_west]).all() or not (step > 0.0 and step_west > 0.0):
         raise GridError("its limits are not numbers, or its steps (LAT_INC, LONG_INC) not above 0")
     with np.errstate(over="ignore"):
         sizes = np.array([north - south, west - east]) / [step, step_west]
@@ -156,9 +152,7 @@ def deflections(files: tuple[Path, ...], geodetic: FloatArray) -> FloatArray:
     """
     if len(files) == 1:
         if not _is_gsb(files[0]):
-            raise GridError(
-                "only a GSB grid holds both deflections, else give one file for north, one for east"
-            )
+            raise GridError("only a GSB grid holds both deflections, else give one file for north, one for east")
         return values_at(files[0], geodetic)[:, 1:]
     return np.stack([_of_proj(file, geodetic) for file in files], axis=1) * ARCSEC
 
@@ -305,9 +299,7 @@ def reference_system(text: str) -> ReferenceSystem:
     try:
         whole = CRS.from_user_input(text)
     except CRSError:
-        words = (
-            f"found {_short(text)}, expected a coordinate reference system that PROJ knows, e.g. EPSG:25832"
-        )
+        words = f"found {_short(text)}, expected a coordinate reference system that PROJ knows, e.g. EPSG:25832"
         raise ReferenceSystemError(words) from None
     vertical = ""
     crs = whole
@@ -319,9 +311,7 @@ def reference_system(text: str) -> ReferenceSystem:
     kind = _kind(crs)
     if not kind or crs.geodetic_crs is None or crs.ellipsoid is None:
         words = f"{crs.name!r} has no datum: it does not say where on the earth its coordinates are"
-        raise ReferenceSystemError(
-            f"{words}; a local system needs no world, and one on the earth needs its ellipsoid"
-        )
+        raise ReferenceSystemError(f"{words}; a local system needs no world, and one on the earth needs its ellipsoid")
     if any(axis.direction.lower() in ("south", "west") for axis in crs.axis_info[:2]):
         words = f"the axes of {crs.name!r} count to the south or west, expected north and east"
         raise ReferenceSystemError(words)
@@ -399,9 +389,7 @@ class EarthModel:
         axes, nothing = self.horizon.local_axes(position), np.zeros(len(position))
         columns = []
         for k in range(2):
-            ahead, behind = (
-                self.from_object(position + sign * _NEAR * axes[:, k], nothing) for sign in (1, -1)
-            )
+            ahead, behind = (self.from_object(position + sign * _NEAR * axes[:, k], nothing) for sign in (1, -1))
             columns.append((ahead - behind)[:, :2] / (2.0 * _NEAR))
         return np.stack(columns, axis=2)
 

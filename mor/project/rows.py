@@ -108,9 +108,7 @@ def sigma_is_good(group: ObservationGroup, rows: Rows, chosen: IntArray, problem
         problems.append(Message(words, rows.file, int(rows.lines[chosen[0]])))
         return False
     wrong = replace(rows, lines=rows.lines[chosen])
-    tell_rows(
-        problems, np.asarray(bad.any(axis=1)), wrong, lambda row: _wrong_sigma(group.sigma[row][bad[row]][0])
-    )
+    tell_rows(problems, np.asarray(bad.any(axis=1)), wrong, lambda row: _wrong_sigma(group.sigma[row][bad[row]][0]))
     return not bad.any()
 
 
@@ -244,9 +242,7 @@ def alike(names: Iterable[str], declared: Iterable[str]) -> dict[str, str]:
     for name in declared:
         for rest in _without_one(name):
             known.setdefault(rest, name)
-    found = (
-        (name, next((known[rest] for rest in _without_one(name) if rest in known), "")) for name in names
-    )
+    found = ((name, next((known[rest] for rest in _without_one(name) if rest in known), "")) for name in names)
     return {name: near for name, near in found if near}
 
 
@@ -354,9 +350,7 @@ def _refuse_timed(reading: Reading, resolved: Resolved, rows: Rows) -> None:
     timed = resolved.blocks.get("trajectory")
     if timed is None or not (timed >= 0).any():
         return
-    words = (
-        "image {0!r} is on a trajectory: its projection centre cannot be named here (image coordinates can)"
-    )
+    words = "image {0!r} is on a trajectory: its projection centre cannot be named here (image coordinates can)"
     tell_rows(reading.problems, timed >= 0, rows, lambda row: words.format(resolved.names[row]))
 
 
@@ -569,9 +563,7 @@ def air_columns(edge: Edge) -> list[Column]:
     return [number_column(name, NUMBER, edge) for name in AIR]
 
 
-def corrected(
-    reading: Reading, entry: Observations, rows: Rows, given: FloatArray, place: TableLocation
-) -> FloatArray:
+def corrected(reading: Reading, entry: Observations, rows: Rows, given: FloatArray, place: TableLocation) -> FloatArray:
     """Distances (n, 1) with their first velocity corrections, where the table has columns of the air."""
     found = {name: rows.number(name) for name in AIR}
     if not any(np.isfinite(values).any() for values in found.values()):
@@ -612,9 +604,7 @@ def _constants(reading: Reading, entry: Observations, place: TableLocation) -> t
     try:
         length = reading.edge.number(said.wavelength, LENGTH) * reading.edge.metres * 1e6
     except UnitError as error:
-        reading.problems.append(
-            reading.at("instruments", str(name), "atmosphere").problem(f"wavelength: {error}")
-        )
+        reading.problems.append(reading.at("instruments", str(name), "atmosphere").problem(f"wavelength: {error}"))
         return None
     if not _SHORTEST <= length <= _LONGEST:
         words = f"wavelength: found {said.wavelength}, expected one of light, as 0.658 um"

@@ -48,9 +48,7 @@ Name = Annotated[
 def one_sign(sign: str) -> str:
     """A sign that can stand between the cells of a table; ValueError where it cannot."""
     if not re.fullmatch(r"[\t !$%&'()*,/:;<=>?@\[\\\]^_`{|}~]", sign):
-        raise ValueError(
-            f"found {sign!r}, expected a character that no number or name contains, such as ; or a tab"
-        )
+        raise ValueError(f"found {sign!r}, expected a character that no number or name contains, such as ; or a tab")
     return sign
 
 
@@ -82,17 +80,13 @@ class TableEntry(Strict):
         default=None,
         description="CSV (may be .gz), Parquet or spreadsheet (.xlsx, .ods), relative to the project file",
     )
-    rows: list[list[str | None]] | None = Field(
-        default=None, description="Rows in place, in the order of columns"
-    )
+    rows: list[list[str | None]] | None = Field(default=None, description="Rows in place, in the order of columns")
     columns: list[Text | None] | dict[str, Text | None] | None = Field(
         default=None,
         description="A list declares the columns of rows or of a file without header (null skips one); "
         "a mapping renames columns of a file with header (null skips one)",
     )
-    values: dict[str, Text] = Field(
-        default_factory=dict, description="Columns with the same value in every row"
-    )
+    values: dict[str, Text] = Field(default_factory=dict, description="Columns with the same value in every row")
     units: Text | dict[str, Text] = Field(default_factory=dict, description="Units by column, or one for all")
     delimiter: (
         Annotated[
@@ -101,9 +95,7 @@ class TableEntry(Strict):
             AfterValidator(one_sign),
         ]
         | None
-    ) = Field(
-        default=None, description="Between columns of a CSV file; a blank stands for any number of blanks"
-    )
+    ) = Field(default=None, description="Between columns of a CSV file; a blank stands for any number of blanks")
     decimal: Literal[".", ","] = Field(default=".", description="Decimal sign of the numbers in the file")
     sheet: Text | None = Field(
         default=None, description="Sheet of a spreadsheet; needed if several sheets hold something"
@@ -122,9 +114,7 @@ class TableEntry(Strict):
         if self.file is None and (self.decimal != "." or self.sheet is not None):
             raise ValueError("decimal and sheet belong to a file")
         if self.decimal == "," and self.delimiter in (None, ","):
-            raise ValueError(
-                "numbers with a decimal comma need another delimiter than a comma: set delimiter: ;"
-            )
+            raise ValueError("numbers with a decimal comma need another delimiter than a comma: set delimiter: ;")
         return self
 
     @property
@@ -146,9 +136,7 @@ class DeflectionGrids(Strict):
 class Origin(Strict):
     """Where the object system is in the horizon, at height 0."""
 
-    latitude: Measure = Field(
-        description="Latitude, in the unit of angles or with one of its own (49.6412 deg)"
-    )
+    latitude: Measure = Field(description="Latitude, in the unit of angles or with one of its own (49.6412 deg)")
     longitude: Measure = Field(description="Longitude, likewise")
 
 
@@ -182,9 +170,7 @@ class SphereOrigin(Strict):
 
     x: Measure = Field(description="x in the axes of the project")
     y: Measure = Field(description="y in the axes of the project")
-    z: Measure = Field(
-        description="Height of the sphere: distances at this height are those between coordinates"
-    )
+    z: Measure = Field(description="Height of the sphere: distances at this height are those between coordinates")
 
 
 class Curvature(Strict):
@@ -269,9 +255,7 @@ class RequiredSigma(Strict):
 class RequiredReliability(Strict):
     """How well observations must control each other."""
 
-    groups: list[Name] = Field(
-        default=["*"], description="Names of groups of observations, or patterns of them"
-    )
+    groups: list[Name] = Field(default=["*"], description="Names of groups of observations, or patterns of them")
     r: float | None = Field(default=None, gt=0.0, lt=1.0, description="Least redundancy number")
     external: float | None = Field(
         default=None,
@@ -359,9 +343,7 @@ class Normals(TableEntry):
     direction: Annotated[list[float], Field(min_length=3, max_length=3)] | None = Field(
         default=None, description="Their common normal [nx, ny, nz], of any length"
     )
-    surface: Name | None = Field(
-        default=None, description="The surface they are on: each has the normal of its face"
-    )
+    surface: Name | None = Field(default=None, description="The surface they are on: each has the normal of its face")
 
     @property
     def sources(self) -> dict[str, object]:
@@ -423,9 +405,7 @@ class Value(Strict):
     fixed: Measure | None = Field(default=None, description="Constant")
     observed: Measure | None = Field(default=None, description="Unknown, observed with sigma")
     sigma: Measure | None = Field(default=None, description="σ of an observed value; 0 means fixed")
-    start: Measure | None = Field(
-        default=None, description="Start value, where it differs from the observed one"
-    )
+    start: Measure | None = Field(default=None, description="Start value, where it differs from the observed one")
 
     @model_validator(mode="after")
     def _one_status(self) -> Value:
@@ -446,9 +426,7 @@ class Atmosphere(Strict):
 
     C: float = Field(description="Reference refractivity (n - 1) · 10⁶ of the instrument")
     D: float | None = Field(default=None, description="Constant of its carrier wavelength, K/hPa · 10⁶")
-    wavelength: Measure | None = Field(
-        default=None, description="Its carrier wavelength in place of D: 0.658 um"
-    )
+    wavelength: Measure | None = Field(default=None, description="Its carrier wavelength in place of D: 0.658 um")
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Atmosphere:
@@ -555,9 +533,7 @@ class Units(Strict):
     length: Literal["m", "dm", "cm", "mm", "um", "km", "ft", "us-ft", "in"] = Field(
         default="m", description="Unit of lengths and coordinates"
     )
-    angle: Literal["gon", "deg", "dms", "rad", "mrad", "mgon"] = Field(
-        default="gon", description="Unit of angles"
-    )
+    angle: Literal["gon", "deg", "dms", "rad", "mrad", "mgon"] = Field(default="gon", description="Unit of angles")
 
 
 class Axes(Strict):
@@ -604,17 +580,13 @@ class Camera(Strict):
         description="Port of an underwater housing; its parameters belong to interior: tilt_x, tilt_y, distance, or "
         "centre_x, centre_y, centre_z, radius; glass, n_air, n_glass, n_water",
     )
-    unit: Literal["mm", "um", "px", "m"] = Field(
-        default="mm", description="Unit of interior orientation and residuals"
-    )
+    unit: Literal["mm", "um", "px", "m"] = Field(default="mm", description="Unit of interior orientation and residuals")
     image: ImageFormat | None = Field(default=None, description="Size of image and pixel")
     coordinates: Literal["centred", "corner"] = Field(
         default="centred",
         description="centred: origin in the image centre, y up; corner: origin in the upper left corner, y down",
     )
-    r0: Measure | None = Field(
-        default=None, description="Second zero crossing of the radial distortion (model mor)"
-    )
+    r0: Measure | None = Field(default=None, description="Second zero crossing of the radial distortion (model mor)")
     interior: dict[str, Setting] = Field(
         description="c, xh, yh and distortion; a plain number is fixed", default_factory=dict
     )
@@ -668,12 +640,8 @@ class Camera(Strict):
 class Points(TableEntry):
     """Points: id, x, y, z; sigma columns make components observed."""
 
-    fixed: list[Literal["x", "y", "z"]] = Field(
-        default_factory=list, description="Components held as they are"
-    )
-    group: Text | None = Field(
-        default=None, description="Name of this class of points, to refer to in the datum"
-    )
+    fixed: list[Literal["x", "y", "z"]] = Field(default_factory=list, description="Components held as they are")
+    group: Text | None = Field(default=None, description="Name of this class of points, to refer to in the datum")
 
 
 _POSE = Literal["x", "y", "z", "omega", "phi", "kappa"]
@@ -698,9 +666,7 @@ class Stations(TableEntry):
     level: Literal["fixed", "free"] | Measure = Field(
         default="fixed", description="fixed: exactly levelled; a σ: level observed; free: full orientation"
     )
-    fixed: list[_POSE | Literal["height"]] = Field(
-        default_factory=list, description="Components held as they are"
-    )
+    fixed: list[_POSE | Literal["height"]] = Field(default_factory=list, description="Components held as they are")
     free: list[Literal["height"]] = Field(
         default_factory=list,
         description="[height]: instrument heights, constants without a σ, are unknowns here",
@@ -745,9 +711,7 @@ class Feature(Strict):
         default=None,
         description="Feature above whose axis or normal is exactly perpendicular to the axis of this one",
     )
-    coaxial: Name | None = Field(
-        default=None, description="Feature above that has exactly the same axis as this one"
-    )
+    coaxial: Name | None = Field(default=None, description="Feature above that has exactly the same axis as this one")
     coplanar: Name | None = Field(
         default=None, description="Feature above whose plane this circle or torus lies in, exactly"
     )
@@ -765,21 +729,15 @@ class Observations(TableEntry):
     """A group of observations of one type."""
 
     type: Text = Field(description="Type of the observations: image, distance, directions and more")
-    instrument: Name | None = Field(
-        default=None, description="Name of the instrument they were measured with"
-    )
+    instrument: Name | None = Field(default=None, description="Name of the instrument they were measured with")
     ppm: float = Field(default=0.0, ge=0.0, le=1e50, description="σ² = σ² + (ppm · 10⁻⁶ · distance)²")
-    centring: Centring | None = Field(
-        default=None, description="Errors of the set-up of instrument and target"
-    )
+    centring: Centring | None = Field(default=None, description="Errors of the set-up of instrument and target")
     factor: float = Field(default=1.0, gt=0.0, le=1e50, description="Factor on every σ of this group")
     covariance: Text | list[list[float]] | None = Field(
         default=None,
         description="Full covariance matrix over the observations of this group, or a CSV file with it",
     )
-    cluster: Text | None = Field(
-        default=None, description="Groups of one cluster name share one covariance matrix"
-    )
+    cluster: Text | None = Field(default=None, description="Groups of one cluster name share one covariance matrix")
     projection: Text | None = Field(
         default=None,
         description="Projection that projected_bearing refers to, where it is not that of world: EPSG code or WKT",
@@ -798,12 +756,10 @@ class Observations(TableEntry):
 class Datum(Strict):
     """Datum of a free or partly free network."""
 
-    free: Literal["all"] | list[Name] | dict[Literal["x", "y", "z", "xy", "xz", "yz", "xyz"], list[Name]] = (
-        Field(
-            default="all",
-            description="Points (or groups of points) whose coordinates carry the datum; "
-            "by components where they differ: {xy: [1, 2], z: [3]}",
-        )
+    free: Literal["all"] | list[Name] | dict[Literal["x", "y", "z", "xy", "xz", "yz", "xyz"], list[Name]] = Field(
+        default="all",
+        description="Points (or groups of points) whose coordinates carry the datum; "
+        "by components where they differ: {xy: [1, 2], z: [3]}",
     )
     minimal: dict[Literal["x", "y", "z", "xy", "xz", "yz", "xyz"], Name | list[Name]] | None = Field(
         default=None,
@@ -828,9 +784,7 @@ class Datum(Strict):
 class Settings(Strict):
     """How to solve and to test."""
 
-    max_iterations: int = Field(
-        default=50, ge=1, description="Most iterations without progress; twice as many in all"
-    )
+    max_iterations: int = Field(default=50, ge=1, description="Most iterations without progress; twice as many in all")
     sigma0: float = Field(
         default=1.0, gt=0.0, le=1e50, description="A-priori standard deviation of unit weight, as reported"
     )
@@ -844,9 +798,7 @@ class Settings(Strict):
         description="What becomes of things that nothing determines: they stop the adjustment, or are left out of it. "
         "Points at infinity take part with their direction, or are left out as well",
     )
-    snooping_level: float = Field(
-        default=0.001, gt=0.0, lt=1.0, description="α0 of the test of single observations"
-    )
+    snooping_level: float = Field(default=0.001, gt=0.0, lt=1.0, description="α0 of the test of single observations")
     familywise_level: float | None = Field(
         default=None,
         gt=0.0,
@@ -925,18 +877,14 @@ class ProjectFile(Strict):
     line_times: list[LineTimes] = Field(
         default_factory=list, description="Tables of the times of lines of scanners: image, row, time"
     )
-    pairs: list[Pairs] = Field(
-        default_factory=list, description="Tables of relative orientations of stereo images"
-    )
+    pairs: list[Pairs] = Field(default_factory=list, description="Tables of relative orientations of stereo images")
     points: list[Points] = Field(default_factory=list, description="Tables of points")
     stations: list[Stations] = Field(default_factory=list, description="Tables of theodolite stations")
     systems: list[Systems] = Field(default_factory=list, description="Tables of local systems")
     features: list[Feature] = Field(
         default_factory=list, description="Planes, lines, right angles and other shapes that points lie on"
     )
-    epochs: Epochs = Field(
-        default=Epochs.model_construct(), description="Times of what is measured at several of them"
-    )
+    epochs: Epochs = Field(default=Epochs.model_construct(), description="Times of what is measured at several of them")
     motions: list[MotionEntry] = Field(default_factory=list, description="How points move between epochs")
     instruments: dict[Name, Instrument] = Field(default_factory=dict, description="Instruments by name")
     observations: list[Observations] = Field(default_factory=list, description="Tables of observations")
@@ -948,9 +896,7 @@ class ProjectFile(Strict):
         default_factory=list,
         description="Observations that a plan might have besides; mor design ranks them, no adjustment has them",
     )
-    require: Require = Field(
-        default=Require.model_construct(), description="What a plan has to reach, for mor design"
-    )
+    require: Require = Field(default=Require.model_construct(), description="What a plan has to reach, for mor design")
     variants: dict[Name, Variant] = Field(
         default_factory=dict, description="What-if variants of a plan, which mor design puts side by side"
     )
@@ -992,9 +938,7 @@ def _lenient(node: object) -> object:
     if node.get("type") == "string":
         node["type"] = ["string", "number"]
     if node.get("const") == "1":
-        node = {key: value for key, value in node.items() if key not in ("const", "type")} | {
-            "enum": ["1", 1]
-        }
+        node = {key: value for key, value in node.items() if key not in ("const", "type")} | {"enum": ["1", 1]}
     return node
 
 
@@ -1031,10 +975,7 @@ def without_empty_keys(document: Document) -> Document:
 
 def _without_empty(data: Any, path: KeyPath) -> Any:
     if isinstance(data, list):
-        return [
-            _without_empty(entry, (*path, k)) if isinstance(entry, dict) else entry
-            for k, entry in enumerate(data)
-        ]
+        return [_without_empty(entry, (*path, k)) if isinstance(entry, dict) else entry for k, entry in enumerate(data)]
     if not isinstance(data, dict):
         return data
     known = set(_known_keys(path, ProjectFile))

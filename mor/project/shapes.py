@@ -79,9 +79,7 @@ class FittedShape(NamedTuple):
     """(3,) radius, minor radius, semi-angle."""
 
 
-def fit_shape(
-    type_: str, points: FloatArray, shape: FloatArray, held: Held | None = None
-) -> FittedShape | None:
+def fit_shape(type_: str, points: FloatArray, shape: FloatArray, held: Held | None = None) -> FittedShape | None:
     """Fit a shape to points (n, 3) by least squares; ``None`` if they are too few or lie on no such shape.
 
     Components of ``shape`` (3,) that are known stay, those that are not are NaN. ``held`` is what another feature
@@ -109,8 +107,7 @@ def fit_shape(
     )
     found = [_guess(type_, q, D, known, free) for D in _candidates(q, free, held)]
     guesses = [
-        [_enlarged(guess, factor, free) for guess in found if guess is not None]
-        for factor in _RADII.get(type_, (1.0,))
+        [_enlarged(guess, factor, free) for guess in found if guess is not None] for factor in _RADII.get(type_, (1.0,))
     ]
     best = _refined(type_, q, guesses, free)
     if best is None:
@@ -179,9 +176,7 @@ def _enlarged(fit: FittedShape, factor: float, free: Freedom) -> FittedShape:
     return fit._replace(shape=fit.shape * np.where(free.shape & [True, False, False], factor, 1.0))
 
 
-def _refined(
-    type_: str, q: FloatArray, guesses: list[list[FittedShape]], free: Freedom
-) -> FittedShape | None:
+def _refined(type_: str, q: FloatArray, guesses: list[list[FittedShape]], free: Freedom) -> FittedShape | None:
     """The best of the best guesses of each list after a least-squares adjustment of each."""
     from scipy.optimize import least_squares
 

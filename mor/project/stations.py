@@ -56,9 +56,7 @@ def shared_column(kind: BlockKind) -> str:
     return f"shared_{kind.key.replace(' ', '_')}"
 
 
-def heights(
-    reading: Reading, rows: Rows, labels: list[str], fixed: Collection[str], free: Collection[str]
-) -> IntArray:
+def heights(reading: Reading, rows: Rows, labels: list[str], fixed: Collection[str], free: Collection[str]) -> IntArray:
     """Height block of every row: none, its own, or one that it shares."""
     return _set_ups(reading, HEIGHT, rows, labels, fixed, free, np.zeros(rows.count, dtype=np.int64))
 
@@ -158,9 +156,7 @@ class _Said(NamedTuple):
         )
 
 
-def _with_row(
-    reading: Reading, kind: BlockKind, rows: Rows, row: int, said: _Said, before: SetUp | None
-) -> SetUp:
+def _with_row(reading: Reading, kind: BlockKind, rows: Rows, row: int, said: _Said, before: SetUp | None) -> SetUp:
     """Merge all rows so far of one shared constant: each component once, or several times with the same value."""
     here = said.rows(np.array([row]))
     if before is None:
@@ -182,9 +178,7 @@ def _with_row(
     return tuple(merged)
 
 
-def _said(
-    reading: Reading, kind: BlockKind, rows: Rows, fixed: Collection[str], free: Collection[str]
-) -> _Said:
+def _said(reading: Reading, kind: BlockKind, rows: Rows, fixed: Collection[str], free: Collection[str]) -> _Said:
     """Values of the rows; σ = 0 is fixed, also in a table of free ones."""
     names, problems = kind.names, reading.problems
     given = np.stack([rows.number(name) for name in names], axis=1)
@@ -198,9 +192,7 @@ def _said(
         tell_rows(problems, missing, rows, f"{name} has a σ but no value")
         if name in free:
             wrong = sigma[:, k] > 0.0
-            tell_rows(
-                problems, wrong, rows, f"{name} is free in this table, and has a σ; expected one of them"
-            )
+            tell_rows(problems, wrong, rows, f"{name} is free in this table, and has a σ; expected one of them")
             held = np.full(rows.count, name in fixed)
             tell_rows(problems, held, rows, f"{name} is free and fixed in this table; expected one of them")
             loose[sigma[:, k] != 0.0, k] = 1.0
@@ -267,9 +259,7 @@ def _read_stations_table(
         for name in ROTATION.names[:2]:
             rows.numbers[name] = np.nan_to_num(rows.number(name))
     labels = [f"station {name}" for name in names]
-    collected["rotation"].append(
-        rotations(reading, rows, labels, table.fixed, level=levelled, oriented=oriented)
-    )
+    collected["rotation"].append(rotations(reading, rows, labels, table.fixed, level=levelled, oriented=oriented))
     reading.table_ids["stations", int(place.path[-1])] = names
     ids += names
 
@@ -285,9 +275,7 @@ def _places(
     if own.count:
         position[~is_set] = positions(reading, own, labels, table.fixed)
         height[~is_set] = heights(reading, own, labels, table.fixed, table.free)
-    earlier = [
-        (*collected[part], column[~is_set]) for part, column in (("position", position), ("height", height))
-    ]
+    earlier = [(*collected[part], column[~is_set]) for part, column in (("position", position), ("height", height))]
     places = zip(*(np.concatenate(arrays) for arrays in earlier), strict=True)
     known = dict(zip((*ids, *own.text("id")), places, strict=True))
     for i in np.flatnonzero(is_set):
@@ -295,9 +283,7 @@ def _places(
         place = any(np.isfinite(rows.number(name)[i]) for name in (*POINT.names, *HEIGHT.names))
         place |= bool(rows.text(shared_column(HEIGHT))[i])
         if station not in known:
-            words = (
-                f"{unknown_name('station', station, known)}; a set belongs to a station of a row without set"
-            )
+            words = f"{unknown_name('station', station, known)}; a set belongs to a station of a row without set"
             reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
         elif place or rows.text("point")[i]:
             words = f"set {rows.text('set')[i]!r} of station {station!r} has the position of its station"
@@ -400,9 +386,7 @@ def _along(reading: Reading, name: str, instrument: Instrument, part: str) -> in
     return int(reading.shop.store(kind.key).add([own], *row)[0])
 
 
-def _instrument(
-    reading: Reading, name: str, instrument: Instrument, kind: str, components: tuple[str, ...]
-) -> int:
+def _instrument(reading: Reading, name: str, instrument: Instrument, kind: str, components: tuple[str, ...]) -> int:
     given = {key: getattr(instrument, key) for key in components if getattr(instrument, key) is not None}
     if not given:
         return 0
@@ -418,9 +402,7 @@ def _frame(reading: Reading, name: str, instrument: Instrument) -> int:
 def _add(reading: Reading, name: str, kind: str, given: dict[str, Any], path: KeyPath) -> int:
     store = reading.shop.store(kind)
     row = settings(given, store.kind.components, reading.edge, reading.at(*path), path, reading.problems)
-    scales = [
-        values[0, store.kind.names.index("scale")] for values in (row.values, row.start) if "scale" in given
-    ]
+    scales = [values[0, store.kind.names.index("scale")] for values in (row.values, row.start) if "scale" in given]
     if any(scale <= 0.0 for scale in scales):
         reading.problems.append(reading.at(*path).problem("scale: expected a number above 0", "scale"))
     return int(store.add([name], *row)[0])

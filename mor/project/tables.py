@@ -196,9 +196,7 @@ def from_text(
 def _plain(columns: dict[str, pl.Series], cleaned: _Text) -> dict[str, pl.Series]:
     if b"'" not in cleaned.content:
         return columns
-    return {
-        name: plain_column(cells) if cells.dtype == pl.String else cells for name, cells in columns.items()
-    }
+    return {name: plain_column(cells) if cells.dtype == pl.String else cells for name, cells in columns.items()}
 
 
 def _first_undecodable_line(text: bytes) -> int:
@@ -310,9 +308,7 @@ def _one_by_one(
         data = np.frombuffer(cleaned.content, dtype=np.uint8)
         ends = _line_ends(data)
         starts = (
-            np.concatenate([[0], ends[:-1] + 1])
-            if cleaned.content.endswith(b"\n")
-            else np.concatenate([[0], ends + 1])
+            np.concatenate([[0], ends[:-1] + 1]) if cleaned.content.endswith(b"\n") else np.concatenate([[0], ends + 1])
         )
         counts: IntArray = np.add.reduceat(data == ord(separator), starts, dtype=np.int64)
         found = counts[int(headed) :] + 1
@@ -333,11 +329,7 @@ def _one_by_one(
     tell_rows(problems, found != len(names), source, lambda row: wrong_length(int(found[row]), names))
     if (found != len(names)).any():
         return None
-    columns = {
-        name: pl.Series(name, [row[k] for row in rows], dtype=pl.String)
-        for k, name in enumerate(names)
-        if name
-    }
+    columns = {name: pl.Series(name, [row[k] for row in rows], dtype=pl.String) for k, name in enumerate(names) if name}
     return Source([name for name in names if name], _plain(columns, cleaned), lines, file)
 
 
@@ -362,13 +354,9 @@ def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
         words = f"found no sheet {sheet!r}{nearest(sheet, sheets)} (sheets: {', '.join(sheets)})"
         raise InputError([Message(words, str(path))])
     if sheet is None and len(filled) != 1:
-        words = (
-            f"found {len(filled)} sheets with content ({', '.join(filled)}), expected one; set sheet: NAME"
-        )
+        words = f"found {len(filled)} sheets with content ({', '.join(filled)}), expected one; set sheet: NAME"
         raise InputError([Message(words, str(path))])
-    rows = [
-        [_text(cell) for cell in row] for row in sheets[sheet or filled[0]] if any(cell != "" for cell in row)
-    ]
+    rows = [[_text(cell) for cell in row] for row in sheets[sheet or filled[0]] if any(cell != "" for cell in row)]
     if not rows:
         raise InputError([Message("the table is empty", str(path))])
     titles = next((k for k, row in enumerate(rows) if sum(map(bool, row)) > 1), 0)
@@ -421,9 +409,7 @@ def from_rows(table: TableEntry, place: TableLocation, problems: list[Message]) 
     declared = list(table.columns or [])
     rows = table.rows or []
     file = place.document.file_of(place.path)
-    lines = np.array(
-        [place.document.line((*place.path, "rows", i)) for i in range(len(rows))], dtype=np.int32
-    )
+    lines = np.array([place.document.line((*place.path, "rows", i)) for i in range(len(rows))], dtype=np.int32)
     for row, line in zip(rows, lines, strict=True):
         if len(row) != len(declared):
             problems.append(Message(wrong_length(len(row), declared), file, int(line)))
@@ -507,11 +493,7 @@ def read_table(
             words = f"unknown column {name!r}{nearest(name, known)} (known here: {', '.join(known)})"
             problems.append(place.problem(words))
     _check_common_unit(table, known, place, problems)
-    source = (
-        from_rows(table, place, problems)
-        if table.rows is not None
-        else from_file(table, known, place, problems)
-    )
+    source = from_rows(table, place, problems) if table.rows is not None else from_file(table, known, place, problems)
     if source is None or len(problems) > before:
         return None
     _check_columns(source.names, table, columns, place, problems)
@@ -541,12 +523,8 @@ def _check_columns(
     missing = [c.name for c in columns if c.required and c.name not in names and c.name not in table.values]
     if missing:
         found = ", ".join(names) or "none"
-        hint = next(
-            (f"; is {sign!r} the delimiter?" for sign in ";\t| " if sign in found.replace(", ", "")), ""
-        )
-        problems.append(
-            place.problem(f"column {', '.join(map(repr, missing))} is missing (found: {found}){hint}")
-        )
+        hint = next((f"; is {sign!r} the delimiter?" for sign in ";\t| " if sign in found.replace(", ", "")), "")
+        problems.append(place.problem(f"column {', '.join(map(repr, missing))} is missing (found: {found}){hint}"))
 
 
 def _convert(
@@ -612,9 +590,7 @@ def _identifiers(column: Column, cells: pl.Series, source: Source, problems: lis
     if column.required:
         tell_rows(problems, (result == "").to_numpy(), source, f"{column.name} is empty")
     broken = result.str.contains("[\n\r\\x00]").to_numpy()
-    tell_rows(
-        problems, broken, source, lambda row: f"found {result[row]!r}, expected a name without line breaks"
-    )
+    tell_rows(problems, broken, source, lambda row: f"found {result[row]!r}, expected a name without line breaks")
     return result
 
 
@@ -639,11 +615,7 @@ def _numbers(
         if words or cells.dtype.is_numeric():
             problems.append(place.problem(f"column {column.name}: {words}", "units"))
             return np.zeros(len(cells))
-    plain = (
-        cells.cast(pl.Float64, strict=False)
-        if factor is not None
-        else pl.repeat(None, len(cells), eager=True)
-    )
+    plain = cells.cast(pl.Float64, strict=False) if factor is not None else pl.repeat(None, len(cells), eager=True)
     values = plain.cast(pl.Float64).fill_null(np.nan).to_numpy() * (1.0 if factor is None else factor)
     others = ~(np.abs(values) <= LARGEST) & ~missing
     if others.any():
@@ -674,9 +646,7 @@ def _parse_one_by_one(
     for row in np.flatnonzero(others).tolist():
         values[row], words = _parsed(column, str(cells[row]), unit)
         wrong[row] = bool(words)
-    tell_rows(
-        problems, wrong, source, lambda row: f"{column.name}: {_parsed(column, str(cells[row]), unit)[1]}"
-    )
+    tell_rows(problems, wrong, source, lambda row: f"{column.name}: {_parsed(column, str(cells[row]), unit)[1]}")
 
 
 def _parsed(column: Column, text: str, unit: str) -> tuple[float, str]:
@@ -719,9 +689,7 @@ def number_column(name: str, quantity: Quantity, edge: Edge, required: bool = Fa
     return Column(
         name,
         parse=lambda text, unit: edge.number(text, quantity, unit),
-        factor=None
-        if quantity == ANGLE and edge.units.angle == "dms"
-        else lambda unit: edge.factor(quantity, unit),
+        factor=None if quantity == ANGLE and edge.units.angle == "dms" else lambda unit: edge.factor(quantity, unit),
         required=required,
     )
 
@@ -763,9 +731,7 @@ def component_rows(
     return Statuses(values, free, np.where(sigma > 0.0, sigma, np.nan), np.where(free, start, np.nan))
 
 
-def _check_sigma(
-    rows: Rows, name: str, values: FloatArray, sigma: FloatArray, problems: list[Message]
-) -> None:
+def _check_sigma(rows: Rows, name: str, values: FloatArray, sigma: FloatArray, problems: list[Message]) -> None:
     tell_rows(problems, sigma < 0.0, rows, f"sigma_{name}: found a negative σ, expected a σ ≥ 0")
     tell_rows(problems, ~np.isnan(sigma) & np.isnan(values), rows, f"{name} has a σ but no value")
 
@@ -788,18 +754,12 @@ def settings(
     for name, setting in given.items():
         at = TableLocation(place.document, (*path, name), place.folder)
         if name not in names:
-            problems.append(
-                at.problem(f"unknown component {name!r}{nearest(name, names)} (known: {', '.join(names)})")
-            )
+            problems.append(at.problem(f"unknown component {name!r}{nearest(name, names)} (known: {', '.join(names)})"))
             continue
         k = names.index(name)
         quantity = components[k].quantity
         try:
-            text = (
-                setting
-                if isinstance(setting, str)
-                else setting.free or setting.fixed or setting.observed or ""
-            )
+            text = setting if isinstance(setting, str) else setting.free or setting.fixed or setting.observed or ""
             values[0, k] = edge.number(text, quantity, "", image)
             if isinstance(setting, Value) and setting.sigma is not None:
                 sigma[0, k] = edge.number(setting.sigma, quantity, "", image)

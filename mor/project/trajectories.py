@@ -201,13 +201,9 @@ class _Lengths(NamedTuple):
     gap: float
 
 
-def _read_table(
-    reading: Reading, table: TrajectoryEntry, place: TableLocation, rows: Rows
-) -> list[Trajectory]:
+def _read_table(reading: Reading, table: TrajectoryEntry, place: TableLocation, rows: Rows) -> list[Trajectory]:
     before = len(reading.problems)
-    lengths = _Lengths(
-        _seconds(reading, place, "spacing", table.spacing), _seconds(reading, place, "gap", table.gap)
-    )
+    lengths = _Lengths(_seconds(reading, place, "spacing", table.spacing), _seconds(reading, place, "gap", table.gap))
     if lengths.gap < lengths.spacing:
         words = "gap: shorter than the spacing of the knots; expected a longer one"
         reading.problems.append(place.problem(words, "gap"))
@@ -260,13 +256,9 @@ def _check_rows(reading: Reading, name: str, rows: Rows, time: FloatArray) -> No
     """Times of one trajectory must ascend, and there must be two of them."""
     problems = reading.problems
     if name in reading.trajectories:
-        problems.append(
-            Message(f"trajectory {name!r} has a table of its own already", rows.file, int(rows.lines[0]))
-        )
+        problems.append(Message(f"trajectory {name!r} has a table of its own already", rows.file, int(rows.lines[0])))
     step = np.diff(time, prepend=-np.inf)
-    tell_rows(
-        problems, step == 0.0, rows, lambda row: f"trajectory {name!r}: {said_time(time[row])} is given twice"
-    )
+    tell_rows(problems, step == 0.0, rows, lambda row: f"trajectory {name!r}: {said_time(time[row])} is given twice")
     words = "trajectory {0!r}: {1} comes after {2}; expected times in ascending order"
     tell_rows(
         problems,
@@ -590,9 +582,7 @@ def _group_of_steadiness(
         numbers = numbers[trajectory.stretch[numbers[:, 0]] == trajectory.stretch[numbers[:, -1]]]
         blocks.append((trajectory.rotations if rotations else trajectory.positions)[numbers])
         intervals.append(np.diff(trajectory.times[numbers], axis=1))
-        labels += [
-            knot_name(trajectory.name, time) for time in trajectory.times[numbers[:, (count - 1) // 2]]
-        ]
+        labels += [knot_name(trajectory.name, time) for time in trajectory.times[numbers[:, (count - 1) // 2]]]
     if not labels:
         return None
     whole = np.concatenate(blocks)
@@ -659,16 +649,12 @@ def _times(reading: Reading, rows: Rows, names: list[str], scans: BoolArray) -> 
     for i, name in enumerate(names):
         if not scans[i]:
             if name in reading.lines:
-                words = (
-                    f"image {name!r} has times of its lines, but its camera has neither line_time nor line"
-                )
+                words = f"image {name!r} has times of its lines, but its camera has neither line_time nor line"
                 reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
             continue
         if name in reading.lines:
             if np.isfinite(times[i]):
-                words = (
-                    f"image {name!r} has a time, and a table of the times of its lines; expected one of them"
-                )
+                words = f"image {name!r} has a time, and a table of the times of its lines; expected one of them"
                 reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
             times[i] = reading.lines[name].times[0]
             continue
@@ -680,9 +666,7 @@ def _times(reading: Reading, rows: Rows, names: list[str], scans: BoolArray) -> 
     return times
 
 
-def _refuse_others(
-    reading: Reading, rows: Rows, names: list[str], on: BoolArray, free: Collection[str]
-) -> None:
+def _refuse_others(reading: Reading, rows: Rows, names: list[str], on: BoolArray, free: Collection[str]) -> None:
     """Tell images on a trajectory that have a pose or a motion besides, or follow another one."""
     follows = [bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)]
     kinds = (IMAGE_VELOCITY, ROTATION_RATE)
@@ -776,8 +760,6 @@ def _scanned(
         mine = np.flatnonzero(image.numbers == number)
         lines = reading.lines[image.known[number]]
         if reading.planned and not lines.steady:
-            rows[mine] = np.clip(
-                rows[mine], lines.rows[0], lines.rows[-1]
-            )  # which row it is, its place will say
+            rows[mine] = np.clip(rows[mine], lines.rows[0], lines.rows[-1])  # which row it is, its place will say
         times[mine], rate[mine], timed[mine] = row_times(lines, rows[mine])
     return times, -rate / scale.pixel, timed

@@ -87,8 +87,7 @@ class Quality:
         """Observations whose test value |w| exceeds the critical value, by group; excluded ones are not among them."""
         groups = self.adjustment.problem.groups
         return tuple(
-            _beyond(one, self.critical) & ~group.left_out
-            for one, group in zip(self.reliability, groups, strict=True)
+            _beyond(one, self.critical) & ~group.left_out for one, group in zip(self.reliability, groups, strict=True)
         )
 
     @property
@@ -121,8 +120,7 @@ def assess(
     groups, of_eliminated = observation_quality(adjustment, cofactors, datum, done)
     ncp = noncentrality(levels.snooping, levels.power)
     blocks = {
-        kind: parameter_cofactors(adjustment, cofactors, of_eliminated, datum, kind)
-        for kind in problem.index.columns
+        kind: parameter_cofactors(adjustment, cofactors, of_eliminated, datum, kind) for kind in problem.index.columns
     }
     return Quality(
         adjustment=adjustment,
@@ -232,8 +230,7 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
             found.append((float(np.nan_to_num(amounts / limit, nan=np.inf).max()), labels, amounts))
     found.sort(key=lambda one: -one[0])
     return [
-        Undetermined(labels, tuple(float(x) for x in amounts / amounts.max()))
-        for _, labels, amounts in found[:_TOLD]
+        Undetermined(labels, tuple(float(x) for x in amounts / amounts.max())) for _, labels, amounts in found[:_TOLD]
     ]
 
 
@@ -276,9 +273,7 @@ def _is_bound(quality: Quality, kind: str, block: int, size: float) -> bool:
     direction[columns[free]] = size * axes[:, -1]
     linear = float(image_of(adjustment.plan, values, direction[:, None])[0, 0])
     before = objective(adjustment.plan, values)
-    moved = [
-        objective(adjustment.plan, move(problem.index, values, sign * direction)) for sign in (1.0, -1.0)
-    ]
+    moved = [objective(adjustment.plan, move(problem.index, values, sign * direction)) for sign in (1.0, -1.0)]
     return min(moved) - before > max(_SEEN, _BENT * linear)
 
 

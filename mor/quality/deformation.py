@@ -131,9 +131,7 @@ def movement_test(d: FloatArray, q: FloatArray, variance: float, redundancy: int
     ratio = mean / variance if variance > 0.0 else np.inf
     log_p = log_p_chi2(np.array([total]), np.array([float(freedom)]))
     log_estimated = log_p_f(np.array([ratio]), float(freedom), redundancy)
-    return MovementTest(
-        d, np.sqrt(variance) * size, mean, ratio, freedom, float(log_p[0]), float(log_estimated[0]), q
-    )
+    return MovementTest(d, np.sqrt(variance) * size, mean, ratio, freedom, float(log_p[0]), float(log_estimated[0]), q)
 
 
 def pair_movement(quality: Quality, first: int, second: int) -> MovementTest:
@@ -175,8 +173,7 @@ def congruence(
             break
         stable[_most_moved(moved, cofactors, stable)] = False
     tests = tuple(
-        movement_test(moved[i], cofactors[3 * i : 3 * i + 3, 3 * i : 3 * i + 3], variance, redundancy)
-        for i in range(n)
+        movement_test(moved[i], cofactors[3 * i : 3 * i + 3, 3 * i : 3 * i + 3], variance, redundancy) for i in range(n)
     )
     overall = _critical(first.freedom, redundancy, level, known)
     return Congruence(first, overall, stable, tests, variance, redundancy)
@@ -190,9 +187,7 @@ def _critical(freedom: int, redundancy: int, level: float, known: bool) -> float
     return float(fdtri(freedom, redundancy, 1.0 - level))
 
 
-def _in_datum(
-    d: FloatArray, q: FloatArray, generators: FloatArray, stable: BoolArray
-) -> tuple[FloatArray, FloatArray]:
+def _in_datum(d: FloatArray, q: FloatArray, generators: FloatArray, stable: BoolArray) -> tuple[FloatArray, FloatArray]:
     if generators.shape[1] == 0:
         return d, q
     B = generators * np.repeat(stable, 3)[:, None]
@@ -212,9 +207,7 @@ def _most_moved(d: FloatArray, q: FloatArray, stable: BoolArray) -> int:
     parts = []
     for k in range(len(where)):
         own = slice(3 * k, 3 * k + 3)
-        parts.append(
-            float(pulled[own] @ rotations.pinv(P[own, own], rcond=1e-9, hermitian=True) @ pulled[own])
-        )
+        parts.append(float(pulled[own] @ rotations.pinv(P[own, own], rcond=1e-9, hermitian=True) @ pulled[own]))
     return int(where[int(np.argmax(parts))])
 
 
@@ -310,9 +303,7 @@ def movements(solved: Solved) -> MovementTests | None:
     overall = quality.levels.overall
     each, each_between = (sidak(overall, max(len(some.names), 1)) for some in (parameters, between))
     estimated = solved.network.project.settings.sigma == "aposteriori" and quality.redundancy > 0
-    tested = [
-        some.tested(quality, at, estimated) for some, at in ((parameters, each), (between, each_between))
-    ]
+    tested = [some.tested(quality, at, estimated) for some, at in ((parameters, each), (between, each_between))]
     return MovementTests(tested[0], tested[1], each, each_between, unlisted)
 
 
@@ -346,9 +337,7 @@ class _Vectors:
         self.values: list[FloatArray] = []
         self.cofactors: list[FloatArray] = []
 
-    def add(
-        self, name: str, what: str, span: tuple[str, str], values: FloatArray, cofactors: FloatArray
-    ) -> None:
+    def add(self, name: str, what: str, span: tuple[str, str], values: FloatArray, cofactors: FloatArray) -> None:
         """One more; a vector of three components takes the room of six."""
         self.add_many(name, what, [span], values[None], cofactors[None])
 
@@ -366,22 +355,16 @@ class _Vectors:
 
     def tested(self, quality: Quality, level: float, estimated: bool) -> TestedVectors:
         none = np.zeros((0, _ROOM)), np.zeros((0, _ROOM, _ROOM))
-        tests = vector_tests(
-            np.concatenate([none[0], *self.values]), np.concatenate([none[1], *self.cofactors])
-        )
+        tests = vector_tests(np.concatenate([none[0], *self.values]), np.concatenate([none[1], *self.cofactors]))
         log_p = tests.log_p(quality.redundancy, quality.sigma0**2 if estimated else None)
         of_freedom = {
-            h: np.sqrt(
-                noncentrality_of(h, level, quality.levels.power, quality.redundancy if estimated else None)
-            )
+            h: np.sqrt(noncentrality_of(h, level, quality.levels.power, quality.redundancy if estimated else None))
             for h in np.unique(tests.freedom[tests.freedom > 0]).tolist()
         }
         delta = np.array([of_freedom.get(h, np.nan) for h in tests.freedom.tolist()])
         significant = log_p < np.log(level)
         said = tuple(self.names), tuple(self.what), tuple(self.begin), tuple(self.end)
-        return TestedVectors(
-            said[0], said[1], said[2], said[3], tests, log_p, significant, delta * tests.longest
-        )
+        return TestedVectors(said[0], said[1], said[2], said[3], tests, log_p, significant, delta * tests.longest)
 
 
 class _Positions:
@@ -470,9 +453,7 @@ class _Positions:
         return np.zeros((12, 12)) if k is None else self.quality.moving.cofactors[k]
 
 
-def compared(
-    solved: Solved, first: int, second: int
-) -> tuple[tuple[str, ...], FloatArray, FloatArray, FloatArray]:
+def compared(solved: Solved, first: int, second: int) -> tuple[tuple[str, ...], FloatArray, FloatArray, FloatArray]:
     """Movements (n, 3) between two epochs with their joint cofactors (3n, 3n): names of the points seen in both.
 
     Also the columns of the null space of the network on these movements (3n, d), for the congruence test.
@@ -563,14 +544,10 @@ def compare_epochs(
     places = [q.adjustment.values["point"][blocks] for q, blocks in (one, other)]
     columns = [q.adjustment.problem.index.columns["point"][blocks].ravel() for q, blocks in (one, other)]
     cofactors = joint_cofactors(first, columns[0]) + joint_cofactors(second, columns[1])
-    generators = np.concatenate(
-        [_movements(q, own) for q, own in zip((first, second), columns, strict=True)], axis=1
-    )
+    generators = np.concatenate([_movements(q, own) for q, own in zip((first, second), columns, strict=True)], axis=1)
     redundancy = first.redundancy + second.redundancy
     variance = (first.omega + second.omega) / redundancy if redundancy else 1.0
-    result = congruence(
-        places[1] - places[0], cofactors, _basis(generators), variance, redundancy, level, known
-    )
+    result = congruence(places[1] - places[0], cofactors, _basis(generators), variance, redundancy, level, known)
     return EpochComparison(names, result, np.array([test.movement for test in result.points]))
 
 

@@ -77,9 +77,7 @@ def connected_parts(network: Network, groups: Sequence[ObservationGroup]) -> tup
             if slot.kind in first
         ]
         links += [(nodes[0], other) for other in nodes[1:]]
-    ends = (
-        [np.concatenate(side) for side in zip(*links, strict=True)] if links else [np.zeros(0, dtype=int)] * 2
-    )
+    ends = [np.concatenate(side) for side in zip(*links, strict=True)] if links else [np.zeros(0, dtype=int)] * 2
     # Imported here: only networks that are not determined come to this.
     from scipy.sparse import coo_array
     from scipy.sparse.csgraph import connected_components
@@ -195,9 +193,7 @@ def without_hanging(network: Network) -> Network:
     alone = sorted(set[int]().union(*(part.points for part in hanging)) - kept)
     marked["point"][alone] = True
     ids = network.blocks["rotation"].ids
-    stations = dict.fromkeys(
-        thing_of("rotation", ids[number]) for part in hanging for number in part.rotations
-    )
+    stations = dict.fromkeys(thing_of("rotation", ids[number]) for part in hanging for number in part.rotations)
     things = [UndeterminedObject(*thing, ONE_TIE, "left out") for thing in stations]
     points = network.blocks["point"].ids
     things += [UndeterminedObject("point", points[point], HANGS_ON, "left out") for point in alone]
@@ -213,9 +209,7 @@ def _sets_of_directions(network: Network) -> Iterator[_RigidPart]:
     for group in network.groups:
         if group.type.key in ("directions", "zenith_directions"):
             rows = np.flatnonzero(group.mask[:, 0])
-            for station, number, target in zip(
-                *(group.blocks[k][rows].tolist() for k in (0, 1, 3)), strict=True
-            ):
+            for station, number, target in zip(*(group.blocks[k][rows].tolist() for k in (0, 1, 3)), strict=True):
                 sets.setdefault(number, (station, set()))[1].add(target)
         elif group.type.key in ("distance", "horizontal_distance"):
             lengths.update(zip(group.blocks[0].tolist(), group.blocks[2].tolist(), strict=True))
@@ -266,9 +260,7 @@ class NetworkObjects:
 def things_of(network: Network) -> NetworkObjects:
     """The things of a network."""
     ids = network.blocks["point"].ids if "point" in network.blocks else ()
-    of_blocks = {
-        kind: np.full(len(blocks.ids), -1, dtype=np.int64) for kind, blocks in network.blocks.items()
-    }
+    of_blocks = {kind: np.full(len(blocks.ids), -1, dtype=np.int64) for kind, blocks in network.blocks.items()}
     plain = np.zeros(len(ids), dtype=bool)
     plain[network.things["point"].parts["position"]] = True
     if "point" in of_blocks:
@@ -320,9 +312,7 @@ def without_moved(network: Network, adjustment: Adjustment) -> Network | None:
     if not moved:
         reason = MOVES_TOGETHER
         moved = {
-            thing_of(kind, name)
-            for direction in adjustment.defect.undetermined
-            for kind, name, _ in direction.unknowns
+            thing_of(kind, name) for direction in adjustment.defect.undetermined for kind, name, _ in direction.unknowns
         }
     chosen = np.zeros(things.count, dtype=bool)
     chosen[[numbers[thing] for thing in moved if thing in numbers]] = True
@@ -339,11 +329,7 @@ def _apart(network: Network) -> set[tuple[str, str]]:
     parts = [part for part in connected_parts(network, network.groups) if part.size > 1]
     main = next((part for part in parts if part.held), parts[0] if parts else None)
     return {
-        (space, name)
-        for part in parts
-        if part is not main
-        for space, names in part.names.items()
-        for name in names
+        (space, name) for part in parts if part is not main for space, names in part.names.items() for name in names
     }
 
 
@@ -465,8 +451,7 @@ def _equations(
         k = number[point]
         # (n, m, 3) derivatives by the sighted point.
         blocks = [
-            places[slot.kind][numbers[rows]]
-            for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
+            places[slot.kind][numbers[rows]] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
         ]
         computed = group.type.equation(blocks, group.constants[rows])
         by_point = computed.jacobians[target_slot(group.type)]
@@ -880,9 +865,7 @@ def _something_left(network: Network) -> bool:
     return any(group.count for group in network.groups)
 
 
-def _without_far(
-    network: Network, start: Values, far: RayPoints, leave: bool
-) -> tuple[Network, dict[str, FloatArray]]:
+def _without_far(network: Network, start: Values, far: RayPoints, leave: bool) -> tuple[Network, dict[str, FloatArray]]:
     if len(far.points) == 0:
         return network, dict(start)
     ids = network.blocks["point"].ids
@@ -892,9 +875,7 @@ def _without_far(
     if leave:
         return without_points(network, far.points, PARALLEL), begun
     rays = rows_of_points(network)
-    things = [
-        UndeterminedObject("point", ids[p], PARALLEL, AT_INFINITY, int(rays[p])) for p in far.points.tolist()
-    ]
+    things = [UndeterminedObject("point", ids[p], PARALLEL, AT_INFINITY, int(rays[p])) for p in far.points.tolist()]
     # (k, 3, 3) rotations whose third rows are the directions (k, 3).
     across = rotations.svd(far.directions[:, None, :])[2][:, 1:, :]
     D = np.concatenate([across, far.directions[:, None, :]], axis=1)

@@ -97,9 +97,7 @@ def point_movements(
     some = max(1, _NUMBERS // max(len(quality.adjustment.plan.kept), 1))
     parts = (slice(first, first + some) for first in range(0, len(entries), some))
     return [
-        moved
-        for part in parts
-        for moved in _movements(quality, entries[part], errors[part], points[part], eliminated)
+        moved for part in parts for moved in _movements(quality, entries[part], errors[part], points[part], eliminated)
     ]
 
 
@@ -181,9 +179,7 @@ def eliminated_points(adjustment: Adjustment, points: set[int]) -> dict[int, Eli
         weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
         jacobian = part.jacobian * weight[:, :, None]
         for i, row in enumerate(rows):
-            parts[place[group.blocks[-1][row]]].append(
-                (jacobian[i, :, -3:], jacobian[i, :, :-3], part.columns[i, :-3])
-            )
+            parts[place[group.blocks[-1][row]]].append((jacobian[i, :, -3:], jacobian[i, :, :-3], part.columns[i, :-3]))
     return {p: _gathered(own[p], parts[k]) for k, p in enumerate(chosen)}
 
 
@@ -303,9 +299,7 @@ def whitened_rows(quality: Quality, chosen: Sequence[BoolArray]) -> WhitenedRows
         if inside.any():
             _, jacobian, columns = cluster_rows(problem, cluster, values, tangent)
             design.append(_entries(at[inside], columns[None], (cluster.whitening @ jacobian)[inside]))
-            whitening.append(
-                _entries(at[inside], at[inside][None], cluster.whitening[np.ix_(inside, inside)])
-            )
+            whitening.append(_entries(at[inside], at[inside][None], cluster.whitening[np.ix_(inside, inside)]))
     for group, place, mask in zip(problem.groups, places, alone, strict=True):
         rows = np.flatnonzero(mask.any(axis=1))
         if len(rows):
@@ -330,9 +324,7 @@ def sparse_matrix(entries: Sequence[MatrixEntries], shape: tuple[int, int]) -> c
     from scipy.sparse import coo_array
 
     none = np.zeros(0, dtype=np.int64)
-    rows, columns, values = (
-        np.concatenate(part) for part in zip((none, none, np.zeros(0)), *entries, strict=True)
-    )
+    rows, columns, values = (np.concatenate(part) for part in zip((none, none, np.zeros(0)), *entries, strict=True))
     return coo_array((values, (rows, columns)), shape=shape).tocsr()
 
 
@@ -402,9 +394,7 @@ def _chosen(quality: Quality) -> list[ObservationComponent]:
     flagged = sum(int(flags.sum()) for flags in quality.flagged)
     wanted = min(flagged, MOST) or AT_LEAST
     best: list[tuple[float, ObservationComponent]] = []
-    for number, (one, group) in enumerate(
-        zip(quality.reliability, quality.adjustment.problem.groups, strict=True)
-    ):
+    for number, (one, group) in enumerate(zip(quality.reliability, quality.adjustment.problem.groups, strict=True)):
         size = _sizes(one)
         size[group.left_out] = 0.0
         for place, compared in _largest(size.ravel(), wanted):

@@ -116,10 +116,7 @@ def common_effects(
     white = np.stack(
         [
             rows.whitened(
-                [
-                    values if here == number else np.zeros(groups[here].observed.shape)
-                    for here in range(len(groups))
-                ]
+                [values if here == number else np.zeros(groups[here].observed.shape) for here in range(len(groups))]
             )
             for _, number, _, values in forms
         ],
@@ -268,8 +265,7 @@ def _tests(quality: Quality, points: IntArray, chosen: BoolArray) -> list[FixedP
     S = found.own - found.coupling.T @ adjustment.inverse.solve(found.coupling)
     places = _places(chosen)
     return [
-        movement_test(int(p), places[p], S, found.own, found.right, quality.redundancy, quality.omega)
-        for p in points
+        movement_test(int(p), places[p], S, found.own, found.right, quality.redundancy, quality.omega) for p in points
     ]
 
 

@@ -82,9 +82,7 @@ _Told = tuple[AnyIntArray, IntArray]
 _Teller = Callable[[ObservationGroup], _Told | None]
 
 
-def _partition(
-    of: str, names: Sequence[str], groups: tuple[ObservationGroup, ...], tell: _Teller
-) -> Partition:
+def _partition(of: str, names: Sequence[str], groups: tuple[ObservationGroup, ...], tell: _Teller) -> Partition:
     told = [tell(group) for group in groups]
     nothing = np.zeros(0, dtype=np.int64)
     numbers = tuple(one[0] if one is not None else None for one in told)
@@ -212,8 +210,7 @@ def bounds(redundancy: FloatArray, count: FloatArray, whole: float) -> tuple[Mom
     each = np.maximum(each, (2.0 * redundancy - whole) / redundancy)
     largest = np.minimum(redundancy, 1.0)  # all in eigenvalues of 1, or in one below 1
     return tuple(  # type: ignore[return-value]
-        Moments(redundancy, redundancy * one, redundancy * one**2)
-        for one in (each, np.maximum(largest, each))
+        Moments(redundancy, redundancy * one, redundancy * one**2) for one in (each, np.maximum(largest, each))
     )
 
 
@@ -371,9 +368,7 @@ def _of_rows(quality: Quality, number: int, rows: slice, random: np.random.Gener
     inside = np.isfinite(r)
     omega = np.where(inside, one.v * one.weighted, 0.0)
     count = inside.sum(axis=1)
-    return np.stack(
-        [omega.sum(axis=1), np.where(inside, r, 0.0).sum(axis=1), count, count * random.random(len(r))]
-    )
+    return np.stack([omega.sum(axis=1), np.where(inside, r, 0.0).sum(axis=1), count, count * random.random(len(r))])
 
 
 def _add(total: FloatArray, classes: IntArray, values: FloatArray) -> None:
@@ -409,9 +404,7 @@ def shared_between(quality: Quality, partition: Partition) -> list[tuple[IntArra
     return found
 
 
-def _without_twins(
-    summed: list[Summed], observations: int
-) -> list[tuple[Summed, tuple[tuple[str, str], ...]]]:
+def _without_twins(summed: list[Summed], observations: int) -> list[tuple[Summed, tuple[tuple[str, str], ...]]]:
     """Each set of observations once, with all its names; that of all observations not at all."""
     twins: dict[tuple[int, float], list[Summed]] = {}
     for one in summed:
@@ -441,12 +434,8 @@ def _decided(
         else:
             some = Moments(*(part[k : k + 1] for part in both[1 if rejects[0][k] else 0]))
         log_p = float(log_tail(omega[k : k + 1], some)[0])
-        test = GroupStatistic(
-            one.partition, one.number, one.of, one.name, also, *numbers, some, log_p, log_p < limit
-        )
-        decided.append(
-            replace(test, log_p_beside_rest=_beside_rest(quality, test)) if test.rejected else test
-        )
+        test = GroupStatistic(one.partition, one.number, one.of, one.name, also, *numbers, some, log_p, log_p < limit)
+        decided.append(replace(test, log_p_beside_rest=_beside_rest(quality, test)) if test.rejected else test)
     return decided
 
 
@@ -605,11 +594,7 @@ def _memberships(quality: Quality, network: Network) -> Iterator[_Membership]:
 def _of_points(groups: Sequence[ObservationGroup], first: IntArray, ids: Sequence[str]) -> _Membership:
     rows, classes = [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
     for k, group in enumerate(groups):
-        points = [
-            blocks
-            for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
-            if slot.kind == "point"
-        ]
+        points = [blocks for slot, blocks in zip(group.type.slots, group.blocks, strict=True) if slot.kind == "point"]
         for i, blocks in enumerate(points):
             new = np.ones(group.count, dtype=bool)  # a row counts once for each point
             for before in points[:i]:

@@ -87,14 +87,11 @@ def _design(quality: Quality) -> tuple[scipy.sparse.csr_array, list[scipy.sparse
         found.append(_correlated(quality, cluster, cluster.whitening @ jacobian, unknowns))
     A = scipy.sparse.vstack([rows.design for rows in found], format="csr")
     return A, [
-        scipy.sparse.block_diag([rows.parts[g] for rows in found], format="csr")
-        for g in range(len(problem.groups))
+        scipy.sparse.block_diag([rows.parts[g] for rows in found], format="csr") for g in range(len(problem.groups))
     ]
 
 
-def _uncorrelated(
-    quality: Quality, number: int, jacobian: FloatArray, columns: IntArray, inside: BoolArray
-) -> _Rows:
+def _uncorrelated(quality: Quality, number: int, jacobian: FloatArray, columns: IntArray, inside: BoolArray) -> _Rows:
     n, m, width = jacobian.shape
     row = np.repeat(np.arange(n * m), width)
     column = np.repeat(columns[:, None, :], m, axis=1).ravel()
@@ -102,8 +99,7 @@ def _uncorrelated(
     shape = n * m, quality.adjustment.problem.index.count
     design = scipy.sparse.coo_array((jacobian.ravel()[free], (row[free], column[free])), shape=shape)
     parts = [
-        scipy.sparse.diags_array(inside.ravel() * float(g == number), format="coo")
-        for g in range(len(quality.groups))
+        scipy.sparse.diags_array(inside.ravel() * float(g == number), format="coo") for g in range(len(quality.groups))
     ]
     return _Rows(design, parts)
 
@@ -115,10 +111,7 @@ def _correlated(quality: Quality, cluster: ClusterRows, jacobian: FloatArray, un
     design = scipy.sparse.coo_array((jacobian.ravel(), (row, column)), shape=shape)
     groups = quality.adjustment.problem.groups
     left_out = np.array(
-        [
-            groups[g].left_out[i, c]
-            for g, i, c in zip(cluster.groups, cluster.rows, cluster.components, strict=True)
-        ]
+        [groups[g].left_out[i, c] for g, i, c in zip(cluster.groups, cluster.rows, cluster.components, strict=True)]
     )
     back = rotations.inv(W)
     parts = []

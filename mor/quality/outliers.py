@@ -49,8 +49,7 @@ _MEDIAN = 0.6745
 def sizes_of(groups: Sequence[ObservationGroup], values: Values) -> tuple[FloatArray, ...]:
     """|v|/σ (n, m) of every group at some values, 0 where not observed."""
     return tuple(
-        np.nan_to_num(np.abs(misclosures(group, values)) / group.given_sigma, nan=0.0, posinf=1e30)
-        for group in groups
+        np.nan_to_num(np.abs(misclosures(group, values)) / group.given_sigma, nan=0.0, posinf=1e30) for group in groups
     )
 
 
@@ -267,9 +266,7 @@ def _meetings(told: list[_Observed], values: Values, begins: list[FloatArray]) -
     return _intersected(told, values, begun, np.repeat(few, len(begins), axis=0))
 
 
-def _costs(
-    told: list[_Observed], values: Values, places: FloatArray, count: int, most: float = np.inf
-) -> FloatArray:
+def _costs(told: list[_Observed], values: Values, places: FloatArray, count: int, most: float = np.inf) -> FloatArray:
     """(p,) what the observations of a point cost if it were at places (p, 3); ∞ where they have no value.
 
     ``most``: factor by which all σ may be too small.
@@ -434,10 +431,7 @@ def may_be_absurd(adjustment: Adjustment) -> bool:
     overall, problem = _overall(adjustment), adjustment.problem
     if overall > _TOO_SMALL:
         return True
-    return (
-        overall > _WORSE
-        and adjustment.normals.objective > problem.observations * (_LONG_TAILS * overall) ** 2
-    )
+    return overall > _WORSE and adjustment.normals.objective > problem.observations * (_LONG_TAILS * overall) ** 2
 
 
 def _fits_badly(adjustment: Adjustment) -> bool:
@@ -517,9 +511,7 @@ def _by_weights(plain: Adjustment, watch: Watcher | None, by_parts: bool) -> Gra
     return _with_points_moved(plain.problem, found, plain.start, watch)
 
 
-def _with_frames_put_back(
-    problem: Problem, found: Graduated, start: Values, watch: Watcher | None
-) -> Graduated:
+def _with_frames_put_back(problem: Problem, found: Graduated, start: Values, watch: Watcher | None) -> Graduated:
     """Return the solution with frames that most of their rows contradict turned anew from their start values.
 
     They are turned while all else is held, and the solution is taken if that costs less.
@@ -530,9 +522,7 @@ def _with_frames_put_back(
     if not turned.any():
         return found
     blocks = {
-        kind: own._replace(
-            free=own.free & turned[:, None] if kind == ROTATION.key else np.zeros_like(own.free)
-        )
+        kind: own._replace(free=own.free & turned[:, None] if kind == ROTATION.key else np.zeros_like(own.free))
         for kind, own in problem.index.blocks.items()
     }
     frames = np.where(turned[:, None, None], start[ROTATION.key], found.values[ROTATION.key])
@@ -581,10 +571,7 @@ def _attempt(
         if rest.outcome is Outcome.CONVERGED:
             if plain.outcome is Outcome.CONVERGED and not (
                 _are_gross(plain, rest)
-                and (
-                    (_freedom(rest) >= _MANY * (_freedom(plain) - _freedom(rest)))
-                    or not _same_place(plain, again)
-                )
+                and ((_freedom(rest) >= _MANY * (_freedom(plain) - _freedom(rest))) or not _same_place(plain, again))
             ):
                 break
             # True where most suspects are such for what is lost with them: that alone may be what is far off.
@@ -658,14 +645,11 @@ def _same_place(one: Adjustment, other: Adjustment) -> bool:
 def _outvoted(problem: Problem, suspects: SuspectedOutliers) -> bool:
     used = [group.mask & ~group.left_out for group in problem.groups]
     return _given_points_contradicted(problem, suspects, used) or any(
-        2 * np.count_nonzero(mask) > np.count_nonzero(own)
-        for mask, own in zip(suspects.masks, used, strict=True)
+        2 * np.count_nonzero(mask) > np.count_nonzero(own) for mask, own in zip(suspects.masks, used, strict=True)
     )
 
 
-def _given_points_contradicted(
-    problem: Problem, suspects: SuspectedOutliers, used: Sequence[BoolArray]
-) -> bool:
+def _given_points_contradicted(problem: Problem, suspects: SuspectedOutliers, used: Sequence[BoolArray]) -> bool:
     """True where a point that is held or observed itself is seen more than once, and every time by a suspect."""
     given: BoolArray = np.asarray(~(problem.index.columns["point"] >= 0).all(axis=1))
     seen, wrong = (np.zeros(len(given), dtype=np.int64) for _ in range(2))
@@ -773,9 +757,7 @@ def _short(problem: Problem, masks: Sequence[BoolArray], kind: str) -> list[int]
     return [int(block) for block in np.flatnonzero((left < needed) & (before > left))]
 
 
-def _without(
-    problem: Problem, suspects: SuspectedOutliers, blocks: set[tuple[str, str]]
-) -> SuspectedOutliers:
+def _without(problem: Problem, suspects: SuspectedOutliers, blocks: set[tuple[str, str]]) -> SuspectedOutliers:
     masks = tuple(mask.copy() for mask in suspects.masks)
     _add_rows(problem, masks, blocks)
     return replace(suspects, masks=masks, lost=(*suspects.lost, *sorted(blocks)))

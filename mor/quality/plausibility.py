@@ -36,9 +36,7 @@ def sigmas(network: Network) -> list[FloatArray]:
     found = [group.sigma.copy() for group in network.groups]
     for one in network.correlations:
         deviations = np.sqrt(np.diagonal(one.covariance))
-        for number, row, component, sigma in zip(
-            one.groups, one.rows, one.components, deviations, strict=True
-        ):
+        for number, row, component, sigma in zip(one.groups, one.rows, one.components, deviations, strict=True):
             found[number][row, component] = sigma
     return found
 
@@ -53,9 +51,7 @@ def noted(group: ObservationGroup, rows: IntArray, said: Callable[[int], str]) -
     for row in rows[:MOST].tolist():
         yield Message(said(row), group.file, line_of(group, row))
     if len(rows) > MOST:
-        yield Message(
-            f"and {len(rows) - MOST} more of this kind", group.file, line_of(group, int(rows[MOST]))
-        )
+        yield Message(f"and {len(rows) - MOST} more of this kind", group.file, line_of(group, int(rows[MOST])))
 
 
 # ---- Angles of more than a full circle: no instrument shows one, so a table of such is in another unit.
@@ -119,9 +115,7 @@ def steps_from_given_coordinates(network: Network) -> Iterator[Message]:
             yield from _of_table(group, difference, sigma, used)
 
 
-def _of_table(
-    group: ObservationGroup, difference: FloatArray, sigma: FloatArray, used: BoolArray
-) -> Iterator[Message]:
+def _of_table(group: ObservationGroup, difference: FloatArray, sigma: FloatArray, used: BoolArray) -> Iterator[Message]:
     observed = np.linalg.norm(group.observed[used], axis=1)
     computed = np.linalg.norm(group.observed[used] - difference[used], axis=1)
     size = np.linalg.norm(difference, axis=1)
@@ -264,9 +258,7 @@ def contradicting_known_points(network: Network) -> Iterator[Message]:
         def said(row: int, group=group, one=one, place=place) -> str:  # type: ignore[no-untyped-def]
             k = place[row]
             component = int(np.nanargmax(np.abs(one.size[k] / one.sigma[k])))
-            return _sentence(
-                group, row, component, float(one.size[k, component]), float(one.sigma[k, component])
-            )
+            return _sentence(group, row, component, float(one.size[k, component]), float(one.sigma[k, component]))
 
         yield from noted(group, one.rows[bad], said)
 
@@ -287,9 +279,7 @@ def _sentence(group: ObservationGroup, row: int, component: int, size: float, si
 
 
 def _misclosures(network: Network, group: ObservationGroup, sigma: FloatArray) -> Misclosures:
-    nothing = Misclosures(
-        np.zeros(0, dtype=np.int64), *(np.zeros((0, group.observed.shape[1])) for _ in range(2))
-    )
+    nothing = Misclosures(np.zeros(0, dtype=np.int64), *(np.zeros((0, group.observed.shape[1])) for _ in range(2)))
     if not group.count or group.type.key.startswith(
         ("observed/", "difference/", "image/", "follower/", "moving/", "level")
     ):
@@ -325,9 +315,7 @@ def _known(network: Network, kind: str, turning: bool) -> BoolArray:
     blocks = network.blocks[kind]
     if turning:  # a levelled set is known but for its orientation
         return np.asarray(~blocks.free[:, :2].any(axis=1))
-    given = (
-        np.isfinite(network.sigma[kind]) if kind in network.sigma else np.zeros(blocks.free.shape, dtype=bool)
-    )
+    given = np.isfinite(network.sigma[kind]) if kind in network.sigma else np.zeros(blocks.free.shape, dtype=bool)
     start = network.start[kind]
     present = np.isfinite(start.reshape(len(start), -1)).all(axis=1)
     return np.asarray((~blocks.free | given).all(axis=1) & present)
@@ -459,9 +447,7 @@ def _loop(lines: list[_Line], ways: dict[int, _Way], chord: int) -> list[tuple[i
     return loop
 
 
-def _note(
-    network: Network, lines: list[_Line], loop: list[tuple[int, float]], total: float, size: float
-) -> Message:
+def _note(network: Network, lines: list[_Line], loop: list[tuple[int, float]], total: float, size: float) -> Message:
     ids = network.blocks["point"].ids
     own = [lines[k] for k, _ in loop if lines[k].group is not None]
     names = " - ".join(dict.fromkeys(ids[end] for line in own for end in (line.start, line.end)))
@@ -517,9 +503,7 @@ def _of_one_type(network: Network, numbers: list[int], deviations: list[FloatArr
     equal = _same(observed, first, second) & _same(sigma, first, second)
     zero = ~(np.nan_to_num(observed[first]) != 0.0).any(axis=1)
     start = np.concatenate([[0], np.cumsum(~again)])
-    times = np.bincount(start)[
-        start[:-1][again]
-    ]  # m values have m(m − 1)/2 pairs, of which m − 1 are looked at
+    times = np.bincount(start)[start[:-1][again]]  # m values have m(m − 1)/2 pairs, of which m − 1 are looked at
     chance = np.minimum(1.0, 0.5 * times * _chances(observed, sigma, first))
     for one in range(len(groups)):
         for other in range(len(groups)):
@@ -532,9 +516,7 @@ def _of_one_type(network: Network, numbers: list[int], deviations: list[FloatArr
                 and len(found) == groups[other].count
                 and bool((np.diff(row[first[found]][np.argsort(row[second[found]])]) > 0).all())
             )
-            probability = float(
-                bdtrc(len(found) - 1, np.count_nonzero(here), min(1.0, float(chance[here].mean())))
-            )
+            probability = float(bdtrc(len(found) - 1, np.count_nonzero(here), min(1.0, float(chance[here].mean()))))
             if probability > (_CHANCE_OF_TABLE if whole else _CHANCE):
                 continue
             yield _note_on_repeated_rows(groups[one], groups[other], row[first[found]], row[second[found]])
@@ -551,9 +533,7 @@ def _pairs(groups: list[ObservationGroup]) -> tuple[IntArray, np.ndarray]:
     again = np.ones(max(len(order) - 1, 0), dtype=bool)
     for column in columns:
         sorted_ = column[order]
-        again &= (sorted_[1:] == sorted_[:-1]) | (
-            (sorted_[1:] != sorted_[1:]) & (sorted_[:-1] != sorted_[:-1])
-        )
+        again &= (sorted_[1:] == sorted_[:-1]) | ((sorted_[1:] != sorted_[1:]) & (sorted_[:-1] != sorted_[:-1]))
     return order, again
 
 
@@ -679,9 +659,7 @@ def vertical_convention(network: Network) -> Iterator[Message]:
 def look_like_elevations(group: ObservationGroup) -> bool:
     """Return True if all zenith angles of a table are near 0 or a half circle."""
     components = enumerate(group.type.components)
-    return any(
-        of.name in ("zenith", "zenith_angle") and _all_near(group, k, 0.0)[0] > 0 for k, of in components
-    )
+    return any(of.name in ("zenith", "zenith_angle") and _all_near(group, k, 0.0)[0] > 0 for k, of in components)
 
 
 def _all_near(group: ObservationGroup, component: int, suspicious: float) -> tuple[int, int]:
@@ -921,9 +899,7 @@ def largest_effect(network: Network, values: Values) -> CurvatureEffect | None:
 def _in_group(
     group: ObservationGroup, values: Values, sphere: LocalSphere, sigma: FloatArray, straight: bool
 ) -> CurvatureEffect | None:
-    component = _LOOKED_AT.get(
-        group.type.key, 0 if group.type.key == "height_difference" and straight else -1
-    )
+    component = _LOOKED_AT.get(group.type.key, 0 if group.type.key == "height_difference" and straight else -1)
     if component < 0 or not group.count:
         return None
     blocks = [values[slot.kind][own] for slot, own in zip(group.type.slots, group.blocks, strict=True)]

@@ -187,9 +187,7 @@ def follower_poses(values: Values, blocks: IntArray) -> tuple[FloatArray, FloatA
     return position + arm, relative @ D
 
 
-def follower_cofactors(
-    adjustment: Adjustment, cofactors: BlockMatrix, datum: STransformation
-) -> FollowerCofactors:
+def follower_cofactors(adjustment: Adjustment, cofactors: BlockMatrix, datum: STransformation) -> FollowerCofactors:
     """Cofactors of the poses of all followers that have image points, in the datum of the adjustment, for σ0 = 1."""
     blocks = _measured(adjustment)
     if not len(blocks):
@@ -267,9 +265,7 @@ class MovingCofactors(NamedTuple):
     cofactors: FloatArray
 
 
-def moving_cofactors(
-    adjustment: Adjustment, cofactors: BlockMatrix, datum: STransformation
-) -> MovingCofactors:
+def moving_cofactors(adjustment: Adjustment, cofactors: BlockMatrix, datum: STransformation) -> MovingCofactors:
     """Joint cofactors of every combination of coordinates and movements that observations have, for σ0 = 1."""
     combinations = [np.zeros((0, 1 + len(MOTIONS)), dtype=np.int64)]
     for group in adjustment.problem.groups:

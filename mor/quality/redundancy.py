@@ -158,9 +158,7 @@ def add_directions_kernel(
 #
 #     S Q Sᵀ Aᵀ = Q Aᵀ + own (A through)ᵀ,    own = (weak, −G H),  through = (weak, Q B)    with S = I − G H Bᵀ.
 
-OF_IMAGES = frozenset(
-    kind.key for kinds in (IMAGE_TYPES, FOLLOWER_TYPES, MOVING_TYPES) for kind in kinds.values()
-)
+OF_IMAGES = frozenset(kind.key for kinds in (IMAGE_TYPES, FOLLOWER_TYPES, MOVING_TYPES) for kind in kinds.values())
 """Keys of the observation types that are image coordinates of a point, their last block."""
 
 
@@ -199,9 +197,7 @@ def counted_columns(adjustment: Adjustment, number: int, rows: IntArray, columns
     return counted
 
 
-def add_directions(
-    plan: Plan, lane: RayPlan, chunk: RayChunk, extra: WeakDirections, shares: FloatArray
-) -> None:
+def add_directions(plan: Plan, lane: RayPlan, chunk: RayChunk, extra: WeakDirections, shares: FloatArray) -> None:
     """Add to the shares (n, 2) of the rays of a chunk what the minimal datum lacks, in place."""
     if extra.own.shape[1] == 0:
         return
@@ -323,9 +319,7 @@ def row_cluster_quality(
     image = rows.jacobian @ _of_columns(adjustment.inverse.weak, rows.columns)
     adjusted = q[:, :m, :m] + image @ np.swapaxes(image, 1, 2)
     moved = own @ _of_columns(extra.own, rows.columns)
-    through = q[:, m:, :m] + moved @ np.swapaxes(
-        rows.jacobian @ _of_columns(extra.through, rows.columns), 1, 2
-    )
+    through = q[:, m:, :m] + moved @ np.swapaxes(rows.jacobian @ _of_columns(extra.through, rows.columns), 1, 2)
     precision = np.swapaxes(clusters.whitening, 1, 2) @ clusters.whitening
     length = lengths_of_rows(adjustment, number, clusters.rows, rows.jacobian, rows.columns)
     carried = np.sum(through * precision, axis=2) * length
@@ -577,10 +571,7 @@ def observation_quality(
             _fill_row_set(adjustment, cofactors, row_set, quality[row_set.group], tangent, extra)
     of_rows, wide = plan.sorted_clusters
     correlated = [
-        *(
-            row_cluster_quality(adjustment, cofactors, some, quality[some.group], tangent, extra)
-            for some in of_rows
-        ),
+        *(row_cluster_quality(adjustment, cofactors, some, quality[some.group], tangent, extra) for some in of_rows),
         *(cluster_quality(adjustment, cofactors, alike, quality, tangent, extra) for alike in wide),
     ]
     of_points = long_arrays.full((len(adjustment.problem.index.columns.get("point", ())), 3, 3), 0.0)
@@ -631,9 +622,7 @@ def _fill_row_set(
     _fill(quality, row_set.rows, here, white, shares * row_set.weight**2 * length, row_set.weight)
 
 
-def _fill_rays(
-    quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: FloatArray, shares: FloatArray
-) -> None:
+def _fill_rays(quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: FloatArray, shares: FloatArray) -> None:
     for number, place in _of_each_group(chunk.group):
         one = quality[number]
         rows = chunk.row[place]

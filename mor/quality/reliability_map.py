@@ -420,14 +420,10 @@ class _Search:
         for (which, place), gain in zip(self.taken, gains, strict=True):
             if self.r + gain > self.best.r:
                 one = self.found[which]
-                self.best = CandidateObservation(
-                    one.group, int(one.rows[place]), one.target, float(self.r + gain)
-                )
+                self.best = CandidateObservation(one.group, int(one.rows[place]), one.target, float(self.r + gain))
 
 
-def _begun(
-    quality: Quality, places: CandidatePlaces, entry: ObservationComponent, targets: list[int]
-) -> _Search:
+def _begun(quality: Quality, places: CandidatePlaces, entry: ObservationComponent, targets: list[int]) -> _Search:
     columns, values = gradient(quality.adjustment, entry)
     group = quality.adjustment.problem.groups[entry.group]
     sigma = float(group.sigma[entry.row, entry.component])

@@ -52,14 +52,11 @@ def _without(cluster: CorrelatedObservations, out: BoolArray) -> CorrelatedObser
 def reweighted(problem: Problem, factors: Sequence[FloatArray]) -> Problem:
     """The problem with every σ multiplied by a factor, one array (n, m) for each group; correlations stay."""
     groups = tuple(
-        replace(group, sigma=group.sigma * factor)
-        for group, factor in zip(problem.groups, factors, strict=True)
+        replace(group, sigma=group.sigma * factor) for group, factor in zip(problem.groups, factors, strict=True)
     )
     flat = np.concatenate([factor.ravel() for factor in factors])
     clusters = tuple(
-        cluster._replace(
-            covariance=cluster.covariance * np.outer(flat[cluster.entries], flat[cluster.entries])
-        )
+        cluster._replace(covariance=cluster.covariance * np.outer(flat[cluster.entries], flat[cluster.entries]))
         for cluster in problem.clusters
     )
     return replace(problem, groups=groups, clusters=clusters)
@@ -100,9 +97,7 @@ class Parts(NamedTuple):
 def parts_of(problem: Problem) -> tuple[Parts, ...]:
     """The parts of every group: frames, and where the network lies."""
     given: BoolArray = np.asarray(~(problem.index.columns["point"] >= 0).any(axis=1))
-    return tuple(
-        Parts(group.mask & ~group.left_out, (_frames(group), _tied(group, given))) for group in problem.groups
-    )
+    return tuple(Parts(group.mask & ~group.left_out, (_frames(group), _tied(group, given))) for group in problem.groups)
 
 
 def whole(problem: Problem) -> tuple[Parts, ...]:
@@ -112,9 +107,7 @@ def whole(problem: Problem) -> tuple[Parts, ...]:
 
 def _frames(group: ObservationGroup) -> IntArray:
     """(n,) the frame of every row; −1 where there is none."""
-    frames = [
-        blocks for slot, blocks in zip(group.type.slots, group.blocks, strict=True) if slot.kind == _FRAME
-    ]
+    frames = [blocks for slot, blocks in zip(group.type.slots, group.blocks, strict=True) if slot.kind == _FRAME]
     return np.asarray(frames[0], dtype=np.int64) if frames else np.full(group.count, -1)
 
 
@@ -160,9 +153,7 @@ def problem_on_the_sphere(problem: Problem, values: Values) -> Problem | None:
         return None
     scaled = reweighted(problem, factors)
     blocks = {
-        kind: own._replace(free=np.zeros_like(own.free))
-        if kind.startswith(_INTERIOR) or kind in _MOTIONS
-        else own
+        kind: own._replace(free=np.zeros_like(own.free)) if kind.startswith(_INTERIOR) or kind in _MOTIONS else own
         for kind, own in problem.index.blocks.items()
     }
     pairs = zip(groups, scaled.groups, strict=True)
@@ -258,9 +249,7 @@ def graduated_weights(
     sphere = problem_on_the_sphere(problem, start)
     if sphere is None:
         return _narrowed(problem, start, WIDEST, _SETTLED, watch)
-    first = _narrowed(
-        sphere, start, NARROWEST, _NEARLY_SETTLED, watch, parts_of(sphere) if by_parts else None
-    )
+    first = _narrowed(sphere, start, NARROWEST, _NEARLY_SETTLED, watch, parts_of(sphere) if by_parts else None)
     last = settled_weights(problem, first.values, counting_on(watch, first.iterations))
     return last._replace(iterations=first.iterations + last.iterations)
 
@@ -296,11 +285,7 @@ def _narrowed(
         if watch is not None:
             weighted = sum(float(np.sum(f * s**2)) for f, s in zip(before, place.sizes, strict=True))
             active = sum(float(np.sum(f * (s > 0.0))) for f, s in zip(before, place.sizes, strict=True))
-            watch(
-                Iteration(
-                    number, weighted, place.change, place.damping, max(int(active) - problem.index.count, 0)
-                )
-            )
+            watch(Iteration(number, weighted, place.change, place.damping, max(int(active) - problem.index.count, 0)))
         if (multiples == NARROWEST).all() and _change(factors, before) < settled:
             break
     suspects = tuple(
@@ -343,14 +328,10 @@ def robust_scales(problem: Problem, sizes: tuple[FloatArray, ...]) -> Scales:
     return Scales(np.maximum(np.array(medians) / _MEDIAN, 1.0), max(overall / _MEDIAN, 1.0))
 
 
-def _scales(
-    problem: Problem, sizes: tuple[FloatArray, ...], parts: tuple[Parts, ...]
-) -> tuple[FloatArray, ...]:
+def _scales(problem: Problem, sizes: tuple[FloatArray, ...], parts: tuple[Parts, ...]) -> tuple[FloatArray, ...]:
     """(n, 1) of each group: its robust σ, or that of the part of a row where it is larger."""
     groups = robust_scales(problem, sizes).groups
-    return tuple(
-        np.maximum(own.sigmas(size), scale) for own, size, scale in zip(parts, sizes, groups, strict=True)
-    )
+    return tuple(np.maximum(own.sigmas(size), scale) for own, size, scale in zip(parts, sizes, groups, strict=True))
 
 
 def _factors(

@@ -76,9 +76,7 @@ def tilt(adjustment: Adjustment, say: Translate = english) -> str | None:
     ids = adjustment.problem.index.blocks["point"].ids
     names = [ids[i] for i in np.flatnonzero(fixed)]
     if names:
-        return say(
-            "The network can tilt about the line through {names}.", names=enumerated(names, _SHOWN, say)
-        )
+        return say("The network can tilt about the line through {names}.", names=enumerated(names, _SHOWN, say))
     x, y, z = (say("{amount}", amount=f"{x:.3f}") for x in direction)
     return say("The network can tilt about a line in the direction ({x}, {y}, {z}), X, Y, Z.", x=x, y=y, z=z)
 
@@ -171,10 +169,7 @@ def held_by_an_angle(solved: Solved, say: Translate = english) -> list[str]:
         places = solved.adjustment.values["point"][points]
         beside = places - places.mean(axis=0)
         along = rotations.svd(beside)[2][0]
-        across = (
-            float(np.linalg.norm(beside - np.outer(beside @ along, along), axis=1).max())
-            / LENGTH_UNITS[length]
-        )
+        across = float(np.linalg.norm(beside - np.outer(beside @ along, along), axis=1).max()) / LENGTH_UNITS[length]
         lines.append(
             say(
                 "Only the fixed {components} of system {id} prevents it; the points of this system lie "
@@ -225,8 +220,7 @@ def readout_sentences(solved: Solved, say: Translate = english) -> list[str]:
         ):
             continue
         motions = {
-            kind: np.unique(images.parts[kind][mine & ~flown])
-            for kind in (IMAGE_VELOCITY.key, ROTATION_RATE.key)
+            kind: np.unique(images.parts[kind][mine & ~flown]) for kind in (IMAGE_VELOCITY.key, ROTATION_RATE.key)
         }
         if flown.any() and (flown == mine).all():
             lines.append(
@@ -315,17 +309,13 @@ def explain_singularity(solved: Solved, say: Translate = english) -> list[str]:
         return [
             *readout_sentences(solved, say),
             *(
-                say(
-                    "No observation refers to {names}; observe it, or leave it out.", names=_things(part, say)
-                )
+                say("No observation refers to {names}; observe it, or leave it out.", names=_things(part, say))
                 for part in parts
                 if part.size == 1
             ),
             *(
                 [
-                    say(
-                        "The network falls into {count} parts that no observation connects:", count=len(tied)
-                    ),
+                    say("The network falls into {count} parts that no observation connects:", count=len(tied)),
                     *(
                         say("  part {number}: {names}", number=number, names=_things(part, say))
                         for number, part in enumerate(tied, start=1)
@@ -361,9 +351,7 @@ def _unsettled(solved: Solved, say: Translate) -> str:
             needed=needed,
             movements=movements,
         )
-    return say(
-        "The chosen datum coordinates do not define all of these movements: {movements}.", movements=movements
-    )
+    return say("The chosen datum coordinates do not define all of these movements: {movements}.", movements=movements)
 
 
 def _movements(solved: Solved, say: Translate) -> str:
@@ -437,9 +425,7 @@ def _open_datum(solved: Solved, say: Translate) -> list[str]:
     lines += [about] if about else []
     return [
         *lines,
-        say(
-            "Fix or observe coordinates (control points, a scale bar), or write datum: free for a free network."
-        ),
+        say("Fix or observe coordinates (control points, a scale bar), or write datum: free for a free network."),
     ]
 
 
@@ -452,13 +438,7 @@ def _things(part: NetworkPart, say: Translate) -> str:
 
 def _loose(solved: Solved, parts: tuple[NetworkPart, ...], separated: bool, say: Translate) -> list[str]:
     """Directions inside the network, those of one block together; none that its falling apart explains already."""
-    alone = {
-        (space, name)
-        for part in parts
-        if part.size == 1
-        for space, names in part.names.items()
-        for name in names
-    }
+    alone = {(space, name) for part in parts if part.size == 1 for space, names in part.names.items() for name in names}
     single: dict[tuple[str, str], list[Undetermined]] = {}
     lines = []
     for direction in _unexplained(solved):
@@ -566,9 +546,7 @@ def _together(direction: Undetermined, blocks: list[tuple[str, str]], say: Trans
     firsts: dict[str, str] = {}
     for kind, block in blocks:
         firsts.setdefault(kind, block)
-    cures = "; ".join(
-        f"{_name(kind, block, say)}: {_cure(kind, block, say)}" for kind, block in firsts.items()
-    )
+    cures = "; ".join(f"{_name(kind, block, say)}: {_cure(kind, block, say)}" for kind, block in firsts.items())
     names = enumerated(named, _SINGULARITIES_SHOWN, say)
     return [
         say("These cannot be separated from each other: {names}.", names=names),

@@ -123,9 +123,7 @@ def flagged_rows(quality: Quality) -> list[FlaggedRows]:
 def rows_of_blocks(problem: Problem) -> dict[str, IntArray]:
     """Return the number of rows used of each point and frame, by kind."""
     counts = {
-        kind: np.zeros(len(columns), dtype=np.int64)
-        for kind, columns in problem.index.columns.items()
-        if kind in LOCAL
+        kind: np.zeros(len(columns), dtype=np.int64) for kind, columns in problem.index.columns.items() if kind in LOCAL
     }
     for group in problem.groups:
         taking_part = (group.mask & ~group.left_out).any(axis=1)
@@ -138,9 +136,7 @@ def rows_of_blocks(problem: Problem) -> dict[str, IntArray]:
 def candidates(flagged: Sequence[FlaggedRows], cannot: Collection[Entry]) -> list[ExclusionCandidate]:
     """Return entries that may be removed in a round, without those in ``cannot``: all above half of the largest |w|."""
     sizes = [comparable(np.where(_may_go(one, cannot), np.abs(one.tests), 0.0)) for one in flagged]
-    least = max(
-        _BESIDE_THE_WORST * max((float(size.max()) for size in sizes), default=0.0), np.nextafter(0.0, 1.0)
-    )
+    least = max(_BESIDE_THE_WORST * max((float(size.max()) for size in sizes), default=0.0), np.nextafter(0.0, 1.0))
     return [
         ExclusionCandidate(
             float(size[k].max()),
@@ -186,9 +182,7 @@ def _may_go(one: FlaggedRows, cannot: Collection[Entry]) -> BoolArray:
 def _going(one: FlaggedRows, k: int, sizes: FloatArray) -> tuple[TestedEntry, ...]:
     """The worst component of a row; all components of a ray, where each is controlled for itself."""
     components = np.flatnonzero(one.active[k]) if one.together[k] else [int(np.argmax(sizes))]
-    return tuple(
-        TestedEntry(Entry(one.group, int(one.rows[k]), int(c)), float(one.tests[k, c])) for c in components
-    )
+    return tuple(TestedEntry(Entry(one.group, int(one.rows[k]), int(c)), float(one.tests[k, c])) for c in components)
 
 
 def _slot(problem: Problem, kind: str, blocks: IntArray, counts: IntArray) -> BlockRows:
@@ -345,9 +339,7 @@ class _AssessedAdjustment(NamedTuple):
     def excluded(self) -> tuple[Excluded, ...]:
         quality = self.quality
         found: list[Excluded] = []
-        for number, (group, kept) in enumerate(
-            zip(quality.adjustment.problem.groups, self._kept_out, strict=True)
-        ):
+        for number, (group, kept) in enumerate(zip(quality.adjustment.problem.groups, self._kept_out, strict=True)):
             out: BoolArray = group.left_out & ~kept
             rows = np.flatnonzero(out.any(axis=1))
             if not len(rows):
@@ -410,9 +402,7 @@ def snoop(
     first = _AssessedAdjustment(problem, levels, aposteriori, watch, quality)
     begun, out = None, Out()
     if excluded is not None:
-        out = entries_of(
-            tuple(mask & ~group.left_out for group, mask in zip(problem.groups, excluded, strict=True))
-        )
+        out = entries_of(tuple(mask & ~group.left_out for group, mask in zip(problem.groups, excluded, strict=True)))
         begun = first.without(out)
     tried, out = (begun, out) if begun is not None else (first, Out())
     tried, steps, clean = snooping_rounds(tried, out, first.redundancy)
@@ -463,9 +453,7 @@ def snooping_rounds(
 
 
 def _fitting(tried: _AssessedAdjustment, stays_out: Set[Entry]) -> list[TestedEntry]:
-    return [
-        TestedEntry(one.entry, one.test) for one in tried.excluded if one.fits and one.entry not in stays_out
-    ]
+    return [TestedEntry(one.entry, one.test) for one in tried.excluded if one.fits and one.entry not in stays_out]
 
 
 def _tested(tried: _AssessedAdjustment, entries: Set[Entry]) -> list[TestedEntry]:

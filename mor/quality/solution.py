@@ -256,9 +256,7 @@ def _accepted(test: GroupStatistic, effect: GroupEffect, limit: float) -> bool:
 def _single_observations(quality: Quality, chosen: list[BoolArray], omega: float) -> tuple[int, float, float]:
     """Number of flagged ones among the chosen, their share of ``omega``, and the largest |w|."""
     count, part, largest = 0, 0.0, 0.0
-    for one, reliability, flags, mask in zip(
-        quality.groups, quality.reliability, quality.flagged, chosen, strict=True
-    ):
+    for one, reliability, flags, mask in zip(quality.groups, quality.reliability, quality.flagged, chosen, strict=True):
         rows = np.flatnonzero((flags & mask).any(axis=1))
         if len(rows):
             here, some = (flags & mask)[rows], one.at(rows)

@@ -246,9 +246,7 @@ def noncentrality(level: float, power: float) -> float:
         return 0.0
     for _ in range(50):
         missed = float(ndtr(k - delta) - ndtr(-k - delta)) - (1.0 - power)
-        slope = float(np.exp(-0.5 * (k - delta) ** 2) - np.exp(-0.5 * (k + delta) ** 2)) / np.sqrt(
-            2.0 * np.pi
-        )
+        slope = float(np.exp(-0.5 * (k - delta) ** 2) - np.exp(-0.5 * (k + delta) ** 2)) / np.sqrt(2.0 * np.pi)
         if slope == 0.0:  # a power so near to one that both tails are beyond all numbers
             break
         step = missed / slope
@@ -416,9 +414,7 @@ def critical_value(level: float) -> float:
 # ---- The joint test of the components of one observation: the two coordinates of a ray, the three of a vector.
 
 
-def joint_statistic(
-    weighted: FloatArray, cofactors: FloatArray, here: BoolArray
-) -> tuple[FloatArray, FloatArray]:
+def joint_statistic(weighted: FloatArray, cofactors: FloatArray, here: BoolArray) -> tuple[FloatArray, FloatArray]:
     """T = uᵀ S⁺ u (n,) and the rank of S (n,), for the components that are there (n, m).
 
     ``weighted`` u (n, m) and ``cofactors`` S (n, m, m) are P v and P Q_vv P, scaled to unit weights. A direction whose

@@ -134,9 +134,7 @@ def angle_columns(placed: Placed, numbers: IntArray, M: FloatArray) -> dict[str,
     return _component_columns(placed, "rotation", numbers, ROTATION.names, values, per_unit)
 
 
-def plain_columns(
-    placed: Placed, kind: str, numbers: IntArray, names: Sequence[str]
-) -> dict[str, FloatArray]:
+def plain_columns(placed: Placed, kind: str, numbers: IntArray, names: Sequence[str]) -> dict[str, FloatArray]:
     """Components that no axes turn."""
     turned = {component.quantity.angle for component in KINDS[kind].components}
     per_unit = ANGLE_UNITS[angle_unit(placed)] if turned == {1} else 1.0
@@ -185,9 +183,7 @@ class Unknown(NamedTuple):
         return [name for name, free in zip(self.names, named, strict=True) if free]
 
 
-def unknown_constants(
-    placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray, any_: BoolArray
-) -> Unknown:
+def unknown_constants(placed: Placed, kind: BlockKind, numbers: IntArray, own: BoolArray, any_: BoolArray) -> Unknown:
     """Unknowns among the constants of the frames (n,) that have ``own`` ones; ``any_`` are those that may have any."""
     free = placed.network.blocks[kind.key].free[numbers]
     observed = np.isfinite(placed.network.sigma[kind.key][numbers])
@@ -256,9 +252,7 @@ def motions(
     """The entries of the section ``motions``; tables of start values are added to ``tables``."""
     result = []
     points = placed.network.things["point"]
-    for number, (entry, (model, names)) in enumerate(
-        zip(entries, placed.network.motion.tables, strict=True), 1
-    ):
+    for number, (entry, (model, names)) in enumerate(zip(entries, placed.network.motion.tables, strict=True), 1):
         if model not in _MODELS:
             result.append(entry)
             continue
@@ -365,8 +359,7 @@ def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
         return []
     parts = things.parts
     pair_of = {
-        int(n): name
-        for name, n in zip(network.things["pair"].ids, network.things["pair"].parts["base"], strict=True)
+        int(n): name for name, n in zip(network.things["pair"].ids, network.things["pair"].parts["base"], strict=True)
     }
     leader_of = {int(n): things.ids[i] for i, n in enumerate(parts["rotation"]) if parts["base"][i] < 0}
     follows = parts["base"] >= 0
@@ -389,9 +382,7 @@ def _images(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
         elif key not in ("camera", "epoch", "leader", "pair"):
             columns[key] = ["" if f else name for f, name in zip(follows, column, strict=True)]
     unknown = unknown_constants(placed, HEIGHT, parts["height"], raised & ~follows, ~follows)
-    unknown = unknown.beside(
-        unknown_constants(placed, ECCENTRICITY, parts["eccentricity"], apart & ~follows, ~follows)
-    )
+    unknown = unknown.beside(unknown_constants(placed, ECCENTRICITY, parts["eccentricity"], apart & ~follows, ~follows))
     for kind in (IMAGE_VELOCITY, ROTATION_RATE):
         if kind.key in placed.network.blocks:
             own, moving = _moving(placed, kind), parts[kind.key] >= 0
@@ -445,10 +436,7 @@ def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
     """The tables they came from; those that only observations name are levelled."""
     things, network = placed.network.things["station"], placed.network
     result = []
-    tables = [
-        (network.station_tables.get(name, ""), network.station_levels.get(name, "fixed"))
-        for name in things.ids
-    ]
+    tables = [(network.station_tables.get(name, ""), network.station_levels.get(name, "fixed")) for name in things.ids]
     for table in dict.fromkeys(tables):
         chosen = np.array([i for i, own in enumerate(tables) if own == table], dtype=np.int64)
         name, level = table
@@ -470,9 +458,7 @@ def _stations(placed: Placed) -> list[tuple[pl.DataFrame, dict[str, Any]]]:
         first = np.array([not set_ for _, set_ in names], dtype=bool)
         unknown = unknown_constants(placed, HEIGHT, parts["height"], first & (parts["height"] != 0), first)
         frame = start_frame([station for station, _ in names], columns)
-        result.append(
-            (frame, {**({"name": name} if name else {}), "level": level, **_free(unknown, slice(None))})
-        )
+        result.append((frame, {**({"name": name} if name else {}), "level": level, **_free(unknown, slice(None))}))
     return result
 
 
@@ -513,9 +499,7 @@ _REMARKED = 50
 """Things that nothing determines that are named in the adjusted project."""
 
 
-def adjusted_project(
-    placed: Placed, document: Document, source: Path, target: Path
-) -> tuple[str, dict[str, Given]]:
+def adjusted_project(placed: Placed, document: Document, source: Path, target: Path) -> tuple[str, dict[str, Given]]:
     """YAML text of the adjusted project, to stand in the folder ``target``, and the tables it refers to.
 
     ``source`` is the folder of the original project.
@@ -658,9 +642,7 @@ def _camera(placed: Placed, name: str, camera: dict[str, Any]) -> dict[str, Any]
         camera["eccentricity"] = _settings(camera["eccentricity"], ("rx", "ry", "rz"), row)
     readout = placed.network.things["camera"].part(name, READOUT.key)
     if readout >= 0:
-        camera |= _settings(
-            {READOUT.key: camera["readout"]}, READOUT.names, placed.values[READOUT.key][readout]
-        )
+        camera |= _settings({READOUT.key: camera["readout"]}, READOUT.names, placed.values[READOUT.key][readout])
     return camera
 
 

@@ -188,9 +188,7 @@ def junit_xml(rows: Sequence[BatchRow], words: Words) -> str:
         )
         if row.fails:
             kind = "error" if row in errors else "failure"
-            message = escaped(
-                "; ".join(part for part in (words.listed(row.status), reason(row, words)) if part)
-            )
+            message = escaped("; ".join(part for part in (words.listed(row.status), reason(row, words)) if part))
             ElementTree.SubElement(case, kind, message=message, type=row.status)
     ElementTree.indent(suite)
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ElementTree.tostring(suite, encoding="unicode") + "\n"

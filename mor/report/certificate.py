@@ -354,9 +354,7 @@ def _format(camera: dict[str, Any], words: Words) -> str:
     size = camera.get("format")
     if size is None:
         return words("not given")
-    pixel = (
-        "" if camera["unit"] == "px" else f", {words.number(short(size['pixel'], 6))} {camera['unit']} / px"
-    )
+    pixel = "" if camera["unit"] == "px" else f", {words.number(short(size['pixel'], 6))} {camera['unit']} / px"
     return f"{size['width']:g} × {size['height']:g} px{pixel}"
 
 
@@ -377,9 +375,7 @@ def freedom(summary: dict[str, Any]) -> float:
 
 
 def _valid(one: Certificate, words: Words) -> list[tuple[str, str]]:
-    said = words(
-        "up to {radius} {unit} from the principal point", radius=short(one.covered, 4), unit=one.unit
-    )
+    said = words("up to {radius} {unit} from the principal point", radius=short(one.covered, 4), unit=one.unit)
     if one.corner is None:
         return [(words("valid"), said)]
     said += words(

@@ -84,12 +84,8 @@ def relative_pose(solved: Solved, first: str, second: str) -> RelativePose:
     quality = _quality(solved)
     problem, values = solved.adjustment.problem, solved.adjustment.values
     blocks = [_pose_blocks(solved, name) for name in (first, second)]
-    columns = np.concatenate(
-        [problem.index.columns[kind][number] for pair in blocks for kind, number in pair]
-    )
-    (X1, X2), (D1, D2) = (
-        [values[kind][number] for kind, number in pair] for pair in zip(*blocks, strict=True)
-    )
+    columns = np.concatenate([problem.index.columns[kind][number] for pair in blocks for kind, number in pair])
+    (X1, X2), (D1, D2) = ([values[kind][number] for kind, number in pair] for pair in zip(*blocks, strict=True))
     turns = tangents(problem.index.blocks["rotation"], values["rotation"])
     T1, T2 = (np.eye(3) if turns is None else turns[pair[1][1]] for pair in blocks)
     b, R = D1 @ (X2 - X1), D2 @ D1.T
@@ -107,9 +103,7 @@ def covariance_of_everything(solved: Solved) -> Labelled:
     """Covariance of all unknowns. Raises :class:`InputError` if there are too many."""
     index = solved.adjustment.problem.index
     if index.count > LARGEST:
-        words = (
-            f"{index.count} unknowns: the full matrix is written up to {LARGEST}; choose --points or --blocks"
-        )
+        words = f"{index.count} unknowns: the full matrix is written up to {LARGEST}; choose --points or --blocks"
         raise InputError([Message(words)])
     blocks = [
         (kind, int(number))
@@ -140,9 +134,7 @@ def _pose_blocks(solved: Solved, name: str) -> list[tuple[str, int]]:
 
 def _interior_blocks(solved: Solved, names: Sequence[str]) -> list[tuple[str, int]]:
     cameras = solved.network.things["camera"]
-    problems = [
-        Message(unknown_name("camera", name, cameras.ids)) for name in names if name not in cameras.numbers
-    ]
+    problems = [Message(unknown_name("camera", name, cameras.ids)) for name in names if name not in cameras.numbers]
     if problems:
         raise InputError(problems)
     wanted = names or cameras.ids
@@ -178,9 +170,7 @@ RELATIVE_POSE_HEADER = (
 def point_numbers(solved: Solved, names: Sequence[str]) -> list[int]:
     """Blocks of named points. Raises :class:`InputError`."""
     points = solved.network.things["point"]
-    problems = [
-        Message(unknown_name("point", name, points.ids)) for name in names if name not in points.numbers
-    ]
+    problems = [Message(unknown_name("point", name, points.ids)) for name in names if name not in points.numbers]
     if problems:
         raise InputError(problems)
     return [points.part(name, "position") for name in names]
@@ -249,9 +239,7 @@ def _turned(solved: Solved, number: int) -> FloatArray:
 
 def _values(solved: Solved, kind: str, number: int) -> FloatArray:
     if kind == "rotation":
-        angles: FloatArray = (
-            angles_from_rotation(_turned(solved, number))[0] / ANGLE_UNITS[angle_unit(solved)]
-        )
+        angles: FloatArray = angles_from_rotation(_turned(solved, number))[0] / ANGLE_UNITS[angle_unit(solved)]
         return angles
     values: FloatArray = solved.adjustment.values[kind][number]
     return values @ solved.network.edge.matrix if kind == "point" else values
@@ -312,9 +300,7 @@ def write_rows(path: Path, header: Sequence[str], rows: Sequence[Sequence[object
     with path.open("w", newline="", encoding="utf-8") as file:
         writer = csv.writer(file, lineterminator="\n")
         writer.writerow(header)
-        writer.writerows(
-            [[repr(c) if isinstance(c, float) else guarded(str(c)) for c in row] for row in rows]
-        )
+        writer.writerows([[repr(c) if isinstance(c, float) else guarded(str(c)) for c in row] for row in rows])
 
 
 def check_covariance(path: Path) -> None:
@@ -355,8 +341,7 @@ def write_covariance(path: Path, found: Labelled, factor: float | None = None) -
         header = ["label", "unit", "value", *expanded, *found.labels]
         numbers = np.column_stack([found.values, *expanded.values(), found.matrix])
         rows = [
-            [label, unit, *row]
-            for label, unit, row in zip(found.labels, found.units, numbers.tolist(), strict=True)
+            [label, unit, *row] for label, unit, row in zip(found.labels, found.units, numbers.tolist(), strict=True)
         ]
         write_rows(path, header, rows)
     else:
@@ -368,8 +353,7 @@ def _matrix_market(found: Labelled, expanded: Mapping[str, FloatArray]) -> str:
     size = len(found.labels)
     lines = ["%%MatrixMarket matrix array real symmetric", f"% datum: {found.datum}"]
     lines += [
-        f"% {k + 1}: {label} [{unit}]"
-        + "".join(f", {name} = {float(u[k])!r}" for name, u in expanded.items())
+        f"% {k + 1}: {label} [{unit}]" + "".join(f", {name} = {float(u[k])!r}" for name, u in expanded.items())
         for k, (label, unit) in enumerate(zip(found.labels, found.units, strict=True))
     ]
     lines.append(f"{size} {size}")

@@ -194,9 +194,7 @@ class NetworkDrawing(NamedTuple):
         return 0.05 * _MOST / largest if largest > 0.0 else 1.0
 
 
-def network_drawing(
-    found: NetworkDrawing, sights: Sequence[tuple[str, Sequence[str]]], words: Words
-) -> Markup:
+def network_drawing(found: NetworkDrawing, sights: Sequence[tuple[str, Sequence[str]]], words: Words) -> Markup:
     """The network: a path for each of the sights (kind, names of its ends), an ellipse of 1σ for each point."""
     axes, signs = list(found.axes), np.array(found.signs)
     everything = np.array([*found.places, *found.at.values()]).reshape(-1, 3)[:, axes] * signs
@@ -221,9 +219,7 @@ def network_drawing(
         parts.append(
             f'<polyline class="sight {kind}" data-unit="{number}" points="{path}"><title>{said}</title></polyline>'
         )
-    for number, (name, place, covariance) in enumerate(
-        zip(found.names, found.places, found.covariances, strict=True)
-    ):
+    for number, (name, place, covariance) in enumerate(zip(found.names, found.places, found.covariances, strict=True)):
         if np.isfinite(place).all():
             parts.append(_point(number, name, on_paper(place), _drawn(found, covariance)))
     parts += _labels(found, on_paper(found.places), height)
@@ -391,9 +387,7 @@ def _number(value: float) -> float | None:
     return value if np.isfinite(value) else None
 
 
-def ranking_text(
-    frame: pl.DataFrame, now: PlanMeasures, network: Network, unestimable: int, words: Words
-) -> str:
+def ranking_text(frame: pl.DataFrame, now: PlanMeasures, network: Network, unestimable: int, words: Words) -> str:
     """Return the changes that lose least, those that gain most, and the greedy plan as text."""
     lines = [
         heading(words("Value of single observations")),
@@ -580,8 +574,7 @@ def _sentence(row: dict[str, Any], words: Words) -> str:
     """A requirement in a line: the verdict, the limit, the worst, where it is, how many fail."""
     unit = "" if row["unit"] == "1" else f" {row['unit']}"
     limit, worst = (
-        words.number("∞" if value is None else short(value, 4)) + unit
-        for value in (row["limit"], row["worst"])
+        words.number("∞" if value is None else short(value, 4)) + unit for value in (row["limit"], row["worst"])
     )
     return words(
         "{verdict}: {what}, {id}: {sign} {limit}; worst {worst} ({place}); {failing} of {count} fail",
@@ -678,9 +671,7 @@ def variant_text(rows: Sequence[dict[str, Any]], unit: str, words: Words) -> str
             said = "{id}: {count:image point lies|image points lie} outside the format of the camera."
             lines.append(words(said, id=row["name"], count=row["outside_format"]))
         if row["redundancy"] is None:
-            lines.append(
-                words("{id}: no solution: {reason}.", id=row["name"], reason=words.told(row["reason"]))
-            )
+            lines.append(words("{id}: no solution: {reason}.", id=row["name"], reason=words.told(row["reason"])))
     return "\n".join(lines)
 
 
@@ -722,9 +713,7 @@ def visible_section(sighted: Sequence[Sighted], words: Words) -> str:
     lines = [
         heading(words("Visibility")),
         table(headers, rows, 1, words),
-        words(
-            "A sight counts where it fails first: range; format, or steepness; incidence; surfaces in its way."
-        ),
+        words("A sight counts where it fails first: range; format, or steepness; incidence; surfaces in its way."),
     ]
     for one in sighted:
         for names, said in (
@@ -828,9 +817,7 @@ def design_page(
 def _requirement(one: RequirementResult, solved: Solved, words: Words) -> dict[str, Any]:
     row = requirement_row(one, solved)
     unit = "" if row["unit"] == "1" else f" {row['unit']}"
-    limit, worst = (
-        words.number("∞" if v is None else short(v, 4)) + unit for v in (row["limit"], row["worst"])
-    )
+    limit, worst = (words.number("∞" if v is None else short(v, 4)) + unit for v in (row["limit"], row["worst"]))
     return {
         "what": words(WHAT[row["of"]]),
         "of": ", ".join(row["pattern"]),
@@ -859,13 +846,9 @@ def _drawing(solved: Solved) -> NetworkDrawing:
     others: dict[str, FloatArray] = {}
     for frame in (station_table(solved), image_table(solved)):
         if frame.height:
-            others |= dict(
-                zip(frame["id"].cast(pl.String), frame.select("x", "y", "z").to_numpy(), strict=True)
-            )
+            others |= dict(zip(frame["id"].cast(pl.String), frame.select("x", "y", "z").to_numpy(), strict=True))
     at = {**others, **dict(zip(names, places, strict=True))}
-    return NetworkDrawing(
-        names, places, covariances, at, chosen, (signs[0], -signs[1]), network.project.units.length
-    )
+    return NetworkDrawing(names, places, covariances, at, chosen, (signs[0], -signs[1]), network.project.units.length)
 
 
 def _all_sights(network: Network) -> list[tuple[str, list[str]]]:

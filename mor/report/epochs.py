@@ -34,9 +34,7 @@ def movement_table(
     """One row for each point or pair: movement, σ, test values (mean squares), p-values, verdict."""
     turned = np.array([test.movement @ M for test in tests]).reshape(-1, 3)
     sigma = np.array([test.sigma @ np.abs(M) for test in tests]).reshape(-1, 3)
-    p, p_estimated = (
-        np.exp([getattr(test, name) for test in tests]) for name in ("log_p", "log_p_estimated")
-    )
+    p, p_estimated = (np.exp([getattr(test, name) for test in tests]) for name in ("log_p", "log_p_estimated"))
     frame = pl.DataFrame(
         {
             "point": list(names),
@@ -61,9 +59,7 @@ def verdict(epochs: EpochComparison, level: float, known: bool, words: Words = E
         return [words("No movement can be tested: no coordinate has a variance.")]
     value = test.statistic if known else test.ratio
     which = (
-        words("sigma0 known")
-        if known
-        else words("pooled sigma0 {sigma0}", sigma0=f"{np.sqrt(result.variance):.4f}")
+        words("sigma0 known") if known else words("pooled sigma0 {sigma0}", sigma0=f"{np.sqrt(result.variance):.4f}")
     )
     sentence = (
         "Global congruence test: {value} against {limit} ({freedom:degree|degrees} of freedom, level {level}, "

@@ -82,8 +82,7 @@ def relative_rows(solved: Solved, pairs: IntArray) -> list[dict[str, Any]]:
     ids = solved.network.blocks["point"].ids
     differences = np.diff(solved.adjustment.values["point"][pairs], axis=1)[:, 0]
     parts = [
-        _of_differences(solved.quality, pairs[first : first + AT_A_TIME])
-        for first in range(0, len(pairs), AT_A_TIME)
+        _of_differences(solved.quality, pairs[first : first + AT_A_TIME]) for first in range(0, len(pairs), AT_A_TIME)
     ]
     covariance = np.concatenate([np.zeros((0, 3, 3)), *parts])
     lengths = np.linalg.norm(differences, axis=1)
@@ -92,9 +91,7 @@ def relative_rows(solved: Solved, pairs: IntArray) -> list[dict[str, Any]]:
     plan = _in_plan(solved, covariance)
     azimuth = error_ellipses(covariance).azimuth
     axis = np.column_stack([np.sin(azimuth), np.cos(azimuth), np.zeros(len(azimuth))])
-    direction = (
-        axis @ solved.network.edge.matrix
-    )  # the inverse of a rotation, or of a reflection, of the axes
+    direction = axis @ solved.network.edge.matrix  # the inverse of a rotation, or of a reflection, of the axes
     return [
         {
             "from": ids[one],
@@ -112,9 +109,7 @@ def relative_rows(solved: Solved, pairs: IntArray) -> list[dict[str, Any]]:
 def chosen_pairs(solved: Solved) -> IntArray:
     """(n, 2) point blocks of the pairs that the project asks for (``report: {relative: …}``)."""
     points = solved.network.things["point"]
-    pairs = [
-        [points.part(name, "position") for name in pair] for pair in solved.network.project.report.relative
-    ]
+    pairs = [[points.part(name, "position") for name in pair] for pair in solved.network.project.report.relative]
     return np.array(pairs, dtype=np.int64).reshape(-1, 2)
 
 
@@ -175,10 +170,7 @@ def ellipse_columns(solved: Solved, covariance: FloatArray | None, count: int) -
     if covariance is None:
         return {f"ellipse_{name}": np.full(count, np.nan) for name in ("a", "b", "azimuth")}
     M = solved.network.edge.matrix
-    return {
-        f"ellipse_{name}": column
-        for name, column in _in_plan(solved, M @ np.nan_to_num(covariance) @ M.T).items()
-    }
+    return {f"ellipse_{name}": column for name, column in _in_plan(solved, M @ np.nan_to_num(covariance) @ M.T).items()}
 
 
 def bearings(solved: Solved, azimuth: FloatArray) -> FloatArray:
@@ -308,9 +300,7 @@ def pair_table(solved: Solved) -> pl.DataFrame:
         {
             "id": list(things.ids),
             **_with_sigma(plain(solved, "base", things.parts["base"]), ("bx", "by", "bz")),
-            **_with_sigma(
-                rotations(replace(solved, network=replace(solved.network, edge=neutral)), numbers), ANGLES
-            ),
+            **_with_sigma(rotations(replace(solved, network=replace(solved.network, edge=neutral)), numbers), ANGLES),
         }
     )
 
@@ -411,9 +401,7 @@ def _component(solved: Solved, number: int) -> dict[str, Any]:
         return {}
     estimated = treatment.components
     return {
-        "sigma_factor": number_or_none(estimated.factors[number])
-        if np.isfinite(estimated.sigma[number])
-        else None,
+        "sigma_factor": number_or_none(estimated.factors[number]) if np.isfinite(estimated.sigma[number]) else None,
         "sigma_of_factor": number_or_none(estimated.sigma[number]),
     }
 
@@ -509,11 +497,7 @@ def _image_residuals(solved: Solved) -> dict[str, Any]:
         if solved.quality is not None and group.external is not None:
             squares = _squares(solved.quality.groups[number].v, group.external.factors)
             square += np.bincount(which, weights=squares, minlength=len(count))
-    rms = (
-        np.sqrt(square / np.maximum(2 * count, 1))
-        if solved.quality is not None
-        else np.full(len(count), np.nan)
-    )
+    rms = np.sqrt(square / np.maximum(2 * count, 1)) if solved.quality is not None else np.full(len(count), np.nan)
     return {"points": count, "rms": np.where(count > 0, rms, np.nan)}
 
 
@@ -634,9 +618,7 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
     label = feature_label(feature)
     group = next(g for g in solved.adjustment.problem.groups if g.name == label and len(g.type.slots) >= 5)
     part_of = {slot.part: numbers for slot, numbers in zip(group.type.slots, group.blocks, strict=True)}
-    system: dict[str, int] = {
-        part: int(part_of[part][0]) for part in ("rotation", "turn", "offset") if part in part_of
-    }
+    system: dict[str, int] = {part: int(part_of[part][0]) for part in ("rotation", "turn", "offset") if part in part_of}
     origin, points = int(group.blocks[0][0]), group.blocks[4]
     values, M = solved.adjustment.values, solved.network.edge.matrix
     D, offset = values["rotation"][system["rotation"]], values["eccentricity"][system["offset"]]
@@ -645,14 +627,10 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
     local = (values["point"][points] - values["point"][origin]) @ D.T + offset
     off, sizes = local, dict[str, float | None]()
     if feature.type in SHAPE_TYPES:
-        for name, size in component_rows(
-            solved, SHAPE.key, int(part_of["shape"][0]), SHAPE.components
-        ).items():
+        for name, size in component_rows(solved, SHAPE.key, int(part_of["shape"][0]), SHAPE.components).items():
             if FREEDOM[feature.type].shape[SHAPE.names.index(name)]:
                 sizes |= {name: size["value"], f"s{name}": size["sigma"]}
-        blocks = [
-            values[slot.kind][numbers] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
-        ]
+        blocks = [values[slot.kind][numbers] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)]
         off = group.type.equation(blocks, group.constants).values
     rows = []
     for part, axis, chosen in _parts(feature, len(points)):
@@ -823,9 +801,7 @@ def movement_rows(solved: Solved) -> pl.DataFrame:
     Q = M.T @ tested.tests.cofactors[:, :3, :3] @ M
     s = np.sqrt(np.maximum(np.diagonal(Q, axis1=1, axis2=2), 0.0))
     with np.errstate(divide="ignore", invalid="ignore"):
-        shares = {
-            f"r{'xyz'[i]}{'xyz'[j]}": Q[:, i, j] / (s[:, i] * s[:, j]) for i, j in ((0, 1), (0, 2), (1, 2))
-        }
+        shares = {f"r{'xyz'[i]}{'xyz'[j]}": Q[:, i, j] / (s[:, i] * s[:, j]) for i, j in ((0, 1), (0, 2), (1, 2))}
     return _with_tests(solved, tested, begins, 3).with_columns(
         pl.Series(name, values).fill_nan(None) for name, values in shares.items()
     )

@@ -137,9 +137,7 @@ def distortion_field(camera: dict[str, Any], area: Window, words: Words = ENGLIS
             {
                 "type": "scatter",
                 "mode": "lines",
-                "name": words(
-                    "{share} confidence × {scale}", share=f"{CONFIDENCE:.0%}", scale=f"{enlarged:g}"
-                ),
+                "name": words("{share} confidence × {scale}", share=f"{CONFIDENCE:.0%}", scale=f"{enlarged:g}"),
                 "x": around[0],
                 "y": around[1],
                 "line": {"color": ORANGE, "width": 1.2},
@@ -165,9 +163,7 @@ def mean_residuals(data: PageData, camera: dict[str, Any]) -> Figure | None:
     number = cell[0] * (len(edges[1]) - 1) + cell[1]
     count = np.bincount(number, minlength=(len(edges[0]) - 1) * (len(edges[1]) - 1))
     mean = np.column_stack([np.bincount(number, v[:, k], len(count)) / np.maximum(count, 1) for k in (0, 1)])
-    middle = np.stack(np.meshgrid(*(0.5 * (e[1:] + e[:-1]) for e in edges), indexing="ij"), axis=-1).reshape(
-        -1, 2
-    )
+    middle = np.stack(np.meshgrid(*(0.5 * (e[1:] + e[:-1]) for e in edges), indexing="ij"), axis=-1).reshape(-1, 2)
     kept = count >= _FEWEST
     if not kept.any():
         return None
@@ -211,9 +207,7 @@ def _ellipses(centre: FloatArray, covariance: FloatArray, scale: float) -> tuple
     values, vectors = np.linalg.eigh(covariance)
     root = vectors * np.sqrt(np.maximum(values, 0.0))[:, None, :]
     t = np.linspace(0.0, 2.0 * np.pi, 21)
-    around = centre[:, None, :] + scale * np.einsum(
-        "nij,tj->nti", root, np.column_stack([np.cos(t), np.sin(t)])
-    )
+    around = centre[:, None, :] + scale * np.einsum("nij,tj->nti", root, np.column_stack([np.cos(t), np.sin(t)]))
     closed = np.concatenate([around, np.full((len(centre), 1, 2), np.nan)], axis=1).reshape(-1, 2)
     return numbers(closed[:, 0]), numbers(closed[:, 1])
 
@@ -222,11 +216,7 @@ def _scale_bar(size: float, scale: float, unit: str, area: Window) -> dict[str, 
     """A bar of a round length in the corner, at the scale of the vectors."""
     length = round_length(size)
     left, width = area.x[0], area.x[1] - area.x[0]
-    level = (
-        area.y[1] + 0.07 * (area.y[1] - area.y[0])
-        if area.down
-        else area.y[0] - 0.07 * (area.y[1] - area.y[0])
-    )
+    level = area.y[1] + 0.07 * (area.y[1] - area.y[0]) if area.down else area.y[0] - 0.07 * (area.y[1] - area.y[0])
     said, factor = small_unit(unit, length)
     line = {"type": "line", "x0": left, "x1": left + scale * length, "y0": level, "y1": level}
     note = {
@@ -249,9 +239,7 @@ def _image_chart(traces: list[dict[str, Any]], unit: str, area: Window, extra: d
     yaxis: dict[str, Any] = {"scaleanchor": "x", "scaleratio": 1}
     if area.down:
         yaxis["autorange"] = "reversed"
-    return figure(
-        traces, f"x [{unit}]", f"y [{unit}]", yaxis=yaxis, shapes=shapes, annotations=extra["annotations"]
-    )
+    return figure(traces, f"x [{unit}]", f"y [{unit}]", yaxis=yaxis, shapes=shapes, annotations=extra["annotations"])
 
 
 def correlations(camera: dict[str, Any]) -> Figure:
@@ -270,9 +258,7 @@ def correlations(camera: dict[str, Any]) -> Figure:
         "colorbar": {"title": {"text": "ρ [1]"}},
         "hovertemplate": "%{y} – %{x}: %{z:.4f}<extra></extra>",
     }
-    return figure(
-        [heat], "", "", yaxis={"autorange": "reversed", "type": "category"}, xaxis={"type": "category"}
-    )
+    return figure([heat], "", "", yaxis={"autorange": "reversed", "type": "category"}, xaxis={"type": "category"})
 
 
 # ---- The overlap map: how many images measured points in each cell, in the view in which the points are widest.
@@ -309,9 +295,7 @@ def overlap(view: View, rays: RayPairs) -> Overlap | None:
     seen = (rays.frame < view.images.height) & placed[rays.point]
     frame, point = rays.frame[seen], rays.point[seen]
     measured = np.flatnonzero(np.bincount(point))
-    low, size = (
-        (plane[measured].min(axis=0), np.ptp(plane[measured], axis=0)) if len(point) else np.zeros((2, 2))
-    )
+    low, size = (plane[measured].min(axis=0), np.ptp(plane[measured], axis=0)) if len(point) else np.zeros((2, 2))
     if not (size > 0.0).all():
         return None
     step = max(float(np.sqrt(_IN_A_CELL * size.prod() / len(measured))), float(size.max()) / _MOST_CELLS)
@@ -398,9 +382,7 @@ def _limit(x: float) -> dict[str, object]:
     }
 
 
-def histogram(
-    values: FloatArray, x: str, y: str, colour: str = BLUE, whole: bool = False, top: float = 0.0
-) -> Figure:
+def histogram(values: FloatArray, x: str, y: str, colour: str = BLUE, whole: bool = False, top: float = 0.0) -> Figure:
     """Counts of values from 0 to the largest, at least to ``top``; whole numbers each for itself."""
     there = values[np.isfinite(values)]
     if whole:
@@ -474,9 +456,7 @@ def test_figures(data: PageData) -> dict[str, Figure]:
         figures["r_frames"] = by_frame
     if len(data.rays.frame):
         rays = np.bincount(data.rays.point, minlength=data.points.height).astype(float)
-        figures["rays"] = histogram(
-            rays, words("rays and sights of a point"), words("points"), BLUE, whole=True
-        )
+        figures["rays"] = histogram(rays, words("rays and sights of a point"), words("points"), BLUE, whole=True)
         angle = data.points["angle"].drop_nulls().drop_nans().to_numpy()
         if len(angle):
             unit = words("best intersection [{unit}]", unit=data.angle_unit)

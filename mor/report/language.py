@@ -133,9 +133,7 @@ class Sentences:
             return self.catalogue[text]
         for sentence, values in self._candidates(text) if depth else ():
             said = self._filled(sentence, values, depth - 1)
-            if sentence.letters > _CONJUNCTION or (
-                said != text and self._all_known(sentence, values, depth - 1)
-            ):
+            if sentence.letters > _CONJUNCTION or (said != text and self._all_known(sentence, values, depth - 1)):
                 return said
         return text
 
@@ -183,10 +181,7 @@ class Words:
 
     def __call__(self, english: str, /, **values: object) -> str:
         """A sentence with its values; texts that are numbers get the decimal sign of the language."""
-        said = {
-            key: Placeholder(value if key in _NAMES else self.number(str(value)))
-            for key, value in values.items()
-        }
+        said = {key: Placeholder(value if key in _NAMES else self.number(str(value))) for key, value in values.items()}
         return self.catalogue.get(english, english).format(**said)
 
     def number(self, text: str) -> str:
@@ -270,9 +265,7 @@ def _catalogue(language: str, names: tuple[str, ...]) -> dict[str, str]:
 
     catalogue: dict[str, str] = {}
     for name in names:
-        text = (
-            files("mor.report").joinpath("words", name.format(language=language)).read_text(encoding="utf-8")
-        )
+        text = files("mor.report").joinpath("words", name.format(language=language)).read_text(encoding="utf-8")
         catalogue |= yaml.load(text, Loader=_LOADER)
     return catalogue
 

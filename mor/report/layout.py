@@ -25,9 +25,7 @@ _NARROWEST = 12
 """Signs down to which a column of texts is narrowed before the table is cut into blocks."""
 
 
-def drawn(
-    headers: Sequence[str], rows: Sequence[Sequence[str]], left: Collection[int], margin: int = 0
-) -> str:
+def drawn(headers: Sequence[str], rows: Sequence[Sequence[str]], left: Collection[int], margin: int = 0) -> str:
     """Columns with a line under their headers; those of ``left`` hold texts, the others numbers.
 
     Columns are as wide as their widest cell and two wider than their header. Where that is too wide for a page, headers

@@ -144,9 +144,7 @@ def _labels(found: PointMovements, xy: FloatArray, tips: FloatArray, height: flo
     for number, offset in placed(xy[order], size, edge, others):
         k = order[number]
         (x, y), weight = xy[k] + offset, ' class="strong"' if found.moved[k] else ""
-        said.append(
-            f'<text{weight} x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{escape(found.names[k])}</text>'
-        )
+        said.append(f'<text{weight} x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{escape(found.names[k])}</text>')
     return said
 
 

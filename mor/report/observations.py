@@ -240,9 +240,7 @@ def table_of(rows: AssessedRows, wanted: Sequence[str] = tuple(SCHEMA)) -> pl.Da
     row, component = np.nonzero(mask)
     whole = bool(mask.all())
     number_of = {key: make() for key, make in _numbers(rows).items() if key in wanted}
-    texts = {
-        key: names.column().expression(row) for key, names in named_places(group).items() if key in wanted
-    }
+    texts = {key: names.column().expression(row) for key, names in named_places(group).items() if key in wanted}
     texts["component"] = _among([of.name for of in group.type.components]).expression(component)
     texts["unit"] = _among(out.external.units).expression(component)
     texts["flag"] = Coded(pl.Series(FLAGS), flags(rows)[mask]).expression(np.arange(len(row)))
@@ -462,11 +460,7 @@ def gross_errors(solved: Solved) -> dict[str, Any]:
     quality, treatment = solved.quality, solved.treatment
     if quality is None or treatment is None:
         return {}
-    limit = (
-        chi2_level(quality.redundancy, quality.noncentrality, quality.levels.power)
-        if quality.redundancy
-        else None
-    )
+    limit = chi2_level(quality.redundancy, quality.noncentrality, quality.levels.power) if quality.redundancy else None
     return {
         "beta0": quality.levels.power,
         "noncentrality": quality.noncentrality,
@@ -527,8 +521,7 @@ def place(group: ObservationGroup, row: int, component: int) -> dict[str, Any]:
     """Return the names of an observation as in a row of residuals, by the references of its type."""
     outside = _outside(group, component)
     names = {
-        reference.name: names[row]
-        for reference, names in zip(group.type.references, group.references, strict=True)
+        reference.name: names[row] for reference, names in zip(group.type.references, group.references, strict=True)
     }
     ends = {key: column[row] for key, column in named_places(group).items()}
     return {
@@ -630,8 +623,7 @@ def suspects(solved: Solved) -> dict[str, Any] | None:
         "sigma0_ratio": last,
         "count": len(entries),
         "observations": [
-            {**place(groups[number], row, component), "misfit": size}
-            for size, number, row, component in entries[:MOST]
+            {**place(groups[number], row, component), "misfit": size} for size, number, row, component in entries[:MOST]
         ],
     }
 

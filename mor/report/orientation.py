@@ -75,9 +75,7 @@ def _checked_names(ids: list[str | None], path: Path) -> list[Message]:
         if name is None or not name.strip():
             problems.append(Message("id is empty", str(path), line))
         elif name in first:
-            problems.append(
-                Message(f"id {name!r} is given twice (first in line {first[name]})", str(path), line)
-            )
+            problems.append(Message(f"id {name!r} is given twice (first in line {first[name]})", str(path), line))
         else:
             first[name] = line
     return problems
@@ -141,9 +139,7 @@ def number_or_none(value: Any) -> float | None:
 
 def numbers(array: FloatArray) -> Any:
     """Nested lists of an array."""
-    return (
-        [numbers(row) for row in array] if np.ndim(array) > 1 else [number_or_none(value) for value in array]
-    )
+    return [numbers(row) for row in array] if np.ndim(array) > 1 else [number_or_none(value) for value in array]
 
 
 def with_sigma(names: tuple[str, ...], values: FloatArray, sigmas: FloatArray) -> dict[str, float | None]:
@@ -184,9 +180,7 @@ class ObjectSystem(NamedTuple):
     unit: str
 
 
-def planar(
-    measured: HomologousPoints, constants: FloatArray, sigma: float, off: tuple[str, ...] = ()
-) -> PlaneShape:
+def planar(measured: HomologousPoints, constants: FloatArray, sigma: float, off: tuple[str, ...] = ()) -> PlaneShape:
     """Shape of the plane object from all images; ``off`` names points beside the plane, else they are looked for.
 
     Raises :class:`InputError` for names that are not there.
@@ -228,9 +222,7 @@ def _tie(measured: HomologousPoints, shape: PlaneShape, wanted: ObjectSystem) ->
     first, second = (measured.ids.index(name) for name in wanted.length[:2])
     apart = np.linalg.norm(shape.points[second] - shape.points[first])
     if not known[first] or not known[second] or not apart > 0.0:
-        raise InputError(
-            [Message("the points of the length have no coordinates in the plane, or coincide in it")]
-        )
+        raise InputError([Message("the points of the length have no coordinates in the plane, or coincide in it")])
     return Length(first, second, wanted.length[2], wanted.length_sigma)
 
 
@@ -450,9 +442,7 @@ def _rinner(auxiliary: Auxiliary) -> dict[str, Any]:
         ],
         "conditions": [
             {"condition": name, "linear": number_or_none(before), "adjusted": number_or_none(after)}
-            for name, before, after in zip(
-                CONDITIONS, auxiliary.misclosures, auxiliary.remaining, strict=True
-            )
+            for name, before, after in zip(CONDITIONS, auxiliary.misclosures, auxiliary.remaining, strict=True)
         ],
     }
 
@@ -652,9 +642,7 @@ def _text_of_model(data: dict[str, Any], words: Words) -> str:
     model = data["model"]
     if model is None:
         known = all(pair["usable"] for pair in data["pairs"])
-        no_scale = words(
-            "No model of all images: two neighbouring pairs have no points in common that give the scale."
-        )
+        no_scale = words("No model of all images: two neighbouring pairs have no points in common that give the scale.")
         apart = words("No model of all images: not every pair of neighbouring images is oriented.")
         return no_scale if known else apart if len(data["pairs"]) > 1 else ""
     unit = data["angles"]["unit"]
@@ -742,9 +730,7 @@ def planar_text(data: dict[str, Any], words: Words = ENGLISH) -> str:
         lines.append(words("No length is given: the first two points are one unit of length apart."))
     if data["outcome"] == "base_along_normal":
         lines.append(
-            words(
-                "No standard deviations: to first order they are meaningless at the critical configuration."
-            )
+            words("No standard deviations: to first order they are meaningless at the critical configuration.")
         )
     count = len(data["solutions"])
     for number, solution in enumerate(data["solutions"], start=1):
@@ -783,9 +769,7 @@ def _text_of_solution(solution: dict[str, Any], words: Words) -> list[str]:
     shown = [k for k, r in enumerate(solution["results"]) if r["kind"] != OVER_CONSTANT]
     matrix = [[solution["correlation"][i][j] for j in shown] for i in shown]
     if len(shown) <= MOST and any(value is not None for row in matrix for value in row):
-        names = [
-            f"{words.listed(solution['results'][k]['kind'])} {solution['results'][k]['of']}" for k in shown
-        ]
+        names = [f"{words.listed(solution['results'][k]['kind'])} {solution['results'][k]['of']}" for k in shown]
         lines += ["", correlation_table(names, matrix, words)]
     return lines
 

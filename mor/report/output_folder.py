@@ -232,9 +232,7 @@ def _locked(place: Reservation, said: Path) -> int:
             process = os.read(lock, 20).decode() or "?"
             os.close(lock)
             words = f"another run of mor (process {process}) is writing results into this folder"
-            raise InputError(
-                [Message(f"{words}; wait for its end, or choose another folder", str(said))]
-            ) from None
+            raise InputError([Message(f"{words}; wait for its end, or choose another folder", str(said))]) from None
         os.close(lock)
 
 
@@ -335,10 +333,7 @@ def is_repeated(folder: Path, project: Path, options: Sequence[str]) -> bool:
         return (
             bool(files)
             and same
-            and (
-                project.is_dir()
-                or os.path.realpath(project.parent / files[0]["file"]) == os.path.realpath(project)
-            )
+            and (project.is_dir() or os.path.realpath(project.parent / files[0]["file"]) == os.path.realpath(project))
             and all(_unchanged(f, project) for f in files)
         )
     except (OSError, KeyError, TypeError, ValueError):

@@ -141,9 +141,7 @@ def _run(program: str, sheet: Path, made: Path, profile: Path) -> str:
     if sys.platform != "win32" and os.geteuid() == 0:
         options.append("--no-sandbox")  # the sandbox of chromium refuses to work for root
     try:
-        done = subprocess.run(
-            [program, *options, sheet.as_uri()], capture_output=True, timeout=_LONGEST, check=False
-        )
+        done = subprocess.run([program, *options, sheet.as_uri()], capture_output=True, timeout=_LONGEST, check=False)
     except subprocess.TimeoutExpired:
         return f"it took more than {_LONGEST:g} s"
     return done.stderr.decode(errors="replace")
@@ -299,9 +297,7 @@ def agreement(data: PageData) -> Statement:
         if test["accepted"]
         else say("The global test rejects the adjustment.")
     )
-    words = " ".join(
-        [*left_out, tested, *contradicted, flagged, *shared, *_emptied(data), *_mostly_out(data)]
-    )
+    words = " ".join([*left_out, tested, *contradicted, flagged, *shared, *_emptied(data), *_mostly_out(data)])
     if left_out or contradicted or not test["accepted"]:
         smaller = test["statistic"] < test["lower"] and not (left_out or contradicted)
         return Statement(DOUBT if smaller else BAD, say("not accepted"), words)
@@ -341,9 +337,7 @@ def determination(data: PageData) -> Statement:
         ),
     )
     state = DOUBT if loose else GOOD
-    return Statement(
-        state, say("determined, partly uncontrolled") if loose else say("determined"), " ".join(words)
-    )
+    return Statement(state, say("determined, partly uncontrolled") if loose else say("determined"), " ".join(words))
 
 
 def headline(data: PageData) -> Statement:
@@ -597,14 +591,10 @@ def _points(data: PageData) -> Statement | None:
     if points.height == 0:
         return None
     sigma = [rms(points[f"s{name}"].cast(pl.Float64).fill_null(np.nan).to_numpy()) for name in "xyz"]
-    worst = points.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).row(
-        0, named=True
-    )
+    worst = points.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).row(0, named=True)
     unit, factor = small_unit(data.view.length, worst["ellipsoid_a"] or max(filter(None, sigma), default=1.0))
     numbers = ", ".join(
-        f"σ{name.upper()} {factor * value:.3g} {unit}"
-        for name, value in zip("xyz", sigma, strict=True)
-        if value
+        f"σ{name.upper()} {factor * value:.3g} {unit}" for name, value in zip("xyz", sigma, strict=True) if value
     )
     words = say("Root mean square {numbers}; the weakest point is {id}", numbers=numbers, id=worst["id"])
     if worst["ellipsoid_a"]:
@@ -634,9 +624,7 @@ def _camera(camera: dict[str, Any], say: Words) -> Statement:
     first, component = next(iter(camera["components"].items()))
     value = f"{first} = {component['value']:.6g}"
     value += (
-        f" ± {component['sigma']:.2g} {camera['unit']}"
-        if component["sigma"]
-        else f" {camera['unit']} ({say('fixed')})"
+        f" ± {component['sigma']:.2g} {camera['unit']}" if component["sigma"] else f" {camera['unit']} ({say('fixed')})"
     )
     names, matrix = camera["correlations"]["components"], camera["correlations"]["matrix"]
     weak = [
@@ -736,9 +724,7 @@ def page(view: View, words: Words = ENGLISH) -> str:
         payload=Markup(payload(data, figures, covered)),
         library=Markup(chart_library()),
         style=Markup(asset("page.css") + (asset("epochs.css") if data.view.movements.height else "")),
-        running=running_heads(
-            data.view.summary["title"] or data.words("Adjustment"), data.view.identity, data.words
-        ),
+        running=running_heads(data.view.summary["title"] or data.words("Adjustment"), data.view.identity, data.words),
         scripts=[Markup(asset(name)) for name in SCRIPTS],
     )
 

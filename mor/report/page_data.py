@@ -57,9 +57,7 @@ def points_with_tests(view: View, rays: RayPairs, angle_unit: str) -> pl.DataFra
     used = view.used.filter(_TOUCHING).select("at", "from", "to", "r", "w")
     named = pl.concat(
         [
-            used.filter(pl.col(key) != "").select(
-                pl.col(key).str.strip_prefix("point ").alias("id"), "r", "w"
-            )
+            used.filter(pl.col(key) != "").select(pl.col(key).str.strip_prefix("point ").alias("id"), "r", "w")
             for key in ("at", "from", "to")
         ]
     )
@@ -133,9 +131,7 @@ def images_with_tests(view: View, measured: pl.DataFrame, areas: dict[str, Windo
     coverage = _coverages(view, measured, areas)
     return view.images.join(
         by_image.drop(_there(view.images)).rename({"image": "id"}), on="id", how="left", maintain_order="left"
-    ).with_columns(
-        pl.Series("coverage", [coverage.get(name) for name in view.images["id"]], dtype=pl.Float64)
-    )
+    ).with_columns(pl.Series("coverage", [coverage.get(name) for name in view.images["id"]], dtype=pl.Float64))
 
 
 def _coverages(view: View, measured: pl.DataFrame, areas: dict[str, Window]) -> dict[str, float]:
@@ -155,9 +151,7 @@ def control_table(view: View) -> pl.DataFrame:
     """Coordinates that were given: v, σ of the given value, r and w, and the smallest detectable error, by point."""
     of_point = pl.col("from").str.starts_with("point ") & pl.col("component").is_in(["x", "y", "z"])
     rows = view.used.filter(((pl.col("type") == "parameter") & of_point) | (pl.col("type") == "coordinates"))
-    name = (
-        pl.when(pl.col("from") == "").then(pl.col("to")).otherwise(pl.col("from")).str.strip_prefix("point ")
-    )
+    name = pl.when(pl.col("from") == "").then(pl.col("to")).otherwise(pl.col("from")).str.strip_prefix("point ")
     columns = ["component", "unit", "observed", "adjusted", "v", "sigma", "r", "w", "nabla", "flag"]
     return rows.select(name.alias("point"), *columns)
 
@@ -243,10 +237,7 @@ def page_data(view: View, words: Words = ENGLISH) -> PageData:
     used = view.used.filter(pl.col("type") != "image")
     is_set = pl.col("type").str.ends_with("directions")
     named = used.with_columns(
-        pl.when(is_set)
-        .then(pl.lit(f"{words('station')} ") + pl.col("from"))
-        .otherwise(pl.col("group"))
-        .alias("set")
+        pl.when(is_set).then(pl.lit(f"{words('station')} ") + pl.col("from")).otherwise(pl.col("group")).alias("set")
     )
     return PageData(
         view=view,
@@ -603,8 +594,7 @@ def meta(data: PageData) -> dict[str, Any]:
             for name, area in data.windows.items()
         },
         "image_unit": {
-            name: str(unit)
-            for name, unit in data.measured.group_by("image").agg(pl.col("unit").first()).rows()
+            name: str(unit) for name, unit in data.measured.group_by("image").agg(pl.col("unit").first()).rows()
         }
         if data.measured["unit"].n_unique() > 1
         else (str(data.measured["unit"][0]) if data.measured.height else ""),
@@ -613,9 +603,7 @@ def meta(data: PageData) -> dict[str, Any]:
 
 def network_frame(view: View) -> tuple[FloatArray, FloatArray] | None:
     """Frame of the points, images and stations, see :func:`mor.report.layout.frame_of`."""
-    frames = [
-        frame.select("x", "y", "z").to_numpy() for frame in (view.images, view.stations) if frame.height
-    ]
+    frames = [frame.select("x", "y", "z").to_numpy() for frame in (view.images, view.stations) if frame.height]
     return frame_of(np.concatenate([places(view), *frames]).astype(float))
 
 

@@ -53,9 +53,7 @@ class Writer:
         try:
             from reportlab.lib import pagesizes
         except ImportError:
-            wanted = (
-                "a PDF needs the Python packages reportlab and matplotlib: pip install 'mor-adjustment[plot]'"
-            )
+            wanted = "a PDF needs the Python packages reportlab and matplotlib: pip install 'mor-adjustment[plot]'"
             raise InputError([Message(wanted)]) from None
         self.words, self._head, self._right = words, shortened(escaped(head), 70), right
         self.size: tuple[float, float] = pagesizes.A4 if paper == "A4" else pagesizes.LETTER
@@ -117,8 +115,7 @@ class Writer:
         size, gap = _SIZE, 7.0
         while True:
             whole, least = (
-                [max(column) for column in zip(*rows, strict=True)]
-                for rows in _extents(lines, size, stringWidth)
+                [max(column) for column in zip(*rows, strict=True)] for rows in _extents(lines, size, stringWidth)
             )
             room = self.width - gap * len(columns)
             if sum(least) <= room or size <= _SMALLEST:
@@ -314,9 +311,7 @@ def _shared(whole: Sequence[float], least: Sequence[float], room: float) -> list
 # ---- The sections of the report.
 
 
-def report_on_paper(
-    view: View, folder: Path, appendices: Sequence[str], paper: str, words: Words = ENGLISH
-) -> Writer:
+def report_on_paper(view: View, folder: Path, appendices: Sequence[str], paper: str, words: Words = ENGLISH) -> Writer:
     """Return the report of results that stand in ``folder``. Raises :class:`InputError` for an unknown appendix."""
     known = there(view)
     for name in appendices:
@@ -369,9 +364,7 @@ def _identity(to: Writer, data: PageData, folder: Path) -> None:
             (say("options"), " ".join(view.identity["options"]) or say("none")),
             (
                 say("units"),
-                say("lengths in {length}, angles in {angle}", **units)
-                + "; "
-                + say("residual v = adjusted − observed"),
+                say("lengths in {length}, angles in {angle}", **units) + "; " + say("residual v = adjusted − observed"),
             ),
         ]
     )
@@ -447,9 +440,7 @@ def _adjusted(to: Writer, data: PageData, folder: Path) -> None:
         for row in sigmas.head(MOST_ROWS).to_dicts()
     ]
     to.heading(say("Standard deviations a priori"), 3)
-    to.table(
-        Grid((say("group"), say("type"), say("component"), say("given as"), say("unit"), "n", "σ"), rows, 5)
-    )
+    to.table(Grid((say("group"), say("type"), say("component"), say("given as"), say("unit"), "n", "σ"), rows, 5))
     _more(to, sigmas.height)
     judged = {
         (row["name"], row["observations"]): row
@@ -478,9 +469,7 @@ def _adjusted(to: Writer, data: PageData, folder: Path) -> None:
                 str(row["flagged"]),
             )
         )
-    bold = frozenset(
-        k for k, row in enumerate(groups[:MOST_ROWS]) if (row["name"], row["observations"]) in rejected
-    )
+    bold = frozenset(k for k, row in enumerate(groups[:MOST_ROWS]) if (row["name"], row["observations"]) in rejected)
     components = view.summary.get("variance_components") or {}
     to.note(
         say("The standard deviations are variance components estimated from the residuals.")
@@ -541,12 +530,9 @@ def _datum(to: Writer, data: PageData, folder: Path) -> None:
         rows.setdefault((point, how, sigma), []).append(component)
     if "status" in view.points.columns:
         for row in view.points.filter(pl.col("status").is_in(["fixed", "partly fixed"])).to_dicts():
-            rows[(str(row["id"]), say("fixed"), "–")] = [
-                axis.upper() for axis in "xyz" if not row[f"s{axis}"]
-            ]
+            rows[(str(row["id"]), say("fixed"), "–")] = [axis.upper() for axis in "xyz" if not row[f"s{axis}"]]
     listed = [
-        (point, "".join(dict.fromkeys(components)), how, sigma)
-        for (point, how, sigma), components in rows.items()
+        (point, "".join(dict.fromkeys(components)), how, sigma) for (point, how, sigma), components in rows.items()
     ]
     if listed:
         to.text(say("These coordinates hold the datum:"))
@@ -560,9 +546,7 @@ def _declared_datum(folder: Path) -> str:
         return ""
     declared = (yaml.safe_load(path.read_text(encoding="utf-8")) or {}).get("datum")
     return (
-        yaml.safe_dump(declared, default_flow_style=True, allow_unicode=True, width=10_000)
-        .replace("...", "")
-        .strip()
+        yaml.safe_dump(declared, default_flow_style=True, allow_unicode=True, width=10_000).replace("...", "").strip()
         if declared
         else ""
     )
@@ -688,10 +672,7 @@ def _movements(to: Writer, data: PageData, folder: Path) -> None:
     unit, factor = small_unit(data.view.length, max(sizes, default=1.0))
     places = sigma_decimals(last.select("sx", "sy", "sz").drop_nulls().to_numpy().ravel() * factor)
     to.heading(say("Movements from the first to the last epoch"))
-    to.text(
-        say("{count:point has|points have} moved, of {all}", count=int(last["moved"].sum()), all=last.height)
-        + "."
-    )
+    to.text(say("{count:point has|points have} moved, of {all}", count=int(last["moved"].sum()), all=last.height) + ".")
     rows = last.head(MOST_ROWS).to_dicts()
     cells = [
         (
@@ -832,9 +813,7 @@ def _points(to: Writer, data: PageData, folder: Path) -> None:
                 all=points.height,
             )
         )
-        points = points.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).head(
-            MOST_POINTS
-        )
+        points = points.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).head(MOST_POINTS)
     sigma = points.select("sx", "sy", "sz").drop_nulls().to_numpy().ravel()
     places = sigma_decimals(sigma[sigma > 0.0]) if (sigma > 0.0).any() else 4
     unit, factor = small_unit(view.length, float(sigma.max(initial=0.0)) or 1.0)

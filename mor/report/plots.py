@@ -101,9 +101,7 @@ def scale_bar(axes: Axes, length: float, words: str) -> None:
     start = max(axes.get_xlim()) if axes.xaxis_inverted() else left
     step = -length if axes.xaxis_inverted() else length
     axes.plot([start, start + step], [1.03, 1.03], transform=place, color="black", lw=2.5, clip_on=False)
-    axes.annotate(
-        words, (start + step, 1.03), (5, 0), xycoords=place, textcoords="offset points", va="center"
-    )
+    axes.annotate(words, (start + step, 1.03), (5, 0), xycoords=place, textcoords="offset points", va="center")
 
 
 def check_picture(path: Path) -> None:
@@ -385,9 +383,7 @@ def draw_effects(view: View, axes: Axes, chosen: list[int], words: Words) -> Non
     vectors = scale * found.select("dx", "dy", "dz").to_numpy()[:, chosen]
     label = words("external reliability × {scale}", scale=f"{scale:g}")
     drawn: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "scale": 1.0, "width": 0.002}
-    axes.quiver(
-        start[:, 0], start[:, 1], vectors[:, 0], vectors[:, 1], color=BLUE, label=label, **drawn, zorder=4
-    )
+    axes.quiver(start[:, 0], start[:, 1], vectors[:, 0], vectors[:, 1], color=BLUE, label=label, **drawn, zorder=4)
 
 
 def _lines(start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -474,9 +470,7 @@ def ellipses(
         _finish(view, axes, chosen, words)
         length = round_length(0.1 * extent / scale)
         unit, finer = small_unit(view.length, length)
-        scale_bar(
-            axes, scale * length, words("{length} in the ellipses", length=f"{length * finer:g} {unit}")
-        )
+        scale_bar(axes, scale * length, words("{length} in the ellipses", length=f"{length * finer:g} {unit}"))
     else:
         _finish(view, axes, chosen, words)
     draw_names(view, axes, chosen)
@@ -549,9 +543,7 @@ def _finish(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     ).set_in_layout(False)  # it may be wider than the network, which keeps its size
 
 
-def _mark_outside(
-    view: View, axes: Axes, low: FloatArray, high: FloatArray, chosen: list[int], words: Words
-) -> None:
+def _mark_outside(view: View, axes: Axes, low: FloatArray, high: FloatArray, chosen: list[int], words: Words) -> None:
     """Limit the axes to the frame, with arrows at its edge to what stands outside."""
     frames = [view.points, *(frame for frame in (view.stations, view.images) if frame.height)]
     every = pl.concat([frame.select(pl.col("id").cast(pl.String), "x", "y", "z") for frame in frames])
@@ -590,9 +582,7 @@ def overlap_and_rays(view: View, words: Words = ENGLISH) -> Figure:
             name = f"≥ {low}" if high is None else str(low) if low == high else f"{low}–{high}"
             label = f"{name} ({int(mine.sum())})"
             right.plot(*xy[mine].T, mark, color=colour, ms=size, ls="none", label=label, rasterized=True)
-    right.legend(
-        title=words("rays"), loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7, title_fontsize=7
-    )
+    right.legend(title=words("rays"), loc="upper left", bbox_to_anchor=(1.0, 1.0), fontsize=7, title_fontsize=7)
     right.set_title(words("Points by their rays"), fontsize=9, loc="left")
     for axes in (left, right):
         axes.set_aspect("equal", adjustable="box")
@@ -676,9 +666,7 @@ def _residuals_chosen(view: View, measured: pl.DataFrame, image: str | None) -> 
     if len(known) <= _RESIDUALS_MOST:
         return known
     worst = measured.group_by("image", maintain_order=True).agg(pl.col("w").max())
-    kept = set(
-        worst.sort("w", descending=True, nulls_last=True, maintain_order=True).head(_RESIDUALS_MOST)["image"]
-    )
+    kept = set(worst.sort("w", descending=True, nulls_last=True, maintain_order=True).head(_RESIDUALS_MOST)["image"])
     return [name for name in known if name in kept]
 
 

@@ -127,14 +127,10 @@ def figures(view: View, protocol: str) -> list[Figures]:
     for part, one in zip(procedure.parts, rows, strict=True):
         factor = (LENGTH_UNITS | ANGLE_UNITS)[str(one["unit"][0])] / procedure.per_unit
         v = one["v"].to_numpy() * factor
-        found.append(
-            Figures(part, float(np.sqrt(v @ v / part.freedom)), one["sigma"][0] * factor, None, None)
-        )
+        found.append(Figures(part, float(np.sqrt(v @ v / part.freedom)), one["sigma"][0] * factor, None, None))
     if offsets:
         sigma0, scale = summary["sigma0"], LENGTH_UNITS[view.length] / procedure.per_unit
-        from_s = (
-            offsets[0]["sigma"] * sigma0["ratio_of_sigmas"] * sigma0["apriori"] / sigma0["used_for_sigma"]
-        )
+        from_s = offsets[0]["sigma"] * sigma0["ratio_of_sigmas"] * sigma0["apriori"] / sigma0["used_for_sigma"]
         found[0] = found[0]._replace(offset=offsets[0]["value"] * scale, sigma_offset=from_s * scale)
     return found
 
@@ -156,18 +152,14 @@ class StatisticalTest(NamedTuple):
         return (self.low is None or self.low <= self.found) and self.found <= self.high
 
 
-def statistical_tests(
-    one: list[Figures], other: list[Figures] | None, protocol: str
-) -> list[StatisticalTest]:
+def statistical_tests(one: list[Figures], other: list[Figures] | None, protocol: str) -> list[StatisticalTest]:
     """Return the tests of the standards at 95 %: χ² of s, F of two tests, Student's t of the zero offset."""
     unit, count = PROCEDURES[protocol].unit, len(one)
     tests = []
     for letter, found in zip("ab", one, strict=False):
         freedom = found.part.freedom
         high = found.sigma * float(np.sqrt(chdtri(freedom, LEVEL) / freedom))
-        tests.append(
-            StatisticalTest(letter, "standard deviation s", found.part.name, found.s, None, high, unit)
-        )
+        tests.append(StatisticalTest(letter, "standard deviation s", found.part.name, found.s, None, high, unit))
     for letter, found, compared in zip("abcd"[count:], one, other or [], strict=False):
         bound = float(fdtri(found.part.freedom, found.part.freedom, 1.0 - 0.5 * LEVEL))
         ratio, name = (found.s / compared.s) ** 2, "s² / s² of the other test"
@@ -187,9 +179,7 @@ def length_tests(view: View, permissible: tuple[float, float]) -> list[Statistic
     checks = view.residuals.filter((pl.col("flag") == "check") & (pl.col("type") == "distance"))
     lines = [(str(name), rows) for (name,), rows in checks.group_by("from", maintain_order=True)]
     problems = [
-        Message(
-            f"no full procedure of vdi2634-1: found {found} lengths from {name}, expected at least {LENGTHS}"
-        )
+        Message(f"no full procedure of vdi2634-1: found {found} lengths from {name}, expected at least {LENGTHS}")
         for name, rows in lines
         if (found := rows["to"].n_unique()) < LENGTHS
     ]

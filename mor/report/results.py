@@ -251,9 +251,7 @@ def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
 def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:
     """Number of rows of a piece of the long table, and their lines; names are guarded where some are unsafe."""
     lines = BytesIO()
-    shorter = table.with_columns(
-        pl.col(_STATISTICS).cast(pl.Float32), pl.col(_PROBABILITIES).round_sig_figs(DIGITS)
-    )
+    shorter = table.with_columns(pl.col(_STATISTICS).cast(pl.Float32), pl.col(_PROBABILITIES).round_sig_figs(DIGITS))
     if unsafe:
         return table.height, csv_lines(shorter, header=False)
     shorter.write_csv(lines, include_header=False)
@@ -434,10 +432,7 @@ def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:
         frames["residuals_worst"] = lambda solved: worst_residuals(solved, WORST)
     points = len(solved.network.things["point"].ids)
     kinds = {key: _kind(choice, points if key in ("points", "places") else 0) for key in frames}
-    tables = {
-        key: (f"{key}.{kinds[key]}", _table_made_late(solved, make, kinds[key]))
-        for key, make in frames.items()
-    }
+    tables = {key: (f"{key}.{kinds[key]}", _table_made_late(solved, make, kinds[key])) for key, make in frames.items()}
     if choice.tables == "all":
         kind = _kind(choice, entries(solved))
         write = residual_writer(solved, kind, choice.done)

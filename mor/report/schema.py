@@ -41,15 +41,11 @@ class Identity(OpenModel):
 
     program: str = Field(default="", description="Program and version")
     project_version: str = Field(default="1", description="Version of the project file, its key mor")
-    measured: str | None = Field(
-        default=None, description="date of the project: when the observations were made"
-    )
+    measured: str | None = Field(default=None, description="date of the project: when the observations were made")
     operator: str | None = Field(default=None, description="report: {operator} of the project")
     client: str | None = Field(default=None, description="report: {client} of the project")
     remarks: str | None = Field(default=None, description="report: {remarks} of the project")
-    date: str | None = Field(
-        default=None, description="Day of the newest input file (UTC), or of SOURCE_DATE_EPOCH"
-    )
+    date: str | None = Field(default=None, description="Day of the newest input file (UTC), or of SOURCE_DATE_EPOCH")
     options: list[str] = Field(default_factory=list, description="Options that numbers depend on")
     inputs: list[Input] = Field(default_factory=list, description="Files that were read, in that order")
 
@@ -65,9 +61,7 @@ class Axes(OpenModel):
     """Axes and senses of the project."""
 
     xy: str = Field(description="Directions of the x and y axes: en is x east, y north")
-    angles: Literal["clockwise", "counterclockwise"] = Field(
-        description="How horizontal angles and bearings count"
-    )
+    angles: Literal["clockwise", "counterclockwise"] = Field(description="How horizontal angles and bearings count")
     bearings_from: Literal["north", "east", "south", "west"] = Field(
         description="Where bearings and orientations count from"
     )
@@ -138,9 +132,7 @@ class Point(Position):
     ellipsoid_c: Number = Field(description="Shortest semi-axis")
     ellipse_a: Number = Field(description="Larger semi-axis of the standard error ellipse in plan")
     ellipse_b: Number = Field(description="Smaller semi-axis")
-    ellipse_azimuth: Number = Field(
-        description="Bearing of the larger one, unit of angles, within half a circle"
-    )
+    ellipse_azimuth: Number = Field(description="Bearing of the larger one, unit of angles, within half a circle")
     rxy: Share = Field(description="Correlation of x and y")
     rxz: Share = Field(description="Correlation of x and z")
     ryz: Share = Field(description="Correlation of y and z")
@@ -272,9 +264,7 @@ class Feature(OpenModel):
     sx: Number = Field(description="σ of x; that along a plane, line or cylinder is 0")
     sy: Number = Field(description="σ of y")
     sz: Number = Field(description="σ of z")
-    radius: Number = Field(
-        description="Radius of a circle, sphere or cylinder, or of the centre line of a torus"
-    )
+    radius: Number = Field(description="Radius of a circle, sphere or cylinder, or of the centre line of a torus")
     sradius: Number = Field(description="σ of the radius")
     minor_radius: Number = Field(description="Radius of the tube of a torus")
     sminor_radius: Number = Field(description="σ of this radius")
@@ -453,9 +443,7 @@ class Snooping(OpenModel):
     """Data snooping."""
 
     clean: bool = Field(description="True where nothing is flagged at the end")
-    mostly_out: list[MostlyOut] = Field(
-        default=[], description="Things of which more than half was taken out"
-    )
+    mostly_out: list[MostlyOut] = Field(default=[], description="Things of which more than half was taken out")
     sigma0_before: float = Field(description="σ0 of the adjustment with all observations")
     steps: list[SnoopingStep] = Field(description="What was taken out and put back, in order")
 
@@ -466,9 +454,7 @@ class Robust(OpenModel):
     method: Literal["l1", "danish"] = Field(description="Estimator")
     settled: bool = Field(description="True where the weights changed no more")
     rejected: list[Place] = Field(description="Observations left with next to no weight")
-    largest_shift: float = Field(
-        description="Largest difference of a coordinate from the least-squares solution"
-    )
+    largest_shift: float = Field(description="Largest difference of a coordinate from the least-squares solution")
     rms_shift: float = Field(description="Root mean square of these differences")
 
 
@@ -489,9 +475,7 @@ class GrossErrors(OpenModel):
 
     beta0: Number = Field(default=None, description="Power of the test of single observations")
     noncentrality: Number = Field(default=None, description="δ0² of the smallest detectable errors")
-    familywise_level: Number = Field(
-        default=None, description="Level of all tests together, where it was asked for"
-    )
+    familywise_level: Number = Field(default=None, description="Level of all tests together, where it was asked for")
     global_level_of_b_method: Number = Field(
         default=None, description="Level of the global test that the level of single tests fits to (B-method)"
     )
@@ -553,9 +537,7 @@ class Undeterminable(OpenModel):
     kind: str = Field(description="point, image, station, system, pair")
     id: str = Field(description="Its name")
     reason: str = Field(description="Why it is not determined")
-    treatment: Literal["", "left out", "at infinity"] = Field(
-        description="What was done about it; empty: nothing"
-    )
+    treatment: Literal["", "left out", "at infinity"] = Field(description="What was done about it; empty: nothing")
     observations: int = Field(description="Rows of observations that refer to it")
     dx: Number = Field(description="Unit vector to a point at infinity, project axes")
     dy: Number = Field(description="y of the same")
@@ -735,9 +717,7 @@ class Determined(OpenModel):
 
     as_a_whole: bool = Field(description="False where σ of more than half of the points are beyond the limit")
     everywhere: bool = Field(description="True where no point is beyond the limit and no direction is weak")
-    size: float = Field(
-        description="Twice the median distance of the points from their median; 0: no size to judge by"
-    )
+    size: float = Field(description="Twice the median distance of the points from their median; 0: no size to judge by")
     limit: float = Field(description="Largest σ as a part of this size")
     points: int = Field(description="Number of points and places of frames that were judged")
     largest_sigma: float = Field(description="The largest σ of these, length unit of the project")
@@ -771,9 +751,7 @@ class Verdict(OpenModel):
         description="True where groups are rejected but none of them beside all others: one factor for all σ is wrong"
     )
     groups: list[GroupTest] = Field(description="The tests; beyond 10 000 those that reject")
-    explanations: list[Explanation] = Field(
-        description="The worst groups; those first whose effect explains most"
-    )
+    explanations: list[Explanation] = Field(description="The worst groups; those first whose effect explains most")
     conventions: Conventions = Field(description="What was chosen and not measured")
     determined: Determined = Field(description="Whether the result is determined")
 
@@ -808,9 +786,7 @@ class Weakest(OpenModel):
     observations: int = Field(description="Number of its observations: a ray is two of them")
     smallest_r: float = Field(description="Smallest redundancy number among them")
     weakest: Place = Field(description="The observation that has it")
-    nabla: Number = Field(
-        description="Its smallest detectable error, in its unit; null where none would be found"
-    )
+    nabla: Number = Field(description="Its smallest detectable error, in its unit; null where none would be found")
     shift: Number = Field(
         description="An error that is not found moves its position by at most so much; null: by any amount"
     )
@@ -861,9 +837,7 @@ class Results(OpenModel):
     undeterminable: list[Undeterminable] = Field(
         default_factory=list, description="Things that nothing determines, and what was done about them"
     )
-    hardly_determined: list[str] = Field(
-        default_factory=list, description="What is determined, but hardly, in words"
-    )
+    hardly_determined: list[str] = Field(default_factory=list, description="What is determined, but hardly, in words")
     datum: str = Field(description="In words")
     redundancy: int | None = Field(description="n - u + d, without what is kept out")
     redundancy_sum: Number = Field(description="Sum of all redundancy numbers, equal to redundancy")
@@ -892,9 +866,7 @@ class Results(OpenModel):
     trajectories: list[Knot] | None = Field(
         default=[], description="Knots of trajectories; null beyond 10 000: read the table"
     )
-    boresights: list[Boresight] = Field(
-        default=[], description="Misalignments of inertial systems that were estimated"
-    )
+    boresights: list[Boresight] = Field(default=[], description="Misalignments of inertial systems that were estimated")
     cameras: list[Camera] = Field(description="Interior orientations")
     stations: list[Station] = Field(description="Theodolite stations and further sets of directions")
     systems: list[System] = Field(description="Local systems")

@@ -86,9 +86,7 @@ def simulated_project(
     data = {**document.data, **text_of}
     if data.get("candidates"):
         data["candidates"] = [
-            entry
-            if document.frame(str(entry.get("file"))) is not None
-            else _where_it_stands(entry, source, target)
+            entry if document.frame(str(entry.get("file"))) is not None else _where_it_stands(entry, source, target)
             for entry in data["candidates"]
         ]
     for section in ("cameras", "instruments"):
@@ -177,9 +175,7 @@ def _rows_of(group: ObservationGroup, found: Source, alone: bool) -> IntArray:
     left: dict[tuple[object, ...], list[int]] = {}
     for row, key in reversed(list(enumerate(zip(found.lines.tolist(), *named, strict=True)))):
         left.setdefault(key, []).append(row)
-    own = zip(
-        group.lines.tolist(), *(_as_given(names.texts().to_list()) for names in group.references), strict=True
-    )
+    own = zip(group.lines.tolist(), *(_as_given(names.texts().to_list()) for names in group.references), strict=True)
     return np.array([left[key].pop() for key in own], dtype=np.int64)
 
 
@@ -311,9 +307,7 @@ def truth_table(network: Network, place: Values) -> pl.DataFrame:
         if kind == "point":
             said_of = values @ edge.matrix
         elif blocks.kind.is_rotation:
-            said_of = (
-                angles_from_rotation(values @ edge.matrix if edge.turned else values) / ANGLE_UNITS[angle]
-            )
+            said_of = angles_from_rotation(values @ edge.matrix if edge.turned else values) / ANGLE_UNITS[angle]
         for k, name in enumerate(blocks.ids):
             for component, value in zip(blocks.kind.components, said_of[k], strict=True):
                 unit = edge.default_unit(component.quantity)
@@ -426,9 +420,7 @@ def verdict(found: list[Finding], words: Words) -> str:
     apart = [one for one in found if not one.agrees]
     if not apart:
         return words("Simulation and theory agree in all {count} figures.", count=len(found))
-    return words(
-        "SIMULATION AND THEORY DISAGREE in {count} of {all} figures.", count=len(apart), all=len(found)
-    )
+    return words("SIMULATION AND THEORY DISAGREE in {count} of {all} figures.", count=len(apart), all=len(found))
 
 
 def monte_carlo_text(

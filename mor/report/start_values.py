@@ -83,9 +83,7 @@ def _order(kind: str) -> tuple[int, int]:
 def _local(network: Network, problem: Problem, start: Values) -> dict[str, Local]:
     """Precision of all blocks by themselves, attitudes together with the place that is theirs alone."""
     columns = problem.index.columns
-    local = {
-        kind: local_precision(problem, start, columns[kind]) for kind in network.blocks if kind != "rotation"
-    }
+    local = {kind: local_precision(problem, start, columns[kind]) for kind in network.blocks if kind != "rotation"}
     if "rotation" not in columns:
         return local
     place = _own_place(network)
@@ -129,9 +127,7 @@ def _homes(approximation: Approximation) -> dict[tuple[str, int], int]:
     return homes
 
 
-def _row(
-    network: Network, approximation: Approximation, kind: str, number: int, local: Local, home: int
-) -> StartValue:
+def _row(network: Network, approximation: Approximation, kind: str, number: int, local: Local, home: int) -> StartValue:
     before, after = network.start[kind][number], approximation.start[kind][number]
     given, known = np.isfinite(before), np.isfinite(after)
     changed = known & (~given | (before != after))
@@ -221,9 +217,7 @@ def counts(rows: Sequence[StartValue]) -> Iterator[tuple[str, str, dict[str, int
     """Count given, computed, replaced and missing start values by kind."""
     found: dict[tuple[str, str], dict[str, int]] = {}
     for row in rows:
-        of = found.setdefault(
-            (row.kind, row.what), dict.fromkeys(("given", "found", "replaced", "missing"), 0)
-        )
+        of = found.setdefault((row.kind, row.what), dict.fromkeys(("given", "found", "replaced", "missing"), 0))
         of[row.status] += 1
     for (kind, what), number in found.items():
         yield kind, what, number
@@ -354,9 +348,7 @@ def _frames(join: Join, approximation: Approximation) -> tuple[int, int]:
 
 def _knows(join: Join, words: Words) -> str:
     names = ("vertical", "direction", "scale")
-    known = [
-        words.listed(n) for n, k in zip(names, (join.levelled, join.oriented, join.scaled), strict=True) if k
-    ]
+    known = [words.listed(n) for n, k in zip(names, (join.levelled, join.oriented, join.scaled), strict=True) if k]
     return ", ".join(known) or "-"
 
 
@@ -517,9 +509,7 @@ def _labels(network: Network, axes: Axes, xyz: FloatArray, chosen: list[int]) ->
     named = [
         (name, xyz[block][chosen])
         for space in ("point", "image", "station")
-        for name, block in zip(
-            network.things[space].ids, network.things[space].parts["position"], strict=True
-        )
+        for name, block in zip(network.things[space].ids, network.things[space].parts["position"], strict=True)
     ]
     for name, place in named if len(named) <= _MOST_LABELS else ():
         if np.isfinite(place).all():

@@ -131,9 +131,7 @@ def moving_rows(solved: Solved) -> list[dict[str, Any]]:
     if found is None:
         return []
     rows = []
-    for (kind, block, component), steps, back in zip(
-        found.unknowns, found.steps, found.to_and_fro, strict=True
-    ):
+    for (kind, block, component), steps, back in zip(found.unknowns, found.steps, found.to_and_fro, strict=True):
         quantity = KINDS[kind].components[KINDS[kind].names.index(component)].quantity
         angle = angle_unit(solved)
         factor = ANGLE_UNITS[angle] if quantity.angle == 1 else 1.0
@@ -150,9 +148,7 @@ def moving_rows(solved: Solved) -> list[dict[str, Any]]:
                     next((scale.unit for scale in solved.network.scales.values()), "mm"),
                 ),
                 "steps": [_number(step / factor) for step in steps],
-                "way": (
-                    "wanted" if len(steps) == 1 else "to and fro" if float(back) > OSCILLATES else "away"
-                ),
+                "way": ("wanted" if len(steps) == 1 else "to and fro" if float(back) > OSCILLATES else "away"),
             }
         )
     return rows
@@ -175,11 +171,7 @@ def worst_misfits(solved: Solved, count: int) -> pl.DataFrame:
     if not parts:
         return pl.DataFrame(schema={**OBSERVATIONS_SCHEMA, "misfit": pl.Float64})
     table = pl.concat(parts).with_columns((pl.col("v") / pl.col("sigma")).abs().alias("misfit"))
-    return (
-        table.filter(pl.col("flag") != "excluded")
-        .sort("misfit", descending=True, nulls_last=True)
-        .head(count)
-    )
+    return table.filter(pl.col("flag") != "excluded").sort("misfit", descending=True, nulls_last=True).head(count)
 
 
 # ---- Content of a project before it is adjusted.

@@ -161,9 +161,7 @@ def _advice(solved: Solved, words: Words) -> list[str]:
     count = len(solved.adjustment.iterations)
     if solved.adjustment.reason == STANDS_STILL:
         return [
-            words(
-                "More iterations would not help: look at the observations that fit worst, and at the start values."
-            )
+            words("More iterations would not help: look at the observations that fit worst, and at the start values.")
         ]
     if solved.adjustment.outcome is Outcome.NOT_CONVERGED and not solved.adjustment.reason:
         return [
@@ -174,11 +172,7 @@ def _advice(solved: Solved, words: Words) -> list[str]:
             )
         ]
     if solved.adjustment.outcome is Outcome.DIVERGED:
-        return [
-            words(
-                "Check the start values and look for gross errors: points mixed up, wrong units, wrong signs."
-            )
-        ]
+        return [words("Check the start values and look for gross errors: points mixed up, wrong units, wrong signs.")]
     things = solved.network.undeterminable
     if any(not thing.treatment for thing in things):
         return [
@@ -293,9 +287,7 @@ def _points(solved: Solved, words: Words) -> list[str]:
     frame = point_table(solved)
     if frame.height == 0:
         return []
-    free = frame.select("id", "sx", "sy", "sz", "ellipsoid_a").filter(
-        frame["status"].is_in(["free", "partly fixed"])
-    )
+    free = frame.select("id", "sx", "sy", "sz", "ellipsoid_a").filter(frame["status"].is_in(["free", "partly fixed"]))
     if free.height == 0:
         return []
     unit = solved.network.project.units.length
@@ -324,9 +316,7 @@ def _cameras(solved: Solved, words: Words) -> list[str]:
         value = words.number(short(constant["value"], 7))
         sigma = f" ± {words.number(short(constant['sigma'], 2))}" if constant["sigma"] else ""
         fixed_words = "" if constant["sigma"] else f" ({words.listed('fixed')})"
-        lines.append(
-            f"{words('Camera {id}', id=row['id'])}: {name} = {value}{sigma} {row['unit']}{fixed_words}"
-        )
+        lines.append(f"{words('Camera {id}', id=row['id'])}: {name} = {value}{sigma} {row['unit']}{fixed_words}")
     return lines
 
 
@@ -376,9 +366,7 @@ def text_report(
         text_tables.motion_section(solved, words, **shown),
         text_tables.check_section(solved, words),
         words_of_reliability.section(solved, words, **shown),
-        words_of_reliability.section_of_reliability(
-            solved, words, **({"weakest": ALL, "named": ALL} if full else {})
-        ),
+        words_of_reliability.section_of_reliability(solved, words, **({"weakest": ALL, "named": ALL} if full else {})),
         text_findings.reliability_section(solved, words, **shown),
         text_tables.group_section(solved, words),
         text_tables.camera_section(solved, words),

@@ -159,8 +159,7 @@ def tried(data: dict[str, Any], words: Words = ENGLISH) -> str:
     ]
     widths = [max(len(line[k]) for line in (head, *rows)) for k in range(4)]
     return "\n".join(
-        "  ".join([line[0].ljust(widths[0]), *(line[k].rjust(widths[k]) for k in (1, 2, 3))])
-        for line in (head, *rows)
+        "  ".join([line[0].ljust(widths[0]), *(line[k].rjust(widths[k]) for k in (1, 2, 3))]) for line in (head, *rows)
     )
 
 
@@ -183,9 +182,7 @@ def suspect_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) 
     data = suspects(solved)
     if data is None:
         return ""
-    rows = [
-        [in_words(row, words), words.number(short(row["misfit"], 4))] for row in data["observations"][:shown]
-    ]
+    rows = [[in_words(row, words), words.number(short(row["misfit"], 4))] for row in data["observations"][:shown]]
     lines = [
         heading(words("Left out: suspects of gross errors")),
         words(
@@ -307,13 +304,9 @@ def _fixed_points(solved: Solved, unit: str, words: Words, shown: int) -> list[s
     if not moved:
         return []
     d = DIGITS[unit]
-    lines = [
-        words("The observations contradict these fixed coordinates (level {level}):", level=f"{alpha:.3g}")
-    ]
+    lines = [words("The observations contradict these fixed coordinates (level {level}):", level=f"{alpha:.3g}")]
     for row in moved[:shown]:
-        where = ", ".join(
-            f"{name} {words.number(fixed(x, d))}" for name, x in zip("XYZ", row["movement"], strict=True)
-        )
+        where = ", ".join(f"{name} {words.number(fixed(x, d))}" for name, x in zip("XYZ", row["movement"], strict=True))
         lines.append(
             words(
                 "  {id}: moved by {where} {unit}? T = {test}, p = {p}",
@@ -375,9 +368,7 @@ def mostly_out_in_words(rows: list[dict[str, Any]], words: Words, shown: int) ->
     ]
 
 
-def robust_in_words(
-    data: dict[str, Any] | None, unit: str, words: Words, shown: int = SHOWN_RELIABILITY
-) -> list[str]:
+def robust_in_words(data: dict[str, Any] | None, unit: str, words: Words, shown: int = SHOWN_RELIABILITY) -> list[str]:
     """State what the robust solution rejects and how points move; empty if it was not requested."""
     if data is None:
         return []
@@ -416,9 +407,7 @@ def undetermined_section(solved: Solved, words: Words = ENGLISH) -> str:
     if solved.adjustment.outcome is not Outcome.SINGULAR:
         turned = [] if solved.quality is not None else turned_about(solved, words)
         return "\n".join([heading(words("Poorly determined")), *turned]) if turned else ""
-    return "\n".join(
-        [heading(words("Not determined")), *(_named(solved, words) or explain_singularity(solved, words))]
-    )
+    return "\n".join([heading(words("Not determined")), *(_named(solved, words) or explain_singularity(solved, words))])
 
 
 def _named(solved: Solved, words: Words) -> list[str]:
@@ -426,10 +415,7 @@ def _named(solved: Solved, words: Words) -> list[str]:
     if solved.adjustment.defect.undetermined:
         return []
     things = [thing for thing in solved.network.undeterminable if not thing.treatment]
-    return [
-        f"{words.listed(one.kind)} {one.name}: {words.told(one.reason)}"
-        for one in things[:SHOWN_UNDETERMINED]
-    ]
+    return [f"{words.listed(one.kind)} {one.name}: {words.told(one.reason)}" for one in things[:SHOWN_UNDETERMINED]]
 
 
 def listed(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN_UNDETERMINED) -> str:
@@ -467,9 +453,7 @@ def sentences_of_things(things: Sequence[UndeterminedObject], words: Words = ENG
             )
         )
     if far:
-        lines.append(
-            words("At infinity, with a direction only: {names} (undetermined.csv).", names=_names(far, words))
-        )
+        lines.append(words("At infinity, with a direction only: {names} (undetermined.csv).", names=_names(far, words)))
     return lines
 
 

@@ -184,9 +184,7 @@ def _space(solved: Solved, rows: list[dict[str, Any]], words: Words) -> str:
         ]
         for row in rows
     ]
-    units = words(
-        "Ellipsoids: axes in {length}, azimuths and elevations in {angle}.", length=length, angle=angle
-    )
+    units = words("Ellipsoids: axes in {length}, azimuths and elevations in {angle}.", length=length, angle=angle)
     return f"{units}\n{table(headers, cells, words=words)}"
 
 
@@ -299,23 +297,17 @@ def components_in_words(
     data: dict[str, Any] | None, groups: list[dict[str, Any]], settings: Settings, words: Words
 ) -> list[str]:
     """Factors of σ where the project asks for more than the table of groups has."""
-    if data is None or (
-        settings.variance_components == "report" and settings.variance_method == "simplified"
-    ):
+    if data is None or (settings.variance_components == "report" and settings.variance_method == "simplified"):
         return []
     which = "Helmert's full system" if data["method"] == "helmert" else "simplified, group by group"
     how = "iterated into the weights" if data["iterated"] else "not taken into the weights"
-    lines = [
-        words("Variance components ({which}; {how}): factors of sigma", which=words(which), how=words(how))
-    ]
+    lines = [words("Variance components ({which}; {how}): factors of sigma", which=words(which), how=words(how))]
     if data["method"] != settings.variance_method:
         lines.append(words("Helmert's system is too large here, or cannot tell the groups apart."))
     for row in groups:
         if row["sigma_factor"] is not None:
             factor, sigma = fixed(row["sigma_factor"], 3), fixed(row["sigma_of_factor"], 3)
-            lines.append(
-                words("  {group}: {factor} +- {sigma}", group=row["name"], factor=factor, sigma=sigma)
-            )
+            lines.append(words("  {group}: {factor} +- {sigma}", group=row["name"], factor=factor, sigma=sigma))
     return lines
 
 
@@ -331,9 +323,7 @@ def image_section(solved: Solved, words: Words = ENGLISH) -> str:
     return "\n".join([heading(words("Images")), *listed(frame, project, scales, words)])
 
 
-def listed(
-    frame: pl.DataFrame, project: ProjectFile, scales: Mapping[str, ImageScale], words: Words
-) -> list[str]:
+def listed(frame: pl.DataFrame, project: ProjectFile, scales: Mapping[str, ImageScale], words: Words) -> list[str]:
     """The rows of a table of images; ``scales`` are those of image coordinates, by camera."""
     unit, angle = project.units.length, angle_unit_of(project)
     d, a = DIGITS[unit], ANGLE_DIGITS[angle]
@@ -438,19 +428,14 @@ def point_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
         listed_points(frame.head(shown), unit, words),
     ]
     if frame.height > shown:
-        lines.append(
-            words("{count:more point is|more points are} in the table of points.", count=frame.height - shown)
-        )
+        lines.append(words("{count:more point is|more points are} in the table of points.", count=frame.height - shown))
     if solved.quality is not None:
         free = frame.select("sx", "sy", "sz").filter(frame["status"].is_in(["free", "partly fixed"]))
         if free.height:
             rms = [float(np.sqrt(np.nanmean(free[f"s{n}"].to_numpy() ** 2))) for n in "xyz"]
             lines.append(
                 words("Root mean square sigma [{unit}]: ", unit=unit)
-                + ", ".join(
-                    f"{n.upper()} {words.number(fixed(value, d))}"
-                    for n, value in zip("xyz", rms, strict=True)
-                )
+                + ", ".join(f"{n.upper()} {words.number(fixed(value, d))}" for n, value in zip("xyz", rms, strict=True))
             )
     return "\n".join(lines)
 
@@ -549,9 +534,7 @@ def station_section(solved: Solved, words: Words = ENGLISH) -> str:
             system_table(solved),
             ("x", "y", "z", "omega", "phi", "kappa", "scale"),
         ),
-        _frames(
-            words, solved, "Stereo pairs", pair_table(solved), ("bx", "by", "bz", "omega", "phi", "kappa")
-        ),
+        _frames(words, solved, "Stereo pairs", pair_table(solved), ("bx", "by", "bz", "omega", "phi", "kappa")),
     ]
     return "\n\n".join(part for part in parts if part)
 
@@ -762,9 +745,7 @@ def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     title = words("Points in {system} (datum: {datum})", system=world.system.name, datum=datum)
     lines = [heading(title), table(headers, rows, words=words)]
     if frame.height > shown:
-        more = words(
-            "{count:more point is|more points are} in the table of places.", count=frame.height - shown
-        )
+        more = words("{count:more point is|more points are} in the table of places.", count=frame.height - shown)
         lines.append(more)
     latitude, longitude = np.degrees([world.horizon.latitude, world.horizon.longitude])
     lines.append(

@@ -78,9 +78,7 @@ def rotations(solved: Solved, numbers: IntArray) -> Estimate:
     return _present(solved, "rotation", numbers, estimate)
 
 
-def said_attitudes(
-    solved: Solved, D: FloatArray, covariance: FloatArray | None, by_angles: BoolArray
-) -> Estimate:
+def said_attitudes(solved: Solved, D: FloatArray, covariance: FloatArray | None, by_angles: BoolArray) -> Estimate:
     """ω, φ, κ of attitudes (n, 3, 3), covariances (n, 3, 3) of small rotations, or of angles where ``by_angles``."""
     edge = solved.network.edge
     turned = D @ edge.matrix if edge.right_handed else D

@@ -239,12 +239,8 @@ def reliability_rows(solved: Solved) -> dict[str, Any] | None:
     found = {one.of: one for one in solved.reliability_map}
     # (p,) number of unknown coordinates of each point.
     blocks = solved.network.things["point"].parts["position"]
-    unknown = np.asarray(
-        np.count_nonzero(solved.adjustment.problem.index.columns["point"][blocks] >= 0, axis=1)
-    )
-    rows["points_barely_determined"] = int(
-        np.count_nonzero(barely_determined(unknown, found["point"].observations))
-    )
+    unknown = np.asarray(np.count_nonzero(solved.adjustment.problem.index.columns["point"][blocks] >= 0, axis=1))
+    rows["points_barely_determined"] = int(np.count_nonzero(barely_determined(unknown, found["point"].observations)))
     for kind, key in KINDS.items():
         rows[key] = _things(solved, found[kind]) if kind in found else []
     return rows
@@ -272,9 +268,7 @@ def _uncontrolled(quality: Quality) -> tuple[int, list[ObservationComponent]]:
     return len(r), [ObservationComponent(*entry) for entry in named]
 
 
-def _observations(
-    solved: Solved, quality: Quality, entries: list[ObservationComponent]
-) -> list[dict[str, Any]]:
+def _observations(solved: Solved, quality: Quality, entries: list[ObservationComponent]) -> list[dict[str, Any]]:
     told = entries[: most_at_a_time(quality)]
     carried = carried_points(quality, told)
     cures = best_further(quality, [(entry, _targets(solved, entry)) for entry in entries[:CURED]])
@@ -326,8 +320,7 @@ def _cure(solved: Solved, further: CandidateObservation) -> dict[str, Any]:
     group = solved.adjustment.problem.groups[further.group]
     again = further.target < 0
     names = {
-        reference.name: own[further.row]
-        for reference, own in zip(group.type.references, group.references, strict=True)
+        reference.name: own[further.row] for reference, own in zip(group.type.references, group.references, strict=True)
     }
     if not again:
         last = group.type.references[-1].name
@@ -422,9 +415,7 @@ def contradictions(data: dict[str, Any] | None, words: Words) -> list[str]:
     rejected = sorted((row for row in data["groups"] if row["rejected"]), key=lambda row: row["p"])
     worst = (data["explanations"] or rejected)[:NAMED]
     names = ", ".join(
-        words(
-            "{thing} (sigma times {factor})", thing=_thing(row, words), factor=short(row["sigma_factor"], 3)
-        )
+        words("{thing} (sigma times {factor})", thing=_thing(row, words), factor=short(row["sigma_factor"], 3))
         for row in worst
     )
     left = data["rejected"] - len(worst)
@@ -486,8 +477,7 @@ def ill_determined(data: dict[str, Any] | None, unit: str, words: Words) -> list
         "unit": unit,
         "sigma": short(found["largest_sigma"], 3),
         "names": ", ".join(
-            row["id"] if row["kind"] == "point" else f"{words(row['kind'])} {row['id']}"
-            for row in found["worst"]
+            row["id"] if row["kind"] == "point" else f"{words(row['kind'])} {row['id']}" for row in found["worst"]
         ),
     }
     if found["as_a_whole"]:
@@ -575,9 +565,7 @@ def said_conventions(data: dict[str, Any], words: Words) -> list[str]:
     if found["scale"]:
         lines.append(words("The scale is arbitrary: no observation contains a length."))
     if found["fixed_coordinates_uncontrolled"]:
-        lines.append(
-            words("The fixed coordinates only define the datum: nothing would show an error in them.")
-        )
+        lines.append(words("The fixed coordinates only define the datum: nothing would show an error in them."))
     return lines
 
 
@@ -619,9 +607,7 @@ def _cells_of_reliability(row: dict[str, Any], words: Words) -> list[str]:
     return [row["id"], in_words(weakest, words), *numbers, weakest["unit"], short(row["shift"], 3)]
 
 
-def uncontrolled_in_words(
-    data: dict[str, Any], words: Words, named: int = WORDS_OF_RELIABILITY_NAMED
-) -> list[str]:
+def uncontrolled_in_words(data: dict[str, Any], words: Words, named: int = WORDS_OF_RELIABILITY_NAMED) -> list[str]:
     """One line on each of the first uncontrolled observations, and how many there are."""
     if not data["uncontrolled"]:
         return [words("No observation is uncontrolled (r < {limit}).", limit=f"{data['least_redundancy']:g}")]

@@ -188,8 +188,7 @@ def verification_text(data: dict[str, Any], words: Words, everything: bool = Tru
         for row in rows:
             quantity, count, *numbers, place, result = _row(row, words)
             said = (
-                f"{words(label)} {words.number(number)}"
-                for label, number in zip(_HEADERS[2:6], numbers, strict=True)
+                f"{words(label)} {words.number(number)}" for label, number in zip(_HEADERS[2:6], numbers, strict=True)
             )
             lines += [f"  {result}  {quantity} ({count}): {', '.join(said)}{f' ({place})' if place else ''}"]
         lines += [""]
@@ -247,9 +246,7 @@ def page_facts(facts: Iterable[tuple[str, str]]) -> str:
     return "\n".join(["<table>", *rows, "</table>"])
 
 
-def page_table(
-    kind: str, headers: Iterable[str], rows: Iterable[tuple[list[str], bool]], words: Words
-) -> str:
+def page_table(kind: str, headers: Iterable[str], rows: Iterable[tuple[list[str], bool]], words: Words) -> str:
     """Rows of texts as a table, those that failed marked."""
     heads = "".join(f"<th>{escape(words(name))}</th>" for name in headers)
     lines = (

@@ -297,9 +297,7 @@ def rays_of(view: View) -> RayPairs:
     seen = view.used.select("type", "from", "to")
     parts = [
         seen.filter(is_ray(seen)).join(images, on="from", maintain_order="left"),
-        seen.filter(pl.col("type").str.ends_with("directions")).join(
-            stations, on="from", maintain_order="left"
-        ),
+        seen.filter(pl.col("type").str.ends_with("directions")).join(stations, on="from", maintain_order="left"),
     ]
     pairs = pl.concat(parts).join(points, on="to", maintain_order="left").select("frame", "point")
     pairs = pairs.drop_nulls().unique(maintain_order=True)
@@ -308,9 +306,7 @@ def rays_of(view: View) -> RayPairs:
 
 def _numbers(ids: pl.Series, key: str, name: str, first: int) -> pl.DataFrame:
     numbers = np.arange(first, first + len(ids), dtype=np.int64)
-    return pl.DataFrame({key: ids.cast(pl.String), name: numbers}).unique(
-        key, keep="first", maintain_order=True
-    )
+    return pl.DataFrame({key: ids.cast(pl.String), name: numbers}).unique(key, keep="first", maintain_order=True)
 
 
 def centres(view: View) -> FloatArray:
@@ -318,11 +314,7 @@ def centres(view: View) -> FloatArray:
 
     What was scanned along a trajectory has a place for every line, and that of the table is the first line's.
     """
-    parts = [
-        frame.select("x", "y", "z").to_numpy().copy()
-        for frame in (view.images, view.stations)
-        if frame.height
-    ]
+    parts = [frame.select("x", "y", "z").to_numpy().copy() for frame in (view.images, view.stations) if frame.height]
     if view.images.height:
         parts[0][view.images["id"].is_in(scanned_images(view)).to_numpy()] = np.nan
     return np.concatenate(parts) if parts else np.zeros((0, 3))
@@ -383,9 +375,7 @@ def window(camera: dict[str, Any], unit: str, xy: FloatArray) -> Window:
     width, height = size["width"] * factor, size["height"] * factor
     if size["height"] == 1 and len(xy):  # a line scanner: its images have as many rows as lines were taken
         across = (0.0, width) if size["origin"] == "corner" else (-width / 2.0, width / 2.0)
-        return Window(
-            across, (float(xy[:, 1].min()), float(xy[:, 1].max())), size["origin"] == "corner", False
-        )
+        return Window(across, (float(xy[:, 1].min()), float(xy[:, 1].max())), size["origin"] == "corner", False)
     if size["origin"] == "corner":
         return Window((0.0, width), (0.0, height), True, True)
     return Window((-width / 2.0, width / 2.0), (-height / 2.0, height / 2.0), False, True)

@@ -169,9 +169,7 @@ def stands_before(runs: Runs, first: int, t: int) -> bool:
 
 
 @compile_kernel
-def survey(
-    frame: IntArray, pointers: IntArray, runs: Runs, met: Met, keys: IntArray
-) -> tuple[int, int, int, int]:
+def survey(frame: IntArray, pointers: IntArray, runs: Runs, met: Met, keys: IntArray) -> tuple[int, int, int, int]:
     """Set keys of points, equal for equal frames; return the largest counts of rays, runs, blocks and unknowns."""
     frames = runs.pointers.size - 1
     unknowns_of_frame = np.zeros(frames, dtype=np.int64)
@@ -327,9 +325,7 @@ def starts_of_column(
 
 
 @compile_kernel
-def pairs_of_columns(
-    blocks: IntArray, low: int, high: int, met: Met, pattern: Pattern, pairs: IntArray
-) -> int:
+def pairs_of_columns(blocks: IntArray, low: int, high: int, met: Met, pattern: Pattern, pairs: IntArray) -> int:
     """Set where the blocks of a clique start in the columns low … high − 1, and their row and column: (n, 3).
 
     Returns how many, -1 where one of them is not stored.
@@ -646,9 +642,7 @@ def by_point_and_frame(point: IntArray, frame: IntArray, points: int) -> tuple[I
 
 
 @compile_kernel
-def local_numbers(
-    frame: IntArray, first: IntArray, frames: int, local: SmallIntArray
-) -> tuple[IntArray, IntArray]:
+def local_numbers(frame: IntArray, first: IntArray, frames: int, local: SmallIntArray) -> tuple[IntArray, IntArray]:
     """Number the frames of each chunk from 0, in order of first appearance.
 
     ``first`` (c+1,) are the chunks' first rays; sets ``local`` (n,). Returns pointers (c+1,) and the frames of each

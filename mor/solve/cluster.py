@@ -127,8 +127,7 @@ def connected(folder: Path, address: str) -> Iterator[ComputeCluster]:
 
 
 _NO_SCHEDULER = (
-    "no Dask scheduler answers at this address; is it the address that `dask scheduler` prints, "
-    "and does it expect TLS?"
+    "no Dask scheduler answers at this address; is it the address that `dask scheduler` prints, and does it expect TLS?"
 )
 
 
@@ -158,9 +157,7 @@ def _check_scheduler(address: str) -> None:
     if kind is None:
         raise InputError([Message(_NO_SCHEDULER, address)])
     if kind != "Scheduler":
-        raise InputError(
-            [Message(f"this is the address of a {kind}, expected that of the scheduler", address)]
-        )
+        raise InputError([Message(f"this is the address of a {kind}, expected that of the scheduler", address)])
 
 
 def _silence() -> None:

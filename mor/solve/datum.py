@@ -39,9 +39,7 @@ class Undetermined(NamedTuple):
     amounts: tuple[float, ...]
 
 
-def loose_directions(
-    basis: FloatArray, datum: FloatArray, index: Index, units: FloatArray
-) -> tuple[Undetermined, ...]:
+def loose_directions(basis: FloatArray, datum: FloatArray, index: Index, units: FloatArray) -> tuple[Undetermined, ...]:
     """Directions of a null space (u, k), orthonormal, beside the movements of the network (u, d) in it.
 
     Both are in ``units`` (u,) of the unknowns.
@@ -49,9 +47,7 @@ def loose_directions(
     found = basis.T @ datum
     loose = []
     # Combinations (k,) of the basis that move one parameter block and nothing else, component by component.
-    starts = np.flatnonzero(
-        (np.diff(index.kind_of, prepend=-1) != 0) | (np.diff(index.block_of, prepend=-1) != 0)
-    )
+    starts = np.flatnonzero((np.diff(index.kind_of, prepend=-1) != 0) | (np.diff(index.block_of, prepend=-1) != 0))
     heavy = np.add.reduceat(np.sum(basis**2, axis=1), starts) > 1.0 - 2.0 * _ALONE
     ends = np.append(starts[1:], len(basis))
     directions: list[FloatArray] = []
@@ -94,9 +90,7 @@ def _by_components(movements: list[FloatArray], index: Index) -> list[FloatArray
         basis, _ = np.linalg.qr(np.stack(together, axis=1))
         found = np.zeros((len(together), 0))
         while found.shape[1] < len(together):
-            functional = (
-                np.linalg.qr(found, mode="complete")[0][:, found.shape[1]] if found.size else _unit(basis)
-            )
+            functional = np.linalg.qr(found, mode="complete")[0][:, found.shape[1]] if found.size else _unit(basis)
             found = np.column_stack([found, _sparsest(basis, functional, every)])
         result += list((basis @ found).T)
     return result
@@ -352,8 +346,7 @@ def network_components(problem: Problem, values: Values) -> tuple[BoolArray, Boo
         if not np.any(touched):
             continue
         blocks = [
-            values[slot.kind][number[touched]]
-            for slot, number in zip(group.type.slots, group.blocks, strict=True)
+            values[slot.kind][number[touched]] for slot, number in zip(group.type.slots, group.blocks, strict=True)
         ]
         jacobians = group.type.equation(blocks, group.constants[touched]).jacobians
         seen = group.mask[touched][:, :, None]
@@ -416,17 +409,13 @@ class _Bodies(NamedTuple):
     sizes: IntArray
 
 
-def local_defects(
-    problem: Problem, values: Values, bodies: Mapping[str, IntArray], count: int
-) -> LocalDefects:
+def local_defects(problem: Problem, values: Values, bodies: Mapping[str, IntArray], count: int) -> LocalDefects:
     """Loose ones among ``count`` bodies; ``bodies[kind]`` (n,) are those of the blocks, −1 for none."""
     bodies = {kind: body for kind, body in bodies.items() if (body >= 0).any()}
     of = _bodies(problem, bodies, count)
     rows, entries = _counts(problem, bodies, count)
     too_few = (of.sizes > 0) & (entries < of.sizes)
-    doubtful = (
-        (of.sizes > 0) & ~too_few & (entries <= _FEW * of.sizes) & ~_by_rays_only(problem, bodies, count)
-    )
+    doubtful = (of.sizes > 0) & ~too_few & (entries <= _FEW * of.sizes) & ~_by_rays_only(problem, bodies, count)
     loose = too_few.copy()
     # (n,) true where a matrix of that size, scaled to unit diagonal, is singular to round-off.
     normals = _normals(problem, values, bodies, of, doubtful)
@@ -683,9 +672,7 @@ def _bent(null: FloatArray, problem: Problem, values: Values, total: FloatArray)
     if not within.any():
         return None
     centre = points[within].mean(axis=0)
-    size = float(
-        np.median(np.abs(points[within] - centre))
-    )  # a far point says nothing of the size of the rest
+    size = float(np.median(np.abs(points[within] - centre)))  # a far point says nothing of the size of the rest
     if float(np.abs(total).max(initial=0.0)) < _NEAR * size:
         return None
     fields = similarities(points[within], centre)

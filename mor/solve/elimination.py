@@ -545,9 +545,7 @@ def _arrays(rays: Rays) -> tuple[FloatArray, FloatArray, FloatArray, IntArray, I
 
 
 def _system(reduced: ReducedSystem) -> ReducedSystemArrays:
-    return ReducedSystemArrays(
-        reduced.matrix.values, reduced.right_hand_side, reduced.diagonal, reduced.gradient
-    )
+    return ReducedSystemArrays(reduced.matrix.values, reduced.right_hand_side, reduced.diagonal, reduced.gradient)
 
 
 def _nothing_noted(points: int) -> PointFactors:
@@ -736,9 +734,7 @@ def _ray_chunk(place: _LinearisationPoint, chunk: Chunk, columns: IntArray, work
     residual, by_point, by_others = (array[:n] for array in work)
     measured, pointers = _measured(plan, chunk), _pointers(plan, chunk)
     if _fits(place, chunk):
-        points = np.take(
-            place.values["point"], plan.points[chunk.points], axis=0
-        )  # a third of the time of an index
+        points = np.take(place.values["point"], plan.points[chunk.points], axis=0)  # a third of the time of an index
         arrays = place.frames, plan.frames.layout, frame, pointers, points, measured
         ray_kernels.linearise(*arrays, residual, by_point, by_others)
         if _any_moving(place, chunk):
@@ -762,9 +758,7 @@ def _ray_chunk(place: _LinearisationPoint, chunk: Chunk, columns: IntArray, work
 
 def _image_rays(place: _LinearisationPoint, chunk: Chunk) -> ImageRays:
     plan = place.plan
-    points = np.take(
-        place.values["point"], plan.points[chunk.points], axis=0
-    )  # a third of the time of an index
+    points = np.take(place.values["point"], plan.points[chunk.points], axis=0)  # a third of the time of an index
     local, pointers, layout = plan.frame[chunk.rays], _pointers(plan, chunk), plan.frames.layout
     return ImageRays(place.frames, layout, chunk.frames, local, pointers, points, _measured(plan, chunk))
 
@@ -786,9 +780,7 @@ def _any_along(place: _LinearisationPoint, chunk: Chunk) -> bool:
     return bool((place.frames.model[chunk.frames] >= ALONG).any())
 
 
-def _left_to_numpy(
-    place: _LinearisationPoint, chunk: Chunk, frame: IntArray
-) -> Iterator[tuple[GroupFrames, IntArray]]:
+def _left_to_numpy(place: _LinearisationPoint, chunk: Chunk, frame: IntArray) -> Iterator[tuple[GroupFrames, IntArray]]:
     plain = [g for g in place.plan.frames.groups if g.model < 0 or not compilation.wanted()]
     if not plain:
         return

@@ -235,9 +235,7 @@ def _hardly_determined(unknowns: int, factor: Factor) -> FloatArray:
     for _ in range(2):
         before = probes
         probes, triangle = np.linalg.qr(factor.solve(before))
-    gram = scipy.linalg.solve_triangular(
-        triangle, before.T @ probes, trans="T"
-    )  # N' probes = before · triangle⁻¹
+    gram = scipy.linalg.solve_triangular(triangle, before.T @ probes, trans="T")  # N' probes = before · triangle⁻¹
     eigenvalues, vectors = scipy.linalg.eigh(0.5 * (gram + gram.T))
     return probes @ vectors[:, eigenvalues < HARDLY_DETERMINED]
 
@@ -363,9 +361,7 @@ def _weighted(problem: Problem, values: Values) -> Iterator[tuple[FloatArray, Fl
             yield weighted, np.where(counts, found.misclosure * weight, np.nan), found.columns
 
 
-def _add_products(
-    normal: FloatArray, jacobian: FloatArray, whose: IntArray, place: IntArray, first: int
-) -> None:
+def _add_products(normal: FloatArray, jacobian: FloatArray, whose: IntArray, place: IntArray, first: int) -> None:
     size = normal.shape[1]
     for other in range(whose.shape[1]):
         same = np.flatnonzero(whose[:, first] == whose[:, other])
@@ -424,8 +420,7 @@ def reweighted_plan(plan: Plan, factors: Factors) -> Plan:
     """The plan with weights multiplied by factors (n, m) of each group."""
     roots = [np.sqrt(factor) for factor in factors]
     row_sets = tuple(
-        row_set._replace(weight=row_set.weight * roots[row_set.group][row_set.rows])
-        for row_set in plan.row_sets
+        row_set._replace(weight=row_set.weight * roots[row_set.group][row_set.rows]) for row_set in plan.row_sets
     )
     return replace(
         plan,

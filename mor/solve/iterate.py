@@ -277,9 +277,7 @@ class Taken(NamedTuple):
     """(u,) the step without the shift into the datum, where it is not the one of Gauss-Newton."""
 
 
-def accept(
-    state: Adjustment, regular: FloatArray, weak: FloatArray, shift: FloatArray, change: float
-) -> Taken | None:
+def accept(state: Adjustment, regular: FloatArray, weak: FloatArray, shift: FloatArray, change: float) -> Taken | None:
     """The first of the steps that makes the objective so much smaller as can be expected; ``None`` where there is none.
 
     The whole step nearly always does, unless the last one was damped, so the system is built there at once. It is
@@ -339,9 +337,7 @@ def _limit(state: Adjustment) -> float:
     return state.normals.objective * (1.0 + 1e-6) + 1e-6
 
 
-def _as_a_whole(
-    state: Adjustment, values: Mapping[str, FloatArray], shift: FloatArray
-) -> Mapping[str, FloatArray]:
+def _as_a_whole(state: Adjustment, values: Mapping[str, FloatArray], shift: FloatArray) -> Mapping[str, FloatArray]:
     """Return values moved by the similarity of all points whose derivative is the shift (u,), as far as it is one."""
     index, moved = state.problem.index, dict(values)
     columns = index.columns["point"]
@@ -610,9 +606,7 @@ def round_off(plan: Plan, values: Values, normals: NormalEquations, weak: FloatA
         group = problem.groups[row_set.group]
         rows = linearise_of(problem, row_set.group, values, tangent, row_set.rows)
         observed = np.nan_to_num(np.abs(group.observed[row_set.rows]))
-        total += float(
-            np.sum((row_set.weight * (observed + _moved(rows.jacobian, rows.columns, sizes))) ** 2)
-        )
+        total += float(np.sum((row_set.weight * (observed + _moved(rows.jacobian, rows.columns, sizes))) ** 2))
     for cluster in plan.clusters:
         for number in np.unique(cluster.groups):
             group, here = problem.groups[number], cluster.groups == number
@@ -763,9 +757,7 @@ def _judge_defect(state: Adjustment) -> Adjustment:
     """Singular where something inside the network is loose, or a defect is there that the datum does not settle."""
     defect, datum = state.defect, state.problem.datum
     if defect.inside:
-        return state._replace(
-            outcome=Outcome.SINGULAR, reason="unknowns are not determined by the observations"
-        )
+        return state._replace(outcome=Outcome.SINGULAR, reason="unknowns are not determined by the observations")
     if defect.datum.shape[1] and not datum.free:
         return state._replace(outcome=Outcome.SINGULAR, reason="the datum is not defined")
     if not binds(defect.datum, state.constraint, state.problem.index):
@@ -896,9 +888,7 @@ def _at(state: Adjustment, taken: Taken, iterations: tuple[Iteration, ...], last
     if state.inverse.weak.shape[1] or state.defect.inside:
         checked = _with_checked_defect(moved)
         # A point on its way to infinity is not determined here; whether the solution is, its own defect says.
-        return (
-            checked._replace(outcome=Outcome.NOT_CONVERGED, reason="") if checked.defect.inside else checked
-        )
+        return checked._replace(outcome=Outcome.NOT_CONVERGED, reason="") if checked.defect.inside else checked
     inverse = invert_alike(state.plan, normals, values, state.anchors)
     turns = taken.share < 1.0 and taken.damping == 0.0
     if turns and _are_alike(inverse.null / units_of_length(state.problem.index, values)[:, None]):
@@ -962,9 +952,7 @@ def _bound_by_curvature(state: Adjustment) -> Adjustment | None:
     defect = replace(state.defect, movements=(), datum=none, to_second_order=datum.shape[1])
     inverse = state.inverse._replace(null=none, weak=np.concatenate([state.inverse.weak, weak], axis=1))
     bound = constraint(none, problem, state.values)
-    return state._replace(
-        outcome=Outcome.NOT_CONVERGED, reason="", inverse=inverse, defect=defect, constraint=bound
-    )
+    return state._replace(outcome=Outcome.NOT_CONVERGED, reason="", inverse=inverse, defect=defect, constraint=bound)
 
 
 def _with_checked_defect(state: Adjustment) -> Adjustment:

@@ -344,9 +344,7 @@ def follow_moving(
 
 
 @compile_kernel
-def star_change(
-    values: FrameValues, change: FrameChange, f: int, lever: Vector, met: ShutterCrossing
-) -> Vector:
+def star_change(values: FrameValues, change: FrameChange, f: int, lever: Vector, met: ShutterCrossing) -> Vector:
     """Return by how much the point moves in the image system at a fixed time, where its frame changes."""
     D, time, turn = values.D[f], met.time, met.turn
     X, Y, Z = change.centre[f, 0], change.centre[f, 1], change.centre[f, 2]

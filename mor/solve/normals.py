@@ -154,9 +154,7 @@ def _row_clusters(problem: Problem, number: int, clusters: list[ClusterRows]) ->
     return RowClusters(number, np.array([cluster.rows[0] for cluster in clusters], dtype=np.int64), whitening)
 
 
-def _row_set(
-    number: int, group: ObservationGroup, clusters: tuple[ClusterRows, ...], rays: RayPlan
-) -> RowSet:
+def _row_set(number: int, group: ObservationGroup, clusters: tuple[ClusterRows, ...], rays: RayPlan) -> RowSet:
     uncorrelated = np.ones(group.observed.shape, dtype=bool)
     uncorrelated[rays.rows_of_group(number)] = False
     for cluster in clusters:
@@ -169,9 +167,7 @@ def _row_set(
     return RowSet(number, rows[used], weight[used])
 
 
-def _cluster_rows(
-    offsets: IntArray, width_of_group: IntArray, cluster: CorrelatedObservations
-) -> ClusterRows:
+def _cluster_rows(offsets: IntArray, width_of_group: IntArray, cluster: CorrelatedObservations) -> ClusterRows:
     groups = np.searchsorted(offsets, cluster.entries, side="right") - 1
     within = cluster.entries - offsets[groups]
     widths = width_of_group[groups]
@@ -220,9 +216,7 @@ def _cliques_of_points(rays: RayPlan, reduced: IntArray, block_of: IntArray) -> 
     frame = rays.frame_of_ray
     # Points (k,) such that every combination of frames that sees a point occurs, seldom more than once.
     pointers = rays.pointers
-    mixed = ((frame + 1).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) ^ (
-        frame.astype(np.uint64) << np.uint64(31)
-    )
+    mixed = ((frame + 1).astype(np.uint64) * np.uint64(0x9E3779B97F4A7C15)) ^ (frame.astype(np.uint64) << np.uint64(31))
     keys = np.add.reduceat(mixed * (mixed | np.uint64(1)), pointers[:-1])
     # Two combinations with the same sum of 64-bit keys and the same number of rays, first and last frame: never seen.
     table = np.stack([keys.view(np.int64), np.diff(pointers), frame[pointers[:-1]], frame[pointers[1:] - 1]])
@@ -270,9 +264,7 @@ def _joined(problem: Problem, kept: IntArray, numbers: IntArray, rays: RayPlan) 
         both = np.stack([column.max(axis=1, initial=-1) for column in columns])
         both = number_of[both[:, (both >= 0).all(axis=0)]]
         one, turn = both[:, (both >= 0).all(axis=0)]
-        alone = (np.bincount(one, minlength=count)[one] == 1) & (
-            np.bincount(turn, minlength=count)[turn] == 1
-        )
+        alone = (np.bincount(one, minlength=count)[one] == 1) & (np.bincount(turn, minlength=count)[turn] == 1)
         into[one[alone]] = turn[alone]
     return into[numbers]
 
@@ -527,9 +519,7 @@ def objective(plan: Plan, values: Values) -> float:
     for some in of_rows:
         misclosure = misclosures_of(plan.problem, some.group, values, some.rows)
         observed = some.whitening.any(axis=1)
-        total += float(
-            np.sum(np.einsum("nij,nj->ni", some.whitening, np.where(observed, misclosure, 0.0)) ** 2)
-        )
+        total += float(np.sum(np.einsum("nij,nj->ni", some.whitening, np.where(observed, misclosure, 0.0)) ** 2))
     for alike in wide:
         misclosure = alike.misclosures(plan.problem, values)
         total += float(np.sum(np.einsum("nij,nj->ni", alike.whitening, misclosure) ** 2))
@@ -600,9 +590,7 @@ def gradient_elsewhere(plan: Plan, values: Values, there: Values) -> FloatArray:
     for here, moved in chunks:
         image = -moved.rays.residual[:, :, None]
         of_points = np.swapaxes(here.rays.by_point, 1, 2) @ image
-        rhs[plan.rays.columns[here.points]] = np.add.reduceat(
-            of_points[:, :, 0], here.rays.point_pointers[:-1], axis=0
-        )
+        rhs[plan.rays.columns[here.points]] = np.add.reduceat(of_points[:, :, 0], here.rays.point_pointers[:-1], axis=0)
         add_to_others(here.rays, image, reduced)
     rhs[plan.kept] += reduced[:, 0]
     return rhs
@@ -681,9 +669,7 @@ def _well_determined(normal: FloatArray) -> BoolArray:
     diagonal = np.diagonal(normal, axis1=1, axis2=2)
     good: BoolArray = np.asarray((diagonal > 0.0).all(axis=1) & np.isfinite(normal).all(axis=(1, 2)))
     scale = 1.0 / np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))
-    a, b, c = (
-        np.where(good, normal[:, i, j] * scale[:, i] * scale[:, j], 0.0) for i, j in ((1, 0), (2, 0), (2, 1))
-    )
+    a, b, c = (np.where(good, normal[:, i, j] * scale[:, i] * scale[:, j], 0.0) for i, j in ((1, 0), (2, 0), (2, 1)))
     determinant = 1.0 + 2.0 * a * b * c - a * a - b * b - c * c
     doubtful = np.flatnonzero(good & (determinant < 1e-4))
     if len(doubtful):

@@ -99,9 +99,7 @@ class Equations:
 
 def evaluated(group: ObservationGroup, values: Values, rows: AnyIntArray | slice) -> Computed:
     """The equation of a group for the chosen rows."""
-    blocks = [
-        values[slot.kind][number[rows]] for slot, number in zip(group.type.slots, group.blocks, strict=True)
-    ]
+    blocks = [values[slot.kind][number[rows]] for slot, number in zip(group.type.slots, group.blocks, strict=True)]
     return group.type.equation(blocks, group.constants[rows])
 
 
@@ -147,9 +145,7 @@ class Problem:
     @property
     def offsets(self) -> IntArray:
         """(g+1,) first entry number of each group."""
-        return np.concatenate([[0], np.cumsum([group.observed.size for group in self.groups])]).astype(
-            np.int64
-        )
+        return np.concatenate([[0], np.cumsum([group.observed.size for group in self.groups])]).astype(np.int64)
 
     @property
     def observations(self) -> int:
@@ -289,9 +285,7 @@ class AlikeClusters(NamedTuple):
         """n, k, c."""
         return *self.whitening.shape[:2], self.columns.shape[1]
 
-    def rows(
-        self, problem: Problem, values: Values, tangent: FloatArray | None
-    ) -> tuple[FloatArray, FloatArray]:
+    def rows(self, problem: Problem, values: Values, tangent: FloatArray | None) -> tuple[FloatArray, FloatArray]:
         """Misclosures (n, k) and Jacobians (n, k, c), not whitened."""
         n, k, c = self.shape
         misclosure, jacobian = np.zeros(n * k), np.zeros((n * k, c))
@@ -331,8 +325,7 @@ def alike_clusters(problem: Problem, clusters: Sequence[ClusterRows]) -> tuple[A
 
 def _together(problem: Problem, some: Sequence[tuple[ClusterRows, IntArray]]) -> AlikeClusters:
     groups, rows, components = (
-        np.concatenate([getattr(cluster, name) for cluster, _ in some])
-        for name in ("groups", "rows", "components")
+        np.concatenate([getattr(cluster, name) for cluster, _ in some]) for name in ("groups", "rows", "components")
     )
     columns = np.stack([columns for _, columns in some])
     parts = []
@@ -372,8 +365,7 @@ def linearised_parts(
 def group_columns(group: ObservationGroup, index: Index, rows: IntArray) -> IntArray:
     """(n, K) unknowns of the chosen rows, over all slots that are not fixed throughout."""
     parts = [
-        index.columns[slot.kind][number[rows]]
-        for slot, number in zip(group.type.slots, group.blocks, strict=True)
+        index.columns[slot.kind][number[rows]] for slot, number in zip(group.type.slots, group.blocks, strict=True)
     ]
     used = [part for part in parts if (part >= 0).any()]
     return np.concatenate(used, axis=1) if used else np.zeros((len(rows), 0), dtype=np.int64)

@@ -746,13 +746,9 @@ def gather_image_rays(
         piece = RayMeasurements(observed[begin:end], weight[begin:end], measured[begin:end], clock[begin:end])
         residual, by_point, by_other = residuals[:n], by_points[:n], by_others[:n]
         linearise(values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other)
-        linearise_moving(
-            values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other
-        )
+        linearise_moving(values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other)
         if paths is not None:
-            linearise_along(
-                values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other
-            )
+            linearise_along(values, layout, overall[:n], own, points[first:last], piece, residual, by_point, by_other)
         for i in range(n):
             squares += residual[i, 0] * residual[i, 0] + residual[i, 1] * residual[i, 1]
         white, moved = whites[:n], shifted[:n]

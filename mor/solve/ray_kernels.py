@@ -270,9 +270,7 @@ class ProjectedPoint(NamedTuple):
 
 
 @compile_kernel
-def sight(
-    model: int, X: float, Y: float, Z: float, i: FloatArray, r0: float, u: float, v: float
-) -> ProjectedPoint:
+def sight(model: int, X: float, Y: float, Z: float, i: FloatArray, r0: float, u: float, v: float) -> ProjectedPoint:
     """Return the image coordinates of a point X, Y, Z in the image system, with their derivatives by it."""
     per_depth = -1.0 / Z
     x, y = i[0] * X * per_depth, i[0] * Y * per_depth
@@ -627,9 +625,7 @@ def follow(
             b = D[f, 3] * X + D[f, 4] * Y + D[f, 5] * Z
             c = D[f, 6] * X + D[f, 7] * Y + D[f, 8] * Z
             u, v = measured[n, 0], measured[n, 1]
-            x, y = project(
-                model[f], a + e[f, 0], b + e[f, 1], c + e[f, 2], interior, r0[f], u, v, star, by_interior
-            )
+            x, y = project(model[f], a + e[f, 0], b + e[f, 1], c + e[f, 2], interior, r0[f], u, v, star, by_interior)
             s, t, o = moved[f, 0], moved[f, 1], moved[f, 2]
             g, h, q = turn[f, 0], turn[f, 1], turn[f, 2]
             da = b * q - c * h - D[f, 0] * s - D[f, 1] * t - D[f, 2] * o + shift[f, 0]

@@ -81,9 +81,7 @@ def _form(group: ObservationGroup) -> tuple[int, int, int] | None:
     return None
 
 
-def compiled_along(
-    group: ObservationGroup, rows: IntArray, frame: IntArray, frames: int
-) -> CompiledAlong | None:
+def compiled_along(group: ObservationGroup, rows: IntArray, frame: IntArray, frames: int) -> CompiledAlong | None:
     """Return the arguments of the kernels for a group; ``None`` without a compiled form for it."""
     form = _form(group)
     if form is None:
@@ -141,9 +139,7 @@ def set_paths(
     """Set the paths of the frames ``here`` from the values of their parts, and tangents of their further rotations."""
     knots = weights.shape[1]
     names = knot_parts(knots)
-    positions, rotations = (
-        np.stack([part[name] for name in some], axis=1) for some in (names[:knots], names[knots:])
-    )
+    positions, rotations = (np.stack([part[name] for name in some], axis=1) for some in (names[:knots], names[knots:]))
     path = path_of(positions, rotations, weights)
     paths.knots[here] = knots
     paths.weights[here, :knots, :knots] = weights
@@ -155,9 +151,7 @@ def set_paths(
         paths.tangent[here, k] = tangent
 
 
-def knot_change(
-    knots: int, part: Mapping[str, FloatArray], tangents: Sequence[FloatArray] | None
-) -> FloatArray:
+def knot_change(knots: int, part: Mapping[str, FloatArray], tangents: Sequence[FloatArray] | None) -> FloatArray:
     """(f, 3, 2, 3) changes of the further knots from those of their parts: positions, then small rotations."""
     change = np.zeros((len(part["position"]), len(FURTHER), 2, 3))
     for k, (rotation, position) in enumerate(FURTHER[: knots - 1]):
@@ -348,17 +342,11 @@ def _compiled_model(
     return -1, r0, clock, none
 
 
-def all_frames(
-    groups: tuple[GroupFrames, ...], observed: tuple[ObservationGroup, ...], index: Index
-) -> Frames:
+def all_frames(groups: tuple[GroupFrames, ...], observed: tuple[ObservationGroup, ...], index: Index) -> Frames:
     """Columns of the frames of all groups, and the layout of those that are compiled."""
     layout = _layout(groups, observed, index)
-    picked = tuple(
-        replace(group, picks=_picks(group, observed[group.group], index, layout)) for group in groups
-    )
-    width = max(
-        (int(pick.columns.max(initial=-1)) + 1 for group in picked for pick in group.picks), default=0
-    )
+    picked = tuple(replace(group, picks=_picks(group, observed[group.group], index, layout)) for group in groups)
+    width = max((int(pick.columns.max(initial=-1)) + 1 for group in picked for pick in group.picks), default=0)
     width += -width % 4  # the kernels take four columns at a time
     columns = np.full((sum(group.count for group in groups), width), -1, dtype=np.int64)
     for group in picked:
@@ -630,9 +618,7 @@ def plan_rays(problem: Problem, points: IntArray) -> RayPlan:
         parts.append((rows, place[group.blocks[-1][rows]], frame + first))
         first += own.count
     none = np.zeros(0, dtype=np.int64)
-    row, point, frame = (
-        parts[0] if len(parts) == 1 else map(np.concatenate, zip((none,) * 3, *parts, strict=True))
-    )
+    row, point, frame = parts[0] if len(parts) == 1 else map(np.concatenate, zip((none,) * 3, *parts, strict=True))
     pointers, order = _order(point, frame, len(points))
     row, frame = kept(row.astype(np.int32)[order]), frame[order]
     frames = all_frames(tuple(found), groups, index)

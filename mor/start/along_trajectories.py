@@ -194,9 +194,7 @@ def along_trajectories(network: Network) -> Network:
     start = dict(network.start)
     _start_knots(network, start)
     seen = [
-        _seen(network, group, start)
-        for group in network.groups
-        if is_along(group.type) and is_image_point(group.type)
+        _seen(network, group, start) for group in network.groups if is_along(group.type) and is_image_point(group.type)
     ]
     open_ = _stretches_without_poses(network, start)
     while True:
@@ -334,9 +332,7 @@ def _known(values: FloatArray) -> bool:
     return bool(np.isfinite(values).all())
 
 
-def _start_next_stretch(
-    open_: list[_Stretch], seen: list[_SeenAlong], start: dict[str, FloatArray]
-) -> int | None:
+def _start_next_stretch(open_: list[_Stretch], seen: list[_SeenAlong], start: dict[str, FloatArray]) -> int | None:
     """Start the knots of the stretch that has most rays to known points, and can be started; return its number."""
     sights = [_sights_of(one, seen, start) for one in open_]
     for place in sorted(range(len(open_)), key=lambda k: -len(sights[k].time)):
@@ -473,7 +469,6 @@ def _still(group: ObservationGroup, stays: IntArray) -> ObservationGroup:
     plain = group.type.still or group.type
     constants, blocks = group.constants[:, : len(plain.constants)], group.blocks[: len(plain.slots)]
     placed = tuple(
-        stays[numbers] if slot.kind == "point" else numbers
-        for slot, numbers in zip(plain.slots, blocks, strict=True)
+        stays[numbers] if slot.kind == "point" else numbers for slot, numbers in zip(plain.slots, blocks, strict=True)
     )
     return replace(group, type=plain, blocks=placed, constants=constants)

@@ -334,9 +334,7 @@ def _assemble(assembly: Assembly) -> None:
             part.number = assembly.begun
             system = parts[0]
             most = FIRST_FRAMES
-            while not grow(part, scene, assembly.fewest, most) and not tied_by_positions(
-                system, part, scene.frames
-            ):
+            while not grow(part, scene, assembly.fewest, most) and not tied_by_positions(system, part, scene.frames):
                 most *= 2
             parts.append(part)
         elif not _join_all(assembly, ambiguous=True) and not _join_by_observations(assembly):
@@ -397,9 +395,7 @@ def _place_the_rest(assembly: Assembly) -> None:
         _join_all(assembly)
     if begin_heights(parts[0], scene.terrestrial):
         grow(parts[0], scene, assembly.fewest)
-    while pose_by_rays(parts[0], scene, 0, ambiguous=True) or grow_single_points(
-        parts[0], scene, ambiguous=True
-    ):
+    while pose_by_rays(parts[0], scene, 0, ambiguous=True) or grow_single_points(parts[0], scene, ambiguous=True):
         grow(parts[0], scene, assembly.fewest)
     if place_as_if_level(parts[0], scene.terrestrial, scene.distances[1], scene.choices):
         grow(parts[0], scene, assembly.fewest)
@@ -448,9 +444,7 @@ class _End(NamedTuple):
     squares: float
 
 
-def from_random_places(
-    network: Network, scene: Scene, found: Approximation, settle: Settle
-) -> Approximation | None:
+def from_random_places(network: Network, scene: Scene, found: Approximation, settle: Settle) -> Approximation | None:
     """Start values by the solution that two tries lead to and none lies below; ``None`` where there is none.
 
     The same network has the same tries.
@@ -484,8 +478,7 @@ def from_random_places(
 
 
 _WORDS = (
-    "random positions: {ends} of {tries} adjustments from such positions led to "
-    "a solution, two of them to this one"
+    "random positions: {ends} of {tries} adjustments from such positions led to a solution, two of them to this one"
 )
 
 
@@ -567,9 +560,7 @@ def _any_attitude(random: np.random.Generator) -> FloatArray:
     return attitude
 
 
-def _nearest_to_rays(
-    scene: Scene, points: FloatArray, rotations: FloatArray, anywhere: FloatArray
-) -> FloatArray:
+def _nearest_to_rays(scene: Scene, points: FloatArray, rotations: FloatArray, anywhere: FloatArray) -> FloatArray:
     """Places (n, 3) nearest to the rays of all frames, and a little to ``anywhere``, where no ray goes altogether."""
     normal = _ANYWHERE * np.tile(np.eye(3), (len(points), 1, 1))
     side = _ANYWHERE * anywhere
@@ -595,8 +586,7 @@ def to_plane(network: Network) -> Network:
         return replace(
             network,
             groups=tuple(
-                group if group.type.flat is None else replace(group, type=group.type.flat)
-                for group in network.groups
+                group if group.type.flat is None else replace(group, type=group.type.flat) for group in network.groups
             ),
         )
     if network.world is None:
@@ -708,9 +698,7 @@ def to_places(network: Network) -> Network:
     """
     if not any(group.type.key in _PLAIN_OF for group in network.groups):
         return network
-    groups = tuple(
-        _plain(network, group) if group.type.key in _PLAIN_OF else group for group in network.groups
-    )
+    groups = tuple(_plain(network, group) if group.type.key in _PLAIN_OF else group for group in network.groups)
     return replace(network, groups=groups)
 
 
@@ -719,9 +707,9 @@ def _plain(network: Network, group: ObservationGroup) -> ObservationGroup:
     stands = np.ones(group.count, dtype=bool)
     for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
         if slot.kind == "base":
-            stands &= (network.start["base"][blocks] == 0.0).all(axis=1) & ~network.blocks["base"].free[
-                blocks
-            ].any(axis=1)
+            stands &= (network.start["base"][blocks] == 0.0).all(axis=1) & ~network.blocks["base"].free[blocks].any(
+                axis=1
+            )
     kept = some_rows(group, np.flatnonzero(stands))
     return replace(kept, type=plain, blocks=kept.blocks[: len(plain.slots)])
 
@@ -750,9 +738,7 @@ SMALL = 5_000
 """Observations up to which start values are adjusted before they are judged."""
 
 
-def approximate(
-    network: Network, settle: SettleNetwork | None = None, others: int = OTHERS_TRIED
-) -> Approximation:
+def approximate(network: Network, settle: SettleNetwork | None = None, others: int = OTHERS_TRIED) -> Approximation:
     """Start values of a network; nothing is done where all are given.
 
     Given poses and points that are start values and no more are tested against the rays; those that contradict are
@@ -800,9 +786,7 @@ def _likeliest(
     return replace(scene, choices=Choices(choices.wanted)), assembly, judgement
 
 
-def _without_some(
-    network: Network, scene: Scene, points: list[Contradiction], frames: list[Contradiction]
-) -> Assembly:
+def _without_some(network: Network, scene: Scene, points: list[Contradiction], frames: list[Contradiction]) -> Assembly:
     """The parts in the object system, with all start values that are given, or without those of points or frames.
 
     Rough ones carry what is worked out from them astray. What is found without them is laid upon them, where nothing
@@ -832,9 +816,7 @@ def _left_free(network: Network) -> tuple[FreeRotation, bool]:
     if keys & _ORIENTING:
         turn = FreeRotation.NONE
     else:
-        turn = (
-            FreeRotation.ANY if all(key.split("/")[0] in _TURNING for key in keys) else FreeRotation.VERTICAL
-        )
+        turn = FreeRotation.ANY if all(key.split("/")[0] in _TURNING for key in keys) else FreeRotation.VERTICAL
     scaled = any(component.quantity.length for type_ in types for component in type_.components)
     return turn, scaled
 
@@ -853,9 +835,7 @@ def _with_what_agrees(
     wrong = {one.name: str(one) for one in _contradicting(network, system, scene)}
     agreeing = set(agreeing_points(network, system, scene).tolist())
     agree = [
-        one
-        for one in gone
-        if one.name not in wrong and one.number in (agreeing if one.is_point else system.poses)
+        one for one in gone if one.name not in wrong and one.number in (agreeing if one.is_point else system.poses)
     ]
     words = tuple(
         wrong.get(one.name, f"{one.name}: without it and others the observations agree better")

@@ -254,9 +254,7 @@ def ideal_rays(
     return rays
 
 
-def _chunk_of_rays(
-    model: CameraModel, interior: FloatArray, constants: FloatArray, measured: FloatArray
-) -> FloatArray:
+def _chunk_of_rays(model: CameraModel, interior: FloatArray, constants: FloatArray, measured: FloatArray) -> FloatArray:
     plain = np.concatenate([measured - interior[:, 1:3], -np.abs(interior[:, :1])], axis=1)
     start = unit(plain)
     ray = start

@@ -312,9 +312,7 @@ def _places(points: FloatArray) -> int:
     return len(np.unique(points, axis=0))
 
 
-def _looking_back(
-    x: FloatArray, y: FloatArray, directions: FloatArray, c: float, s: float, u: float, v: float
-) -> bool:
+def _looking_back(x: FloatArray, y: FloatArray, directions: FloatArray, c: float, s: float, u: float, v: float) -> bool:
     ahead = np.sin(directions) * (c * x + s * y - u) + np.cos(directions) * (c * y - s * x - v)
     return bool(np.sum(ahead > 0.0) < np.sum(ahead < 0.0))
 
@@ -348,9 +346,7 @@ def _seeds(points: FloatArray, observed: FloatArray, has: BoolArray) -> list[tup
     return seeds
 
 
-def _side_side_angle(
-    points: FloatArray, observed: FloatArray, i: int, j: int
-) -> list[tuple[FloatArray, float]]:
+def _side_side_angle(points: FloatArray, observed: FloatArray, i: int, j: int) -> list[tuple[FloatArray, float]]:
     """Distance and direction to i, direction to j: the distance to j from the cosine law, up to two."""
     reach, angle = observed[i, 1], observed[j, 0] - observed[i, 0]
     side = float(np.linalg.norm(points[j] - points[i]))
@@ -476,8 +472,7 @@ def three_bundles(directions: FloatArray) -> list[PlanShape]:
     for i, j in best:
         shape = _refined(r, np.array([0.0, b[i, j], c[i, j]]), vectors[i, j, :, 0])
         if shape is not None and not any(
-            bool(np.abs(np.exp(1j * shape.kappas) - np.exp(1j * other.kappas)).max() < SAME)
-            for other in shapes
+            bool(np.abs(np.exp(1j * shape.kappas) - np.exp(1j * other.kappas)).max() < SAME) for other in shapes
         ):
             shapes.append(shape)
     return sorted(shapes, key=lambda shape: shape.misfit)
@@ -573,9 +568,7 @@ def shape_of_distances(lengths: PointDistances, dimension: int) -> FloatArray | 
     if len(lengths.value) < unknowns:
         return None
     size = float(np.mean(lengths.value))
-    scaled = PointDistances(
-        lengths.count, lengths.start, lengths.end, lengths.value / size, lengths.sigma / size
-    )
+    scaled = PointDistances(lengths.count, lengths.start, lengths.end, lengths.value / size, lengths.sigma / size)
     shapes = _shapes(scaled, dimension)
     if not shapes:
         return None
@@ -596,17 +589,13 @@ def _shapes(lengths: PointDistances, dimension: int) -> list[tuple[float, FloatA
         off = _residuals(lengths, found)
         if np.sqrt(np.mean(off**2)) < FITS:
             shapes.append((float(np.sqrt(np.mean((off / np.maximum(lengths.sigma, 1e-9)) ** 2))), found))
-        if sum(misfit < PRECISE for misfit, _ in shapes) == AGREEING or (
-            number == BEGINNINGS // 3 and not shapes
-        ):
+        if sum(misfit < PRECISE for misfit, _ in shapes) == AGREEING or (number == BEGINNINGS // 3 and not shapes):
             break
     return shapes
 
 
 def _scaling(lengths: PointDistances, dimension: int) -> FloatArray:
-    graph = scipy.sparse.csr_array(
-        (lengths.value, (lengths.start, lengths.end)), shape=(lengths.count, lengths.count)
-    )
+    graph = scipy.sparse.csr_array((lengths.value, (lengths.start, lengths.end)), shape=(lengths.count, lengths.count))
     square = shortest_path(graph, directed=False) ** 2
     centred = square - square.mean(axis=0) - square.mean(axis=1)[:, None] + square.mean()
     values, vectors = rotations.eigh(-0.5 * centred)
@@ -626,9 +615,7 @@ def _residuals(lengths: PointDistances, points: FloatArray) -> FloatArray:
     return off
 
 
-def _minimal_stress(
-    lengths: PointDistances, points: FloatArray, dimension: int, pressure: float
-) -> FloatArray:
+def _minimal_stress(lengths: PointDistances, points: FloatArray, dimension: int, pressure: float) -> FloatArray:
     damping = 1e-2
     cost = _cost(lengths, points, dimension, pressure)
     for _ in range(60):
@@ -687,9 +674,7 @@ def core_of(lengths: PointDistances, links: int, most: int) -> IntArray:
     alive = _linked(neighbours, {k for k in range(lengths.count) if neighbours[k]}, links)
     chosen: set[int] = set()
     while alive - chosen and len(chosen) < most:
-        best = max(
-            sorted(alive - chosen), key=lambda k: (len(neighbours[k] & chosen), len(neighbours[k] & alive))
-        )
+        best = max(sorted(alive - chosen), key=lambda k: (len(neighbours[k] & chosen), len(neighbours[k] & alive)))
         if chosen and not neighbours[best] & chosen:
             break
         chosen.add(best)

@@ -143,9 +143,7 @@ def _geometry(found: SceneGeometry, outcome: RelativeOutcome, points: int) -> Sc
     return found
 
 
-def _of_plane(
-    a: Bundle, b: Bundle, judged: PairAssessment, chosen: Coplanarity
-) -> tuple[OrientationCandidate, ...]:
+def _of_plane(a: Bundle, b: Bundle, judged: PairAssessment, chosen: Coplanarity) -> tuple[OrientationCandidate, ...]:
     def away(one: tuple[FloatArray, FloatArray]) -> float:
         return float(np.linalg.norm(one[0] - chosen.base) + np.linalg.norm(one[1] - chosen.rotation))
 
@@ -177,8 +175,7 @@ def _choice(a: Bundle, b: Bundle, judged: PairAssessment) -> tuple[Coplanarity, 
         for one, hidden in zip(fitting, behind, strict=True)
         if hidden <= min(behind)
         and one.objective <= as_good
-        and _distance(one, chosen)
-        > ((MINIMA_APART if one.converged and chosen.converged else APART) * sigma + 1e-6)
+        and _distance(one, chosen) > ((MINIMA_APART if one.converged and chosen.converged else APART) * sigma + 1e-6)
     ]
     return chosen, _one_each(rivals, APART * sigma)
 
@@ -333,9 +330,7 @@ def relative_orientation(a: Bundle, b: Bundle) -> RelativeOrientation:
         return failed(refusal, len(a))
     turned = turn_without_base(a, b)
     if turned.misfit < 1.0:
-        identical = float(np.max(np.abs(turned.rotation - np.eye(3)))) < COLLINEAR * np.hypot(
-            a.noise, b.noise
-        )
+        identical = float(np.max(np.abs(turned.rotation - np.eye(3)))) < COLLINEAR * np.hypot(a.noise, b.noise)
         outcome = RelativeOutcome.IDENTICAL if identical else RelativeOutcome.NO_BASE
         return failed(outcome, len(a), fit_turn(a, b))
     linear = linear_system(a, b)
@@ -603,12 +598,8 @@ def _doubted(a: Bundle, b: Bundle, orientation: RelativeOrientation) -> Relative
     if of_plane.outcome is not RelativeOutcome.AMBIGUOUS:
         return orientation
     every = [candidate(a, b, of_plane.base, of_plane.rotation), *of_plane.alternatives]
-    others = tuple(
-        one for one in every if float(np.linalg.norm(one.rotation - orientation.rotation)) > DIFFERENT
-    )
-    return orientation._replace(
-        outcome=RelativeOutcome.AMBIGUOUS, geometry=SceneGeometry.PLANE, alternatives=others
-    )
+    others = tuple(one for one in every if float(np.linalg.norm(one.rotation - orientation.rotation)) > DIFFERENT)
+    return orientation._replace(outcome=RelativeOutcome.AMBIGUOUS, geometry=SceneGeometry.PLANE, alternatives=others)
 
 
 def _plane_part(a: Bundle, b: Bundle) -> BoolArray:

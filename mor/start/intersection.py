@@ -57,9 +57,7 @@ class Intersection(NamedTuple):
     """Largest angle between two of the rays, in radians, at most π/2."""
 
 
-def intersect(
-    bundle: Bundle, positions: FloatArray, rotations: FloatArray, iterations: int = 10
-) -> Intersection:
+def intersect(bundle: Bundle, positions: FloatArray, rotations: FloatArray, iterations: int = 10) -> Intersection:
     """Intersect n ≥ 2 rays: ray i of ``bundle`` stands in the frame ``positions[i]`` (3,), ``rotations[i]``
     (3, 3).
 
@@ -170,9 +168,7 @@ def meet_kernel(
             for j in range(3):
                 centre[count, j] = centres[f, j]
                 direction[count, j] = (
-                    rays[ray, 0] * turns[f, 0, j]
-                    + rays[ray, 1] * turns[f, 1, j]
-                    + rays[ray, 2] * turns[f, 2, j]
+                    rays[ray, 0] * turns[f, 0, j] + rays[ray, 1] * turns[f, 1, j] + rays[ray, 2] * turns[f, 2, j]
                 )
             centre[count, 2] -= height[ray]
             limit[count] = 3.0 * np.sqrt(sigma[ray] ** 2 + slack**2)
@@ -414,9 +410,7 @@ def meet_plainly(
     centre, direction = posed.centres[frame], np.einsum("ni,nij->nj", seen.rays[rays], posed.turns[frame])
     centre[:, 2] -= seen.height[rays]
     lines = _Lines(point, centre, direction, 3.0 * loosened(seen.sigma[rays], slack))
-    found = _forward_intersection_in_rounds(
-        lines, np.ones(len(rays), dtype=bool), len(points), smallest, rounds
-    )
+    found = _forward_intersection_in_rounds(lines, np.ones(len(rays), dtype=bool), len(points), smallest, rounds)
     if rounds > 1:
         begin = _likelier_pairs(lines, found, len(points), smallest)
         found = _forward_intersection_in_rounds(lines, begin, len(points), smallest, rounds)

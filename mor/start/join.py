@@ -62,9 +62,7 @@ def _tie(pair: StereoPair, followers: list[int], source: Part) -> Movement | Non
     return min((one for one in found if one is not None), key=lambda one: one.misfit, default=None)
 
 
-def _turns(
-    O_l: FloatArray, D_l: FloatArray, O_f: FloatArray, D_f: FloatArray, given: FloatArray
-) -> list[FloatArray]:
+def _turns(O_l: FloatArray, D_l: FloatArray, O_f: FloatArray, D_f: FloatArray, given: FloatArray) -> list[FloatArray]:
     """Candidates of the turn from leader to follower."""
     if np.isfinite(given).all():
         return [given]
@@ -165,9 +163,7 @@ def _tie_of_either_hand(target: Part, source: Part, scene: Scene) -> Movement | 
     loose = target if source.handed else source
     _mirror(loose)
     other = tie(target, source, scene)
-    fit, mirrored = (
-        np.inf if one is None or one.open else max(one.misfit, PRECISION) for one in (found, other)
-    )
+    fit, mirrored = (np.inf if one is None or one.open else max(one.misfit, PRECISION) for one in (found, other))
     if mirrored * ALIKE < fit:
         return other
     _mirror(loose)
@@ -184,9 +180,7 @@ def open_movements(target: Part, source: Part, scene: Scene) -> int:
 
 def free_movements(target: Part, source: Part) -> int:
     """Return the number of movements of two parts against each other if nothing ties them."""
-    turns = (
-        3 if not (target.levelled and source.levelled) else 0 if target.oriented and source.oriented else 1
-    )
+    turns = 3 if not (target.levelled and source.levelled) else 0 if target.oriented and source.oriented else 1
     return 3 + turns + (not (target.scaled and source.scaled))
 
 
@@ -201,9 +195,7 @@ def lay_upon(part: Part, places: FloatArray, turn: FreeRotation, scaled: bool) -
     """
     rows = np.flatnonzero(np.isfinite(places).all(axis=1) & np.isfinite(part.points).all(axis=1))
     none = np.zeros((0, 3))
-    found = (
-        movement(Ties(part.points[rows], places[rows], none, none), turn, scaled) if len(rows) > 2 else None
-    )
+    found = movement(Ties(part.points[rows], places[rows], none, none), turn, scaled) if len(rows) > 2 else None
     if found is not None:
         part.transform(found.similarity)
 
@@ -277,9 +269,7 @@ def tie(target: Part, source: Part, scene: Scene) -> Movement | None:
     if np.isfinite(target.points[:, 2]).any() or target.poses:
         source.points[:, 2] = np.nan
         source.poses.clear()
-    return Movement(
-        found.scale, found.rotation, found.shift, 0, found.misfit, found.redundancy, found.alternatives
-    )
+    return Movement(found.scale, found.rotation, found.shift, 0, found.misfit, found.redundancy, found.alternatives)
 
 
 def _common_points(target: Part, source: Part, scene: Scene, both: bool) -> tuple[FloatArray, FloatArray]:
@@ -442,9 +432,7 @@ def fill_systems(network: Network, start: dict[str, FloatArray]) -> None:
             np.isnan(network.start["point"][one.points]).any()
         )
         known = np.isfinite(start["point"][one.points]).all(axis=1)
-        lacking = (
-            np.isnan(start["rotation"][one.rotation]).any() or np.isnan(start["point"][one.origin]).any()
-        )
+        lacking = np.isnan(start["rotation"][one.rotation]).any() or np.isnan(start["point"][one.origin]).any()
         if (lacking or recomputed) and np.isfinite(one.local[known]).any():
             one = one._replace(points=one.points[known], local=one.local[known])
             _fill(network, start, one, recomputed, one.rotation in turned)
@@ -461,9 +449,7 @@ def _fill_shapes(network: Network, start: dict[str, FloatArray], turned: set[int
     for group in network.groups:
         if group.type.name not in SHAPE_TYPES:
             continue
-        position, rotation, offset, shape, *turn = (
-            int(block[0]) for block in (*group.blocks[:4], *group.blocks[5:])
-        )
+        position, rotation, offset, shape, *turn = (int(block[0]) for block in (*group.blocks[:4], *group.blocks[5:]))
         points = group.blocks[4]
         if np.isnan(network.start["point"][points]).any():
             held = None
@@ -509,9 +495,7 @@ def _is_feature(blocks: Blocks, one: _Measured) -> bool:
     return blocks.about_axes is not None and bool(blocks.about_axes[one.rotation])
 
 
-def _fill(
-    network: Network, start: dict[str, FloatArray], one: _Measured, recomputed: bool, turned: bool
-) -> None:
+def _fill(network: Network, start: dict[str, FloatArray], one: _Measured, recomputed: bool, turned: bool) -> None:
     points = start["point"][one.points]
     free = bool(network.blocks["scale"].free[one.scale, 0])
     scale = 1.0 if free else float(start["scale"][one.scale, 0])
@@ -531,9 +515,7 @@ def _fill(
     # Mean of what shift and offset have to make up for; a component that was not observed asks for nothing.
     seen = np.isfinite(one.local)
     away = np.where(seen, one.local - scale * points @ D.T, 0.0).sum(axis=0) / np.maximum(seen.sum(axis=0), 1)
-    _put_origin(
-        network, start, one, recomputed, scale * D, away, np.asarray(seen.any(axis=0)), points.mean(axis=0)
-    )
+    _put_origin(network, start, one, recomputed, scale * D, away, np.asarray(seen.any(axis=0)), points.mean(axis=0))
 
 
 def _ties(network: Network, start: dict[str, FloatArray], one: _Measured, scale: float) -> Ties:
@@ -658,9 +640,7 @@ def put_rotation(network: Network, rotations: FloatArray, block: int, D: FloatAr
     )
     rotations[block] = D
     if held.any():
-        rotations[block] = rotation_from_angles(
-            np.where(held, given, angles_from_rotation(D[None])[0])[None]
-        )[0]
+        rotations[block] = rotation_from_angles(np.where(held, given, angles_from_rotation(D[None])[0])[None])[0]
 
 
 def _fill_pairs(network: Network, start: dict[str, FloatArray], part: Part, frames: Sequence[Frame]) -> None:
@@ -728,9 +708,7 @@ def _contradicted(network: Network, start: Mapping[str, FloatArray]) -> set[tupl
     seen = [np.zeros((0, 2), dtype=np.int64)]
     for group in network.groups:
         rotations = [
-            numbers
-            for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
-            if slot.kind == "rotation"
+            numbers for slot, numbers in zip(group.type.slots, group.blocks, strict=True) if slot.kind == "rotation"
         ]
         positions = [slot.kind == "point" for slot in group.type.slots]
         if len(rotations) == 1 and sum(positions) > 1:
@@ -813,10 +791,7 @@ def contradicting_points(network: Network, system: Part, scene: Scene) -> list[C
     point, off = _rays_past_points(network, system, scene)
     doubtful = np.flatnonzero(_tested(point, scene) & ~_agreeing(point, off, scene))
     ids = network.blocks["point"].ids
-    return [
-        Contradiction(p, f"point {ids[p]}", float(np.median(off[point == p])), True)
-        for p in doubtful.tolist()
-    ]
+    return [Contradiction(p, f"point {ids[p]}", float(np.median(off[point == p])), True) for p in doubtful.tolist()]
 
 
 def agreeing_points(network: Network, system: Part, scene: Scene) -> IntArray:
@@ -890,9 +865,7 @@ def _loose(network: Network, kind: str, block: int) -> BoolArray:
     return np.asarray(network.blocks[kind].free[block] & np.isnan(network.sigma[kind][block]))
 
 
-def put_back(
-    network: Network, scene: Scene, start: dict[str, FloatArray], found: list[Contradiction]
-) -> None:
+def put_back(network: Network, scene: Scene, start: dict[str, FloatArray], found: list[Contradiction]) -> None:
     """Give some frames the poses, and some points the coordinates, of the project again."""
     for one in found:
         if one.is_point:

@@ -237,11 +237,7 @@ def only_used(sides: Sides, rows: list[GroupRows]) -> tuple[Sides, list[GroupRow
     renumbered = []
     for one in rows:
         numbers = tuple(
-            new_points[given]
-            if slot.kind == "point"
-            else new_turns[given]
-            if slot.kind == "rotation"
-            else given
+            new_points[given] if slot.kind == "point" else new_turns[given] if slot.kind == "rotation" else given
             for slot, given in zip(one.group.type.slots, one.blocks, strict=True)
         )
         renumbered.append(one._replace(blocks=numbers))
@@ -380,9 +376,7 @@ def minima(searched: Searched[States], starts: States) -> Minima:
     states, off = _iterated(searched, states, _MANY, 5.0)
     order = np.argsort(_objectives(off, 1.0), kind="stable")
     states, off = some(states, order), off[order]
-    return Minima(
-        states, _objectives(off, 1.0), off, _derivatives(searched, some(states, np.array([0])), off[:1])[0]
-    )
+    return Minima(states, _objectives(off, 1.0), off, _derivatives(searched, some(states, np.array([0])), off[:1])[0])
 
 
 def some(states: States, numbers: IntArray) -> States:
@@ -403,9 +397,7 @@ def _derivatives(searched: Searched[States], states: States, off: FloatArray) ->
     return np.asarray(np.swapaxes(change, 1, 2) / _STEP)
 
 
-def _iterated(
-    searched: Searched[States], states: States, steps: int, width: float
-) -> tuple[States, FloatArray]:
+def _iterated(searched: Searched[States], states: States, steps: int, width: float) -> tuple[States, FloatArray]:
     """Steps that are not taken where they make it worse; large residuals count ever less."""
     off = searched.residuals(states)
     count, unknowns = len(off), searched.unknowns
@@ -486,13 +478,7 @@ def sampled_turns(turn: FreeRotation) -> FloatArray:
 
 def stance_of(target: Part, source: Part) -> Stance:
     """Return the reference that a target lacks; no source knows more of directions."""
-    turn = (
-        FreeRotation.NONE
-        if target.oriented
-        else FreeRotation.VERTICAL
-        if target.levelled
-        else FreeRotation.ANY
-    )
+    turn = FreeRotation.NONE if target.oriented else FreeRotation.VERTICAL if target.levelled else FreeRotation.ANY
     return Stance(turn, not (target.scaled or source.scaled), source.scaled and not target.scaled)
 
 
@@ -623,9 +609,7 @@ def starts(search: Search) -> SimilarityTransformations:
         some = sampled_turns(search.stance.turn)
         states = states._replace(stance=some[draw.integers(len(some), size=k)])
     if search.stance.unit:
-        reach = np.maximum(
-            states.scale * search.size, extent(search.sides.points[search.sides.known.points == 1])
-        )
+        reach = np.maximum(states.scale * search.size, extent(search.sides.points[search.sides.known.points == 1]))
         unit = _lengths(search) / np.maximum(reach, 1e-300) * np.exp(draw.uniform(-1.0, 1.0, k))
         states = states._replace(unit=np.where(unit > 0.0, unit, 1.0))
     elif search.stance.by_source:
@@ -682,9 +666,7 @@ def _scales(search: Search, count: int, draw: np.random.Generator) -> FloatArray
 
 
 def _lengths(search: Search) -> float:
-    lengths = [
-        one.group.observed for one in search.rows if one.group.type.key in ("distance", "horizontal_distance")
-    ]
+    lengths = [one.group.observed for one in search.rows if one.group.type.key in ("distance", "horizontal_distance")]
     return float(np.nanmax(np.concatenate(lengths))) if lengths else 0.0
 
 
@@ -708,9 +690,7 @@ def _free_stations(points: FloatArray, directions: FloatArray, rises: FloatArray
     away = along - own @ np.stack([s, c])
     plan = np.stack([cosine * own[:, 0] - sine * own[:, 1], sine * own[:, 0] + cosine * own[:, 1]], axis=1)
     told = np.isfinite(rises)
-    height = (
-        np.median(z[:, told] - np.abs(away[:, told]) * rises[told], axis=1) if told.any() else 0.0 * cosine
-    )
+    height = np.median(z[:, told] - np.abs(away[:, told]) * rises[told], axis=1) if told.any() else 0.0 * cosine
     return np.asarray(np.concatenate([plan, height[:, None]], axis=1) + middle[:, 0])
 
 
@@ -890,9 +870,7 @@ def _apart(search: Search, found: Minima, one: int, other: int, axes: FloatArray
     small = 0.5 * np.array([turn[2, 1] - turn[1, 2], turn[0, 2] - turn[2, 0], turn[1, 0] - turn[0, 1]])
     cosine = 0.5 * (np.trace(turn) - 1.0)
     small = small if cosine > 0.0 else small + np.pi / 2.0
-    turns = {FreeRotation.ANY: small, FreeRotation.VERTICAL: small[2:], FreeRotation.NONE: small[:0]}[
-        search.turn
-    ]
+    turns = {FreeRotation.ANY: small, FreeRotation.VERTICAL: small[2:], FreeRotation.NONE: small[:0]}[search.turn]
     size = np.maximum(a.scale, b.scale) * search.size
     scales = [] if search.scaled else [np.log(b.scale / a.scale)]
     difference = np.concatenate([(b.shift - a.shift) / size, turns, scales])

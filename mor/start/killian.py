@@ -87,9 +87,7 @@ def misfits(a: Bundle, b: Bundle, matrices: FloatArray) -> FloatArray:
     by_b = np.einsum("nij,nil->njl", across, b.whitened_axes)
     spread = by_a @ np.swapaxes(by_a, 2, 3) + factor[:, :, None, None] ** 2 * (by_b @ np.swapaxes(by_b, 1, 2))
     one, other = np.moveaxis(np.einsum("nij,mni->mnj", across, image), 2, 0)
-    quadratic = (
-        spread[..., 1, 1] * one**2 - 2.0 * spread[..., 0, 1] * one * other + spread[..., 0, 0] * other**2
-    )
+    quadratic = spread[..., 1, 1] * one**2 - 2.0 * spread[..., 0, 1] * one * other + spread[..., 0, 0] * other**2
     size = spread[..., 0, 0] * spread[..., 1, 1] - spread[..., 0, 1] ** 2
     with np.errstate(divide="ignore", invalid="ignore"):
         return np.asarray(np.where(size > 0.0, quadratic / size, np.inf))
@@ -332,8 +330,7 @@ def diagonals_cross(corners: FloatArray) -> bool:
     one, two, three, four = unit(corners)
     crossing = angles_in_image(corners).crossing
     between = [
-        float(cross(crossing, first) @ cross(crossing, second)) < 0.0
-        and float(crossing @ (first + second)) > 0.0
+        float(cross(crossing, first) @ cross(crossing, second)) < 0.0 and float(crossing @ (first + second)) > 0.0
         for first, second in ((one, two), (three, four))
     ]
     return all(between)
@@ -463,9 +460,7 @@ def _halves(cot: FloatArray, cot_at_crossing: float) -> FloatArray:
 def _same(first: Quadrilateral, second: Quadrilateral) -> bool:
     near = np.abs(np.array([first.r_b - second.r_b, *(first.cot_phi - second.cot_phi)]))
     also = np.abs(first.cot_psi - second.cot_psi)
-    return bool(
-        np.all(near < 1e-9 * (1.0 + first.r_b)) and np.all(also < 1e-9 * (1.0 + np.abs(first.cot_psi)))
-    )
+    return bool(np.all(near < 1e-9 * (1.0 + first.r_b)) and np.all(also < 1e-9 * (1.0 + np.abs(first.cot_psi))))
 
 
 def corners_in_frame(corners: FloatArray, solution: Quadrilateral, image: int) -> FloatArray:
@@ -501,9 +496,7 @@ class PlaneOutcome(Enum):
     """Outcome of the orientation of two images of a plane object."""
 
     UNIQUE = "one solution is visible"
-    AMBIGUOUS = (
-        "several shapes fit both images; another image, a known angle or a length ratio decides between them"
-    )
+    AMBIGUOUS = "several shapes fit both images; another image, a known angle or a length ratio decides between them"
     TOO_FEW = "fewer than four points"
     INVALID = "a ray is zero or not a number"
     COLLINEAR = "three of four points, or all points, are collinear"
@@ -511,9 +504,7 @@ class PlaneOutcome(Enum):
         "one solution is visible, but so weakly determined that its standard deviations do not hold: use a longer "
         "base, more points or another image"
     )
-    NO_BASE = (
-        "no base: the second image is the first one turned, to its precision; the shape of the plane is open"
-    )
+    NO_BASE = "no base: the second image is the first one turned, to its precision; the shape of the plane is open"
     BASE_ALONG_NORMAL = (
         "critical configuration: both projection centres lie on one normal of the "
         "plane, or the measurements cannot exclude it; "
@@ -585,9 +576,7 @@ def misfit_limit(redundancy: int) -> float:
     return float(4.0 * (redundancy + 5.0 * np.sqrt(2.0 * redundancy) + 1.0))
 
 
-def solutions_of_homography(
-    matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray
-) -> list[PlaneOrientation]:
+def solutions_of_homography(matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray) -> list[PlaneOrientation]:
     """Orientations from a collineation H (3, 3) by Killian's cubic, those that see all the rays (n, 3) first."""
     corners = corners_within(rays_a)
     image = corners @ matrix.T
@@ -598,9 +587,7 @@ def solutions_of_homography(
     return sorted(found, key=lambda orientation: -orientation.front)
 
 
-def _orientation(
-    in_a: FloatArray, in_b: FloatArray, rays_a: FloatArray, rays_b: FloatArray
-) -> PlaneOrientation:
+def _orientation(in_a: FloatArray, in_b: FloatArray, rays_a: FloatArray, rays_b: FloatArray) -> PlaneOrientation:
     centre_a, centre_b = in_a.mean(axis=0), in_b.mean(axis=0)
     rotation = nearest_rotation((in_b - centre_b).T @ (in_a - centre_a))
     normal = principal_rows(in_a - centre_a)[1][2]
@@ -693,8 +680,7 @@ def thickness(bundle: Bundle) -> float:
 def _three_in_line(bundle: Bundle) -> bool:
     directions = bundle.directions
     return any(
-        thickness(bundle.take(np.delete(np.arange(4), k))) < COLLINEAR * bundle.noise
-        for k in range(len(directions))
+        thickness(bundle.take(np.delete(np.arange(4), k))) < COLLINEAR * bundle.noise for k in range(len(directions))
     )
 
 
@@ -710,9 +696,7 @@ def along_normal(matrix: FloatArray, rays_a: FloatArray, rays_b: FloatArray) -> 
     return PlaneOrientation(normal, base, rotation, _in_front(normal, base, rotation, rays_a, rays_b))
 
 
-def under_normal(
-    matrix: FloatArray, normal: FloatArray, rays_a: FloatArray, rays_b: FloatArray
-) -> PlaneOrientation:
+def under_normal(matrix: FloatArray, normal: FloatArray, rays_a: FloatArray, rays_b: FloatArray) -> PlaneOrientation:
     """Orientation from a collineation H (3, 3) of a plane whose unit ``normal`` in A is known: H t = D* t across it."""
     across = tangent_axes(normal)
     carried = matrix @ across
@@ -731,9 +715,7 @@ def _in_front(
     return int(np.sum((rays_a @ normal > 0.0) & ((rays_b @ (rotation @ normal)) * side_of_b > 0.0)))
 
 
-def _outcome(
-    homography: Homography, solutions: list[PlaneOrientation], along: bool, points: int
-) -> PlaneOutcome:
+def _outcome(homography: Homography, solutions: list[PlaneOrientation], along: bool, points: int) -> PlaneOutcome:
     visible = sum(solution.front == points for solution in solutions)
     if not homography.same_side or visible == 0:
         return PlaneOutcome.NOT_VISIBLE

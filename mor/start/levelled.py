@@ -160,9 +160,7 @@ def _sections(part: Part, measured: Terrestrial) -> bool:
     for point, found in bearings.items():
         if len(found) < 2 or not _meet_well([t for _, t in found]):
             continue
-        section, count = _bearings_that_agree(
-            np.array([xy for xy, _ in found]), np.array([t for _, t in found])
-        )
+        section, count = _bearings_that_agree(np.array([xy for xy, _ in found]), np.array([t for _, t in found]))
         if section.outcome is SectionOutcome.DETERMINED:
             _place(part, point, section.points[0], rule("intersection of {count} bearings", count=count))
             added = True
@@ -208,9 +206,7 @@ def _arcs_that_agree(stations: FloatArray, lengths: FloatArray) -> tuple[PlaneIn
         section = arc_section(stations[rows], lengths[rows])
         if section.outcome is not SectionOutcome.DETERMINED:
             return FitQuality(np.inf, np.zeros(0))
-        return FitQuality(
-            section.sigma0, np.abs(misclosures_of_arcs(stations[rows], lengths[rows], section.point))
-        )
+        return FitQuality(section.sigma0, np.abs(misclosures_of_arcs(stations[rows], lengths[rows], section.point)))
 
     rows = agreeing(len(lengths), fit, SECTION_FITS * float(np.median(lengths)), least=3)
     return arc_section(stations[rows], lengths[rows]), len(rows)
@@ -260,9 +256,7 @@ def _free_station(part: Part, sight: LevelledSet, distances: Distances) -> tuple
     return None
 
 
-def _station_that_agrees(
-    points: FloatArray, directions: FloatArray, lengths: FloatArray, sigma: float
-) -> FreeStation:
+def _station_that_agrees(points: FloatArray, directions: FloatArray, lengths: FloatArray, sigma: float) -> FreeStation:
     def station(rows: IntArray) -> FreeStation:
         return free_station_level(points[rows], directions[rows], lengths[rows], SIGMA_DIRECTION, sigma)
 
@@ -405,9 +399,7 @@ class Surfaces(NamedTuple):
         return len(self.planes) + len(self.spheres) + len(self.cones)
 
 
-def grow_single_points(
-    part: Part, scene: Scene, ambiguous: bool = False, contradicting: bool = False
-) -> bool:
+def grow_single_points(part: Part, scene: Scene, ambiguous: bool = False, contradicting: bool = False) -> bool:
     """Add points that several kinds of observations tell together; true where anything was added.
 
     ``ambiguous``: also one that has several places that fit alike, the nearest to what is known of them.
@@ -456,9 +448,7 @@ def meeting_places(
         side = np.einsum("kni,kn->ki", rows, off)[:, free]
         normal += (damping * np.trace(normal, axis1=1, axis2=2))[:, None, None] * np.eye(int(free.sum()))
         moved = X.copy()
-        moved[:, free] -= rotations.solve(
-            normal + 1e-18 / size**2 * np.eye(int(free.sum())), side[:, :, None]
-        )[:, :, 0]
+        moved[:, free] -= rotations.solve(normal + 1e-18 / size**2 * np.eye(int(free.sum())), side[:, :, None])[:, :, 0]
         tried, fresh = _residuals(surfaces, moved, size)
         better = np.sum(tried**2, axis=1) < cost
         X[better], off[better], rows[better] = moved[better], tried[better], fresh[better]
@@ -515,9 +505,7 @@ def _starts(surfaces: Surfaces, middle: FloatArray, size: float) -> FloatArray:
     return np.concatenate(starts)
 
 
-def _pose_of_system(
-    part: Part, system: LocalSystem, fits: float
-) -> tuple[FloatArray, FloatArray, LocalSystem] | None:
+def _pose_of_system(part: Part, system: LocalSystem, fits: float) -> tuple[FloatArray, FloatArray, LocalSystem] | None:
     """λ D (3, 3) and shift (3,) of a measured system in a part, local = λ D X + shift; ``None`` where it is open."""
     known = part.known(system.points)
     if np.isfinite(system.coordinates[known]).sum() < 7:
@@ -545,11 +533,7 @@ def _surfaces(
             at = pose[0] - [0.0, 0.0, seen.height[ray]]
             sights.append(np.concatenate([at, pose[1].T @ seen.rays[ray]]))
     planes = [
-        *(
-            np.concatenate([normal, ray[:3], [0.0]])
-            for ray in sights
-            for normal in rotations.svd(ray[None, 3:])[2][1:]
-        ),
+        *(np.concatenate([normal, ray[:3], [0.0]]) for ray in sights for normal in rotations.svd(ray[None, 3:])[2][1:]),
         *_of_systems(systems, point, size),
     ]
     spheres: list[FloatArray] = []
@@ -561,11 +545,7 @@ def _surfaces(
         cones += _of_verticals(part, scene, point)
     for other in scene.distances[1].neighbours.get(point, ()) if part.scaled else ():
         length = scene.distances[1].slope.get((other, point))
-        if (
-            length is not None
-            and np.isfinite(part.points[other]).all()
-            and (part.levelled or length[1] == 0.0)
-        ):
+        if length is not None and np.isfinite(part.points[other]).all() and (part.levelled or length[1] == 0.0):
             spheres.append(np.append(part.points[other] + [0.0, 0.0, length[1]], length[0]))
     return Surfaces(_stacked(planes, 7), _stacked(spheres, 4), _stacked(cones, 4), _stacked(sights, 6))
 
@@ -656,10 +636,7 @@ def seed_distances(scene: Scene, system: Part, known: BoolArray, tried: set[tupl
 def _in_plan(scene: Scene, system: Part) -> PointDistances:
     distances = scene.distances[1]
     rows = [
-        (a, b, distances.between(system, a, b))
-        for a, others in distances.neighbours.items()
-        for b in others
-        if a < b
+        (a, b, distances.between(system, a, b)) for a, others in distances.neighbours.items() for b in others if a < b
     ]
     return _lengths(scene, [row for row in rows if np.isfinite(row[2])])
 
@@ -696,9 +673,7 @@ def grow_distances(part: Part, distances: Distances) -> bool:
     return added
 
 
-def _known_slopes(
-    part: Part, distances: Distances, point: int, neighbours: set[int]
-) -> list[tuple[int, float, float]]:
+def _known_slopes(part: Part, distances: Distances, point: int, neighbours: set[int]) -> list[tuple[int, float, float]]:
     slopes = [(p, *distances.slope[p, point]) for p in sorted(neighbours) if (p, point) in distances.slope]
     return [s for s in slopes if np.isfinite(part.points[s[0]]).all() and (part.levelled or s[2] == 0.0)]
 

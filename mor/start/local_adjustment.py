@@ -169,9 +169,7 @@ class _PosedRays(NamedTuple):
     """(points,) true where the coordinates are given."""
 
 
-def settle(
-    part: Part, frames: Sequence[Frame], seen: Sightings, poses: PosedFrames, moving: Sequence[int]
-) -> None:
+def settle(part: Part, frames: Sequence[Frame], seen: Sightings, poses: PosedFrames, moving: Sequence[int]) -> None:
     """Adjust the poses of the ``moving`` frames, in ``part`` and in ``poses``; the points only lead to them."""
     points = _points(part, frames, moving)
     if len(points) == 0:
@@ -238,9 +236,7 @@ def _step(
     by_pose = by_pose[order]
     of_frames = _summed(by_pose, by_pose, row, len(moving))
     frame_side = _summed(by_pose, residuals[order][:, :, None], row, len(moving))[:, :, 0]
-    known, place, sigma = observed_centres(
-        part, [frames[number] for number in moving], poses.turns[list(moving)], X
-    )
+    known, place, sigma = observed_centres(part, [frames[number] for number in moving], poses.turns[list(moving)], X)
     held = np.flatnonzero(known)
     weight = sigma[held] ** -2.0
     of_frames[held[:, None], np.arange(3), np.arange(3)] += weight
@@ -256,9 +252,7 @@ def _step(
     return _solved(reduced, frame_side.ravel() - reach @ point_side.ravel()).reshape(-1, 6)
 
 
-def _linearised(
-    poses: PosedFrames, rays: _PosedRays, X: FloatArray
-) -> tuple[FloatArray, FloatArray, FloatArray]:
+def _linearised(poses: PosedFrames, rays: _PosedRays, X: FloatArray) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Residuals (n, 2), derivatives (n, 2, 6) by the pose and (n, 2, 3) by the point; 0 for rays that pass by."""
     D = poses.turns[rays.frame]
     away = X[rays.point] - poses.centres[rays.frame]
@@ -281,9 +275,7 @@ def _summed(first: FloatArray, second: FloatArray, number: IntArray, count: int)
     return summed
 
 
-def _blocks(
-    blocks: FloatArray, row: IntArray, column: IntArray, shape: tuple[int, int]
-) -> scipy.sparse.bsr_array:
+def _blocks(blocks: FloatArray, row: IntArray, column: IntArray, shape: tuple[int, int]) -> scipy.sparse.bsr_array:
     _, height, width = blocks.shape
     pointers = np.searchsorted(row, np.arange(shape[0] + 1))
     size = (height * shape[0], width * shape[1])
@@ -335,9 +327,7 @@ FEWEST = 4
 """Known points from which a frame can be resected where there is no other way."""
 
 
-def grow_bundles(
-    part: Part, frames: Sequence[Frame], seen: Sightings, fewest: int, most: int | None = None
-) -> bool:
+def grow_bundles(part: Part, frames: Sequence[Frame], seen: Sightings, fewest: int, most: int | None = None) -> bool:
     """Add poses and points to the part; true where anything was added.
 
     ``fewest`` known points a frame needs for a resection: with 4 a wrong solution may pass for right. The growth pauses
@@ -369,9 +359,7 @@ def grow_bundles(
             return grown
 
 
-def _grow_bundles_enter(
-    part: Part, frames: Sequence[Frame], poses: PosedFrames, numbers: Sequence[int]
-) -> None:
+def _grow_bundles_enter(part: Part, frames: Sequence[Frame], poses: PosedFrames, numbers: Sequence[int]) -> None:
     for number in numbers:
         part.seen_by[frames[number].points] = number
         poses.centres[number], poses.turns[number] = part.poses[number]
@@ -401,9 +389,7 @@ def _seen(seen: Sightings, points: IntArray) -> IntArray:
     return np.bincount(seen.frame[seen.of_points(points)], minlength=seen.frames)
 
 
-def _pose_best(
-    part: Part, frames: Sequence[Frame], counts: IntArray, refused: IntArray, fewest: int
-) -> list[int]:
+def _pose_best(part: Part, frames: Sequence[Frame], counts: IntArray, refused: IntArray, fewest: int) -> list[int]:
     """Pose the frames that see the most known points; ``refused`` remembers with how many a frame failed."""
     usable = (counts >= fewest) & (counts > refused)
     posed: list[int] = []
@@ -496,9 +482,7 @@ def polar_points(scene: Scene, frames: Sequence[Frame], number: int) -> dict[int
     frame, slopes = frames[number], scene.terrestrial.slopes
     rows = np.flatnonzero((slopes.start == frame.position) & (slopes.start_block == frame.height))
     length = dict(zip(slopes.end[rows].tolist(), slopes.value[rows, 0], strict=True))
-    return {
-        p: length[p] * ray for p, ray in zip(frame.points.tolist(), frame.rays, strict=True) if p in length
-    }
+    return {p: length[p] * ray for p, ray in zip(frame.points.tolist(), frame.rays, strict=True) if p in length}
 
 
 def grow_polar(part: Part, scene: Scene) -> bool:

@@ -197,9 +197,7 @@ def _closed_forms(ties: _Normalised, turn: FreeRotation, scaled: bool) -> list[F
         full,
         *(draw.choice(full, axes, replace=False) for _ in range(_TRIPLES if len(full) > axes else 0)),
     ]
-    fitted = (
-        congruence if scaled and abs(ties.sizes[0] - ties.sizes[1]) < 1e-12 * ties.sizes[0] else similarity
-    )
+    fitted = congruence if scaled and abs(ties.sizes[0] - ties.sizes[1]) < 1e-12 * ties.sizes[0] else similarity
     found = []
     for chosen in samples:
         one = fitted(ties.source[chosen, :axes], ties.target[chosen, :axes])
@@ -255,9 +253,7 @@ def _refined(ties: _Normalised, R: FloatArray, turn: FreeRotation, scaled: bool)
         size = 1e-9 + lift if step < 3 else 1e-9
         A = np.concatenate([rows * root[:, None], size * np.eye(rows.shape[1])])
         change = np.zeros(7)
-        change[moves] = -rotations.lstsq(
-            A, np.concatenate([root * residuals, np.zeros(rows.shape[1])]), rcond=None
-        )
+        change[moves] = -rotations.lstsq(A, np.concatenate([root * residuals, np.zeros(rows.shape[1])]), rcond=None)
         if not np.isfinite(change).all():
             return None
         R = exponential(np.clip(change[3:6], -0.5, 0.5)[None])[0] @ R
@@ -269,9 +265,7 @@ def _refined(ties: _Normalised, R: FloatArray, turn: FreeRotation, scaled: bool)
     return _judged(s, R, t, rows[:, moves], weight, cost)
 
 
-def _judged(
-    s: float, R: FloatArray, t: FloatArray, rows: FloatArray, weight: FloatArray, cost: float
-) -> _Fit:
+def _judged(s: float, R: FloatArray, t: FloatArray, rows: FloatArray, weight: FloatArray, cost: float) -> _Fit:
     redundancy = len(rows) - rows.shape[1]
     values = rotations.singular_values(rows * np.sqrt(weight)[:, None])
     values = np.append(values, np.zeros(max(rows.shape[1] - len(values), 0)))

@@ -205,15 +205,11 @@ def _image_frame(network: Network, rays: _ImageRays, up: FloatArray) -> Frame:
 
 def _offset(network: Network, height: int, eccentricity: int) -> FloatArray:
     start = network.start
-    offset: FloatArray = np.nan_to_num(
-        np.concatenate([start["height"][height], start["eccentricity"][eccentricity]])
-    )
+    offset: FloatArray = np.nan_to_num(np.concatenate([start["height"][height], start["eccentricity"][eccentricity]]))
     return offset
 
 
-def _image_rays(
-    network: Network, group: ObservationGroup, model: CameraModel
-) -> tuple[FloatArray, FloatArray]:
+def _image_rays(network: Network, group: ObservationGroup, model: CameraModel) -> tuple[FloatArray, FloatArray]:
     """Unit rays (n, 3) of measured image coordinates, distortion taken off as far as it is known, and σ in radians."""
     slot = next(k for k, slot in enumerate(group.type.slots) if slot.part == "interior")
     interior, of = network.start[group.type.slots[slot].kind], group.blocks[slot]
@@ -453,9 +449,7 @@ class Distances:
             return
         for lengths in (measured.horizontals, measured.slopes):
             ends = zip(lengths.start.tolist(), lengths.end.tolist(), strict=True)
-            self.sigma |= {
-                (min(a, b), max(a, b)): s for (a, b), s in zip(ends, lengths.sigma.tolist(), strict=True)
-            }
+            self.sigma |= {(min(a, b), max(a, b)): s for (a, b), s in zip(ends, lengths.sigma.tolist(), strict=True)}
         for a, b, s in zip(
             measured.horizontals.start,
             measured.horizontals.end,
@@ -473,9 +467,7 @@ class Distances:
 
     def _collect_verticals(self, measured: Terrestrial) -> None:
         v = measured.verticals
-        for a, b, ha, hb, value in zip(
-            v.start, v.end, v.start_height, v.end_height, v.value[:, 0], strict=True
-        ):
+        for a, b, ha, hb, value in zip(v.start, v.end, v.start_height, v.end_height, v.value[:, 0], strict=True):
             self.vertical[int(a), int(b)] = (float(value), self._lift(ha - hb))
         for sight in measured.sights:
             for b, hb, value in zip(sight.points, sight.heights, sight.verticals, strict=True):
@@ -526,9 +518,7 @@ class Distances:
 # ---- Lines whose points had no coordinates on reading: which point beside them carries their turn.
 
 
-def with_lines_turned(
-    network: Network, start: Mapping[str, FloatArray]
-) -> tuple[Network, Mapping[str, FloatArray]]:
+def with_lines_turned(network: Network, start: Mapping[str, FloatArray]) -> tuple[Network, Mapping[str, FloatArray]]:
     """Lines whose points had no coordinates on reading get the farthest point to carry their turn, and turn to it."""
     if not any(feature.type == "line" for feature in network.project.features):
         return network, start
@@ -546,9 +536,7 @@ def with_lines_turned(
         if farthest >= 0:
             beside = np.append(group.blocks[4][:-1], positions[farthest])
             names = names_of([*list(group.references[1])[:-1], network.things["point"].ids[farthest]])
-            groups[number] = replace(
-                group, blocks=(*group.blocks[:4], beside), references=(group.references[0], names)
-            )
+            groups[number] = replace(group, blocks=(*group.blocks[:4], beside), references=(group.references[0], names))
             rotations[rotation] = turned_towards(start["point"][positions[farthest]] - centre, D)
     return replace(network, groups=tuple(groups)), {**start, "rotation": rotations}
 

@@ -394,9 +394,7 @@ def _hypotheses(rays: _PlaneRays, pairs: list[PlaneSolutions]) -> list[list[Plan
         for one in [*pair.solutions, *double]:
             if one.front > 0 and all(np.linalg.norm(one.normal - n) > SAME_NORMAL for n in normals):
                 normals.append(one.normal)
-    return [
-        [_under(rays, number, pair, normal) for number, pair in enumerate(pairs, 1)] for normal in normals
-    ]
+    return [[_under(rays, number, pair, normal) for number, pair in enumerate(pairs, 1)] for normal in normals]
 
 
 def _double(rays: _PlaneRays, number: int, pair: PlaneSolutions) -> PlaneOrientation:
@@ -413,9 +411,7 @@ def _under(rays: _PlaneRays, number: int, pair: PlaneSolutions, normal: FloatArr
         if np.array_equal(one.normal, normal):
             return one
     both = rays.seen[0] & rays.seen[number] & rays.in_plane
-    return under_normal(
-        pair.homography.matrix, normal, rays.bundles[0].rays[both], rays.bundles[number].rays[both]
-    )
+    return under_normal(pair.homography.matrix, normal, rays.bundles[0].rays[both], rays.bundles[number].rays[both])
 
 
 def _start(rays: _PlaneRays, chosen: list[PlaneOrientation]) -> PlaneState:
@@ -468,9 +464,7 @@ def _with_points(rays: _PlaneRays, state: PlaneState, off: BoolArray) -> PlaneSt
 
 def _shape(rays: _PlaneRays, adjusted: AdjustedPlane, off: BoolArray, limit: float) -> PlaneShape:
     state = adjusted.state
-    covariance = covariance_in(
-        adjusted, inner_constraints(adjusted, rays.in_plane & np.any(rays.seen, axis=0))
-    )
+    covariance = covariance_in(adjusted, inner_constraints(adjusted, rays.in_plane & np.any(rays.seen, axis=0)))
     known = np.any(rays.seen, axis=0) & (rays.in_plane | off)
     points = np.where(known[:, None], state.points, np.nan)
     sigma = np.sqrt(np.diag(covariance)[6 * len(state.positions) :].reshape(-1, 3)[:, :2])
@@ -517,9 +511,7 @@ def _decided(rays: _PlaneRays, pairs: list[PlaneSolutions], shapes: list[PlaneSh
     based: list[PlaneOutcome] = [pair.outcome for pair in pairs if pair.outcome is not PlaneOutcome.NO_BASE]
     if outcome is PlaneOutcome.UNIQUE:
         outcome = _visible_outcome(best, bool(rivals), _soft(rays, pairs, best), based)
-    if (
-        outcome is PlaneOutcome.BASE_ALONG_NORMAL
-    ):  # the measurements cannot tell which: no σ holds for any of them
+    if outcome is PlaneOutcome.BASE_ALONG_NORMAL:  # the measurements cannot tell which: no σ holds for any of them
         rivals = [one._replace(outcome=outcome) for one in rivals]
     return best._replace(outcome=outcome, alternatives=tuple(rivals))
 
@@ -561,9 +553,7 @@ def _soft(rays: _PlaneRays, pairs: list[PlaneSolutions], shape: PlaneShape) -> b
     return False
 
 
-def _plane_shape_moved(
-    shape: PlaneShape, bent: PlaneState, in_plane: BoolArray, sigma_heights: FloatArray
-) -> float:
+def _plane_shape_moved(shape: PlaneShape, bent: PlaneState, in_plane: BoolArray, sigma_heights: FloatArray) -> float:
     """Largest change of a coordinate in the plane or a flying height, in its σ, from the shape to one laid upon it."""
     known = in_plane & np.isfinite(shape.points).all(axis=1) & np.isfinite(bent.points).all(axis=1)
     before, after = (array[known, :2] @ [1.0, 1.0j] for array in (shape.points, bent.points))
@@ -787,10 +777,7 @@ def _crossing(four: FloatArray) -> bool:
         return float((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0]))
 
     one, two, three, last = four
-    return (
-        side(one, two, three) * side(one, two, last) < 0
-        and side(three, last, one) * side(three, last, two) < 0
-    )
+    return side(one, two, three) * side(one, two, last) < 0 and side(three, last, one) * side(three, last, two) < 0
 
 
 def derived(

@@ -156,9 +156,7 @@ def _met(network: Network, given: FloatArray) -> RayPoints:
     seen = sightings(frames, len(given))
     poses = starting_part(network, frames).poses
     posed = np.array([number in poses for number in range(len(frames))], dtype=bool)
-    centres = np.array([poses[n][0] if n in poses else np.zeros(3) for n in range(len(frames))]).reshape(
-        -1, 3
-    )
+    centres = np.array([poses[n][0] if n in poses else np.zeros(3) for n in range(len(frames))]).reshape(-1, 3)
     turns = np.array([poses[n][1] if n in poses else np.eye(3) for n in range(len(frames))]).reshape(-1, 3, 3)
     known = posed[seen.frame]
     frame = seen.frame[known]

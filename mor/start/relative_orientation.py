@@ -21,8 +21,7 @@ class RelativeOutcome(Enum):
 
     DETERMINED = "one orientation fits, with all points in front of both bundles"
     AMBIGUOUS = (
-        "several orientations fit equally well; another image, a distance or a known attitude decides "
-        "between them"
+        "several orientations fit equally well; another image, a distance or a known attitude decides between them"
     )
     WEAK = (
         "the orientation fits, but so weakly that its standard deviations do not hold: use a longer base or better "
@@ -35,9 +34,7 @@ class RelativeOutcome(Enum):
     NO_BASE = "no base: the second bundle is the first one turned; its attitude is known, the base is open"
     BEHIND = "no orientation has the points in front of both bundles: wrong pairs, or a camera looking away"
     MIRRORED = "one bundle is mirrored: with its coordinates reversed the points would lie in front of both"
-    DOES_NOT_FIT = (
-        "the rays do not meet within their precision: wrong pairs, a wrong focal length or a mirrored image"
-    )
+    DOES_NOT_FIT = "the rays do not meet within their precision: wrong pairs, a wrong focal length or a mirrored image"
 
     @property
     def usable(self) -> bool:
@@ -419,9 +416,7 @@ def turned_by(base: FloatArray, rotation: FloatArray, step: FloatArray) -> tuple
     return exponential(axis) @ base, rotate(rotation, step[3:])
 
 
-def design(
-    state: CoplanarityResiduals, base: FloatArray, rotation: FloatArray, axes: FloatArray
-) -> FloatArray:
+def design(state: CoplanarityResiduals, base: FloatArray, rotation: FloatArray, axes: FloatArray) -> FloatArray:
     """Derivatives (n, k + 3) of the residuals by k movements ``axes`` (3, k) of the base, and by δ."""
     turned = state.rays_b @ rotation
     across = cross(base, state.rays_a)
@@ -603,9 +598,7 @@ def _map(a: Bundle, b: Bundle, turn: FloatArray, bases: FloatArray) -> tuple[Flo
     slope_a = np.einsum("mni,nij->mnj", crossed, a.whitened_axes)
     slope_b = np.einsum("mni,nij->mnj", moment, np.einsum("ki,nkj->nij", turn, b.whitened_axes))
     spread = np.sqrt(np.sum(slope_a**2, axis=2) + np.sum(slope_b**2, axis=2))
-    spread = np.maximum(
-        spread, 1e-3 * np.max(spread, axis=1, keepdims=True)
-    )  # a ray along the base says nothing
+    spread = np.maximum(spread, 1e-3 * np.max(spread, axis=1, keepdims=True))  # a ray along the base says nothing
     condition = bases @ cross(rays, turned).T / spread
     rows = cross(turned[None], moment) / spread[:, :, None]
     normal, side = np.swapaxes(rows, 1, 2) @ rows, np.einsum("mni,mn->mi", rows, condition)

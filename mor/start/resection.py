@@ -327,14 +327,10 @@ def nearly_resect_three_points(points: FloatArray, rays: FloatArray) -> ThreePoi
     return _resected(points, rays, NEARLY_REAL, NEARLY_HOLDS)
 
 
-def _resected(
-    points: FloatArray, rays: FloatArray, imaginary: float, misclosure: float
-) -> ThreePointSolutions:
+def _resected(points: FloatArray, rays: FloatArray, imaginary: float, misclosure: float) -> ThreePointSolutions:
     directions = unit(rays)
     sides = np.stack([_side(points, 1, 2), _side(points, 0, 2), _side(points, 0, 1)], axis=1)
-    cosines = np.stack(
-        [_cosine(directions, 1, 2), _cosine(directions, 0, 2), _cosine(directions, 0, 1)], axis=1
-    )
+    cosines = np.stack([_cosine(directions, 1, 2), _cosine(directions, 0, 2), _cosine(directions, 0, 1)], axis=1)
     sound = np.all(sides > 0.0, axis=1)
     sample, distances = _distances(np.where(sound[:, None], sides, 1.0), cosines, imaginary, misclosure)
     keep = sound[sample] & np.all(distances > 0.0, axis=1)

@@ -257,9 +257,7 @@ def _systems(network: Network, partial: bool) -> tuple[LocalSystem, ...]:
             unit = 1.0 if free else float(network.start["scale"][block, 0])
             name = network.blocks["rotation"].ids[system]
             systems.append(
-                LocalSystem(
-                    name, int(system), points.astype(np.int64), coordinates / unit, not free, up[system]
-                )
+                LocalSystem(name, int(system), points.astype(np.int64), coordinates / unit, not free, up[system])
             )
     return tuple(systems)
 
@@ -280,9 +278,7 @@ def _attitudes(network: Network, frames: tuple[Frame, ...]) -> dict[int, FloatAr
     held = ~blocks.free | np.isfinite(network.sigma["rotation"])
     known = np.asarray(held.all(axis=1) & np.isfinite(start).all(axis=(1, 2)))
     return {
-        n: start[frame.rotation]
-        for n, frame in enumerate(frames)
-        if frame.relative is None and known[frame.rotation]
+        n: start[frame.rotation] for n, frame in enumerate(frames) if frame.relative is None and known[frame.rotation]
     }
 
 

@@ -84,9 +84,7 @@ def common_pairs(seen: Sightings) -> FramePairs:
     return FramePairs(*(array[order].astype(np.int64) for array in (common.row, common.col, common.data)))
 
 
-def seed_bundles(
-    frames: Sequence[Frame], among: IntArray, pairs: FramePairs, points: int, passed: int = 0
-) -> Seed:
+def seed_bundles(frames: Sequence[Frame], among: IntArray, pairs: FramePairs, points: int, passed: int = 0) -> Seed:
     """A part of two frames, base 1, of the pair ``among`` some (numbers of pairs) that is oriented best.
 
     ``passed``: so many that are better are passed over, as far as there are others.
@@ -136,9 +134,7 @@ def _spread(first: IntArray, second: IntArray) -> Iterator[tuple[int, int]]:
         yield int(first[pair]), int(second[pair])
 
 
-def by_parallax(
-    frames: Sequence[Frame], first: IntArray, second: IntArray, common: IntArray
-) -> list[tuple[int, int]]:
+def by_parallax(frames: Sequence[Frame], first: IntArray, second: IntArray, common: IntArray) -> list[tuple[int, int]]:
     """Pairs worth an orientation, the most promising first: points times what the best turn without a base leaves.
 
     The pairs with most points in common are the neighbours, with the shortest bases: in a block of images hundreds of
@@ -394,9 +390,7 @@ def _measured_from(measured: Terrestrial) -> dict[int, set[int]]:
     return reach
 
 
-def _promise(
-    measured: Terrestrial, sight: LevelledSet, reach: dict[int, set[int]], with_distances: bool
-) -> int:
+def _promise(measured: Terrestrial, sight: LevelledSet, reach: dict[int, set[int]], with_distances: bool) -> int:
     """Sighted points, where the set can begin a part: with distances two of them, without another station."""
     sighted = sight.points[np.isfinite(sight.directions)]
     if len(sighted) < 2:
@@ -461,9 +455,7 @@ def seed_plan(
             "directions of {one}, {two} and {three}: no solution in plan has all points in front", **names
         )
     if len(ranked) > 1 and ranked[1][0] < CLEARLY * ranked[0][0]:
-        return None, rule(
-            "directions of {one}, {two} and {three}: two solutions in plan fit equally well", **names
-        )
+        return None, rule("directions of {one}, {two} and {three}: two solutions in plan fit equally well", **names)
     return _seed_plan_part(chosen, sights, common, shapes[ranked[0][1]], points), None
 
 
@@ -482,9 +474,7 @@ def _largest_sets(measured: Terrestrial, unknown: set[int], tried: set[int]) -> 
 def _best_three(measured: Terrestrial, sets: list[int]) -> tuple[int, ...] | None:
     """The three sets with most points in common, ``None`` where none share enough."""
     seen = {number: set(_seen(measured.sights[number]).tolist()) for number in sets}
-    best = max(
-        combinations(sets, 3), key=lambda three: len(set.intersection(*(seen[n] for n in three))), default=()
-    )
+    best = max(combinations(sets, 3), key=lambda three: len(set.intersection(*(seen[n] for n in three))), default=())
     return best if best and len(set.intersection(*(seen[n] for n in best))) >= FEWEST else None
 
 
@@ -512,9 +502,7 @@ def _misfit(shape: PlanShape, points: IntArray, others: list[LevelledSet]) -> fl
         if np.count_nonzero(there) < 4:
             continue
         directions = _directions(sight, points[there])
-        station = free_station_level(
-            shape.points[there], directions, np.full(len(directions), np.nan), SIGMA, 1.0
-        )
+        station = free_station_level(shape.points[there], directions, np.full(len(directions), np.nan), SIGMA, 1.0)
         if station.outcome is StationOutcome.DOES_NOT_FIT:
             return float("inf")
         if station.outcome.usable:

@@ -169,9 +169,7 @@ def _tries(choices: Choices, judgement: Judgement, most: Callable[[], int]) -> i
     return SECOND_TRIES if choices.open and np.isfinite(judgement.squares) else 0
 
 
-def _next(
-    choices: Choices, tried: set[tuple[int, ...]], only_alike: bool
-) -> tuple[tuple[int, ...] | None, bool]:
+def _next(choices: Choices, tried: set[tuple[int, ...]], only_alike: bool) -> tuple[tuple[int, ...] | None, bool]:
     """Return the next answers to try, and whether they are to a question whose answers fit alike."""
     for wanted in choices.others():
         place = len(wanted) - 1
@@ -463,9 +461,7 @@ def _bearings(group: ObservationGroup) -> list[LevelledSet]:
     start, start_height, end, end_height = group.blocks
     del start_height, end_height
     return [
-        LevelledSet(
-            "bearing", int(a), -1, True, 0.0, np.array([b]), np.zeros(1), np.array([t]), np.full(1, np.nan)
-        )
+        LevelledSet("bearing", int(a), -1, True, 0.0, np.array([b]), np.zeros(1), np.array([t]), np.full(1, np.nan))
         for a, b, t in zip(start, end, group.observed[:, 0], strict=True)
     ]
 
@@ -490,9 +486,7 @@ def _verticals(network: Network) -> PositionDifferences:
     return _collected(network, groups, values)
 
 
-def _collected(
-    network: Network, groups: list[ObservationGroup], values: list[FloatArray]
-) -> PositionDifferences:
+def _collected(network: Network, groups: list[ObservationGroup], values: list[FloatArray]) -> PositionDifferences:
     none = np.zeros(0, dtype=np.int64)
     heights = network.start["height"][:, 0]
     width = values[0].shape[1] if values else 1
@@ -600,9 +594,7 @@ def _judged(
     return Vertical(up, agreeing, redundancy, sigma, alone) if redundancy >= 0 else None
 
 
-def _refined(
-    ups: FloatArray, sets: list[HorizontalSet], angles: VerticalAngles
-) -> tuple[FloatArray, FloatArray]:
+def _refined(ups: FloatArray, sets: list[HorizontalSet], angles: VerticalAngles) -> tuple[FloatArray, FloatArray]:
     """Objectives (k,) and verticals (k, 3) at the minima near verticals; residuals that are large count less."""
     residuals = _residuals(ups, sets, angles)
     for step in range(15):
@@ -674,9 +666,7 @@ def _robust_stations(plan: FloatArray, directions: FloatArray) -> FloatArray:
         away = plan - place[:, None, :]
         off = np.arctan2(away[..., 0], away[..., 1]) - directions
         off = _wrapped(off - _middle(off)[:, None])
-        weight = (
-            1.0 / np.hypot(1.0, off / (2.0 * PRECISION)) / np.maximum(np.linalg.norm(away, axis=2), 1e-300)
-        )
+        weight = 1.0 / np.hypot(1.0, off / (2.0 * PRECISION)) / np.maximum(np.linalg.norm(away, axis=2), 1e-300)
         place = _stations(plan, directions, weight)
     return place
 

@@ -61,9 +61,7 @@ def auxiliary_of(a: Bundle, b: Bundle, found: RelativeOrientation) -> Auxiliary:
         misclosures = printed_conditions(linear)
     # Standard deviation of ik = −[b]× D*ᵀ, by b and δ: D* ← exp(−[δ]×) D*.
     columns = [auxiliary_unknowns(axis, found.rotation).ravel() for axis in np.eye(3)]
-    columns += [
-        auxiliary_unknowns(found.base, -cross_matrix(axis) @ found.rotation).ravel() for axis in np.eye(3)
-    ]
+    columns += [auxiliary_unknowns(found.base, -cross_matrix(axis) @ found.rotation).ravel() for axis in np.eye(3)]
     rows = np.stack(columns, axis=1)
     return Auxiliary(
         linear,
@@ -203,9 +201,7 @@ def adjust_model(bundles: Sequence[Bundle], seen: BoolArray, start: Chain) -> St
         if abs(gain) <= 1e-13 * normals.objective or float(np.max(np.abs(step))) < 1e-13 or damping > 1e6:
             break
     points[index] = chosen
-    return _model(
-        start._replace(positions=positions, rotations=rotations), points, index, normals, used, reasons
-    )
+    return _model(start._replace(positions=positions, rotations=rotations), points, index, normals, used, reasons)
 
 
 def _intersected(
@@ -239,9 +235,7 @@ def _basis(positions: FloatArray, unit: int) -> FloatArray:
     return basis
 
 
-def _moved(
-    positions: FloatArray, rotations: FloatArray, step: FloatArray, unit: int
-) -> tuple[FloatArray, FloatArray]:
+def _moved(positions: FloatArray, rotations: FloatArray, step: FloatArray, unit: int) -> tuple[FloatArray, FloatArray]:
     change = (_basis(positions, unit) @ step).reshape(-1, 6)
     moved = positions + change[:, :3]
     moved[unit] /= np.linalg.norm(moved[unit])

@@ -42,29 +42,20 @@ def simulate() -> dict[str, str]:
     seen = seen_points(rays, points)
     tie = {name: xyz for name, xyz in seen.items() if name.startswith("T")}
     return {
-        "control.csv": point_table(
-            {n: p + CONTROL_SIGMA * random.standard_normal(3) for n, p in full.items()}, 3
-        ),
+        "control.csv": point_table({n: p + CONTROL_SIGMA * random.standard_normal(3) for n, p in full.items()}, 3),
         "height_control.csv": table("id,x,y,z", _height_rows(height_only, random)),
         "tie_points.csv": point_table({n: p + 4.0 * random.standard_normal(3) for n, p in tie.items()}, 0),
         "images.csv": table(IMAGE_HEADER, _image_rows(frames, random)),
         "image_points.csv": table("image,point,x,y", ([r.image, r.point, *numbers(r.xy, 4)] for r in rays)),
         "truth/points.csv": point_table(seen, 4),
-        "truth/images.csv": table(
-            IMAGE_HEADER, [image_row(n, "DMC", f, 4, DEGREE, 8) for n, f in frames.items()]
-        ),
+        "truth/images.csv": table(IMAGE_HEADER, [image_row(n, "DMC", f, 4, DEGREE, 8) for n, f in frames.items()]),
         "truth/cameras.csv": camera_table({"DMC": CAMERA}),
     }
 
 
 def _on_the_ground(east: float, north: float) -> Array:
     """A place with its terrain height: a valley with a ridge along one side."""
-    height = (
-        262.0
-        + 34.0 * np.sin(east / 640.0)
-        + 41.0 * np.cos(north / 520.0)
-        + 12.0 * np.sin((east + north) / 190.0)
-    )
+    height = 262.0 + 34.0 * np.sin(east / 640.0) + 41.0 * np.cos(north / 520.0) + 12.0 * np.sin((east + north) / 190.0)
     return np.array([EAST + east, NORTH + north, height])
 
 

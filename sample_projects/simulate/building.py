@@ -109,9 +109,7 @@ def simulate() -> dict[str, str]:
         "scale_bars.csv": table("from,to,distance,sigma", _bars(random)),
         "truth/points.csv": point_table({**NETWORK, "BM": BENCHMARK, **seen}, 5),
         "truth/stations.csv": point_table(stations, 5),
-        "truth/images.csv": table(
-            IMAGE_HEADER, [image_row(n, "N24", f, 5, GON, 7) for n, f in images.items()]
-        ),
+        "truth/images.csv": table(IMAGE_HEADER, [image_row(n, "N24", f, 5, GON, 7) for n, f in images.items()]),
         "truth/cameras.csv": camera_table({"N24": CAMERA}),
         "truth/parameters.csv": parameter_table({("distance meter", "prism", "offset"): ZERO_OFFSET}),
     }

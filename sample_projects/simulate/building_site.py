@@ -69,9 +69,7 @@ def targets() -> tuple[dict[str, Array], Array]:
     """Four target plates on every wall, and their normals."""
     points, normals = {}, []
     for wall in WALLS:
-        for k, (share, height) in enumerate(
-            ((0.06, 100.6), (0.36, 106.6), (0.66, 100.9), (0.94, 106.2)), start=1
-        ):
+        for k, (share, height) in enumerate(((0.06, 100.6), (0.36, 106.6), (0.66, 100.9), (0.94, 106.2)), start=1):
             points[f"{wall}P{k}"] = _on_wall(wall, share * _length(wall), 0.01, height + 0.1 * share)
             normals.append([*WALLS[wall][2], 0.0])
     return points, np.array(normals)

@@ -102,8 +102,7 @@ def _marks(points: Mapping[str, Array], random: np.random.RandomState) -> str:
     places = site.to_national(local) + 0.5 * random.standard_normal(local.shape)
     tilts = site.deflection(local) / site.ARCSEC
     rows = (
-        [name, *numbers(place, 0), *numbers(tilt, 2)]
-        for name, place, tilt in zip(points, places, tilts, strict=True)
+        [name, *numbers(place, 0), *numbers(tilt, 2)] for name, place, tilt in zip(points, places, tilts, strict=True)
     )
     return table("id,east,north,height,deflection_north,deflection_east", rows)
 
@@ -121,10 +120,7 @@ def _baselines(points: Mapping[str, Array], random: np.random.RandomState) -> st
         ends = site.to_geocentric(np.stack([points[one], points[other]]))
         places = earth.geodetic(ends)
         heights = [ANTENNA_HEIGHT[name[0]] for name in (one, other)]
-        lifted = [
-            end + h * earth.horizon(*place[:2])[2]
-            for end, place, h in zip(ends, places, heights, strict=True)
-        ]
+        lifted = [end + h * earth.horizon(*place[:2])[2] for end, place, h in zip(ends, places, heights, strict=True)]
         vector = lifted[1] - lifted[0]
         length = np.linalg.norm(vector)
         level, up = 0.002 + 0.3e-6 * length, 0.004 + 0.6e-6 * length
@@ -194,6 +190,4 @@ def _antennas(images: Mapping[str, Frame], random: np.random.RandomState) -> str
     """Antennas at the moments of exposure, in the national frame."""
     places = site.to_national(np.stack([f.position + f.D.T @ site.LEVER for f in images.values()]))
     places = places + ANTENNA * random.standard_normal(places.shape)
-    return table(
-        "point,east,north,height", ([n, *numbers(p, 4)] for n, p in zip(images, places, strict=True))
-    )
+    return table("point,east,north,height", ([n, *numbers(p, 4)] for n, p in zip(images, places, strict=True)))

@@ -126,9 +126,7 @@ def _faces(point: Array, place: Array) -> bool:
     return float(incidence(point[None], site.normal(point)[None], place)[0]) < 60.0 * DEGREE
 
 
-def _images(
-    points: dict[str, Array], layout: np.random.RandomState, random: np.random.RandomState
-) -> dict[str, str]:
+def _images(points: dict[str, Array], layout: np.random.RandomState, random: np.random.RandomState) -> dict[str, str]:
     """Images of the plates by an aircraft in two of the epochs."""
     plates = {name: point for name, point in points.items() if name[0] == "T"}
     facing = np.stack([site.normal(point) for point in plates.values()])
@@ -140,11 +138,7 @@ def _images(
         def visible(camera: Camera, frame: Frame, places: Array = places) -> Mask:
             return sees(camera, frame, places, facing, 70.0 * DEGREE)
 
-        flown = {
-            name: frame
-            for name, frame in site.frames(layout).items()
-            if name[0] in "23" and name[1:] in _MIDDLE
-        }
+        flown = {name: frame for name, frame in site.frames(layout).items() if name[0] in "23" and name[1:] in _MIDDLE}
         shots = {f"{epoch[2:4]}{epoch[5:]}_{name}": (site.CAMERA, frame) for name, frame in flown.items()}
         rays = measured(shots, now, visible, SIGMA, random, 0.05)
         rows += [[ray.image, ray.point, *numbers(ray.xy, 4)] for ray in rays]

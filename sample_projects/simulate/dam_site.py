@@ -83,9 +83,7 @@ def frames(random: np.random.RandomState) -> dict[str, Frame]:
     result = {}
     for row, (z, distance) in enumerate(((14.0, 70.0), (38.0, 78.0), (66.0, 74.0)), start=1):
         for k, angle in enumerate(np.linspace(-38.0, 38.0, 7) * DEGREE, start=1):
-            place = face(float(angle), z, off=distance) + random.normal(0.0, 1.0, 3) * np.array(
-                [1.5, 1.5, 0.8]
-            )
+            place = face(float(angle), z, off=distance) + random.normal(0.0, 1.0, 3) * np.array([1.5, 1.5, 0.8])
             ahead = face(float(angle), 33.0) + random.normal(0.0, 1.0, 3) * 2.0
             roll = (0.0, 90.0, 0.0, -90.0)[(k + row) % 4] * DEGREE
             result[f"{row}{k:02d}"] = look_at(place, ahead, roll + float(random.normal(0.0, 0.03)))
@@ -101,9 +99,7 @@ def deflection(local: Array) -> Array:
 def geoid() -> earth.Geoid:
     """The national model: 0.01° of grid, 50 m above the ellipsoid with the slope that the deflections say."""
     south, west, step = 46.93, 11.04, 0.01
-    latitude, longitude = np.meshgrid(
-        south + step * np.arange(13), west + step * np.arange(25), indexing="ij"
-    )
+    latitude, longitude = np.meshgrid(south + step * np.arange(13), west + step * np.arange(25), indexing="ij")
     north = (latitude * DEGREE - MIDDLE[0]) * 6_367.0
     east = (longitude * DEGREE - MIDDLE[1]) * 6_390.0 * np.cos(MIDDLE[0])
     xi = 11.4 * north + 0.65 * north**2 - 0.4 * north * east

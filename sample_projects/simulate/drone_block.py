@@ -70,9 +70,7 @@ _HEADER = "id,camera,x,y,z,omega,phi,kappa,vx,vy,vz,rate_x,rate_y,rate_z"
 def _ground(east: float, north: float) -> Array:
     """A place in the quarry: benches of five metres, and the floor below."""
     bench = 5.0 * np.tanh((east - 20.0) / 3.0) + 5.0 * np.tanh((east + north - 90.0) / 4.0)
-    return np.array(
-        [500.0 + east, 800.0 + north, 130.0 + bench + 0.8 * np.sin(east / 9.0) * np.cos(north / 7.0)]
-    )
+    return np.array([500.0 + east, 800.0 + north, 130.0 + bench + 0.8 * np.sin(east / 9.0) * np.cos(north / 7.0)])
 
 
 def _tie_points(random: np.random.RandomState) -> dict[str, Array]:
@@ -101,9 +99,7 @@ def _flights(random: np.random.RandomState) -> dict[str, Flight]:
     result = {}
     for strip, number, place, heading in places:
         wobble = random.normal(0.0, 1.0, 3) * np.array([2.0, 2.0, 3.0]) + np.array([0.0, 0.0, heading])
-        centre = np.array([500.0 + place[0], 800.0 + place[1], 130.0 + FLYING_HEIGHT]) + random.normal(
-            0.0, 0.8, 3
-        )
+        centre = np.array([500.0 + place[0], 800.0 + place[1], 130.0 + FLYING_HEIGHT]) + random.normal(0.0, 0.8, 3)
         velocity = np.array([0.0, SPEED, 0.0]) + GUST * random.standard_normal(3)
         rate = SWAY * DEGREE * random.standard_normal(3)
         result[f"{strip}_{number:02d}"] = Flight(Frame(centre, rotation(*(wobble * DEGREE))), velocity, rate)
@@ -139,9 +135,7 @@ def _image_rows(flights: Mapping[str, Flight], random: np.random.RandomState) ->
         velocity = flight.velocity + SPEED_SIGMA * random.standard_normal(3)
         rate = flight.rate / DEGREE + RATE_SIGMA * random.standard_normal(3)
         turn = angles(flight.frame.D) / DEGREE
-        rows.append(
-            [name, "drone", *numbers(place, 3), *numbers(turn, 0), *numbers(velocity, 2), *numbers(rate, 2)]
-        )
+        rows.append([name, "drone", *numbers(place, 3), *numbers(turn, 0), *numbers(velocity, 2), *numbers(rate, 2)])
     return rows
 
 

@@ -72,9 +72,7 @@ def utm(places: Array) -> Array:
     eta = np.arcsinh(np.sin(longitude) / np.hypot(conformal, np.cos(longitude)))
     plane = xi + 1j * eta
     plane = plane + sum(c * np.sin(2.0 * k * plane) for k, c in enumerate(_FORWARD, start=1))
-    return np.stack(
-        [_FALSE_EAST + _SCALE * _RECTIFYING * plane.imag, _SCALE * _RECTIFYING * plane.real], axis=1
-    )
+    return np.stack([_FALSE_EAST + _SCALE * _RECTIFYING * plane.imag, _SCALE * _RECTIFYING * plane.real], axis=1)
 
 
 def from_utm(plane: Array) -> Array:

@@ -116,9 +116,7 @@ def simulate() -> dict[str, str]:
         "images.csv": table(IMAGE_HEADER, _image_rows(frames, random)),
         "image_points.csv": table("image,point,x,y,sigma", rows),
         "truth/points.csv": point_table(seen, 6),
-        "truth/images.csv": table(
-            IMAGE_HEADER, [image_row(n, "D7", f, 6, DEGREE, 7) for n, f in frames.items()]
-        ),
+        "truth/images.csv": table(IMAGE_HEADER, [image_row(n, "D7", f, 6, DEGREE, 7) for n, f in frames.items()]),
         "truth/cameras.csv": camera_table({"D7": CAMERA}),
     }
 
@@ -160,9 +158,7 @@ def _frames(random: np.random.RandomState) -> dict[str, Frame]:
     result = {}
     for k, (position, target, roll) in enumerate(VIEWS):
         aimed = np.asarray(target) + 0.2 * random.standard_normal(3)
-        result[f"IMG_{4711 + 3 * k}"] = look_at(
-            position, aimed.tolist(), (roll + random.normal(0.0, 1.5)) * DEGREE
-        )
+        result[f"IMG_{4711 + 3 * k}"] = look_at(position, aimed.tolist(), (roll + random.normal(0.0, 1.5)) * DEGREE)
     return result
 
 
@@ -171,6 +167,4 @@ def _noisy(points: Mapping[str, Array], sigma: float, random: np.random.RandomSt
 
 
 def _image_rows(frames: Mapping[str, Frame], random: np.random.RandomState) -> list[list[str]]:
-    return [
-        image_row(n, "D7", disturbed(f, random, 0.15, 1.0 * DEGREE), 2, DEGREE, 1) for n, f in frames.items()
-    ]
+    return [image_row(n, "D7", disturbed(f, random, 0.15, 1.0 * DEGREE), 2, DEGREE, 1) for n, f in frames.items()]

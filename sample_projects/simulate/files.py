@@ -31,9 +31,7 @@ def point_table(points: Mapping[str, Array], decimals: int, sigma: Sequence[floa
     return table(header, ([name, *numbers(xyz, decimals), *extra] for name, xyz in points.items()))
 
 
-def image_row(
-    name: str, camera: str, frame: Frame, decimals: int, angle: float, angle_decimals: int
-) -> list[str]:
+def image_row(name: str, camera: str, frame: Frame, decimals: int, angle: float, angle_decimals: int) -> list[str]:
     """Row id, camera, x, y, z, omega, phi, kappa; ``angle`` is the unit of the angles in radians."""
     turns = numbers(angles(frame.D) / angle, angle_decimals)
     return [name, camera, *numbers(frame.position, decimals), *turns]
@@ -44,11 +42,7 @@ IMAGE_HEADER = "id,camera,x,y,z,omega,phi,kappa"
 
 def camera_table(cameras: Mapping[str, Camera]) -> str:
     """True interior orientations: camera, component, value."""
-    rows = [
-        [name, part, f"{value:.9g}"]
-        for name, camera in cameras.items()
-        for part, value in camera.components()
-    ]
+    rows = [[name, part, f"{value:.9g}"] for name, camera in cameras.items() for part, value in camera.components()]
     return table("camera,component,value", rows)
 
 

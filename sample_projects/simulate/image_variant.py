@@ -62,9 +62,7 @@ def simulate() -> dict[str, str]:
         "image_points.csv": table("image,point,x,y", ([r.image, r.point, *numbers(r.xy, 5)] for r in rays)),
         "distances.csv": table("from,to,distance,sigma", _distances(points, random)),
         "truth/points.csv": point_table(seen, 6),
-        "truth/images.csv": table(
-            IMAGE_HEADER, [image_row(n, "zoom", f, 6, GON, 8) for n, f in frames.items()]
-        ),
+        "truth/images.csv": table(IMAGE_HEADER, [image_row(n, "zoom", f, 6, GON, 8) for n, f in frames.items()]),
         "truth/image_interiors.csv": table("image,c,xh,yh", own),
         "truth/cameras.csv": camera_table({"zoom": CAMERA}),
     }
@@ -85,8 +83,7 @@ def _targets(random: np.random.RandomState) -> tuple[dict[str, Array], Array]:
             place = {
                 101: np.array([along, 0.0, height]),
                 201: np.array([0.0, along, height]),
-                301: np.array([-300.0, -300.0, 150.0])
-                + random.uniform(-1.0, 1.0, 3) * np.array([250.0, 250.0, 140.0]),
+                301: np.array([-300.0, -300.0, 150.0]) + random.uniform(-1.0, 1.0, 3) * np.array([250.0, 250.0, 140.0]),
             }[first]
             points[f"{first + k}"] = place + 2.0 * random.standard_normal(3)
             normals.append(normal)
@@ -110,8 +107,6 @@ def _frames(random: np.random.RandomState) -> dict[str, Frame]:
 def _distances(points: dict[str, Array], random: np.random.RandomState) -> list[list[str]]:
     rows = []
     for one, other in DISTANCES:
-        length = (
-            float(np.linalg.norm(points[other] - points[one])) + DISTANCE_SIGMA * random.standard_normal()
-        )
+        length = float(np.linalg.norm(points[other] - points[one])) + DISTANCE_SIGMA * random.standard_normal()
         rows.append([one, other, number(length, 2), f"{DISTANCE_SIGMA:g}"])
     return rows

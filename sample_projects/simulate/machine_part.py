@@ -61,9 +61,7 @@ def simulate() -> dict[str, str]:
         ),
         "scale_bars.csv": table("from,to,distance,sigma", _bars(points, random)),
         "truth/points.csv": point_table(seen, 6),
-        "truth/images.csv": table(
-            IMAGE_HEADER, [image_row(n, "D300", f, 6, GON, 8) for n, f in frames.items()]
-        ),
+        "truth/images.csv": table(IMAGE_HEADER, [image_row(n, "D300", f, 6, GON, 8) for n, f in frames.items()]),
         "truth/cameras.csv": camera_table({"D300": CAMERA}),
     }
 
@@ -112,9 +110,7 @@ def _frames(random: np.random.RandomState) -> dict[str, Frame]:
         ]
         middle = np.array([LENGTH / 2.0, DEPTH / 2.0, 120.0]) + random.normal(0.0, 25.0, 3)
         roll = (0.0, 100.0, 0.0, -100.0)[k % 4] * GON + random.normal(0.0, 2.0 * GON)
-        result[f"m{k + 1:02d}"] = look_at(
-            (middle + distance * np.array(away)).tolist(), middle.tolist(), roll
-        )
+        result[f"m{k + 1:02d}"] = look_at((middle + distance * np.array(away)).tolist(), middle.tolist(), roll)
     return result
 
 

@@ -84,9 +84,7 @@ def simulate(seed: int = 2422) -> dict[str, str]:
         for target, point in points.items():
             xy = image_of(frame, point)
             if xy is not None and layout.uniform() > 0.1:
-                pixel = np.array(
-                    [WIDTH / 2.0 + xy[0], HEIGHT / 2.0 - xy[1]]
-                ) + SIGMA * random.standard_normal(2)
+                pixel = np.array([WIDTH / 2.0 + xy[0], HEIGHT / 2.0 - xy[1]]) + SIGMA * random.standard_normal(2)
                 rows.append([name, target, *numbers(pixel, 2)])
     counts = {target: sum(row[1] == target for row in rows) for target in points}
     rows = [row for row in rows if counts[row[1]] > 1]
@@ -99,8 +97,6 @@ def simulate(seed: int = 2422) -> dict[str, str]:
         "targets.csv": table("id", ([name] for name in seen if name not in known)),
         "image_points.csv": table("image,point,x,y", rows),
         "truth/points.csv": point_table(seen, 5),
-        "truth/images.csv": table(
-            "id,x,y,z", ([n, *(number(v, 4) for v in p)] for n, (p, _, _) in STATIONS.items())
-        ),
+        "truth/images.csv": table("id,x,y,z", ([n, *(number(v, 4) for v in p)] for n, (p, _, _) in STATIONS.items())),
         "truth/cameras.csv": table("camera,component,value", parts),
     }

@@ -50,9 +50,7 @@ def simulate() -> dict[str, str]:
     seen = seen_points(rays, points)
     start = {name: xyz + 0.03 * random.standard_normal(3) for name, xyz in seen.items()}
     rows = [
-        image_row(n, "left", disturbed(f, random, 0.04, GON), 2, GON, 0)
-        for n, (c, f) in images.items()
-        if c is LEFT
+        image_row(n, "left", disturbed(f, random, 0.04, GON), 2, GON, 0) for n, (c, f) in images.items() if c is LEFT
     ]
     followers = [[f"R{k:02d}", "right", f"L{k:02d}", "bar"] for k in range(1, len(leaders) + 1)]
     return {
@@ -63,9 +61,7 @@ def simulate() -> dict[str, str]:
         "tapes.csv": table("from,to,distance,sigma", _tapes(seen, random)),
         "truth/points.csv": point_table(seen, 6),
         "truth/images.csv": table(IMAGE_HEADER, _true_images(images)),
-        "truth/pairs.csv": table(
-            "id,bx,by,bz,omega,phi,kappa", [["bar", *numbers(BASE, 6), *numbers(TURN / GON, 6)]]
-        ),
+        "truth/pairs.csv": table("id,bx,by,bz,omega,phi,kappa", [["bar", *numbers(BASE, 6), *numbers(TURN / GON, 6)]]),
         "truth/cameras.csv": camera_table({"left": LEFT, "right": RIGHT}),
         "truth/parameters.csv": parameter_table(
             {("base", "pair bar", name): value for name, value in zip(("bx", "by", "bz"), BASE, strict=True)}

@@ -17,9 +17,7 @@ class Sight(NamedTuple):
     distance: float
 
 
-def theodolite(
-    mark: Array, height: float, orientation: float, tilt: tuple[float, float] = (0.0, 0.0)
-) -> Frame:
+def theodolite(mark: Array, height: float, orientation: float, tilt: tuple[float, float] = (0.0, 0.0)) -> Frame:
     """A theodolite above a mark; ``orientation`` is the bearing of the zero of its circle, all angles in radians."""
     levelled = rotation(0.0, 0.0, -orientation)
     return Frame(mark + np.array([0.0, 0.0, height]), rotation(*tilt, 0.0) @ levelled)
@@ -34,9 +32,7 @@ def sight(instrument: Frame, target: Array) -> Sight:
 
 def read(true: Sight, sigma: Sight, random: np.random.RandomState, second_face: bool = False) -> Sight:
     """Readings with noise of the given σ; circles from 0 to 2π, in face two turned over."""
-    horizontal, zenith, distance = (
-        t + s * random.standard_normal() for t, s in zip(true, sigma, strict=True)
-    )
+    horizontal, zenith, distance = (t + s * random.standard_normal() for t, s in zip(true, sigma, strict=True))
     if second_face:
         horizontal, zenith = horizontal + np.pi, 2.0 * np.pi - zenith
     return Sight(horizontal % (2.0 * np.pi), zenith, distance)

@@ -55,18 +55,14 @@ def simulate() -> dict[str, str]:
     rays = with_enough_rays(measured(images, points, visible, SIGMA, random), 3)
     seen = seen_points(rays, points)
     start = {name: xyz + 8.0 * random.standard_normal(3) for name, xyz in seen.items()}
-    image_rows = [
-        image_row(n, "20mm", disturbed(f, random, 15.0, 1.0 * GON), 0, GON, 1) for n, f in frames.items()
-    ]
+    image_rows = [image_row(n, "20mm", disturbed(f, random, 15.0, 1.0 * GON), 0, GON, 1) for n, f in frames.items()]
     return {
         "targets.csv": point_table(start, 0),
         "images.csv": table(IMAGE_HEADER, image_rows),
         "image_points.csv": table("image,point,x,y", ([r.image, r.point, *numbers(r.xy, 5)] for r in rays)),
         "scale_bars.csv": table("from,to,distance,sigma", _bars(ends, random)),
         "truth/points.csv": point_table(seen, 6),
-        "truth/images.csv": table(
-            IMAGE_HEADER, [image_row(n, "20mm", f, 6, GON, 8) for n, f in frames.items()]
-        ),
+        "truth/images.csv": table(IMAGE_HEADER, [image_row(n, "20mm", f, 6, GON, 8) for n, f in frames.items()]),
         "truth/cameras.csv": camera_table({"20mm": CAMERA}),
     }
 

@@ -139,9 +139,7 @@ def _flight(
     def pose(time: float) -> Frame:
         t = time - first
         swing = size * np.sin(2.0 * np.pi * t / period + phase).sum(axis=0)
-        place = np.array(
-            [4000.0 + begin[0] + direction * SPEED * t, 7000.0 + begin[1], 450.0 + FLYING_HEIGHT]
-        )
+        place = np.array([4000.0 + begin[0] + direction * SPEED * t, 7000.0 + begin[1], 450.0 + FLYING_HEIGHT])
         return Frame(place + swing[:3], rotation(*((mean + swing[3:]) * DEGREE)))
 
     return pose
@@ -189,9 +187,7 @@ def _measured(
 
 def _images(strips: Mapping[str, Strip]) -> list[list[str]]:
     return [
-        [f"{camera} {name}", camera, name, number(strip.first, 4)]
-        for name, strip in strips.items()
-        for camera in LINES
+        [f"{camera} {name}", camera, name, number(strip.first, 4)] for name, strip in strips.items() for camera in LINES
     ]
 
 

@@ -41,9 +41,7 @@ def test_steps_change_the_inverse_distance_of_points_that_rays_meet(tmp_path: Pa
         step[columns[points]] = part * away
         moved = moved_by(plan, values, step)["point"]
         times = 1.0 / (1.0 - min(part, 0.9))
-        np.testing.assert_allclose(
-            moved[points] - values["point"][cameras], times * away, rtol=1e-9, atol=1e-9
-        )
+        np.testing.assert_allclose(moved[points] - values["point"][cameras], times * away, rtol=1e-9, atol=1e-9)
 
 
 @pytest.mark.parametrize("seed", [1001, 1004, 1034])

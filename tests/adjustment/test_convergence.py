@@ -81,10 +81,7 @@ def test_only_iterations_without_progress_count():
     halving = tuple(step._replace(objective=100.0 * 0.9**step.number) for step in steps)
     assert without_progress(halving) == 1
     assert (
-        without_progress(
-            halving[:40] + tuple(one._replace(objective=halving[39].objective) for one in steps[:7])
-        )
-        == 8
+        without_progress(halving[:40] + tuple(one._replace(objective=halving[39].objective) for one in steps[:7])) == 8
     )
 
 

@@ -38,9 +38,7 @@ def halves(group):
     return [some_rows(group, np.arange(k, group.count, 2)) for k in range(2)]
 
 
-@pytest.mark.parametrize(
-    "scene", [path_scene("cubic paths, all free"), mixed_network()[0]], ids=["paths", "mixed"]
-)
+@pytest.mark.parametrize("scene", [path_scene("cubic paths, all free"), mixed_network()[0]], ids=["paths", "mixed"])
 def test_rows_of_a_type_together_are_what_they_are_group_by_group(scene):
     groups = [half for group in scene.problem().groups for half in halves(group)]
     groups, asked = counted(groups)
@@ -49,12 +47,8 @@ def test_rows_of_a_type_together_are_what_they_are_group_by_group(scene):
         for number, group in enumerate(groups):
             rows = np.flatnonzero(group.mask.any(axis=1))[::-2]
             found, alone = equations.computed(number, values, rows), evaluated(group, values, rows)
-            for one, other in zip(
-                (found.values, *found.jacobians), (alone.values, *alone.jacobians), strict=True
-            ):
-                np.testing.assert_allclose(
-                    one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max(initial=0.0)
-                )
+            for one, other in zip((found.values, *found.jacobians), (alone.values, *alone.jacobians), strict=True):
+                np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-12 * np.abs(other).max(initial=0.0))
             np.testing.assert_array_equal(equations.computed_values(number, values, rows), found.values)
     for key in {group.type.key for group in groups}:  # once for all, and then group by group
         alike = [group for group in groups if group.type.key == key]

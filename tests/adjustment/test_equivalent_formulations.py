@@ -232,13 +232,9 @@ def test_zenith_angles_in_either_face_are_vertical_directions(face):
         scene.observe("observed/refraction", "air", sigma=0.05)
         for point in points:
             if zenith:
-                scene.observe(
-                    "zenith_angle", "I0", None, point, None, "air", sigma=1e-4, constants=(50.0, face)
-                )
+                scene.observe("zenith_angle", "I0", None, point, None, "air", sigma=1e-4, constants=(50.0, face))
             else:
-                scene.observe(
-                    "vertical_direction", "I0", None, point, None, "air", sigma=1e-4, constants=(50.0,)
-                )
+                scene.observe("vertical_direction", "I0", None, point, None, "air", sigma=1e-4, constants=(50.0,))
         results.append((scene, points))
     one = results[0][0].problem(np.random.default_rng(6))
     zenith = one.groups[-1].observed
@@ -296,9 +292,7 @@ def test_points_of_a_plane_with_a_tiny_sigma_end_up_in_a_plane():
     scene, points = with_control(control=("P0", "P5", "P10", "P7"))
     normal = rotation_from_angles(np.array([0.4, -0.5, 0.2]))[2]
     for name in points[:5]:
-        scene.truth["point"][name] = scene.truth["point"][name] - normal * (
-            normal @ scene.truth["point"][name] - 1.0
-        )
+        scene.truth["point"][name] = scene.truth["point"][name] - normal * (normal @ scene.truth["point"][name] - 1.0)
     scene.add("point", "origin", [0.0, 0.0, 0.0], free=False)
     scene.add("rotation", "plane", [0.4, -0.5, 0.2], free=(True, True, False), about_axes=True)
     scene.add("eccentricity", "plane", [0.0, 0.0, -1.0], free=(False, False, True))
@@ -347,8 +341,7 @@ def test_a_shared_component_is_one_whose_difference_is_observed_with_a_vanishing
         scene.add("interior/mor", "second", [20.0, *[0.0] * 9], free=free, shares=shares)
         rows = scene.groups["image/mor"]
         rows.names = [
-            tuple("second" if (part, row[0]) == ("camera", "I3") else part for part in row)
-            for row in rows.names
+            tuple("second" if (part, row[0]) == ("camera", "I3") else part for part in row) for row in rows.names
         ]
         if not shared:
             scene.observe("difference/interior/mor", "camera", "second", sigma=1e-9, only=(0, 1, 2))

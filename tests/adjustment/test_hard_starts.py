@@ -19,9 +19,7 @@ from tests.scenarios.seeded_networks import drawn
 from tools.far_start_trials import _dense
 
 
-@pytest.mark.parametrize(
-    "first", [0, *(pytest.param(first, marks=pytest.mark.slow) for first in range(20, 500, 20))]
-)
+@pytest.mark.parametrize("first", [0, *(pytest.param(first, marks=pytest.mark.slow) for first in range(20, 500, 20))])
 def test_an_adjustment_converges_where_scipy_does(first):
     ended, lower = [], 0
     for seed in range(first, first + 20):
@@ -73,9 +71,7 @@ def test_an_iteration_whose_steps_alternate_goes_on_to_the_minimum():
     assert quality.redundancy == 391
     assert quality.redundancy_sum == pytest.approx(391.0, abs=1e-6)
     assert checked(quality).outcome is Outcome.CONVERGED
-    network = read_network(
-        read_document(CASES / "fixed_components" / "project.yaml"), CASES / "fixed_components"
-    )
+    network = read_network(read_document(CASES / "fixed_components" / "project.yaml"), CASES / "fixed_components")
     data = summary(Solved(network, found, quality))
     assert data["redundancy"] == data["observations"] - data["unknowns"] + data["defect"]
     assert len(data["movements"]) == data["defect"] == 1
@@ -112,6 +108,4 @@ def test_places_that_coincide_where_the_adjustment_starts_are_moved_apart():
         mor.adjust(drawn("plane directions and distances", 1).project()),
     )
     assert apart.converged
-    assert apart.solved.adjustment.normals.objective == pytest.approx(
-        expected.solved.adjustment.normals.objective
-    )
+    assert apart.solved.adjustment.normals.objective == pytest.approx(expected.solved.adjustment.normals.objective)

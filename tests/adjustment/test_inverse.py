@@ -55,9 +55,7 @@ def test_as_many_null_vectors_as_there_are_and_each_is_null(network):
     assert inverse.null.shape[1] == dimension
     assert inverse.weak.shape[1] == 0
     unit = inverse.null / np.linalg.norm(inverse.null / inverse.scale[:, None], axis=0)
-    assert (
-        np.abs(np.linalg.solve(np.linalg.cholesky(dense.covariance), dense.A) @ unit).max(initial=0.0) < 1e-10
-    )
+    assert np.abs(np.linalg.solve(np.linalg.cholesky(dense.covariance), dense.A) @ unit).max(initial=0.0) < 1e-10
 
 
 @EACH
@@ -66,13 +64,9 @@ def test_solutions_of_equations_in_the_range(network):
     inverse = invert(plan, normals, values, find_anchors(plan, normals).unknowns)
     F = functionals(dense)
     expected = pseudo_solution(dense, F)
-    np.testing.assert_allclose(
-        F.T @ inverse.solve(F), expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max()
-    )
+    np.testing.assert_allclose(F.T @ inverse.solve(F), expected, rtol=1e-8, atol=1e-9 * np.abs(expected).max())
     one, several = (x / inverse.scale for x in (inverse.solve(F[:, 0]), inverse.solve(F)[:, 0]))
-    atol = (
-        10 * round_off(dense, inverse) * np.abs(one).max()
-    )  # one column goes another way through the processor
+    atol = 10 * round_off(dense, inverse) * np.abs(one).max()  # one column goes another way through the processor
     np.testing.assert_allclose(several, one, rtol=0, atol=atol)
 
 
@@ -97,9 +91,7 @@ def test_which_unknowns_are_anchored_changes_no_result(network):
     for anchors in (found, _other_anchors(plan, normals, values, found), more, np.arange(u)):
         inverse = invert(plan, normals, values, anchors)
         assert inverse.null.shape[1] == dimension
-        np.testing.assert_allclose(
-            F.T @ inverse.solve(F), expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max()
-        )
+        np.testing.assert_allclose(F.T @ inverse.solve(F), expected, rtol=1e-6, atol=1e-7 * np.abs(expected).max())
 
 
 @EACH
@@ -112,9 +104,7 @@ def test_selected_cofactors_and_weak_part_make_the_variances_of_observations(net
     for anchors in (find_anchors(plan, normals).unknowns, np.arange(min(u, dimension + 3))):
         inverse = invert(plan, normals, values, anchors)
         Q = inverse.selected().to_dense() + inverse.weak @ inverse.weak.T
-        if (
-            not plan.clusters
-        ):  # else the pattern holds what the observations of a cluster need, checked in quality
+        if not plan.clusters:  # else the pattern holds what the observations of a cluster need, checked in quality
             found = np.einsum("iu,uv,iv->i", dense.A, Q, dense.A)
             np.testing.assert_allclose(found, expected, rtol=1e-6, atol=1e-9 * expected.max())
 

@@ -21,8 +21,7 @@ def image_variant_block() -> tuple[Scene, list[str]]:
         scene.observe("difference/interior/mor", "camera", name, sigma=0.01, only=(0,))
         rows = scene.groups["image/mor"]
         rows.names = [
-            tuple(name if (part, row[0]) == ("camera", f"I{number}") else part for part in row)
-            for row in rows.names
+            tuple(name if (part, row[0]) == ("camera", f"I{number}") else part for part in row) for row in rows.names
         ]
     scene.free["interior/mor"]["camera"] = np.array([True, True, True, *[False] * 7])
     return scene, points
@@ -86,9 +85,7 @@ def test_a_cluster_over_several_groups_and_parts_of_rows():
     problem, values = scene.problem(np.random.default_rng(1)), scene.start(0.01)
     dense = dense_system(problem, values)
     normals = build_normals(make_plan(problem), values)
-    np.testing.assert_allclose(
-        normals.matrix.to_dense(), dense.normal, rtol=1e-11, atol=1e-9 * dense.normal.max()
-    )
+    np.testing.assert_allclose(normals.matrix.to_dense(), dense.normal, rtol=1e-11, atol=1e-9 * dense.normal.max())
     assert normals.objective == pytest.approx(dense.l @ dense.weights @ dense.l, rel=1e-12)
 
 

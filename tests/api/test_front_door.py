@@ -40,9 +40,7 @@ def levelling(**changes: Any) -> dict[str, Any]:
         "observations": [
             {
                 "type": "height_difference",
-                "file": pl.DataFrame(
-                    {"from": ["A", "B", "C"], "to": ["B", "C", "A"], "dz": [1.0, 2.0, -3.003]}
-                ),
+                "file": pl.DataFrame({"from": ["A", "B", "C"], "to": ["B", "C", "A"], "dz": [1.0, 2.0, -3.003]}),
                 "values": {"sigma": 0.001},
                 **changes,
             }
@@ -80,9 +78,7 @@ def test_a_project_of_dictionaries_and_frames_is_the_project_of_the_files(facade
     for section in ("images", "points", "observations"):
         for table in data[section]:
             text = dict.fromkeys(("id", "image", "point", "from", "to", "camera", "at"), pl.String)
-            table["file"] = pl.read_csv(
-                FACADE.parent / table["file"], schema_overrides=text, comment_prefix="#"
-            )
+            table["file"] = pl.read_csv(FACADE.parent / table["file"], schema_overrides=text, comment_prefix="#")
     built = mor.adjust(data)
     assert built.points.frame.equals(facade.points.frame)
     assert built.to_dict()["sigma0"] == facade.to_dict()["sigma0"]
@@ -176,9 +172,7 @@ def test_another_datum_is_that_of_a_direct_adjustment() -> None:
         direct = mor.adjust(mor.read(data, path.parent))
     for name in "xyz":
         np.testing.assert_allclose(carried.points[name], direct.points[name], rtol=0.0, atol=1e-9)
-        np.testing.assert_allclose(
-            carried.points[f"s{name}"], direct.points[f"s{name}"], rtol=1e-7, atol=1e-13
-        )
+        np.testing.assert_allclose(carried.points[f"s{name}"], direct.points[f"s{name}"], rtol=1e-7, atol=1e-13)
     np.testing.assert_allclose(carried.observations["r"], result.observations["r"], rtol=0.0, atol=1e-6)
 
 

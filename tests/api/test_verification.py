@@ -42,8 +42,7 @@ def _exact(data):
                 system[k] = [a - system[k][i] * b for a, b in zip(system[k], system[i], strict=True)]
     parameters = [row[-1] for row in system]
     residuals = (
-        value - sum(a * b for a, b in zip(row, parameters, strict=True))
-        for row, value in zip(rows, y, strict=True)
+        value - sum(a * b for a, b in zip(row, parameters, strict=True)) for row, value in zip(rows, y, strict=True)
     )
     variance = sum(v**2 for v in residuals) / (len(y) - p)
     return parameters, [system[i][p + i] * variance for i in range(p)], variance
@@ -127,9 +126,7 @@ def test_a_check_that_raises_has_failed():
 
 
 def _few(monkeypatch, difference):
-    check = ReferenceCheck(
-        "closed forms", "levelling loop", "residuals", "<book>", "P1", 3, 1.0, 1.0 + difference, 0.1
-    )
+    check = ReferenceCheck("closed forms", "levelling loop", "residuals", "<book>", "P1", 3, 1.0, 1.0 + difference, 0.1)
     task = VerificationTask(About("closed forms", "levelling loop", "<book>"), lambda about: [check])
     monkeypatch.setattr(verification, "tasks", lambda: [task])
     assert [one.passed for one in mor.verify()] == [difference < 0.1]

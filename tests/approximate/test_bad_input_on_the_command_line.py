@@ -155,9 +155,7 @@ def test_a_constant_that_nobody_gave_is_guessed_said_and_freed(scenes, tmp_path,
     rays = [scenes.image(points, *scenes.camera(rng, points), 0.001, rng) for _ in range(4)]
     path = Path(project(tmp_path, rays[:2], scenes.c))
     rows = [
-        f"I{number},p{k},{x!r},{y!r}"
-        for number, one in enumerate(rays)
-        for k, (x, y) in enumerate(one[:, :2].tolist())
+        f"I{number},p{k},{x!r},{y!r}" for number, one in enumerate(rays) for k, (x, y) in enumerate(one[:, :2].tolist())
     ]
     (tmp_path / "observations.csv").write_text("\n".join(["image,point,x,y", *rows]) + "\n")
     (tmp_path / "images.csv").write_text("\n".join(["id,camera", *(f"I{k},c" for k in range(4))]) + "\n")
@@ -165,9 +163,7 @@ def test_a_constant_that_nobody_gave_is_guessed_said_and_freed(scenes, tmp_path,
     path.write_text(text)
     assert run(["adjust", str(path), "-o", str(tmp_path / "results"), "--json"]) == 0
     printed = capsys.readouterr()
-    assert (
-        "from focal_length" in printed.out + printed.err + (tmp_path / "results" / "report.txt").read_text()
-    )
+    assert "from focal_length" in printed.out + printed.err + (tmp_path / "results" / "report.txt").read_text()
     assert run(["adjust", str(path), "-o", str(tmp_path / "again"), "--quiet"]) == 0
     report = (tmp_path / "again" / "report.txt").read_text()
     assert "28.8" in report or "28.79" in report

@@ -109,9 +109,7 @@ def test_angles_in_the_wrong_unit_do_not_stop_the_start_values() -> None:
     project = {
         "mor": 1,
         "units": {"length": "m", "angle": "gon"},
-        "points": [
-            {"columns": ["id", "x", "y", "z"], "rows": [[name, *xy, 100.0] for name, xy in places.items()]}
-        ],
+        "points": [{"columns": ["id", "x", "y", "z"], "rows": [[name, *xy, 100.0] for name, xy in places.items()]}],
         "observations": [
             {
                 "type": kind,

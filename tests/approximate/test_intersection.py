@@ -64,9 +64,7 @@ def test_parallel_rays_and_too_few_are_named():
     assert intersect(hardly, positions, same).outcome is IntersectionOutcome.PARALLEL
     along = direction_bundle(np.array([[1.0, 0, 0], [1.0, 0, 1e-5]]), 1e-4)
     assert intersect(along, positions, same).outcome is IntersectionOutcome.PARALLEL
-    assert (
-        intersect(parallel.take(np.arange(1)), positions[:1], same[:1]).outcome is IntersectionOutcome.TOO_FEW
-    )
+    assert intersect(parallel.take(np.arange(1)), positions[:1], same[:1]).outcome is IntersectionOutcome.TOO_FEW
 
 
 def test_rays_that_meet_behind_or_not_at_all_are_named():

@@ -22,9 +22,9 @@ def test_one_centre_and_one_normal_are_named():
     trials = [orientations.planar(seed) for seed in range(30)]
     assert {t.outcome for t in trials if t.kind == "one centre"} == {"NO_BASE"}
     assert {t.outcome for t in trials if t.kind == "one normal"} == {"BASE_ALONG_NORMAL"}
-    assert {
-        t.outcome for t in (orientations.relative(seed) for seed in range(25)) if t.kind == "one centre"
-    } == {"NO_BASE"}
+    assert {t.outcome for t in (orientations.relative(seed) for seed in range(25)) if t.kind == "one centre"} == {
+        "NO_BASE"
+    }
 
 
 @pytest.mark.parametrize("seed", [2000669, 23857])

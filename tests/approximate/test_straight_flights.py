@@ -57,9 +57,7 @@ def test_what_leaves_a_flight_open_starts_nothing() -> None:
     assert level_flight(wrong) is None
 
 
-@pytest.mark.parametrize(
-    ("kind", "seed"), [("lines", 1), ("lines, GNSS", 2), ("lines, INS", 3), ("images", 4)]
-)
+@pytest.mark.parametrize(("kind", "seed"), [("lines", 1), ("lines, GNSS", 2), ("lines, INS", 3), ("images", 4)])
 def test_strips_start_from_control_and_tie_points(kind: str, seed: int) -> None:
     assert said(kind, seed) == ""
 

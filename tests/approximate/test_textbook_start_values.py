@@ -12,9 +12,7 @@ from mor.start.killian import solutions_of_homography
 from mor.start.relative_orientation import adjust_coplanarity
 from mor.start.resection import ResectionOutcome, resect
 
-EXAMPLES = (
-    Path(__file__).parents[1] / "reference" / "networks" / "worked-examples" / "small-computations.json"
-)
+EXAMPLES = Path(__file__).parents[1] / "reference" / "networks" / "worked-examples" / "small-computations.json"
 
 
 @pytest.fixture

@@ -55,9 +55,7 @@ def measured(folder: Path, gama: Path, *more: str) -> tuple[dict[str, Any], str]
     """The case of 25 points, and what was printed."""
     file = folder / "out.json"
     options = ["--no-commands", "--gama", gama, "--json", file, "--folder", folder, *more]
-    done = subprocess.run(
-        [sys.executable, RUNNER, "grid-25", *options], capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([sys.executable, RUNNER, "grid-25", *options], capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return json.loads(file.read_text(encoding="utf-8")), done.stdout
 

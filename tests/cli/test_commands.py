@@ -94,9 +94,7 @@ class TestExitCodes:
         assert run.code == 2
         assert "found 'high', expected a number" in run.err
 
-    @pytest.mark.parametrize(
-        "arguments", [["adjst"], ["check"], ["adjust", "--nonsense"], ["check", "a", "b"]]
-    )
+    @pytest.mark.parametrize("arguments", [["adjst"], ["check"], ["adjust", "--nonsense"], ["check", "a", "b"]])
     def test_wrong_command_line(self, arguments: list[str]) -> None:
         run = mor(*arguments)
         assert (run.code, run.out) == (2, "")
@@ -151,18 +149,14 @@ class TestWhatGoesWhere:
         assert run.code == 4
         assert "NO SOLUTION" in run.err
 
-    def test_iterations_are_plain_lines_where_nobody_looks_and_only_if_asked_for(
-        self, tmp_path: Path
-    ) -> None:
+    def test_iterations_are_plain_lines_where_nobody_looks_and_only_if_asked_for(self, tmp_path: Path) -> None:
         run = mor("adjust", write(tmp_path, LEVELLING), "-v")
         assert "\niteration 1: sigma0 / a priori " in run.err
         assert "\x1b" not in run.err
         assert "iteration 1" not in mor("adjust", write(tmp_path, LEVELLING), "--force").err
 
     def test_verbose_tells_phases(self, tmp_path: Path) -> None:
-        assert mor("adjust", write(tmp_path, LEVELLING), "-v").err.startswith(
-            "reading …\nadjusting …\niteration 1:"
-        )
+        assert mor("adjust", write(tmp_path, LEVELLING), "-v").err.startswith("reading …\nadjusting …\niteration 1:")
 
     def test_check_counts_on_stdout_and_writes_nothing(self, tmp_path: Path) -> None:
         project = write_block(tmp_path)
@@ -239,9 +233,7 @@ def test_same_input_same_bytes(tmp_path: Path) -> None:
         assert (tmp_path / "one" / name).read_bytes() == (tmp_path / "two" / name).read_bytes(), name
 
 
-def test_results_do_not_depend_on_where_the_command_is_called(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_results_do_not_depend_on_where_the_command_is_called(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     project = write_block(tmp_path / "here")
     assert mor("adjust", project).code == 0
     first = {p.name: p.read_bytes() for p in (tmp_path / "here" / "project.results").iterdir()}

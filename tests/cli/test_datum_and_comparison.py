@@ -74,9 +74,7 @@ def test_another_datum_never_overwrites_the_files_it_is_read_from(tmp_path: Path
     run = mor("datum", results, "--to", MINIMAL, "-o", results, "--force")
     assert run.code == 2
     for name in ("adjusted.yaml", "reference.csv"):
-        assert (
-            f"{results / name}: results would overwrite this file, from which the project is read" in run.err
-        )
+        assert f"{results / name}: results would overwrite this file, from which the project is read" in run.err
     assert {path.name: path.read_bytes() for path in results.iterdir()} == before
     # a project whose table bears the name of a result
     rays = (tmp_path / "rays.csv").read_text()
@@ -137,9 +135,7 @@ def test_covariances_of_chosen_points(tmp_path: Path) -> None:
     table = {row["id"]: row for row in rows((results / "points.csv").read_text())}
     expected = [float(table[p][f"s{c}"]) for p in ("P3", "P0") for c in "xyz"]
     np.testing.assert_allclose(np.sqrt(np.diagonal(archive["covariance"])), expected, rtol=1e-7)
-    np.testing.assert_allclose(
-        archive["values"], [float(table[p][c]) for p in ("P3", "P0") for c in "xyz"], atol=1e-9
-    )
+    np.testing.assert_allclose(archive["values"], [float(table[p][c]) for p in ("P3", "P0") for c in "xyz"], atol=1e-9)
     written = rows((tmp_path / "chosen.csv").read_text())
     np.testing.assert_allclose(numbers(written, *archive["labels"]), archive["covariance"], rtol=1e-15)
     from scipy.io import mmread
@@ -161,13 +157,9 @@ def test_expanded_uncertainties_are_multiples_of_sigma(tmp_path: Path) -> None:
     assert [float(row["U"]) for row in rows((tmp_path / "u.csv").read_text())] == archive["U"].tolist()
     assert f"U = {archive['U'].tolist()[0]!r}" in (tmp_path / "u.mtx").read_text()
     freedom = json.loads((results / "results.json").read_text())["redundancy"]
-    assert (
-        f"{100.0 * (1.0 - 2.0 * student.sf(2.0, freedom)):.2f} % (Student's t, {freedom} degrees" in run.err
-    )
+    assert f"{100.0 * (1.0 - 2.0 * student.sf(2.0, freedom)):.2f} % (Student's t, {freedom} degrees" in run.err
     again = ("--points", "P3", "--coverage", "2", "--lang", "de", "-o", tmp_path / "de.csv")
-    assert re.search(
-        r"k = 2: Überdeckungswahrscheinlichkeit \d\d,\d\d %", mor("covariance", results, *again).err
-    )
+    assert re.search(r"k = 2: Überdeckungswahrscheinlichkeit \d\d,\d\d %", mor("covariance", results, *again).err)
     for option, value, sigma in (("--blocks", "Ux", "xx"), ("--relative", "Udistance", "sdistance")):
         given = [option] if option == "--blocks" else [option, "P1,P2"]
         table = tmp_path / f"{option}.csv"
@@ -192,9 +184,7 @@ def test_full_covariance_has_all_unknowns_in_the_axes_of_the_project(tmp_path: P
     for name in ("omega", "kappa"):
         k = labels.index(f"rotation image 010 {name}")
         assert archive["units"][k] == "gon"
-        assert np.sqrt(archive["covariance"][k, k]) == pytest.approx(
-            float(images["010"][f"s{name}"]), rel=1e-6
-        )
+        assert np.sqrt(archive["covariance"][k, k]) == pytest.approx(float(images["010"][f"s{name}"]), rel=1e-6)
     points = {row["id"]: row for row in rows((results / "points.csv").read_text())}
     k = labels.index("point P2 y")
     assert np.sqrt(archive["covariance"][k, k]) == pytest.approx(float(points["P2"]["sy"]), rel=1e-7)
@@ -346,14 +336,10 @@ def test_page_of_two_epochs(tmp_path: Path) -> None:
     page = (tmp_path / "en.html").read_text(encoding="utf-8")
     assert "1 point has moved, of 12" in page
     table = {row["point"]: row for row in rows(run.out)}
-    drawing = page[
-        page.index('<svg class="drawing"') : page.index("</svg>", page.index('<svg class="drawing"'))
-    ]
+    drawing = page[page.index('<svg class="drawing"') : page.index("</svg>", page.index('<svg class="drawing"'))]
     lines = [
         [float(x) for x in found]
-        for found in re.findall(
-            r'<line class="(?:moved|stable)" x1="(.*?)" y1="(.*?)" x2="(.*?)" y2="(.*?)"', drawing
-        )
+        for found in re.findall(r'<line class="(?:moved|stable)" x1="(.*?)" y1="(.*?)" x2="(.*?)" y2="(.*?)"', drawing)
     ]
     vectors = np.array([[c - a, d - b] for a, b, c, d in lines])
     assert len(lines) == len(table) == drawing.count("<ellipse")
@@ -363,9 +349,7 @@ def test_page_of_two_epochs(tmp_path: Path) -> None:
         for axes in ("xy", "xz", "yz")
     }
     lengths = np.hypot(*vectors.T)
-    assert any(
-        np.allclose(lengths, size * (lengths @ size) / (size @ size), atol=0.15) for size in sizes.values()
-    )
+    assert any(np.allclose(lengths, size * (lengths @ size) / (size @ size), atol=0.15) for size in sizes.values())
     boxes = [
         (float(x) - 3.0 * len(name), float(y) - 10.0, float(x) + 3.0 * len(name), float(y))
         for x, y, name in re.findall(
@@ -374,9 +358,7 @@ def test_page_of_two_epochs(tmp_path: Path) -> None:
     ]
     assert len(boxes) >= 6
     apart = [
-        a[0] >= b[2] or b[0] >= a[2] or a[1] >= b[3] or b[1] >= a[3]
-        for k, a in enumerate(boxes)
-        for b in boxes[:k]
+        a[0] >= b[2] or b[0] >= a[2] or a[1] >= b[3] or b[1] >= a[3] for k, a in enumerate(boxes) for b in boxes[:k]
     ]
     assert all(apart)
     german = mor("compare", spring, later, "--epochs", "--page", tmp_path / "de.html", "--lang", "de")
@@ -444,9 +426,7 @@ def test_checks_are_kept_out_and_reported_apart(tmp_path: Path) -> None:
     other = json.loads((wrong / "results.json").read_text())
     assert other["sigma0"] == data["sigma0"], "checks take no part in the adjustment"
     table = {(row["group"], row["component"]): row for row in other["checks"]}
-    assert table["known points", "z"]["mean"] == pytest.approx(
-        -0.02 + rms["known points", "z"]["mean"], abs=1e-9
-    )
+    assert table["known points", "z"]["mean"] == pytest.approx(-0.02 + rms["known points", "z"]["mean"], abs=1e-9)
     assert table["known points", "z"]["exceeding"] == 3
     assert table["known points", "x"]["rms"] == pytest.approx(rms["known points", "x"]["rms"], abs=1e-9)
     report = (wrong / "report.txt").read_text()
@@ -487,9 +467,7 @@ def test_snooping_excludes_the_gross_error_and_shows_it(tmp_path: Path) -> None:
     assert "would move" in explained
     run = mor("adjust", project, "--snoop", "-o", tmp_path / "snooped", "--strict")
     assert run.code == 0, run.err
-    excluded = [
-        row for row in rows((tmp_path / "snooped" / "residuals.csv").read_text()) if row["flag"] == "excluded"
-    ]
+    excluded = [row for row in rows((tmp_path / "snooped" / "residuals.csv").read_text()) if row["flag"] == "excluded"]
     assert {(row["from"], row["to"]) for row in excluded} == {("no", "P5")}
     in_x = next(row for row in excluded if row["component"] == "x")
     assert float(in_x["v"]) == pytest.approx(-0.2, abs=0.02)

@@ -47,9 +47,7 @@ def test_words_of_a_term(capsys: pytest.CaptureFixture[str]) -> None:
     assert run(["explain", "exit", "code", "4"]) == 0
     assert "do not determine some unknowns" in capsys.readouterr().out
     assert run(["explain", "redundanzanteil"]) == 0
-    assert capsys.readouterr().out.startswith(
-        "r, redundancy number, redundancy numbers (German: Redundanzanteil)"
-    )
+    assert capsys.readouterr().out.startswith("r, redundancy number, redundancy numbers (German: Redundanzanteil)")
 
 
 def test_unknown_term(capsys: pytest.CaptureFixture[str]) -> None:
@@ -75,9 +73,7 @@ def test_every_term_is_explained_in_german_too(capsys: pytest.CaptureFixture[str
     assert "Was zu tun ist: Unter 0,1 bleibt ein grober Fehler unbemerkt." in said
 
 
-def test_the_language_may_be_told_once(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_the_language_may_be_told_once(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) -> None:
     monkeypatch.setenv("MOR_LANG", "de")
     assert run(["explain", "datum"]) == 0
     assert "Was zu tun ist: " in capsys.readouterr().out
@@ -87,9 +83,7 @@ def test_the_language_may_be_told_once(
 
 def test_every_heading_of_the_reports_is_explained() -> None:
     """Heads of tables of the text report, of the page, and of its key figures."""
-    text = {
-        name for part in ("text", "text_tables", "text_findings") for name in headers(HTML / f"{part}.py")
-    }
+    text = {name for part in ("text", "text_tables", "text_findings") for name in headers(HTML / f"{part}.py")}
     templates = " ".join(path.read_text(encoding="utf-8") for path in (HTML / "templates").glob("*.j2"))
     heads = re.findall(r"<th\b[^>]*>(.*?)</th>", templates)
     page = {name for head in heads for name in (re.findall(r'say\("([^"]*)"', head) or [head])}

@@ -115,7 +115,5 @@ def test_shells_can_complete(line: str, expected: set[str]) -> None:
     words = line.split()
     environment = {**os.environ, "_MOR_COMPLETE": "bash_complete", "COMP_WORDS": line}
     environment["COMP_CWORD"] = str(len(words) - (0 if line.endswith(" ") else 1))
-    done = subprocess.run(
-        [sys.executable, "-m", "mor"], env=environment, capture_output=True, text=True, check=False
-    )
+    done = subprocess.run([sys.executable, "-m", "mor"], env=environment, capture_output=True, text=True, check=False)
     assert {row.removeprefix("plain,") for row in done.stdout.splitlines()} == expected

@@ -48,9 +48,7 @@ def test_a_run_that_is_asked_to_end_tidies_up(tmp_path, monkeypatch: pytest.Monk
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs a timer of the system")
 def test_while_modules_are_loaded_an_interruption_waits() -> None:
     before = signal.getsignal(signal.SIGALRM)
-    loading = types.SimpleNamespace(
-        f_code=types.SimpleNamespace(co_filename=_get_module_lock.__code__.co_filename)
-    )
+    loading = types.SimpleNamespace(f_code=types.SimpleNamespace(co_filename=_get_module_lock.__code__.co_filename))
     try:
         process._interrupt(signal.SIGUSR1, cast(types.FrameType, loading))
         with pytest.raises(KeyboardInterrupt) as raised:

@@ -58,9 +58,7 @@ def facade(tmp_path_factory):
     return results
 
 
-@pytest.mark.parametrize(
-    "command", [["covariance", "--blocks", "-o", "c.csv"], ["datum", "--to", "free", "-o", "d"]]
-)
+@pytest.mark.parametrize("command", [["covariance", "--blocks", "-o", "c.csv"], ["datum", "--to", "free", "-o", "d"]])
 def test_what_is_done_with_results_of_a_small_project_loads_no_compiler(command, facade, tmp_path):
     name, *rest = command
     modules = loaded(name, facade, *rest[:-1], tmp_path / rest[-1])

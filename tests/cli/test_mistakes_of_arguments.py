@@ -100,9 +100,7 @@ def test_results_may_be_named_by_their_file(here: Path) -> None:
 
 
 def test_rows_that_one_of_two_results_lacks(here: Path) -> None:
-    fewer = LEVELLING.replace(", [C, 0, 0, 12]", "").replace(
-        ", [B, C, 1.002, 0.001], [C, A, -2.001, 0.001]", ""
-    )
+    fewer = LEVELLING.replace(", [C, 0, 0, 12]", "").replace(", [B, C, 1.002, 0.001], [C, A, -2.001, 0.001]", "")
     assert mor("adjust", write(here / "fewer", fewer), "--quiet", "--no-html").code == 0
     run = mor("compare", RESULTS, "fewer/project.results")
     assert run.code == 1

@@ -60,10 +60,7 @@ def test_begun_from_terrestrial_tables(tmp_path: Path) -> None:
 def test_stations_over_points_and_both_heights(tmp_path: Path) -> None:
     names = ("directions.csv", "distances.csv", "stations.csv", "pillars.csv")
     project = tmp_path / "net.yaml"
-    assert (
-        run(["new", str(project), "--datum", "free", *(str(SAMPLES / "bridge" / name) for name in names)])
-        == 0
-    )
+    assert run(["new", str(project), "--datum", "free", *(str(SAMPLES / "bridge" / name) for name in names)]) == 0
     data = read_document(project).data
     assert data["stations"] == [{"file": os.path.relpath(SAMPLES / "bridge" / "stations.csv", tmp_path)}]
     assert all("columns" not in entry for entry in data["observations"])
@@ -73,9 +70,7 @@ def test_stations_over_points_and_both_heights(tmp_path: Path) -> None:
     )
 
 
-def test_empty_beginning_is_a_project_with_nothing_in_it(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_empty_beginning_is_a_project_with_nothing_in_it(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     project = tmp_path / "p.yaml"
     assert run(["new", str(project)]) == 0
     assert run(["check", str(project)]) == 2
@@ -163,9 +158,7 @@ def test_vertical_angles_are_zenith_angles_or_elevations_by_their_values(
 ) -> None:
     rows = "".join(f"A,P{k},{10 * k}.5,{value}\n" for k, value in enumerate(values))
     found = _recognised(tmp_path, f"Station,Target,Horizontal Angle,Vertical Angle\n{rows}")
-    assert [
-        (kind, next(c for c in columns if columns[c] == "Vertical Angle")) for kind, columns in found
-    ] == kinds
+    assert [(kind, next(c for c in columns if columns[c] == "Vertical Angle")) for kind, columns in found] == kinds
 
 
 def test_elevations_between_points(tmp_path: Path) -> None:
@@ -252,8 +245,7 @@ def _as_spreadsheet(path: Path, *texts: str) -> Path:
             f'<workbook xmlns="{main}" xmlns:r="{relations}"><sheets>{"".join(sheets)}</sheets></workbook>',
         )
         links = (
-            f'<Relationship Id="a{k}" Type="{relations}/worksheet" Target="worksheets/sheet{k}.xml"/>'
-            for k in numbers
+            f'<Relationship Id="a{k}" Type="{relations}/worksheet" Target="worksheets/sheet{k}.xml"/>' for k in numbers
         )
         file.writestr(
             "xl/_rels/workbook.xml.rels",
@@ -274,9 +266,7 @@ def _sheet_rows(text: str) -> str:
         for cell in line.split(";"):
             number = cell.replace(",", ".")
             is_number = number.replace(".", "").isdigit()
-            cells.append(
-                f"<c><v>{number}</v></c>" if is_number else f'<c t="inlineStr"><is><t>{cell}</t></is></c>'
-            )
+            cells.append(f"<c><v>{number}</v></c>" if is_number else f'<c t="inlineStr"><is><t>{cell}</t></is></c>')
         rows.append(f"<row>{''.join(cells)}</row>")
     return "".join(rows)
 
@@ -319,9 +309,7 @@ def test_a_list_of_points_without_header(tmp_path: Path) -> None:
     assert (found.kind, found.has_header, found.texts("id")) == ("points", False, ["A", "B"])
 
 
-def test_every_sheet_that_holds_something_known_is_used(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_every_sheet_that_holds_something_known_is_used(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     table = _as_spreadsheet(
         tmp_path / "p.csv",
         "name;x;y\nA;0;0\nB;100;0\nC;0;100\nP;40;30",
@@ -362,9 +350,7 @@ def test_sheets_of_a_spreadsheet_must_be_named_if_missing(tmp_path: Path) -> Non
         ("", "expected a header"),
     ],
 )
-def test_tables_nobody_knows(
-    tmp_path: Path, content: str, words: str, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_tables_nobody_knows(tmp_path: Path, content: str, words: str, capsys: pytest.CaptureFixture[str]) -> None:
     path = tmp_path / "t.csv"
     path.write_text(content)
     assert run(["new", str(tmp_path / "p.yaml"), str(path)]) == 2
@@ -417,9 +403,7 @@ def test_names_that_are_both_are_points(tmp_path: Path, capsys: pytest.CaptureFi
     assert "control.csv: points, 2 rows" in capsys.readouterr().err
 
 
-def test_german_messages_keep_the_names_of_columns(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_german_messages_keep_the_names_of_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """What has to be typed is the same in every language."""
     (tmp_path / "t.csv").write_text("a,image\n1,2\n")
     assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv"), "--lang", "de"]) == 2
@@ -469,9 +453,7 @@ def test_the_sigma_of_a_levelling_line_grows_with_the_root_of_its_length(tmp_pat
     data = json.loads((tmp_path / "net.results" / "results.json").read_text())
     assert [row["sigma"] for row in data["residuals"]] == pytest.approx([0.0006, 0.0012, 0.002])
     # The misclosure of 2 mm is divided in proportion to the lengths.
-    assert [row["v"] for row in data["residuals"]] == pytest.approx(
-        [-0.002 * km / 5.8 for km in (0.36, 1.44, 4.0)]
-    )
+    assert [row["v"] for row in data["residuals"]] == pytest.approx([-0.002 * km / 5.8 for km in (0.36, 1.44, 4.0)])
     (tmp_path / "lines.csv").write_text("von,nach,dh,km\nA,B,1.001,0\n")
     assert "found a length of 0 or less" in mor("check", project).err
 

@@ -51,9 +51,7 @@ def test_relative_orientation_of_a_simulated_pair(tmp_path: Path, capsys: pytest
     data = json.loads(capsys.readouterr().out)
     assert data["outcome"] == "determined"
     np.testing.assert_allclose(data["base"], base / np.linalg.norm(base), atol=1e-9)
-    np.testing.assert_allclose(
-        [data["angles"][n] for n in ("omega", "phi", "kappa")], [0.1, -0.3, 1.2], atol=1e-9
-    )
+    np.testing.assert_allclose([data["angles"][n] for n in ("omega", "phi", "kappa")], [0.1, -0.3, 1.2], atol=1e-9)
     assert max(abs(r["coplanarity"]) for r in data["residuals"]) < 1e-6
     assert data["residuals"][0]["id"] == "000"
 
@@ -97,9 +95,7 @@ def test_text_has_units_and_the_convention(tmp_path: Path, capsys: pytest.Captur
         ("id,x1,y1,x2,y2,x3\n1,0,0,3,4,5\n", "p.csv:1: expected the columns id, x1, y1, x2, y2"),
     ],
 )
-def test_mistakes_are_said(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str, words: str
-) -> None:
+def test_mistakes_are_said(tmp_path: Path, capsys: pytest.CaptureFixture[str], content: str, words: str) -> None:
     path = tmp_path / "p.csv"
     path.write_text(content)
     assert run(["orient", "relative", str(path), "-c", "30"]) == 2
@@ -136,9 +132,7 @@ def strip(
 ) -> tuple[Path, np.ndarray, list[tuple[np.ndarray, np.ndarray]]]:
     rng = np.random.default_rng(7)
     points = rng.uniform([-4, -3, -12], [8, 3, -7], (30, 3))
-    cameras = [
-        (np.array([1.6 * k, 0.2 * k, 0.1 * k]), rotation(0.05 * k, -0.1 * k, 0.3 * k)) for k in range(images)
-    ]
+    cameras = [(np.array([1.6 * k, 0.2 * k, 0.1 * k]), rotation(0.05 * k, -0.1 * k, 0.3 * k)) for k in range(images)]
     measured = [image_of(points, *camera, 30.0) for camera in cameras]
     measured = [one + noise * rng.normal(size=one.shape) for one in measured]
     return write(tmp_path / "strip.csv", [f"P{k}" for k in range(30)], *measured), points, cameras
@@ -219,9 +213,7 @@ def test_both_orientations_of_a_plane_are_told(tmp_path: Path, capsys: pytest.Ca
     rng = np.random.default_rng(4)
     points = np.column_stack([rng.uniform(-4, 4, (12, 2)), np.full(12, -9.0)])
     cameras = [(np.zeros(3), np.eye(3)), (np.array([6.0, 0.0, -2.0]), rotation(0.1, 0.7, 0.0))]
-    table = write(
-        tmp_path / "p.csv", list("abcdefghijkl"), *(image_of(points, *one, 30.0) for one in cameras)
-    )
+    table = write(tmp_path / "p.csv", list("abcdefghijkl"), *(image_of(points, *one, 30.0) for one in cameras))
     assert run(["orient", "relative", str(table), "-c", "30", "--json"]) == 0
     data = json.loads(capsys.readouterr().out)
     assert data["geometry_key"] == "plane"
@@ -283,9 +275,7 @@ def test_three_images_give_one_shape_once(tmp_path: Path, capsys: pytest.Capture
     assert len(data["solutions"]) == 1
 
 
-def test_images_of_a_chain_from_one_centre_are_turned(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_images_of_a_chain_from_one_centre_are_turned(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """Two from the first centre, two from the third; without a base at all there is the turn, and no model."""
     rng = np.random.default_rng(4)
     points = rng.uniform([-4, -3, -12], [4, 3, -7], (30, 3))
@@ -304,9 +294,7 @@ def test_images_of_a_chain_from_one_centre_are_turned(
     assert 0.6 < data["model"]["sigma0"] < 1.4
     unit = np.linalg.norm(places[2])
     for one, place, turn in zip(data["model"]["images"][1:], places[1:], turns[1:], strict=True):
-        for key, truth in zip(
-            ["x", "y", "z", "omega", "phi", "kappa"], [*(place / unit), *turn], strict=True
-        ):
+        for key, truth in zip(["x", "y", "z", "omega", "phi", "kappa"], [*(place / unit), *turn], strict=True):
             assert abs(one[key] - truth) < 4.5 * one[f"s{key}"]
     turned = data["pairs"][0]["angles"]
     for key, truth in zip(("omega", "phi", "kappa"), turns[1], strict=True):

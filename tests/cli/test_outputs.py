@@ -57,9 +57,7 @@ def test_every_command_with_an_output_is_tried() -> None:
 
 
 @pytest.mark.parametrize("output", outputs(), ids=str)
-def test_nothing_is_written_over_an_input_nor_over_a_file_of_somebody_else(
-    scene: Scene, output: Output
-) -> None:
+def test_nothing_is_written_over_an_input_nor_over_a_file_of_somebody_else(scene: Scene, output: Output) -> None:
     """Under its own name, by a link and by a hard link, with and without ``--force``."""
     for recipe in RECIPES[output.command]:
         draw = random.Random(str(output))
@@ -75,9 +73,7 @@ def test_nothing_is_written_over_an_input_nor_over_a_file_of_somebody_else(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("output", outputs(), ids=str)
-def test_every_input_in_every_way_and_every_place_where_nothing_can_be_written(
-    scene: Scene, output: Output
-) -> None:
+def test_every_input_in_every_way_and_every_place_where_nothing_can_be_written(scene: Scene, output: Output) -> None:
     for recipe in RECIPES[output.command]:
         for force in (False, True):
             for name in recipe.inputs:
@@ -186,9 +182,7 @@ class TestStandardInput:
         return mor(*arguments)
 
     @pytest.mark.parametrize("foreign", [False, True])
-    def test_is_adjusted_as_the_file_is(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, foreign: bool
-    ) -> None:
+    def test_is_adjusted_as_the_file_is(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, foreign: bool) -> None:
         text = LEVELLING.replace(
             "columns: [from, to, dz, sigma]\n    rows: [[A, B, 1.001, 0.001], [B, C, 1.002, 0.001], "
             "[C, A, -2.001, 0.001]]",
@@ -243,10 +237,7 @@ class TestTheOnlyProjectOfAFolder:
         project.with_name("a.yml").write_text(LEVELLING)
         run = mor("adjust", tmp_path)
         assert run.code == 2
-        assert (
-            run.err
-            == f"{tmp_path}: this folder has several projects: a.yml, project.yaml; name one of them\n"
-        )
+        assert run.err == f"{tmp_path}: this folder has several projects: a.yml, project.yaml; name one of them\n"
 
     def test_none_is_said(self, tmp_path: Path) -> None:
         with within(tmp_path):
@@ -278,9 +269,7 @@ def test_a_signal_while_kernels_are_compiled_ends_the_run(tmp_path: Path, name: 
             "MOR_KERNELS": "numba",
             "PYTHONPATH": str(Path(__file__).parents[2]),
         }
-        process = subprocess.Popen(
-            [sys.executable, "-c", script], env=environment, stderr=subprocess.PIPE, text=True
-        )
+        process = subprocess.Popen([sys.executable, "-c", script], env=environment, stderr=subprocess.PIPE, text=True)
         assert process.stderr is not None
         while "compiling" not in (line := process.stderr.readline()):
             assert line, "no kernel was compiled"

@@ -55,9 +55,7 @@ def test_results_on_disk_and_the_project_show_the_same(results: Path) -> None:
     assert read.points["id"].to_list() == made.points["id"].to_list()
     np.testing.assert_allclose(covariances(read.points), covariances(made.points), rtol=1e-6, atol=1e-15)
     assert read.residuals.select("from", "to", "flag").equals(made.residuals.select("from", "to", "flag"))
-    np.testing.assert_allclose(
-        read.residuals["v"].to_numpy(), made.residuals["v"].to_numpy(), rtol=1e-6, atol=1e-10
-    )
+    np.testing.assert_allclose(read.residuals["v"].to_numpy(), made.residuals["v"].to_numpy(), rtol=1e-6, atol=1e-10)
 
 
 def test_ellipse_has_the_semi_axes_of_the_covariance() -> None:
@@ -145,14 +143,11 @@ def test_a_picture_in_german(results: Path, tmp_path: Path) -> None:
 def test_ellipses_of_heights_are_drawn_in_elevation(tmp_path: Path) -> None:
     """The plan of a levelling net has none."""
     project = tmp_path / "project.yaml"
-    project.write_text(
-        LEVELLING.replace("[B, 0, 0, 11]", "[B, 90, 0, 11]").replace("[C, 0, 0,", "[C, 0, 80,")
-    )
+    project.write_text(LEVELLING.replace("[B, 0, 0, 11]", "[B, 90, 0, 11]").replace("[C, 0, 0,", "[C, 0, 80,"))
     assert run(["plot", "ellipses", str(project), "-o", str(tmp_path / "e.svg")]) == 0
     assert run(["plot", "network", str(project), "-o", str(tmp_path / "n.svg")]) == 0
     words = [
-        set(re.findall(r"<!-- (.*?) -->", (tmp_path / f"{name}.svg").read_text(encoding="utf-8")))
-        for name in "en"
+        set(re.findall(r"<!-- (.*?) -->", (tmp_path / f"{name}.svg").read_text(encoding="utf-8"))) for name in "en"
     ]
     assert {"X [m]", "Z [m]"} <= words[0]
     assert any(text.startswith("1σ ellipses × ") for text in words[0])
@@ -176,7 +171,5 @@ def test_results_that_are_damaged(tmp_path, content):
 def test_results_of_another_version_are_called_that(tmp_path):
     (tmp_path / "results.json").write_text('{"schema_version": 1, "global_test": {}, "points": []}')
     run = mor("plot", "network", tmp_path, "-o", tmp_path / "network.svg")
-    words = (
-        "these results are of version 1, this program reads version 2; mor adjust --force writes them again"
-    )
+    words = "these results are of version 1, this program reads version 2; mor adjust --force writes them again"
     assert (run.code, run.err) == (2, f"{tmp_path / 'results.json'}: {words}\n")

@@ -72,9 +72,7 @@ def test_a_report_one_signs(sample: str, most: int, tmp_path: Path, monkeypatch:
     for name in ("heading", "text", "note"):
         original = getattr(Writer, name)
 
-        def kept(
-            self: Writer, text: str, *given: object, original: object = original, **named: object
-        ) -> None:
+        def kept(self: Writer, text: str, *given: object, original: object = original, **named: object) -> None:
             said.append(text)
             original(self, text, *given, **named)  # type: ignore[operator]
 
@@ -97,9 +95,7 @@ def test_a_report_one_signs(sample: str, most: int, tmp_path: Path, monkeypatch:
     }
     assert sections <= set(said)
     cells = [cell for grid in tables for row in grid.rows for cell in row]
-    assert not [
-        text for text in [*said, *cells] if re.search(r"\bmor [a-z]+\b(?!\s*0)", text) and "model" not in text
-    ]
+    assert not [text for text in [*said, *cells] if re.search(r"\bmor [a-z]+\b(?!\s*0)", text) and "model" not in text]
 
 
 def test_cells_are_wrapped_between_words_only() -> None:

@@ -67,9 +67,7 @@ class TestOverwriting:
         assert mor("adjust", project, "-o", folder).code == 0
         written = content(folder)
         assert written["README.txt"].startswith(b"Contents of this folder")
-        assert all(
-            name.encode() in written["README.txt"] for name in set(written) - {"README.txt", "notes.txt"}
-        )
+        assert all(name.encode() in written["README.txt"] for name in set(written) - {"README.txt", "notes.txt"})
         assert mor("adjust", project).code == 0
         assert content(folder) == written
         for options in (["--snoop"], ["--strict", "--snoop"]):
@@ -94,9 +92,7 @@ class TestOverwriting:
         assert mor("adjust", project, "--force").code == 0
         assert (tmp_path / "project.results" / "README.txt").read_text() == "mine"
 
-    def test_refused_before_anything_is_computed(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_refused_before_anything_is_computed(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         project = write(tmp_path, LEVELLING)
         assert mor("adjust", project).code == 0
         project.write_text(LEVELLING + "# a remark\n")
@@ -196,9 +192,7 @@ class TestInterruption:
         assert run.err.splitlines()[-1] == "interrupted; no file was left incomplete"
         assert list(tmp_path.iterdir()) == [project]
 
-    @pytest.mark.parametrize(
-        "said", [(28, "No space left on device"), ("No space left on device (os error 28)",)]
-    )
+    @pytest.mark.parametrize("said", [(28, "No space left on device"), ("No space left on device (os error 28)",)])
     def test_full_disk(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, said: tuple[object]) -> None:
         """Whether the system or polars says so."""
 
@@ -264,9 +258,7 @@ class TestManifest:
         ],
     )
     @pytest.mark.parametrize("name", ["results.json", "files.json"])
-    def test_a_manifest_reaches_no_file_outside_its_folder(
-        self, tmp_path: Path, name: str, files: object
-    ) -> None:
+    def test_a_manifest_reaches_no_file_outside_its_folder(self, tmp_path: Path, name: str, files: object) -> None:
         project, folder = write(tmp_path, LEVELLING), tmp_path / "out"
         folder.mkdir()
         schema = {"results.json": "mor-results", "files.json": "mor-files"}[name]
@@ -401,9 +393,7 @@ def _dying_at(step: int, work: Callable[[], None]) -> bool:
 
 
 class TestTwoRunsAtOnce:
-    def test_the_second_is_told_before_it_works(
-        self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-    ) -> None:
+    def test_the_second_is_told_before_it_works(self, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
         monkeypatch.setattr("mor.api.pipeline.solve_network", lambda *_: pytest.fail("adjusted all the same"))
         project, folder = write(tmp_path, LEVELLING), tmp_path / "project.results"
         with reserve(folder, force=False):

@@ -32,9 +32,7 @@ def otherwise(folder: Path, draw: np.random.Generator) -> dict[str, str]:
     named: set[str] = set()
     for columns, rows in [*_tables(document), *((rows[0], rows[1:]) for rows in files.values())]:
         named |= {str(row[columns.index(one)]) for one in NAMED if one in columns for row in rows} - {""}
-    new = {
-        name: f"n{number}" for name, number in zip(sorted(named), draw.permutation(len(named)), strict=True)
-    }
+    new = {name: f"n{number}" for name, number in zip(sorted(named), draw.permutation(len(named)), strict=True)}
     (folder / "project.yaml").write_text(json.dumps(_renamed(document, new, draw)), encoding="utf-8")
     for path, (heading, *rows) in files.items():
         mixed = [[new.get(cell, cell) for cell in rows[k]] for k in draw.permutation(len(rows))]

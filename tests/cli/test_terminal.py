@@ -66,9 +66,7 @@ def test_what_is_told_on_the_way_is_german(tmp_path: Path) -> None:
     for line in ("liest …", "gleicht aus …", "Genauigkeit und Zuverlässigkeit …", "schreibt …"):
         assert line in told.splitlines()
     assert re.search(r"^Iteration 1: .*, größte Änderung \S+ sigma, voller Schritt$", told, re.MULTILINE)
-    assert re.search(
-        r"^Dauer der Phasen: liest \d+[.]\d s, gleicht aus .* s, schreibt \d+[.]\d s$", told, re.MULTILINE
-    )
+    assert re.search(r"^Dauer der Phasen: liest \d+[.]\d s, gleicht aus .* s, schreibt \d+[.]\d s$", told, re.MULTILINE)
     assert iteration_line(step(1), words_of("de")).startswith("Iteration 1: sigma0 / a priori 2, ")
     assert "Dämpfung 1e-03" in iteration_line(step(1, 1e-3), words_of("de"))
 

@@ -57,9 +57,7 @@ def test_an_adjusted_project_of_heights_alone_is_read_again(tmp_path: Path) -> N
 
 def test_names_with_braces_are_compared(tmp_path: Path) -> None:
     for name in ("x", "y"):
-        text = LEVELLING.replace(
-            "type: height_difference", f"type: height_difference\n    name: 'of {{{name}}}'"
-        )
+        text = LEVELLING.replace("type: height_difference", f"type: height_difference\n    name: 'of {{{name}}}'")
         assert mor("adjust", write(tmp_path / name, text), "-o", tmp_path / name / "r").code == 0
     run = mor("compare", tmp_path / "x" / "r", tmp_path / "y" / "r")
     assert run.code == 1
@@ -143,9 +141,7 @@ def test_a_turn_that_is_known_well_is_not_called_hardly_determined(
 
 
 def test_lines_of_a_loop_in_german() -> None:
-    said = words_of("de").told(
-        "levelling A - B: the loop has a misclosure of 0.1 m (5 sigma); its lines: 7, 9"
-    )
+    said = words_of("de").told("levelling A - B: the loop has a misclosure of 0.1 m (5 sigma); its lines: 7, 9")
     assert said == "Nivellement A - B: der Schleifenschluss ist 0.1 m (5 Sigma); ihre Zeilen: 7, 9"
 
 
@@ -183,9 +179,7 @@ def test_a_datum_of_too_few_coordinates_is_called_so(tmp_path: Path) -> None:
 
 def test_a_camera_alone_without_any_point(tmp_path: Path) -> None:
     """It ended in an internal error: all that follows asks where something is."""
-    text = (
-        "mor: 1\ncameras: {K: {interior: {c: {observed: 20, sigma: 0.01}, xh: {fixed: 0}, yh: {fixed: 0}}}}\n"
-    )
+    text = "mor: 1\ncameras: {K: {interior: {c: {observed: 20, sigma: 0.01}, xh: {fixed: 0}, yh: {fixed: 0}}}}\n"
     run = mor("adjust", write(tmp_path, text))
     assert run.code == 2
     assert "there are no points" in run.err

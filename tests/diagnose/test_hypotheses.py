@@ -86,9 +86,7 @@ def test_nothing_is_offered_where_nothing_is_wrong(name: str, tmp_path: Path) ->
 
 
 def test_a_rejected_network_with_checks(tmp_path: Path) -> None:
-    check = (
-        "checks:\n  - {type: height_difference, columns: [from, to, dz, sigma], rows: [[A, B, 1, 0.001]]}\n"
-    )
+    check = "checks:\n  - {type: height_difference, columns: [from, to, dz, sigma], rows: [[A, B, 1, 0.001]]}\n"
     solved = _solved(write(tmp_path, LEVELLING.replace("1.002", "1.102") + check))
     assert solved.quality is not None
     assert rejection(solved.quality, solved.network) is Rejection.LARGER

@@ -100,10 +100,7 @@ def test_a_station_alone_is_where_the_network_has_it_and_an_exchange_spoils_it(t
 def test_an_exchange_at_a_station_that_is_held(tmp_path: Path) -> None:
     solved = pipeline.solve_network(_network(survey("bridge"), tmp_path))
     problem = solved.adjustment.problem
-    held = {
-        kind: blocks._replace(free=np.zeros_like(blocks.free))
-        for kind, blocks in problem.index.blocks.items()
-    }
+    held = {kind: blocks._replace(free=np.zeros_like(blocks.free)) for kind, blocks in problem.index.blocks.items()}
     alone = _alone(replace(problem, index=index_unknowns(held)), _situation(solved), "P3")
     assert alone.problem.index.count == 0
     sound = _cost(_situation(solved), alone.problem)

@@ -115,9 +115,7 @@ def test_the_sense_of_circles_is_named_although_their_directions_are_left_out() 
 def test_exchanged_set_ups_are_named_although_thirteen_suspects_are_left_out() -> None:
     solved = _solved(CASES / "set_ups_exchanged.yaml")
     assert solved.suspects is not None
-    assert [(one.cause, set(one.things)) for one in solved.possible_causes] == [
-        ("set-ups exchanged", {"S0", "S1"})
-    ]
+    assert [(one.cause, set(one.things)) for one in solved.possible_causes] == [("set-ups exchanged", {"S0", "S1"})]
 
 
 @pytest.mark.slow

@@ -84,14 +84,10 @@ def test_the_shell_example(place):
 @pytest.mark.skipif(sys.platform == "win32", reason="the page is for a shell")
 def test_the_steps_of_the_ci_example(place):
     assert _bash("mor batch 'blocks/**/project.yaml' -o kept --quiet", place).returncode == 0
-    steps = [
-        step["run"] for step in yaml.safe_load(_block("yaml"))["jobs"]["adjust"]["steps"] if "run" in step
-    ]
+    steps = [step["run"] for step in yaml.safe_load(_block("yaml"))["jobs"]["adjust"]["steps"] if "run" in step]
     install, *ours = steps
     assert install.startswith("pip install 'mor-adjustment")
-    assert '\n[project]\nname = "mor-adjustment"' in "\n" + (ROOT / "pyproject.toml").read_text(
-        encoding="utf-8"
-    )
+    assert '\n[project]\nname = "mor-adjustment"' in "\n" + (ROOT / "pyproject.toml").read_text(encoding="utf-8")
     for step in ours:
         run = _bash(step, place)
         assert run.returncode == 0, f"{step}: {run.stderr}"

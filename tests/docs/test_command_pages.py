@@ -40,9 +40,7 @@ def test_every_command_and_option_is_in_the_man_page(pages: ModuleType) -> None:
     for context, command in pages.all_commands():
         section = man if context.parent is None else man.split(f".SS {context.command_path} [OPTIONS]", 1)[1]
         own = section.split(".SS ", 1)[0]
-        for option in (
-            entry for entry in command.params if isinstance(entry, click.Option) and not entry.hidden
-        ):
+        for option in (entry for entry in command.params if isinstance(entry, click.Option) and not entry.hidden):
             for name in (*option.opts, *option.secondary_opts):
                 assert re.search(rf"^\\fB(.* )?{re.escape(name)}\b(?!-)", own, re.M), (
                     context.command_path,

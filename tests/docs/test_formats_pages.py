@@ -17,9 +17,7 @@ PAGES = sorted(path for path in DOCS.glob("*.md") if path.name != "index.md")
 def _files(text: str) -> dict[str, str]:
     """Files of a page by name: the indented lines behind a line that says ``File `name`:``."""
     found = re.findall(r"^File `([^`]+)`:\n\n((?:(?: {4}.*)?\n)+)", text, re.M)
-    return {
-        name: re.sub(r"^ {4}", "", body.split("\n    $ ")[0], flags=re.M).rstrip("\n") for name, body in found
-    }
+    return {name: re.sub(r"^ {4}", "", body.split("\n    $ ")[0], flags=re.M).rstrip("\n") for name, body in found}
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda path: path.stem)

@@ -10,9 +10,7 @@ from tests.scenarios.small_projects import mor
 ROOT = Path(__file__).parents[2]
 DOCS = ROOT / "docs"
 PAGE = (DOCS / "gallery.md").read_text(encoding="utf-8")
-SECTIONS = {
-    match[1]: match[2] for match in re.finditer(r"^## [^\n]*`(\w+)`\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S)
-}
+SECTIONS = {match[1]: match[2] for match in re.finditer(r"^## [^\n]*`(\w+)`\n(.*?)(?=^## |\Z)", PAGE, re.M | re.S)}
 
 
 def test_every_sample_is_in_the_gallery() -> None:

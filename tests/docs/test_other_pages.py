@@ -72,9 +72,7 @@ def test_rooms_and_functions_of_the_architecture_exist() -> None:
         "results": "report",
     }
     assert len(functions) >= 8
-    assert [
-        f for module, f in functions if not hasattr(import_module(f"mor.{places[module]}.{module}"), f)
-    ] == []
+    assert [f for module, f in functions if not hasattr(import_module(f"mor.{places[module]}.{module}"), f)] == []
 
 
 def test_new_type_of_the_page_is_right(tmp_path: Path) -> None:

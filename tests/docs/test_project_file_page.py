@@ -76,9 +76,7 @@ def test_fragment_is_understood(tmp_path: Path, example: str) -> None:
 
 def test_every_observation_type_has_an_example() -> None:
     shown = {
-        group["type"]
-        for example in FRAGMENTS
-        for group in read_yaml(example, "example").data.get("observations", [])
+        group["type"] for example in FRAGMENTS for group in read_yaml(example, "example").data.get("observations", [])
     }
     assert shown >= set(TYPE_NAMES) | {"parameter", "difference"}
 
@@ -110,10 +108,7 @@ def test_every_key_is_described(model: str, key: str) -> None:
 
 
 def test_links_lead_somewhere() -> None:
-    anchors = {
-        re.sub(r"[^\w\- ]", "", line).strip().replace(" ", "-")
-        for line in re.findall(r"^#+ (.*)$", PAGE, re.M)
-    }
+    anchors = {re.sub(r"[^\w\- ]", "", line).strip().replace(" ", "-") for line in re.findall(r"^#+ (.*)$", PAGE, re.M)}
     for target in re.findall(r"\]\(([^)]+)\)", PAGE):
         if target.startswith("#"):
             assert target[1:].lower() in {anchor.lower() for anchor in anchors}, target

@@ -32,8 +32,7 @@ def test_page_shows_what_the_program_says(tutorials: ModuleType, path: Path, tmp
     page = path.read_text(encoding="utf-8")
     outcome = tutorials.run_page(page, tmp_path)
     different = [
-        f"{what}: shown {shown}, now {tutorials.renewed(shown, found)}"
-        for what, shown, found in outcome.mismatches
+        f"{what}: shown {shown}, now {tutorials.renewed(shown, found)}" for what, shown, found in outcome.mismatches
     ]
     assert different == [], "python docs/run_tutorials.py --write puts in what the program says now"
     known = set(NUMBER.findall("\n".join([*outcome.outputs, *FENCE.findall(page)])))

@@ -30,9 +30,7 @@ LEVER = np.array([0.3, -0.2, 1.1])
 
 
 def _geocentric(utm: np.ndarray) -> np.ndarray:
-    longitude, latitude = Transformer.from_crs("EPSG:25832", "EPSG:4258", always_xy=True).transform(
-        *utm.T[:2]
-    )
+    longitude, latitude = Transformer.from_crs("EPSG:25832", "EPSG:4258", always_xy=True).transform(*utm.T[:2])
     cart = Transformer.from_crs("EPSG:4937", "EPSG:4936", always_xy=True)
     return np.stack(cart.transform(longitude, latitude, utm[:, 2] + GEOID), axis=1)
 
@@ -61,12 +59,8 @@ def block(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, np.ndarray, l
     """Two strips of four images 800 m above 4 × 2 km of ground; its project and the true points."""
     random = np.random.default_rng(11)
     east, north = np.meshgrid(np.linspace(0, 1600, 9), np.linspace(0, 900, 6))
-    ground = np.stack(
-        [690000.0 + east.ravel(), 5340000.0 + north.ravel(), 500 + random.uniform(0, 80, 54)], axis=1
-    )
-    centres = np.array(
-        [[690000.0 + 500 * i, 5340200.0 + 480 * j, 1320.0 + 5 * i] for j in range(2) for i in range(4)]
-    )
+    ground = np.stack([690000.0 + east.ravel(), 5340000.0 + north.ravel(), 500 + random.uniform(0, 80, 54)], axis=1)
+    centres = np.array([[690000.0 + 500 * i, 5340200.0 + 480 * j, 1320.0 + 5 * i] for j in range(2) for i in range(4)])
     points, cameras = _geocentric(ground), _geocentric(centres)
     up = cameras / np.linalg.norm(cameras, axis=1)[:, None]  # nadir, to a fifth of a degree
     rows: list[list[object]] = []
@@ -143,16 +137,12 @@ def _attitudes(
         D = boresight @ rotation_from_angles(angles)[0] @ horizon.axes  # image axes (rows) in geocentric ones
         east, north, height = _utm(place)[0]
         if kind == "projected_attitude":
-            ahead = [
-                _geocentric(np.array([[east, north, height]]) + 50.0 * np.eye(3)[k])[0] for k in range(3)
-            ]
+            ahead = [_geocentric(np.array([[east, north, height]]) + 50.0 * np.eye(3)[k])[0] for k in range(3)]
             axes = np.array([(there - place[0]) / np.linalg.norm(there - place[0]) for there in ahead])
             given = angles_from_rotation(nearest_rotation(D @ axes.T)[None])[0]
             rows.append([image["id"], east, north, *_noisy(given, rng)])
         else:
-            longitude, latitude = Transformer.from_crs("EPSG:25832", "EPSG:4258", always_xy=True).transform(
-                east, north
-            )
+            longitude, latitude = Transformer.from_crs("EPSG:25832", "EPSG:4258", always_xy=True).transform(east, north)
             enu = east_north_up(np.radians(latitude), np.radians(longitude))
             ned = enu[[1, 0, 2]] * [[1.0], [1.0], [-1.0]]
             body = ned @ np.stack([D[1], D[0], -D[2]], axis=1)  # forward, right, down as columns
@@ -234,9 +224,7 @@ def test_the_misalignment_of_an_inertial_system_is_found(
     assert json.loads((tmp_path / "again" / "results.json").read_text())["iterations"] <= 2
 
 
-def test_an_adjusted_block_begins_where_it_ended(
-    block: tuple[Path, np.ndarray, list[str]], tmp_path: Path
-) -> None:
+def test_an_adjusted_block_begins_where_it_ended(block: tuple[Path, np.ndarray, list[str]], tmp_path: Path) -> None:
     """Places and attitudes of images go through adjusted.yaml; the object system stays where it was."""
     project, _, _ = block
     assert mor("adjust", project, "-o", tmp_path / "one", "--no-html").code == 0

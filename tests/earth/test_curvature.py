@@ -59,9 +59,7 @@ def test_jacobians_differ_from_differences_by_the_sight_over_the_radius(type_: A
     known = {"earth radius": RADIUS, "face": 1.0}
     constants = np.array([[known.get(c.name, 0.1) for c in type_.constants]])
     jacobians = curved.equation(blocks, constants).jacobians
-    lengths = [
-        np.abs(j).max() for slot, j in zip(type_.slots, jacobians, strict=True) if slot.kind == "point"
-    ]
+    lengths = [np.abs(j).max() for slot, j in zip(type_.slots, jacobians, strict=True) if slot.kind == "point"]
     for k, slot in enumerate(type_.slots):
         differences = np.zeros_like(jacobians[k])
         for c in range(KINDS[slot.kind].size):
@@ -136,23 +134,17 @@ def test_a_horizontal_distance_is_at_the_height_of_the_instrument() -> None:
     _, zenith, slope = sight(a, b, 1.5, 1.7, 0.0, 0.0)
     expected = slope * np.sin(zenith) * (1.0 - slope * np.cos(zenith) / RADIUS)
     type_ = on_sphere(PLAIN_TYPES["horizontal_distance"], LocalSphere(RADIUS, (0.0, 0.0, 0.0)))
-    blocks = [
-        np.array([block]) for block in ([0.0, 0.0, 20.0], [1.5], [300.0, 400.0, 90.0], [1.7], [1.0, 0.0])
-    ]
+    blocks = [np.array([block]) for block in ([0.0, 0.0, 20.0], [1.5], [300.0, 400.0, 90.0], [1.7], [1.0, 0.0])]
     found = type_.equation(blocks, np.zeros((1, 0))).values[0, 0]
     assert found == pytest.approx(expected, abs=1e-5)
-    assert found == pytest.approx(
-        500.0 * (1.0 + 21.5 / RADIUS), abs=1e-9
-    )  # the arc, at the height of the instrument
+    assert found == pytest.approx(500.0 * (1.0 + 21.5 / RADIUS), abs=1e-9)  # the arc, at the height of the instrument
     assert abs(found - slope * np.sin(zenith)) > 0.005  # in the horizon of the instrument it is longer
 
 
 def test_image_rays_are_straight() -> None:
     """Three cameras over 3 km: points on the sphere, computed in space, come out as plan coordinates and heights."""
     random = np.random.default_rng(5)
-    points = [
-        Place(f"P{k}", *random.uniform(-1500.0, 1500.0, 2), random.uniform(0.0, 80.0), 0.0) for k in range(12)
-    ]
+    points = [Place(f"P{k}", *random.uniform(-1500.0, 1500.0, 2), random.uniform(0.0, 80.0), 0.0) for k in range(12)]
     cameras = {"I1": (-900.0, 0.0, 2500.0), "I2": (100.0, 700.0, 2600.0), "I3": (800.0, -600.0, 2550.0)}
     rows = []
     for name, (x, y, z) in cameras.items():
@@ -203,23 +195,15 @@ def test_project_axes_do_not_matter() -> None:
 
 def test_the_adjusted_project_keeps_the_origin(tmp_path: Path) -> None:
     """By itself the origin is the median of the given coordinates, which adjusted.yaml has more of."""
-    text = (
-        (CASE / "net2.yaml")
-        .read_text(encoding="utf-8")
-        .replace("datum: fixed", "curvature: true\ndatum: fixed")
-    )
+    text = (CASE / "net2.yaml").read_text(encoding="utf-8").replace("datum: fixed", "curvature: true\ndatum: fixed")
     folder = tmp_path / "case"
-    project = write(
-        folder, text, **{n: (CASE / f"{n}.csv").read_text(encoding="utf-8") for n in ("fb2", "kn")}
-    )
+    project = write(folder, text, **{n: (CASE / f"{n}.csv").read_text(encoding="utf-8") for n in ("fb2", "kn")})
     ran = command("adjust", project, "-o", folder / "first")
     assert ran.code == 0
     assert "at height 309 m at x = 5003, y = 2390" in ran.out + ran.err
     again = command("adjust", folder / "first" / "adjusted.yaml", "-o", folder / "second")
     assert "at height 309 m at x = 5003, y = 2390" in again.out + again.err
-    one, two = (
-        json.loads((folder / f / "results.json").read_text(encoding="utf-8")) for f in ("first", "second")
-    )
+    one, two = (json.loads((folder / f / "results.json").read_text(encoding="utf-8")) for f in ("first", "second"))
     assert one["sigma0"] == pytest.approx(two["sigma0"], rel=1e-6)
     assert one["flagged"] == 0
     assert one["global_test"]["accepted"]
@@ -231,9 +215,7 @@ def test_a_project_without_it_hears_of_the_curvature(tmp_path: Path) -> None:
     said = ran.out + ran.err
     assert "station B, to D over 545.7 m is off by 23 mm (3.4 sigma)" in said
     assert "curvature: true models it" in said
-    assert (
-        "Possible cause, not verified (run mor diagnose): the curvature of the earth is not modelled." in said
-    )
+    assert "Possible cause, not verified (run mor diagnose): the curvature of the earth is not modelled." in said
     assert "A common offset" not in said
 
 

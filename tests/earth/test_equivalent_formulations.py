@@ -53,9 +53,7 @@ class Truth:
     def horizon(self, k: int) -> np.ndarray:
         """Axes east, north, up (rows) of the plumb line of a place, geocentric."""
         latitude = np.radians(self.geodetic[k, 0]) + self.deflection[k, 0]
-        longitude = np.radians(self.geodetic[k, 1]) + self.deflection[k, 1] / np.cos(
-            np.radians(self.geodetic[k, 0])
-        )
+        longitude = np.radians(self.geodetic[k, 1]) + self.deflection[k, 1] / np.cos(np.radians(self.geodetic[k, 0]))
         s, c, sl, cl = np.sin(latitude), np.cos(latitude), np.sin(longitude), np.cos(longitude)
         return np.array([[-sl, cl, 0.0], [-s * cl, -s * sl, c], [c * cl, c * sl, s]])
 
@@ -90,8 +88,7 @@ def measured(truth: Truth) -> dict[str, list[list[Any]]]:
 
 def _texts(rows: list[list[Any]]) -> list[list[str]]:
     return [
-        [cell if isinstance(cell, str) else "" if np.isnan(cell) else repr(float(cell)) for cell in row]
-        for row in rows
+        [cell if isinstance(cell, str) else "" if np.isnan(cell) else repr(float(cell)) for cell in row] for row in rows
     ]
 
 
@@ -172,9 +169,7 @@ def _places(solved: Solved) -> np.ndarray:
     return places[order]
 
 
-def test_projected_geographic_and_geocentric_coordinates_give_the_same_adjustment(
-    truth: Truth, measured: Any
-) -> None:
+def test_projected_geographic_and_geocentric_coordinates_give_the_same_adjustment(truth: Truth, measured: Any) -> None:
     cart = Transformer.from_crs("EPSG:4937", "EPSG:4936", always_xy=True)
     geocentric = np.stack(cart.transform(truth.start[:, 1], truth.start[:, 0], truth.start[:, 2]), axis=1)
     above_geoid = truth.start - np.column_stack([np.zeros((7, 2)), truth.N])
@@ -200,17 +195,14 @@ def test_a_free_network_is_the_same_to_all_digits_in_every_formulation(truth: Tr
     given = [("EPSG:4937", truth.start), ("EPSG:25832", _projected(truth.start)), ("EPSG:4936", geocentric)]
     ellipsoidal = {"EPSG:25832": {"heights": "ellipsoidal"}}
     solutions = [
-        _on_earth(truth, measured, crs, places, False, True, **ellipsoidal.get(crs, {}))
-        for crs, places in given
+        _on_earth(truth, measured, crs, places, False, True, **ellipsoidal.get(crs, {})) for crs, places in given
     ]
     for solved in solutions[1:]:
         _compare(solved, solutions[0], 1e-9)
         np.testing.assert_allclose(_places(solved), _places(solutions[0]), atol=1e-7)
 
 
-def test_a_local_system_with_plumb_lines_by_hand_gives_the_same_adjustment(
-    truth: Truth, measured: Any
-) -> None:
+def test_a_local_system_with_plumb_lines_by_hand_gives_the_same_adjustment(truth: Truth, measured: Any) -> None:
     """Fixed ω, φ of every station turn its axes into the horizon of its plumb line; vectors are turned beforehand."""
     earth = _on_earth(truth, measured, "EPSG:4937", truth.start, False)
     horizon = earth.network.world.horizon
@@ -256,9 +248,7 @@ def test_a_local_system_with_plumb_lines_by_hand_gives_the_same_adjustment(
     np.testing.assert_allclose(plane.adjustment.values["point"][numbers][order], local, atol=1e-7)
     for k, (one, other) in enumerate(zip(earth.quality.groups, plane.quality.groups, strict=True)):
         if k == 0:  # geocentric and local axes: the lengths of the residuals, and the sum of r
-            np.testing.assert_allclose(
-                np.linalg.norm(one.v, axis=1), np.linalg.norm(other.v, axis=1), atol=1e-9
-            )
+            np.testing.assert_allclose(np.linalg.norm(one.v, axis=1), np.linalg.norm(other.v, axis=1), atol=1e-9)
             np.testing.assert_allclose(one.r.sum(axis=1), other.r.sum(axis=1), atol=1e-9)
         else:
             np.testing.assert_allclose(one.v, other.v, atol=1e-9)
@@ -268,9 +258,7 @@ def test_a_local_system_with_plumb_lines_by_hand_gives_the_same_adjustment(
 @pytest.mark.parametrize(
     "kinds", [("vectors", "directions", "distances", "heights"), ("vectors", "heights"), ("vectors",)]
 )
-def test_start_values_are_worked_out_on_the_earth(
-    truth: Truth, measured: Any, kinds: tuple[str, ...]
-) -> None:
+def test_start_values_are_worked_out_on_the_earth(truth: Truth, measured: Any, kinds: tuple[str, ...]) -> None:
     """Points of which nothing is given but their geoid; as if verticals were parallel, heights begin 100 m off."""
     some = {name: rows if name in kinds else [] for name, rows in measured.items()}
     given = _on_earth(truth, some, "EPSG:4937", truth.start, "heights" in kinds)

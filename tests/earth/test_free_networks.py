@@ -54,9 +54,7 @@ def survey(size: float, kinds: str, held: int = 0, azimuth: bool = False, seed: 
         "a": ("azimuth", ["from", "to", "azimuth"], 1e-6),
     }
     east, north = UTM.transform(longitude, latitude)
-    places = [
-        [name, *place] for name, place in zip(names, np.stack([east, north, height], 1).tolist(), strict=True)
-    ]
+    places = [[name, *place] for name, place in zip(names, np.stack([east, north, height], 1).tolist(), strict=True)]
     columns = ["id", "east", "north", "height"]
     found = [{"columns": columns, "rows": places[held:]}]
     if held:
@@ -72,9 +70,7 @@ def survey(size: float, kinds: str, held: int = 0, azimuth: bool = False, seed: 
                 "type": tables[kind][0],
                 "columns": tables[kind][1],
                 "values": {"sigma": tables[kind][2]},
-                "rows": [
-                    [cell if isinstance(cell, str) else float(cell) for cell in row] for row in rows[kind]
-                ],
+                "rows": [[cell if isinstance(cell, str) else float(cell) for cell in row] for row in rows[kind]],
             }
             for kind in kinds + ("a" if azimuth else "")
         ],
@@ -140,9 +136,7 @@ ORIENTED: list[dict[str, Any]] = [
 
 @pytest.mark.parametrize("station", ORIENTED)
 @pytest.mark.parametrize("size", [1e3, 1e5])
-def test_an_orientation_holds_the_turn_of_a_free_network(
-    tmp_path: Path, station: dict[str, Any], size: float
-) -> None:
+def test_an_orientation_holds_the_turn_of_a_free_network(tmp_path: Path, station: dict[str, Any], size: float) -> None:
     """Its residuals are those of a network with one point and an azimuth."""
     free = _residuals({**survey(size, "ds"), "stations": [station]}, tmp_path / "free")
     held = _residuals(survey(size, "ds", held=1, azimuth=True), tmp_path / "held")
@@ -155,9 +149,7 @@ def test_an_orientation_holds_the_turn_of_a_free_network(
     ("kinds", "held", "azimuth"), [("ds", 1, True), ("ds", 2, False), ("dsh", 1, True), ("dsvh", 1, False)]
 )
 @pytest.mark.parametrize("size", [1e3, 1e5])
-def test_what_is_advised_leads_to_a_solution(
-    tmp_path: Path, kinds: str, held: int, azimuth: bool, size: float
-) -> None:
+def test_what_is_advised_leads_to_a_solution(tmp_path: Path, kinds: str, held: int, azimuth: bool, size: float) -> None:
     residuals = _residuals(survey(size, kinds, held, azimuth), tmp_path)
     assert (residuals["w"].drop_nulls().abs() < 5.0).all()
 

@@ -43,9 +43,7 @@ def _project(frame: dict[str, Any], middle: np.ndarray, errors: float = 1.0) -> 
     ends = [(i, j) for i in range(9) for j in range(i + 1, 9) if (i + j) % 2]
     vectors = [there[j] - there[i] + errors * random.normal(0.0, SIGMA, 3) for i, j in ends]
     known = [[name, *map(repr, place.tolist())] for name, place in zip(NAMES, places, strict=True)]
-    rounded = [
-        [name, *(f"{value:.0f}" for value in place)] for name, place in zip(NAMES, places, strict=True)
-    ]
+    rounded = [[name, *(f"{value:.0f}" for value in place)] for name, place in zip(NAMES, places, strict=True)]
     columns = ["id", "x", "y", "z"]
     return {
         "mor": "1",
@@ -69,10 +67,7 @@ def _project(frame: dict[str, Any], middle: np.ndarray, errors: float = 1.0) -> 
                 "type": "gnss_vector",
                 "instrument": "GNSS",
                 "columns": ["from", "to", "dx", "dy", "dz"],
-                "rows": [
-                    [NAMES[i], NAMES[j], *map(repr, v.tolist())]
-                    for (i, j), v in zip(ends, vectors, strict=True)
-                ],
+                "rows": [[NAMES[i], NAMES[j], *map(repr, v.tolist())] for (i, j), v in zip(ends, vectors, strict=True)],
                 "values": {"sigma": str(SIGMA)},
             },
         ],
@@ -140,10 +135,7 @@ def test_free_and_observed_frames_against_a_formulation_in_geocentric_coordinate
         start = np.concatenate([np.zeros(7), ((_places()[4:] - middle) / 1e3).ravel()])
         for _ in range(5):
             J = np.stack(
-                [
-                    (residuals(start + step) - residuals(start - step)) / 2e-3
-                    for step in 1e-3 * np.eye(len(start))
-                ],
+                [(residuals(start + step) - residuals(start - step)) / 2e-3 for step in 1e-3 * np.eye(len(start))],
                 axis=1,
             )
             start = start - np.linalg.lstsq(J, residuals(start), rcond=None)[0]
@@ -187,9 +179,7 @@ def test_results_say_the_frame_and_a_second_run_begins_there(tmp_path: Path, mid
     again = mor("adjust", tmp_path / "out" / "adjusted.yaml", "-o", tmp_path / "again", "--no-html")
     assert again.code == 0
     one, other = (pl.read_csv(tmp_path / name / "places.csv") for name in ("out", "again"))
-    np.testing.assert_allclose(
-        *(frame.select("x", "y", "z", "seast").to_numpy() for frame in (one, other)), atol=1e-7
-    )
+    np.testing.assert_allclose(*(frame.select("x", "y", "z", "seast").to_numpy() for frame in (one, other)), atol=1e-7)
 
 
 def test_a_shift_that_only_vectors_have_is_told(tmp_path: Path, middle: np.ndarray) -> None:
@@ -200,9 +190,7 @@ def test_a_shift_that_only_vectors_have_is_told(tmp_path: Path, middle: np.ndarr
     assert "vectors have no shift" in told.out + told.err
 
 
-def test_components_that_do_not_exist_and_scales_of_nothing_are_told(
-    tmp_path: Path, middle: np.ndarray
-) -> None:
+def test_components_that_do_not_exist_and_scales_of_nothing_are_told(tmp_path: Path, middle: np.ndarray) -> None:
     project = _project({"shift": {"free": "0"}, "scale": "0"}, middle)
     told = mor("check", write(tmp_path, json.dumps(project)))
     assert told.code == 2

@@ -150,9 +150,7 @@ def test_a_grid_and_columns_of_the_same_values_give_the_same(tmp_path: Path) -> 
     """GSB, two grids GTX, and columns; D has no place and takes the mean, which a note says."""
     (tmp_path / "g.gsb").write_bytes(gsb())
     for k, name in enumerate(("n", "xi", "eta")):
-        latitude, longitude = np.meshgrid(
-            SOUTH + STEP * np.arange(3), WEST + STEP * np.arange(4), indexing="ij"
-        )
+        latitude, longitude = np.meshgrid(SOUTH + STEP * np.arange(3), WEST + STEP * np.arange(4), indexing="ij")
         nodes = plane(latitude, longitude)[..., k].astype(">f4").tobytes()
         (tmp_path / f"{name}.gtx").write_bytes(struct.pack(">ddddii", SOUTH, WEST, STEP, STEP, 3, 4) + nodes)
     longitude, latitude = Transformer.from_crs("EPSG:25832", "EPSG:4258", always_xy=True).transform(
@@ -200,9 +198,7 @@ def test_mistakes_of_grids_are_told(tmp_path: Path, world: str, words: str) -> N
     (tmp_path / "bad.gsb").write_bytes(b"no grid")
     (tmp_path / "short.gsb").write_bytes(gsb()[:480])
     far = gsb().replace(struct.pack("<d", 49.0 * 3600), struct.pack("<d", 39.0 * 3600))
-    (tmp_path / "far.gsb").write_bytes(
-        far.replace(struct.pack("<d", 50.0 * 3600), struct.pack("<d", 40.0 * 3600))
-    )
+    (tmp_path / "far.gsb").write_bytes(far.replace(struct.pack("<d", 50.0 * 3600), struct.pack("<d", 40.0 * 3600)))
     found = mor("check", write(tmp_path, _network(world, _placed(), "id,east,north,height,sigma")))
     assert found.code == 2
     assert words in found.err

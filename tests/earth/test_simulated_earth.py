@@ -35,7 +35,5 @@ def test_the_grid_between_its_nodes_against_proj(tmp_path: Path) -> None:
     random = np.random.default_rng(4)
     grid = earth.Geoid(46.0, 11.0, 0.1, np.round(random.uniform(40, 50, (5, 7)), 3))
     (tmp_path / "g.gtx").write_bytes(grid.gtx())
-    places = np.radians(
-        np.column_stack([random.uniform(46, 46.39, 30), random.uniform(11, 11.59, 30), np.zeros(30)])
-    )
+    places = np.radians(np.column_stack([random.uniform(46, 46.39, 30), random.uniform(11, 11.59, 30), np.zeros(30)]))
     np.testing.assert_allclose(geoid_heights(tmp_path / "g.gtx", places), grid.at(places), atol=1e-5)

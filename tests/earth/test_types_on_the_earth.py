@@ -75,9 +75,7 @@ def test_derivatives_against_differences(key):
             difference[:, type_.wraps] = wrap(difference[:, type_.wraps])
             difference /= 2.0 * step
             turned = np.where(type_.wraps, 1e-6, 1e-4)  # rad/m; m/m at 600 m: 600/R
-            noise = (
-                1e-9 * np.abs(jacobian[:, :, k]).max() + 3e-8 * np.abs(computed.values).max() * 1e-7 / step
-            )
+            noise = 1e-9 * np.abs(jacobian[:, :, k]).max() + 3e-8 * np.abs(computed.values).max() * 1e-7 / step
             assert (np.abs(difference - jacobian[:, :, k]) <= turned + noise + 1e-9).all()
 
 
@@ -124,9 +122,7 @@ def _line(length, azimuth, heights):
     """Two places by their geodesic (PROJ), and their latitudes and longitudes."""
     geod = Geod(ellps="GRS80")
     lon, lat, _ = geod.fwd(11.5, 47.2, azimuth, length)
-    geodetic = np.radians([[47.2, 11.5, 0.0], [lat, lon, 0.0]]) + np.array(
-        [[0, 0, heights[0]], [0, 0, heights[1]]]
-    )
+    geodetic = np.radians([[47.2, 11.5, 0.0], [lat, lon, 0.0]]) + np.array([[0, 0, heights[0]], [0, 0, heights[1]]])
     return HORIZON.from_geodetic(geodetic), geodetic
 
 
@@ -145,9 +141,7 @@ def test_the_arc_is_the_geodesic(length, azimuth, tolerance):
 
 def test_azimuth_zenith_angle_and_heights_of_a_line():
     """The azimuth of a short normal section is that of the geodesic; two zenith angles leave the arc between them."""
-    places, geodetic = _line(
-        2000.0, 41.0, (500.0, 0.0)
-    )  # a target on the ellipsoid: no correction for its height
+    places, geodetic = _line(2000.0, 41.0, (500.0, 0.0))  # a target on the ellipsoid: no correction for its height
     none = np.zeros((1, 1))
     ends = [places[:1], none, places[1:], none]
     azimuth = TYPES["azimuth"].equation(ends, np.zeros((1, 0))).values[0, 0]
@@ -181,9 +175,7 @@ def test_heights_of_antennas_stand_on_the_normals():
     raised = HORIZON.from_geodetic(geodetic + np.array([[0, 0, 1.5], [0, 0, 2.0]]))
     heights = [np.array([[1.5]]), np.array([[2.0]])]
     frame = np.array([[0.0] * 6 + [1.0]])
-    vector = TYPES["gnss_vector"].equation(
-        [places[:1], heights[0], places[1:], heights[1], frame], np.zeros((1, 0))
-    )
+    vector = TYPES["gnss_vector"].equation([places[:1], heights[0], places[1:], heights[1], frame], np.zeros((1, 0)))
     expected = HORIZON.to_geocentric(raised)
     np.testing.assert_allclose(vector.values[0], expected[1] - expected[0], atol=5e-9)
     distance = TYPES["distance"].equation(
@@ -199,9 +191,7 @@ def test_bearings_in_the_plane_are_those_of_proj(crs, extent):
     system = reference_system(crs)
     ellipsoid = system.ellipsoid
     horizon = Horizon(ellipsoid, HORIZON.latitude, HORIZON.longitude)
-    world = EarthModel(
-        system, horizon, 1.0, orthometric=False, extent=np.array([[-extent, -extent], [extent, extent]])
-    )
+    world = EarthModel(system, horizon, 1.0, orthometric=False, extent=np.array([[-extent, -extent], [extent, extent]]))
     random = np.random.default_rng(9)
     start = random.uniform(-extent, extent, (200, 3)) * [1.0, 1.0, 0.01]
     end = start + random.uniform(-300.0, 300.0, (200, 3))

@@ -40,9 +40,7 @@ observations:
     columns: [from, to, distance, sigma]
     rows: [[B, C, DISTANCE, 0.003]]
 """
-COORDINATES = np.array(
-    [[600000.0, 5500000.0, 100.0], [600300.0, 5500400.0, 150.0], [600000.0, 5500400.0, 120.0]]
-)
+COORDINATES = np.array([[600000.0, 5500000.0, 100.0], [600300.0, 5500400.0, 150.0], [600000.0, 5500400.0, 120.0]])
 
 
 def _geocentric(coordinates: np.ndarray, crs: str = "EPSG:25832") -> np.ndarray:
@@ -90,9 +88,7 @@ def test_coordinates_come_out_as_they_went_in(tmp_path: Path) -> None:
     assert mor("convert", tmp_path / "out" / "adjusted.yaml", tmp_path / "a.geojson").code == 0
     collection = json.loads((tmp_path / "a.geojson").read_text())
     assert collection["crs"]["properties"]["name"] == "urn:ogc:def:crs:EPSG::25832"
-    np.testing.assert_allclose(
-        collection["features"][1]["geometry"]["coordinates"], COORDINATES[1], atol=3e-6
-    )
+    np.testing.assert_allclose(collection["features"][1]["geometry"]["coordinates"], COORDINATES[1], atol=3e-6)
     refused = mor("convert", tmp_path / "out" / "adjusted.yaml", tmp_path / "a.gkf")
     assert refused.code == 2
     assert "networks on the earth are written as dynadjust, dynaml, snap, sinex, geojson" in refused.err
@@ -120,9 +116,7 @@ def test_heights_above_a_geoid_of_a_grid(tmp_path: Path) -> None:
     text = _text().replace("heights: ellipsoidal", "heights: orthometric, geoid: g.gtx")
     assert mor("adjust", write(tmp_path, text), "-o", tmp_path / "out", "--no-html").code == 0
     places = pl.read_csv(tmp_path / "out" / "places.csv")
-    longitude, latitude = Transformer.from_crs("EPSG:25832", "EPSG:4258", always_xy=True).transform(
-        *COORDINATES.T[:2]
-    )
+    longitude, latitude = Transformer.from_crs("EPSG:25832", "EPSG:4258", always_xy=True).transform(*COORDINATES.T[:2])
     expected = 40.0 + 3.0 * (latitude - 49.0) / 0.5 + (longitude - 9.5) / 0.5
     np.testing.assert_allclose(places["geoid"].to_numpy(), expected, atol=1e-6)
     height = places["ellipsoidal_height"].to_numpy() - places["geoid"].to_numpy()
@@ -203,9 +197,7 @@ def test_heights_above_a_geoid_of_a_grid(tmp_path: Path) -> None:
         ),
     ],
 )
-def test_mistakes_are_told_with_their_place(
-    tmp_path: Path, changes: list[tuple[str, str]], words: str
-) -> None:
+def test_mistakes_are_told_with_their_place(tmp_path: Path, changes: list[tuple[str, str]], words: str) -> None:
     found = mor("check", write(tmp_path, _changed(*changes)))
     assert found.code == 2
     assert re.search(words, found.err), found.err
@@ -279,9 +271,7 @@ points:
 
 
 def test_projects_that_are_nowhere_on_the_earth_load_nothing_of_it(tmp_path: Path) -> None:
-    project = write(
-        tmp_path, "mor: 1\npoints:\n  - {columns: [id, x, y, z], rows: [[A, 0, 0, 0]], fixed: [x, y, z]}\n"
-    )
+    project = write(tmp_path, "mor: 1\npoints:\n  - {columns: [id, x, y, z], rows: [[A, 0, 0, 0]], fixed: [x, y, z]}\n")
     code = (
         "import sys; from mor.cli import run; run(['check', sys.argv[1]]); "
         "sys.exit(any(name.startswith('pyproj') for name in sys.modules))"
@@ -320,9 +310,7 @@ def test_points_whose_place_is_found_have_heights_above_the_grid(tmp_path: Path)
     given = write(tmp_path, text)
     assert mor("adjust", given, "-o", tmp_path / "one", "--no-html").code == 0
     unknown = "- columns: [id]\n    rows: [[C]]"
-    text = text.replace(
-        "- columns: [id, east, north, height]\n    rows: [[C, 600000, 5500400, 120]]", unknown
-    )
+    text = text.replace("- columns: [id, east, north, height]\n    rows: [[C, 600000, 5500400, 120]]", unknown)
     assert unknown in text
     assert mor("adjust", write(tmp_path, text), "-o", tmp_path / "two", "--no-html").code == 0
     one, two = (pl.read_csv(tmp_path / name / "places.csv").drop("id").to_numpy() for name in ("one", "two"))

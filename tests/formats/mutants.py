@@ -102,11 +102,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     opensfm = Path(tempfile.mkdtemp(dir=folder))
     _folder(opensfm)
     (opensfm / "gcp_list.txt").write_text("WGS84\n8.0 50.0 103.0 1999.5 1499.5 c.jpg P1\n")
-    export = (
-        HEAD
-        + "".join(PHOTO.format(n=n, c="25.5") for n in (0, 1))
-        + POINTS.format(control="  9 5 5 5 0 0 0\n")
-    )
+    export = HEAD + "".join(PHOTO.format(n=n, c="25.5") for n in (0, 1)) + POINTS.format(control="  9 5 5 5 0 0 0\n")
     books = {Path(name).suffix[1:] + name[:1]: (name, text.encode()) for name, text in BOOKS.items()}
     suffixes = {"gsib": "gsi", "gsio": "gsi", "sdrb": "sdr", "m5b": "m5", "jxlb": "jobxml", "rw5b": "rw5"}
     return {
@@ -167,9 +163,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
             "comp3d",
             "n.comp",
             {
-                "n.comp": COMP.replace(
-                    '"use_proj" : false', '"use_proj" : true, "proj_def" : "EPSG:2154"'
-                ).encode(),
+                "n.comp": COMP.replace('"use_proj" : false', '"use_proj" : true, "proj_def" : "EPSG:2154"').encode(),
                 "n.cor": b"1 A 600000 6500000 100 0 0 0 3.0 -2.0\n2 B 600100 6500000 90 0.01 0 0\n",
                 "sub/n.obs": b"19 A @b.bas 2 1.5\n3 A B 100.5 0.001\n6 A B 106.3 0.001\n",
                 "sub/b.bas": b"B 10 20 30 1e-6 1e-7 0 2e-6 -1e-7 3e-6 1.2\nC 1 2 3 1e-6 0 0 2e-6 0 3e-6\n",
@@ -184,9 +178,7 @@ def _tie_points(folder: Path, tied: Callable[[Path, str], object]) -> Files:
     """A project with its archives."""
     tied(folder, "psx")
     archives = (folder / "hall.files").rglob("*.zip")
-    return {
-        path.relative_to(folder).as_posix(): path.read_bytes() for path in [folder / "hall.psx", *archives]
-    }
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in [folder / "hall.psx", *archives]}
 
 
 _TOPCON_STREAM = (
@@ -216,9 +208,7 @@ _SOKKIA = (
     "A,SET4C,13194,5802,5406,E0\nM,6.2.16,1,?,1.680,15,760,0.0,0.0,0.0,0,1,0\n"
     "2,Ea,0000,?,0.085,0,7.244,102.3045,288.0705,4A\n16,Ee,0000,?,0.000,0,71.4030,191.2515,0.0020,-0.0000,BC\n"
 )
-_GEODIMETER = (
-    "2=GP1\n3=1.5\n5=3\n6=1.3\n17=174.0749\n7=354.0755\n8=89.1805\n5=P3\n7=223.1343\n9=85.921\n11=85.9\n"
-)
+_GEODIMETER = "2=GP1\n3=1.5\n5=3\n6=1.3\n17=174.0749\n7=354.0755\n8=89.1805\n5=P3\n7=223.1343\n9=85.921\n11=85.9\n"
 
 
 def mutant(rng: np.random.Generator, files: Files) -> Files:
@@ -333,9 +323,7 @@ def main() -> None:
             found = list(faults(name, given.seed, given.count, Path(temporary), given.networks))
             total += len(found)
             peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1e6
-            print(
-                f"{name}: {given.count} mutants, {len(found)} faults, peak so far {peak:.2f} GB", flush=True
-            )
+            print(f"{name}: {given.count} mutants, {len(found)} faults, peak so far {peak:.2f} GB", flush=True)
             for number, words in found[:5]:
                 print(f"  {number}: {words}")
     sys.exit(1 if total else 0)

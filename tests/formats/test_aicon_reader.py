@@ -109,9 +109,7 @@ def test_mistakes_come_at_once_with_file_and_line(folder):
     (folder / "wall.obc").write_text(" A 0 0\n")
     with pytest.raises(InputError) as error:
         read_foreign(folder)
-    found = {
-        (problem.file.rpartition("/")[2], problem.line): problem.message for problem in error.value.problems
-    }
+    found = {(problem.file.rpartition("/")[2], problem.line): problem.message for problem in error.value.problems}
     assert "rotation order 1" in found["wall.eor", 1]
     assert "found 'x', expected a number" in found["wall.eor", 2]
     assert "camera '8'" in found["wall.eor", 3]

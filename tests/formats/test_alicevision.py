@@ -118,9 +118,7 @@ def test_blocks_have_no_residuals(tmp_path: Path, version: tuple[int, ...], kind
     document = read_foreign(path)
     notes = " ".join(map(str, document.notes))
     assert "images without a pose (1)" in notes
-    for camera in document.data[
-        "cameras"
-    ].values():  # as it stands, nothing but the rounding of the file is left
+    for camera in document.data["cameras"].values():  # as it stands, nothing but the rounding of the file is left
         camera["interior"] = {k: {"fixed": v["free"]} for k, v in camera["interior"].items()}
     solved = solve_network(network_of(document, tmp_path))
     assert len(solved.adjustment.iterations) <= 2

@@ -219,12 +219,8 @@ def test_fisheyes_with_few_parameters(tmp_path: Path, model: str, parameters: st
     pycolmap = pytest.importorskip("pycolmap")
     folder = _rig(tmp_path, "1 PINHOLE 800 600 700 700 400 300", f"1 {model} 800 600 {parameters}")
     document = read_foreign(folder)
-    assert ("two unknowns" in " ".join(map(str, document.notes))) == (
-        len(parameters.split()) != 4 or model[0] == "S"
-    )
-    interior = {
-        k: float(v.get("free") or v["fixed"]) for k, v in document.data["cameras"]["1"]["interior"].items()
-    }
+    assert ("two unknowns" in " ".join(map(str, document.notes))) == (len(parameters.split()) != 4 or model[0] == "S")
+    interior = {k: float(v.get("free") or v["fixed"]) for k, v in document.data["cameras"]["1"]["interior"].items()}
     fisheye = CAMERA_MODELS["fisheye"]
     row = np.array([[interior.get(c.name, 0.0) for c in fisheye.components]])
     camera = pycolmap.Reconstruction(str(folder)).cameras[1]

@@ -28,9 +28,7 @@ def _model(folder: Path, seed: int) -> dict[str, list[float]]:
     """A COLMAP model in ``folder``/model, control in another system in control.dat; the control."""
     data = block(seed, "SIMPLE_RADIAL")
     source = written(folder, data)
-    for path, content in write_foreign(
-        read_document(source), folder, folder / "model", "colmap"
-    ).files.items():
+    for path, content in write_foreign(read_document(source), folder, folder / "model", "colmap").files.items():
         path.parent.mkdir(exist_ok=True)
         path.write_bytes(content)
     points = {
@@ -151,9 +149,7 @@ def test_control_stays_whatever_the_order(tmp_path: Path, order: tuple[str, str]
 
 def test_lines_stay_those_of_the_files() -> None:
     first, second = _network(1.0, 1.0, {"length": "m", "angle": "rad"})
-    again = _document(
-        "c", {"length": "m", "angle": "rad"}, points=[{"columns": ["id", "x"], "rows": [["A", "1"]]}]
-    )
+    again = _document("c", {"length": "m", "angle": "rad"}, points=[{"columns": ["id", "x"], "rows": [["A", "1"]]}])
     again.data["points"][0]["fixed"] = ["x"]
     whole = combined([first, second, again])
     assert [table["rows"] for table in whole.data["points"]] == [

@@ -43,9 +43,7 @@ def observed() -> str:
     lines = ["* a comment", f"8 A B {_azimuth('A', 'B'):.5f} 0.001"]
     for station, (one, other) in {"A": ("B", "C"), "C": ("A", "B")}.items():
         lines += [f"7 {station} {one} 0.0 0.001 0.002"]
-        lines += [
-            f"5 {station} {other} {(_azimuth(station, other) - _azimuth(station, one)) % 400.0:.5f} 0.001"
-        ]
+        lines += [f"5 {station} {other} {(_azimuth(station, other) - _azimuth(station, one)) % 400.0:.5f} 0.001"]
     lines += [
         f"3 A C {_slope('A', 'C', -0.2):.4f} 0.001 0.00001 1.5 1.3",
         f"1 C B {_slope('C', 'B'):.4f} 0.002",
@@ -186,12 +184,8 @@ def test_frames_at_a_point(tmp_path: Path, code: int, options: str, omega: float
     points = values.project.network.things["point"]
     place = values.solved.adjustment.values["point"][points.part("C", "position")]
     np.testing.assert_allclose(place, NEAR["C"], atol=5e-5)
-    (table,) = (
-        one for one in read_foreign(path).data["observations"] if one["type"] in ("local", "distance")
-    )
-    sigma = float(
-        dict(zip(table["columns"], table["rows"][0], strict=True))["sigma_x" if code == 11 else "sigma"]
-    )
+    (table,) = (one for one in read_foreign(path).data["observations"] if one["type"] in ("local", "distance"))
+    sigma = float(dict(zip(table["columns"], table["rows"][0], strict=True))["sigma_x" if code == 11 else "sigma"])
     distance = sqrt(sum(value**2 for value in _turned("A", "D", 0.0, 0.0)))
     expected = (0.001 if code == 11 else 0.002) + 0.0001 * distance
     assert sigma == pytest.approx(expected * (2.0 if options == "V 2" else 1.0), rel=1e-6)

@@ -94,9 +94,7 @@ def test_cameras_in_a_file_of_their_own(tmp_path: Path) -> None:
     expected = read_foreign(files(tmp_path)).data["cameras"]
     path = files(tmp_path, script=SCRIPT[:start] + "<file>camera.xml</file>" + SCRIPT[end:])
     camera = tmp_path / "camera.xml"
-    camera.write_text(
-        f'<document dbat_camera_version="1.0">\n<cameras>{SCRIPT[start:end]}</cameras></document>'
-    )
+    camera.write_text(f'<document dbat_camera_version="1.0">\n<cameras>{SCRIPT[start:end]}</cameras></document>')
     assert read_foreign(path).data["cameras"] == expected
     camera.write_text(camera.read_text().replace("<model>3", "<model>9"))
     with pytest.raises(InputError, match=r"camera\.xml:3: camera 1: found the model '9'"):

@@ -65,9 +65,7 @@ def test_geojson(results: Path) -> None:
     kinds = [feature["properties"]["kind"] for feature in features]
     assert kinds.count("point") == 4
     lines = [
-        (f["properties"]["from"], f["properties"]["to"])
-        for f in features
-        if f["properties"]["kind"] == "observed"
+        (f["properties"]["from"], f["properties"]["to"]) for f in features if f["properties"]["kind"] == "observed"
     ]
     assert lines == [("A", "C"), ("B", "C"), ("A", "free"), ("B", "free"), ("C", "free")]
 

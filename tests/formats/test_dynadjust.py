@@ -103,9 +103,7 @@ def test_what_the_files_say(tmp_path: Path) -> None:
     assert document.data["world"] == {"crs": "EPSG:7844", "heights": "ellipsoidal"}
     place = [float(value) for value in held["rows"][0][1:4]]
     x, y, z = (float(word) for word in STATIONS.splitlines()[1][27:].split()[:3])
-    back = Transformer.from_crs("EPSG:7843", "EPSG:7842", always_xy=True).transform(
-        place[1], place[0], place[2]
-    )
+    back = Transformer.from_crs("EPSG:7843", "EPSG:7842", always_xy=True).transform(place[1], place[0], place[2])
     np.testing.assert_allclose(back, [x, y, z], atol=1e-6)
     assert [row[0] for row in free["rows"]] == ["B B", "C"]
     cluster, single, sets, distance, *others = document.data["observations"]
@@ -204,9 +202,7 @@ def _expected() -> tuple[list[float], dict[str, list[float]]]:
 def _with_values(document: Document, values: list[float]) -> None:
     """Put other measured values in place, in the order of the file."""
     tables = [
-        (t, row, k)
-        for t, table in enumerate(document.data["observations"])
-        for k, row in enumerate(table["rows"])
+        (t, row, k) for t, table in enumerate(document.data["observations"]) for k, row in enumerate(table["rows"])
     ]
     tables.sort(key=lambda place: document.lines["observations", place[0], "rows", place[2]])
     for (t, row, _), xyz in zip(tables, np.reshape(values, (-1, 3)).tolist(), strict=True):
@@ -270,9 +266,7 @@ def _printed_measurements(text: str) -> dict[tuple[str, tuple[str, ...], str], l
     begin, end = text.index("Adjusted Measurements"), text.index("Adjusted Coordinates")
     for line in text[begin:end].splitlines()[5:]:
         if line.strip():
-            names = tuple(
-                name for name in (line[2:22].strip(), line[22:42].strip(), line[42:62].strip()) if name
-            )
+            names = tuple(name for name in (line[2:22].strip(), line[22:42].strip(), line[42:62].strip()) if name)
             correction, _, *rest = (float(word) for word in line[105:172].split()[:5])
             found.setdefault((line[0], names, line[65].strip()), []).append(_Printed(correction, *rest))
     return found
@@ -288,9 +282,7 @@ def _with_printed_geoid(document: Document, text: str) -> None:
         table["rows"] = [[*row[:4], repr(N[row[0]]), *row[5:]] for row in table["rows"]]
     for table in document.data["observations"]:
         if table["type"] == "geodetic_position":
-            table["rows"] = [
-                [*row[:3], repr(float(row[3]) - before[row[0]] + N[row[0]])] for row in table["rows"]
-            ]
+            table["rows"] = [[*row[:3], repr(float(row[3]) - before[row[0]] + N[row[0]])] for row in table["rows"]]
 
 
 def _with_zenith_distances_as_dynadjust_has_them(network: Network) -> Network:
@@ -356,9 +348,7 @@ def test_every_measurement_has_the_residual_and_precision_dynadjust_prints(urban
                 s = np.sqrt(quality.q_adjusted[row, k]) * (np.degrees(3600.0) if angular else 1.0)
                 assert s == pytest.approx(expected.adjusted, abs=1.5e-4)
                 if expected.residual > 0.1 * s and code not in "GL":
-                    assert w[row, k] == pytest.approx(
-                        expected.normalised, abs=0.02 + 0.5e-4 / expected.residual * 3
-                    )
+                    assert w[row, k] == pytest.approx(expected.normalised, abs=0.02 + 0.5e-4 / expected.residual * 3)
     assert checked == 1182
 
 
@@ -393,15 +383,8 @@ def test_identifiers_of_a_database_and_a_network_without_held_stations(tmp_path:
         head,
         "S " + "A".ljust(20) + "B".ljust(40) + "    1150.0000       0.0159   1.500  0.000       12      1001",
         "S " + "A".ljust(20) + "B".ljust(40) + "    1150.0000       0.0159    GDA2020   01.01.2020       13",
-        "V "
-        + "A".ljust(20)
-        + "B".ljust(40)
-        + "         89 10 11.5000   1.0000   1.500  0.000       14      1001",
-        "D "
-        + "A".ljust(20)
-        + "B".ljust(20)
-        + "1".ljust(20)
-        + "        247 55 04.2736   0.0009      31      1001",
+        "V " + "A".ljust(20) + "B".ljust(40) + "         89 10 11.5000   1.0000   1.500  0.000       14      1001",
+        "D " + "A".ljust(20) + "B".ljust(20) + "1".ljust(20) + "        247 55 04.2736   0.0009      31      1001",
         "D " + " " * 20 + " " * 20 + "C".ljust(20) + "        334 55 50.4714   0.0009      32      1001",
         "B " + "A".ljust(20) + "B".ljust(40) + "          9 10 11.5000   1.0000       15",
     ]
@@ -421,9 +404,7 @@ def test_identifiers_of_a_database_and_a_network_without_held_stations(tmp_path:
 
 
 def test_identifiers_at_the_epoch_are_no_part_of_it(tmp_path: Path) -> None:
-    rows = "\n".join(
-        _numbers(*numbers) for numbers in ((-1617.5, 1e-5), (-124.25, 0, 2e-5), (1722.75, 0, 0, 3e-5))
-    )
+    rows = "\n".join(_numbers(*numbers) for numbers in ((-1617.5, 1e-5), (-124.25, 0, 2e-5), (1722.75, 0, 0, 3e-5)))
     lines = ["!#=DNA 3.01 MSR    13.12.2018       GDA2020    01.01.2020         2"]
     for number in (127, 128):
         frame = f"            GDA2020          01.01.2020{number}"
@@ -434,9 +415,7 @@ def test_identifiers_at_the_epoch_are_no_part_of_it(tmp_path: Path) -> None:
 
 def test_scales_in_latitude_longitude_and_height(tmp_path: Path) -> None:
     """σ north, east and up at the station where the vector begins; the scale of the whole matrix multiplies them."""
-    measured = MEASURED.replace(
-        "   4.00      1.00      1.00      1.00", "   4.00      2.00      3.00      5.00"
-    )
+    measured = MEASURED.replace("   4.00      1.00      1.00      1.00", "   4.00      2.00      3.00      5.00")
     assert measured != MEASURED
     (_, single, *_), (_, plain, *_) = (
         read_foreign(_files(tmp_path, measured=text)).data["observations"] for text in (measured, MEASURED)
@@ -450,9 +429,7 @@ def test_scales_in_latitude_longitude_and_height(tmp_path: Path) -> None:
     longitude, latitude, _ = np.radians(
         Transformer.from_crs("EPSG:7842", "EPSG:7843", always_xy=True).transform(*place)
     )
-    up = np.array(
-        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
-    )
+    up = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
     east = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
     local = np.stack([np.cross(up, east), east, up])
     scaled = local @ matrix(single) @ local.T / (local @ matrix(plain) @ local.T)
@@ -466,8 +443,6 @@ def test_a_free_station_may_be_there_twice_and_without_a_geoid_there_is_a_note(t
     notes = " ".join(note.message for note in document.notes)
     assert "station 'B B' is there twice; its coordinates are start values" in notes
     assert "the geoid is taken as the ellipsoid" in notes
-    assert [row[3] for table in document.data["points"] for row in table["rows"] if row[0] == "B B"] == [
-        "167.563"
-    ]
+    assert [row[3] for table in document.data["points"] for row in table["rows"] if row[0] == "B B"] == ["167.563"]
     with pytest.raises(InputError, match=r"n\.stn:6: station 'A' is there twice"):
         read_foreign(_files(tmp_path, STATIONS + STATIONS.splitlines()[1] + "\n"))

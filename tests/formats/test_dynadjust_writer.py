@@ -34,9 +34,7 @@ def _written(document: Document, folder: Path, target: Path, key: str = "dynadju
 
 def _same(first: Document, second: Document) -> None:
     """The same observations in any order of their tables, to what their digits carry."""
-    both = [
-        sorted(_rows(document), key=lambda row: (row[0], row[1], row[2][:3])) for document in (first, second)
-    ]
+    both = [sorted(_rows(document), key=lambda row: (row[0], row[1], row[2][:3])) for document in (first, second)]
     for (type_, names, values), (other, theirs, numbers) in zip(*both, strict=True):
         assert (type_, names) == (other, theirs)
         np.testing.assert_allclose(values, numbers, rtol=3e-13, atol=3e-12)

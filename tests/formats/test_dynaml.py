@@ -44,9 +44,7 @@ def _measured(type_: str, body: str, ignore: str = "<Ignore/>") -> str:
     scales = "".join(f"<{name}>1.0</{name}>" for name in ("Pscale", "Lscale", "Hscale"))
     head = f"<Type>{type_}</Type>\n{ignore}\n"
     if type_ in "GX":
-        head += (
-            f"<ReferenceFrame>GDA2020</ReferenceFrame><Epoch>01.01.2020</Epoch><Vscale>4</Vscale>{scales}\n"
-        )
+        head += f"<ReferenceFrame>GDA2020</ReferenceFrame><Epoch>01.01.2020</Epoch><Vscale>4</Vscale>{scales}\n"
     return f"<DnaMeasurement>\n{head}{body}</DnaMeasurement>\n"
 
 
@@ -78,9 +76,7 @@ MEASURED = (
         + _names("A", "C")
         + _vector((100.0, 200.0, 300.0), 2e-5),
     )
-    + _measured(
-        "S", _line("B B", "C", Value="2259.0", StdDev="0.005", InstHeight="1.606", TargHeight="1.565")
-    )
+    + _measured("S", _line("B B", "C", Value="2259.0", StdDev="0.005", InstHeight="1.606", TargHeight="1.565"))
     + _measured("S", _line("B B", "C", Value="2259.0", StdDev="0.005"))
     + _measured("G", _names("A", "C") + _vector((-9.0, -9.0, 9.0), 1e-5), "<Ignore>*</Ignore>")
     + _measured("V", _line("A", "B B", Value="90.2431", StdDev="20", InstHeight="1.545", TargHeight="0.125"))
@@ -181,9 +177,7 @@ def _rows(document: Document) -> list[tuple[str, list[str], list[float]]]:
     found = []
     for table in document.data["observations"]:
         texts = [
-            k
-            for k, name in enumerate(table["columns"])
-            if name in ("from", "to", "at", "point", "station", "set")
+            k for k, name in enumerate(table["columns"]) if name in ("from", "to", "at", "point", "station", "set")
         ]
         for row in table["rows"]:
             values = [cell or "0" for k, cell in enumerate(row) if k not in texts]
@@ -204,17 +198,11 @@ def test_real_networks_are_the_same_in_both_formats(name: str) -> None:
         assert (type_, names) == (other, theirs)
         np.testing.assert_allclose(values, numbers, rtol=1e-9, atol=1e-15)
     held = [
-        {
-            (row[0], table["fixed"] != [] if "fixed" in table else False, *map(bool, row[7:]))
-            for row in table["rows"]
-        }
+        {(row[0], table["fixed"] != [] if "fixed" in table else False, *map(bool, row[7:])) for row in table["rows"]}
         for table in dna.data["points"]
     ]
     assert held == [
-        {
-            (row[0], table["fixed"] != [] if "fixed" in table else False, *map(bool, row[7:]))
-            for row in table["rows"]
-        }
+        {(row[0], table["fixed"] != [] if "fixed" in table else False, *map(bool, row[7:])) for row in table["rows"]}
         for table in xml.data["points"]
     ]
 

@@ -207,9 +207,7 @@ ODD = {
     "title of two lines": changed(BLOCK, title='one\ntwo \x0b <three> & "four"'),
     "network": NETWORK,
     "network on a sphere": changed(NETWORK, curvature=True),
-    "network without coordinates": changed(
-        NETWORK, points=lambda t: [t[0], {"columns": ["id"], "rows": [["C"]]}]
-    ),
+    "network without coordinates": changed(NETWORK, points=lambda t: [t[0], {"columns": ["id"], "rows": [["C"]]}]),
     "network in the plane": changed(
         NETWORK,
         settings={"dimensions": "xy"},
@@ -234,9 +232,7 @@ def test_odd_projects_in_every_format(name: str, tmp_path: Path) -> None:
     document = without_empty_keys(build(ODD[name]))
     for key in WRITERS:
         found = written(document, tmp_path, tmp_path / key, key, "'nan'" in name)
-        if (
-            found is not None and name != "no coordinates at all"
-        ):  # COLMAP has image points without points then
+        if found is not None and name != "no coordinates at all":  # COLMAP has image points without points then
             read_back(found[0], tmp_path / key, key)
 
 

@@ -11,9 +11,7 @@ from mor.api.pipeline import read_document, read_network
 from tests.scenarios.small_projects import mor
 
 
-def _photograph(
-    path: Path, latitude: float, wide: int = 28, size: tuple[int, int] = (40, 30), **gps: object
-) -> None:
+def _photograph(path: Path, latitude: float, wide: int = 28, size: tuple[int, int] = (40, 30), **gps: object) -> None:
     picture = Image.new("RGB", size)
     exif = picture.getexif()
     exif[0x010F], exif[0x0110] = "Maker", "Model 5"
@@ -47,9 +45,7 @@ def test_a_project_of_photographs(tmp_path: Path) -> None:
     ]
     rows = document.data["images"][0]["rows"]
     assert [row[0] for row in rows] == ["a0.jpg", "a1.jpg", "a2.jpg", "tele.jpg"]
-    assert float(rows[2][3]) == pytest.approx(
-        2e-4 * 111229, abs=0.01
-    )  # a degree of latitude at 50°: 111 229 m
+    assert float(rows[2][3]) == pytest.approx(2e-4 * 111229, abs=0.01)  # a degree of latitude at 50°: 111 229 m
     assert [float(v) for v in rows[1][5:8]] == [5, 5, 10]
     network = read_network(document, tmp_path)
     assert network.start["interior/mor"][0, 0] == pytest.approx(28 / 43.2666 * 50, rel=1e-4)

@@ -253,9 +253,7 @@ def test_a_real_book_fits(tmp_path: Path) -> None:
     assert _real("ullo.job") is not None
     assert REAL is not None
     result = mor.adjust(str(REAL / "ullo.job"))
-    groups = dict(
-        zip((g.type.key for g in result.solved.network.groups), result.solved.quality.groups, strict=True)
-    )
+    groups = dict(zip((g.type.key for g in result.solved.network.groups), result.solved.quality.groups, strict=True))
     assert float(np.nansum(groups["directions"].r)) > 70
     for key, sigma in (("directions", 3 / 3600 * np.pi / 180), ("horizontal_distance", 2e-3)):
         v = np.nan_to_num(groups[key].v)

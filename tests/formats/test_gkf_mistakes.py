@@ -98,10 +98,7 @@ def test_what_is_no_gama_file(tmp_path):
     assert _problems(tmp_path, "<gama-local>\n<network>\n</gama-local>")[0][0] == 3
     assert "expected <gama-local>" in _problems(tmp_path, "<html/>")[0][1]
     assert "not well-formed" in _problems(tmp_path, "mor: 1")[0][1]
-    assert (
-        "found 0 times <points-observations>"
-        in _problems(tmp_path, "<gama-local><network/></gama-local>")[0][1]
-    )
+    assert "found 0 times <points-observations>" in _problems(tmp_path, "<gama-local><network/></gama-local>")[0][1]
 
 
 def test_entities_are_refused(tmp_path):

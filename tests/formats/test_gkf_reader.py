@@ -54,9 +54,7 @@ def _physical_file(axes, turn):
         x, y, z = _in_axes(place, axes)
         status = 'fix="xyz"' if name in "AB" else 'adj="xyz"'
         shift = 0.0 if name in "AB" else 0.2
-        lines.append(
-            f'<point id="{name}" x="{x + shift:.17g}" y="{y - shift:.17g}" z="{z + shift:.17g}" {status}/>'
-        )
+        lines.append(f'<point id="{name}" x="{x + shift:.17g}" y="{y - shift:.17g}" z="{z + shift:.17g}" {status}/>')
     lines.append('<obs from="P">')
     orientation = 37.0
     for to in "ABQ":
@@ -76,9 +74,7 @@ def _physical_file(axes, turn):
         lines.append(f'<s-distance from="{a}" to="{b}" val="{slope:.17g}" stdev="3" {heights}/>')
         lines.append(f'<z-angle from="{a}" to="{b}" val="{zenith:.17g}" stdev="5" {heights}/>')
     lines.append("</obs><height-differences>")
-    lines.append(
-        f'<dh from="A" to="Q" val="{TRUTH["Q"][2] - TRUTH["A"][2]:.17g}" dist="0.3"/></height-differences>'
-    )
+    lines.append(f'<dh from="A" to="Q" val="{TRUTH["Q"][2] - TRUTH["A"][2]:.17g}" dist="0.3"/></height-differences>')
     dx, dy, dz = _in_axes(np.subtract(TRUTH["Q"], TRUTH["P"]), axes)
     x, y, z = _in_axes(TRUTH["P"], axes)
     lines.append(f'<vectors><vec from="P" to="Q" dx="{dx:.17g}" dy="{dy:.17g}" dz="{dz:.17g}"/>')
@@ -90,9 +86,7 @@ def _physical_file(axes, turn):
 
 @pytest.mark.parametrize(
     ("axes", "sense"),
-    list(
-        itertools.product(("ne", "sw", "es", "wn", "en", "nw", "se", "ws"), ("left-handed", "right-handed"))
-    ),
+    list(itertools.product(("ne", "sw", "es", "wn", "en", "nw", "se", "ws"), ("left-handed", "right-handed"))),
 )
 def test_all_axes_and_senses_of_angles_are_physical(tmp_path, axes, sense):
     body = _physical_file(axes, 1.0 if sense == "left-handed" else -1.0)
@@ -155,17 +149,14 @@ def test_mixed_clusters_keep_every_covariance_in_its_place(tmp_path):
     (cluster,) = network.correlations
     names = ["dB", "aC", "dC", "aB"]
     order = [
-        {"horizontal_distance": "d", "bearing": "a"}[network.groups[g].type.key]
-        + network.groups[g].references[1][r]
+        {"horizontal_distance": "d", "bearing": "a"}[network.groups[g].type.key] + network.groups[g].references[1][r]
         for g, r in zip(cluster.groups, cluster.rows, strict=True)
     ]
     assert sorted(order) == sorted(names)
     file = np.array([[11, 1, 2, 3], [1, 12, 4, 5], [2, 4, 13, 6], [3, 5, 6, 14]], dtype=float)
     units = np.array([1e-3, np.pi / 2e6, 1e-3, np.pi / 648000])
     where = [names.index(name) for name in order]
-    np.testing.assert_allclose(
-        cluster.covariance, (file * np.outer(units, units))[np.ix_(where, where)], rtol=1e-14
-    )
+    np.testing.assert_allclose(cluster.covariance, (file * np.outer(units, units))[np.ix_(where, where)], rtol=1e-14)
 
 
 def test_capital_letters_carry_the_datum_component_by_component(tmp_path):
@@ -233,9 +224,7 @@ def test_gross_observations_are_left_out(tmp_path, axes, sense, turn):
     )
     body += f"\n<obs>\n{wrong}</obs>"
     document = _document(tmp_path, body, network=f'axes-xy="{axes}" angles="{sense}"')
-    first = next(
-        i for i, line in enumerate((tmp_path / "network.gkf").read_text().splitlines(), 1) if line == "<obs>"
-    )
+    first = next(i for i, line in enumerate((tmp_path / "network.gkf").read_text().splitlines(), 1) if line == "<obs>")
     assert [note.line for note in document.notes] == [first + 1, first + 2, first + 3, first + 4]
     assert all("tol-abs" in note.message for note in document.notes)
 

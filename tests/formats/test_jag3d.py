@@ -21,9 +21,7 @@ GON = np.pi / 200
 def _reference(folder: Path, scenario: str) -> Path:
     """The reference network as its files would be imported into JAG3D: y, x; from, to, heights, value, σ."""
     assert REAL is not None
-    points, observed = (
-        pl.read_csv(REAL / f"{name}.csv", infer_schema=False) for name in ("points", "observations")
-    )
+    points, observed = (pl.read_csv(REAL / f"{name}.csv", infer_schema=False) for name in ("points", "observations"))
     kinds = {"datum": "datum", "fixed": "reference", "new": "new"}
     files: dict[str, list[str]] = {}
     for row in points.iter_rows(named=True):

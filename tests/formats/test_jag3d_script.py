@@ -41,9 +41,7 @@ TABLES = "\n".join(
 
 
 def _insert(table: str, *values: object) -> str:
-    words = (
-        f"'{v}'" if isinstance(v, str) else str(v).upper() if isinstance(v, bool) else repr(v) for v in values
-    )
+    words = (f"'{v}'" if isinstance(v, str) else str(v).upper() if isinstance(v, bool) else repr(v) for v in values)
     return f'INSERT INTO "{table}" VALUES({",".join(words)})'
 
 
@@ -101,9 +99,7 @@ def test_what_the_tables_say(tmp_path: Path) -> None:
 @pytest.mark.skipif(REAL is None, reason=missing("jag3d-net2d"))
 def test_the_reference_network_has_jag3ds_results(tmp_path: Path) -> None:
     assert REAL is not None
-    points, observed = (
-        pl.read_csv(REAL / f"{name}.csv", infer_schema=False) for name in ("points", "observations")
-    )
+    points, observed = (pl.read_csv(REAL / f"{name}.csv", infer_schema=False) for name in ("points", "observations"))
     types = {"fixed": 1, "datum": 3, "new": 4}
     rows = [_insert("PointGroup", n, "p", n, 2, True) for n in (1, 3, 4)]
     for k, row in enumerate(points.iter_rows(named=True)):

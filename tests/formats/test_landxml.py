@@ -30,18 +30,14 @@ def survey(length: str = "meter", angle: str = "decimal dd.mm.ss") -> str:
     """The network of the field books: two points with coordinates, one named by what refers to it, one free."""
     metres = METRES[length]
     system = "Imperial" if "oot" in length else "Metric"
-    lines = [
-        f'<Units><{system} linearUnit="{length}" angularUnit="{angle}" directionUnit="{angle}"/></Units>'
-    ]
+    lines = [f'<Units><{system} linearUnit="{length}" angularUnit="{angle}" directionUnit="{angle}"/></Units>']
     lines += ['<CgPoints name="given">']
     for name, point in (("1", "1"), ("id-4", "4")):
         east, north, up = (value / metres for value in PLACES[point])
         lines.append(f'<CgPoint name="{name}">{north!r} {east!r} {up!r}</CgPoint>')
     lines += ["</CgPoints>", '<Survey>\n<SurveyHeader name="net"/>']
     for station, height in HEIGHTS.items():
-        lines += [
-            f'<InstrumentSetup id="s{station}" stationName="{station}" instrumentHeight="{height / metres!r}">'
-        ]
+        lines += [f'<InstrumentSetup id="s{station}" stationName="{station}" instrumentHeight="{height / metres!r}">']
         lines += [f'<InstrumentPoint pntRef="{station}"/>', "</InstrumentSetup>"]
         lines += [f'<ObservationGroup id="g{station}" setupID="s{station}">']
         for face in (1, 2):
@@ -141,9 +137,7 @@ def test_arcs_of_a_plan_are_their_chords_and_heights_that_nothing_measures_are_n
     )
     path = tmp_path / "plan.xml"
     path.write_text(
-        PLAN.replace("<RedVert", arc + "<RedVert").replace(
-            'pntSurv="boundary">100.0 200.0<', ">100.0 200.0 7.5<"
-        )
+        PLAN.replace("<RedVert", arc + "<RedVert").replace('pntSurv="boundary">100.0 200.0<', ">100.0 200.0 7.5<")
     )
     document = read_foreign(path)
     assert document.data["settings"]["dimensions"] == "xy"
@@ -157,9 +151,7 @@ def test_arcs_of_a_plan_are_their_chords_and_heights_that_nothing_measures_are_n
 
 def test_a_backsight_that_nothing_measures_is_a_sight(tmp_path: Path) -> None:
     path = tmp_path / "n.xml"
-    back = (
-        '<Backsight circle="12.3000"><BacksightPoint name="9">1000.0 2000.0 30.0</BacksightPoint></Backsight>'
-    )
+    back = '<Backsight circle="12.3000"><BacksightPoint name="9">1000.0 2000.0 30.0</BacksightPoint></Backsight>'
     measured = '<Backsight circle="0"><BacksightPoint name="3"/></Backsight>'
     path.write_text(
         survey()

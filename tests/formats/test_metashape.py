@@ -44,10 +44,7 @@ def test_round_trips_have_the_same_rays(tmp_path: Path, model: str) -> None:
     before, after = (network_of(d, tmp_path) for d in (read_document(source), read_foreign(xml)))
     for kind in ("point", "rotation"):
         np.testing.assert_allclose(after.start[kind], before.start[kind], rtol=1e-12, atol=1e-12)
-    seen = [
-        _pixels(network, from_centre)
-        for network, from_centre in ((before, "c" in MODELS[model]), (after, True))
-    ]
+    seen = [_pixels(network, from_centre) for network, from_centre in ((before, "c" in MODELS[model]), (after, True))]
     for ours, theirs in zip(*seen, strict=True):
         np.testing.assert_allclose(theirs, ours, rtol=0, atol=1e-9)
 
@@ -60,15 +57,12 @@ def _pixels(network: Network, from_centre: bool) -> tuple[np.ndarray, np.ndarray
     for a, b in zip(*group.references, strict=True):
         D = network.start["rotation"][image.part(a, "rotation")]
         star = D @ (
-            network.start["point"][point.part(b, "position")]
-            - network.start["point"][image.part(a, "position")]
+            network.start["point"][point.part(b, "position")] - network.start["point"][image.part(a, "position")]
         )
         model = CAMERA_MODELS[list(CAMERA_MODELS)[image.part(a, "model")]]
         interior = network.start[f"interior/{model.key}"][image.part(a, "interior")]
         computed.append(
-            model.project(
-                star[None], interior[None], np.zeros((1, len(model.constants))), np.zeros((1, 2))
-            ).xy[0]
+            model.project(star[None], interior[None], np.zeros((1, len(model.constants))), np.zeros((1, 2))).xy[0]
         )
     centre = [800, 600] if from_centre else [0, 0]
     return tuple(np.sort(xy * [1, -1] + centre, axis=0) for xy in (group.observed, np.array(computed)))  # type: ignore[return-value]
@@ -94,18 +88,14 @@ def test_its_own_model_and_adjusted_results_come_back(tmp_path: Path) -> None:
     data["points"][0]["columns"] = data["points"][0]["columns"][:4]
     data["observations"][0]["values"] = {"sigma": "0.5"}
     source = written(tmp_path, data)
-    solved = [
-        solve_network(network_of(d, tmp_path)) for d in (read_document(source), read_foreign(_write(source)))
-    ]
+    solved = [solve_network(network_of(d, tmp_path)) for d in (read_document(source), read_foreign(_write(source)))]
     costs = [sum(float((q.v**2).sum()) for q in one.quality.groups) for one in solved]
     assert costs[1] == pytest.approx(costs[0], rel=1e-9)
     distances = []
     for one in solved:
         xyz = np.array([place for place, _ in point_results(one).values()])
         distances.append(np.linalg.norm(xyz[:, None] - xyz, axis=2))
-    np.testing.assert_allclose(
-        distances[1] / distances[1].max(), distances[0] / distances[0].max(), atol=1e-9
-    )
+    np.testing.assert_allclose(distances[1] / distances[1].max(), distances[0] / distances[0].max(), atol=1e-9)
 
 
 XML = """<?xml version="1.0" encoding="UTF-8"?>
@@ -295,9 +285,7 @@ def _project(folder: Path, kind: str) -> Path:
     frame = inside[inside.index(">", inside.index("<frame ")) + 1 : inside.index("</frame>")]
     files = {
         "hall.psx": b'<document version="1.2.0" path="{projectname}.files/project.zip"/>',
-        "hall.files/project.zip": _zipped(
-            '<document><chunks><chunk id="0" path="0/chunk.zip"/></chunks></document>'
-        ),
+        "hall.files/project.zip": _zipped('<document><chunks><chunk id="0" path="0/chunk.zip"/></chunks></document>'),
         "hall.files/0/chunk.zip": _zipped(
             chunk[:a] + '<frames><frame id="0" path="0/frame.zip"/></frames>' + chunk[b:]
         ),
@@ -396,9 +384,7 @@ def tied(folder: Path, kind: str, transform: str = "") -> tuple[dict[str, Any], 
     )
     archives = {
         "project": _zipped('<document><chunks><chunk id="0" path="0/chunk.zip"/></chunks></document>'),
-        "0/chunk": _zipped(
-            xml[start:a] + '<frames><frame id="0" path="0/frame.zip"/>' + xml[b:end] + "</chunk>"
-        ),
+        "0/chunk": _zipped(xml[start:a] + '<frames><frame id="0" path="0/frame.zip"/>' + xml[b:end] + "</chunk>"),
         "0/0/frame": _zipped(f'<frame>{frame}<point_cloud path="point_cloud/point_cloud.zip"/></frame>'),
         "0/0/point_cloud/point_cloud": _zipped(f'<point_cloud version="1.7.0">{named}</point_cloud>', files),
     }
@@ -415,9 +401,7 @@ def tied(folder: Path, kind: str, transform: str = "") -> tuple[dict[str, Any], 
 def test_tie_points_of_projects(tmp_path: Path, kind: str, moved: bool) -> None:
     """The block comes back, as far as the 32 bits of its numbers go, in the system of the chunk's transform."""
     turn = "0 -1 0 1 0 0 0 0 1"
-    transform = (
-        f"<transform><rotation>{turn}</rotation><translation>5 6 7</translation><scale>2</scale></transform>"
-    )
+    transform = f"<transform><rotation>{turn}</rotation><translation>5 6 7</translation><scale>2</scale></transform>"
     _, path = tied(tmp_path, kind, transform if moved else "")
     assert format_of(path) == "metashape"
     document = read_foreign(path)

@@ -49,9 +49,7 @@ def _notes(document: Document) -> str:
 
 def _gsi(station: str, *targets: str, place: tuple[float, ...] = (), turn: float = 0.0) -> str:
     """A station with an instrument height of 1.5 m and its sights in gon, targets 1.5 m high."""
-    words = [
-        f"{index}..10{round(value * 1e3):+09d}" for index, value in zip((84, 85, 86), place, strict=False)
-    ]
+    words = [f"{index}..10{round(value * 1e3):+09d}" for index, value in zip((84, 85, 86), place, strict=False)]
     lines = [f"110001+{station:0>8} {' '.join(words)} 88..10+00001500"]
     for target in targets:
         east, north, up = np.subtract(PLACES[target], PLACES[station])
@@ -250,13 +248,9 @@ def test_reference_objects_of_geodimeter(tmp_path: Path) -> None:
     labels = "2=A 3=1.5 62=B 21=10.0000 5=C 6=1.5 7=40.0060 8=90.0000 9=20 2=D 62=B 21=50.0000 5=B 7=50.0001 8=90.0000"
     text = labels.replace(" ", "\n")
     document = _read(tmp_path, "a.job", text)
-    horizontal = [
-        (row["station"], row["to"], float(row["horizontal"])) for row in _rows(document, "directions")
-    ]
+    horizontal = [(row["station"], row["to"], float(row["horizontal"])) for row in _rows(document, "directions")]
     assert horizontal == [("A", "B", 10.0)]
-    both = [
-        (row["station"], row["to"], float(row["horizontal"])) for row in _rows(document, "zenith_directions")
-    ]
+    both = [(row["station"], row["to"], float(row["horizontal"])) for row in _rows(document, "zenith_directions")]
     assert both == [("A", "C", pytest.approx(40 + 1 / 60)), ("D", "B", pytest.approx(50 + 1 / 3600))]
 
 
@@ -265,14 +259,9 @@ def test_lines_of_gts6_may_have_numbers_and_checksums(tmp_path: Path) -> None:
         "_'_(_)1.500_+A_ ?+00012345m0903015+3595930d+00012344***+00+00000_*_,1.400_+B_ ?+00020000m0900000+0450000d"
         "+00020000***_*_,1.300"
     )
-    lines = [
-        stream[k : k + 40] + f"{n % 10}{n * 37 % 1000:03d}" for n, k in enumerate(range(0, len(stream), 40))
-    ]
+    lines = [stream[k : k + 40] + f"{n % 10}{n * 37 % 1000:03d}" for n, k in enumerate(range(0, len(stream), 40))]
     whole = _rows(_read(tmp_path, "a.raw", stream), "zenith_directions")
-    assert (
-        _rows(_read(tmp_path, "b.raw", "\n".join([*lines[:-1], lines[-1][:-4]])), "zenith_directions")
-        == whole
-    )
+    assert _rows(_read(tmp_path, "b.raw", "\n".join([*lines[:-1], lines[-1][:-4]])), "zenith_directions") == whole
     assert [row["station"] for row in whole] == ["station 1", "station 1"]
 
 

@@ -35,9 +35,7 @@ def _folder(folder: Path, **changes: Any) -> Path:
     whole.update({key: value for key, value in changes.items() if key in whole})
     tracks = "OPENSFM_TRACKS_VERSION_v1\n" + "".join(
         f"{image}\t{track}\t{k}\t0.1\t-0.2\t0.002\t1\t2\t3\n"
-        for k, (image, track) in enumerate(
-            (i, t) for i in ("a b.jpg", "c.jpg", "gone.jpg") for t in (7, 8, 9)
-        )
+        for k, (image, track) in enumerate((i, t) for i in ("a b.jpg", "c.jpg", "gone.jpg") for t in (7, 8, 9))
     )
     (folder / "reconstruction.json").write_text(json.dumps([whole], indent=1))
     (folder / "tracks.csv").write_text(changes.get("tracks", tracks))
@@ -63,14 +61,10 @@ def test_a_real_block_means_the_same() -> None:
         X = np.array(whole["points"][group.references[1][row]]["coordinates"])
         angle = np.linalg.norm(shot["rotation"])
         axis = np.array(shot["rotation"]) / angle
-        turned = (
-            X * np.cos(angle) + np.cross(axis, X) * np.sin(angle) + axis * (axis @ X) * (1 - np.cos(angle))
-        )
+        turned = X * np.cos(angle) + np.cross(axis, X) * np.sin(angle) + axis * (axis @ X) * (1 - np.cos(angle))
         x, y, z = turned + shot["translation"]
         r2 = (x * x + y * y) / z**2
-        theirs = (
-            camera["focal"] * (1 + camera["k1"] * r2 + camera["k2"] * r2**2) * np.array([x, -y]) / z * 2880
-        )
+        theirs = camera["focal"] * (1 + camera["k1"] * r2 + camera["k2"] * r2**2) * np.array([x, -y]) / z * 2880
         D = start["rotation"][images.part(group.references[0][row], "rotation")]
         centre = start["point"][images.part(group.references[0][row], "position")]
         star = D @ (X - centre)

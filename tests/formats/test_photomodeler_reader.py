@@ -36,9 +36,7 @@ POINTS = """
 
 
 def _read(tmp_path, cameras=("25.5", "25.5"), control="", old="", new=""):
-    text = (
-        HEAD + "".join(PHOTO.format(n=n, c=c) for n, c in enumerate(cameras)) + POINTS.format(control=control)
-    )
+    text = HEAD + "".join(PHOTO.format(n=n, c=c) for n, c in enumerate(cameras)) + POINTS.format(control=control)
     path = tmp_path / "export.txt"
     path.write_text(text.replace(old, new) if old else text)
     return read_foreign(path)
@@ -62,9 +60,7 @@ def test_the_image_coordinates_mean_the_same_place_on_the_sensor(tmp_path):
     """Pixel width 9 um, height 8 um: x' = 0.009 x_px − 18.1 and y' = 12.2 − 0.008 y_px, whatever the pixel of b1."""
     network = network_of(_read(tmp_path), tmp_path)
     (group,) = (group for group in network.groups if group.type.key.startswith("image"))
-    interior = dict(
-        zip(network.blocks["interior/brown"].kind.names, network.start["interior/brown"][0], strict=True)
-    )
+    interior = dict(zip(network.blocks["interior/brown"].kind.names, network.start["interior/brown"][0], strict=True))
     reduced = group.observed[0] - [interior["xh"], interior["yh"]]
     assert (1.0 + interior["b1"]) * reduced[0] == pytest.approx(0.009 * 100.5 - 18.1, abs=1e-9)
     assert reduced[1] == pytest.approx(12.2 - 0.008 * 200.5, abs=1e-12)
@@ -126,9 +122,7 @@ def test_a_calibration_project_has_its_camera_free(tmp_path):
 
 def test_marks_without_a_point_and_without_a_sigma(tmp_path):
     """Marks of no point are left out, marks by hand and smart points (σ 0) have the default of the file."""
-    document = _read(
-        tmp_path, old="1 2 300 400 0.1 0.1", new="1 2 300 400 0.0 0.0\n  1 77 10 10 0.1 0.1\n 5 2 1 1 1 1"
-    )
+    document = _read(tmp_path, old="1 2 300 400 0.1 0.1", new="1 2 300 400 0.0 0.0\n  1 77 10 10 0.1 0.1\n 5 2 1 1 1 1")
     rows = document.data["observations"][0]["rows"]
     assert rows[-1] == ["1", "2", "300", "400", "1.0", "1.0"]
     assert len(rows) == 3
@@ -166,7 +160,5 @@ def test_a_missing_image_size_is_worked_out(tmp_path):
 
 
 def test_a_format_of_no_size_is_told(tmp_path):
-    with pytest.raises(
-        InputError, match=r"export\.txt:4: found the format 0 x 24 mm, expected numbers above 0"
-    ):
+    with pytest.raises(InputError, match=r"export\.txt:4: found the format 0 x 24 mm, expected numbers above 0"):
         _read(tmp_path, old="25.5 18.1 12.2 36.0 24.0", new="25.5 18.1 12.2 0 24.0")

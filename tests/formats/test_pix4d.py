@@ -46,16 +46,12 @@ def project(seed: int = 3, images: int = 6, points: int = 25) -> tuple[dict[str,
         R = exponential(rng.normal(0, 0.1, 3)) @ _DOWN @ exponential(np.array([0, 0, k % 2 * 1.5]))
         centre = np.array([5 + 6.0 * k, 20 + 8 * (k % 3 - 1), 50.0])
         numbers = [[f, 0, cx], [0, f, cy], [0, 0, 1], distortion[:3], distortion[3:], centre, *R]
-        cameras += f"DJI_{k}.JPG 4000 3000\n" + "".join(
-            " ".join(map(repr, map(float, row))) + "\n" for row in numbers
-        )
+        cameras += f"DJI_{k}.JPG 4000 3000\n" + "".join(" ".join(map(repr, map(float, row))) + "\n" for row in numbers)
         angles = np.degrees(angles_from_rotation(_DOWN @ R))
         poses += f"DJI_{k}.JPG " + " ".join(repr(float(v)) for v in (*(centre + OFFSET), *angles)) + "\n"
         seen = [(name, _image(place, centre, R)) for name, place in places.items()]
         marks += f"DJI_{k}\n" + "".join(f"{name} {x!r} {y!r} 3.5\n" for name, (x, y) in seen) + "-99\n"
-    control = "".join(
-        f"p{k} " + " ".join(map(repr, (places[f"p{k}"] + OFFSET).tolist())) + "\n" for k in range(5)
-    )
+    control = "".join(f"p{k} " + " ".join(map(repr, (places[f"p{k}"] + OFFSET).tolist())) + "\n" for k in range(5))
     files = {
         "a_calibrated_camera_parameters.txt": cameras,
         "a_calibrated_external_camera_parameters.txt": poses,
@@ -95,9 +91,7 @@ def test_a_real_camera_matrix_has_the_printed_angles() -> None:
         [0.86649900151927328196, 0.49400145706385401034, -0.07170802455019638366],
         [-0.05326338781351704077, -0.05133362440616233424, -0.99726018196053234366],
     ])  # fmt: skip
-    assert np.degrees(angles_from_rotation(_DOWN @ R)) == pytest.approx(
-        [-2.946680, 3.053212, 119.804001], abs=1e-6
-    )
+    assert np.degrees(angles_from_rotation(_DOWN @ R)) == pytest.approx([-2.946680, 3.053212, 119.804001], abs=1e-6)
 
 
 def test_the_camera_is_that_of_the_manual() -> None:
@@ -202,9 +196,7 @@ def test_the_camera_file_has_the_camera_of_the_parameters(tmp_path: Path) -> Non
     for found in (document, read_foreign(path, "pix4d")):
         (camera,) = found.data["cameras"].values()
         values = {key: float(value["free"]) for key, value in camera["interior"].items()}
-        interior = np.tile(
-            [values.get(component.name, 0.0) for component in model.components], (len(rays), 1)
-        )
+        interior = np.tile([values.get(component.name, 0.0) for component in model.components], (len(rays), 1))
         places.append(model.project(rays, interior, np.zeros((len(rays), 0)), np.zeros((len(rays), 2))).xy)
     np.testing.assert_allclose(places[0], places[1] * 17.49998592 / 4608.0, atol=1e-6)
 

@@ -39,11 +39,7 @@ def test_the_root_of_xml_counts_after_prolog_and_comments(tmp_path: Path, seed: 
     ]
     chosen = [before[k] for k in random.permutation(len(before))[: random.integers(1, 5)]]
     prefix = "p:" if random.random() < 0.3 else ""
-    text = (
-        '<?xml version="1.0"?>\n'
-        + "\n".join(chosen)
-        + f"\n<{prefix}{root} a='1'>\n[section]\n</{prefix}{root}>"
-    )
+    text = '<?xml version="1.0"?>\n' + "\n".join(chosen) + f"\n<{prefix}{root} a='1'>\n[section]\n</{prefix}{root}>"
     path = tmp_path / "file.txt"
     path.write_text(text, encoding="utf-8-sig" if random.random() < 0.5 else "utf-8")
     assert format_of(path) == key
@@ -94,9 +90,7 @@ def test_records_tell_the_format_whatever_the_name(tmp_path: Path, key: str, suf
         ),
     ],
 )
-def test_unknown_files_are_answered_with_what_they_look_like(
-    tmp_path: Path, name: str, text: str, words: str
-) -> None:
+def test_unknown_files_are_answered_with_what_they_look_like(tmp_path: Path, name: str, text: str, words: str) -> None:
     path = tmp_path / name
     path.write_text(text)
     with pytest.raises(InputError) as error:
@@ -122,9 +116,7 @@ def test_unknown_files_are_answered_with_what_they_look_like(
         (b"abc\0\1", "a binary file of an unknown kind"),
     ],
 )
-def test_binary_files_are_named_by_their_first_bytes(
-    tmp_path: Path, name: str, begin: bytes, words: str
-) -> None:
+def test_binary_files_are_named_by_their_first_bytes(tmp_path: Path, name: str, begin: bytes, words: str) -> None:
     path = tmp_path / name
     path.write_bytes(begin + bytes(range(256)))
     with pytest.raises(InputError, match=f"this is {words}, in no format that is read") as error:
@@ -137,9 +129,7 @@ def test_any_text_is_answered_with_one_message_and_three_formats(tmp_path: Path,
     random = np.random.default_rng(seed)
     letters = np.array(list("abcdeXYZ0123456789 .,;:-+'\"{}[]()<>#%*\t\n\u00fc"))
     path = tmp_path / "file"
-    path.write_text(
-        "q" + "".join(random.choice(letters, 300)), encoding=("utf-8", "latin-1", "utf-16")[seed % 3]
-    )
+    path.write_text("q" + "".join(random.choice(letters, 300)), encoding=("utf-8", "latin-1", "utf-16")[seed % 3])
     with pytest.raises(InputError) as error:
         read_document(path)
     (message,) = error.value.problems
@@ -168,9 +158,7 @@ def test_a_control_list_alone_has_its_points(tmp_path: Path) -> None:
         ["P1", "500000.0", "5000000.0", "100.0"],
         ["P2", "500010.0", "5000000.0", "101.0"],
     ]
-    assert "3 image points of 2 images not read: the file has no cameras" in " ".join(
-        map(str, document.notes)
-    )
+    assert "3 image points of 2 images not read: the file has no cameras" in " ".join(map(str, document.notes))
     assert len(read_network(document, tmp_path).things["point"].ids) == 2
 
 
@@ -178,9 +166,7 @@ def test_a_control_list_beside_a_block_has_its_image_points(tmp_path: Path) -> N
     """The names of images may lack their suffix; image points of other images are counted."""
     (tmp_path / "gcp_list.txt").write_text(GCP)
     (tmp_path / "cameras.txt").write_text("1 PINHOLE 4000 3000 3000 3000 2000 1500\n")
-    (tmp_path / "images.txt").write_text(
-        "1 1 0 0 0 0 0 0 1 a.jpg\n10 20 7 30 40 7\n2 1 0 0 0 1 0 0 1 b.jpg\n11 20 7\n"
-    )
+    (tmp_path / "images.txt").write_text("1 1 0 0 0 0 0 0 1 a.jpg\n10 20 7 30 40 7\n2 1 0 0 0 1 0 0 1 b.jpg\n11 20 7\n")
     (tmp_path / "points3D.txt").write_text("7 0 0 10 0 0 0 1 1 0 2 0\n")
     document = read_together([tmp_path, tmp_path / "gcp_list.txt"], ["colmap", ""])
     rows = [row for table in document.data["observations"] for row in table.get("rows", [])]

@@ -34,9 +34,7 @@ def _tables(document: Document, type_: str) -> list[dict[str, Any]]:
 
 def _rows(document: Document, type_: str) -> list[dict[str, str]]:
     return [
-        dict(zip(table["columns"], row, strict=True))
-        for table in _tables(document, type_)
-        for row in table["rows"]
+        dict(zip(table["columns"], row, strict=True)) for table in _tables(document, type_) for row in table["rows"]
     ]
 
 
@@ -191,9 +189,7 @@ SDR = "00NMSDR33V04-01     000001-Jan-20 14:20:113111\n"
 
 
 def _sdr(kind: str, *cells: str) -> str:
-    return kind + "".join(
-        f"{cell:<16}" if k or kind[:2] == "03" else f"{cell:>16}" for k, cell in enumerate(cells)
-    )
+    return kind + "".join(f"{cell:<16}" if k or kind[:2] == "03" else f"{cell:>16}" for k, cell in enumerate(cells))
 
 
 def _sdr_sight(station: str, target: str, slope: float, zenith: float, hz: float, kind: str = "09F1") -> str:
@@ -216,9 +212,7 @@ def test_computed_coordinates_of_sdr_are_no_observations(tmp_path: Path) -> None
     ]
     document = _read(tmp_path, "b.sdr", SDR + "\n".join(lines))
     assert _points(document) == {"A": [200.0, 100.0, 10.0], "S1": [200.0, 150.0, 10.0]}
-    assert "coordinates that the instrument computed from its readings (2 records, lines 7–8)" in _notes(
-        document
-    )
+    assert "coordinates that the instrument computed from its readings (2 records, lines 7–8)" in _notes(document)
     assert "observations reduced by the instrument (MC) (1 record" in _notes(document)
 
 
@@ -308,17 +302,13 @@ def test_nikon_stations_backsights_and_uploaded_points(tmp_path: Path) -> None:
     assert _station_of_lines(document) == {6: "A", 7: "A", 8: "A", 11: "S", 12: "S", 14: "S"}
     assert set(_points(document)) == {"A", "B"}
     sets = {(r["station"], r["to"]): r.get("set") for r in _rows(document, "directions")}
-    assert sets == {("A", "B"): "2"}, (
-        "the reading of the circle at the backsight is in the set of the side shots"
-    )
+    assert sets == {("A", "B"): "2"}, "the reading of the circle at the backsight is in the set of the side shots"
 
 
 def test_geodimeter_labels(tmp_path: Path) -> None:
     """Both faces from 24 and 17; coordinates of a point with readings are computed, those of 62 are its own."""
     text = "2=S\n37=10.0\n38=20.0\n39=5.0\n62=R\n37=110.0\n38=20.0\n3=1.6\n23=1112\n"
-    text += (
-        "5=P\n6=1.3\n24=100.0000\n25=100.0000\n17=300.0000\n18=300.0000\n9=50.0\n37=10.0\n38=70.0\n39=5.3\n"
-    )
+    text += "5=P\n6=1.3\n24=100.0000\n25=100.0000\n17=300.0000\n18=300.0000\n9=50.0\n37=10.0\n38=70.0\n39=5.3\n"
     text += "5=Q\n7=50.0000\n8=100.0000\n9=0.000\nEND\n"
     document = _read(tmp_path, "b.job", text)
     assert _points(document)["S"][:2] == [20.0, 10.0]
@@ -339,9 +329,8 @@ def test_rw5_takes_the_later_coordinates_and_those_of_gnss(tmp_path: Path) -> No
     )
     document = _read(tmp_path, "b.rw5", text)
     assert _points(document) == {"104": [2100.0, 5000.0, 510.0], "G1": [2000.0, 5000.0, 500.0]}
-    assert (
-        "1 point with other coordinates later in the book, which replace the earlier ones: 104 (line 2"
-        in _notes(document)
+    assert "1 point with other coordinates later in the book, which replace the earlier ones: 104 (line 2" in _notes(
+        document
     )
     assert "computed from its readings (1 record, lines 10)" in _notes(document)
 
@@ -410,9 +399,7 @@ def test_a_point_of_a_job_without_a_station_belongs_to_the_last_one(tmp_path: Pa
     assert not _points(document)
 
 
-@pytest.mark.parametrize(
-    "known", ["", " 84..40+0000000000500000 85..40+0000000000600000 86..40+0000000000010000"]
-)
+@pytest.mark.parametrize("known", ["", " 84..40+0000000000500000 85..40+0000000000600000 86..40+0000000000010000"])
 def test_one_set_up_solves_with_and_without_coordinates(tmp_path: Path, known: str) -> None:
     """Knowing more never solves less; with coordinates the station keeps them."""
     lines = [f"*110001+000000000000000A{known} 88..10+0000000000001550"]
@@ -451,17 +438,13 @@ def test_a_name_used_again_elsewhere_is_another_point(tmp_path: Path) -> None:
 
 
 def test_a_book_without_heights_is_in_the_plane(tmp_path: Path) -> None:
-    text = "".join(
-        f"2=S{k}\n23=1112\n5=A\n7={hz}\n11=50.0\n5=B\n7=80.0\n11=40.0\n" for k, hz in enumerate((0.5, 9.0))
-    )
+    text = "".join(f"2=S{k}\n23=1112\n5=A\n7={hz}\n11=50.0\n5=B\n7=80.0\n11=40.0\n" for k, hz in enumerate((0.5, 9.0)))
     assert _read(tmp_path, "b.job", text).data["settings"]["dimensions"] == "xy"
 
 
 def test_points_without_readings_say_that_records_were_left_out(tmp_path: Path) -> None:
     text = "JB,NMjob\nMO,AD0,UN1\nSP,PNA,N 10,E 20,EL1\nGPS,PN1,LA45.1,LN-66.0,EL3.0\n"
-    with pytest.raises(
-        InputError, match="no observations: GNSS positions, as in this file, are read as points"
-    ):
+    with pytest.raises(InputError, match="no observations: GNSS positions, as in this file, are read as points"):
         network_of(_read(tmp_path, "a.rw5", text), tmp_path)
     text = "JB,NMjob\nMO,AD0,UN1\nSP,PNA,N 10,E 20,EL1\n"
     with pytest.raises(InputError, match="no observations, only points; mor convert lists what was not read"):
@@ -497,9 +480,7 @@ def test_a_stream_of_topcon_gts6(tmp_path: Path) -> None:
         ("S1", "C", 45.0, 90.0, 1.2),
         ("S2", "A", 0.0, 90.0, 1.3),
     ]
-    lengths = [
-        (row["from"], row["to"], row["distance"], row["from_height"]) for row in _rows(document, "distance")
-    ]
+    lengths = [(row["from"], row["to"], row["distance"], row["from_height"]) for row in _rows(document, "distance")]
     assert lengths == [
         ("S1", "A", "12.345", "1.5"),
         ("S1", "B", "12.3456", "1.5"),

@@ -15,9 +15,7 @@ from mor.quality.assessment import standard_deviations
 from tests.scenarios.small_projects import mor
 
 
-def sinex(
-    values: np.ndarray, Q: np.ndarray, kind: str = "COVA", triangle: str = "L", velocities: bool = False
-) -> str:
+def sinex(values: np.ndarray, Q: np.ndarray, kind: str = "COVA", triangle: str = "L", velocities: bool = False) -> str:
     """A solution of positions (n, 3), with velocities between them or without; the matrix in one of its forms."""
     names = ("STAX", "STAY", "STAZ", "VELX", "VELY", "VELZ")[: 6 if velocities else 3]
     size = len(names)
@@ -61,9 +59,7 @@ def _solution(seed: int, count: int, per_station: int = 3) -> tuple[np.ndarray, 
 @pytest.mark.parametrize("kind", ["COVA", "CORR", "INFO"])
 @pytest.mark.parametrize("triangle", ["L", "U"])
 @pytest.mark.parametrize("velocities", [False, True])
-def test_positions_and_covariances_come_back(
-    tmp_path: Path, kind: str, triangle: str, velocities: bool
-) -> None:
+def test_positions_and_covariances_come_back(tmp_path: Path, kind: str, triangle: str, velocities: bool) -> None:
     """Adjusted without anything else: the same coordinates, σ of the matrix, no redundancy."""
     size = 6 if velocities else 3
     values, Q = _solution(3, 7, size)
@@ -173,9 +169,7 @@ def test_written_and_read_again_it_is_the_same(tmp_path: Path, seed: int) -> Non
     lines = target.read_text().splitlines()
     assert max(map(len, lines)) <= 80
     estimates = [line for line in lines if " STA" in line]
-    assert {(line[14:18].strip(), line[40:44].strip(), len(line)) for line in estimates} >= {
-        ("S000", "m", 80)
-    }
+    assert {(line[14:18].strip(), line[40:44].strip(), len(line)) for line in estimates} >= {("S000", "m", 80)}
     assert [float(line[47:68]) for line in estimates] == pytest.approx(values.ravel(), abs=1e-8)
 
 
@@ -206,9 +200,7 @@ observations:
 def test_tables_of_positions_become_one_solution(tmp_path: Path) -> None:
     (tmp_path / "n.yaml").write_text(_PROJECT)
     document = read_document(tmp_path / "n.yaml")
-    notes = " / ".join(
-        n.message for n in write_foreign(document, tmp_path, tmp_path / "o.snx", "sinex").notes
-    )
+    notes = " / ".join(n.message for n in write_foreign(document, tmp_path, tmp_path / "o.snx", "sinex").notes)
     assert "SINEX cannot store: observations gnss_vector" in notes
     found = read_foreign(_written(document, tmp_path, tmp_path / "o.snx"))
     Q = np.array(found.data["observations"][0]["covariance"])
@@ -240,10 +232,7 @@ def test_what_sinex_cannot_say_is_refused(tmp_path: Path, old: str, new: str, sa
     assert old in _PROJECT
     text = _PROJECT.replace(old, new)
     if "none" in said:
-        text = (
-            _PROJECT[: _PROJECT.index("  - type: gnss_pos")]
-            + _PROJECT[_PROJECT.index("  - {type: gnss_vector") :]
-        )
+        text = _PROJECT[: _PROJECT.index("  - type: gnss_pos")] + _PROJECT[_PROJECT.index("  - {type: gnss_vector") :]
     if "world" in old:
         text = text.replace("latitude, longitude, height", "x, y, z").replace("gnss_position", "coordinates")
         text = text[: text.index("observations")]

@@ -112,9 +112,7 @@ def test_every_observation_of_its_own_test() -> None:
         group, quality = solved.network.groups[number], solved.quality.groups[number]
         if row["obstype"] in ("GB", "GX"):
             blocks = [
-                block[k]
-                for block, slot in zip(group.blocks, group.type.slots, strict=True)
-                if slot.kind == "point"
+                block[k] for block, slot in zip(group.blocks, group.type.slots, strict=True) if slot.kind == "point"
             ]
             middle = solved.adjustment.values["point"][blocks].mean(axis=0)
             axes = horizon.local_axes(middle[None])[0] @ horizon.axes
@@ -127,9 +125,7 @@ def test_every_observation_of_its_own_test() -> None:
             digits = 10.0 ** -len(row["residual"].partition(".")[2])
             given = float(row["residual"])
             assert -quality.v[k, component] * unit == pytest.approx(given, abs=0.6 * digits), row
-            assert group.given_sigma[k, component] * unit == pytest.approx(
-                float(row["error"]), abs=0.6 * digits
-            ), row
+            assert group.given_sigma[k, component] * unit == pytest.approx(float(row["error"]), abs=0.6 * digits), row
             assert np.sqrt(quality.r[k, component]) == pytest.approx(float(row["redundancy"]), abs=6e-4), row
         compared += 1
     assert compared == len(used) == 121
@@ -174,9 +170,7 @@ def test_errors_of_a_set_are_those_between_any_two_of_its_stations(tmp_path: Pat
 
 def test_positions_of_a_set_have_the_covariances_of_its_command(tmp_path: Path) -> None:
     positions = "A -4787264.52 560595.57 -4163681.80\nB -4787842.22 560070.26 -4163244.58\n"
-    data = (
-        f"Set\n#gx_enu_error 40 60 120 mm 20 30 50 mmr 2 5 10 ppmr\n#data GX grouped no_heights\n{positions}"
-    )
+    data = f"Set\n#gx_enu_error 40 60 120 mm 20 30 50 mmr 2 5 10 ppmr\n#data GX grouped no_heights\n{positions}"
     document = _document(tmp_path, "", data)
     Q = next(np.array(t["covariance"]) for t in document.data["observations"]) * 1e6
     distance = np.linalg.norm([577.70, 525.31, 437.22]) * 1e-3
@@ -221,9 +215,7 @@ def test_generated_networks_come_back(tmp_path: Path) -> None:
     omega = redundancy = 0.0
     for seed in range(30):
         stations, data, places = _text(np.random.default_rng(seed))
-        solved = _solved(
-            _files(tmp_path, data, stations, "coordinate_file n.crd\ndata_file n.dat\nfix s0 S1\n")
-        )
+        solved = _solved(_files(tmp_path, data, stations, "coordinate_file n.crd\ndata_file n.dat\nfix s0 S1\n"))
         quality = solved.quality
         assert quality is not None
         omega += quality.sigma0**2 * quality.redundancy
@@ -292,9 +284,7 @@ def test_mistakes_of_stations_and_commands(tmp_path: Path, stations: str, comman
     assert any(said in problem.message for problem in raised.value.problems), raised.value
 
 
-@pytest.mark.parametrize(
-    ("mode", "held"), [("2d", {"sigma_up"}), ("1d", {"sigma_east", "sigma_north"}), ("3d", set())]
-)
+@pytest.mark.parametrize(("mode", "held"), [("2d", {"sigma_up"}), ("1d", {"sigma_east", "sigma_north"}), ("3d", set())])
 def test_modes_hold_what_they_do_not_adjust(tmp_path: Path, mode: str, held: set[str]) -> None:
     document = read_foreign(_files(tmp_path, commands=COMMANDS.replace("3d", mode)), "snap")
     columns = [set(table["columns"]) for table in document.data["points"] if not table.get("fixed")]
@@ -377,9 +367,7 @@ def test_ranges_count_numbers_in_codes_by_their_value(tmp_path: Path) -> None:
 
 def test_factors_of_sigma_multiply(tmp_path: Path) -> None:
     plain = _document(tmp_path, "")
-    twice = _document(
-        tmp_path, "reweight_observations 2 data_type=SD\nreweight_observations 3 using_stations C\n"
-    )
+    twice = _document(tmp_path, "reweight_observations 2 data_type=SD\nreweight_observations 3 using_stations C\n")
 
     def sigmas(document: Document) -> list[float]:
         tables = [table for table in document.data["observations"] if table["type"] == "distance"]
@@ -390,13 +378,9 @@ def test_factors_of_sigma_multiply(tmp_path: Path) -> None:
 
 
 def test_floats_and_stations_fixed_in_part(tmp_path: Path) -> None:
-    commands = (
-        "fix horizontal B\nhorizontal_float_error 0.5\nfloat C\nvertical_float_error 0.02\nfloat vertical B\n"
-    )
+    commands = "fix horizontal B\nhorizontal_float_error 0.5\nfloat C\nvertical_float_error 0.02\nfloat vertical B\n"
     tables = _document(tmp_path, commands).data["points"]
-    found = {
-        row[0]: dict(zip(table["columns"], row, strict=True)) for table in tables for row in table["rows"]
-    }
+    found = {row[0]: dict(zip(table["columns"], row, strict=True)) for table in tables for row in table["rows"]}
     names = ("sigma_east", "sigma_north", "sigma_up")
     assert [float(found["B"][name]) for name in names] == [1e-6, 1e-6, 0.02]
     assert [float(found["C"][name]) for name in names] == [0.5, 0.5, 1.0]
@@ -482,9 +466,7 @@ def _covariances(document: Document) -> list[np.ndarray]:
 
 def test_errors_of_whole_sets(tmp_path: Path) -> None:
     """by_set scales a set once, offset_error adds an error of a station, centroid_error one of a set of positions."""
-    vectors = (
-        "x\n#gps_enu_error 4 6 12 mm\n#data GB grouped no_heights\nA\nB -577 -525 437\nC -419 -967 471\n"
-    )
+    vectors = "x\n#gps_enu_error 4 6 12 mm\n#data GB grouped no_heights\nA\nB -577 -525 437\nC -419 -967 471\n"
     places = "A -4787264 560595 -4163681\nB -4787842 560070 -4163244\n"
     positions = f"#gx_enu_error 4 6 12 mm\n#data GX grouped no_heights\n{places}"
     (alone,) = _covariances(_document(tmp_path, "", vectors))
@@ -551,11 +533,7 @@ def test_translation_of_a_set_of_positions(tmp_path: Path) -> None:
     ],
 )
 def test_more_coordinate_files(tmp_path: Path, command: str, height: str, orders: list[str]) -> None:
-    more = (
-        STATIONS.replace("70.0000  10.0 3", "71.0000 10.0 1")
-        .replace("B  41", "D  41")
-        .replace(" 10.0 2", " 10.0 1")
-    )
+    more = STATIONS.replace("70.0000  10.0 3", "71.0000 10.0 1").replace("B  41", "D  41").replace(" 10.0 2", " 10.0 1")
     kept = [line for line in more.splitlines() if not line.startswith("A ")]
     (tmp_path / "more.crd").write_text("\n".join(kept))
     data = "x\n#oh_error 5 mm\n#data OH no_heights\nA 1\nB 2\nC 3\nD 4\n"
@@ -585,9 +563,7 @@ def test_coordinate_files_that_do_not_fit(tmp_path: Path) -> None:
 def test_included_commands_and_quoted_names(tmp_path: Path) -> None:
     (tmp_path / "sub dir").mkdir()
     (tmp_path / "sub dir" / "more.inc").write_text('data_file "more data.dat"\n')
-    (tmp_path / "sub dir" / "more data.dat").write_text(
-        "More\n#lv_error 5 mm\n#data LV no_heights\nA C -80\n"
-    )
+    (tmp_path / "sub dir" / "more data.dat").write_text("More\n#lv_error 5 mm\n#data LV no_heights\nA C -80\n")
     document = _document(tmp_path, 'include "sub dir/more.inc"\n')
     assert _count(document, "height_difference") == _count(_document(tmp_path, ""), "height_difference") + 1
 

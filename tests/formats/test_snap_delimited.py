@@ -130,10 +130,7 @@ def _tables(document: Document) -> list[tuple[object, ...]]:
         for table in document.data[section]:
             names = [name for name in table["columns"] if name != "set"]
             places = [table["columns"].index(name) for name in names]
-            rows = [
-                [round(float(row[k]), 12) if _number(row[k]) else row[k] for k in places]
-                for row in table["rows"]
-            ]
+            rows = [[round(float(row[k]), 12) if _number(row[k]) else row[k] for k in places] for row in table["rows"]]
             found.append((table.get("type"), tuple(names), str(rows), str(table.get("units"))))
     return sorted(found, key=str)
 
@@ -146,9 +143,7 @@ def _number(text: object) -> bool:
     return True
 
 
-@pytest.mark.parametrize(
-    "more", ["", "reject_observations equpt=OLD\n", "ignore_observations before 2002-01-01\n"]
-)
+@pytest.mark.parametrize("more", ["", "reject_observations equpt=OLD\n", "ignore_observations before 2002-01-01\n"])
 def test_rows_say_what_lines_of_data_files_say(tmp_path: Path, more: str) -> None:
     """Lookups, defaults, options, calculated errors, factors, sets, dates, classifications and rejected rows."""
     own = _document(
@@ -238,9 +233,7 @@ def test_hemispheres(text: str) -> None:
         ("n.csv", "-41 00 25.2", "", "n.csv:3: expected a code, two coordinates and a height"),
     ],
 )
-def test_mistakes_are_told_with_file_and_line(
-    tmp_path: Path, file: str, old: str, new: str, words: str
-) -> None:
+def test_mistakes_are_told_with_file_and_line(tmp_path: Path, file: str, old: str, new: str, words: str) -> None:
     """One wrong thing at a time."""
     delimited = COMMANDS.format("n.csv csv crs=NZGD2000 format=places angles=dms", "o.csv csv")
     files = {

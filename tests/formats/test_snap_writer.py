@@ -89,9 +89,7 @@ def test_its_own_test_of_all_observations_comes_back(tmp_path: Path) -> None:
 def test_generated_networks_adjust_to_the_same(tmp_path: Path) -> None:
     for seed in range(8):
         stations, data, _ = _text(np.random.default_rng(seed))
-        before = read_foreign(
-            _files(tmp_path, data, stations, "coordinate_file n.crd\ndata_file n.dat\nfix s0 S1\n")
-        )
+        before = read_foreign(_files(tmp_path, data, stations, "coordinate_file n.crd\ndata_file n.dat\nfix s0 S1\n"))
         path = written(before, tmp_path, tmp_path / "o" / "n.snp")
         _same(_adjusted(before, tmp_path), _adjusted(read_foreign(path), path.parent))
 
@@ -145,9 +143,7 @@ def _project(folder: Path, text: str = _PROJECT) -> Document:
 def test_a_project_of_all_kinds_comes_back(tmp_path: Path) -> None:
     """In a projection, with heights above the geoid, deflections, set-ups, heights, refraction, a scale, clusters."""
     document = _project(tmp_path)
-    notes = " / ".join(
-        note.message for note in write_foreign(document, tmp_path, tmp_path / "n.snp", "snap").notes
-    )
+    notes = " / ".join(note.message for note in write_foreign(document, tmp_path, tmp_path / "n.snp", "snap").notes)
     assert "directions are written without heights" in notes
     path = written(document, tmp_path, tmp_path / "o" / "n.snp")
     after = read_foreign(path)

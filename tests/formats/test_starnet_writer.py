@@ -50,9 +50,7 @@ def test_real_networks_adjust_to_the_same(path: Path, tmp_path: Path) -> None:
     scale = max(float(np.abs(xyz).max()) for xyz, _ in before.values()) * metres
     for name, (xyz, sigma) in before.items():
         limit = 1e-9 * max(scale, 1.0)
-        np.testing.assert_allclose(
-            after[name][0][used], (M @ xyz * metres)[used], rtol=0, atol=limit, err_msg=name
-        )
+        np.testing.assert_allclose(after[name][0][used], (M @ xyz * metres)[used], rtol=0, atol=limit, err_msg=name)
         ours = np.abs(M) @ sigma * metres
         np.testing.assert_allclose(after[name][1], ours, rtol=1e-6, atol=1e-12, err_msg=name)
 

@@ -176,9 +176,7 @@ def test_standard_deviations_of_a_dynamic_datum(tmp_path):
     path = tmp_path / "net.dat"
     path.write_text(DYNAMIC.format(datum="A 0.001\nB 0.002"))
     observed = read_foreign(path).data["observations"][0]
-    np.testing.assert_allclose(
-        np.array(observed["covariance"], dtype=float), [[1e-6, 0.0], [0.0, 4e-6]], rtol=1e-15
-    )
+    np.testing.assert_allclose(np.array(observed["covariance"], dtype=float), [[1e-6, 0.0], [0.0, 4e-6]], rtol=1e-15)
 
 
 def test_rows_of_a_dynamic_datum_that_are_neither(tmp_path):

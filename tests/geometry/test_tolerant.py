@@ -31,9 +31,7 @@ def _parts(result):
 
 
 @pytest.mark.parametrize("name", REFERENCES)
-@pytest.mark.parametrize(
-    "bad", [np.zeros((3, 3)), -np.eye(3), np.full((3, 3), np.nan), np.full((3, 3), np.inf)]
-)
+@pytest.mark.parametrize("bad", [np.zeros((3, 3)), -np.eye(3), np.full((3, 3), np.nan), np.full((3, 3), np.inf)])
 def test_one_degenerate_member_leaves_the_others_as_they_are(name, bad):
     ours, numpy = REFERENCES[name]
     with np.errstate(all="ignore"):
@@ -55,15 +53,11 @@ def test_a_single_matrix_is_no_stack(name):
 def test_singular_systems_and_infinite_least_squares_have_no_solution():
     assert np.isnan(tolerant.solve(np.zeros((3, 3)), np.ones(3))).all()
     assert np.isnan(tolerant.lstsq(np.full((4, 3), np.nan), np.ones(4))).all()
-    np.testing.assert_array_equal(
-        tolerant.lstsq(GOOD, np.ones(3)), np.linalg.lstsq(GOOD, np.ones(3), None)[0]
-    )
+    np.testing.assert_array_equal(tolerant.lstsq(GOOD, np.ones(3)), np.linalg.lstsq(GOOD, np.ones(3), None)[0])
 
 
 def test_start_values_and_diagnosis_call_no_function_that_raises():
-    bare = re.compile(
-        r"np\.linalg\.(solve|inv|svd|cholesky|eigh|eig|pinv|lstsq|eigvalsh|eigvals|matrix_rank)\b"
-    )
+    bare = re.compile(r"np\.linalg\.(solve|inv|svd|cholesky|eigh|eig|pinv|lstsq|eigvalsh|eigvals|matrix_rank)\b")
     folders = [MOR / name for name in ("approximate", "geometry", "quality")]
     compiled = MOR / "approximate" / "growth" / "compiled" / "poses.py"  # guarded: kernels cannot catch
     allowed = {Path(tolerant.__file__), compiled}

@@ -71,9 +71,7 @@ def assert_same(path: Path, folder: Path, monkeypatch: pytest.MonkeyPatch, snoop
         assert (apart[known] <= 1e-9 * sigma[known] + 1e-14 * np.abs(values[known])).all(), kind
         there = np.sqrt(np.maximum(np.diagonal(other.quality.cofactors[kind], axis1=1, axis2=2), 0.0))
         np.testing.assert_allclose(there[known], sigma[known], rtol=1e-7, atol=1e-12)
-    for group, here, there in zip(
-        one.adjustment.problem.groups, one.quality.groups, other.quality.groups, strict=True
-    ):
+    for group, here, there in zip(one.adjustment.problem.groups, one.quality.groups, other.quality.groups, strict=True):
         scale = np.where(np.isfinite(group.sigma), group.sigma, 1.0)
         np.testing.assert_allclose(there.v / scale, here.v / scale, rtol=1e-7, atol=1e-7)
         np.testing.assert_allclose(there.r, here.r, rtol=0.0, atol=1e-7)
@@ -135,10 +133,7 @@ def test_results_are_the_same_bytes(tmp_path: Path, monkeypatch: pytest.MonkeyPa
     project = write_block(tmp_path / "block", Kind(points=150))
     assert command("adjust", project, "-o", tmp_path / "one", "--no-html", "-q").exit_code == 0
     monkeypatch.setattr(long_arrays, "LONG", 800)
-    assert (
-        command("adjust", project, "-o", tmp_path / "other", "--no-html", "-q", "--memory", "8GB").exit_code
-        == 0
-    )
+    assert command("adjust", project, "-o", tmp_path / "other", "--no-html", "-q", "--memory", "8GB").exit_code == 0
     names = {path.name for path in (tmp_path / "one").iterdir()}
     assert names == {path.name for path in (tmp_path / "other").iterdir()}
     for name in names - {"results.json"}:
@@ -169,9 +164,7 @@ def test_a_full_disk_is_told_with_its_folder(tmp_path: Path, monkeypatch: pytest
     (tmp_path / "scratch").mkdir()
     monkeypatch.setattr(long_arrays, "_allocate", full)
     monkeypatch.setattr(long_arrays, "LONG", 800)
-    done = command(
-        "adjust", project, "-o", tmp_path / "out", "--memory", "8GB", "--scratch", tmp_path / "scratch"
-    )
+    done = command("adjust", project, "-o", tmp_path / "out", "--memory", "8GB", "--scratch", tmp_path / "scratch")
     assert done.exit_code == 2
     assert f"{tmp_path / 'scratch'}: long arrays cannot be kept in this folder: No space left" in done.stderr
     assert not (tmp_path / "out").exists()

@@ -113,9 +113,7 @@ def test_the_table_of_movements_has_their_covariances() -> None:
     M = solved.network.edge.matrix
     expected = solved.quality.sigma_factor**2 * (M.T @ found.tests.cofactors[:, :3, :3] @ M)
     assert np.abs(covariances(rows) - expected).max() < 1e-9 * np.abs(expected).max()
-    for m, T, h, Q in zip(
-        rows.select("x", "y", "z").to_numpy(), rows["test"], rows["freedom"], expected, strict=True
-    ):
+    for m, T, h, Q in zip(rows.select("x", "y", "z").to_numpy(), rows["test"], rows["freedom"], expected, strict=True):
         if h == 3:
             assert m @ np.linalg.solve(Q, m) / h == pytest.approx(T, rel=1e-6)
 
@@ -146,9 +144,7 @@ def test_congruence_of_two_epochs_finds_who_moved() -> None:
         ),
     ],
 )
-def test_what_time_does_not_determine_is_named(
-    motions: str, epochs: int, per_year: float, words: str
-) -> None:
+def test_what_time_does_not_determine_is_named(motions: str, epochs: int, per_year: float, words: str) -> None:
     truth = scene(epochs=epochs, per_year=per_year)
     solved = solve(project(truth, f"  - {{model: {motions}, points: [D1]}}", np.random.default_rng(7)))
     assert solved.adjustment.outcome.value == "singular"

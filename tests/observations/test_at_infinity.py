@@ -74,10 +74,7 @@ def test_values_are_the_limit_of_far_points(type_):
     refraction = [k for k, slot in enumerate(type_.slots) if slot.kind == "refraction"]
     for k in refraction:
         whole[k] = np.zeros((3, 1))
-    blocks = [
-        np.zeros((3, 1)) if slot.kind == "refraction" else b
-        for slot, b in zip(far.slots, blocks, strict=True)
-    ]
+    blocks = [np.zeros((3, 1)) if slot.kind == "refraction" else b for slot, b in zip(far.slots, blocks, strict=True)]
     whole[target] = 1e12 * blocks[-1][:, 2, :]
     values = type_.equation(whole, constants).values
     scale = max(1.0, float(np.abs(values).max()))  # columns of a panorama count through whole turns

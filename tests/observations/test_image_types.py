@@ -33,9 +33,7 @@ def test_kappa_turns_the_camera_and_the_image_the_other_way():
 
 
 def test_height_lifts_the_rotation_centre_above_the_position():
-    np.testing.assert_allclose(
-        image(height=1.5), image(position=POSITION + np.array([0.0, 0.0, 1.5])), rtol=1e-15
-    )
+    np.testing.assert_allclose(image(height=1.5), image(position=POSITION + np.array([0.0, 0.0, 1.5])), rtol=1e-15)
 
 
 def test_eccentricity_leads_from_projection_centre_to_rotation_centre_in_image_axes():
@@ -55,9 +53,7 @@ def test_a_follower_is_an_image_of_its_own(model):
     relative = rotation_from_angles(random.uniform(-0.3, 0.3, (1, 3)))
     base = np.array([[2.0, 0.1, -0.2]])
     height, r = np.array([[0.4]]), np.array([[0.1, 0.2, 0.3]])
-    follower = FOLLOWER_TYPES[model].equation(
-        [POSITION, D, height, r, relative, base, interior, POINT], constants
-    )
+    follower = FOLLOWER_TYPES[model].equation([POSITION, D, height, r, relative, base, interior, POINT], constants)
     # the follower's centre: X_A* = b*, hence X0 + h + Dᵀ (b* − r0*)
     centre = POSITION + [[0.0, 0.0, 0.4]] + (base - r) @ D[0]
     alone = IMAGE_TYPES[model].equation([centre, relative @ D, ZERO1, ZERO3, interior, POINT], constants)

@@ -138,10 +138,7 @@ def _put_target(kind, blocks, sight, constants=None):
         if (owner, "eccentricity") in part:
             vector = vector - part[owner, "eccentricity"]
         if (owner, "image velocity") in part:
-            time = (
-                part[owner, "readout"]
-                * phases(_imaged(kind, part, sight, constants), constants[:, -3:])[:, None]
-            )
+            time = part[owner, "readout"] * phases(_imaged(kind, part, sight, constants), constants[:, -3:])[:, None]
             turn = exponential(part[owner, "rotation rate"] * time)
             vector = np.einsum("nij,nj->ni", turn, vector) + part[owner, "image velocity"] * time
         if (owner, "rotation") in part:
@@ -177,8 +174,7 @@ def _constants(kind, place, random):
     known = {"face": place.face, "earth radius": place.radius, "r0": 5.0}
     known |= {"phase by x": 0.05, "phase by y": -0.04, "phase at 0": 0.1}
     columns = [
-        np.full(ROWS, known[c.name]) if c.name in known else random.uniform(-6.0, 6.0, ROWS)
-        for c in kind.constants
+        np.full(ROWS, known[c.name]) if c.name in known else random.uniform(-6.0, 6.0, ROWS) for c in kind.constants
     ]
     return np.stack(columns, axis=1) if columns else np.zeros((ROWS, 0))
 
@@ -186,9 +182,7 @@ def _constants(kind, place, random):
 def _step(slot, component, block, place):
     small = 5e-4 * place.narrow
     if slot.kind == "rotation":
-        return np.full(
-            ROWS, small * min(1.0, 0.1 * place.distance)
-        )  # eccentricities and bases are the levers
+        return np.full(ROWS, small * min(1.0, 0.1 * place.distance))  # eccentricities and bases are the levers
     if slot.kind in ("point", "height", "eccentricity", "base"):
         return np.full(ROWS, small * place.distance)
     if slot.kind in IN_HUNDREDTHS:
@@ -248,9 +242,7 @@ def test_observed_angles_close_to_100_gon(type_key, phi):
     computed = kind.equation(blocks, np.zeros((ROWS, 0)))
     for number, jacobian in enumerate(computed.jacobians):
         for component in range(3):
-            numeric, _ = _difference_quotient(
-                kind, blocks, np.zeros((ROWS, 0)), number, component, np.full(ROWS, 2e-5)
-            )
+            numeric, _ = _difference_quotient(kind, blocks, np.zeros((ROWS, 0)), number, component, np.full(ROWS, 2e-5))
             np.testing.assert_allclose(jacobian[:, :, component], numeric, rtol=1e-7, atol=1e-7)
 
 

@@ -48,9 +48,7 @@ def level(D):
 
 def test_a_levelled_frame_reads_zero_whatever_its_orientation():
     for kappa in (0.0, 1.0, -2.0):
-        np.testing.assert_array_equal(
-            level(rotation_from_angles(np.array([0.0, 0.0, kappa]))).values, [[0.0, 0.0]]
-        )
+        np.testing.assert_array_equal(level(rotation_from_angles(np.array([0.0, 0.0, kappa]))).values, [[0.0, 0.0]])
 
 
 def test_the_level_shows_the_tilt_in_the_axes_of_the_instrument():

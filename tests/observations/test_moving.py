@@ -41,9 +41,7 @@ def scene(key: str) -> tuple[list[np.ndarray], np.ndarray]:
     return blocks, np.concatenate([own, basis(TIMES, 2015.0)], axis=1)
 
 
-@pytest.mark.parametrize(
-    "key", [key for key, type_ in TYPES.items() if any(s.kind == "point" for s in type_.slots)]
-)
+@pytest.mark.parametrize("key", [key for key, type_ in TYPES.items() if any(s.kind == "point" for s in type_.slots)])
 def test_derivatives_by_what_moves_the_points(key: str) -> None:
     type_, (blocks, constants) = moving(TYPES[key]), scene(key)
     found = type_.equation(blocks, constants)
@@ -60,9 +58,7 @@ def test_derivatives_by_what_moves_the_points(key: str) -> None:
             apart = ends[1] - ends[0]
             apart[:, wraps] = np.remainder(apart[:, wraps] + np.pi, 2.0 * np.pi) - np.pi
             scale = max(float(np.abs(apart).max()) / 2e-4, 1e-3)
-            np.testing.assert_allclose(
-                found.jacobians[number][:, :, component], apart / 2e-4, atol=1e-5 * scale
-            )
+            np.testing.assert_allclose(found.jacobians[number][:, :, component], apart / 2e-4, atol=1e-5 * scale)
 
 
 @pytest.mark.parametrize("key", TYPES)

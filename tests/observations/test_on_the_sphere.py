@@ -24,9 +24,7 @@ def _group(kind: str) -> tuple[ObservationGroup, list[FloatArray]]:
     sphere = problem_on_the_sphere(scene.problem, scene.truth)
     assert sphere is not None
     group = next(group for group in sphere.groups if "sphere" in group.type.key)
-    blocks = [
-        scene.truth[slot.kind][numbers] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
-    ]
+    blocks = [scene.truth[slot.kind][numbers] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)]
     return group, blocks
 
 
@@ -46,9 +44,7 @@ def test_values_are_arcs_and_derivatives_those_of_their_squares(far: float) -> N
             np.testing.assert_allclose(gradient, numerical, rtol=1e-5, atol=1e-9)
 
 
-def _half_squares_by(
-    group: ObservationGroup, blocks: list[FloatArray], slot: int, component: int
-) -> FloatArray:
+def _half_squares_by(group: ObservationGroup, blocks: list[FloatArray], slot: int, component: int) -> FloatArray:
     size, found = 1e-4, []
     for sign in (1.0, -1.0):
         moved = [block.copy() for block in blocks]

@@ -67,9 +67,7 @@ class Pair:
             said = {"coaxial": ["x", "y"], "coplanar": ["z"]}.get(self.relation, [])
             if said:
                 row = ["A", "B", *(0 for _ in said), OBSERVED]
-                observations.append(
-                    {"type": "axis_offset", "columns": ["from", "to", *said, "sigma"], "rows": [row]}
-                )
+                observations.append({"type": "axis_offset", "columns": ["from", "to", *said, "sigma"], "rows": [row]})
         return {
             "mor": 1,
             "units": {"length": "mm", "angle": "deg"},
@@ -125,9 +123,7 @@ class Pair:
                 if circle:
                     found.append(off @ direction / SIGMA)
             if not exact:
-                side = np.cross(y, axis) / np.linalg.norm(
-                    np.cross(y, axis)
-                )  # does not turn about the axis with it
+                side = np.cross(y, axis) / np.linalg.norm(np.cross(y, axis))  # does not turn about the axis with it
                 sides = np.stack([side, np.cross(axis, side)])
                 found.append([axis @ other] if self.relation == "perpendicular" else sides @ other)
                 found[-1] = np.array(found[-1]) / OBSERVED
@@ -148,9 +144,7 @@ class Pair:
             return every
 
         # Steps that suit the size of each unknown; a last Gauss-Newton step with central differences.
-        best = least_squares(
-            lambda s: residuals(whole(s)), start[used], x_scale="jac", jac="3-point", xtol=1e-15
-        )
+        best = least_squares(lambda s: residuals(whole(s)), start[used], x_scale="jac", jac="3-point", xtol=1e-15)
         some = best.x
         for _ in range(4):
             J = self._by(lambda s: residuals(whole(s)), some)
@@ -174,9 +168,7 @@ def test_relations_are_those_of_an_independent_fit(relation: str, exact: bool, b
         values, sigma, redundancy = pair.regression()
         result = mor.adjust(pair.project())
         assert result.redundancy == redundancy
-        assert sum(group["redundancy"] for group in result.to_dict()["groups"]) == pytest.approx(
-            redundancy, abs=1e-6
-        )
+        assert sum(group["redundancy"] for group in result.to_dict()["groups"]) == pytest.approx(redundancy, abs=1e-6)
         row = result.features.row("B")
         direction = np.array([row[f"d{a}"] for a in "xyz"])
         direction *= np.sign(direction @ values[:3])

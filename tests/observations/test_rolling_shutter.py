@@ -84,11 +84,7 @@ def test_without_readout_time_it_is_the_frame_image_digit_by_digit(model: str) -
     moving = type_.equation(blocks, np.concatenate([observed, own, clock], axis=1))
     still = frame.equation(blocks[:4] + blocks[-2:], np.concatenate([observed, own], axis=1))
     assert np.array_equal(moving.values, still.values)
-    kept = [
-        k
-        for k, slot in enumerate(type_.slots)
-        if slot.part not in ("image velocity", "rotation rate", "readout")
-    ]
+    kept = [k for k, slot in enumerate(type_.slots) if slot.part not in ("image velocity", "rotation rate", "readout")]
     for one, other in zip(kept, still.jacobians, strict=True):
         assert np.array_equal(moving.jacobians[one], other)
     assert not moving.jacobians[4].any()

@@ -117,9 +117,7 @@ class Scene:
         found = []
         for values, by_rho, by_h, by_sizes in rows:
             normals = (by_rho / rho)[:, None] * radial + by_h[:, None] * axis
-            turned = (by_h - by_rho * h / rho)[:, None] * (
-                away @ np.stack([first, np.cos(p) * second], axis=1)
-            )
+            turned = (by_h - by_rho * h / rho)[:, None] * (away @ np.stack([first, np.cos(p) * second], axis=1))
             by = [-normals @ self.axes.T, turned, *(one[:, None] for one in by_sizes)]
             found.append((values, np.concatenate(by, axis=1), normals))
         values, by, normals = zip(*found, strict=True)
@@ -276,9 +274,7 @@ def mixed_network() -> tuple[dict, np.ndarray]:
     for k, place in enumerate([[9.0, 0, 3], [0, 9, 4], [-7, 6, 3], [6, -8, 2]]):
         star = (points - place) @ camera(np.array(place)).T
         images.append([f"I{k}", "C"])
-        rays += [
-            [f"I{k}", n, *p] for n, p in zip(names, (-30.0 * star[:, :2] / star[:, 2:]).tolist(), strict=True)
-        ]
+        rays += [[f"I{k}", n, *p] for n, p in zip(names, (-30.0 * star[:, :2] / star[:, 2:]).tolist(), strict=True)]
     station = np.array([8.0, 7.0, 0.5])
     away = points - station
     horizontal = np.degrees(np.arctan2(away[:, 0], away[:, 1])) % 360.0

@@ -39,9 +39,7 @@ def test_centring_across_a_sight_acts_with_the_distance():
 
 
 def test_centring_does_not_touch_height_differences():
-    assert sigma_of("height_difference", 1e-3, centring=SetUpSigmas(5e-3, 5e-3)) == pytest.approx(
-        1e-3, rel=1e-12
-    )
+    assert sigma_of("height_difference", 1e-3, centring=SetUpSigmas(5e-3, 5e-3)) == pytest.approx(1e-3, rel=1e-12)
 
 
 def test_centring_of_an_angle_by_its_closed_form():
@@ -58,10 +56,6 @@ def test_centring_of_an_angle_by_its_closed_form():
 
 def test_errors_of_height_act_on_zenith_angles_and_height_differences():
     upright = SetUpSigmas(instrument_height=3e-3, target_height=4e-3)
-    assert sigma_of("height_difference", 1e-3, centring=upright) == pytest.approx(
-        np.hypot(1e-3, 5e-3), rel=1e-12
-    )
-    assert sigma_of("zenith_angle", 1e-6, centring=upright) == pytest.approx(
-        np.hypot(1e-6, 5e-3 / 500.0), rel=1e-9
-    )
+    assert sigma_of("height_difference", 1e-3, centring=upright) == pytest.approx(np.hypot(1e-3, 5e-3), rel=1e-12)
+    assert sigma_of("zenith_angle", 1e-6, centring=upright) == pytest.approx(np.hypot(1e-6, 5e-3 / 500.0), rel=1e-9)
     assert sigma_of("distance", 1e-3, centring=upright) == pytest.approx(1e-3, rel=1e-12)

@@ -34,14 +34,10 @@ def clock(knots: int, random: np.random.Generator) -> tuple[np.ndarray, np.ndarr
     return own, since, np.concatenate([since[:, None], weights.reshape(N, -1)], axis=1)
 
 
-def flight(
-    knots: int, random: np.random.Generator
-) -> tuple[list[np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
+def flight(knots: int, random: np.random.Generator) -> tuple[list[np.ndarray], np.ndarray, np.ndarray, np.ndarray]:
     """Blocks of knots, their clock, and points below the pose with what they are seen in."""
     times, since, constants = clock(knots, random)
-    places = np.stack(
-        [50.0 * times, random.normal(0, 3, times.shape), 1000 + random.normal(0, 3, times.shape)], -1
-    )
+    places = np.stack([50.0 * times, random.normal(0, 3, times.shape), 1000 + random.normal(0, 3, times.shape)], -1)
     turns = rotation_from_angles(random.normal(0.0, 0.1, (N, knots, 3)) + np.array([0.0, 0.0, -1.2]))
     pose = pose_at(places, turns, constants[:, 1:].reshape(N, knots, knots), since)
     star = np.stack([random.uniform(-200, 200, N), random.uniform(-1, 1, N), np.full(N, -1000.0)], axis=1)
@@ -81,9 +77,7 @@ def test_derivatives_of_image_coordinates(model: str, knots: int) -> None:
     interior[:, :2] = 60.0 if model in ("opencv", "fisheye") else np.array([60.0, 0.1])
     others = [random.normal(0, 1, (N, 1)), random.normal(0, 0.1, (N, 3)), interior, points]
     plain = np.zeros((N, 2 + len(own.constants)))
-    assert (
-        worst(on_trajectory(IMAGE_TYPES[model], knots), [*blocks, *others], np.hstack([plain, clocks])) < 1e-6
-    )
+    assert worst(on_trajectory(IMAGE_TYPES[model], knots), [*blocks, *others], np.hstack([plain, clocks])) < 1e-6
     row = np.stack([random.uniform(-5, 5, N), np.full(N, -0.5)], axis=1)
     assert worst(line_scanner(model, knots), [*blocks, *others], np.hstack([plain, row, clocks])) < 2e-6
     shutter = np.concatenate([plain, np.tile([0.004, -0.006, 0.002], (N, 1)), clocks], axis=1)
@@ -159,9 +153,7 @@ def test_a_scanner_sees_a_point_when_it_crosses_the_line() -> None:
     interior = np.zeros((1, len(CAMERA_MODELS["brown"].components)))
     interior[:, 0] = c
     for off in (-3.0, 0.0, 2.0):
-        constants = np.concatenate(
-            [[[0.0, line, (early + off) / rate, rate, 10.0 + early + off]], weights], axis=1
-        )
+        constants = np.concatenate([[[0.0, line, (early + off) / rate, rate, 10.0 + early + off]], weights], axis=1)
         blocks = [*knots, *turns, np.zeros((1, 1)), np.zeros((1, 3)), interior, point]
         found = line_scanner("brown", 2).equation(blocks, constants).values[0]
         assert found == pytest.approx([-c * star[0] / star[2], early / rate], rel=1e-9)

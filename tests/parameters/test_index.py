@@ -49,9 +49,7 @@ def test_free_components_are_numbered_without_gaps_kind_by_kind():
     together = np.concatenate([columns.ravel() for columns in index.columns.values()])
     assert sorted(together[together >= 0]) == list(range(index.count))
     np.testing.assert_array_equal(index.columns["height"], [[-1]])
-    np.testing.assert_array_equal(
-        index.columns["rotation"], [[0, 1, 2], [-1, -1, -1], [-1, -1, 3], [4, -1, 5]]
-    )
+    np.testing.assert_array_equal(index.columns["rotation"], [[0, 1, 2], [-1, -1, -1], [-1, -1, 3], [4, -1, 5]])
     np.testing.assert_array_equal(index.columns["point"], [[6, 7, -1], [8, 9, 10]])
 
 
@@ -103,9 +101,7 @@ def test_a_step_moves_each_kind_in_its_own_way():
     index, values = index_unknowns(_blocks()), _values()
     step = np.linspace(0.01, 0.11, 11)
     moved = move(index, values, step)
-    np.testing.assert_allclose(
-        moved["point"] - values["point"], [[0.07, 0.08, 0.0], [0.09, 0.1, 0.11]], rtol=1e-12
-    )
+    np.testing.assert_allclose(moved["point"] - values["point"], [[0.07, 0.08, 0.0], [0.09, 0.1, 0.11]], rtol=1e-12)
     np.testing.assert_array_equal(moved["height"], values["height"])
     D = values["rotation"]
     np.testing.assert_allclose(moved["rotation"][0], rotate(D[:1], step[None, :3])[0], atol=1e-16)

@@ -32,9 +32,7 @@ def batch(tmp_path_factory):
     write_project(folder / "blocks", "deep/better", "100.004")
     write_project(folder / "blocks", "wrong", text="mor: 1\npoints: nothing\n")
     write_project(folder / "blocks", "bad", "100.200")
-    code = run(
-        ["batch", str(folder / "blocks/**/project.yaml"), "-o", str(folder / "kept"), "--strict", "-q"]
-    )
+    code = run(["batch", str(folder / "blocks/**/project.yaml"), "-o", str(folder / "kept"), "--strict", "-q"])
     return folder, code
 
 

@@ -64,16 +64,10 @@ def page_of(network, language="en"):
 
 def adjusted_anew(network, units, on):
     """The plan with these units on: planned rows without value where off, chosen candidates as further groups."""
-    lost = {
-        (u["group"], u["row"]) for u, there in zip(units, on, strict=True) if not there and not u["candidate"]
-    }
+    lost = {(u["group"], u["row"]) for u, there in zip(units, on, strict=True) if not there and not u["candidate"]}
     more = {(u["group"], u["row"]) for u, there in zip(units, on, strict=True) if there and u["candidate"]}
-    groups = [
-        _kept(g, [(k, row) not in lost for row in range(g.count)]) for k, g in enumerate(network.groups)
-    ]
-    further = [
-        _kept(g, [(k, row) in more for row in range(g.count)]) for k, g in enumerate(network.candidates)
-    ]
+    groups = [_kept(g, [(k, row) not in lost for row in range(g.count)]) for k, g in enumerate(network.groups)]
+    further = [_kept(g, [(k, row) in more for row in range(g.count)]) for k, g in enumerate(network.candidates)]
     further = [g for g in further if g.mask.any()]
     return solve_plan(replace(network, groups=(*groups, *further), candidates=())).quality
 

@@ -58,9 +58,7 @@ def test_sigmas_that_are_too_small_are_found(trial):
     for number in range(60):
         from mor.solve.iterate import adjust
 
-        one = one_run(
-            wrong, 1, number, lambda problem: adjust(_with_sigma_of(problem, truth.problem), truth.place)
-        )
+        one = one_run(wrong, 1, number, lambda problem: adjust(_with_sigma_of(problem, truth.problem), truth.place))
         total = one if total is None else total + one
     found = _by_name(findings(truth, total))
     assert not found["variance"].agrees

@@ -109,10 +109,7 @@ def test_places_are_told_from_where_the_command_was_given(tmp_path):
 @pytest.mark.slow
 def test_what_dies_hangs_or_raises_by_itself(tmp_path):
     deeds = ("ok", "die", "hang", "raise", "leave")
-    done = [
-        done_alone(act, k, Task((deed,), tmp_path / f"{k}.txt"), tmp_path, 8.0)
-        for k, deed in enumerate(deeds)
-    ]
+    done = [done_alone(act, k, Task((deed,), tmp_path / f"{k}.txt"), tmp_path, 8.0) for k, deed in enumerate(deeds)]
     assert [one.code for one in done] == [0, None, None, 1, 7]
     assert done[1].death == "killed by SIGKILL"
     assert done[2].death == "ended after 8 s"

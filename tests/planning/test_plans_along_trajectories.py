@@ -157,9 +157,7 @@ def test_a_level_flight_scans_in_closed_form(tmp_path: Path, model: str, interpo
     write(tmp_path, text.replace("    smoothness", f"    interpolation: {interpolation}\n    smoothness"))
     placed = _placed(tmp_path)
     group = next(g for g in placed.groups if g.name == "lines")
-    points = np.array(
-        [[150, 250, 0], [-200, 400, 40], [50, 310, 20], [-90, 600, 10], [120, 450, 5], [-150, 280, 30]]
-    )
+    points = np.array([[150, 250, 0], [-200, 400, 40], [50, 310, 20], [-90, 600, 10], [120, 450, 5], [-150, 280, 30]])
     down = 1000.0 - points[:, 2]
     rows = ((points[:, 1] - 5.0 * down / 50.0) / 50.0 - 0.5) / 0.002
     scale = placed.scales["line"]
@@ -220,9 +218,7 @@ def test_points_that_do_not_come_before_the_line_are_told(tmp_path: Path) -> Non
         tmp_path,
         FLIGHT.replace("model: MODEL", "model: mor").replace("[D, -90, 600, 10]", "[D, -90, 900, 10]"),
     )
-    with pytest.raises(
-        InputError, match="point 'D' does not cross the line of image 'L' where it is planned"
-    ):
+    with pytest.raises(InputError, match="point 'D' does not cross the line of image 'L' where it is planned"):
         _placed(tmp_path)
     found = mor("design", tmp_path / "project.yaml", "-o", tmp_path / "out", "--lang", "de")
     assert found.code == 2

@@ -69,8 +69,7 @@ def test_checks_are_nothing_that_could_be_spared():
     one, other = (ranking(solve_plan(network), (), 0) for network in (plain, checked))
     assert len(checked.checks) == 1
     found = [
-        [(row.unit.group, row.unit.row, row.precision, row.smallest_r) for row in each.planned]
-        for each in (one, other)
+        [(row.unit.group, row.unit.row, row.precision, row.smallest_r) for row in each.planned] for each in (one, other)
     ]
     assert found[0] == found[1]
 

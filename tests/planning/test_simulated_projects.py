@@ -76,8 +76,7 @@ def test_a_seed_gives_the_same_bytes_and_another_seed_others(tmp_path):
     for name, seed in (("one", 3), ("again", 3), ("other", 4)):
         _written("bridge", tmp_path / name, seed=seed, wishes=Wishes(gross=1))
     texts = {
-        name: [path.read_bytes() for path in sorted((tmp_path / name).iterdir())]
-        for name in ("one", "again", "other")
+        name: [path.read_bytes() for path in sorted((tmp_path / name).iterdir())] for name in ("one", "again", "other")
     }
     assert texts["one"] == texts["again"]
     assert texts["one"] != texts["other"]

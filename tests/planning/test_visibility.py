@@ -151,9 +151,7 @@ def _hall(folder: Path, mesh: str = "block.ply", unit: str = "mm", project: str 
         at = np.array([5.0 * np.cos(azimuth), 5.0 * np.sin(azimuth), height])
         poses.append((at, _angles(at, np.array([0.0, 0.0, 0.7]), roll=100.0 * (k % 2))))
     (folder / "targets.csv").write_text("\n".join(["id,x,y,z", *rows]) + "\n")
-    lines = [
-        ",".join([f"I{k}", "K", *map(repr, [*at.tolist(), *a.tolist()])]) for k, (at, a) in enumerate(poses)
-    ]
+    lines = [",".join([f"I{k}", "K", *map(repr, [*at.tolist(), *a.tolist()])]) for k, (at, a) in enumerate(poses)]
     (folder / "images.csv").write_text("\n".join(["id,camera,x,y,z,omega,phi,kappa", *lines]) + "\n")
     _write_mesh(folder / mesh, corners * 1000.0)
     text = project.replace("MESH", mesh).replace("UNIT", unit).replace("SCREEN", json.dumps(SCREEN))
@@ -200,9 +198,7 @@ def _write_mesh(path, corners):
         lines += [f"f {3 * k + 1}/1 {3 * k + 2}/1 {3 * k + 3}/1" for k in range(count)]
         path.write_text("# a block\n" + "\n".join(lines) + "\n")
         return
-    form = {"block.ply": "binary_little_endian", "big.ply": "binary_big_endian", "text.ply": "ascii"}[
-        path.name
-    ]
+    form = {"block.ply": "binary_little_endian", "big.ply": "binary_big_endian", "text.ply": "ascii"}[path.name]
     head = [
         *("ply", f"format {form} 1.0", f"element vertex {3 * count}", "property double x"),
         *("property double y", "property uchar red", "property double z", f"element face {count}"),
@@ -308,9 +304,7 @@ def test_stations_and_points(tmp_path, both, pairs):
     (tmp_path / "project.yaml").write_text(STATIONS.replace(" BOTH", both))
     run = mor("design", tmp_path / "project.yaml", "--rank")
     assert run.code == 0, run.err
-    planned = pl.read_csv(tmp_path / "project.design" / "planned.csv").filter(
-        pl.col("type") == "zenith_directions"
-    )
+    planned = pl.read_csv(tmp_path / "project.design" / "planned.csv").filter(pl.col("type") == "zenith_directions")
     rows = set(planned.select("from", "to").iter_rows())
     # T2 is steeper than 40 gon from everywhere, T3 too far; the wall is between A and B, and T1 seen above it
     assert rows == {("SA", "T1"), ("SB", "T1"), ("C", "T1"), ("C", "A"), ("C", "B")}

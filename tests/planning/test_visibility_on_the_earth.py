@@ -92,9 +92,7 @@ observations: [{{type: image, visible: {{}}, values: {{sigma: 0.005}}}}]
 def test_corners_that_say_no_place(tmp_path: Path, world: str, words: str) -> None:
     names = "latitude, longitude, height" if "4258" in world else "east, north, height, geoid"
     first, second = (
-        ("55, 10, 0", "55.01, 10, 0")
-        if "4258" in world
-        else ("500000, 5500000, 0, 45", "500100, 5500000, 0, 45")
+        ("55, 10, 0", "55.01, 10, 0") if "4258" in world else ("500000, 5500000, 0, 45", "500100, 5500000, 0, 45")
     )
     text = f"""\
 mor: 1

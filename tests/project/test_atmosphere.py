@@ -21,9 +21,7 @@ def test_the_reference_atmosphere_of_an_instrument_has_no_correction() -> None:
     """Leica, 658 nm: 286.338 − [0.29535 p/(1 + αt) − 4.126e-4 h/(1 + αt) 10^x] is 0 at 12 °C, 1013.25 hPa, 60 %."""
     D = dispersion_constant(0.658)
     assert pytest.approx(0.29535, abs=2e-5) == D / 273.15
-    assert 1e6 * first_velocity_correction(_air(12.0, 1013.25, 60.0), 286.338, D)[0] == pytest.approx(
-        0.0, abs=0.02
-    )
+    assert 1e6 * first_velocity_correction(_air(12.0, 1013.25, 60.0), 286.338, D)[0] == pytest.approx(0.0, abs=0.02)
 
 
 @pytest.mark.parametrize(
@@ -34,9 +32,7 @@ def test_the_formula_of_a_manufacturer(temperature: float, pressure: float, humi
     x = 7.5 * temperature / (237.3 + temperature) + 0.7857
     grows = 1.0 + temperature / 273.15
     ppm = 286.338 - (0.29535 * pressure / grows - 4.126e-4 * humidity / grows * 10.0**x)
-    found = first_velocity_correction(
-        _air(temperature, pressure, humidity), 286.338, dispersion_constant(0.658)
-    )
+    found = first_velocity_correction(_air(temperature, pressure, humidity), 286.338, dispersion_constant(0.658))
     assert 1e6 * found[0] == pytest.approx(ppm, abs=0.02)
 
 

@@ -245,12 +245,8 @@ def block_points(folder: Path, xy: str) -> tuple[np.ndarray, np.ndarray]:
     points = [[name, *frame.vector(np.array(xyz))] for name, *xyz in rows.points]
     images = []
     for name, camera, *pose in rows.images:
-        images.append(
-            [name, camera, *frame.vector(np.array(pose[:3])), *turned_angles(pose[3:], frame.matrix)]
-        )
-    project = write_block(
-        folder, BLOCK + f"axes: {{xy: {xy}}}\n", rows._replace(points=points, images=images)
-    )
+        images.append([name, camera, *frame.vector(np.array(pose[:3])), *turned_angles(pose[3:], frame.matrix)])
+    project = write_block(folder, BLOCK + f"axes: {{xy: {xy}}}\n", rows._replace(points=points, images=images))
     run = mor("adjust", project, "--json")
     assert run.code == 0, run.err
     data = json.loads(run.out)["points"]

@@ -96,9 +96,7 @@ class TestSigma:
 
     def test_zero_is_for_what_is_fixed(self, tmp_path: Path) -> None:
         found = wrong(tmp_path, "1.002, 0.001", "1.002, 0")
-        assert found == [
-            "project.yaml:9: found σ = 0, expected σ > 0 (fix exact values instead of observing them)"
-        ]
+        assert found == ["project.yaml:9: found σ = 0, expected σ > 0 (fix exact values instead of observing them)"]
 
     def test_none_at_all_is_said_once(self, tmp_path: Path) -> None:
         found = wrong_block(tmp_path, BLOCK.replace("    values: {sigma: 2 um}\n", ""))
@@ -143,9 +141,7 @@ class TestColumns:
     def test_unknown_with_the_nearest_and_the_known_ones(self, tmp_path: Path) -> None:
         found = wrong(tmp_path, "columns: [from, to, dz, sigma]", "columns: [from, to, dz, sigms]")
         assert len(found) == 1
-        assert found[0].startswith(
-            "project.yaml:7: unknown column 'sigms'; did you mean 'sigma'? (known here: from,"
-        )
+        assert found[0].startswith("project.yaml:7: unknown column 'sigms'; did you mean 'sigma'? (known here: from,")
 
     def test_given_twice(self, tmp_path: Path) -> None:
         found = wrong(tmp_path, "columns: [from, to, dz, sigma]", "columns: [from, dz, dz, sigma]")
@@ -286,9 +282,7 @@ class TestTheFileItself:
         assert found[0].startswith(
             "project.yaml:10: unknown key 'datums'; did you mean 'datum'? (known here: mor, title,"
         )
-        assert found[1].startswith(
-            "project.yaml:11: unknown key 'max_iteration'; did you mean 'max_iterations'?"
-        )
+        assert found[1].startswith("project.yaml:11: unknown key 'max_iteration'; did you mean 'max_iterations'?")
 
     def test_unknown_keys_of_a_camera_and_of_a_value(self, tmp_path: Path) -> None:
         found = wrong_block(tmp_path, BLOCK.replace("{interior: {c: 20}}", "{interor: {c: 20}}"))
@@ -298,17 +292,13 @@ class TestTheFileItself:
 
     def test_value_that_is_nothing_it_may_be_is_told_once(self, tmp_path: Path) -> None:
         found = mistakes(write(tmp_path, LEVELLING + "datum: freee\n"))
-        assert found == [
-            "project.yaml:10: datum: found 'freee', expected 'fixed' or 'free'; did you mean 'free'?"
-        ]
+        assert found == ["project.yaml:10: datum: found 'freee', expected 'fixed' or 'free'; did you mean 'free'?"]
         found = mistakes(write(tmp_path, LEVELLING + "datum: {free: [A], fre: 1}\n"))
         assert len(found) == 1
         assert "unknown key 'fre'" in found[0]
 
     def test_all_that_a_value_may_be_is_told_together(self, tmp_path: Path) -> None:
-        found = mistakes(
-            write(tmp_path, LEVELLING + "stations: [{level: fix, columns: [id], rows: [[S]]}]\n")
-        )
+        found = mistakes(write(tmp_path, LEVELLING + "stations: [{level: fix, columns: [id], rows: [[S]]}]\n"))
         assert found == [
             "project.yaml:10: stations → 1 → level: found 'fix', expected 'fixed' or 'free'; did you mean 'fixed'?, "
             "or a number, with or without a unit"
@@ -373,9 +363,7 @@ def test_a_key_with_nothing_behind_it_is_as_if_it_were_not_there(tmp_path: Path)
     assert mor("adjust", tmp_path / "project.results" / "adjusted.yaml").code == 0
     plain = mor("adjust", write(tmp_path / "plain", LEVELLING), "--snoop")
     assert plain.code == 0
-    tables = [
-        (folder / "project.results" / "points.csv").read_text() for folder in (tmp_path, tmp_path / "plain")
-    ]
+    tables = [(folder / "project.results" / "points.csv").read_text() for folder in (tmp_path, tmp_path / "plain")]
     assert tables[0] == tables[1]
 
 
@@ -477,9 +465,7 @@ def test_broken_yaml_is_told_in_plain_words(tmp_path: Path, text: str, line: int
 
 def test_a_unit_that_does_not_fit_is_told_once(tmp_path: Path) -> None:
     """Where it stands, not with every row."""
-    found = wrong(
-        tmp_path, "columns: [from, to, dz, sigma]", "units: {dz: gon}\n    columns: [from, to, dz, sigma]"
-    )
+    found = wrong(tmp_path, "columns: [from, to, dz, sigma]", "units: {dz: gon}\n    columns: [from, to, dz, sigma]")
     assert found == [
         "project.yaml:8: column dz: unit 'gon' does not fit a length "
         "(known: m, dm, cm, mm, um, µm, μm, km, ft, us-ft, in)"
@@ -492,6 +478,4 @@ def test_a_number_beyond_all_numbers(tmp_path: Path) -> None:
 
 
 def test_one_column_is_one_column(tmp_path: Path) -> None:
-    assert wrong(tmp_path, "[A, 0, 0, 10]", "[A]") == [
-        "project.yaml:4: found 1 column, expected 4 (id, x, y, z)"
-    ]
+    assert wrong(tmp_path, "[A, 0, 0, 10]", "[A]") == ["project.yaml:4: found 1 column, expected 4 (id, x, y, z)"]

@@ -88,9 +88,7 @@ class TestUnits:
     def test_in_a_cell(self, tmp_path: Path) -> None:
         found = wrong(tmp_path, "1.002", "1.002 gon")
         assert len(found) == 1
-        assert found[0].startswith(
-            "project.yaml:9: dz: unit 'gon' does not fit a length (known: m, dm, cm, mm,"
-        )
+        assert found[0].startswith("project.yaml:9: dz: unit 'gon' does not fit a length (known: m, dm, cm, mm,")
 
     @pytest.mark.parametrize("unit", ["gon", "mmm"])
     def test_of_a_table(self, tmp_path: Path, unit: str) -> None:
@@ -146,9 +144,7 @@ class TestParameters:
         assert found[0].startswith(f"project.yaml:7: {words}")
 
     def test_camera_without_eccentricity(self, tmp_path: Path) -> None:
-        entry = (
-            "  - {type: parameter, columns: [of, component, value, sigma], rows: [[camera K, rx, 1, 0]]}\n"
-        )
+        entry = "  - {type: parameter, columns: [of, component, value, sigma], rows: [[camera K, rx, 1, 0]]}\n"
         found = wrong_block(tmp_path, BLOCK.replace("datum: free", entry + "datum: free"))
         assert found == ["project.yaml:13: camera K has no rx of its own: give it one where it is declared"]
 
@@ -182,10 +178,7 @@ class TestHeightsOfInstruments:
         entry = f"  - {{type: {kind}, columns: [{columns}, sigma], rows: [[{row}, 1]]}}\n"
         run = mor("check", write(tmp_path, TRIANGLE + entry + self.STATION))
         assert run.code == 0, run.err
-        assert (
-            "'A' is the point itself; the height of the instrument counts where station 'S' over it"
-            in run.err
-        )
+        assert "'A' is the point itself; the height of the instrument counts where station 'S' over it" in run.err
 
     @pytest.mark.parametrize(
         "entry",

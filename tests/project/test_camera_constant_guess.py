@@ -62,8 +62,6 @@ def test_a_given_constant_is_left_alone() -> None:
 
 
 def test_without_anything_to_guess_from_it_is_required() -> None:
-    text = PROJECT.format(entries="unit: mm").replace(
-        "    image: {width: 6000, height: 4000, pixel: 4 um}\n", ""
-    )
+    text = PROJECT.format(entries="unit: mm").replace("    image: {width: 6000, height: 4000, pixel: 4 um}\n", "")
     with pytest.raises(InputError, match=r"c \(camera constant\) is required"):
         read_network(read_yaml(text, "p.yaml"), Path())

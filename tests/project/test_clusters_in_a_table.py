@@ -18,9 +18,7 @@ AXES = ["dx", "dy", "dz"]
 COLUMNS = ["from", "to", *AXES]
 
 
-def clusters(
-    seed: int, sizes: tuple[int, ...] = (1, 3, 2, 3, 5, 2)
-) -> list[tuple[list[list[Any]], np.ndarray]]:
+def clusters(seed: int, sizes: tuple[int, ...] = (1, 3, 2, 3, 5, 2)) -> list[tuple[list[list[Any]], np.ndarray]]:
     """Vectors between 6 points with a matrix for each cluster; of some rows components are missing."""
     draw = np.random.default_rng(seed)
     places = draw.uniform(0.0, 100.0, (6, 3))
@@ -61,9 +59,7 @@ def project(observations: list[dict[str, Any]], points: list[list[Any]], xy: str
 def one_table(found: list[tuple[list[list[Any]], np.ndarray]], order: np.ndarray) -> dict[str, Any]:
     """All clusters as one table, rows in any order."""
     rows = [[*row, f"session {k}"] for k, (rows, _) in enumerate(found) for row in rows]
-    lines = [
-        [np.flatnonzero([cell is not None for cell in row[2:]]).size for row in rows] for rows, _ in found
-    ]
+    lines = [[np.flatnonzero([cell is not None for cell in row[2:]]).size for row in rows] for rows, _ in found]
     blocks: list[list[list[float]]] = []
     for counts, (_, Q) in zip(lines, found, strict=True):
         ends = np.cumsum(counts)
@@ -104,9 +100,7 @@ def test_one_table_is_as_good_as_many(tmp_path: Path, seed: int, xy: str) -> Non
             getattr(group.at(np.arange(group.v.shape[0])), name)
             for group in (*together.quality.groups, *apart.quality.groups)
         )
-        np.testing.assert_allclose(
-            one, np.concatenate(apart_from_it)[order], rtol=1e-8, atol=1e-10, err_msg=name
-        )
+        np.testing.assert_allclose(one, np.concatenate(apart_from_it)[order], rtol=1e-8, atol=1e-10, err_msg=name)
 
 
 def _many(count: int) -> tuple[list[list[Any]], list[tuple[list[list[Any]], np.ndarray]]]:

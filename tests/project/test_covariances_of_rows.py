@@ -38,9 +38,7 @@ def test_a_variance_without_a_column_is_the_square_of_the_sigma(tmp_path):
     names, values = [f"cov_{name}" for name in COVARIANCE], list(COVARIANCE.values())
     variances = {"cov_dx_dx": 9e-6, "cov_dy_dy": 4e-6, "cov_dz_dz": 1.6e-5}
     whole = solved(tmp_path / "whole", [*variances, *names], [*variances.values(), *values])
-    sigma = solved(
-        tmp_path / "sigma", ["sigma_dx", "sigma_dy", "sigma_dz", *names], [0.003, 0.002, 0.004, *values]
-    )
+    sigma = solved(tmp_path / "sigma", ["sigma_dx", "sigma_dy", "sigma_dz", *names], [0.003, 0.002, 0.004, *values])
     mixed = solved(
         tmp_path / "mixed",
         ["cov_dx_dx", "sigma_dy", *names],

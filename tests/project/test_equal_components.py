@@ -47,9 +47,7 @@ def rays(seed: int = 7, noise: float = 0.002) -> list[list[Any]]:
 def solved(folder: Path, observations: str = "", pairs: str = "", followers: bool = False) -> dict[str, Any]:
     """Results with these further observations; B and C follow A where they are stereo followers."""
     rows = [[f"P{i}", *map(float, xyz)] for i, xyz in enumerate(POINTS)]
-    pose = [
-        [*map(float, centre), *map(float, angles)] for centre, angles in zip(CENTRES, ANGLES, strict=True)
-    ]
+    pose = [[*map(float, centre), *map(float, angles)] for centre, angles in zip(CENTRES, ANGLES, strict=True)]
     images = [[name, "K", *pose[k], "", ""] for k, name in enumerate("ABC")]
     if followers:
         images[1:] = [[name, "K", *[""] * 6, "A", pair] for name, pair in (("B", "AB"), ("C", "AC"))]
@@ -126,9 +124,7 @@ pairs:
     assert exact["sigma0"]["aposteriori"] == pytest.approx(followers["sigma0"]["aposteriori"], rel=1e-9)
     for one, other in ((numbers(d, "points", "x y z sx sy sz") for d in (exact, followers)),):
         np.testing.assert_allclose(one, other, rtol=0, atol=1e-9)
-    poses = (
-        numbers(d, "images", "x y z sx sy sz omega phi kappa somega sphi skappa") for d in (exact, followers)
-    )
+    poses = (numbers(d, "images", "x y z sx sy sz omega phi kappa somega sphi skappa") for d in (exact, followers))
     np.testing.assert_allclose(*poses, rtol=0, atol=1e-8)
 
 
@@ -143,9 +139,7 @@ def turned_until_phi_is_a_quarter(monkeypatch) -> np.ndarray:
 
 
 @pytest.mark.parametrize("component", ["omega", "phi", "kappa"])
-def test_no_angle_differs_exactly_by_itself_where_two_are_the_same_turn(
-    component, tmp_path, monkeypatch
-) -> None:
+def test_no_angle_differs_exactly_by_itself_where_two_are_the_same_turn(component, tmp_path, monkeypatch) -> None:
     """The scene turned about Y until φ is 100 gon: equal attitudes are still well said, single angles are not."""
     turned_until_phi_is_a_quarter(monkeypatch)
     attitude = "".join(difference(*row, 0.0) for row in CASES["attitude"])
@@ -169,9 +163,7 @@ pairs:
     assert before["sigma0"]["aposteriori"] == pytest.approx(after["sigma0"]["aposteriori"], rel=1e-8)
     one, other = (numbers(data, "images", "x y z") for data in (before, after))
     np.testing.assert_allclose(one @ M.T, other, atol=1e-8)
-    attitudes = [
-        rotation_from_angles(numbers(data, "images", "omega phi kappa") * GON) for data in (before, after)
-    ]
+    attitudes = [rotation_from_angles(numbers(data, "images", "omega phi kappa") * GON) for data in (before, after)]
     np.testing.assert_allclose(attitudes[0] @ M.T, attitudes[1], atol=1e-8)
     with pytest.raises(AssertionError, match=r"difference, from 'image A'.*is phi ±100 gon there"):
         solved(tmp_path / "observed", difference("AB", "kappa", 0.0, 0.001))

@@ -101,6 +101,4 @@ def test_a_line_of_points_without_coordinates_is_the_same_line(tmp_path: Path) -
     objectives = [solved.adjustment.normals.objective for solved in (known, unknown)]
     np.testing.assert_allclose(*objectives, rtol=1e-9)
     distances = [solved.quality.groups[0] for solved in (known, unknown)]
-    np.testing.assert_allclose(
-        distances[0].r, distances[1].r, atol=1e-3
-    )  # to σ of the line, in parts of its length
+    np.testing.assert_allclose(distances[0].r, distances[1].r, atol=1e-3)  # to σ of the line, in parts of its length

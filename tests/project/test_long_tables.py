@@ -62,9 +62,7 @@ def test_a_name_may_have_a_hash(tmp_path: Path) -> None:
 def test_every_format_gives_the_same_rows(tmp_path: Path, kind: str) -> None:
     plain = network(write_block(tmp_path / "plain")).groups[0]
     project = write_block(tmp_path / "other")
-    frame = pl.read_csv(
-        tmp_path / "other" / "rays.csv", schema_overrides={"image": pl.String, "point": pl.String}
-    )
+    frame = pl.read_csv(tmp_path / "other" / "rays.csv", schema_overrides={"image": pl.String, "point": pl.String})
     text, options, name = (tmp_path / "other" / "rays.csv").read_text(encoding="utf-8"), "", "rays.other"
     if kind in ("parquet", "categories"):
         name = "rays.parquet"
@@ -75,15 +73,11 @@ def test_every_format_gives_the_same_rows(tmp_path: Path, kind: str) -> None:
         (tmp_path / "other" / name).write_bytes(gzip.compress(text.encode()))
     elif kind == "blanks":
         options = "delimiter: ' '\n    "
-        (tmp_path / "other" / name).write_text(
-            text.replace(",", "   ").replace("\n", "  \n "), encoding="utf-8"
-        )
+        (tmp_path / "other" / name).write_text(text.replace(",", "   ").replace("\n", "  \n "), encoding="utf-8")
     else:
         quoted = "\n".join(",".join(f'"{cell}"' for cell in line.split(",")) for line in text.splitlines())
         (tmp_path / "other" / name).write_text(quoted + "\n", encoding="utf-8")
-    project.write_text(
-        project.read_text().replace("file: rays.csv", f"{options}file: {name}"), encoding="utf-8"
-    )
+    project.write_text(project.read_text().replace("file: rays.csv", f"{options}file: {name}"), encoding="utf-8")
     other = network(project).groups[0]
     np.testing.assert_array_equal(other.observed, plain.observed)
     assert [list(names) for names in other.references] == [list(names) for names in plain.references]
@@ -104,11 +98,7 @@ def test_an_unknown_column_of_a_file_is_refused(tmp_path: Path) -> None:
     rays = write_block(tmp_path).parent / "rays.csv"
     lines = rays.read_text(encoding="utf-8").splitlines()
     with pytest.raises(InputError) as caught:
-        network(
-            write_block(
-                tmp_path, rays="\n".join([f"{lines[0]},colour", *(f"{line},red" for line in lines[1:])])
-            )
-        )
+        network(write_block(tmp_path, rays="\n".join([f"{lines[0]},colour", *(f"{line},red" for line in lines[1:])])))
     (problem,) = caught.value.problems
     assert "rays.csv:1: unknown column 'colour'" in str(problem)
 

@@ -68,9 +68,7 @@ datum: {{free: {{x: [A], y: [A, B], z: [B]}}}}
     results = point_results(solve_network(network_of_yaml(text, tmp_path)))
     np.testing.assert_allclose(results["A"][0], [0, -0.25, -0.5], atol=1e-12)
     np.testing.assert_allclose(results["B"][0], [1.5, 2.25, 3], atol=1e-12)
-    np.testing.assert_allclose(
-        results["A"][1] ** 2, [0, 0.25, 1], atol=1e-14
-    )  # σ of zero is the root of round-off
+    np.testing.assert_allclose(results["A"][1] ** 2, [0, 0.25, 1], atol=1e-14)  # σ of zero is the root of round-off
 
 
 FIXED = """

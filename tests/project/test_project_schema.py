@@ -102,9 +102,7 @@ def test_numbers_are_written_without_quotes(text: str, number: float) -> None:
     assert "'" not in written
 
 
-@pytest.mark.parametrize(
-    "text", ["12:30", "0x10", "010", "1_000", "no", "2001-01-01", "~", "5 um", "nan", ".5"]
-)
+@pytest.mark.parametrize("text", ["12:30", "0x10", "010", "1_000", "no", "2001-01-01", "~", "5 um", "nan", ".5"])
 def test_other_texts_stay_texts(text: str) -> None:
     assert yaml.safe_load(yaml_text({"settings": {"sigma0": text}}, 100)) == {"settings": {"sigma0": text}}
 

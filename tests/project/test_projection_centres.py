@@ -110,17 +110,11 @@ def test_coordinates_of_an_image_are_those_of_its_position(tmp_path: Path) -> No
     """Of the tripod target: coordinates know no heights; those of the projection centre do."""
     for name, at in {**CENTRES, "L": X0}.items():
         observed = row("coordinates", "point, x, y, z", [name, *map(float, at)])
-        loose = (
-            text(observed)
-            .replace("fixed: [x, y, z, omega,", "fixed: [omega,")
-            .replace("10, 20, 100,", "9, 9, 99,")
-        )
+        loose = text(observed).replace("fixed: [x, y, z, omega,", "fixed: [omega,").replace("10, 20, 100,", "9, 9, 99,")
         (image, follower) = adjusted(tmp_path / name.replace(":", ""), loose)["images"]
         np.testing.assert_allclose([image[axis] for axis in "xyz"], X0, atol=1e-9)
         np.testing.assert_allclose([follower[axis] for axis in "xyz"], CENTRES["centre:R"], atol=1e-9)
-        attitude = rotation_from_angles(
-            np.array([follower[name] for name in ("omega", "phi", "kappa")]) * GON
-        )
+        attitude = rotation_from_angles(np.array([follower[name] for name in ("omega", "phi", "kappa")]) * GON)
         np.testing.assert_allclose(attitude, rotation_from_angles(np.array([1, 2, 3]) * GON) @ D, atol=1e-9)
 
 
@@ -128,6 +122,5 @@ def test_a_follower_is_no_position(tmp_path: Path) -> None:
     run: Run = mor("check", write(tmp_path, text(row("distance", "from, to, distance", ["A", "R", 5.0]))))
     assert run.code == 2
     assert (
-        "image 'R' follows another one and is not a position of its own; centre:R is its projection centre"
-        in run.err
+        "image 'R' follows another one and is not a position of its own; centre:R is its projection centre" in run.err
     )

@@ -19,9 +19,7 @@ from tests.scenarios.small_projects import mor
 SAMPLE = Path(__file__).resolve().parents[2] / "sample_projects" / "drone_block"
 PROJECT = (SAMPLE / "project.yaml").read_text(encoding="utf-8")
 READOUT = "    readout: {free: 20 ms}\n"
-SIGMAS = (
-    "sigma_vx: 0.3, sigma_vy: 0.3, sigma_vz: 0.3, sigma_rate_x: 0.3, sigma_rate_y: 0.3, sigma_rate_z: 0.3"
-)
+SIGMAS = "sigma_vx: 0.3, sigma_vy: 0.3, sigma_vz: 0.3, sigma_rate_x: 0.3, sigma_rate_y: 0.3, sigma_rate_z: 0.3"
 
 
 def drone(folder: Path, *changes: tuple[str, str], strips: str = "24") -> Path:
@@ -77,12 +75,8 @@ def test_a_readout_time_of_0_is_a_frame_image_to_the_last_digit(tmp_path: Path) 
 
 @pytest.mark.parametrize("direction", ["down", "up", "right", "left"])
 @pytest.mark.parametrize("model", ["mor", "opencv"])
-def test_time_runs_from_one_edge_of_the_image_to_the_other(
-    tmp_path: Path, direction: str, model: str
-) -> None:
-    interior = (
-        ("model: mor", "c: {free: 8.8}") if model == "mor" else ("model: opencv", "fx: 8.8\n      fy: 8.8")
-    )
+def test_time_runs_from_one_edge_of_the_image_to_the_other(tmp_path: Path, direction: str, model: str) -> None:
+    interior = ("model: mor", "c: {free: 8.8}") if model == "mor" else ("model: opencv", "fx: 8.8\n      fy: 8.8")
     body = PROJECT[PROJECT.index("    interior:") : PROJECT.index("images:")]
     project = drone(
         tmp_path,

@@ -16,9 +16,7 @@ from tests.scenarios.small_projects import C, Run, mor, table, write
 GON = np.pi / 200.0
 TARGET, HEIGHT = np.array([1.2, 0.8, 6.0]), 1.55
 ECCENTRICITY = np.array([0.012, -0.02, 0.064])
-ATTITUDES = np.array(
-    [[8.0, 3.0, 0.0], [-6.0, 9.0, 95.0], [2.0, -12.0, 210.0], [-9.0, -5.0, 290.0], [4, 11, 40]]
-)
+ATTITUDES = np.array([[8.0, 3.0, 0.0], [-6.0, 9.0, 95.0], [2.0, -12.0, 210.0], [-9.0, -5.0, 290.0], [4, 11, 40]])
 NAMES = [f"I{k}" for k in range(len(ATTITUDES))]
 POINTS = np.array([[x, y, 0.7 * np.sin(3 * x + y)] for x in (-1.0, 0.5, 2.0, 3.5) for y in (-1.0, 1.0, 2.5)])
 PROJECT = """\
@@ -76,9 +74,7 @@ def rows(columns: str, ends: list[str], **keys: str) -> str:
     cells = [f"[{name}, K, {', '.join(map(str, angles + 0.02))}, {end}]" for name, angles, end in
              zip(NAMES, ATTITUDES, ends, strict=True)]  # fmt: skip
     further = "".join(f"\n    {key}: {value}" for key, value in keys.items())
-    return (
-        f"  - columns: [id, camera, omega, phi, kappa, {columns}]\n    rows: [{', '.join(cells)}]{further}\n"
-    )
+    return f"  - columns: [id, camera, omega, phi, kappa, {columns}]\n    rows: [{', '.join(cells)}]{further}\n"
 
 
 SHARED = "position: T, shared_height: tripod, shared_eccentricity: head"
@@ -198,9 +194,7 @@ def refused(path: Path) -> str:
 
 def test_mistakes(tmp_path: Path) -> None:
     twice = rows("height", ["1.5", "1.5", "1.6", "1.5", "1.5"], values=f"{{{SHARED}}}")
-    assert "shared_height: 'tripod' has another value in a row above" in refused(
-        project(tmp_path, CAMERA, twice)
-    )
+    assert "shared_height: 'tripod' has another value in a row above" in refused(project(tmp_path, CAMERA, twice))
     both = rows("height", ["1.5"] * 5, free="[height]", values="{position: T, sigma_height: 0.01}")
     assert "height is free in this table, and has a σ" in refused(project(tmp_path, CAMERA, both))
     wrong = rows("height", ["1.5"] * 5, free="[hieght]", values="{position: T}")
@@ -265,9 +259,7 @@ def heights(folder: Path, stations: str) -> Path:
 
 
 def stations(columns: str, rows: str, free: str = "") -> str:
-    return (
-        f"  - {{columns: [id, set, point, {columns}], rows: [{rows}]{', free: [height]' if free else ''}}}\n"
-    )
+    return f"  - {{columns: [id, set, point, {columns}], rows: [{rows}]{', free: [height]' if free else ''}}}\n"
 
 
 SETS = "[S1, '', A, h, ''], [S1, '2', '', '', '']"

@@ -24,9 +24,7 @@ from tests.selection import slow_after
 
 NAMES = ("x", "y", "z", "omega", "phi", "kappa")
 KNOWN = ", ".join(NAMES)
-OBSERVED = (
-    "    values: {" + ", ".join(f"sigma_{name}: {0.02 if len(name) == 1 else 0.05}" for name in NAMES) + "}\n"
-)
+OBSERVED = "    values: {" + ", ".join(f"sigma_{name}: {0.02 if len(name) == 1 else 0.05}" for name in NAMES) + "}\n"
 
 
 def written(folder: Path, given: Files, *changes: tuple[str, str]) -> Path:
@@ -94,9 +92,7 @@ def test_a_steady_flight_is_an_image_with_a_motion() -> None:
     points = pose.position + np.einsum("nji,nj->ni", pose.rotation, star)
     interior = np.tile([8.8, 0.1, -0.1, -6e-4, 4e-6, 0.0, 1e-5, -1e-5, 1e-4, 0.0], (n, 1))
     others = [np.full((n, 1), 0.2), np.tile([0.1, -0.2, 0.05], (n, 1))]
-    constants = np.column_stack(
-        [random.uniform(-4, 4, (n, 2)), np.full(n, 5.0), np.zeros(n), np.full((n, 2), -0.1)]
-    )
+    constants = np.column_stack([random.uniform(-4, 4, (n, 2)), np.full(n, 5.0), np.zeros(n), np.full((n, 2), -0.1)])
     readout = np.full((n, 1), 0.05)
     along = shutter_on_trajectory("mor", 2).equation(
         [*places.swapaxes(0, 1), *turns.swapaxes(0, 1), *others, readout, interior, points],
@@ -147,9 +143,7 @@ def test_a_steady_flight_in_a_project_is_images_with_motions(tmp_path: Path) -> 
         "points.csv": "\n".join(points) + "\n",
     }
     files["control.csv"] = "\n".join(
-        line
-        for line in given.files["control.csv"].splitlines()
-        if line[:2] == "id" or line.split(",")[0] in seen
+        line for line in given.files["control.csv"].splitlines() if line[:2] == "id" or line.split(",")[0] in seen
     )
     along = {**files, "knots.csv": "\n".join(exact) + "\n"}
     along["images.csv"] = "\n".join(["id,camera,trajectory,time", *kept]) + "\n"
@@ -164,9 +158,7 @@ def test_a_steady_flight_in_a_project_is_images_with_motions(tmp_path: Path) -> 
     assert run.code == other_run.code == 0, run.err + other_run.err
     for key in ("value", "sigma"):
         assert readout_of(one)[key] == pytest.approx(readout_of(other)[key], rel=1e-7)
-    places = [
-        (p.parent / "out" / "points.csv").read_text(encoding="utf-8").splitlines()[1:] for p in (flown, moved)
-    ]
+    places = [(p.parent / "out" / "points.csv").read_text(encoding="utf-8").splitlines()[1:] for p in (flown, moved)]
     for first, second in zip(*places, strict=True):
         assert [float(c) for c in first.split(",")[1:7]] == pytest.approx(
             [float(c) for c in second.split(",")[1:7]], abs=2e-8
@@ -256,11 +248,7 @@ def test_motions_of_images_on_trajectories_are_mistakes(
 ) -> None:
     given = simulated(0, strips=1)
     head, *rows = given.files[file].splitlines(keepends=True)
-    text = (
-        head.replace(old, new)
-        + rows[0].replace("\n", cell)
-        + "".join(row.replace("\n", ",\n") for row in rows[1:])
-    )
+    text = head.replace(old, new) + rows[0].replace("\n", cell) + "".join(row.replace("\n", ",\n") for row in rows[1:])
     project = written(tmp_path / "p", given._replace(files={**given.files, file: text}))
     told = mistakes(project)
     assert told[0].startswith(said)

@@ -137,9 +137,7 @@ def test_a_row_before_the_flight_is_told_with_its_line(tmp_path: Path) -> None:
     lines = (path.parent / "image_points.csv").read_text(encoding="utf-8").split("\n")
     lines[5] = ",".join([*lines[5].split(",")[:3], "-40"])
     (path.parent / "image_points.csv").write_text("\n".join(lines), encoding="utf-8")
-    with pytest.raises(
-        InputError, match=r"image_points.csv:6: the time 199999.94 s is outside the trajectory 'east'"
-    ):
+    with pytest.raises(InputError, match=r"image_points.csv:6: the time 199999.94 s is outside the trajectory 'east'"):
         read_network(read_document(path), path.parent)
 
 
@@ -168,9 +166,7 @@ def test_a_knot_for_each_image_is_single_images(tmp_path: Path, interpolation: s
         timed.append(",".join([image["id"], image["camera"], strip_, repr(time)]))
     head = "trajectory,time,x,y,z,omega,phi,kappa"
     (sample / "knots.csv").write_text("\n".join([head, *knots]) + "\n", encoding="utf-8")
-    (sample / "images.csv").write_text(
-        "\n".join(["id,camera,trajectory,time", *timed]) + "\n", encoding="utf-8"
-    )
+    (sample / "images.csv").write_text("\n".join(["id,camera,trajectory,time", *timed]) + "\n", encoding="utf-8")
     text = (sample / P).read_text(encoding="utf-8")
     values = "    values: {sigma_x: 0.05, sigma_y: 0.05, sigma_z: 0.08}\n"
     assert values in text

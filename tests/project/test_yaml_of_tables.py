@@ -23,9 +23,7 @@ def document(draw: np.random.Generator, strange: bool, first: bool) -> dict[str,
     if strange:
         rows[draw.integers(30)][draw.integers(5)] = STRANGE[draw.integers(len(STRANGE))]
     said = {"columns": columns, "type": "vector"}
-    table = (
-        {"rows": rows, **said} if first else {**said, "rows": rows, "covariance": [[1.0, 0.5], [0.5, 2.0]]}
-    )
+    table = {"rows": rows, **said} if first else {**said, "rows": rows, "covariance": [[1.0, 0.5], [0.5, 2.0]]}
     return {"mor": "1", "observations": [table, {**said, "rows": rows[:3]}], "alone": {**said, "rows": rows}}
 
 

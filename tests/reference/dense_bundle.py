@@ -245,9 +245,7 @@ def text_of(expected):
         text = json.dumps(value, ensure_ascii=False)
         if isinstance(value, dict) and "rows" in value:
             rest = {name: part for name, part in value.items() if name != "rows"}
-            lines = [
-                f"  {json.dumps(k)}: {json.dumps(part, ensure_ascii=False)}," for k, part in rest.items()
-            ]
+            lines = [f"  {json.dumps(k)}: {json.dumps(part, ensure_ascii=False)}," for k, part in rest.items()]
             rows = ",\n".join(f"   {json.dumps(row, ensure_ascii=False)}" for row in value["rows"])
             text = "\n".join(["{", *lines, '  "rows": [', rows, "  ]", " }"])
         parts.append(f" {json.dumps(key)}: {text}")

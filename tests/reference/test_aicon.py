@@ -92,9 +92,7 @@ def expected(folder):
 def parameters(folder):
     """Value and a-posteriori σ by identifier and parameter."""
     with (folder / "expected" / "A_report_free_all.csv").open(newline="") as file:
-        return {
-            (r["id"], r["param"]): (float(r["value"]), float(r["sigma_post"])) for r in csv.DictReader(file)
-        }
+        return {(r["id"], r["param"]): (float(r["value"]), float(r["sigma_post"])) for r in csv.DictReader(file)}
 
 
 @pytest.fixture(scope="module")

@@ -47,9 +47,7 @@ KNOWN = "sX: sigma_x, sY: sigma_y, sZ: sigma_z"
 UNKNOWN = "sX: null, sY: null, sZ: null"
 FREE = "{free: all, movements: reference}"
 """The reference takes G and X0 from the approximate coordinates."""
-CASES = pytest.mark.parametrize(
-    "case", ["reference_model3", "reference_model_forward", "free_network_model3"]
-)
+CASES = pytest.mark.parametrize("case", ["reference_model3", "reference_model_forward", "free_network_model3"])
 
 
 def project(case, observations="observations.csv"):

@@ -23,9 +23,7 @@ def test_it_shares_no_code_with_mor():
         name.split(".")[0]
         for node in ast.walk(tree)
         if isinstance(node, (ast.Import, ast.ImportFrom))
-        for name in (
-            [node.module or ""] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names]
-        )
+        for name in ([node.module or ""] if isinstance(node, ast.ImportFrom) else [a.name for a in node.names])
     }
     assert imports == {"__future__", "json", "sys", "pathlib", "numpy", "yaml"}
 

@@ -31,6 +31,4 @@ def test_network_agrees_with_its_expected_values(path):
     assert len(checks) >= 4 + 2 * sum(tables[name] > 0 for name in ("points", "published", "images"))
     assert expected["dof"] == expected["n"] - expected["u"] + expected["defect"]
     if all("r" in row for row in table(expected, "observations")):
-        assert sum(row["r"] for row in table(expected, "observations")) == pytest.approx(
-            expected["dof"], abs=1e-6
-        )
+        assert sum(row["r"] for row in table(expected, "observations")) == pytest.approx(expected["dof"], abs=1e-6)

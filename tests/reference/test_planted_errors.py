@@ -126,9 +126,7 @@ PLACES: dict[str, tuple[Callable[[Any], None], str]] = {
         "closed forms",
     ),
     "cofactors of the unknowns": (
-        lambda monkeypatch: monkeypatch.setattr(
-            precision, "block_cofactors", _scaled(precision.block_cofactors)
-        ),
+        lambda monkeypatch: monkeypatch.setattr(precision, "block_cofactors", _scaled(precision.block_cofactors)),
         "textbook networks",
     ),
     "normal equations": (

@@ -25,9 +25,7 @@ from tests.reference_data import (
 )
 
 FOLDER = Path(__file__).parent / "networks"
-JAG3D = pytest.mark.parametrize(
-    "path", [path for path in NETWORKS if path.parent.name == "jag3d"], ids=network_name
-)
+JAG3D = pytest.mark.parametrize("path", [path for path in NETWORKS if path.parent.name == "jag3d"], ids=network_name)
 
 
 @pytest.fixture

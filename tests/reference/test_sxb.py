@@ -65,8 +65,6 @@ def test_images(block):
         reference = np.array(expected["images"][name]["value"])
         np.testing.assert_allclose(pose[:3], reference[:3], rtol=0, atol=1e-5, err_msg=name)
         turn = np.angle(np.exp(1j * (pose[3:] - np.radians(reference[3:]))))
-        np.testing.assert_allclose(
-            turn, 0.0, atol=3e-10, err_msg=name
-        )  # the reference is reproducible to 2e-10
+        np.testing.assert_allclose(turn, 0.0, atol=3e-10, err_msg=name)  # the reference is reproducible to 2e-10
         std = solved.quality.sigma0 * np.concatenate([sigma[:3], np.degrees(sigma[3:])])
         np.testing.assert_allclose(std, expected["images"][name]["std"], rtol=2e-7, err_msg=name)

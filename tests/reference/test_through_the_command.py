@@ -83,9 +83,7 @@ def _adjusted(project: Project, folder: Path) -> Run:
 
 
 @pytest.mark.parametrize(("project", "solvable"), _found())
-def test_ends_as_documented_and_every_value_is_finite_or_null(
-    project: Project, solvable: bool, tmp_path: Path
-) -> None:
+def test_ends_as_documented_and_every_value_is_finite_or_null(project: Project, solvable: bool, tmp_path: Path) -> None:
     done, out = _adjusted(project, tmp_path), tmp_path / "out"
     assert done.code in ({0} if solvable else DOCUMENTED), done.err
     assert not NOT_A_NUMBER.search(done.err), done.err
@@ -97,9 +95,7 @@ def test_ends_as_documented_and_every_value_is_finite_or_null(
     assert not NOT_A_NUMBER.search(text), NOT_A_NUMBER.search(text)
     if done.code != 0:
         return
-    assert results["redundancy_sum"] == pytest.approx(
-        results["redundancy"], abs=1e-6 * results["observations"]
-    )
+    assert results["redundancy_sum"] == pytest.approx(results["redundancy"], abs=1e-6 * results["observations"])
     assert (out / "report.html").stat().st_size > 10_000
     tables = list(out.glob("*.csv"))
     assert {"residuals.csv", "points.csv", "images.csv"} <= {path.name for path in tables}

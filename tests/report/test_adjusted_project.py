@@ -94,9 +94,7 @@ def test_image_points_in_pixels_are_those_in_millimetres(tmp_path: Path) -> None
     plain = adjust(known_block(tmp_path / "mm", BLOCK), tmp_path / "mm" / "out")
     for model, interior in (("mor", "{c: 20}"), ("opencv", "{fx: 20, fy: 20, cx: 1500 px, cy: 1000 px}")):
         project = write_pixels(tmp_path / model, model, interior)
-        bar = next(
-            line for line in (tmp_path / "mm" / "project.yaml").read_text().splitlines() if "distance" in line
-        )
+        bar = next(line for line in (tmp_path / "mm" / "project.yaml").read_text().splitlines() if "distance" in line)
         project.write_text(
             project.read_text().replace("observations:", f"observations:\n{bar}").replace("0.2 px", "2 um")
         )

@@ -43,9 +43,7 @@ def rays() -> tuple[FloatArray, FloatArray]:
     return u.ravel(), v.ravel()
 
 
-def brown(
-    u: FloatArray, v: FloatArray, k: tuple[float, ...], p: tuple[float, float]
-) -> tuple[FloatArray, FloatArray]:
+def brown(u: FloatArray, v: FloatArray, k: tuple[float, ...], p: tuple[float, float]) -> tuple[FloatArray, FloatArray]:
     """Normalised coordinates as OpenCV distorts them, y downwards (documentation of calib3d)."""
     r2 = u * u + v * v
     radial = 1.0 + k[0] * r2 + k[1] * r2**2
@@ -133,9 +131,7 @@ def test_page_and_text_say_the_same(results: Path, tmp_path: Path, language: str
 @pytest.mark.parametrize("language", ["en", "de"])
 def test_expanded_uncertainties(results: Path, tmp_path: Path, language: str) -> None:
     for name in ("one.html", "one.txt"):
-        run = mor(
-            "certificate", results, "D7", "-o", tmp_path / name, "--lang", language, "--coverage", "2.5"
-        )
+        run = mor("certificate", results, "D7", "-o", tmp_path / name, "--lang", language, "--coverage", "2.5")
         assert run.code == 0
     page, text = ((tmp_path / name).read_text(encoding="utf-8") for name in ("one.html", "one.txt"))
     view = view_of_folder(results)

@@ -120,10 +120,7 @@ def test_administrative_data_are_those_of_the_laboratory(results: Path, tmp_path
 
 def test_python_gives_what_the_command_writes(results: Path, tmp_path: Path) -> None:
     """The numbers of the two certificates; those of the command went through the tables of results."""
-    assert (
-        mor("certificate", results, "D7", "--coverage", 2, "-o", tmp_path / "d7.txt", "--lang", "de").code
-        == 0
-    )
+    assert mor("certificate", results, "D7", "--coverage", 2, "-o", tmp_path / "d7.txt", "--lang", "de").code == 0
     result = api.adjust(SAMPLES / "facade" / "project.yaml")
     text = result.certificate("D7", coverage=2.0, language="de")
     assert text == (tmp_path / "d7.txt").read_text(encoding="utf-8")
@@ -145,9 +142,7 @@ def test_missing_data_are_refused_by_name(results: Path, tmp_path: Path, key: st
 
 def test_wrong_data_are_refused(results: Path, tmp_path: Path) -> None:
     path = tmp_path / "admin.yaml"
-    path.write_text(
-        ADMIN.replace("end: 2026-03-03", "end: 2026-02-30").replace("country: DE\n", "country: de\n")
-    )
+    path.write_text(ADMIN.replace("end: 2026-03-03", "end: 2026-02-30").replace("country: DE\n", "country: de\n"))
     run = mor("certificate", results, "D7", "--dcc", path, "-o", tmp_path / "d7.xml")
     assert "expected a date such as 2026-03-01" in run.err
     assert "expected two capital letters" in run.err
@@ -193,8 +188,7 @@ def test_distortion_by_the_equations_of_the_model(results: Path, tmp_path: Path)
     """x (A1 (r² − r0²) + A2 (r⁴ − r0⁴)) of docs/camera-models.md, written out, up to the farthest measured point."""
     root = written(results, tmp_path)
     radius, shift = (
-        np.array(e.find(S + "valueXMLList").text.split(), dtype=float)
-        for e in root.iter(S + "realListXMLList")
+        np.array(e.find(S + "valueXMLList").text.split(), dtype=float) for e in root.iter(S + "realListXMLList")
     )
     camera = json.loads((results / "results.json").read_text())["cameras"][0]
     a, b = (camera["components"][name]["value"] for name in ("A1", "A2"))

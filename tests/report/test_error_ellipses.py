@@ -71,9 +71,7 @@ def test_the_relative_ellipse_is_that_of_the_joint_covariance(tmp_path):
     values, vectors = np.linalg.eigh(q)
     assert (pair["a"], pair["b"]) == pytest.approx(tuple(np.sqrt(values[::-1])))
     # x is north, y east, so atan2(y, x) is the bearing.
-    assert np.sin(pair["azimuth"] * np.pi / 200 - np.arctan2(*vectors[::-1, 1])) == pytest.approx(
-        0.0, abs=1e-9
-    )
+    assert np.sin(pair["azimuth"] * np.pi / 200 - np.arctan2(*vectors[::-1, 1])) == pytest.approx(0.0, abs=1e-9)
     along = np.array([30.0, 20.0]) / np.hypot(30.0, 20.0)
     assert pair["sdistance"] == pytest.approx(np.sqrt(along @ q @ along), rel=1e-6)
     report = (tmp_path / "project.results" / "report.txt").read_text()

@@ -64,10 +64,7 @@ def test_vectors_are_the_movements_of_the_spoiled_network(seed: int, tmp_path: P
 
 
 def test_vectors_come_back_from_disk(tmp_path: Path) -> None:
-    rows = [
-        [a, b, dz, 0.001]
-        for (a, b), dz in zip(LINES, (1.001, 1.0, 1.0, 3.0, 2.0, 2.001, -2.0, -1.0), strict=True)
-    ]
+    rows = [[a, b, dz, 0.001] for (a, b), dz in zip(LINES, (1.001, 1.0, 1.0, 3.0, 2.0, 2.001, -2.0, -1.0), strict=True)]
     made = external_reliability(solved(tmp_path, text(rows, False)))
     assert mor("adjust", tmp_path / "project.yaml", "--no-html", "--quiet").code == 0
     read = view_of_folder(tmp_path / "project.results").external

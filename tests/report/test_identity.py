@@ -13,9 +13,7 @@ import pytest
 from tests.published_schemas import mistakes
 from tests.scenarios.small_projects import LEVELLING, mor, write
 
-IDENTIFIED = (
-    LEVELLING + 'report: {operator: A. Surveyor, client: City of Mill, remarks: "Cloudy,\\n 12 degrees."}\n'
-)
+IDENTIFIED = LEVELLING + 'report: {operator: A. Surveyor, client: City of Mill, remarks: "Cloudy,\\n 12 degrees."}\n'
 DAY = 1_700_000_000
 """2023-11-14, 22:13 UTC."""
 

@@ -31,9 +31,7 @@ def test_names_meet_neither_each_other_nor_points_nor_the_edge(seed: int) -> Non
     marks = draw.uniform(0.0, 300.0, (count, 2))
     size = np.column_stack([draw.uniform(5.0, 60.0, count), np.full(count, 8.0)])
     found = placed(marks, size, np.array([0.0, 0.0, 300.0, 300.0]))
-    boxes = np.array(
-        [[*(marks[k] + offset - size[k] / 2), *(marks[k] + offset + size[k] / 2)] for k, offset in found]
-    )
+    boxes = np.array([[*(marks[k] + offset - size[k] / 2), *(marks[k] + offset + size[k] / 2)] for k, offset in found])
     assert (boxes >= 0.0).all()
     assert (boxes <= 300.0).all()
     assert found[0][0] == 0, "the first has the first choice"

@@ -26,9 +26,7 @@ def measured(folder: Path, seed: int, offset: float, sigma: float) -> np.ndarray
     table = folder / "distances.csv"
     lines = table.read_text().splitlines()
     assert lines[0] == "from,to,distance"
-    assert [line.split(",")[:2] for line in lines[1:]] == [
-        [str(i), str(j)] for i, j in combinations(range(1, 8), 2)
-    ]
+    assert [line.split(",")[:2] for line in lines[1:]] == [[str(i), str(j)] for i, j in combinations(range(1, 8), 2)]
     values = np.array([PLACES[j] - PLACES[i] for i, j in combinations(range(7), 2)])
     values = np.round(values + offset + random.normal(0.0, sigma, 21), 4)
     rows = [line + repr(v) for line, v in zip(lines[1:], values.tolist(), strict=True)]
@@ -64,9 +62,7 @@ def test_figures_and_verdicts(tmp_path: Path, seed: int, offset: float) -> None:
         (abs(delta) * 1e3, None, stats.t.ppf(0.975, 14) * s_delta * 1e3),
     ]
     for test, (found, low, high) in zip(tests, expected, strict=True):
-        np.testing.assert_allclose(
-            [test.found, test.low or 0.0, test.high], [found, low or 0.0, high], rtol=1e-7
-        )
+        np.testing.assert_allclose([test.found, test.low or 0.0, test.high], [found, low or 0.0, high], rtol=1e-7)
         assert test.passed == ((low is None or low <= found) and found <= high)
     assert tests[0].high / 2.0 == pytest.approx(1.30, abs=0.005)  # factors that the standard prints
     assert [tests[1].low, tests[1].high] == pytest.approx([0.34, 2.98], abs=0.005)
@@ -188,9 +184,7 @@ def test_positions_by_gnss(tmp_path: Path) -> None:
     run = mor("report", tmp_path / "test.results", "--protocol", "iso17123-8", "--lang", "de")
     assert run.code == 0, run.err
     text = (tmp_path / "test.results" / "protocol.txt").read_text(encoding="utf-8")
-    assert (
-        f"Standardabweichung s, Position  {expected[0]:.3f} mm, 56 Freiheitsgrade".replace(".", ",") in text
-    )
+    assert f"Standardabweichung s, Position  {expected[0]:.3f} mm, 56 Freiheitsgrade".replace(".", ",") in text
     assert "b) Standardabweichung s, Höhe" in text
 
 
@@ -272,12 +266,8 @@ def test_lengths(tmp_path: Path) -> None:
     errors, limits = np.abs(found - lengths).reshape(7, 5), (0.01 + 0.01 * lengths / 1e3).reshape(7, 5)
     worst = (errors / limits).argmax(axis=1)[:, None]
     tests = length_tests(view_of_folder(tmp_path / "test.results"), (0.01, 0.01))
-    assert [test.found for test in tests] == pytest.approx(
-        np.take_along_axis(errors, worst, 1)[:, 0], rel=1e-6
-    )
-    assert [test.high for test in tests] == pytest.approx(
-        np.take_along_axis(limits, worst, 1)[:, 0], rel=1e-9
-    )
+    assert [test.found for test in tests] == pytest.approx(np.take_along_axis(errors, worst, 1)[:, 0], rel=1e-6)
+    assert [test.high for test in tests] == pytest.approx(np.take_along_axis(limits, worst, 1)[:, 0], rel=1e-9)
     assert [test.passed for test in tests] == (errors <= limits).all(axis=1).tolist()
     options = ("--protocol", "vdi2634-1", "--permissible", 0.01, 0.01, "--lang", "de")
     assert mor("report", tmp_path / "test.results", *options).code == 0

@@ -221,9 +221,7 @@ class TestUnitsIn:
 
     def test_cells(self, tmp_path: Path) -> None:
         plain = self.heights(tmp_path / "m", LEVELLING)
-        text = LEVELLING.replace("1.001, 0.001", "1001 mm, 1000 um").replace(
-            "1.002, 0.001", "100.2 cm, 0.1cm"
-        )
+        text = LEVELLING.replace("1.001, 0.001", "1001 mm, 1000 um").replace("1.002, 0.001", "100.2 cm, 0.1cm")
         assert self.heights(tmp_path / "mm", text) == pytest.approx(plain, rel=1e-12, abs=1e-12)
 
     def test_columns(self, tmp_path: Path) -> None:
@@ -290,9 +288,7 @@ observations:
 
     def test_values_with_units_in_a_camera(self, tmp_path: Path) -> None:
         data = adjust(
-            known_block(
-                tmp_path, BLOCK.replace(INTERIOR, "{interior: {c: {observed: 2 cm, sigma: 1 um}, xh: 5 um}}")
-            ),
+            known_block(tmp_path, BLOCK.replace(INTERIOR, "{interior: {c: {observed: 2 cm, sigma: 1 um}, xh: 5 um}}")),
             tmp_path / "out",
         )
         components = data["cameras"][0]["components"]
@@ -323,9 +319,7 @@ def test_table_without_header_with_comments_and_spaces(tmp_path: Path) -> None:
         "",
         *(" ".join(map(str, [r[0], r[1], repr(r[2]), repr(r[3])])) for r in found.rays),
     ]
-    text = BLOCK.replace(
-        "file: rays.csv", "file: rays.csv\n    columns: [image, point, x, y]\n    delimiter: ' '"
-    )
+    text = BLOCK.replace("file: rays.csv", "file: rays.csv\n    columns: [image, point, x, y]\n    delimiter: ' '")
     plain = adjust(write_block(tmp_path / "plain"), tmp_path / "one")
     other = adjust(write_block(tmp_path / "bare", text, rays="\n".join(lines) + "\n"), tmp_path / "two")
     assert {**other, "identity": plain["identity"]} == plain

@@ -62,9 +62,7 @@ def test_files_hold_what_the_table_has(solved: Solved, tmp_path: Path) -> None:
     exact = ["observed", "adjusted", "v", "sigma"]
     assert text.select(exact).equals(table.select(exact))
     for name in ("r", "w", "p", "p_t", "nabla", "external"):
-        found, expected = (
-            frame[name].cast(pl.Float64).fill_null(np.nan).to_numpy() for frame in (text, table)
-        )
+        found, expected = (frame[name].cast(pl.Float64).fill_null(np.nan).to_numpy() for frame in (text, table))
         np.testing.assert_allclose(found, expected, rtol=6e-7, equal_nan=True)
     again = tmp_path / "again.csv"
     residual_writer(solved, "csv", nothing)(again)
@@ -117,9 +115,7 @@ def test_tables_that_were_asked_for(project: Path, tmp_path: Path, tables: str, 
 
 def test_another_choice_leaves_no_table_of_the_one_before(project: Path, tmp_path: Path) -> None:
     assert mor("adjust", project, "-o", tmp_path / "out", "--no-html").code == 0
-    assert (
-        mor("adjust", project, "-o", tmp_path / "out", "--no-html", "--force", "--tables", "none").code == 0
-    )
+    assert mor("adjust", project, "-o", tmp_path / "out", "--no-html", "--force", "--tables", "none").code == 0
     assert not list((tmp_path / "out").glob("residuals*"))
     assert not list((tmp_path / "out").glob("points*"))
 
@@ -172,9 +168,7 @@ def test_long_tables_stand_beside_and_are_found_again(
     assert printed["points"]
 
 
-def test_pictures_need_all_residuals_and_say_so(
-    project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_pictures_need_all_residuals_and_say_so(project: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(results_json, "INLINE", 2)
     assert mor("adjust", project, "-o", tmp_path / "out", "--no-html", "--tables", "worst").code == 0
     run = mor("plot", "histogram", tmp_path / "out", "-o", tmp_path / "w.svg")
@@ -189,9 +183,7 @@ def _write(solved: Solved, document: Document, source: Path, folder: Path, choic
 
 @pytest.mark.usefixtures("small_pieces")
 @pytest.mark.parametrize("kind", ["csv", "parquet"])
-def test_interrupted_in_the_middle_of_a_table(
-    solved: Solved, project: Path, tmp_path: Path, kind: str
-) -> None:
+def test_interrupted_in_the_middle_of_a_table(solved: Solved, project: Path, tmp_path: Path, kind: str) -> None:
     def interrupt(rows: int) -> None:
         raise KeyboardInterrupt
 
@@ -237,9 +229,7 @@ def test_of_very_many_observations_the_long_table_is_written_by_itself(
     _write(solved, document, project.parent, tmp_path / "two", choice)
     assert point_table(solved) is not remembered
     assert point_table(solved).equals(remembered)
-    one, two = (
-        {path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two")
-    )
+    one, two = ({path.name: path.read_bytes() for path in (tmp_path / name).iterdir()} for name in ("one", "two"))
     assert one == two
 
 

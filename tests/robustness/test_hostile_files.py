@@ -56,18 +56,14 @@ def test_many_aliases_of_something_large(tmp_path: Path, repeated: str) -> None:
     assert time.process_time() - begun < 10.0
 
 
-@pytest.mark.parametrize(
-    "text", ["[" * 100_000, "{a: " * 100_000, "- " * 100_000, "mor: 1\ntitle: " + "[" * 100_000]
-)
+@pytest.mark.parametrize("text", ["[" * 100_000, "{a: " * 100_000, "- " * 100_000, "mor: 1\ntitle: " + "[" * 100_000])
 def test_very_many_levels(tmp_path: Path, text: str) -> None:
     assert "project.yaml:" in refused(write(tmp_path, text))
 
 
 @pytest.mark.parametrize("text", ["a: &a [*a]", "a: &a {b: *a}", "a: &a [&b [*a, *b]]"])
 def test_what_refers_to_itself(tmp_path: Path, text: str) -> None:
-    assert refused(write(tmp_path, f"mor: 1\n{text}\n")).endswith(
-        "this is nested too deeply, or refers to itself"
-    )
+    assert refused(write(tmp_path, f"mor: 1\n{text}\n")).endswith("this is nested too deeply, or refers to itself")
 
 
 def test_aliases_are_what_they_stand_for(tmp_path: Path) -> None:
@@ -103,9 +99,7 @@ def test_more_than_the_limit_of_a_file(tmp_path: Path, name: str, monkeypatch: p
     project = table(tmp_path, gzip.compress(content) if name.endswith("gz") else content, name)
     monkeypatch.setenv("MOR_MAX_FILE_MB", "1")
     said = refused(project)
-    assert said.endswith(
-        f"{name}: found more than 1 MB; a larger MOR_MAX_FILE_MB in the environment allows more"
-    )
+    assert said.endswith(f"{name}: found more than 1 MB; a larger MOR_MAX_FILE_MB in the environment allows more")
     monkeypatch.setenv("MOR_MAX_FILE_MB", "2")
     assert mor("adjust", project, "--no-html").code == 0
 
@@ -194,9 +188,7 @@ def test_what_is_no_delimiter(tmp_path: Path, delimiter: str) -> None:
     said = refused(
         write(
             tmp_path,
-            WITH_TABLE.replace(
-                "{file: points.csv", f"{{file: points.csv, delimiter: {json.dumps(delimiter)}"
-            ),
+            WITH_TABLE.replace("{file: points.csv", f"{{file: points.csv, delimiter: {json.dumps(delimiter)}"),
         )
     )
     assert "delimiter" in said

@@ -91,11 +91,7 @@ def test_a_name_is_one_line(tmp_path: Path, name: str) -> None:
 
 def test_comments_end_where_quotes_begin(tmp_path: Path) -> None:
     rows = "columns: [id, x, y, z], rows: [[A, 0, 0, 10]]"
-    text = (
-        LEVELLING.replace(rows, "file: points.csv")
-        .replace("[A, B", '["A #1", B')
-        .replace(", A,", ', "A #1",')
-    )
+    text = LEVELLING.replace(rows, "file: points.csv").replace("[A, B", '["A #1", B').replace(", A,", ', "A #1",')
     points = 'id,x,y,z # the only "fixed" one\n"A #1",0,0,10 # a comment\n# all of it\n'
     run = mor("adjust", write(tmp_path, text, points=points), "--no-html")
     assert (run.code, names_in(tmp_path / "project.results")) == (0, {"A #1", "B", "C"})

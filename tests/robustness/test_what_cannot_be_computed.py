@@ -101,10 +101,7 @@ def test_a_zero_sigma_of_image_variant_is_no_difference(tmp_path: Path) -> None:
     same = BLOCK.replace(INTERIOR, "{interior: {c: {free: 20}}, image_variant: {c: 0}}")
     for folder, text in ((tmp_path / "free", free), (tmp_path / "same", same)):
         assert mor("adjust", write_block(folder, text), "--no-html").code == 0
-    found = [
-        json.loads((tmp_path / name / "project.results/results.json").read_text())
-        for name in ("free", "same")
-    ]
+    found = [json.loads((tmp_path / name / "project.results/results.json").read_text()) for name in ("free", "same")]
     for key in ("unknowns", "redundancy", "sigma0", "points", "cameras"):
         assert found[0][key] == found[1][key]
 
@@ -220,9 +217,7 @@ def test_images_in_which_one_coordinate_alone_is_measured(tmp_path: Path) -> Non
     lines = [line.split(",") for line in rays.read_text().splitlines()]
     y = lines[0].index("y")
     rays.write_text(
-        "\n".join(
-            ",".join([*cells[:y], "" if k else cells[y], *cells[y + 1 :]]) for k, cells in enumerate(lines)
-        )
+        "\n".join(",".join([*cells[:y], "" if k else cells[y], *cells[y + 1 :]]) for k, cells in enumerate(lines))
     )
     run = mor("adjust", project)
     assert run.code in (0, 1, 2, 3, 4), run.err

@@ -109,9 +109,7 @@ def bal_problem(seed: int) -> BalProblem:
     start[:, 3:6] = -_rotated(start[:, :3], moved)
     start[:, 6:] *= 1.0 + off * random.uniform(-1.0, 1.0, (m, 3))
     distance = np.linalg.norm(points - middle, axis=1)[:, None]
-    return BalProblem(
-        start, points + off * random.normal(0.0, 0.5, points.shape) * distance, image, point, xy
-    )
+    return BalProblem(start, points + off * random.normal(0.0, 0.5, points.shape) * distance, image, point, xy)
 
 
 def _cross(a: FloatArray) -> FloatArray:
@@ -144,12 +142,9 @@ def projected(cameras: FloatArray, points: FloatArray) -> tuple[FloatArray, Floa
     r2 = np.sum(p**2, axis=1)
     radial = 1.0 + r2 * (k1 + r2 * k2)
     by_p = f[:, None, None] * (
-        radial[:, None, None] * np.eye(2)
-        + (2.0 * (k1 + 2.0 * k2 * r2))[:, None, None] * p[:, :, None] * p[:, None, :]
+        radial[:, None, None] * np.eye(2) + (2.0 * (k1 + 2.0 * k2 * r2))[:, None, None] * p[:, :, None] * p[:, None, :]
     )
-    p_by_P = (
-        np.concatenate([np.tile(-np.eye(2), (len(p), 1, 1)), -p[:, :, None]], axis=2) / P[:, 2, None, None]
-    )
+    p_by_P = np.concatenate([np.tile(-np.eye(2), (len(p), 1, 1)), -p[:, :, None]], axis=2) / P[:, 2, None, None]
     by_P = by_p @ p_by_P
     by_camera = np.empty((len(p), 2, 9))
     by_camera[:, :, :3] = -by_P @ _cross(turned) @ left
@@ -237,9 +232,7 @@ def main() -> None:
             if not well[-1]:
                 print(seed, own, peer, flush=True)
     mine, theirs = np.median(iterations, axis=0)
-    print(
-        f"{sum(well)} of {len(well)} at the same minimum or lower; median of iterations {mine:.0f}, {theirs:.0f}"
-    )
+    print(f"{sum(well)} of {len(well)} at the same minimum or lower; median of iterations {mine:.0f}, {theirs:.0f}")
 
 
 if __name__ == "__main__":

@@ -30,15 +30,11 @@ def local_system(**how) -> tuple[Scene, list[str]]:
     scene, points = photo_block()
     free = {"origin": True, "rotation": True, "scale": True, "offset": False, **how}
     scene.add("point", "origin", [1.0, 0.5, -0.3], free=free["origin"])
-    scene.add(
-        "rotation", "system", [0.0, 0.0, 0.7] if "level" in how else [0.2, -0.3, 0.7], free=free["rotation"]
-    )
+    scene.add("rotation", "system", [0.0, 0.0, 0.7] if "level" in how else [0.2, -0.3, 0.7], free=free["rotation"])
     scene.add("scale", "system", [1.1], free=free["scale"])
     scene.add("eccentricity", "system", [0.0, 0.0, 0.0], free=free["offset"])
     for point in points[:5]:
-        scene.observe(
-            "local", "origin", "system", "system", "system", point, sigma=1e-3, only=how.get("only")
-        )
+        scene.observe("local", "origin", "system", "system", "system", point, sigma=1e-3, only=how.get("only"))
     return scene, points
 
 

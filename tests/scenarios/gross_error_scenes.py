@@ -53,8 +53,7 @@ def aerial(random: np.random.Generator) -> tuple[Scene, list[str], bool]:
     places = places[seen >= 3]
     corners = [np.argmin(np.abs(places[:, :2] - corner).sum(axis=1)) for corner in _corners(places)]
     points = [
-        scene.add("point", f"P{i}", xyz, free=i not in corners or (False, False, False))
-        for i, xyz in enumerate(places)
+        scene.add("point", f"P{i}", xyz, free=i not in corners or (False, False, False)) for i, xyz in enumerate(places)
     ]
     for i in corners:
         scene.free["point"][f"P{i}"] = np.zeros(3, dtype=bool)
@@ -62,9 +61,7 @@ def aerial(random: np.random.Generator) -> tuple[Scene, list[str], bool]:
     for r in range(rows):
         for c in range(columns):
             at = np.array([c * 70.0, r * 80.0, 160.0]) + 3.0 * random.standard_normal(3)
-            here = [
-                p for p, xyz in zip(points, places, strict=True) if np.abs(xyz[:2] - at[:2]).max() < 105.0
-            ]
+            here = [p for p, xyz in zip(points, places, strict=True) if np.abs(xyz[:2] - at[:2]).max() < 105.0]
             target = at - [0.0, 0.0, 160.0] + 6.0 * random.standard_normal(3)
             _image(scene, f"I{r}{c}", at, target, here, random, 1.0)
     return scene, points, False
@@ -109,9 +106,7 @@ def space(random: np.random.Generator) -> tuple[Scene, list[str], bool]:
     scene = Scene()
     points = [
         scene.add("point", f"P{i}", xyz)
-        for i, xyz in enumerate(
-            random.uniform([-60, -60, -15], [60, 60, 15], (int(random.integers(12, 25)), 3))
-        )
+        for i, xyz in enumerate(random.uniform([-60, -60, -15], [60, 60, 15], (int(random.integers(12, 25)), 3)))
     ]
     for k in range(int(random.integers(5, 8))):
         station = scene.add("point", f"S{k}", random.uniform([-90, -90, -4], [90, 90, 4]))
@@ -221,9 +216,7 @@ def names_exchanged(seed: int, kind: str) -> Spoiled:
     return scene._replace(problem=replace(scene.problem, groups=tuple(groups)))
 
 
-def disturbed(
-    scene: Spoiled, random: np.random.Generator, part: float, angle: float
-) -> dict[str, FloatArray]:
+def disturbed(scene: Spoiled, random: np.random.Generator, part: float, angle: float) -> dict[str, FloatArray]:
     """Start values: coordinates off by up to ``part`` of the extent of the points, attitudes by up to ``angle``."""
     values = {kind: array.copy() for kind, array in scene.truth.items()}
     index = scene.problem.index

@@ -130,9 +130,7 @@ def _stations(random: np.random.Generator) -> tuple[Scene, float]:
         for point, xyz in zip(points, places, strict=True):
             names = (station, station, None, point)
             scene.observe("zenith_directions", *names, sigma=(1e-4, 1e-4), constants=(6_371_000.0, 1.0))
-            d = float(np.linalg.norm(xyz - scene.truth["point"][station])) * (
-                1.0 + wrong * random.uniform(-1, 1)
-            )
+            d = float(np.linalg.norm(xyz - scene.truth["point"][station])) * (1.0 + wrong * random.uniform(-1, 1))
             scene.observe("distance", station, None, point, None, sigma=0.01, observed=d)
     return scene, 100.0
 
@@ -216,9 +214,7 @@ def main() -> None:
         row[3] += converged
         if peer and not well:
             words = f"{found.outcome.value} {found.reason}, {len(found.iterations)} iterations"
-            print(
-                f"{seed} {case.kind}: {words}, {found.normals.objective:.9g} for {expected:.9g}", flush=True
-            )
+            print(f"{seed} {case.kind}: {words}, {found.normals.objective:.9g} for {expected:.9g}", flush=True)
     print("| kind | cases | scipy converges | mor converges there, not higher | mor converges |")
     print("|---|---|---|---|---|")
     for kind, row in tally.items():

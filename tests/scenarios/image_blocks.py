@@ -67,9 +67,7 @@ def write_block(folder: Path, kind: Kind, seed: int = 1) -> Path:
             "camera": ["K"] * len(centre),
             **dict(zip("xyz", (centre + random.normal(0.0, 0.05, centre.shape)).T, strict=True)),
             **({f"sigma_{a}": np.full(len(centre), 0.05) for a in "xyz"} if kind.gnss else {}),
-            **dict(
-                zip(("omega", "phi", "kappa"), (angles + random.normal(0, 1e-3, angles.shape)).T, strict=True)
-            ),
+            **dict(zip(("omega", "phi", "kappa"), (angles + random.normal(0, 1e-3, angles.shape)).T, strict=True)),
         },
         "rays": {
             "image": [f"I{k}" for k in image],
@@ -122,9 +120,7 @@ def _aerial(kind: Kind, random: np.random.Generator) -> tuple[FloatArray, FloatA
 def _convergent(kind: Kind, random: np.random.Generator) -> tuple[FloatArray, FloatArray, FloatArray]:
     count = kind.strips * kind.images
     turn = np.arange(count) * 2.0 * np.pi / count
-    centre = np.column_stack(
-        [300.0 * np.cos(turn), 300.0 * np.sin(turn), random.uniform(100.0, 250.0, count)]
-    )
+    centre = np.column_stack([300.0 * np.cos(turn), 300.0 * np.sin(turn), random.uniform(100.0, 250.0, count)])
     centre[:, 2] += 300.0
     # The object lies below all cameras: each tilts towards it, ω and φ from the direction to the middle.
     down = -centre / np.linalg.norm(centre, axis=1)[:, None]
@@ -150,9 +146,7 @@ def _rays(
     return np.concatenate(image), np.concatenate(of_point), np.concatenate(xy)
 
 
-def _sights(
-    files: dict, point: FloatArray, used: np.ndarray, kind: Kind, random: np.random.Generator
-) -> list[str]:
+def _sights(files: dict, point: FloatArray, used: np.ndarray, kind: Kind, random: np.random.Generator) -> list[str]:
     """Tables of distances and height differences; a third of them goes anywhere."""
     order = used[np.argsort(point[used, 0])]
     first = random.choice(len(order), kind.sights, replace=False)

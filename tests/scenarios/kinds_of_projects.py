@@ -96,9 +96,7 @@ def stereo(folder: Path) -> Path:
     relative = "pairs:\n  - {columns: [id, bx, by, bz, omega, phi, kappa], rows: [[rig, %s]]}\nimages:"
     pose = ", ".join(str(round(x, 3)) for x in relative_pose(rows.images[0], rows.images[2]))
     text = BLOCK.replace("images:", relative % pose)
-    return write_block(
-        folder, text, rows, images=table("id,camera,x,y,z,omega,phi,kappa,leader,pair", images)
-    )
+    return write_block(folder, text, rows, images=table("id,camera,x,y,z,omega,phi,kappa,leader,pair", images))
 
 
 def relative_pose(first: list[Any], second: list[Any]) -> list[float]:
@@ -121,9 +119,7 @@ def matrix(angles: list[float]) -> np.ndarray:
 def local_system(folder: Path) -> Path:
     """Points measured with a tape in a system of their own, larger by 1/1000, beside the images."""
     rows = block(noise=0.002)
-    local = [
-        [name, *(float(1.001 * x + 0.0005 * np.sin(7 * x)) for x in xyz)] for name, *xyz in rows.points[:6]
-    ]
+    local = [[name, *(float(1.001 * x + 0.0005 * np.sin(7 * x)) for x in xyz)] for name, *xyz in rows.points[:6]]
     entry = """\
 systems:
   - {columns: [id, x, y, z, omega, phi, kappa, scale], rows: [[T, 0.1, 0, 0, 0.2, 0, 0.1, 1]]}
@@ -161,26 +157,18 @@ KINDS = {
             "images.csv", "images.csv\n    values: {sigma_x: 0.01, sigma_omega: 5 mgon, sigma_kappa: 5 mgon}"
         ),
     ),
-    "fixed angles": lambda folder: known_block(
-        folder, BLOCK.replace("images.csv", "images.csv\n    fixed: [omega]")
-    ),
+    "fixed angles": lambda folder: known_block(folder, BLOCK.replace("images.csv", "images.csv\n    fixed: [omega]")),
     "calibration": lambda folder: known_block(
         folder,
-        BLOCK.replace(
-            INTERIOR, "{r0: 5, interior: {c: {observed: 20, sigma: 0.01}, xh: {free: 0}, A1: {free: 0}}}"
-        ),
+        BLOCK.replace(INTERIOR, "{r0: 5, interior: {c: {observed: 20, sigma: 0.01}, xh: {free: 0}, A1: {free: 0}}}"),
     ),
     "eccentricity": lambda folder: known_block(
         folder,
-        BLOCK.replace(
-            INTERIOR, "{interior: {c: 20}, eccentricity: {rz: {observed: 0.1, sigma: 0.001}, rx: 0.02}}"
-        ),
+        BLOCK.replace(INTERIOR, "{interior: {c: 20}, eccentricity: {rz: {observed: 0.1, sigma: 0.001}, rx: 0.02}}"),
     ),
     "image variant": lambda folder: known_block(
         folder,
-        BLOCK.replace(
-            INTERIOR, "{interior: {c: {free: 20}, xh: {free: 0}}, image_variant: {c: 5 um, xh: 0.002}}"
-        ),
+        BLOCK.replace(INTERIOR, "{interior: {c: {free: 20}, xh: {free: 0}}, image_variant: {c: 5 um, xh: 0.002}}"),
     ),
     "pixels": lambda folder: write_pixels(folder, "mor", "{c: {free: 20}, A1: {free: 0}}"),
     "opencv": lambda folder: write_pixels(

@@ -146,9 +146,7 @@ def _sigma_heights(shape: PlaneShape) -> np.ndarray:
     return np.sqrt(np.diag(covariance)[6 * len(shape.positions) :].reshape(-1, 3)[:, 2])
 
 
-def _towards(
-    position: np.ndarray, target: np.ndarray, rng: np.random.Generator
-) -> tuple[np.ndarray, np.ndarray]:
+def _towards(position: np.ndarray, target: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     return position, S.looking(position, target, rng.uniform(-np.pi, np.pi))
 
 
@@ -173,10 +171,7 @@ def _errors_of_shape(shape, made, points, cameras, off: np.ndarray) -> dict[str,
     errors = found.values[: len(truth)] - truth
     k, known = len(round_it), sigma > 1e-9 * length
     names = np.repeat(["sides", "angles", "heights", "flying heights"], [k, k, len(off), len(flying)])
-    return {
-        str(name): (errors / np.where(known, sigma, 1.0))[known & (names == name)]
-        for name in dict.fromkeys(names)
-    }
+    return {str(name): (errors / np.where(known, sigma, 1.0))[known & (names == name)] for name in dict.fromkeys(names)}
 
 
 def table(trials: list[Trial]) -> list[str]:
@@ -229,9 +224,7 @@ def main() -> None:
             trials = [trial(seed) for seed in range(chosen.first, chosen.first + chosen.count)]
             print(f"\n{name}\n", *table(trials), sep="\n", flush=True)
             for k in wrong(trials):
-                worst = max(
-                    float(np.max(np.abs(values))) for values in trials[k].errors.values() if len(values)
-                )
+                worst = max(float(np.max(np.abs(values))) for values in trials[k].errors.values() if len(values))
                 print(f"seed {chosen.first + k}: {trials[k].kind}, {worst:.1f} σ", flush=True)
 
 

@@ -33,9 +33,7 @@ def well_built_block() -> tuple[Scene, list[str]]:
     points = [scene.add("point", f"P{i}", xyz, free=i >= 4) for i, xyz in enumerate(places)]
     for k in range(9):
         angle = 2.0 * np.pi * k / 9.0
-        position = np.array([2.0, 1.7, 2.0 + 1.5 * (k % 3)]) + 8.5 * np.array(
-            [np.cos(angle), np.sin(angle), 0.0]
-        )
+        position = np.array([2.0, 1.7, 2.0 + 1.5 * (k % 3)]) + 8.5 * np.array([np.cos(angle), np.sin(angle), 0.0])
         add_image(scene, f"I{k}", position, points)
     return scene, points
 

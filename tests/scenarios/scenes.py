@@ -130,9 +130,7 @@ class Scene:
                 for component, other in self.shares[kind, name].items():
                     owner[ids.index(name), component] = ids.index(other)
             by_axes = np.array([name in self.by_axes for name in ids]) if kind == "rotation" else None
-            result[kind] = Blocks(
-                KINDS[kind], ids, np.stack([self.free[kind][name] for name in ids]), owner, by_axes
-            )
+            result[kind] = Blocks(KINDS[kind], ids, np.stack([self.free[kind][name] for name in ids]), owner, by_axes)
         return result
 
     def problem(
@@ -163,9 +161,7 @@ class Scene:
             index,
             groups,
             tuple(clusters),
-            DatumDefinition(
-                "by hand", datum is not None, {"point": mask.reshape(-1, 3)}, {"point": coordinates}
-            ),
+            DatumDefinition("by hand", datum is not None, {"point": mask.reshape(-1, 3)}, {"point": coordinates}),
         )
 
     def _group(self, name: str, rows: Rows) -> ObservationGroup:
@@ -210,9 +206,7 @@ def _make_noisy(
     groups: Sequence[ObservationGroup], clusters: Sequence[CorrelatedObservations], noise: np.random.Generator
 ) -> None:
     starts = np.concatenate([[0], np.cumsum([group.observed.size for group in groups])])
-    flat = np.concatenate(
-        [(group.sigma * noise.standard_normal(group.sigma.shape)).ravel() for group in groups]
-    )
+    flat = np.concatenate([(group.sigma * noise.standard_normal(group.sigma.shape)).ravel() for group in groups])
     for cluster in clusters:
         lower = np.linalg.cholesky(cluster.covariance)
         flat[cluster.entries] = lower @ noise.standard_normal(len(lower))
@@ -255,9 +249,7 @@ OBJECT_POINTS = np.array(
     [[x, y, z] for x in (0.0, 2.0, 4.1) for y in (0.3, 3.2) for z in (-0.4, 1.9)]
 ) + 0.2 * np.random.default_rng(17).standard_normal((12, 3))
 
-CAMERA_STATIONS = np.array(
-    [[-4.0, -6.0, 1.2], [2.0, -8.5, 3.0], [8.5, -5.0, 0.4], [9.0, 8.0, 2.5], [1.0, 10.0, 1.0]]
-)
+CAMERA_STATIONS = np.array([[-4.0, -6.0, 1.2], [2.0, -8.5, 3.0], [8.5, -5.0, 0.4], [9.0, 8.0, 2.5], [1.0, 10.0, 1.0]])
 
 
 def add_object_points(scene: Scene, free: bool = True) -> list[str]:
@@ -265,9 +257,7 @@ def add_object_points(scene: Scene, free: bool = True) -> list[str]:
     return [scene.add("point", f"P{i}", xyz, free=free) for i, xyz in enumerate(OBJECT_POINTS)]
 
 
-def add_image(
-    scene: Scene, name: str, position: Sequence[float], points: Sequence[str], **extra: object
-) -> None:
+def add_image(scene: Scene, name: str, position: Sequence[float], points: Sequence[str], **extra: object) -> None:
     """An image of a camera without distortion, c = 20, position ``name`` and rotation ``name``."""
     scene.add("point", name, position)
     scene.add("rotation", name, looking_at(position, OBJECT_POINTS.mean(axis=0), roll=0.3 * len(name)))
@@ -318,9 +308,7 @@ def levelling_network() -> tuple[Scene, list[str]]:
     scene = Scene()
     heights = [10.0, 12.5, 11.1, 14.2]
     places = [[0.0, 0.0], [40.0, 3.0], [35.0, 50.0], [-4.0, 44.0]]
-    names = [
-        scene.add("point", f"B{i}", [*places[i], heights[i]], free=(False, False, True)) for i in range(4)
-    ]
+    names = [scene.add("point", f"B{i}", [*places[i], heights[i]], free=(False, False, True)) for i in range(4)]
     for one, other in ((0, 1), (1, 2), (2, 3), (3, 0), (0, 2)):
         scene.observe("height_difference", names[one], None, names[other], None, sigma=1e-3)
     return scene, names

@@ -191,16 +191,11 @@ def drawn(
             [names[a], names[b], float(np.hypot(*(truth[b] - truth[a])[:2]))] for a, b in pairs
         ]
     if kind in ("distances", "images and distances"):
-        rows["distance"] = [
-            [names[a], names[b], float(np.linalg.norm(truth[b] - truth[a]))] for a, b in pairs
-        ]
+        rows["distance"] = [[names[a], names[b], float(np.linalg.norm(truth[b] - truth[a]))] for a, b in pairs]
     if kind.startswith("plane directions"):
         turn = random.uniform(0.0, 2.0 * np.pi, n)
         rows["directions"] = [
-            [names[a], names[b], _bearing(truth[b] - truth[a]) - turn[a]]
-            for a in range(n)
-            for b in range(n)
-            if a != b
+            [names[a], names[b], _bearing(truth[b] - truth[a]) - turn[a]] for a in range(n) for b in range(n) if a != b
         ]
     if kind == "polar":
         turn = random.uniform(0.0, 2.0 * np.pi, n)
@@ -210,9 +205,7 @@ def drawn(
             for a, b in sights
             for d in [truth[b] - truth[a]]
         ]
-        rows["distance"] = [
-            [names[a], names[b], float(np.linalg.norm(truth[b] - truth[a]))] for a, b in sights
-        ]
+        rows["distance"] = [[names[a], names[b], float(np.linalg.norm(truth[b] - truth[a]))] for a, b in sights]
     if kind.startswith("images"):
         rows["image"] = []
         for k in range(4):
@@ -224,9 +217,7 @@ def drawn(
             images.append([f"I{k}", "K", *start.tolist()])
             star = (truth - centre) @ D.T
             xy = -FOCAL * star[:, :2] / star[:, 2:]
-            rows["image"] += [
-                [f"I{k}", name, *values] for name, values in zip(names, xy.tolist(), strict=True)
-            ]
+            rows["image"] += [[f"I{k}", name, *values] for name, values in zip(names, xy.tolist(), strict=True)]
     plan = Drawn(kind, names, truth, given, free, size, rows, images, 1.0)
     for key, sigma in plan.sigmas().items():
         first = 2

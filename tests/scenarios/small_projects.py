@@ -60,9 +60,9 @@ observations:
 
 C = 20.0
 """Camera constant (mm) of the blocks below."""
-OBJECT = np.array(
-    [[x, y, z] for x in (0.0, 2.0, 4.1) for y in (0.3, 3.2) for z in (-0.4, 1.9)]
-) + 0.2 * np.sin(np.arange(36.0)).reshape(12, 3)
+OBJECT = np.array([[x, y, z] for x in (0.0, 2.0, 4.1) for y in (0.3, 3.2) for z in (-0.4, 1.9)]) + 0.2 * np.sin(
+    np.arange(36.0)
+).reshape(12, 3)
 CENTRES = np.array([[-4.0, -6.0, 1.2], [2.0, -8.5, 3.0], [8.5, -5.0, 0.4], [6.0, -7.0, 5.5]])
 
 

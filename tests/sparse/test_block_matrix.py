@@ -23,9 +23,7 @@ def _example():
 
 
 def _pairs():
-    return {(max(a, b), min(a, b)) for c in CLIQUES for a in c for b in c} | {
-        (b, b) for b in range(SIZES.size)
-    }
+    return {(max(a, b), min(a, b)) for c in CLIQUES for a in c for b in c} | {(b, b) for b in range(SIZES.size)}
 
 
 def _random_matrix(seed=0):
@@ -95,6 +93,4 @@ def test_product_diagonal_and_scaling_equal_the_dense_ones(shape):
     x, factors = rng.normal(size=shape), rng.uniform(0.5, 2.0, 25)
     np.testing.assert_allclose(matrix.multiply(x), dense @ x, atol=1e-13)
     np.testing.assert_array_equal(matrix.diagonal(), np.diag(dense))
-    np.testing.assert_allclose(
-        matrix.scaled(factors).to_dense(), dense * np.outer(factors, factors), rtol=1e-15
-    )
+    np.testing.assert_allclose(matrix.scaled(factors).to_dense(), dense * np.outer(factors, factors), rtol=1e-15)

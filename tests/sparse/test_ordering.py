@@ -10,9 +10,7 @@ from mor.linalg.ordering import block_graph, fill_reducing_order
 
 def _graph(blocks, pairs):
     pairs = np.asarray(pairs, dtype=np.int64).reshape(-1, 2)
-    return block_graph(
-        structure_from_cliques(np.full(blocks, 2), np.arange(len(pairs) + 1) * 2, pairs.ravel())
-    )
+    return block_graph(structure_from_cliques(np.full(blocks, 2), np.arange(len(pairs) + 1) * 2, pairs.ravel()))
 
 
 def _fill(graph, order):

@@ -35,9 +35,7 @@ def system():
         columns[i, : len(numbers)] = numbers
         members.append(blocks)
         lengths.append(len(blocks))
-    structure = structure_from_cliques(
-        SIZES, np.concatenate([[0], np.cumsum(lengths)]), np.concatenate(members)
-    )
+    structure = structure_from_cliques(SIZES, np.concatenate([[0], np.cumsum(lengths)]), np.concatenate(members))
     jacobian = random.standard_normal((N, M, 14))
     misclosure = random.standard_normal((N, M))
     dense = np.zeros((N, M, int(SIZES.sum())))
@@ -75,9 +73,7 @@ def test_rows_of_no_unknowns_add_nothing_however_many_they_are(system, way):
     into = rows.target(structure)
     values, rhs = np.zeros(int(structure.position[-1])), np.zeros(structure.unknowns)
     for count in (4, 2):
-        rows.accumulate_rows(
-            into, values, rhs, jacobian[:count, :, :0], misclosure[:count], columns[:count, :0]
-        )
+        rows.accumulate_rows(into, values, rhs, jacobian[:count, :, :0], misclosure[:count], columns[:count, :0])
     assert not values.any()
     assert not rhs.any()
 
@@ -107,9 +103,7 @@ def test_gather_and_scatter_move_dense_parts(system):
     into = rows.target(structure)
     for row in columns[:10]:
         chosen = np.unique(row[row >= 0])
-        np.testing.assert_array_equal(
-            rows.gather(Q, into.block_of, chosen), Q.to_dense()[np.ix_(chosen, chosen)]
-        )
+        np.testing.assert_array_equal(rows.gather(Q, into.block_of, chosen), Q.to_dense()[np.ix_(chosen, chosen)])
         values = np.zeros_like(Q.values)
         part = np.random.default_rng(0).standard_normal((len(chosen), len(chosen)))
         part += part.T

@@ -88,9 +88,7 @@ def test_exit_codes_come_first(compared: Any) -> None:
         ("1000.25", "1000.2500001", "points.csv:x=1e-9", True),
     ],
 )
-def test_numbers_within_and_beyond_a_bound(
-    compared: Any, old: str, new: str, bound: str, within: bool
-) -> None:
+def test_numbers_within_and_beyond_a_bound(compared: Any, old: str, new: str, bound: str, within: bool) -> None:
     options = ["--bound", bound] if bound else []
     code, out = compared(record(files={"points.csv": POINTS.replace(old, new)}), *options)
     assert code == int(not within)
@@ -126,10 +124,7 @@ def test_a_number_in_json_is_shown_with_its_place(compared: Any) -> None:
     changed = RUN["files"]["out/results.json"].replace("1000.25", "1000.5")  # type: ignore[index]
     code, out = compared(record(files={"results.json": changed}))
     assert code == 1
-    assert (
-        "samples/a results.json:points.x: 1 differ, at most by 2.5e-04 of the value; A: 1000.25 -> 1000.5"
-        in out
-    )
+    assert "samples/a results.json:points.x: 1 differ, at most by 2.5e-04 of the value; A: 1000.25 -> 1000.5" in out
 
 
 def test_texts_differ_by_a_last_digit_or_a_word(compared: Any) -> None:

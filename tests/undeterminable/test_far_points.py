@@ -11,7 +11,5 @@ from tests.scenarios.undeterminable.far_points import far_trial
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "given"), [(1, True), (2, False)])
-def test_far_points_that_bend_the_cameras_are_taken_back_from_infinity(
-    seed: int, given: bool, tmp_path: Path
-) -> None:
+def test_far_points_that_bend_the_cameras_are_taken_back_from_infinity(seed: int, given: bool, tmp_path: Path) -> None:
     assert far_trial(seed, 5, True, given, tmp_path) == ""

@@ -203,9 +203,7 @@ def camera_of(camera: ColmapCamera) -> dict[str, Any]:
         "unit": "px",
         "coordinates": "corner",
         "image": {"width": str(camera.width), "height": str(camera.height)},
-        "interior": {
-            name: {"fixed" if name in held else "free": repr(value)} for name, value in interior.items()
-        },
+        "interior": {name: {"fixed" if name in held else "free": repr(value)} for name, value in interior.items()},
     }
 
 
@@ -233,9 +231,7 @@ def camera_from(number: int, camera: Camera, edge: Edge, what: str = "COLMAP") -
     elif camera.model in _SAME and not values.get("alpha"):
         name = _SAME[camera.model]
         values = {"fy": values["fx"], **values}
-        parameters = [
-            values.get(key, 0.0) / (scale.pixel if key in _TWO else 1.0) for key in MODELS[name].parameters
-        ]
+        parameters = [values.get(key, 0.0) / (scale.pixel if key in _TWO else 1.0) for key in MODELS[name].parameters]
     else:
         raise ValueError(f"no model of {what} says what its model {camera.model} says")
     if camera.model in ("opencv", *_SAME) and not scale.corner:
@@ -256,9 +252,7 @@ def _as_mor(camera: Camera, values: dict[str, float], edge: Edge, scale: ImageSc
     return {name: value / f ** powers[name] if name in powers else value for name, value in values.items()}
 
 
-def _from_radial(
-    values: dict[str, float], size: tuple[float, float], pixel: float
-) -> tuple[str, list[float]]:
+def _from_radial(values: dict[str, float], size: tuple[float, float], pixel: float) -> tuple[str, list[float]]:
     c = values["c"]
     f, centre = (
         c / pixel,

@@ -59,9 +59,7 @@ def followers(model: ColmapModel, draft: Draft) -> tuple[list[Row], dict[int, Fo
         mine = {images[number].camera: images[number] for number in frame.images if number in images}
         leader = mine.get(rig.sensors[0].camera)
         if leader is None:
-            draft.note(
-                f"frame {frame.id}: no image of the reference camera of its rig; its images are single"
-            )
+            draft.note(f"frame {frame.id}: no image of the reference camera of its rig; its images are single")
             continue
         for sensor in rig.sensors[1:]:
             if sensor.camera in mine and sensor.pose is not None:
@@ -127,9 +125,7 @@ class Bytes:
     def pose(self) -> QuaternionPose:
         """Quaternion and translation."""
         numbers = [float(number) for number in self.take("<7d")]
-        return QuaternionPose(
-            (numbers[0], numbers[1], numbers[2], numbers[3]), (numbers[4], numbers[5], numbers[6])
-        )
+        return QuaternionPose((numbers[0], numbers[1], numbers[2], numbers[3]), (numbers[4], numbers[5], numbers[6]))
 
     def finish(self) -> None:
         """Raise :class:`InputError` where something is left."""
@@ -288,9 +284,7 @@ def _camera(words: list[str], line: int) -> ColmapCamera:
     if len(words) != 4 + len(names):
         raise LineError(f"found {len(words) - 4} parameters, expected {len(names)}: {', '.join(names)}")
     size = [_whole(word) for word in (words[0], words[2], words[3])]
-    return ColmapCamera(
-        size[0], name, size[1], size[2], tuple(parse_number(word) for word in words[4:]), line
-    )
+    return ColmapCamera(size[0], name, size[1], size[2], tuple(parse_number(word) for word in words[4:]), line)
 
 
 def read_text_images(path: Path, draft: Draft) -> list[ColmapImage]:
@@ -429,9 +423,7 @@ def read_model(folder: Path, draft: Draft) -> ColmapModel:
     end = ".bin" if (folder / "cameras.bin").is_file() else ".txt"
     missing = [f"{name}{end}" for name in _PARTS if not (folder / f"{name}{end}").is_file()]
     if missing:
-        words = (
-            f"this folder has no {', '.join(missing)}; a COLMAP model has {', '.join(_PARTS)} as .bin or .txt"
-        )
+        words = f"this folder has no {', '.join(missing)}; a COLMAP model has {', '.join(_PARTS)} as .bin or .txt"
         raise InputError([Message(words, str(folder))])
     paths = {name: folder / f"{name}{end}" for name in (*_PARTS, "rigs", "frames")}
     has_rigs = paths["rigs"].is_file() and paths["frames"].is_file()
@@ -464,9 +456,7 @@ def _check(model: ColmapModel, draft: Draft) -> None:
     cameras = {camera.id for camera in model.cameras}
     for camera in model.cameras:
         if not MODELS[camera.model].ours:
-            words = (
-                f"camera {camera.id}: model {camera.model} has no counterpart in mor: {LOST[camera.model]}"
-            )
+            words = f"camera {camera.id}: model {camera.model} has no counterpart in mor: {LOST[camera.model]}"
             draft.problem(words, camera.line)
         if not usable(camera.parameters) or not 0 < min(camera.width, camera.height) < 1 << 31:
             draft.problem(f"camera {camera.id}: its size or a parameter is not a usable number", camera.line)

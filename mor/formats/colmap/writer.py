@@ -35,9 +35,7 @@ class SparseModel:
         self.rays = found.rays
         self.point_numbers = numbered(self.points.ids)
         self.of_image = _grouped(self.rays.images, self.images.ids)
-        self.point_of_ray = np.array(
-            [self.point_numbers.get(name, -1) for name in self.rays.points], dtype=np.int64
-        )
+        self.point_of_ray = np.array([self.point_numbers.get(name, -1) for name in self.rays.points], dtype=np.int64)
 
 
 def write_colmap(document: Document, folder: Path, target: Path) -> Written:
@@ -68,9 +66,7 @@ def _written(files: dict[Path, bytes], content: Content, model: SparseModel, tar
         notes.append(Message("stereo pairs are written as single images with their poses", str(target)))
     statuses = model.points.statuses
     if np.isfinite(statuses.sigma).any() or not statuses.free.all():
-        notes.append(
-            Message("COLMAP cannot store which points are fixed or observed, nor their σ", str(target))
-        )
+        notes.append(Message("COLMAP cannot store which points are fixed or observed, nor their σ", str(target)))
     alone = int(np.count_nonzero(model.point_of_ray < 0))
     if alone:
         words = f"{counted(alone, 'image point')} of points without coordinates: written without a point"
@@ -78,9 +74,7 @@ def _written(files: dict[Path, bytes], content: Content, model: SparseModel, tar
     if not np.all(model.rays.sigma == 1.0):
         notes.append(Message("COLMAP cannot store σ of image points", str(target)))
     if list(model.point_numbers) != [str(number) for number in model.point_numbers.values()]:
-        names = pl.DataFrame(
-            {"point3D": list(model.point_numbers.values()), "name": list(model.point_numbers)}
-        )
+        names = pl.DataFrame({"point3D": list(model.point_numbers.values()), "name": list(model.point_numbers)})
         files[target / "point_names.csv"] = names.write_csv().encode()
         notes.append(Message("points are numbered; point_names.csv has their names", str(target)))
     return Written(files, notes)
@@ -100,9 +94,7 @@ def _cameras(content: Content, problems: list[Message]) -> dict[str, ColmapCamer
 def numbered(names: Sequence[str]) -> dict[str, int]:
     """A number for each name: the name itself where all are different numbers from 1, or else from 1 on."""
     plain = [
-        name
-        for name in names
-        if name.isascii() and name.isdecimal() and name == str(int(name)) and len(name) < 10
+        name for name in names if name.isascii() and name.isdecimal() and name == str(int(name)) and len(name) < 10
     ]
     if len(plain) == len(names) and "0" not in names:
         return {name: int(name) for name in names}

@@ -64,9 +64,7 @@ class Collected:
     """Sets of directions so far."""
     tables: dict[str, list[Row]] = field(default_factory=dict)
     """Rows of the measurements that are in no cluster, by their letters."""
-    clusters: dict[tuple[str, tuple[str, ...]], list[tuple[list[Row], FloatArray]]] = field(
-        default_factory=dict
-    )
+    clusters: dict[tuple[str, tuple[str, ...]], list[tuple[list[Row], FloatArray]]] = field(default_factory=dict)
     """Rows and covariance matrix of each cluster, by type and columns."""
     scaled: list[tuple[str, str, list[Row], FloatArray, list[float]]] = field(default_factory=list)
     """Clusters that are scaled in latitude, longitude and height at their stations: arguments of put_cluster."""
@@ -78,9 +76,7 @@ class Collected:
     def known(self, names: list[str], line: int) -> list[str]:
         """Names of a measurement, noted. Raises ``ValueError`` where one is empty or there twice."""
         if not all(names) or len(set(names)) < len(names):
-            raise ValueError(
-                f"found the stations {', '.join(map(repr, names))}, expected {len(names)} different names"
-            )
+            raise ValueError(f"found the stations {', '.join(map(repr, names))}, expected {len(names)} different names")
         for name in names:
             self.names.setdefault(name, line)
         return names
@@ -101,11 +97,7 @@ class MeasurementFile(Collected):
         self.at += 1
         words = NUMBER.findall(text[VALUES:_IDENTIFIERS])
         values = list(map(float, words))
-        return (
-            values
-            if all(-LARGEST <= value <= LARGEST for value in values)
-            else list(map(parse_number, words))
-        )
+        return values if all(-LARGEST <= value <= LARGEST for value in values) else list(map(parse_number, words))
 
     def stations_of(self, text: str, count: int) -> list[str]:
         """Names of a line. Raises ``ValueError`` where there are not so many different ones."""
@@ -121,9 +113,7 @@ def beside(path: Path, end: str) -> Path:
 def marked_lines(path: Path, draft: Draft) -> list[str]:
     """Lines of a station or measurement file. Raises :class:`InputError` if it is none."""
     if not path.is_file():
-        raise InputError(
-            [Message("this file does not exist; DynAdjust has a pair of .stn and .msr", str(path))]
-        )
+        raise InputError([Message("this file does not exist; DynAdjust has a pair of .stn and .msr", str(path))])
     lines = read_lines(path, draft)
     words = (lines[0] if lines else "").split()
     version = words[1].partition(".")[0] if len(words) > 1 else ""
@@ -196,9 +186,7 @@ def read_line(found: MeasurementFile, code: str) -> None:
     count = 4 if kind.angle else 2
     words = measured_words(text[VALUES:], count)
     if len(words) != count and not (kind.heights and len(words) == count + 2):
-        raise ValueError(
-            f"found {len(words)} numbers, expected {'an angle' if kind.angle else 'a value'} and its σ"
-        )
+        raise ValueError(f"found {len(words)} numbers, expected {'an angle' if kind.angle else 'a value'} and its σ")
     if text[1:2] == "*":
         found.skip(OFF, found.at + 1)
         return
@@ -273,9 +261,7 @@ def put_set(found: Collected, station: str, sights: list[SetDirection], said: st
     """
     used = [sight for sight in sights if not sight.off]
     if said not in (str(len(sights) - 1), str(len(used) - 1)):
-        raise ValueError(
-            f"found {len(sights) - 1} directions behind the first, expected {said or 'how many'}"
-        )
+        raise ValueError(f"found {len(sights) - 1} directions behind the first, expected {said or 'how many'}")
     if off:
         found.skip(OFF, sights[0].line)
         return
@@ -329,9 +315,7 @@ def read_cluster(found: MeasurementFile, code: str) -> None:
     for k in range(count):
         text = found.lines[found.at] if found.at < len(found.lines) else ""
         if text[:1] != code:
-            raise ValueError(
-                f"expected {count} members of the cluster that begins in line {first}, found {k}"
-            )
+            raise ValueError(f"expected {count} members of the cluster that begins in line {first}, found {k}")
         names, line = found.stations_of(text, 2 if code in "GX" else 1), found.at + 1
         found.at += 1
         behind = count - k - 1
@@ -361,9 +345,7 @@ def read_cluster(found: MeasurementFile, code: str) -> None:
     put_cluster(found, code, form, rows, Q, scales)
 
 
-def put_cluster(
-    found: Collected, code: str, form: str, rows: list[Row], Q: FloatArray, scales: list[float]
-) -> None:
+def put_cluster(found: Collected, code: str, form: str, rows: list[Row], Q: FloatArray, scales: list[float]) -> None:
     """Put a baseline (G), or a cluster of baselines (X) or positions (Y, in XYZ or LLH), into the draft.
 
     ``Q``: (3n, 3n), m², its lower triangle; of LLH in radians and metres. ``scales`` are those of the whole matrix
@@ -498,8 +480,7 @@ def put_stations(path: Path, stations: Iterable[StationRecord], found: Collected
         if known.get(name):
             if known[name] == station.held == "FFF":
                 words = (
-                    f"station {name!r} is there twice; its coordinates are start values, "
-                    "and the first ones are taken"
+                    f"station {name!r} is there twice; its coordinates are start values, and the first ones are taken"
                 )
                 draft.note(words, station.line, str(path))
             else:
@@ -608,9 +589,7 @@ def _system(code: int) -> ReferenceSystem:
 
 def frame_of(lines: list[str], draft: Draft) -> str:
     """The frame that the first line names. Raises :class:`InputError` if it is none that is known."""
-    words = [
-        word for word in lines[0].split()[2:] if word[0].isalpha() and word.upper() not in ("STN", "MSR")
-    ]
+    words = [word for word in lines[0].split()[2:] if word[0].isalpha() and word.upper() not in ("STN", "MSR")]
     return known_frame(next((word for word in words if word.upper() in SYSTEMS), (*words, "")[0]), 1, draft)
 
 

@@ -97,9 +97,7 @@ def outgoing(document: Document, folder: Path, target: Path) -> Outgoing:
     for number, entry in enumerate(project.observations):
         place = content.place("observations", number)
         if entry.cluster:
-            problems.append(
-                place.problem("DNA has covariances of one group of vectors or positions at a time")
-            )
+            problems.append(place.problem("DNA has covariances of one group of vectors or positions at a time"))
         elif entry.covariance is not None and entry.type not in _CLUSTERS:
             problems.append(place.problem(f"DNA has no covariances of {entry.type}"))
         if entry.instrument or entry.ppm or entry.centring:
@@ -181,9 +179,7 @@ def _clusters(content: Content, group: ObservationTable, N: dict[str, float]) ->
     code = "Y" if not vectors else "X" if group.entry.covariance is not None else "G"
     names = [group.rows.text(name) for name in (("from", "to") if vectors else ("point",))]
     for rows, Q in clusters(content, group, "DNA"):
-        values = [
-            _values(content, group, row, N.get(names[0][row], 0.0) if geodetic else 0.0) for row in rows
-        ]
+        values = [_values(content, group, row, N.get(names[0][row], 0.0) if geodetic else 0.0) for row in rows]
         own = [[column[row] for column in names] for row in rows]
         yield MeasurementCluster(code, "LLH" if geodetic else "XYZ", own, values, Q)
 
@@ -210,11 +206,7 @@ def seconds_of(angle: float) -> float:
 def sexagesimal_text(angle: float) -> str:
     """ddd.mmss… of an angle in radians, seconds to ten decimals."""
     degrees, minutes, seconds, sign = parts_of(angle, 10)
-    return (
-        f"{sign}{degrees}.{minutes:02d}{seconds:013.10f}".replace(".", "#", 1)
-        .replace(".", "")
-        .replace("#", ".")
-    )
+    return f"{sign}{degrees}.{minutes:02d}{seconds:013.10f}".replace(".", "#", 1).replace(".", "").replace("#", ".")
 
 
 def parts_of(angle: float, decimals: int) -> tuple[int, int, float, str]:
@@ -239,9 +231,7 @@ def write_dynadjust(document: Document, folder: Path, target: Path) -> Written:
     }
     if found.above:
         files[".geo"] = geoid_lines(found.stations)
-    texts = {
-        stem.with_name(f"{stem.name}{end}"): "\n".join([*lines, ""]).encode() for end, lines in files.items()
-    }
+    texts = {stem.with_name(f"{stem.name}{end}"): "\n".join([*lines, ""]).encode() for end, lines in files.items()}
     return Written(texts, found.notes)
 
 
@@ -258,9 +248,7 @@ def constraints(held: list[bool]) -> str:
 
 def _station_lines(stations: EarthPoints, above: bool) -> Iterator[str]:
     heights = station_heights(stations, above)
-    for name, place, height, held in zip(
-        stations.ids, stations.geodetic, heights, stations.held.tolist(), strict=True
-    ):
+    for name, place, height, held in zip(stations.ids, stations.geodetic, heights, stations.held.tolist(), strict=True):
         latitude, longitude = (sexagesimal_text(value) for value in place[:2].tolist())
         yield f"{name:<20}{constraints(held)} LLH {latitude:>20}{longitude:>20}{height:>20.9f}"
 
@@ -428,9 +416,7 @@ def _cluster(one: MeasurementCluster, frame: str) -> Iterator[str]:
         yield _element("Coords", one.form)
     if one.code != "G":
         yield _element("Total", str(len(one.names)))
-    member, block = (
-        ("Clusterpoint", "PointCovariance") if one.code == "Y" else ("GPSBaseline", "GPSCovariance")
-    )
+    member, block = ("Clusterpoint", "PointCovariance") if one.code == "Y" else ("GPSBaseline", "GPSCovariance")
     for k, (names, values) in enumerate(zip(one.names, one.values, strict=True)):
         for tag, name in zip(("First", "Second"), names, strict=False):
             yield _element(tag, name)
@@ -439,9 +425,7 @@ def _cluster(one: MeasurementCluster, frame: str) -> Iterator[str]:
         own = one.Q[3 * k : 3 * k + 3, 3 * k : 3 * k + 3]
         yield from (f"  {_element(f'Sigma{pair}', f'{own[i, j]:.15e}')}" for pair, i, j in _UPPER)
         for other in range(k + 1, len(one.names)):
-            yield from (
-                f"  {line}" for line in _block(block, one.Q[3 * k : 3 * k + 3, 3 * other : 3 * other + 3])
-            )
+            yield from (f"  {line}" for line in _block(block, one.Q[3 * k : 3 * k + 3, 3 * other : 3 * other + 3]))
         yield f"</{member}>"
 
 

@@ -164,9 +164,7 @@ class FieldBook:
         if place is not None:
             add = self.computed_point if since and station not in self.points else self.station_point
             add(station, *place, line)
-        opened = InstrumentSetUp(
-            station, line, height, [sight._replace(before=True) for sight in self.waiting]
-        )
+        opened = InstrumentSetUp(station, line, height, [sight._replace(before=True) for sight in self.waiting])
         self.waiting = []
         self.set_ups.append(opened)
         return opened
@@ -282,10 +280,7 @@ class FieldBook:
             if other.target != sight.target or other.horizontal is None or sight.horizontal is None:
                 continue
             flip = full / 2 if face_of(other, full) == 2 else 0.0
-            if (
-                abs((other.horizontal - flip - sight.horizontal + full / 2) % full - full / 2)
-                < CIRCLE_SET * full
-            ):
+            if abs((other.horizontal - flip - sight.horizontal + full / 2) % full - full / 2) < CIRCLE_SET * full:
                 return
             if turned and k == 0:
                 set_up.sights[k] = other._replace(before=True)
@@ -298,9 +293,7 @@ class FieldBook:
         """Return whether an earlier set-up sighted a point."""
         return any(sight.target == name for set_up in self.set_ups for sight in set_up.sights)
 
-    def point(
-        self, name: str, east: float | None, north: float | None, height: float | None, line: int
-    ) -> None:
+    def point(self, name: str, east: float | None, north: float | None, height: float | None, line: int) -> None:
         """Add given coordinates; the last ones of a point count. Coordinates that are all 0 are none."""
         if not any((east, north, height)):
             self.leave_out(_ZERO, line)
@@ -546,9 +539,7 @@ class FieldBook:
                 runs.append([k, k])
         copies = {k for a, b in runs if b - a >= LEAST_COPIED - 1 for k in range(a, b + 1)}
         for k in copies:
-            self.leave_out(
-                "sights that repeat earlier ones in the same order to the last digit", kept[k].line
-            )
+            self.leave_out("sights that repeat earlier ones in the same order to the last digit", kept[k].line)
         set_up.sights = [sight for k, sight in enumerate(kept) if k not in copies]
 
     def _correct_heights(self, set_up: InstrumentSetUp) -> None:
@@ -697,9 +688,7 @@ class FieldBook:
         set_up.sights = [
             s._replace(
                 before=False,
-                horizontal=(s.horizontal + turn) % full
-                if s.before and s.horizontal is not None
-                else s.horizontal,
+                horizontal=(s.horizontal + turn) % full if s.before and s.horizontal is not None else s.horizontal,
             )
             for s in set_up.sights
         ]
@@ -740,9 +729,7 @@ def records(path: Path, draft: Draft) -> Iterator[tuple[int, str]]:
             yield line, bare
 
 
-def _put_points(
-    book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: Sequence[LevelledDifference]
-) -> None:
+def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: Sequence[LevelledDifference]) -> None:
     draft = book.draft
     measured = {set_up.station for set_up in occupied}
     measured |= {sight.target for set_up in occupied for sight in set_up.sights}
@@ -829,9 +816,7 @@ def _put_sights(book: FieldBook, occupied: Sequence[InstrumentSetUp]) -> None:
     """Stations, and the readings of each kind with their sets and faces."""
     draft = book.draft
     names = _station_names(occupied)
-    stations = [
-        Row([name, s.station, repr(s.height)], s.line) for name, s in zip(names, occupied, strict=True)
-    ]
+    stations = [Row([name, s.station, repr(s.height)], s.line) for name, s in zip(names, occupied, strict=True)]
     draft.table("stations", ("id", "point", "height"), stations)
     tables: dict[str, list[Row]] = {type_: [] for type_ in _COLUMNS}
     sets, circle = 0, 360.0 if book.angle == "deg" else 400.0
@@ -846,13 +831,9 @@ def _put_sights(book: FieldBook, occupied: Sequence[InstrumentSetUp]) -> None:
         far = "distance" in type_
         sigma = {"sigma": SIGMA_DISTANCE if far else SIGMA_ANGLE}
         if rows:
-            draft.table(
-                "observations", _COLUMNS[type_], rows, type=type_, values=sigma, ppm=PPM if far else None
-            )
+            draft.table("observations", _COLUMNS[type_], rows, type=type_, values=sigma, ppm=PPM if far else None)
     words = f"{counted(len(occupied), 'set-up')}, {counted(sets, 'set')} of readings; σ = {SIGMA_ANGLE} for angles"
-    draft.note(
-        f"{words}, {SIGMA_DISTANCE} and {PPM} ppm for distances: no field book says any", occupied[0].line
-    )
+    draft.note(f"{words}, {SIGMA_DISTANCE} and {PPM} ppm for distances: no field book says any", occupied[0].line)
 
 
 def _put_levelling(book: FieldBook, levelled: Sequence[LevelledDifference]) -> None:

@@ -278,13 +278,9 @@ def _length(words: Words, index: str, line: int, book: FieldBook) -> float | Non
         return None
     unit = words[index][0][3]
     if unit == ".":  # a word without a unit has that of the other lengths of its block
-        unit = next(
-            (info[3] for other, (info, _) in words.items() if other[0] in "38" and info[3] in _LENGTHS), "."
-        )
+        unit = next((info[3] for other, (info, _) in words.items() if other[0] in "38" and info[3] in _LENGTHS), ".")
     if unit not in _LENGTHS:
-        raise ValueError(
-            f"word {index}: found unit {unit!r}, expected a unit of lengths ({', '.join(_LENGTHS)})"
-        )
+        raise ValueError(f"word {index}: found unit {unit!r}, expected a unit of lengths ({', '.join(_LENGTHS)})")
     text = words[index][1]
     if "." in text and unit in "068":  # some format files write millimetres with a decimal point
         return parse_number(text) / 1e3
@@ -308,9 +304,7 @@ def _angle(words: Words, index: str, book: FieldBook) -> float | None:
     if digits is None:
         raise ValueError(f"word {index}: found {words[index][1]!r}, expected digits")
     if unit not in "2345":
-        raise ValueError(
-            f"word {index}: found unit {unit!r}, expected a unit of angles (2 gon, 3 deg, 4 dms, 5 mil)"
-        )
+        raise ValueError(f"word {index}: found unit {unit!r}, expected a unit of angles (2 gon, 3 deg, 4 dms, 5 mil)")
     _choose_unit(book, "gon" if unit == "2" else "deg")
     if unit == "4":
         return sexagesimal(f"{digits // 100000}.{digits % 100000:05d}")

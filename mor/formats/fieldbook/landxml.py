@@ -92,9 +92,7 @@ def read_landxml(path: Path) -> Document:
     for element in root.all("Survey"):
         survey.observations_in(element, "")
     for element in root.all(_LEICA):
-        words = (
-            f"{_LEICA} is not read: ppm, prism constants and codes; distances are those of LandXML's own part"
-        )
+        words = f"{_LEICA} is not read: ppm, prism constants and codes; distances are those of LandXML's own part"
         draft.note(words, element.line)
     for element in root.children:
         if element.name in _DESIGN:
@@ -113,9 +111,7 @@ def _descendants(element: Element, name: str) -> Iterator[Element]:
 
 def _title(root: Element) -> str:
     headers = [header for survey in root.all("Survey") for header in survey.all("SurveyHeader")]
-    return next(
-        (e.attributes["name"] for e in [*headers, *root.all("Project")] if e.attributes.get("name")), ""
-    )
+    return next((e.attributes["name"] for e in [*headers, *root.all("Project")] if e.attributes.get("name")), "")
 
 
 def _units(root: Element, draft: Draft) -> tuple[float, str, str]:
@@ -208,12 +204,7 @@ class _Survey:
         """Name of a point that an element stands for: its own, else that of what it refers to."""
         attributes = point.attributes if point is not None else {}
         reference = attributes.get("pntRef", "").strip()
-        own = (
-            name.strip()
-            or attributes.get("name", "").strip()
-            or reference
-            or attributes.get("desc", "").strip()
-        )
+        own = name.strip() or attributes.get("name", "").strip() or reference or attributes.get("desc", "").strip()
         if reference and own != reference:
             self.names.setdefault(reference, own)
         if own and point is not None and point.text.strip():
@@ -332,9 +323,7 @@ class _Survey:
             height = place[2] if len(place) == 3 else None
             known = self.names.get(name, name)
             derived = name in self.computed and self.book.sighted(known)
-            (self.book.computed_point if derived else self.book.point)(
-                known, place[1], place[0], height, line
-            )
+            (self.book.computed_point if derived else self.book.point)(known, place[1], place[0], height, line)
         self.book.finish(title)
 
 
@@ -437,9 +426,7 @@ class _LandXmlReader:
         last = self.book.set_ups[-1] if self.book.set_ups and not named else None
         station = self.stations.get(named, last)
         if station is None:
-            raise ValueError(
-                f"point {name!r}: found no StationRecord {_text(record, 'StationID')!r} before it"
-            )
+            raise ValueError(f"point {name!r}: found no StationRecord {_text(record, 'StationID')!r} before it")
         height, prism = self.targets.get(_text(record, "TargetID"), (0.0, 0.0))
         raw = _number(circle, "EDMDistance")
         slope = None if raw is None else raw * (1.0 + 1e-6 * self.ppm) + prism

@@ -178,9 +178,7 @@ def read_topcon(path: Path) -> Document:
             elif kind in ("HV", "SD") and target:
                 slope = parse_number(cells[2]) * metres if kind == "SD" else None
                 height = (_optional(target[1]) or 0.0) * metres
-                book.sight(
-                    Sight(target[0], line, read(cells[0]), read(cells[1]), slope or None, height=height)
-                )
+                book.sight(Sight(target[0], line, read(cells[0]), read(cells[1]), slope or None, height=height))
             elif kind == "XYZ":
                 book.leave_out("coordinates: the file does not say which of them is north", line)
             elif text.strip():
@@ -202,9 +200,7 @@ _GTS6_READINGS = re.compile(
 def _read_gts6(lines: list[tuple[int, str]], book: FieldBook) -> None:
     """Lengths have 8 digits for mm or 9 for 0.1 mm, angles 7 (dddmmss) or 8 (dddmmsst); a line may end anywhere."""
     if all(text[-4:].isdecimal() and int(text[-4]) == k % 10 for k, (_, text) in enumerate(lines[:-1])):
-        lines = [(line, text[:-4]) for line, text in lines[:-1]] + lines[
-            -1:
-        ]  # numbers and checksums of a transfer
+        lines = [(line, text[:-4]) for line, text in lines[:-1]] + lines[-1:]  # numbers and checksums of a transfer
     stream, ends = "".join(text for _, text in lines), list(accumulate(len(text) for _, text in lines))
     metres = 0.3048 if re.search(r"[?W][+-]\d{8,9}f", stream) else 1.0
     book.angle = "gon" if re.search(r"[+-]\d{7,8}g", stream) else "deg"

@@ -73,9 +73,7 @@ def _angle_unit(entries: list[Entry], book: FieldBook) -> bool:
         return False
     if largest <= 360.0:
         if angles and units[:1] != "2":
-            book.draft.note(
-                "angles are taken as degrees, minutes and seconds, as all of them may be", entries[0][2]
-            )
+            book.draft.note("angles are taken as degrees, minutes and seconds, as all of them may be", entries[0][2])
         return True
     book.angle = "gon"
     book.draft.note("angles are taken as gon", entries[0][2])
@@ -423,9 +421,7 @@ _SIGHTS = {"SS": 0, "TR": 0, "FS": 0, "BD": 1, "FD": 1, "BR": 2, "FR": 2}
 _KEYS = ("OP", "FP", "BP", "PN", "NM", "AR", "AL", "AZ", "DR", "DL", "ZE", "VA", "CE", "SD", "HD", "HI", "HR")
 _MORE = ("BS", "BC", "BR", "AD", "UN", "SF", "EC", "EO", "AU", "EL", "DT", "TM", "N", "E")
 _CELL = re.compile(rf"({'|'.join((*_KEYS, *_MORE))})\s*(.*)")
-_GNSS = (
-    "GNSS positions (latitude, longitude); their coordinates in the system of the job are read if it has them"
-)
+_GNSS = "GNSS positions (latitude, longitude); their coordinates in the system of the job are read if it has them"
 _UNITS = {0: 0.3048, 1: 1.0, 2: 1200.0 / 3937.0}
 """Metres of feet, metres, US survey feet."""
 
@@ -442,9 +438,7 @@ def read_rw5(path: Path) -> Document:
             draft.problem(str(error), line)
     reader.close()
     if not reader.mode:
-        draft.note(
-            "no MO record tells the units: lengths are taken as metres, angles as degrees, minutes, seconds"
-        )
+        draft.note("no MO record tells the units: lengths are taken as metres, angles as degrees, minutes, seconds")
     reader.book.finish(reader.title or path.stem)
     return draft.finish()
 
@@ -670,9 +664,7 @@ class _SDRReader:
 
     def _station(self, text: str, line: int) -> None:
         name, *place, height = self._fields(text, 1, 4)
-        self.book.set_up(
-            name, line, self._length(height) or 0.0, self._place(place), resection=self.resection
-        )
+        self.book.set_up(name, line, self._length(height) or 0.0, self._place(place), resection=self.resection)
         self.resection = 0
 
     def _head(self, text: str, line: int) -> None:
@@ -769,9 +761,7 @@ class _FbkReader:
             else:
                 self.vertical = rest[1] if len(rest) > 1 else "ZENITH"
         elif name in ("NEZ", "NE") and len(rest) >= 3:
-            north, east, *up = (
-                parse_number(word) * self.metres for word in rest[1 : 4 if name == "NEZ" else 3]
-            )
+            north, east, *up = (parse_number(word) * self.metres for word in rest[1 : 4 if name == "NEZ" else 3])
             self.book.point(words[1], east, north, up[0] if up else None, line)
         elif name == "STN" and rest:
             self.close()

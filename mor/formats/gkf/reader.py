@@ -145,9 +145,7 @@ RULES = {
         {},
         {
             "distance-stdev": _distance_sigma,
-            **dict.fromkeys(
-                ("direction-stdev", "angle-stdev", "zenith-angle-stdev", "azimuth-stdev"), _positive
-            ),
+            **dict.fromkeys(("direction-stdev", "angle-stdev", "zenith-angle-stdev", "azimuth-stdev"), _positive),
         },
     ),
     "point": ElementRule(
@@ -263,9 +261,7 @@ def read_points(root: Element, draft: Draft) -> dict[str, GamaPoint]:
         for part in POINT_PARTS:
             missing = [name for name in part if name not in point.coordinates]
             if part in point.fixed and missing:
-                draft.problem(
-                    f"point {point.name!r}: {', '.join(missing)} is fixed but not given", point.line
-                )
+                draft.problem(f"point {point.name!r}: {', '.join(missing)} is fixed but not given", point.line)
     return points
 
 
@@ -352,9 +348,7 @@ KINDS = {
     "angle": GamaKind(
         "angle", (("from", "at"), ("bs", "from"), ("fs", "to")), (("val", "angle"),), ("xy",), "angle-stdev"
     ),
-    "z-angle": GamaKind(
-        "zenith_angle", _FROM_TO, (("val", "zenith_angle"),), ("xy", "z"), "zenith-angle-stdev", True
-    ),
+    "z-angle": GamaKind("zenith_angle", _FROM_TO, (("val", "zenith_angle"),), ("xy", "z"), "zenith-angle-stdev", True),
     "azimuth": GamaKind("bearing", _FROM_TO, (("val", "bearing"),), ("xy",), "azimuth-stdev"),
     "dh": GamaKind("height_difference", _FROM_TO, (("val", "dz"),), ("z",)),
     "vec": GamaKind("vector", _FROM_TO, (("dx", "dx"), ("dy", "dy"), ("dz", "dz")), ("xy", "z")),
@@ -434,15 +428,11 @@ def _observation(
     }
     missing = [attribute for attribute, _ in kind.names if attribute not in given]
     if missing:
-        draft.problem(
-            f"<{element.name}>: {missing[0]!r} is given neither here nor in <{cluster.name}>", element.line
-        )
+        draft.problem(f"<{element.name}>: {missing[0]!r} is given neither here nor in <{cluster.name}>", element.line)
         return None
     names = tuple(given[attribute].strip() for attribute, _ in kind.names)
     if len(set(names)) < len(names):
-        draft.problem(
-            f"<{element.name}>: {names[0]!r} is given twice; different points are needed", element.line
-        )
+        draft.problem(f"<{element.name}>: {names[0]!r} is given twice; different points are needed", element.line)
         return None
     values = tuple(carried(given[a].strip()) if a in given else None for a, _ in kind.components)
     heights = (given.get("from_dh"), given.get("to_dh")) if kind.heights else (None, None)
@@ -456,9 +446,7 @@ def _observation(
     return observation._replace(sigma=sigma)
 
 
-def _sigma(
-    element: Element, given: dict[str, str], kind: GamaKind, root: Element, sigma_apriori: float
-) -> str | None:
+def _sigma(element: Element, given: dict[str, str], kind: GamaKind, root: Element, sigma_apriori: float) -> str | None:
     """σ as written, or after the rules for observations that have none: mm, cc, seconds of arc."""
     if "stdev" in given:
         return given["stdev"].strip()
@@ -482,9 +470,7 @@ def _covariance(element: Element, entries: int, draft: Draft) -> FloatArray | No
     matrix = matrices[0]
     size, band = int(matrix.attributes["dim"]), int(matrix.attributes["band"])
     if size != entries or len(matrices) > 1:
-        words = (
-            f"found {len(matrices)} matrices" if len(matrices) > 1 else f"dim = {size}, but {entries} values"
-        )
+        words = f"found {len(matrices)} matrices" if len(matrices) > 1 else f"dim = {size}, but {entries} values"
         draft.problem(f"<cov-mat>: {words} in <{element.name}>", matrix.line)
         return None
     rows, columns = np.nonzero(np.triu(np.ones((size, size))) - np.triu(np.ones((size, size)), band + 1))
@@ -502,9 +488,7 @@ def _covariance(element: Element, entries: int, draft: Draft) -> FloatArray | No
     return result
 
 
-def without_inactive(
-    clusters: list[GamaCluster], points: dict[str, GamaPoint], draft: Draft
-) -> list[GamaCluster]:
+def without_inactive(clusters: list[GamaCluster], points: dict[str, GamaPoint], draft: Draft) -> list[GamaCluster]:
     """Clusters without what refers to points, or components of points, that take no part."""
     result = []
     for cluster in clusters:
@@ -513,9 +497,7 @@ def without_inactive(
     return result
 
 
-def _active(
-    observation: GamaObservation, points: dict[str, GamaPoint], draft: Draft
-) -> GamaObservation | None:
+def _active(observation: GamaObservation, points: dict[str, GamaPoint], draft: Draft) -> GamaObservation | None:
     kind = KINDS[observation.kind]
     for name in observation.names:
         point = points.get(name)
@@ -707,9 +689,7 @@ def _decorrelated(cluster: GamaCluster, terms: list[_Term], sigma_apriori: float
         or [np.zeros(0)]
     )
     if cluster.covariance is None:
-        sigma = [
-            float(o.sigma) if o.sigma else np.nan for o in cluster.observations for _ in range(o.entries)
-        ]
+        sigma = [float(o.sigma) if o.sigma else np.nan for o in cluster.observations for _ in range(o.entries)]
         known = np.nan_to_num(np.array(sigma, dtype=float), nan=sigma_apriori)
         return np.asarray(closures / (known * scale) * sigma_apriori, dtype=float)
     cofactors = cluster.covariance * np.outer(scale, scale) / sigma_apriori**2
@@ -834,9 +814,7 @@ def _read_network(network: Element, body: Element, draft: Draft) -> None:
         draft.note(words, network.line)
     draft.put("title", _title(network))
     draft.put("units", {"length": "m", "angle": "gon"})
-    draft.put(
-        "axes", {"xy": axes, "angles": "clockwise" if left else "counterclockwise", "bearings_from": "north"}
-    )
+    draft.put("axes", {"xy": axes, "angles": "clockwise" if left else "counterclockwise", "bearings_from": "north"})
     put_points(points, draft)
     _put_observations(clusters, draft)
     put_datum(points, draft)

@@ -55,13 +55,9 @@ def write_gkf(document: Document, folder: Path, target: Path) -> Written:
         notes.append(Message("GNU Gama has no images", str(target)))
     entries = content.project.observations
     if any(e.instrument or e.centring for e in entries):
-        notes.append(
-            Message("GNU Gama cannot store scales, offsets, refraction and σ of centring", str(target))
-        )
+        notes.append(Message("GNU Gama cannot store scales, offsets, refraction and σ of centring", str(target)))
     if any(e.ppm for e in entries):
-        notes.append(
-            Message("σ that grow with the distance are written as they are at the observed one", str(target))
-        )
+        notes.append(Message("σ that grow with the distance are written as they are at the observed one", str(target)))
     return Written({target: text.encode()}, notes)
 
 
@@ -72,9 +68,7 @@ def _points(found: ContentTable, content: Content) -> Iterator[str]:
     metres = content.edge.metres
     for k, name in enumerate(found.ids):
         values, free = found.values[k], found.statuses.free[k]
-        inside = [
-            f'{c}="{v * metres!r}"' for c, v in zip("xyz", values.tolist(), strict=True) if np.isfinite(v)
-        ]
+        inside = [f'{c}="{v * metres!r}"' for c, v in zip("xyz", values.tolist(), strict=True) if np.isfinite(v)]
         fixed, adjusted = "", ""
         for part in (part for part in ("xy", "z") if part in dimensions):
             statuses = {bool(free["xyz".index(c)]) for c in part}
@@ -99,9 +93,7 @@ def _constrained(found: ContentTable, content: Content) -> set[tuple[str, str]]:
         return set()
     groups_ = {table.group: k for k, table in enumerate(content.project.points) if table.group}
     if isinstance(datum, Datum) and (datum.minimal is not None or groups_):
-        raise InputError(
-            [content.place("datum").problem("GNU Gama has inner constraints over named points only")]
-        )
+        raise InputError([content.place("datum").problem("GNU Gama has inner constraints over named points only")])
     names = datum.free if isinstance(datum, Datum) else "all"
     if names == "all":
         names = {"xyz": list(found.ids)}
@@ -139,9 +131,7 @@ def _clusters(found: list[ObservationTable]) -> list[list[ObservationTable]]:
     return list(clusters.values())
 
 
-def _observations(
-    cluster: list[ObservationTable], known: dict[str, tuple[str, float]], metres: float
-) -> list[str]:
+def _observations(cluster: list[ObservationTable], known: dict[str, tuple[str, float]], metres: float) -> list[str]:
     """Elements of tables: by station and set where they have sets, else one after the other."""
     sections: dict[tuple[str, str], list[str]] = {}
     units: list[float] = []
@@ -153,9 +143,7 @@ def _observations(
             [part.value(group.values[:, k], face) for k, part in enumerate(PARTS[group.entry.type])], axis=1
         )
         for row in range(group.rows.count):
-            references = {
-                r.name: group.rows.text(r.name)[row] for r in PLAIN_TYPES[group.entry.type].references
-            }
+            references = {r.name: group.rows.text(r.name)[row] for r in PLAIN_TYPES[group.entry.type].references}
             section = _section(group, references, row)
             heights = heights_of(group, references, row, known, metres)
             station = references.get("station")
@@ -165,9 +153,7 @@ def _observations(
             sections.setdefault(section, []).extend(elements)
             seen = np.isfinite(written[row])
             units += [
-                _unit(part.element, metres)
-                for part, there in zip(PARTS[group.entry.type], seen, strict=True)
-                if there
+                _unit(part.element, metres) for part, there in zip(PARTS[group.entry.type], seen, strict=True) if there
             ]
             factors += group.factors[: len(seen)][seen].tolist()
     if given is not None:

@@ -141,15 +141,11 @@ def definition_of(path: Path, options: dict[str, str], draft: Draft) -> Definiti
             try:
                 csv.reader([], **found.reader)
             except (TypeError, ValueError):
-                draft.problem(
-                    f"found {rest!r}, expected single letters that divide fields", number, str(path)
-                )
+                draft.problem(f"found {rest!r}, expected single letters that divide fields", number, str(path))
                 found.reader = {}
         elif name in ("columns", "required_columns"):
             names = [_plain(word) for word in rest.split()]
-            found.columns, found.required = (
-                (names, found.required) if name == "columns" else (found.columns, names)
-            )
+            found.columns, found.required = (names, found.required) if name == "columns" else (found.columns, names)
         elif name == "skip_lines":
             found.skipped = int(rest) if rest.isdigit() else 0
         elif name == "classification":

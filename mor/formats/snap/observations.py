@@ -124,9 +124,7 @@ def angle(words: WordReader, form: str, hemispheres: str = "") -> float:
 
 def _sexagesimal(degrees: float, minutes: float, seconds: float) -> float:
     if not (0.0 <= minutes < 60.0 and 0.0 <= seconds < 60.0) or degrees != int(degrees):
-        raise ValueError(
-            f"found the angle {degrees:g} {minutes:g} {seconds:g}, expected degrees, minutes, seconds"
-        )
+        raise ValueError(f"found the angle {degrees:g} {minutes:g} {seconds:g}, expected degrees, minutes, seconds")
     return degrees + minutes / 60.0 + seconds / 3600.0
 
 
@@ -357,11 +355,7 @@ class StationFile(NamedTuple):
 
 def read_stations(path: Path, draft: Draft, form: Definition | None = None) -> StationFile:
     """Stations of a coordinate file, of a delimited one by its definition. Raises :class:`InputError`."""
-    lines = (
-        [line for line in lines_of(path, draft) if line.words]
-        if form is None
-        else _divided(path, form, draft)
-    )
+    lines = [line for line in lines_of(path, draft) if line.words] if form is None else _divided(path, form, draft)
     if len(lines) < 2:
         words = "expected a title, a coordinate system and stations"
         raise InputError([Message(words, str(path), len(lines) or 1)])
@@ -515,9 +509,7 @@ def _read(found: StationFile, line: Line, form: str, classes: list[str]) -> None
     N = words.number("a geoid height") if found.geoid else 0.0
     values = {key: words.take(f"{key} of station {name!r}") for key in classes}
     found.spelt[name.upper()] = name
-    found.by_name[name] = SnapStation(
-        (place[0], place[1], height), N, deflection, line.number, values, found.path
-    )
+    found.by_name[name] = SnapStation((place[0], place[1], height), N, deflection, line.number, values, found.path)
 
 
 # ---- Lists of stations, selections of observations and recodes: words of a command file.
@@ -688,9 +680,7 @@ class Selection(NamedTuple):
     errors: tuple[float, float] = (0.0, 0.0)
     """σ (m) of an offset or a centroid, horizontal and vertical."""
 
-    def holds(
-        self, code: str, names: list[str], path: Path, date: datetime | None, given: dict[str, str]
-    ) -> bool:
+    def holds(self, code: str, names: list[str], path: Path, date: datetime | None, given: dict[str, str]) -> bool:
         """Return whether an observation is selected, by its type, stations, file, date and classifications."""
         known = {**given, "data_type": code, "data_file": path.name}
         for key, patterns in self.classes:
@@ -721,9 +711,7 @@ def selection_of(words: WordReader, factor: float, stations: StationFile) -> Sel
             key, _, value = word.lstrip("@").partition("=")
             found.classes.append((key, _values(key, value)))
         elif word not in (*_MISSING, "all_observations"):
-            raise ValueError(
-                f"found {word!r}, expected a criterion such as data_type=SD, before or using_stations"
-            )
+            raise ValueError(f"found {word!r}, expected a criterion such as data_type=SD, before or using_stations")
     return found
 
 
@@ -836,10 +824,7 @@ def set_of(
     vector = len(members[0].names) == 2
     if not vector and any(member.heights[0] for member in members):
         raise ValueError("heights of antennas above observed positions (GX) are not supported")
-    rows = [
-        Row([*m.names, *map(repr, m.value), *(map(repr, m.heights) if vector else [])], m.line)
-        for m in members
-    ]
+    rows = [Row([*m.names, *map(repr, m.value), *(map(repr, m.heights) if vector else [])], m.line) for m in members]
     return Set(rows, 0.5 * (Q + Q.T))  # products with axes are not symmetric in their last digit
 
 
@@ -977,9 +962,7 @@ def _of_command(stations: StationFile, members: list[Member], error: VectorError
     size = len(members)
     Q = np.zeros((3 * size, 3 * size))
     own = [
-        np.square(member.sigma[:3])
-        if member.sigma
-        else error.variances(float(np.linalg.norm(value)) * vectors)
+        np.square(member.sigma[:3]) if member.sigma else error.variances(float(np.linalg.norm(value)) * vectors)
         for member, value in zip(members, values, strict=True)
     ]
     for i in range(size):
@@ -1149,9 +1132,7 @@ class Data:
             raise ValueError(f"station {name!r} is not in {self.stations.path.name}{similar}")
         return known[code]
 
-    def selected(
-        self, code: str, names: list[str], given: dict[str, str], date: datetime | None
-    ) -> list[Selection]:
+    def selected(self, code: str, names: list[str], given: dict[str, str], date: datetime | None) -> list[Selection]:
         """Commands that select an observation."""
         known = {**self.given.get(code, {}), **given}
         return [one for one in self.selections if one.holds(code, names, self.path, date, known)]
@@ -1202,9 +1183,7 @@ def read_data(path: Path, data: Data, scale: float = 1.0, recodes: Path | None =
     _end_of_set(data)
 
 
-def read_delimited(
-    path: Path, data: Data, form: Definition, scale: float = 1.0, recodes: Path | None = None
-) -> None:
+def read_delimited(path: Path, data: Data, form: Definition, scale: float = 1.0, recodes: Path | None = None) -> None:
     """Read one delimited data file by its definition, like :func:`read_data`."""
     data.begin(path, scale, recodes)
     last = ("", "", "")
@@ -1239,9 +1218,7 @@ def _delimited(data: Data, code: str, record: Record, scale: float, new_set: boo
     if code == "PB":
         data.projection = projection_of(values.get("projection", ""))
     if values.get("reference_frame"):
-        data.skip(
-            f"reference frame {values['reference_frame']}: vectors are taken in the frame of the stations"
-        )
+        data.skip(f"reference frame {values['reference_frame']}: vectors are taken in the frame of the stations")
     numbers = _errors_of(data, code, values)
     data.items = [LineObservation(code, ("value", "error") if numbers else ("value",))]
     station = [values.get("instrument_station", ""), values.get("instrument_height") or "0"]

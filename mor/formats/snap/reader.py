@@ -278,9 +278,7 @@ def _form(words: WordReader, places: list[Path], usual: str, draft: Draft) -> De
 
 def _end(words: WordReader) -> None:
     if words:
-        raise ValueError(
-            f"found {words.rest()!r} behind the name of the file: only SNAP's own form and csv are read"
-        )
+        raise ValueError(f"found {words.rest()!r} behind the name of the file: only SNAP's own form and csv are read")
 
 
 def _factor(words: WordReader) -> float:
@@ -290,9 +288,7 @@ def _factor(words: WordReader) -> float:
     return factor
 
 
-def _command(
-    found: _Commands, path: Path, name: str, words: WordReader, places: list[Path], draft: Draft
-) -> bool:
+def _command(found: _Commands, path: Path, name: str, words: WordReader, places: list[Path], draft: Draft) -> bool:
     if name == "title":
         found.title = words.rest()
     elif name in ("coordinate_file", "data_file"):
@@ -465,9 +461,7 @@ def _put_stations(data: Data, commands: _Commands) -> None:
     in_part = False
     for ((horizontal, vertical), path), rows in tables.items():
         held = horizontal == 0.0 and vertical == 0.0
-        observed = (
-            [] if held else [("sigma_east", horizontal), ("sigma_north", horizontal), ("sigma_up", vertical)]
-        )
+        observed = [] if held else [("sigma_east", horizontal), ("sigma_north", horizontal), ("sigma_up", vertical)]
         in_part |= 0.0 in (value for _, value in observed)
         given = [(column, repr(value or _HELD)) for column, value in observed if value is not None]
         cells = [Row([*row.cells, *(value for _, value in given)], row.line) for row in rows]

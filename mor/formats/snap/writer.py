@@ -55,9 +55,7 @@ class Writing(NamedTuple):
     """Name of the projection of the project, or nothing."""
 
 
-def data_lines(
-    content: Content, found: list[ObservationTable], points: list[str], projection: str
-) -> list[str]:
+def data_lines(content: Content, found: list[ObservationTable], points: list[str], projection: str) -> list[str]:
     """All observations. Raises :class:`InputError` for what SNAP cannot say."""
     writing = Writing(content, SetUps(content, points), projection)
     lines = ["#deg_angles", "#gps_error_type full"]
@@ -102,9 +100,7 @@ def _texts(group: ObservationTable, kind: DataKind, row: int, metres: float) -> 
     return f"{value * metres!r} {sigma * metres!r}"
 
 
-def _heights(
-    writing: Writing, group: ObservationTable, references: dict[str, str], row: int
-) -> tuple[float, float]:
+def _heights(writing: Writing, group: ObservationTable, references: dict[str, str], row: int) -> tuple[float, float]:
     if group.entry.type not in ("distance", "zenith_angle", "height_difference"):
         return 0.0, 0.0
     return heights_of(group, references, row, {}, writing.content.edge.metres)
@@ -117,9 +113,7 @@ def _scalars(writing: Writing, group: ObservationTable) -> Iterator[str]:
     names = [group.rows.text(name) for name in ends]
     rows = np.flatnonzero(np.isfinite(group.values[:, 0])).tolist()
     heights = {
-        row: _heights(
-            writing, group, {end: column[row] for end, column in zip(ends, names, strict=True)}, row
-        )
+        row: _heights(writing, group, {end: column[row] for end, column in zip(ends, names, strict=True)}, row)
         for row in rows
     }
     plain = not any(any(two) for two in heights.values())
@@ -194,8 +188,7 @@ def _gnss(writing: Writing, group: ObservationTable) -> Iterator[str]:
     alone = group.entry.covariance is None
     for number, (rows, Q) in enumerate(clusters(writing.content, group, "SNAP")):
         heights = [
-            heights_of(group, {}, row, {}, writing.content.edge.metres) if code == "GB" else (0.0, 0.0)
-            for row in rows
+            heights_of(group, {}, row, {}, writing.content.edge.metres) if code == "GB" else (0.0, 0.0) for row in rows
         ]
         plain = not any(any(two) for two in heights)
         if not alone:
@@ -266,15 +259,11 @@ def write_snap(document: Document, folder: Path, target: Path) -> Written:
         if entry.type not in TYPES:
             continue
         if entry.cluster:
-            problems.append(
-                place.problem("SNAP has covariances of one set of vectors or positions at a time")
-            )
+            problems.append(place.problem("SNAP has covariances of one set of vectors or positions at a time"))
         elif entry.covariance is not None and entry.type not in VECTORS:
             problems.append(place.problem(f"SNAP has no covariances of {entry.type}"))
         if entry.centring or (entry.ppm and "distance" not in entry.type):
-            problems.append(
-                place.problem("SNAP's files are written with the σ of each value, without centring")
-            )
+            problems.append(place.problem("SNAP's files are written with the σ of each value, without centring"))
         instrument = project.instruments.get(entry.instrument) if entry.instrument else None
         if instrument is not None and not _known(instrument, entry.type, uses[str(entry.instrument)]):
             words = "of instruments SNAP has refraction of zenith angles, and a free scale of one table of distances"
@@ -296,9 +285,7 @@ def write_snap(document: Document, folder: Path, target: Path) -> Written:
         ".crd": [title, system, *_coordinates(points, world)],
         ".dat": [title, *data_lines(content, found, points.ids, projection)],
     }
-    texts = {
-        stem.with_name(f"{stem.name}{end}"): "\n".join([*lines, ""]).encode() for end, lines in files.items()
-    }
+    texts = {stem.with_name(f"{stem.name}{end}"): "\n".join([*lines, ""]).encode() for end, lines in files.items()}
     return Written(texts, _notes(content, found, target))
 
 
@@ -346,14 +333,10 @@ def _check_points(points: EarthPoints, file: str) -> None:
             words = f"SNAP's codes have up to {_LONGEST} letters, no blanks, ! and -, and do not begin with #, * or &"
             problems.append(Message(f"{name!r}: {words}", file))
         if any(held) and not all(held):
-            words = (
-                f"point {name!r} is held in some components only: SNAP's files are written with all or none"
-            )
+            words = f"point {name!r} is held in some components only: SNAP's files are written with all or none"
             problems.append(Message(words, file))
     twice = [name for name, count in Counter(name.upper() for name in points.ids).items() if count > 1]
-    problems += [
-        Message(f"{name!r}: SNAP's codes are the same in large and small letters", file) for name in twice
-    ]
+    problems += [Message(f"{name!r}: SNAP's codes are the same in large and small letters", file) for name in twice]
     if problems:
         raise InputError(problems)
 
@@ -393,9 +376,7 @@ def _commands(content: Content, points: EarthPoints, stem: str) -> list[str]:
     held = [name for name, three in zip(points.ids, points.held.tolist(), strict=True) if all(three)]
     lines = [f"coordinate_file {stem}.crd", f"data_file {stem}.dat"]
     lines.append(f"mode 3d {'adjustment' if held else 'free_net'}")
-    lines += [
-        f"fix {' '.join(held[k : k + _SNAP_WRITER_A_LINE])}" for k in range(0, len(held), _SNAP_WRITER_A_LINE)
-    ]
+    lines += [f"fix {' '.join(held[k : k + _SNAP_WRITER_A_LINE])}" for k in range(0, len(held), _SNAP_WRITER_A_LINE)]
     used = {entry.instrument for entry in content.project.observations if entry.type == "zenith_angle"}
     for name in sorted(used, key=str):
         instrument = content.project.instruments.get(name) if name else None

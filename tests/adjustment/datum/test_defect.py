@@ -62,9 +62,7 @@ NETWORKS = {
         TRANSLATION | ROTATION,
     ),
     "plane with an origin that moves along z only": (
-        lambda: local_system(
-            origin=(False, False, True), rotation=(True, True, False), scale=False, only=(2,)
-        ),
+        lambda: local_system(origin=(False, False, True), rotation=(True, True, False), scale=False, only=(2,)),
         TRANSLATION | ROTATION,
     ),
 }
@@ -90,9 +88,9 @@ def test_null_vectors_change_no_observation(network):
     dense = dense_system(adjustment.problem, adjustment.values)
     rows = dense.A / np.linalg.norm(dense.A, axis=1, keepdims=True)
     assert np.abs(rows @ (null / np.linalg.norm(null, axis=0))).max() < 1e-11
-    assert np.linalg.matrix_rank(dense.A / np.linalg.norm(dense.A, axis=0), tol=1e-9) == dense.A.shape[
-        1
-    ] - len(movements)
+    assert np.linalg.matrix_rank(dense.A / np.linalg.norm(dense.A, axis=0), tol=1e-9) == dense.A.shape[1] - len(
+        movements
+    )
 
 
 def test_a_datum_that_is_partly_given_leaves_a_combination():
@@ -173,9 +171,7 @@ def test_several_loose_things_are_told_apart():
     assert sorted(found, key=str) == sorted(
         [{("point", "one")}, {("point", "two")}, *[{("point", "unseen")}] * 3], key=str
     )
-    unseen = [
-        one.unknowns for one in adjustment.defect.undetermined if ("point", "unseen", "x") in one.unknowns
-    ]
+    unseen = [one.unknowns for one in adjustment.defect.undetermined if ("point", "unseen", "x") in one.unknowns]
     assert unseen == [(("point", "unseen", "x"),)]
 
 

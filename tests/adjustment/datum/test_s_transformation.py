@@ -75,9 +75,7 @@ def test_the_total_corrections_satisfy_the_inner_constraints(network, datum):
 def test_the_movements_may_be_taken_at_coordinates_the_datum_names(network):
     scene, points, problem = noisy(network)
     elsewhere = {"point": problem.datum.reference["point"] * [1.1, 0.8, 1.3] + 0.3}
-    adjustment = adjust(
-        replace(problem, datum=problem.datum._replace(movements=elsewhere)), scene.start(5e-3)
-    )
+    adjustment = adjust(replace(problem, datum=problem.datum._replace(movements=elsewhere)), scene.start(5e-3))
     assert adjustment.outcome is Outcome.CONVERGED
     numbers = [scene.number("point", name) for name in points]
     free = np.array([scene.free["point"][name] for name in points])
@@ -93,9 +91,7 @@ def test_the_movements_may_be_taken_at_coordinates_the_datum_names(network):
 @EACH
 def test_the_result_does_not_depend_on_the_start(network):
     scene, points, problem = noisy(network)
-    results = [
-        adjust(problem, scene.start(amount, seed)) for amount, seed in ((1e-2, 1), (3e-2, 2), (1e-6, 3))
-    ]
+    results = [adjust(problem, scene.start(amount, seed)) for amount, seed in ((1e-2, 1), (3e-2, 2), (1e-6, 3))]
     first = coordinates(results[0], points)
     for other in results[1:]:
         assert other.outcome is Outcome.CONVERGED
@@ -192,9 +188,7 @@ def test_the_datum_may_be_carried_by_chosen_components():
     mask["point"][:3, 2] = True
     adjustment = adjust(replace(problem, datum=problem.datum._replace(mask=mask)), scene.start(1e-3))
     assert adjustment.outcome is Outcome.CONVERGED
-    heights = coordinates(adjustment, points[:3])[:, 2] - [
-        scene.truth["point"][name][2] for name in points[:3]
-    ]
+    heights = coordinates(adjustment, points[:3])[:, 2] - [scene.truth["point"][name][2] for name in points[:3]]
     assert abs(heights.sum()) < 1e-12
     assert np.abs(heights).max() > 1e-6
 

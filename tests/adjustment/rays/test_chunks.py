@@ -178,10 +178,7 @@ def test_shutters_without_readout_time_are_those_of_frames(name):
     values["readout"] = np.zeros_like(values["readout"])
     still = replace(problem, groups=tuple(read_out_at_once(group) for group in problem.groups))
     found, expected = (
-        [
-            residual
-            for _, residual in ray_residuals(p, plan_rays(p, eliminable_rays(p, values).points), values)
-        ]
+        [residual for _, residual in ray_residuals(p, plan_rays(p, eliminable_rays(p, values).points), values)]
         for p in (problem, still)
     )
     np.testing.assert_allclose(np.concatenate(found), np.concatenate(expected), rtol=1e-11, atol=1e-11)
@@ -219,8 +216,7 @@ def test_points_that_follow_a_step_are_those_of_back_substitution(name, availabl
     step = 1e-3 * np.random.default_rng(4).standard_normal(problem.index.count)
     step[rays.columns] = 0.0
     expected = [
-        back_substitute(chunk.rays, step, 0.1)
-        for chunk in ray_chunks(problem, rays, np.arange(len(step)), values)
+        back_substitute(chunk.rays, step, 0.1) for chunk in ray_chunks(problem, rays, np.arange(len(step)), values)
     ]
     found = [steps for _, steps in point_steps(problem, rays, values, step, 0.1)]
     np.testing.assert_allclose(np.concatenate(found), np.concatenate(expected), rtol=1e-8, atol=1e-12)
@@ -270,9 +266,7 @@ def test_positions_and_rotations_that_belong_together_are_one_block():
     assert sorted(sizes) == [3, 6, 6, 6]  # the interior, and three free images
     scene.add("rotation", "second", looking_at(PLACES[1], [0.0, 0.0, 0.0], 1.0))
     for name in [f"P{k}" for k in range(12)]:  # a second image from the place of the first one
-        scene.observe(
-            "image/mor", "C1", "second", None, None, "I mor", name, sigma=0.002, constants=[0, 0, 4.0]
-        )
+        scene.observe("image/mor", "C1", "second", None, None, "I mor", name, sigma=0.002, constants=[0, 0, 4.0])
     problem, values = scene.problem(np.random.default_rng(1)), scene.start(1e-3)
     sizes = make_plan(problem, eliminable_rays(problem, values)).target.structure.sizes
     assert sorted(sizes) == [3, 3, 3, 3, 6, 6]
@@ -381,8 +375,7 @@ def test_a_common_sigma_is_kept_once(name, very_many, monkeypatch):
     once = replace(
         problem,
         groups=tuple(
-            replace(group, sigma=np.broadcast_to(group.sigma[:1].copy(), group.sigma.shape))
-            for group in problem.groups
+            replace(group, sigma=np.broadcast_to(group.sigma[:1].copy(), group.sigma.shape)) for group in problem.groups
         ),
     )
     plans = [make_plan(p, eliminable_rays(p, values)) for p in (problem, once)]

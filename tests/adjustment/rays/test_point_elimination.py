@@ -126,9 +126,7 @@ def test_reduced_system_is_the_schur_complement(damping, camera_last, mixed):
     eliminated = np.linalg.solve(normal[n:, n:], np.column_stack([normal[n:, :n], right[n:]]))
     expected = normal[:n, :n] - normal[:n, n:] @ eliminated[:, :n]
     np.testing.assert_allclose(reduced.matrix.to_dense(), expected, atol=1e-10)
-    np.testing.assert_allclose(
-        reduced.right_hand_side, right[:n] - normal[:n, n:] @ eliminated[:, n], atol=1e-10
-    )
+    np.testing.assert_allclose(reduced.right_hand_side, right[:n] - normal[:n, n:] @ eliminated[:, n], atol=1e-10)
     np.testing.assert_allclose(reduced.diagonal, np.diag(normal)[:n], rtol=1e-12)
     assert held.shape == (rays.points, 3)
     assert not held.any()
@@ -398,9 +396,7 @@ def test_what_images_share_may_stand_anywhere(camera_behind, camera_last, monkey
     rays, structure = simulate(seed=11, camera_last=camera_last)
     order = np.roll(np.arange(WIDTH), -CAMERA) if camera_behind else np.arange(WIDTH)
     rays = replace(rays, by_others=rays.by_others[:, :, order].copy(), columns=rays.columns[:, order].copy())
-    pattern = Pattern(
-        structure.block_of, structure.offsets, structure.indptr, structure.indices, structure.position
-    )
+    pattern = Pattern(structure.block_of, structure.offsets, structure.indptr, structure.indices, structure.position)
     assert begin_gathering(rays.columns, pattern).nested is camera_behind
     found = []
     for available in (True, False):

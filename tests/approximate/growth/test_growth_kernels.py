@@ -35,13 +35,9 @@ def test_an_observed_position_holds_the_pose_with_its_weight(scenes):
     place, rotation = made.cameras[0]
     bundle = direction_bundle(made.rays[0], 1e-4)
     moved = place + 1e-3
-    held = adjust_pose(
-        bundle, made.points, Pose(place, rotation), observed=KnownPosition(moved, np.full(3, 1e-9))
-    )
+    held = adjust_pose(bundle, made.points, Pose(place, rotation), observed=KnownPosition(moved, np.full(3, 1e-9)))
     np.testing.assert_allclose(held.position, moved, atol=1e-9)
-    free = adjust_pose(
-        bundle, made.points, Pose(place, rotation), observed=KnownPosition(moved, np.full(3, 1e6))
-    )
+    free = adjust_pose(bundle, made.points, Pose(place, rotation), observed=KnownPosition(moved, np.full(3, 1e6)))
     np.testing.assert_allclose(free.position, adjust_pose(bundle, made.points, held).position, atol=1e-8)
 
 
@@ -167,8 +163,7 @@ def block(rng, held=3):
         )
         poses[number] = (place, D)
     wrong = {
-        k: (place + 0.01, rotate(D, np.full(3, 2e-3))) if k >= held else (place, D)
-        for k, (place, D) in poses.items()
+        k: (place + 0.01, rotate(D, np.full(3, 2e-3))) if k >= held else (place, D) for k, (place, D) in poses.items()
     }
     return frames, poses, wrong
 

@@ -79,9 +79,7 @@ def test_start_values_that_the_rays_contradict_are_named_and_replaced(tmp_path):
     found = approximate(replace(network, start=start))
     assert [words.partition(":")[0] for words in found.replaced] == [f"image {image}"]
     assert np.abs(found.start["rotation"][block] - true).max() < 0.02
-    others = [
-        n for n in range(len(start["rotation"])) if n != block and np.isfinite(start["rotation"][n]).all()
-    ]
+    others = [n for n in range(len(start["rotation"])) if n != block and np.isfinite(start["rotation"][n]).all()]
     np.testing.assert_array_equal(found.start["rotation"][others], start["rotation"][others])
 
 

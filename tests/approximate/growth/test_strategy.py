@@ -19,9 +19,7 @@ from tests.selection import slow_but
 SAMPLES = Path(__file__).parents[3] / "sample_projects"
 TRAVERSES = ("traverse-01-nw", "traverse-01-se", "traverse-01-wn", "traverse-01-ws")
 GAMA = [
-    path
-    for path in NETWORKS
-    if path.parent.name == "gama" and not path.stem.startswith((*TRAVERSES, "scale-cov-dms"))
+    path for path in NETWORKS if path.parent.name == "gama" and not path.stem.startswith((*TRAVERSES, "scale-cov-dms"))
 ]
 """One of the traverses that differ in their axes only, and of the same network in other units."""
 

@@ -35,9 +35,7 @@ def pairs(draw, count):
 
 def distances(at, draw):
     rows = [[a, b, float(np.linalg.norm(at[b] - at[a]))] for a, b in pairs(draw, 14)]
-    return [
-        {"type": "distance", "values": {"sigma": 1e-3}, "columns": ["from", "to", "distance"], "rows": rows}
-    ]
+    return [{"type": "distance", "values": {"sigma": 1e-3}, "columns": ["from", "to", "distance"], "rows": rows}]
 
 
 def spatial_angles(at, draw):
@@ -181,9 +179,7 @@ def test_what_is_not_observed_stays_open(tmp_path):
         }
     ]
     network, scene, target, source = two_parts(observations, at, tmp_path)
-    source.transform(
-        Similarity(SimilarityOutcome.DETERMINED, 1.0 / SCALE, TURN.T, np.zeros(3), np.zeros((0, 3)), 0.0)
-    )
+    source.transform(Similarity(SimilarityOutcome.DETERMINED, 1.0 / SCALE, TURN.T, np.zeros(3), np.zeros((0, 3)), 0.0))
     source.levelled = True
     found = tie_by_observations(network, target, source, scene, 0)
     assert found.open == 1

@@ -23,8 +23,6 @@ def _movement() -> Movement:
 @pytest.mark.parametrize(("seen", "turned"), [(0.0, np.eye(3)), (np.nan, UPSIDE_DOWN)])
 def test_a_part_of_images_without_points_is_taken_as_it_fits_first(seen: float, turned: Any) -> None:
     """It ended in an internal error: there is no middle of no points."""
-    source: Any = SimpleNamespace(
-        poses={0: (np.array([0.0, 0.0, 9.0]), np.eye(3))}, points=np.full((4, 3), seen)
-    )
+    source: Any = SimpleNamespace(poses={0: (np.array([0.0, 0.0, 9.0]), np.eye(3))}, points=np.full((4, 3), seen))
     scene: Any = SimpleNamespace(choices=SimpleNamespace(take=lambda _: 0))
     assert np.array_equal(_likelier(_movement(), source, scene).rotation, turned)

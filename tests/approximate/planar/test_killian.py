@@ -55,9 +55,7 @@ def test_truth_is_among_the_admissible_solutions(scenes, seed):
     made = quadrilateral(scenes, seed)
     unit = np.linalg.norm(made.cameras[0][0])
     solutions = [s for s in solve_quadrilateral(*made.rays) if s.admissible]
-    errors = [
-        np.abs(s.halves - made.halves / unit).max() + abs(s.cos_alpha - made.cos_alpha) for s in solutions
-    ]
+    errors = [np.abs(s.halves - made.halves / unit).max() + abs(s.cos_alpha - made.cos_alpha) for s in solutions]
     best = solutions[int(np.argmin(errors))]
     assert min(errors) < 1e-9
     assert best.r_b == pytest.approx(np.linalg.norm(made.cameras[1][0]) / unit, rel=1e-9)
@@ -127,8 +125,7 @@ def test_all_solutions_are_those_of_the_decomposed_collineation(scenes, seed):
 
 def test_solutions_hidden_from_an_image_are_not_admissible(scenes):
     counts = {
-        len([s for s in solve_quadrilateral(*quadrilateral(scenes, seed).rays) if s.admissible])
-        for seed in range(30)
+        len([s for s in solve_quadrilateral(*quadrilateral(scenes, seed).rays) if s.admissible]) for seed in range(30)
     }
     assert counts == {1, 2}
 

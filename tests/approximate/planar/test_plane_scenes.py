@@ -212,10 +212,7 @@ def test_theodolites_see_a_plane_over_more_than_a_right_angle_to_all_sides(scene
         b = direction_bundle((flat - other) @ turn.T, 1e-6)
         found = planar_orientations(a, b)
         base = rotation @ (other - position) / 0.4
-        errors = [
-            np.abs(s.rotation - turn @ rotation.T).max() + np.abs(s.base - base).max()
-            for s in found.solutions
-        ]
+        errors = [np.abs(s.rotation - turn @ rotation.T).max() + np.abs(s.base - base).max() for s in found.solutions]
         assert min(errors) < 1e-6
 
 

@@ -28,9 +28,7 @@ def test_adjusted_rays_meet_and_corrections_are_the_smallest(scenes):
     ik = auxiliary_unknowns(base, rotation)
     assert np.abs(np.einsum("ni,ik,nk->n", found.rays_a, ik, found.rays_b)).max() < 1e-11
     np.testing.assert_allclose(found.residuals**2, np.sum(found.corrections**2, axis=1), rtol=1e-9)
-    np.testing.assert_allclose(
-        found.rays_a[:, :2] - a.rays[:, :2], found.corrections[:, :2] * made.sigma, atol=1e-15
-    )
+    np.testing.assert_allclose(found.rays_a[:, :2] - a.rays[:, :2], found.corrections[:, :2] * made.sigma, atol=1e-15)
     # Any other pair of meeting rays costs more: intersect freely and compare.
     for k in range(len(a)):
 
@@ -75,9 +73,7 @@ def test_without_noise_the_truth_is_reached_exactly(scenes):
     made = scenes.scene(3, n=10)
     a, b = bundles(made)
     base, rotation = scenes.relative_truth(made.cameras)
-    result = adjust_coplanarity(
-        a, b, exponential(np.full(3, 0.02)) @ base, rotate(rotation, np.full(3, 0.02))
-    )
+    result = adjust_coplanarity(a, b, exponential(np.full(3, 0.02)) @ base, rotate(rotation, np.full(3, 0.02)))
     np.testing.assert_allclose(result.base, base, atol=1e-12)
     np.testing.assert_allclose(result.rotation, rotation, atol=1e-12)
 
@@ -88,9 +84,7 @@ def test_covariance_describes_the_scatter_of_repeated_measurements(scenes):
     rng = np.random.default_rng(0)
     sigma, normalised, objectives = 0.003, [], []
     for _ in range(150):
-        noisy = [
-            rays + np.column_stack([sigma * rng.normal(size=(25, 2)), np.zeros(25)]) for rays in made.rays
-        ]
+        noisy = [rays + np.column_stack([sigma * rng.normal(size=(25, 2)), np.zeros(25)]) for rays in made.rays]
         a, b = (image_bundle(rays, sigma) for rays in noisy)
         result = adjust_coplanarity(a, b, base, rotation)
         turn = result.rotation @ rotation.T
@@ -120,9 +114,7 @@ def test_directions_of_theodolites_all_round_are_adjusted_alike(scenes):
     rotation = scenes.random_rotation(rng)
     a = direction_bundle(points, 1e-5)
     b = direction_bundle((points - base) @ rotation.T, 1e-5)
-    result = adjust_coplanarity(
-        a, b, exponential(np.full(3, 0.03)) @ base, rotate(rotation, np.full(3, -0.03))
-    )
+    result = adjust_coplanarity(a, b, exponential(np.full(3, 0.03)) @ base, rotate(rotation, np.full(3, -0.03)))
     np.testing.assert_allclose(result.base, base, atol=1e-10)
     np.testing.assert_allclose(result.rotation, rotation, atol=1e-10)
     assert np.all(in_front(a, b, result.base, result.rotation))

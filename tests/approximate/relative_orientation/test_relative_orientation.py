@@ -72,9 +72,7 @@ def test_another_library_finds_the_same_orientation(scenes):
         made = scenes.scene(seed, n=20)
         found, truth = oriented(made), scenes.relative_truth(made.cameras)
         a, b = (rays[:, :2] / scenes.c * [1.0, -1.0] for rays in made.rays)
-        sampled = opencv_pose(
-            cv2, cv2.findEssentialMat(a, b, np.eye(3), cv2.RANSAC, 0.999, 1e-8)[0][:3], a, b
-        )
+        sampled = opencv_pose(cv2, cv2.findEssentialMat(a, b, np.eye(3), cv2.RANSAC, 0.999, 1e-8)[0][:3], a, b)
         own = np.linalg.norm(sampled[0] - truth[0]) + np.linalg.norm(sampled[1] - truth[1]) / np.sqrt(2)
         sharp += own < 1e-9
         assert distance(found, *sampled) < max(1e-9, 1.001 * own)
@@ -182,9 +180,7 @@ def test_a_short_base_beyond_the_noise_is_unsure_not_wrong(scenes):
         made = scenes.scene(seed, 0.001, n=20)
         position, rotation = made.cameras[0]
         shift = rotation.T @ np.array([1.5e-3, 0.0, 0.0])
-        rays = scenes.image(
-            made.points, position + shift, exponential(np.full(3, 0.02)) @ rotation, 0.001, rng
-        )
+        rays = scenes.image(made.points, position + shift, exponential(np.full(3, 0.02)) @ rotation, 0.001, rng)
         found = relative_orientation(*(image_bundle(r, 0.001) for r in (made.rays[0], rays)))
         unsure += found.outcome in (RelativeOutcome.WEAK, RelativeOutcome.AMBIGUOUS)
         if found.outcome is RelativeOutcome.DETERMINED:

@@ -29,9 +29,7 @@ def test_three_points_give_all_solutions_with_the_truth_among_them(scenes):
     points = rng.normal(size=(400, 3, 3))
     rotations = np.stack([scenes.random_rotation(rng) for _ in points])
     positions = 3.0 * rng.normal(size=(400, 3))
-    rays = np.einsum("sij,snj->sni", rotations, points - positions[:, None]) * rng.uniform(
-        0.2, 3.0, (400, 3, 1)
-    )
+    rays = np.einsum("sij,snj->sni", rotations, points - positions[:, None]) * rng.uniform(0.2, 3.0, (400, 3, 1))
     found = resect_three_points(points, rays)
     errors = np.full(400, np.inf)
     distance = np.abs(found.positions - positions[found.sample]).max(1)
@@ -68,16 +66,12 @@ def test_another_library_finds_the_same_three_point_solutions(scenes):
         made = scenes.scene(seed, n=3, images=1)
         found = resect_three_points(made.points[None], made.rays[0][None])
         xy = made.rays[0][:, :2] / scenes.c * [1.0, -1.0]
-        count, turns, shifts = cv2.solveP3P(
-            made.points[:, None], xy[:, None], np.eye(3), None, cv2.SOLVEPNP_P3P
-        )
+        count, turns, shifts = cv2.solveP3P(made.points[:, None], xy[:, None], np.eye(3), None, cv2.SOLVEPNP_P3P)
         assert count == len(found.positions)
         for turn, shift in zip(turns, shifts, strict=True):
             matrix = cv2.Rodrigues(turn)[0]
             position, rotation = -matrix.T @ shift.ravel(), flip @ matrix
-            errors = np.abs(found.positions - position).max(1) + np.abs(found.rotations - rotation).max(
-                (1, 2)
-            )
+            errors = np.abs(found.positions - position).max(1) + np.abs(found.rotations - rotation).max((1, 2))
             assert errors.min() < 1e-5
 
 
@@ -102,9 +96,7 @@ def test_three_points_alone_are_ambiguous_or_determined_as_many_solutions_there_
         found = resect(image_bundle(made.rays[0], 1e-4), made.points)
         count = len(resect_three_points(made.points[None], made.rays[0][None]).positions)
         assert len(found.alternatives) == count - 1
-        expected = (
-            ResectionOutcome.AMBIGUOUS if count > 1 else (ResectionOutcome.DETERMINED, ResectionOutcome.WEAK)
-        )
+        expected = ResectionOutcome.AMBIGUOUS if count > 1 else (ResectionOutcome.DETERMINED, ResectionOutcome.WEAK)
         assert found.outcome is expected or found.outcome in np.atleast_1d(expected)
         assert min(error(one, *made.cameras[0]) for one in (found, *found.alternatives)) < 1e-7
 
@@ -118,9 +110,7 @@ def test_wrong_points_are_left_out(scenes):
         found = resect(image_bundle(made.rays[0], 0.002), made.points)
         assert found.outcome is ResectionOutcome.DETERMINED
         assert np.flatnonzero(~found.agreeing).tolist() == sorted(wrong)
-        assert np.all(
-            np.abs(found.position - made.cameras[0][0]) < 6 * np.sqrt(np.diag(found.covariance)[:3])
-        )
+        assert np.all(np.abs(found.position - made.cameras[0][0]) < 6 * np.sqrt(np.diag(found.covariance)[:3]))
 
 
 def test_samples_are_drawn_until_one_without_a_wrong_point_is_among_them(scenes, monkeypatch):
@@ -163,12 +153,8 @@ def test_derivatives_of_the_pose_are_differences(scenes):
         for k, change in enumerate(np.eye(6) * step):
             plus = Pose(pose.position + change[:3], rotate(pose.rotation, change[3:]))
             minus = Pose(pose.position - change[:3], rotate(pose.rotation, -change[3:]))
-            difference = (
-                pose_design(bundle, made.points, plus)[0] - pose_design(bundle, made.points, minus)[0]
-            )
-            np.testing.assert_allclose(
-                design[:, k], difference / (2 * step), atol=1e-4 * np.abs(design).max()
-            )
+            difference = pose_design(bundle, made.points, plus)[0] - pose_design(bundle, made.points, minus)[0]
+            np.testing.assert_allclose(design[:, k], difference / (2 * step), atol=1e-4 * np.abs(design).max())
 
 
 def test_covariance_describes_the_scatter_of_repeated_measurements(scenes):

@@ -41,9 +41,7 @@ def test_polar_rays_invert_the_observations(seed):
     points, station, kappa = setup(seed)
     directions, verticals, distances = observe(points, station, kappa)
     rays = polar_rays(directions, verticals) * distances[:, None]
-    np.testing.assert_allclose(
-        rays @ rotation_from_angles(np.array([0, 0, kappa])) + station, points, atol=1e-10
-    )
+    np.testing.assert_allclose(rays @ rotation_from_angles(np.array([0, 0, kappa])) + station, points, atol=1e-10)
 
 
 def test_orientation_is_a_median_on_the_circle():
@@ -194,6 +192,4 @@ def test_stations_without_enough_or_with_wrong_measurements_are_named():
     one = np.where(np.arange(5) < 1, level, np.nan)
     assert free_station_level(points[:, :2], missing, one, 1e-5, 1e-3).outcome is StationOutcome.TOO_FEW
     short = np.where(np.arange(5) < 2, 1e-3 * level, np.nan)
-    assert (
-        free_station_level(points[:, :2], missing, short, 1e-5, 1e-3).outcome is StationOutcome.DOES_NOT_FIT
-    )
+    assert free_station_level(points[:, :2], missing, short, 1e-5, 1e-3).outcome is StationOutcome.DOES_NOT_FIT

@@ -22,9 +22,7 @@ def turned_scene(seed, count=12):
 def reading(draw, place, points):
     """Horizontal directions, clockwise, from any zero."""
     away = points - place
-    return (
-        np.arctan2(away[:, 0], away[:, 1]) + draw.uniform(0.0, 6.0) + 1e-4 * draw.standard_normal(len(points))
-    )
+    return np.arctan2(away[:, 0], away[:, 1]) + draw.uniform(0.0, 6.0) + 1e-4 * draw.standard_normal(len(points))
 
 
 @pytest.mark.parametrize("seed", range(6))
@@ -32,9 +30,7 @@ def reading(draw, place, points):
 def test_a_set_of_horizontal_directions_tells_the_vertical(seed, known):
     draw, points, D = turned_scene(seed)
     place = np.array([2.0, -1.5, 0.7])
-    one = HorizontalSet(
-        D @ place if known else np.full(3, np.nan), points @ D.T, reading(draw, place, points)
-    )
+    one = HorizontalSet(D @ place if known else np.full(3, np.nan), points @ D.T, reading(draw, place, points))
     found = vertical_of_directions([one], NO_ANGLES)
     assert found.redundancy == len(points) - (3 if known else 5)
     assert np.linalg.norm(found.up - D[:, 2]) < 6.0 * found.sigma

@@ -11,14 +11,10 @@ from mor.types import FloatArray
 MODEL = CAMERA_MODELS["brown"]
 VALUES = np.array([7.457, -0.011, 0.1056, 4.6e-3, -4.5e-5, -2.1e-6, -6.1e-5, -4.4e-5, 3.9e-4, -2.7e-4])
 # 7.25 mm × 5.44 mm: centre, principal point, beside it, ordinary, corners
-MEASURED = np.array(
-    [[0.0, 0.0], [-0.011, 0.1056], [-0.011 + 1e-9, 0.1056], [1.3, -2.0], [3.6, 2.7], [-3.6, -2.7]]
-)
+MEASURED = np.array([[0.0, 0.0], [-0.011, 0.1056], [-0.011 + 1e-9, 0.1056], [1.3, -2.0], [3.6, 2.7], [-3.6, -2.7]])
 N = len(MEASURED)
 INTERIOR = np.tile(VALUES, (N, 1))
-STAR = np.array(
-    [[0.0, 0.0, -2.0], [0.1, 0.2, -2.0], [0, 1e-9, -3], [0.4, -0.5, -2], [1, 0.7, -2], [-1, -0.8, -2]]
-)
+STAR = np.array([[0.0, 0.0, -2.0], [0.1, 0.2, -2.0], [0, 1e-9, -3], [0.4, -0.5, -2], [1, 0.7, -2], [-1, -0.8, -2]])
 NOTHING = np.empty((N, 0))
 
 

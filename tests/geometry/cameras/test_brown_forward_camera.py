@@ -8,9 +8,7 @@ from mor.model.cameras import CAMERA_MODELS
 
 MODEL = CAMERA_MODELS["brown-forward"]
 VALUES = np.array([7.457, -0.010, 0.111, 4.5e-3, -9.8e-5, 1.8e-7, -5.7e-5, -2.8e-5])
-STAR = np.array(
-    [[0.0, 0.0, -2.0], [1e-9, 0.0, -2.0], [0.2, -0.4, -2.0], [0.96, 0.72, -2.0], [-0.96, -0.72, -2.0]]
-)
+STAR = np.array([[0.0, 0.0, -2.0], [1e-9, 0.0, -2.0], [0.2, -0.4, -2.0], [0.96, 0.72, -2.0], [-0.96, -0.72, -2.0]])
 N = len(STAR)
 INTERIOR = np.tile(VALUES, (N, 1))
 NOTHING, NOT_LOOKED_AT = np.empty((N, 0)), np.full((N, 2), np.nan)

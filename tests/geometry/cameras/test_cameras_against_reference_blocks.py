@@ -96,9 +96,7 @@ def camcal_residuals(folder: Path, key: str, expected: dict[str, Any]) -> FloatA
 @pytest.mark.parametrize(
     ("key", "block"), [("brown", "reference_model3"), ("brown-forward", "reference_model_forward")]
 )
-def test_brown_reproduces_the_camera_calibration(
-    key: str, block: str, shared_data: Callable[[str], Path]
-) -> None:
+def test_brown_reproduces_the_camera_calibration(key: str, block: str, shared_data: Callable[[str], Path]) -> None:
     folder = shared_data("camcal")
     expected = json.loads((folder / "expected.json").read_text())[block]
     v = camcal_residuals(folder, key, expected)

@@ -39,9 +39,7 @@ GOLDEN = {
 MODELS = pytest.mark.parametrize("key", GOLDEN)
 
 
-def _project(
-    key: str, points: np.ndarray, interior: list[float]
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _project(key: str, points: np.ndarray, interior: list[float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     model = CAMERA_MODELS[key]
     rows = np.tile(np.array(interior, dtype=float), (len(points), 1))
     return model.project(points * [1, -1, -1], rows, np.zeros((len(points), 0)), np.zeros((len(points), 2)))
@@ -98,9 +96,7 @@ def test_fov_goes_over_into_the_central_projection_without_a_step() -> None:
     """At ω = 0 exactly, beside it, and where series and closed form meet."""
     plain = _project("opencv", POINTS, [700.0, 705.0, 800.0, 600.0, *[0.0] * 8])[0]
     np.testing.assert_array_equal(_project("fov", POINTS, [700.0, 705.0, 800.0, 600.0, 0.0])[0], plain)
-    np.testing.assert_allclose(
-        _project("fov", POINTS, [700.0, 705.0, 800.0, 600.0, 1e-6])[0], plain, atol=1e-8
-    )
+    np.testing.assert_allclose(_project("fov", POINTS, [700.0, 705.0, 800.0, 600.0, 1e-6])[0], plain, atol=1e-8)
     t = 2.0 * np.tan(0.45)
     border = 0.1 / t
     at = np.array([[border * (1.0 - 1e-12), 0, 1.0], [border * (1.0 + 1e-12), 0, 1.0]])

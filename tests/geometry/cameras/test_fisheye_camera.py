@@ -69,9 +69,7 @@ def test_straight_behind_has_no_image() -> None:
 
 def test_image_points_and_derivatives_agree_with_opencv(cv2: Any) -> None:
     # OpenCV divides by the depth: only angles below 90° can be compared
-    star = np.vstack(
-        [stars(np.array([0.01, 0.4, 1.1, 1.55, 1.5707]), azimuth) for azimuth in (0.0, 0.7, 3.9)]
-    )
+    star = np.vstack([stars(np.array([0.01, 0.4, 1.1, 1.55, 1.5707]), azimuth) for azimuth in (0.0, 0.7, 3.9)])
     camera = np.array([[VALUES[0], 0.0, VALUES[2]], [0.0, VALUES[1], VALUES[3]], [0.0, 0.0, 1.0]])
     in_opencv_axes = (star * [1.0, -1.0, -1.0])[:, np.newaxis]
     zero = np.zeros((3, 1))

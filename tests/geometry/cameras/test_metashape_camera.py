@@ -7,9 +7,7 @@ import numpy as np
 from mor.model.cameras import CAMERA_MODELS
 
 MODEL = CAMERA_MODELS["metashape"]
-INTERIOR = np.array(
-    [3705.5, 11.7, -27.7, 0.53, -0.31, -0.092, -0.076, 0.116, -0.076, -3.1e-4, 1.2e-4, 0.4, -0.2]
-)
+INTERIOR = np.array([3705.5, 11.7, -27.7, 0.53, -0.31, -0.092, -0.076, 0.116, -0.076, -3.1e-4, 1.2e-4, 0.4, -0.2])
 
 
 def _points(n: int = 40) -> np.ndarray:

@@ -92,9 +92,7 @@ def test_one_station_calibrates_a_panorama() -> None:
     random, seen = np.random.default_rng(6), []
     turns = [[100.3, 20.0, -0.2], [99.0, 120.0, 4.0], [104.0, -70.0, 1.0]]
     for k, angles in enumerate(turns):
-        xy = image(PLACES[0], np.array(angles) * GON, **truth) + 0.2 * random.standard_normal(
-            (len(POINTS), 2)
-        )
+        xy = image(PLACES[0], np.array(angles) * GON, **truth) + 0.2 * random.standard_normal((len(POINTS), 2))
         seen += [[f"I{k}", f"C{n}", float(x), float(y)] for n, (x, y) in enumerate(xy)]
     known = rows([[f"C{k}", *map(float, p)] for k, p in enumerate(POINTS)])
     free = ", ".join(f"{name}: {{free: {3480 if name == 'c' else 0}}}" for name in truth)

@@ -10,9 +10,7 @@ from mor.model.ports import DOME_PORT, FLAT_PORT, apparent_points
 from tests.scenarios.ports import DOME, FLAT, in_water
 from tests.selection import slow_but
 
-BOTH = pytest.mark.parametrize(
-    ("port", "given"), [(FLAT_PORT, FLAT), (DOME_PORT, DOME)], ids=["flat", "dome"]
-)
+BOTH = pytest.mark.parametrize(("port", "given"), [(FLAT_PORT, FLAT), (DOME_PORT, DOME)], ids=["flat", "dome"])
 CENTRAL = sorted(set(LENSES) - {"panorama"})
 
 
@@ -78,9 +76,7 @@ def test_a_flat_port_magnifies_by_the_index_of_water():
     thin = rows([0.0, 0.0, 1e-3, 1e-4, 1.0, 1.5, 1.333], 9)
     found = apparent_points(FLAT_PORT, star, thin).star
     # far away only the direction matters: sin(air) = n sin(water); near the axis n itself
-    np.testing.assert_allclose(
-        -found[:, 0] / found[:, 2], np.tan(np.arcsin(1.333 * np.sin(angle))), rtol=1e-6
-    )
+    np.testing.assert_allclose(-found[:, 0] / found[:, 2], np.tan(np.arcsin(1.333 * np.sin(angle))), rtol=1e-6)
     assert found[0, 0] / found[0, 2] / (star[0, 0] / star[0, 2]) == pytest.approx(1.333, rel=1e-5)
 
 

@@ -93,9 +93,7 @@ def test_equal_lengths_have_a_common_one() -> None:
         bars = np.linalg.norm(points[1::2] - points[::2], axis=1) - x[18]
         return np.concatenate([(points - observed).ravel() / 0.01, bars / 1e-4])
 
-    best = optimize.least_squares(
-        misclosures, np.append(observed, 1.2), x_scale="jac", xtol=1e-15, ftol=1e-15
-    )
+    best = optimize.least_squares(misclosures, np.append(observed, 1.2), x_scale="jac", xtol=1e-15, ftol=1e-15)
     found = [[result.points.row(f"P{k}")[c] for c in "xyz"] for k in range(6)]
     np.testing.assert_allclose(found, best.x[:18].reshape(6, 3), rtol=0.0, atol=1e-8)
     (bar,) = (one for one in result.to_dict()["others"] if one["id"] == "bar")

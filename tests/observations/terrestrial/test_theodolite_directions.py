@@ -55,9 +55,7 @@ def test_refraction_makes_zenith_angles_smaller_in_face_one(face):
     bending = 0.13 * math.hypot(7.0, 8.0) / (2.0 * RADIUS)
     sign = 1.0 if face == 1.0 else -1.0
     vertical = directions(k=0.13, face=face)[1] - directions(face=face)[1]
-    zenith = (
-        directions("zenith_directions", k=0.13, face=face)[1] - directions("zenith_directions", face=face)[1]
-    )
+    zenith = directions("zenith_directions", k=0.13, face=face)[1] - directions("zenith_directions", face=face)[1]
     assert vertical == pytest.approx(sign * bending, abs=2e-15)
     assert zenith == pytest.approx(-sign * bending, abs=2e-15)
 

@@ -49,9 +49,7 @@ def test_joint_cofactors_are_those_of_the_bordered_system(name):
     np.testing.assert_allclose(found / size, expected / size, atol=2e-6)
     some = np.array([7, -1, 3, 11])
     picked = joint_cofactors(quality, some)
-    np.testing.assert_allclose(
-        picked[np.ix_([0, 2, 3], [0, 2, 3])], found[np.ix_([7, 3, 11], [7, 3, 11])], rtol=1e-7
-    )
+    np.testing.assert_allclose(picked[np.ix_([0, 2, 3], [0, 2, 3])], found[np.ix_([7, 3, 11], [7, 3, 11])], rtol=1e-7)
     assert (picked[1] == 0.0).all()
     assert (picked[:, 1] == 0.0).all()
 
@@ -66,14 +64,10 @@ def test_carried_into_another_datum_it_is_the_direct_adjustment(scale_bar, targe
     other = scene.problem(noise[1], target, reference=reference)
     direct = assess(adjust(other, scene.start(1e-2, seed=8)))
     carried = assess(adjust(other, here.values))  # from the solution: no residual changes
-    np.testing.assert_allclose(
-        carried.adjustment.values["point"], direct.adjustment.values["point"], atol=1e-9
-    )
+    np.testing.assert_allclose(carried.adjustment.values["point"], direct.adjustment.values["point"], atol=1e-9)
     assert np.abs(here.values["point"] - direct.adjustment.values["point"]).max() > 1e-4
     for kind, q in direct.cofactors.items():
-        np.testing.assert_allclose(
-            carried.cofactors[kind], q, rtol=1e-9, atol=1e-10 * np.abs(q).max() + 1e-300
-        )
+        np.testing.assert_allclose(carried.cofactors[kind], q, rtol=1e-9, atol=1e-10 * np.abs(q).max() + 1e-300)
     np.testing.assert_allclose(carried.groups[0].v, assess(here).groups[0].v, atol=1e-12)
 
 

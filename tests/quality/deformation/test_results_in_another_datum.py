@@ -64,9 +64,7 @@ def everything(quality):
 def assert_equal_covariances(found, expected, tolerance=1e-9):
     """Each entry to the tolerance, in units of the largest σ of the two kinds of components it belongs to."""
     size = np.sqrt(np.abs(np.diagonal(expected)))
-    np.testing.assert_allclose(
-        found / np.outer(size, size), expected / np.outer(size, size), atol=tolerance, rtol=0.0
-    )
+    np.testing.assert_allclose(found / np.outer(size, size), expected / np.outer(size, size), atol=tolerance, rtol=0.0)
 
 
 @pytest.mark.parametrize("target", slow_after(1, [0, 1]), ids=["few points", "more points"])
@@ -102,9 +100,7 @@ def test_a_way_into_another_datum_is_no_standstill(name):
     scene, points = make()
     reference = scene.start(2e-2, seed=5)["point"]
     for seed in range(3, 6):
-        here = adjust(
-            scene.problem(np.random.default_rng(seed), points, reference=reference), scene.start(1e-3)
-        )
+        here = adjust(scene.problem(np.random.default_rng(seed), points, reference=reference), scene.start(1e-3))
         for target in targets:
             other = scene.problem(np.random.default_rng(seed), target, reference=reference)
             carried = adjust(other, here.values)

@@ -106,11 +106,7 @@ def test_a_strip_with_control_on_its_axis_only_can_tilt_about_it():
 def test_a_plane_object_cannot_give_principal_point_and_constant_of_parallel_images():
     # all points in a plane, all images parallel to it and upright: c and height, principal point and position
     scene = Scene()
-    names = [
-        scene.add("point", f"P{i}{j}", [1.0 * i, 1.0 * j, 0.0], free=False)
-        for i in range(5)
-        for j in range(4)
-    ]
+    names = [scene.add("point", f"P{i}{j}", [1.0 * i, 1.0 * j, 0.0], free=False) for i in range(5) for j in range(4)]
     interior = np.array([True, True, True, *[False] * 7])
     scene.add("interior/mor", "camera", [20.0, *[0.0] * 9], free=interior)
     for k, xy in enumerate(([1.0, 1.0], [3.0, 2.0], [2.0, 0.5])):

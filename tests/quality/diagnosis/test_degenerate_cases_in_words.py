@@ -42,8 +42,7 @@ def project(folder, scene, interior="{c: 20}", datum="free", distances=(), noise
     images = list(scene.truth["rotation"])
     at = {name: list(map(float, xyz)) for name, xyz in scene.truth["point"].items()}
     angles = {
-        name: list(map(float, angles_from_rotation(scene.truth["rotation"][name][None])[0] / GON))
-        for name in images
+        name: list(map(float, angles_from_rotation(scene.truth["rotation"][name][None])[0] / GON)) for name in images
     }
     points = [name for name in at if name not in images]
     rays = [
@@ -51,9 +50,7 @@ def project(folder, scene, interior="{c: 20}", datum="free", distances=(), noise
         for names, xy in zip(scene.groups["image/mor"].names, group.observed, strict=True)
     ]
     rows = ", ".join(f"[{one}, {other}, {length!r}, {sigma!r}]" for one, other, length, sigma in distances)
-    more = (
-        f"  - {{type: distance, columns: [from, to, distance, sigma], rows: [{rows}]}}\n" if distances else ""
-    )
+    more = f"  - {{type: distance, columns: [from, to, distance, sigma], rows: [{rows}]}}\n" if distances else ""
     sources = ["  - {file: held.csv, fixed: [x, y, z]}\n"] if held else []
     sources += ["  - file: points.csv\n"] if len(held) < len(points) else []
     return write(
@@ -61,9 +58,7 @@ def project(folder, scene, interior="{c: 20}", datum="free", distances=(), noise
         PROJECT % (interior, "".join(sources), more, datum),
         held=table("id,x,y,z", [[name, *at[name]] for name in points if name in held]),
         points=table("id,x,y,z", [[name, *at[name]] for name in points if name not in held]),
-        images=table(
-            "id,camera,x,y,z,omega,phi,kappa", [[name, "K", *at[name], *angles[name]] for name in images]
-        ),
+        images=table("id,camera,x,y,z,omega,phi,kappa", [[name, "K", *at[name], *angles[name]] for name in images]),
         rays=table("image,point,x,y", rays),
     )
 
@@ -182,11 +177,7 @@ def test_two_images_only_control_the_parallax_and_nothing_else(tmp_path):
 
 def test_a_plane_object_and_parallel_images_do_not_give_c_and_principal_point(tmp_path):
     scene = Scene()
-    names = [
-        scene.add("point", f"P{i}{j}", [1.0 * i, 1.0 * j, 0.0], free=False)
-        for i in range(5)
-        for j in range(4)
-    ]
+    names = [scene.add("point", f"P{i}{j}", [1.0 * i, 1.0 * j, 0.0], free=False) for i in range(5) for j in range(4)]
     scene.add("interior/mor", "camera", [20.0, *[0.0] * 9], free=False)
     for k, xy in enumerate(([1.0, 1.0], [3.0, 2.0], [2.0, 0.5])):
         scene.add("point", f"I{k}", [*xy, 10.0])

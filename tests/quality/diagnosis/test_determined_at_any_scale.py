@@ -32,9 +32,9 @@ def test_unobserved_direction_is_found_at_any_size(size: float) -> None:
     rays[:] = [row for row in rays if row[1] != "P2" or row[0] == "I0"]
     result = mor.adjust(network.project())
     assert not result.converged
-    assert "P2" in {
-        name for one in result.solved.adjustment.defect.undetermined for _, name, _ in one.unknowns
-    } | {thing.name for thing in result.solved.network.undeterminable}
+    assert "P2" in {name for one in result.solved.adjustment.defect.undetermined for _, name, _ in one.unknowns} | {
+        thing.name for thing in result.solved.network.undeterminable
+    }
 
 
 def test_result_with_sigma_of_metres_is_not_accepted(tmp_path: Path) -> None:

@@ -100,9 +100,7 @@ def _project(folder, tilt, text=PROJECT):
     scene, points, problem = _network(tilt, 2)
     group = next(group for group in problem.groups if group.type.key == "directions")
     gon = np.pi / 200.0
-    sets = [
-        [*names, *map(float, row / gon)] for names, row in zip(_names(scene), group.observed, strict=True)
-    ]
+    sets = [[*names, *map(float, row / gon)] for names, row in zip(_names(scene), group.observed, strict=True)]
     at = {name: list(map(float, scene.truth["point"][name])) for name in scene.truth["point"]}
     stations = []
     for k in range(3):
@@ -125,9 +123,7 @@ def test_the_user_reads_which_turn_it_is_and_what_would_help(tmp_path):
     run = mor("adjust", _project(tmp_path, 0.0))
     assert run.code == 4
     assert "a rotation of the whole network is not usefully determined" in run.err
-    assert (
-        "The rotation of the whole network about Z is poorly determined: its standard deviation is" in run.err
-    )
+    assert "The rotation of the whole network about Z is poorly determined: its standard deviation is" in run.err
     assert "(that of an unobserved angle is 115 gon)" in run.err
     assert "Observe them as level" in run.err
     report = (tmp_path / "project.results" / "report.txt").read_text()

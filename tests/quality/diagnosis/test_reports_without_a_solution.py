@@ -68,6 +68,4 @@ def test_singular_at_the_start_is_not_undetermined_by_the_observations(tmp_path)
     run = mor("adjust", write(tmp_path, COLLINEAR_START))
     assert run.code == 4
     assert "singular at the start values" in run.err
-    assert (
-        mor("adjust", write(tmp_path / "beside", COLLINEAR_START.replace("50, 0, 0", "50, 5, 0"))).code == 0
-    )
+    assert mor("adjust", write(tmp_path / "beside", COLLINEAR_START.replace("50, 0, 0", "50, 5, 0"))).code == 0

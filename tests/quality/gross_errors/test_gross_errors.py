@@ -179,9 +179,7 @@ def test_excluding_is_the_same_as_never_having_measured():
     assert found.redundancy == expected.redundancy
     assert found.redundancy_sum == pytest.approx(expected.redundancy_sum, abs=1e-9)
     assert found.sigma0 == pytest.approx(expected.sigma0, rel=1e-9)
-    np.testing.assert_allclose(
-        found.adjustment.values["point"], expected.adjustment.values["point"], atol=1e-11
-    )
+    np.testing.assert_allclose(found.adjustment.values["point"], expected.adjustment.values["point"], atol=1e-11)
     for kind, q in expected.cofactors.items():
         np.testing.assert_allclose(found.cofactors[kind], q, rtol=1e-7, atol=1e-12 * np.abs(q).max() + 1e-300)
     assert len(points) == 12
@@ -196,12 +194,8 @@ def test_an_excluded_observation_is_tested_against_all_others():
         mask = np.zeros((5, 1), dtype=bool)
         mask[row] = True
         outside = assess(adjust(exclude(problem, [mask]), scene.start(1e-3)))
-        assert outside.reliability[0].test[row, 0] == pytest.approx(
-            inside.reliability[0].test[row, 0], rel=1e-7
-        )
-        assert outside.reliability[0].error[row, 0] == pytest.approx(
-            inside.reliability[0].error[row, 0], rel=1e-7
-        )
+        assert outside.reliability[0].test[row, 0] == pytest.approx(inside.reliability[0].test[row, 0], rel=1e-7)
+        assert outside.reliability[0].error[row, 0] == pytest.approx(inside.reliability[0].error[row, 0], rel=1e-7)
 
 
 def test_what_fits_is_put_back():

@@ -109,10 +109,7 @@ def test_of_two_places_alike_the_one_where_the_point_was_thought_to_be_is_taken(
     for row, place in enumerate(sights.values()):
         points = values["point"].copy()
         points[target] = place
-        blocks = [
-            {**values, "point": points}[s.kind][b]
-            for s, b in zip(group.type.slots, group.blocks, strict=True)
-        ]
+        blocks = [{**values, "point": points}[s.kind][b] for s, b in zip(group.type.slots, group.blocks, strict=True)]
         group.observed[row] = group.type.equation(blocks, group.constants).values[row]
     for here, there in ((TARGET, other), (other, TARGET)):
         points = values["point"].copy()

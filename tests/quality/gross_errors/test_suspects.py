@@ -162,9 +162,7 @@ def test_factors_of_one_change_nothing_and_factors_are_those_of_weights():
     ones = [np.ones(group.observed.shape) for group in problem.groups]
     assert objective(reweighted_plan(plan, ones), values) == pytest.approx(objective(plan, values), rel=1e-12)
     quarter = [0.25 * factor for factor in ones]
-    assert objective(reweighted_plan(plan, quarter), values) == pytest.approx(
-        0.25 * objective(plan, values), rel=1e-12
-    )
+    assert objective(reweighted_plan(plan, quarter), values) == pytest.approx(0.25 * objective(plan, values), rel=1e-12)
     random = np.random.default_rng(4)
     factors = [random.uniform(0.1, 1.0, group.observed.shape) for group in problem.groups]
     weighted = normalised_misclosures(reweighted_plan(plan, factors), values)
@@ -196,8 +194,7 @@ def test_of_two_sources_that_contradict_each_other_none_is_left_out():
     plain = adjust(problem, scene.truth)
     again, suspects, *_ = without_suspects(plain)
     assert suspects is None or all(
-        2 * np.count_nonzero(mask) <= mask.size or plain.outcome is not Outcome.CONVERGED
-        for mask in suspects.masks
+        2 * np.count_nonzero(mask) <= mask.size or plain.outcome is not Outcome.CONVERGED for mask in suspects.masks
     )
     assert again.outcome is Outcome.CONVERGED
 

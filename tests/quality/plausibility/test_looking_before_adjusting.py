@@ -65,11 +65,7 @@ CONTRADICT_THEMSELVES = {"krumm-niemeier-height-free"}
 
 @pytest.mark.parametrize("path", [p for p in NETWORKS if p.parent.name == "gama"], ids=network_name)
 def test_nothing_is_said_of_a_reference_network(path: Path) -> None:
-    said = [
-        note
-        for note in notes_of(path)
-        if "misclosure" in note or "sigma)" in note or "any instrument" in note
-    ]
+    said = [note for note in notes_of(path) if "misclosure" in note or "sigma)" in note or "any instrument" in note]
     assert len(said) == (path.stem in CONTRADICT_THEMSELVES)
 
 
@@ -159,11 +155,7 @@ observations:
 
 @pytest.mark.parametrize(("distance", "said"), [("100.0031", False), ("99.9660", True)])
 def test_a_distance_between_known_points(tmp_path: Path, distance: str, said: bool) -> None:
-    notes = [
-        note
-        for note in notes_of(write(tmp_path, KNOWN.replace("DISTANCE", distance)))
-        if "off the known" in note
-    ]
+    notes = [note for note in notes_of(write(tmp_path, KNOWN.replace("DISTANCE", distance))) if "off the known" in note]
     assert bool(notes) == said
     if said:
         assert "distance from A, to B" in notes[0]
@@ -230,9 +222,7 @@ def test_distances_in_another_unit_than_the_given_coordinates(
         for row in rows:
             row["distance"] = f"{factor * float(row['distance']):.4f}"
 
-    notes = [
-        note for note in notes_of(changed("bridge", "distances.csv", mistake)) if "check their unit" in note
-    ]
+    notes = [note for note in notes_of(changed("bridge", "distances.csv", mistake)) if "check their unit" in note]
     assert len(notes) == 1
     assert said in notes[0]
 

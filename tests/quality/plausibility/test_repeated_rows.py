@@ -15,10 +15,7 @@ CASES = Path(__file__).parents[2] / "cases" / "counted_twice"
 POINTS = "\n".join(
     ["points:"]
     + ["  - {columns: [id, x, y, z], rows: [[P0, 0, 0, 10]], fixed: [x, y, z]}"]
-    + [
-        f"  - {{columns: [id, x, y, z], rows: [[P{k}, {k}, 0, {10 + k}]], fixed: [x, y]}}"
-        for k in range(1, 11)
-    ]
+    + [f"  - {{columns: [id, x, y, z], rows: [[P{k}, {k}, 0, {10 + k}]], fixed: [x, y]}}" for k in range(1, 11)]
 )
 
 

@@ -43,8 +43,6 @@ def test_derivatives_are_those_of_differences() -> None:
             further, turned = follower_poses(changed(values, kind, block, step), BLOCKS)
             back, _ = follower_poses(changed(values, kind, block, -step), BLOCKS)
             delta = turned[0] @ D[0].T  # exp(−[δ]×)
-            small = np.array(
-                [delta[1, 2] - delta[2, 1], delta[2, 0] - delta[0, 2], delta[0, 1] - delta[1, 0]]
-            )
+            small = np.array([delta[1, 2] - delta[2, 1], delta[2, 0] - delta[0, 2], delta[0, 1] - delta[1, 0]])
             columns.append(np.concatenate([(further - back)[0] / 2.0, small / 2.0]) / STEP)
     np.testing.assert_allclose(_derivatives(adjustment, BLOCKS)[0], np.array(columns).T, atol=1e-5)

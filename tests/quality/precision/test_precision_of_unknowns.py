@@ -26,9 +26,7 @@ def _angles_by_difference(D):
     columns = []
     for k in range(3):
         delta = 1e-6 * np.eye(3)[k]
-        columns.append(
-            (angles_from_rotation(rotate(D, delta)) - angles_from_rotation(rotate(D, -delta))) / 2e-6
-        )
+        columns.append((angles_from_rotation(rotate(D, delta)) - angles_from_rotation(rotate(D, -delta))) / 2e-6)
     return np.stack(columns, axis=1)
 
 
@@ -48,9 +46,7 @@ def test_cofactors_of_all_blocks_are_those_of_the_dense_inverse(make):
             expected[np.ix_(used, used)] = Q[np.ix_(row[used], row[used])]
             found = quality.cofactors[kind][number]
             size = np.sqrt(np.outer(np.diagonal(expected), np.diagonal(expected)))
-            np.testing.assert_allclose(
-                found, expected, atol=1e-6 * size.max() + 1e-300, err_msg=f"{kind} {number}"
-            )
+            np.testing.assert_allclose(found, expected, atol=1e-6 * size.max() + 1e-300, err_msg=f"{kind} {number}")
 
 
 @pytest.mark.parametrize("make", [controlled_block, mixed_network])
@@ -87,6 +83,4 @@ def test_sigma_grows_with_the_sigma_of_the_observations():
             rows.sigma = [factor * sigma for sigma in rows.sigma]
         results.append(assess(solve(scene, None, disturbed=1e-4)))
     for kind in ("point", "rotation"):
-        np.testing.assert_allclose(
-            results[1].cofactors[kind], 9.0 * results[0].cofactors[kind], rtol=1e-6, atol=1e-20
-        )
+        np.testing.assert_allclose(results[1].cofactors[kind], 9.0 * results[0].cofactors[kind], rtol=1e-6, atol=1e-20)

@@ -63,9 +63,7 @@ def test_clusters_of_single_rows_are_those_clusters(tmp_path, monkeypatch, datum
     for group, expected in pairs:
         np.testing.assert_allclose(group.v, expected.v, atol=1e-12)
         np.testing.assert_allclose(group.carried, expected.carried, atol=1e-10)
-        order, other = (
-            np.lexsort((one.correlated.components, one.correlated.rows)) for one in (group, expected)
-        )
+        order, other = (np.lexsort((one.correlated.components, one.correlated.rows)) for one in (group, expected))
         for name in group.correlated._fields:
             found, wanted = (getattr(one.correlated, name) for one in (group, expected))
             np.testing.assert_allclose(found[order], wanted[other], rtol=1e-9, atol=1e-12, err_msg=name)

@@ -163,10 +163,7 @@ def test_influence_is_the_movement_of_the_points_by_the_estimated_error(name, fo
         monkeypatch.setattr(compilation, "available", False)
     quality = assess(adjustment)
     found = np.concatenate(
-        [
-            one.influence[group.mask]
-            for one, group in zip(quality.reliability, adjustment.problem.groups, strict=True)
-        ]
+        [one.influence[group.mask] for one, group in zip(quality.reliability, adjustment.problem.groups, strict=True)]
     )
     expected, error = _expected(adjustment)
     there = np.isfinite(error)

@@ -83,9 +83,7 @@ def test_cofactors_of_adjusted_observations_and_of_residuals(network):
 def test_residuals_are_adjusted_minus_observed(network):
     quality, dense = network
     np.testing.assert_allclose(flat(quality, "v", dense), -dense.l, atol=1e-12)
-    assert quality.sigma0**2 * quality.redundancy == pytest.approx(
-        dense.l @ dense.weights @ dense.l, rel=1e-9
-    )
+    assert quality.sigma0**2 * quality.redundancy == pytest.approx(dense.l @ dense.weights @ dense.l, rel=1e-9)
 
 
 def test_weighted_residuals_share_out_the_objective(network):

@@ -100,9 +100,7 @@ def test_the_best_further_observation_is_the_best_of_all() -> None:
     quality = quality_of("bridge")
     adjustment, problem = quality.adjustment, quality.adjustment.problem
     entry = next(
-        e
-        for e in entries_of(quality, 0.01)
-        if best_further(quality, [(e, targets(quality, e))])[0].target >= 0
+        e for e in entries_of(quality, 0.01) if best_further(quality, [(e, targets(quality, e))])[0].target >= 0
     )
     (best,) = best_further(quality, [(entry, targets(quality, entry))])
     (target,) = targets(quality, entry)

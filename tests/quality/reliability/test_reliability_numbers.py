@@ -65,9 +65,7 @@ def test_reliability_against_dense_algebra(network):
     for name, values in expected.items():
         found = _flat([getattr(one, name) for one in quality.reliability], dense)
         assert (np.isfinite(found) == tested).all()
-        np.testing.assert_allclose(
-            found[tested], values[tested], rtol=2e-7, atol=1e-9 * np.abs(values[tested]).max()
-        )
+        np.testing.assert_allclose(found[tested], values[tested], rtol=2e-7, atol=1e-9 * np.abs(values[tested]).max())
 
 
 def test_joint_tests_against_dense_algebra(network):
@@ -314,9 +312,7 @@ def _log_tail_of_student(t, f):
     """Leading term of both tails: P → 2 f^{(f−1)/2} Γ((f+1)/2) / (√(fπ) Γ(f/2)) · √f t^{−f} / …, by its logarithm."""
     from scipy.special import gammaln
 
-    density = (
-        gammaln((f + 1.0) / 2.0) - gammaln(f / 2.0) - 0.5 * np.log(f * np.pi) + (f + 1.0) / 2.0 * np.log(f)
-    )
+    density = gammaln((f + 1.0) / 2.0) - gammaln(f / 2.0) - 0.5 * np.log(f * np.pi) + (f + 1.0) / 2.0 * np.log(f)
     return np.log(2.0) + density - np.log(f) - f * np.log(t)
 
 
@@ -364,6 +360,4 @@ def test_an_observation_controlled_by_very_many_others():
     quality = assess(solve(scene, np.random.default_rng(8)))
     reliability = quality.reliability[0]
     np.testing.assert_allclose(reliability.smallest, np.sqrt(quality.noncentrality / 0.999) * 2e-3, rtol=1e-9)
-    np.testing.assert_allclose(
-        reliability.external, np.sqrt(quality.noncentrality * 0.001 / 0.999), rtol=1e-9
-    )
+    np.testing.assert_allclose(reliability.external, np.sqrt(quality.noncentrality * 0.001 / 0.999), rtol=1e-9)

@@ -35,9 +35,7 @@ def _flagged(solved: Solved, column: int, name: str):  # type: ignore[no-untyped
 
 
 @pytest.mark.parametrize(("column", "of", "name"), [(0, "station", "P3"), (1, "point", "NW1")])
-def test_the_station_or_point_of_the_flagged_is_named(
-    solved: Solved, column: int, of: str, name: str
-) -> None:
+def test_the_station_or_point_of_the_flagged_is_named(solved: Solved, column: int, of: str, name: str) -> None:
     quality, count = _flagged(solved, column, name)
     found = common_to_flagged(quality, solved.network)
     assert (found[0].of, found[0].name) == (of, name)
@@ -88,9 +86,7 @@ def _scaled(solved: Solved, factors: tuple[float, float]):  # type: ignore[no-un
     assert quality is not None
     pairs = zip(quality.groups, (*factors, *(1.0 for _ in quality.groups)), strict=False)
     groups = tuple(replace(one, v=one.v * factor) for one, factor in pairs)
-    return replace(
-        quality, groups=groups, reliability=tuple(Reliability(one, quality.noncentrality) for one in groups)
-    )
+    return replace(quality, groups=groups, reliability=tuple(Reliability(one, quality.noncentrality) for one in groups))
 
 
 @pytest.mark.parametrize("sample", ["drone_block", "three_line_strip"])

@@ -182,9 +182,7 @@ def test_sigmas_that_are_all_wrong_by_one_factor_blame_no_group() -> None:
 
 def test_an_effect_against_one_more_unknown() -> None:
     quality = quality_of(building())
-    number = next(
-        k for k, g in enumerate(quality.adjustment.problem.groups) if g.name == "distances to plates"
-    )
+    number = next(k for k, g in enumerate(quality.adjustment.problem.groups) if g.name == "distances to plates")
     masks = masks_of(quality, [number])
     R, whitening, entries = _projection_of_building()
     v = whitening @ np.concatenate([one.v.ravel() for one in quality.groups])[entries.astype(int)]
@@ -194,9 +192,7 @@ def test_an_effect_against_one_more_unknown() -> None:
         c = np.zeros(len(v))
         c[here] = derivative / group.sigma[:, 0]
         found = next(
-            one
-            for one in common_effects(quality, whitened_rows(quality, masks), masks, 7.0)
-            if one.kind == kind
+            one for one in common_effects(quality, whitened_rows(quality, masks), masks, 7.0) if one.kind == kind
         )
         assert found.sigma == pytest.approx(1.0 / np.sqrt(c @ R @ c), rel=1e-6)
         assert found.size == pytest.approx(-(c @ v) / (c @ R @ c), rel=1e-6, abs=1e-6 * found.sigma)

@@ -38,9 +38,7 @@ def test_planted_factors_are_recovered(method):
         clean = scene.problem()
         noisy = scene.problem(np.random.default_rng(50 + seed))
         for one, group in zip(clean.groups, noisy.groups, strict=True):
-            group.observed[...] = one.observed + planted.get(group.name, 1.0) * (
-                group.observed - one.observed
-            )
+            group.observed[...] = one.observed + planted.get(group.name, 1.0) * (group.observed - one.observed)
         estimate, quality = iterated_components(_assessed(scene, noisy, start), Levels(), True, method)
         assert estimate.settled
         assert estimate.method == method
@@ -79,12 +77,8 @@ def test_start_weights_do_not_matter():
     problem = scene.problem(np.random.default_rng(4))
     first, _ = iterated_components(_assessed(scene, problem, scene.start(1e-3)), Levels(), True)
     tested = np.isfinite(first.sigma)
-    twisted = [
-        np.full(group.observed.shape, 2.0 if k == 0 else 1.0) for k, group in enumerate(problem.groups)
-    ]
-    second, _ = iterated_components(
-        _assessed(scene, reweighted(problem, twisted), scene.start(1e-3)), Levels(), True
-    )
+    twisted = [np.full(group.observed.shape, 2.0 if k == 0 else 1.0) for k, group in enumerate(problem.groups)]
+    second, _ = iterated_components(_assessed(scene, reweighted(problem, twisted), scene.start(1e-3)), Levels(), True)
     ratio = second.factors / first.factors
     assert ratio[0] == pytest.approx(0.5, rel=1e-4)
     np.testing.assert_allclose(ratio[tested][1:], 1.0, rtol=1e-4)
@@ -164,17 +158,13 @@ def test_helmerts_system_against_dense_algebra(name, excluded):
         masks[0][5, 0] = True
         problem = exclude(problem, masks)
     quality = _assessed(scene, problem, scene.start(1e-4))
-    system, omega = _dense_helmert(
-        problem, quality.adjustment.values, quality.adjustment.defect.datum.shape[1]
-    )
+    system, omega = _dense_helmert(problem, quality.adjustment.values, quality.adjustment.defect.datum.shape[1])
     found, sums = helmert_system(quality), group_sums(quality)
     np.testing.assert_allclose(found, system, rtol=1e-6, atol=1e-6)
     np.testing.assert_allclose(found.sum(axis=1), sums[1], atol=1e-6)
     np.testing.assert_allclose(sums[0], omega, rtol=1e-5, atol=1e-6)
     used = sums[1] >= 0.5
-    variances = np.linalg.solve(
-        system[np.ix_(used, used)], omega[used] - system[np.ix_(used, ~used)].sum(axis=1)
-    )
+    variances = np.linalg.solve(system[np.ix_(used, used)], omega[used] - system[np.ix_(used, ~used)].sum(axis=1))
     estimate = components(quality, "helmert")
     assert estimate.method == "helmert"
     told = used & np.isfinite(estimate.sigma)
@@ -212,9 +202,7 @@ def test_both_methods_iterate_to_the_same():
     np.testing.assert_allclose(full.factors, simple.factors, rtol=1e-5)
     assert full.settled
     told = np.isfinite(simple.sigma)
-    assert (
-        full.sigma[told] > 0.99 * simple.sigma[told]
-    ).all()  # what the groups cannot be told apart comes in
+    assert (full.sigma[told] > 0.99 * simple.sigma[told]).all()  # what the groups cannot be told apart comes in
 
 
 def test_what_is_too_large_for_helmerts_system_says_that_it_was_simplified(monkeypatch):

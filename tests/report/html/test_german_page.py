@@ -28,9 +28,7 @@ GERMAN = words_of_page("de")
 
 def said_in_python(path: Path) -> set[str]:
     """Texts of calls of ``words`` and ``say``."""
-    calls = [
-        node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)
-    ]
+    calls = [node for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(node, ast.Call)]
     found = set()
     for call in calls:
         name = getattr(call.func, "id", getattr(call.func, "attr", ""))
@@ -42,10 +40,7 @@ def said_in_python(path: Path) -> set[str]:
 def everything_said() -> set[str]:
     texts = [*HTML.glob("templates/*.j2"), *HTML.glob("assets/*.js")]
     return set().union(
-        *(
-            said_in_python(path)
-            for path in (HTML / f"{name}.py" for name in ("page_data", "figures", "page"))
-        ),
+        *(said_in_python(path) for path in (HTML / f"{name}.py" for name in ("page_data", "figures", "page"))),
         said_in_python(HTML / "plots.py"),
         *(SAID.findall(path.read_text(encoding="utf-8")) for path in texts),
         MEANINGS.values(),

@@ -57,9 +57,7 @@ def test_vectors_are_as_long_as_the_bar_says(opened: Any, facade_view: View) -> 
     assert f"6000 × 4000 px, vectors enlarged {scale:.0f} times" in note
 
 
-def test_of_a_large_block_those_with_the_largest_tests(
-    browser: Any, building_view: View, tmp_path: Any
-) -> None:
+def test_of_a_large_block_those_with_the_largest_tests(browser: Any, building_view: View, tmp_path: Any) -> None:
     panels = shown(browser, building_view, tmp_path)
     worst = (
         image_points(building_view)
@@ -69,9 +67,7 @@ def test_of_a_large_block_those_with_the_largest_tests(
         .to_list()
     )
     assert [panel["name"] for panel in panels] == worst[:24]
-    assert browser.find_element("id", "multiples-title").text == (
-        "The 24 images with the largest test values, of 28"
-    )
+    assert browser.find_element("id", "multiples-title").text == ("The 24 images with the largest test values, of 28")
 
 
 def test_a_click_on_a_name_shows_the_image_large(browser: Any, building_view: View, tmp_path: Any) -> None:

@@ -48,9 +48,7 @@ def test_columns_come_back_as_they_were() -> None:
     assert column(head, buffers, "id") == ["a", 'ü"<', "a", ""]
     assert column(head, buffers, "n") == frame["n"].to_list()
     assert column(head, buffers, "exact")[:3] == frame["exact"].to_list()[:3]
-    assert column(head, buffers, "x") == pytest.approx(
-        [1.0 / 3.0, 1e-9, np.nan, -12345.678], rel=1e-5, nan_ok=True
-    )
+    assert column(head, buffers, "x") == pytest.approx([1.0 / 3.0, 1e-9, np.nan, -12345.678], rel=1e-5, nan_ok=True)
     assert head["rows"] == 4
 
 

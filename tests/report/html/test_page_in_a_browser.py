@@ -133,9 +133,7 @@ def test_a_point_is_picked_in_space_with_the_mouse(opened: Any) -> None:
     mouse.move_to_element_with_offset(plot, x, y).pause(1.0).click_and_hold().pause(0.5).release().perform()
     wait_until(opened, "document.documentElement.dataset.picked")
     assert opened.execute_script("return document.documentElement.dataset.picked") == "image 3"
-    names = opened.execute_script(
-        "return document.querySelector('#chart-space .plot').data.map((t) => t.name)"
-    )
+    names = opened.execute_script("return document.querySelector('#chart-space .plot').data.map((t) => t.name)")
     assert "rays of the picked" in names
 
 
@@ -174,14 +172,10 @@ def test_residuals_come_worst_first_and_are_sorted_on_demand(opened: Any) -> Non
     assert sizes == sorted(sizes, reverse=True)
     assert sizes[0] == pytest.approx(3.46, abs=0.01)
     image = next(k for k, name in enumerate(names) if name.startswith("from"))
-    opened.execute_script(
-        "document.querySelectorAll('#table-residuals thead button')[arguments[0]].click()", image
-    )
+    opened.execute_script("document.querySelectorAll('#table-residuals thead button')[arguments[0]].click()", image)
     shown = [text for text in rows_of(opened, "table-residuals", image) if text]
     assert shown == sorted(shown, key=str.lower)
-    opened.execute_script(
-        "report.tables.residuals.sorted = {key: 'w', down: true}; report.tables.residuals.choose()"
-    )
+    opened.execute_script("report.tables.residuals.sorted = {key: 'w', down: true}; report.tables.residuals.choose()")
 
 
 def test_residuals_are_filtered_by_text_and_by_size(opened: Any, facade_view: Any) -> None:
@@ -192,9 +186,7 @@ def test_residuals_are_filtered_by_text_and_by_size(opened: Any, facade_view: An
         facade_view.residuals["from"] == "IMG_4711", facade_view.residuals["w"].abs() > 1.5
     )
     assert opened.execute_script("return report.tables.residuals.rows.length") == expected.height > 3
-    opened.execute_script(
-        "report.tables.residuals.filterBy('from', ''); report.tables.residuals.filterBy('w', '')"
-    )
+    opened.execute_script("report.tables.residuals.filterBy('from', ''); report.tables.residuals.filterBy('w', '')")
     assert opened.execute_script("return report.tables.residuals.rows.length") == facade_view.residuals.height
 
 
@@ -223,9 +215,7 @@ def test_light_and_dark(opened: Any) -> None:
 
 def test_page_prints(opened: Any) -> None:
     # The driver waits ten seconds at the most, and has the document tagged; mor report --pdf prints all rows.
-    opened.execute_script(
-        "for (const t of Object.values(report.tables)) t.printed = Math.min(t.printed, 200)"
-    )
+    opened.execute_script("for (const t of Object.values(report.tables)) t.printed = Math.min(t.printed, 200)")
     pdf = base64.b64decode(opened.print_page())
     assert pdf.startswith(b"%PDF")
     assert len(pdf) > 100_000

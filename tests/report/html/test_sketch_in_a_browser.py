@@ -15,9 +15,7 @@ pytestmark = pytest.mark.browser
 def test_until_there_is_a_chart_its_sketch_is_seen(browser: Any, facade_page: Path, tmp_path: Path) -> None:
     text = facade_page.read_text(encoding="utf-8")
     waiting = tmp_path / "waiting.html"
-    waiting.write_text(
-        text.replace("const library = loadLibrary();", "const library = new Promise(() => 0);")
-    )
+    waiting.write_text(text.replace("const library = loadLibrary();", "const library = new Promise(() => 0);"))
     browser.get(waiting.as_uri())
     wait_until(browser, "document.documentElement.dataset.ready === 'first'")
     coloured = browser.execute_script(

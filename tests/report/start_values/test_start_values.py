@@ -168,9 +168,7 @@ def test_replaced_values_are_said(tmp_path: Path) -> None:
 def test_points_at_infinity_are_called_that_and_do_not_refuse_the_rest(tmp_path: Path) -> None:
     world, far = street(0, 6, 4, 2, free=True)
     world.given = False
-    run = mor(
-        "approximate", write_world(tmp_path, world, "refuse"), "-o", tmp_path / "o", "--json", "--quiet"
-    )
+    run = mor("approximate", write_world(tmp_path, world, "refuse"), "-o", tmp_path / "o", "--json", "--quiet")
     assert run.code == 0
     missing = json.loads(run.out)["missing"]
     assert {thing["id"] for thing in missing} == far
@@ -184,8 +182,6 @@ def test_points_whose_rays_part_are_not_at_infinity_but_begin_somewhere(tmp_path
     world.points["PARTED"] = np.array([1.0, 10.0, 1.6])
     for image, right in (("I0", -0.1), ("I1", 0.1)):
         world.ray(image, "PARTED", np.array([right, 1.0, 0.0]))
-    run = mor(
-        "approximate", write_world(tmp_path, world, "refuse"), "-o", tmp_path / "o", "--json", "--quiet"
-    )
+    run = mor("approximate", write_world(tmp_path, world, "refuse"), "-o", tmp_path / "o", "--json", "--quiet")
     assert run.code == 0
     assert {thing["id"] for thing in json.loads(run.out)["missing"]} == far

@@ -20,9 +20,7 @@ def rows_of(seed: int) -> tuple[list[str], list[list[str]], set[int]]:
     columns, lines = random_.randint(1, 18), random_.randint(0, 6)
     left = {0, *(k for k in range(columns) if random_.random() < 0.2)}
     headers = [words(random_.randint(1, 3), 12) for _ in range(columns)]
-    rows = [
-        [words(random_.randint(1, 4) if k in left else 1, 12) for k in range(columns)] for _ in range(lines)
-    ]
+    rows = [[words(random_.randint(1, 4) if k in left else 1, 12) for k in range(columns)] for _ in range(lines)]
     return headers, rows, left
 
 
@@ -43,9 +41,7 @@ def test_cells_stand_below_their_headers(seed: int) -> None:
         lines = block.split("\n")
         ruled = next(k for k, line in enumerate(lines) if set(line) <= {"-", " "} and "-" in line)
         ends = {k for k in range(len(lines[ruled])) if lines[ruled][k : k + 2] in ("- ", "-")}
-        starts = {
-            k for k in range(len(lines[ruled])) if lines[ruled][k] == "-" and lines[ruled][k - 1 : k] != "-"
-        }
+        starts = {k for k in range(len(lines[ruled])) if lines[ruled][k] == "-" and lines[ruled][k - 1 : k] != "-"}
         for line in (*lines[:ruled], *lines[ruled + 1 :]):
             for k in range(1, len(line)):
                 if line[k] == " " and line[k - 1] != " " and line[k + 1 : k + 2] == " ":

@@ -70,9 +70,7 @@ def test_report_is_the_approved_one(solved: tuple[str, Solved], language: str) -
 def test_reports_in_both_languages_have_the_same_numbers(solved: tuple[str, Solved]) -> None:
     _, outcome = solved
     english, german = (text_report(outcome, words_of(name)) for name in LANGUAGES)
-    assert sorted(NUMBER.findall(english)) == sorted(
-        NUMBER.findall(german.replace(",", ".").replace(". ", ", "))
-    )
+    assert sorted(NUMBER.findall(english)) == sorted(NUMBER.findall(german.replace(",", ".").replace(". ", ", ")))
 
 
 def test_comparison_sees_a_word_a_number_and_a_line() -> None:

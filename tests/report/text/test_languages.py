@@ -117,9 +117,7 @@ def test_the_sections_were_really_looked_at() -> None:
 def test_sentences_keep_their_places(catalogue: dict[str, str]) -> None:
     """Both languages have the same {places}."""
     for english, german in catalogue.items():
-        places = [
-            {name for _, name, _, _ in string.Formatter().parse(text) if name} for text in (english, german)
-        ]
+        places = [{name for _, name, _, _ in string.Formatter().parse(text) if name} for text in (english, german)]
         assert places[0] == places[1], english
 
 
@@ -142,13 +140,9 @@ def test_numbers(text: str, german: str) -> None:
 
 def test_names_stay_names() -> None:
     words = words_of("de")
-    said = words(
-        "; would move {point} by {amount} {unit} in {axis}", point="1.5", amount="2.5", unit="mm", axis="X"
-    )
+    said = words("; would move {point} by {amount} {unit} in {axis}", point="1.5", amount="2.5", unit="mm", axis="X")
     assert said == "; würde 1.5 um 2,5 mm in X verschieben"
-    lines = table(
-        ["point", "X [m]", "status"], [["1.5", "2.5", "fixed"], ["free", "1.0", "free"]], words=words
-    )
+    lines = table(["point", "X [m]", "status"], [["1.5", "2.5", "fixed"], ["free", "1.0", "free"]], words=words)
     cells = [line.split() for line in lines.splitlines()]
     assert cells[0] == ["Punkt", "X", "[m]", "Status"]
     assert cells[2:] == [["1.5", "2,5", "fest"], ["free", "1,0", "frei"]]

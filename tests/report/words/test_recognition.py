@@ -33,9 +33,7 @@ def test_sentences(english: str, german: str) -> None:
     assert ENGLISH.told(english) == english
 
 
-@pytest.mark.parametrize(
-    "name", ["point", "free", "found 1, expected 2", "a; did you mean 'b'?", "it's", "x: y, z"]
-)
+@pytest.mark.parametrize("name", ["point", "free", "found 1, expected 2", "a; did you mean 'b'?", "it's", "x: y, z"])
 def test_a_name_in_quotes_stays_whatever_it_says(name: str) -> None:
     assert GERMAN.told(f"unknown camera {name!r}") == f"unbekannte Kamera {name!r}"
 

@@ -22,18 +22,14 @@ GERMAN = sentences_of("de")
 CATALOGUE = GERMAN.catalogue
 NOT_SAID = {
     text
-    for texts in yaml.safe_load(
-        (Path(__file__).parent / "not_said.yaml").read_text(encoding="utf-8")
-    ).values()
+    for texts in yaml.safe_load((Path(__file__).parent / "not_said.yaml").read_text(encoding="utf-8")).values()
     for text in texts
 }
 SCHEMAS = ("schema.py",)
 """Modules that describe keys to editors, or write a project file: English, as the keys are."""
 VERIFICATION = {"verification.py"}  # tests/api/test_verification.py looks its words up
 MODULES = [
-    path
-    for path in sorted(ROOT.rglob("*.py"))
-    if not path.name.startswith(SCHEMAS) and path.name not in VERIFICATION
+    path for path in sorted(ROOT.rglob("*.py")) if not path.name.startswith(SCHEMAS) and path.name not in VERIFICATION
 ]
 ROOMS = sorted({path.parent for path in MODULES})
 

@@ -33,9 +33,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=100)
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--wrong", type=float, default=0.0, help="share of wrong identities")
-    parser.add_argument(
-        "--situations", action="store_true", help="each of the single situations, instead of mixtures"
-    )
+    parser.add_argument("--situations", action="store_true", help="each of the single situations, instead of mixtures")
     parser.add_argument(
         "--surveys",
         choices=["composed", *OTHERS],

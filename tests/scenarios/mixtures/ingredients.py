@@ -26,11 +26,7 @@ def mixture(seed: int) -> World:
     draw = np.random.default_rng(seed)
     world = World(seed, float(10.0 ** draw.uniform(0.3, 2.0)))
     _object(world, draw)
-    stations = (
-        0
-        if draw.random() < 0.25
-        else int(draw.choice([1, 2, 3, 4, 6, 10], p=[0.3, 0.25, 0.2, 0.1, 0.1, 0.05]))
-    )
+    stations = 0 if draw.random() < 0.25 else int(draw.choice([1, 2, 3, 4, 6, 10], p=[0.3, 0.25, 0.2, 0.1, 0.1, 0.05]))
     images = int(_images(draw))
     if draw.random() < 0.08 and stations > 1:
         images = 0
@@ -53,9 +49,7 @@ def _images(draw: Generator) -> float:
 
 def _object(world: World, draw: Generator) -> None:
     kind = str(draw.choice(["box", "facade", "terrain"], p=[0.5, 0.25, 0.25]))
-    proportions = {"box": draw.uniform(0.3, 1.0, 3), "facade": [1.0, 0.08, 0.6], "terrain": [1.0, 1.0, 0.12]}[
-        kind
-    ]
+    proportions = {"box": draw.uniform(0.3, 1.0, 3), "facade": [1.0, 0.08, 0.6], "terrain": [1.0, 1.0, 0.12]}[kind]
     world.tags.add(f"object {kind}")
     count = int(draw.integers(14, 60))
     for i in range(count):
@@ -69,9 +63,7 @@ def _around(world: World, draw: Generator, near: float, far: float, high: float)
     if "object facade" in world.tags:
         angle = draw.uniform(-2.4, -0.7)
     reach = world.size * draw.uniform(near, far)
-    return np.array(
-        [reach * np.cos(angle), reach * np.sin(angle), world.size * high * draw.uniform(-0.3, 1.0)]
-    )
+    return np.array([reach * np.cos(angle), reach * np.sin(angle), world.size * high * draw.uniform(-0.3, 1.0)])
 
 
 def _stations(world: World, draw: Generator, count: int) -> None:
@@ -79,11 +71,7 @@ def _stations(world: World, draw: Generator, count: int) -> None:
         over, name = f"N{i}", f"S{i}"
         place = _around(world, draw, 0.8, 1.6, 0.2)
         world.points[over] = Point(place)
-        kind = str(
-            draw.choice(
-                ["total", "zenith", "horizontal", "tilted", "level σ"], p=[0.4, 0.28, 0.08, 0.12, 0.12]
-            )
-        )
+        kind = str(draw.choice(["total", "zenith", "horizontal", "tilted", "level σ"], p=[0.4, 0.28, 0.08, 0.12, 0.12]))
         world.tags.add(f"station {kind}")
         D = about_z(float(draw.uniform(-np.pi, np.pi)))
         level = "fixed"
@@ -119,13 +107,7 @@ def _stations(world: World, draw: Generator, count: int) -> None:
 
 def _take_images(world: World, draw: Generator, count: int) -> None:
     world.tags.add(
-        "images 0"
-        if not count
-        else "images 2-8"
-        if count < 9
-        else "images 9-20"
-        if count < 21
-        else "images 21+"
+        "images 0" if not count else "images 2-8" if count < 9 else "images 9-20" if count < 21 else "images 21+"
     )
     rig = count >= 4 and draw.random() < 0.15
     tripods = count and draw.random() < 0.2
@@ -141,9 +123,7 @@ def _take_images(world: World, draw: Generator, count: int) -> None:
         if "object terrain" in world.tags:
             place = world.size * np.array([*draw.uniform(-0.5, 0.5, 2), draw.uniform(1.0, 1.6)])
         at = world.size * 0.12 * draw.uniform(-1.0, 1.0, 3)
-        image = Image(
-            place, looking(place, at, float(draw.choice([0.0, 1.57, -1.57]) + 0.1 * draw.standard_normal()))
-        )
+        image = Image(place, looking(place, at, float(draw.choice([0.0, 1.57, -1.57]) + 0.1 * draw.standard_normal())))
         if located:
             image.observed = 0.01 * world.size
             image.centre = image.centre.copy()
@@ -161,9 +141,7 @@ def _take_images(world: World, draw: Generator, count: int) -> None:
             photograph(world, f"I{number}", draw, kept, 40)
             number += 1
         elif turned and number < count and image.over and draw.random() < 0.7:
-            again = Image(
-                image.centre, rotation(0.25 * draw.standard_normal(3)) @ image.D, image.over, image.height
-            )
+            again = Image(image.centre, rotation(0.25 * draw.standard_normal(3)) @ image.D, image.over, image.height)
             world.tags.add("several images from one tripod")
             world.images[f"I{number}"] = again
             photograph(world, f"I{number}", draw, kept, 40)
@@ -171,9 +149,7 @@ def _take_images(world: World, draw: Generator, count: int) -> None:
 
 
 def _rig(world: World, draw: Generator) -> None:
-    world.base = world.size * np.array(
-        [draw.uniform(0.2, 0.5), 0.0, 0.0]
-    ) + 0.01 * world.size * draw.standard_normal(3)
+    world.base = world.size * np.array([draw.uniform(0.2, 0.5), 0.0, 0.0]) + 0.01 * world.size * draw.standard_normal(3)
     world.turn = rotation(np.array([0.0, draw.uniform(0.0, 0.2), 0.0]) + 0.03 * draw.standard_normal(3))
     status = str(draw.choice(["free", "observed", "fixed"]))
     world.base_sigma = {"free": None, "observed": world.sigma_length, "fixed": 0.0}[status]
@@ -296,19 +272,13 @@ def _bearings(world: World, draw: Generator) -> None:
 
 
 def _datum(world: World, draw: Generator) -> None:
-    kind = str(
-        draw.choice(
-            ["free", "full control", "2 full, 1 height", "3 plan, 3 height"], p=[0.4, 0.36, 0.12, 0.12]
-        )
-    )
+    kind = str(draw.choice(["free", "full control", "2 full, 1 height", "3 plan, 3 height"], p=[0.4, 0.36, 0.12, 0.12]))
     world.tags.add(f"datum {kind}")
     if kind == "free":
         if draw.random() < 0.6 and world.images:
             for a, b in [_some(world, draw, 2) for _ in range(int(draw.integers(1, 4)))]:
                 length = np.linalg.norm(world.points[a].xyz - world.points[b].xyz)
-                world.distances.append(
-                    (a, b, float(length + world.sigma_length * draw.standard_normal()), 0.0)
-                )
+                world.distances.append((a, b, float(length + world.sigma_length * draw.standard_normal()), 0.0))
             world.tags.add("bars")
         return
     world.free = False
@@ -342,9 +312,7 @@ def wrong_identities(world: World, share: float) -> None:
         for _ in range(round(0.5 * share * len(rows))):
             i = int(draw.integers(len(rows)))
             others = [
-                k
-                for k, row in enumerate(rows)
-                if row[0] == rows[i][0] and k != i and row[1][0] == rows[i][1][0] == "P"
+                k for k, row in enumerate(rows) if row[0] == rows[i][0] and k != i and row[1][0] == rows[i][1][0] == "P"
             ]
             if others:
                 k = int(draw.choice(others))

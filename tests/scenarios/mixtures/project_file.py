@@ -42,13 +42,8 @@ def _document(world: World, given: bool) -> str:
         "observations": [*_observations(world), *world.tables],
         "datum": "free" if world.free else "fixed",
     }
-    used = {
-        key: [t for t in value if t] if isinstance(value, list) else value for key, value in sections.items()
-    }
-    return (
-        "\n".join(f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in used.items() if value)
-        + "\n"
-    )
+    used = {key: [t for t in value if t] if isinstance(value, list) else value for key, value in sections.items()}
+    return "\n".join(f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in used.items() if value) + "\n"
 
 
 def _size(size: float) -> str:
@@ -91,22 +86,13 @@ def _images(world: World, given: bool) -> dict[str, Any]:
     rows = []
     for name, image in world.images.items():
         own = not image.leader and not image.over
-        noise = np.random.default_rng(world.seed + 11 * len(rows)).standard_normal(3) * (
-            image.observed or 0.0
-        )
-        place = [
-            _number(v) if own and (given or image.observed or image.held) else ""
-            for v in image.centre + noise
-        ]
+        noise = np.random.default_rng(world.seed + 11 * len(rows)).standard_normal(3) * (image.observed or 0.0)
+        place = [_number(v) if own and (given or image.observed or image.held) else "" for v in image.centre + noise]
         sigma = ["0" if image.held else _number(image.observed) if own else ""] * 3
-        shake = rotation(
-            (image.turned or 0.0) * np.random.default_rng(world.seed + 13 * len(rows)).standard_normal(3)
-        )
+        shake = rotation((image.turned or 0.0) * np.random.default_rng(world.seed + 13 * len(rows)).standard_normal(3))
         told = (given or image.held or image.turned is not None) and not image.leader
         angles = _angles(shake @ image.D) if told else [""] * 3
-        angles += ["0" if image.held else "" if image.turned is None else f"{GON * image.turned:.9f}"] * len(
-            turned
-        )
+        angles += ["0" if image.held else "" if image.turned is None else f"{GON * image.turned:.9f}"] * len(turned)
         height = _number(image.height) if image.over else ""
         pair = "rig" if image.leader else ""
         rows.append([name, "c", image.over, height, *place, *sigma, *angles, image.leader, pair])
@@ -159,16 +145,11 @@ def _observations(world: World) -> list[dict[str, Any]]:
     tables: list[dict[str, Any]] = []
     if world.rays:
         tables.append({"type": "image", "file": "rays.csv", "values": {"sigma": "0.002"}})
-    rows = [
-        [s, p, _number(GON * h, 9), _number(GON * z, 9), _number(above)]
-        for s, p, h, z, above in world.directions
-    ]
+    rows = [[s, p, _number(GON * h, 9), _number(GON * z, 9), _number(above)] for s, p, h, z, above in world.directions]
     columns = ["station", "to", "horizontal", "zenith", "to_height"]
     tables.append(_table(columns, rows, type="zenith_directions", values={"sigma": angle}))
     rows = [[a, b, _number(d), _number(above)] for a, b, d, above in world.distances]
-    tables.append(
-        _table(["from", "to", "distance", "to_height"], rows, type="distance", values={"sigma": length})
-    )
+    tables.append(_table(["from", "to", "distance", "to_height"], rows, type="distance", values={"sigma": length}))
     rows = [[a, b, _number(dz)] for a, b, dz in world.level_lines]
     tables.append(_table(["from", "to", "dz"], rows, type="height_difference", values={"sigma": length}))
     rows = [[a, b, *map(_number, d)] for a, b, *d in world.vectors]

@@ -40,11 +40,7 @@ def _object(world: World, draw: Generator, count: int = 24) -> None:
 def _images(world: World, draw: Generator, count: int) -> None:
     for i in range(count):
         angle = 2.0 * np.pi * (i + draw.uniform(0.0, 0.6)) / (2.0 * count)
-        place = (
-            world.size
-            * draw.uniform(1.3, 1.9)
-            * np.array([np.cos(angle), np.sin(angle), draw.uniform(0.0, 0.5)])
-        )
+        place = world.size * draw.uniform(1.3, 1.9) * np.array([np.cos(angle), np.sin(angle), draw.uniform(0.0, 0.5)])
         at = 0.1 * world.size * draw.standard_normal(3)
         world.images[f"I{i}"] = Image(place, looking(place, at, float(draw.uniform(-0.3, 0.3))))
         photograph(world, f"I{i}", draw, 1.0, 40)
@@ -66,11 +62,7 @@ def _bar(world: World, draw: Generator) -> None:
 def _stations(world: World, draw: Generator, count: int, seen: float = 1.0, far: bool = False) -> None:
     for i in range(count):
         angle = 2.0 * np.pi * (i + draw.uniform(0.0, 0.7)) / count
-        place = (
-            world.size
-            * draw.uniform(0.8, 1.3)
-            * np.array([np.cos(angle), np.sin(angle), draw.uniform(-0.1, 0.1)])
-        )
+        place = world.size * draw.uniform(0.8, 1.3) * np.array([np.cos(angle), np.sin(angle), draw.uniform(-0.1, 0.1)])
         world.points[f"N{i}"] = Point(place)
         world.stations[f"S{i}"] = Station(f"N{i}", 0.0, "fixed", about_z(float(draw.uniform(-3.0, 3.0))))
         for p in [p for p in world.points if p.startswith("P")]:
@@ -122,9 +114,7 @@ def rig_of_known_leaders(world: World, draw: Generator) -> None:
     _object(world, draw, 30)
     world.base, world.turn = world.size * np.array([0.3, 0.02, 0.0]), rotation(np.array([0.0, 0.1, 0.02]))
     for i in range(4):
-        place = world.size * np.array(
-            [draw.uniform(-0.4, 0.4), -draw.uniform(1.4, 1.9), draw.uniform(0.0, 0.4)]
-        )
+        place = world.size * np.array([draw.uniform(-0.4, 0.4), -draw.uniform(1.4, 1.9), draw.uniform(0.0, 0.4)])
         D = looking(place, 0.05 * world.size * draw.standard_normal(3), 0.1)
         world.images[f"I{i}"] = Image(place, D, held=True)
         world.images[f"F{i}"] = Image(place + D.T @ world.base, world.turn @ D, leader=f"I{i}")
@@ -225,10 +215,7 @@ def free_traverse_of_bearings(world: World, draw: Generator) -> None:
     chain = [*pairwise(world.points), ("P0", "P4"), ("P3", "P9")]
     pairs = [(b, a) if draw.random() < 0.5 else (a, b) for a, b in chain]
     for key, angle in (("bearing", _azimuth), ("zenith_angle", _zenith)):
-        rows = [
-            [a, b, f"{GON * (angle(world, a, b) + SIGMA_ANGLE * draw.standard_normal()):.8f}"]
-            for a, b in pairs
-        ]
+        rows = [[a, b, f"{GON * (angle(world, a, b) + SIGMA_ANGLE * draw.standard_normal()):.8f}"] for a, b in pairs]
         world.tables.append(_table(key, ["from", "to", key], rows, GON * SIGMA_ANGLE))
     _distances(world, draw, pairs)
 
@@ -243,9 +230,7 @@ def angles_only(world: World, draw: Generator) -> None:
     rows = []
     for at, legs in near.items():
         for back, fore in pairwise(legs):
-            beta = (
-                _azimuth(world, at, fore) - _azimuth(world, at, back) + SIGMA_ANGLE * draw.standard_normal()
-            )
+            beta = _azimuth(world, at, fore) - _azimuth(world, at, back) + SIGMA_ANGLE * draw.standard_normal()
             rows.append([at, back, fore, f"{GON * float(beta % (2.0 * np.pi)):.8f}"])
     world.tables.append(_table("angle", ["at", "from", "to", "angle"], rows, GON * SIGMA_ANGLE))
     _control(world, draw, ["xyz", "xyz"])
@@ -257,9 +242,7 @@ def directions_without_mutual_sight(world: World, draw: Generator) -> None:
     targets = _plan(world, draw, 9)
     for i in range(4):
         angle = 0.5 * np.pi * (i + draw.uniform(-0.4, 0.4))
-        place = world.size * (
-            np.array([1.5, 1.0]) + draw.uniform(3.0, 5.0) * np.array([np.cos(angle), np.sin(angle)])
-        )
+        place = world.size * (np.array([1.5, 1.0]) + draw.uniform(3.0, 5.0) * np.array([np.cos(angle), np.sin(angle)]))
         world.points[f"N{i}"] = Point(np.append(place, 0.0), [None, None, 0.0])
         world.stations[f"S{i}"] = Station(f"N{i}", 0.0, "fixed", about_z(float(draw.uniform(-3.0, 3.0))))
         for p in targets:

@@ -80,9 +80,7 @@ def _ended(path: Path) -> Solved | str:
         solved = solve_network(read_network(read_document(path), path.parent))
     except InputError as error:
         return f"not started: {str(error)[:300]}"
-    return (
-        f"{solved.adjustment.outcome.value}: {solved.adjustment.reason}" if solved.quality is None else solved
-    )
+    return f"{solved.adjustment.outcome.value}: {solved.adjustment.reason}" if solved.quality is None else solved
 
 
 def _same_without_suspects(truth: Path, nothing: Path) -> bool:

@@ -135,9 +135,7 @@ def photograph(world: World, name: str, draw: Generator, kept: float, wanted: in
         world.rays.append((name, names[i], float(x), float(y)))
 
 
-def sight(
-    world: World, name: str, to: str, draw: Generator, zenith: bool, far: bool, above: float = 0.0
-) -> None:
+def sight(world: World, name: str, to: str, draw: Generator, zenith: bool, far: bool, above: float = 0.0) -> None:
     """Directions (rad) of a station to a point, and a distance where ``far`` is wanted."""
     station = world.stations[name]
     up = np.array([0.0, 0.0, 1.0])

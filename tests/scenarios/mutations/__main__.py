@@ -22,9 +22,7 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=300, help="how many mutants")
     parser.add_argument("--seed", type=int, default=1, help="another seed, other mutants")
     parser.add_argument("--first", type=int, default=0, help="number of the first one")
-    parser.add_argument(
-        "--only", type=int, nargs="+", help="numbers of single mutants, to look at them again"
-    )
+    parser.add_argument("--only", type=int, nargs="+", help="numbers of single mutants, to look at them again")
     parser.add_argument("--jobs", type=int, default=1, help="processes at a time")
     parser.add_argument("--keep", type=Path, help="folder into which projects with faults are put")
     wanted = parser.parse_args()

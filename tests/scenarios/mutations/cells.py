@@ -110,9 +110,7 @@ def _headed(rng: np.random.Generator, rows: Rows, headings: int) -> Rows:
     if rng.random() < 0.5 and len(rows[0]) > max(k, m):
         rows[0][k], rows[0][m] = rows[0][m], rows[0][k]
     elif len(rows[0]) > k:
-        rows[0][k] = str(
-            chosen(rng, ("sigma", "x", "z", "sigma_x", "set", "start_x", "height", "point", hostile(rng)))
-        )
+        rows[0][k] = str(chosen(rng, ("sigma", "x", "z", "sigma_x", "set", "start_x", "height", "point", hostile(rng))))
     return rows
 
 

@@ -37,11 +37,7 @@ def faults(ended: Ended, folder: Path, results: Path) -> list[str]:
     found = list(_of_the_end(ended, folder, file))
     if file.is_file():
         found += _of_results(ended, file)
-    if (
-        ended.code == 2
-        and results.exists()
-        and {own.name for own in results.iterdir()} != {"undetermined.csv"}
-    ):
+    if ended.code == 2 and results.exists() and {own.name for own in results.iterdir()} != {"undetermined.csv"}:
         found.append("left behind: results of a project that was refused")
     return found
 

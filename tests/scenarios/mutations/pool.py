@@ -18,9 +18,7 @@ _HANGS, _WAITS = 60.0, 1200.0
 """Seconds of computing, and on the clock, after which a mutant is taken for one that never ends."""
 _COMPILING = 600.0
 """Seconds of computing of the projects themselves, which are run first: kernels are compiled then."""
-_ONE_THREAD = dict.fromkeys(
-    ("OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "POLARS_MAX_THREADS", "OMP_NUM_THREADS"), "1"
-)
+_ONE_THREAD = dict.fromkeys(("OPENBLAS_NUM_THREADS", "NUMBA_NUM_THREADS", "POLARS_MAX_THREADS", "OMP_NUM_THREADS"), "1")
 
 
 class Worker:
@@ -45,9 +43,7 @@ class Worker:
             (self.process.stdout, self.answers.put),
             (self.process.stderr, self.said.append),
         ):
-            threading.Thread(
-                target=lambda s=stream, t=take: [t(line) for line in s] and t(""), daemon=True
-            ).start()
+            threading.Thread(target=lambda s=stream, t=take: [t(line) for line in s] and t(""), daemon=True).start()
 
     def judged(self, number: int) -> Judged:
         """Run one mutant; a process that does not answer is ended, and that is the fault."""

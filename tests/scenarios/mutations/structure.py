@@ -135,21 +135,13 @@ def mutated_project(rng: np.random.Generator, content: bytes, other: bytes) -> b
         return content
     donor = parsed(other)
     data = _KINDS[int(rng.integers(len(_KINDS)))](rng, data, donor if isinstance(donor, dict) else data)
-    text: str = yaml.safe_dump(
-        data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=10_000
-    )
+    text: str = yaml.safe_dump(data, sort_keys=False, allow_unicode=True, default_flow_style=None, width=10_000)
     return text.encode("utf-8", "replace")
 
 
 def _places(data: Any, path: Path = ()) -> list[Path]:
     """Paths of everything in it; of long lists one part, so that rows do not drown the rest."""
-    inside = (
-        list(data.items())
-        if isinstance(data, dict)
-        else list(enumerate(data))
-        if isinstance(data, list)
-        else []
-    )
+    inside = list(data.items()) if isinstance(data, dict) else list(enumerate(data)) if isinstance(data, list) else []
     found = [path] if path else []
     for key, value in inside[:8] + inside[-2:] if len(inside) > 10 else inside:
         found += _places(value, (*path, key))
@@ -242,12 +234,7 @@ def _optional(rng: np.random.Generator, data: Any, donor: Any) -> Any:
 
 
 def _point(rng: np.random.Generator, data: Any) -> str:
-    rows = [
-        row
-        for table in data.get("points") or []
-        if isinstance(table, dict)
-        for row in table.get("rows") or []
-    ]
+    rows = [row for table in data.get("points") or [] if isinstance(table, dict) for row in table.get("rows") or []]
     row: Any = chosen(rng, rows or [["A"]])
     cells = list(row.values()) if isinstance(row, dict) else row
     return str(cells[0]) if cells else "A"
@@ -292,9 +279,7 @@ def _group(rng: np.random.Generator, data: Any, donor: Any) -> Any:
 
 def _rows(rng: np.random.Generator, data: Any, donor: Any) -> Any:
     """The rows of a table in the project file."""
-    tables = [
-        t for entries in data.values() if isinstance(entries, list) for t in entries if isinstance(t, dict)
-    ]
+    tables = [t for entries in data.values() if isinstance(entries, list) for t in entries if isinstance(t, dict)]
     tables = [t for t in tables if isinstance(t.get("rows"), list) and isinstance(t.get("columns"), list)]
     if not tables or any(not isinstance(row, list) for t in tables for row in t["rows"]):
         return _scalar(rng, data, donor)

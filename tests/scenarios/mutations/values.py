@@ -134,9 +134,7 @@ def changed_number(rng: np.random.Generator, text: str) -> str:
         value = float(text)
     except ValueError:
         return hostile(rng)
-    factor = float(
-        chosen(rng, (-1, 0, 10, 0.1, 1000, 1e-3, 0.9, 10 / 9, 200 / np.pi, np.pi / 200, 1e8, 1e-8))
-    )  # type: ignore[arg-type]
+    factor = float(chosen(rng, (-1, 0, 10, 0.1, 1000, 1e-3, 0.9, 10 / 9, 200 / np.pi, np.pi / 200, 1e8, 1e-8)))  # type: ignore[arg-type]
     shaken = value * (1.0 + 10.0 ** rng.uniform(-9, 0) * rng.standard_normal())
     mixed = "".join(rng.permutation(list(text)))
     rounded = f"{value:.{int(rng.integers(1, 6))}g}"
@@ -150,8 +148,6 @@ def changed_text(rng: np.random.Generator, text: str) -> str:
     if rng.random() < 0.3 and text:
         at = int(rng.integers(len(text)))
         return str(
-            chosen(
-                rng, (text[:at] + text[at + 1 :], text[:at] + text[at] + text[at:], text.swapcase(), text * 2)
-            )
+            chosen(rng, (text[:at] + text[at + 1 :], text[:at] + text[at] + text[at:], text.swapcase(), text * 2))
         )
     return hostile(rng)

@@ -56,9 +56,7 @@ def _follow(number: int, results: Path) -> Iterator[list[str]]:
         again = _ended(("check",), results / "adjusted.yaml", results / "none")
         yield [] if again.code == 0 else [f"adjusted.yaml: {again.said.strip().splitlines()[0]}"]
     if number % _FOLLOWED == 0:
-        for k, command in enumerate(
-            (("covariance", "--blocks"), ("datum", "--to", "free"), ("plot", "network"))
-        ):
+        for k, command in enumerate((("covariance", "--blocks"), ("datum", "--to", "free"), ("plot", "network"))):
             target = results.parent / f"after{k}{'.svg' if k == 2 else '.csv' if k == 0 else ''}"
             yield faults(_ended(command, results, target), results.parent, target)
 
@@ -90,9 +88,7 @@ def _peak() -> float:
     return 0.0
 
 
-def run_all(
-    materials: Sequence[Material], seed: int, numbers: Iterable[int], keep: Path | None
-) -> Iterator[Judged]:
+def run_all(materials: Sequence[Material], seed: int, numbers: Iterable[int], keep: Path | None) -> Iterator[Judged]:
     """Run the mutants of these numbers; with ``keep`` those with faults stay there."""
     with tempfile.TemporaryDirectory(prefix="mutants") as temporary:
         for number in numbers:
@@ -111,9 +107,7 @@ def main() -> None:
     warnings.simplefilter("always")
     materials = all_material()
     size = (
-        int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
-        if sys.platform == "linux"
-        else 0
+        int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize() if sys.platform == "linux" else 0
     )
     if size:
         resource.setrlimit(resource.RLIMIT_AS, (size + 4 * 2**30,) * 2)

@@ -31,9 +31,7 @@ def main() -> None:
     parser.add_argument("--count", type=int, default=4, help="projects for each kind of mistake")
     parser.add_argument("--first", type=int, default=0, help="first seed")
     parser.add_argument("--kind", choices=sorted(KINDS), action="append", help="only this kind")
-    parser.add_argument(
-        "--show", action="store_true", help="tell what is offered where the right cause is not first"
-    )
+    parser.add_argument("--show", action="store_true", help="tell what is offered where the right cause is not first")
     parser.add_argument(
         "--error-free", type=int, default=0, help="in place of that, so many projects without a mistake"
     )
@@ -43,13 +41,9 @@ def main() -> None:
     warnings.simplefilter("ignore")
     if chosen.error_free:
         count, rejected, offered = rates(chosen.sample, chosen.error_free)
-        print(
-            f"{chosen.sample}: {count} without a mistake, {rejected} looked into, {offered} with a hypothesis"
-        )
+        print(f"{chosen.sample}: {count} without a mistake, {rejected} looked into, {offered} with a hypothesis")
         return
-    print(
-        "| mistake | cases | visible | right first | among three | another first | by score tests | exit codes |"
-    )
+    print("| mistake | cases | visible | right first | among three | another first | by score tests | exit codes |")
     print("|---|---|---|---|---|---|---|---|")
     everything: list[Trial] = []
     trials: dict[str, list[Callable[[], Trial]]] = {

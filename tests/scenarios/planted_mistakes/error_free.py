@@ -38,7 +38,5 @@ def rates(name: str, count: int) -> tuple[int, int, int]:
     """Projects, those in which something was rejected and those with a possible cause."""
     solved = sound(name)
     found = [pipeline.solve_network(with_noise(solved, seed)) for seed in range(count)]
-    rejected = sum(
-        one.quality is None or rejection(one.quality, one.network) is not Rejection.NOTHING for one in found
-    )
+    rejected = sum(one.quality is None or rejection(one.quality, one.network) is not Rejection.NOTHING for one in found)
     return count, rejected, sum(bool(one.possible_causes) for one in found)

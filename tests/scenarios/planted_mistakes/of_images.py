@@ -70,9 +70,7 @@ def image_unit(survey: Survey, random: Random) -> Planted:
     if _size(survey, camera) is not None:
         factor = float(pixel)  # millimetres where the project says pixels
     else:
-        factor = random.choice(
-            [1000.0, 0.001, *([1.0 / float(pixel)] if "image" in _given(survey, camera) else [])]
-        )
+        factor = random.choice([1000.0, 0.001, *([1.0 / float(pixel)] if "image" in _given(survey, camera) else [])])
     scaled(_rows(survey, camera), ("x", "y"), factor)
     return Planted(("image unit", "image scale"), {camera})
 

@@ -33,9 +33,7 @@ def names_in_image(world: World, random: Random) -> Planted:
 
 
 def names_at_station(world: World, random: Random) -> Planted:
-    return Planted(
-        ("names exchanged",), _exchange(world.directions, _frame(world.directions, random), random)
-    )
+    return Planted(("names exchanged",), _exchange(world.directions, _frame(world.directions, random), random))
 
 
 def set_ups(world: World, random: Random) -> Planted:
@@ -143,17 +141,11 @@ def flipped(world: World, random: Random) -> Planted:
     world.rays = [(i, p, x, -y) for i, p, x, y in world.rays]
     mirrored = not (world.directions or world.level_lines or world.vectors or world.local or world.bearings)
     # images of a mirrored object: without anything else the axes of the control may as well be exchanged
-    return (
-        Planted(("image flipped", "axes exchanged"), set())
-        if mirrored
-        else Planted(("image flipped",), {"c"})
-    )
+    return Planted(("image flipped", "axes exchanged"), set()) if mirrored else Planted(("image flipped",), {"c"})
 
 
 def control_moved(world: World, random: Random) -> Planted:
-    name = str(
-        one_of(random, sorted(n for n, p in world.points.items() if all(s is not None for s in p.sigma)))
-    )
+    name = str(one_of(random, sorted(n for n, p in world.points.items() if all(s is not None for s in p.sigma))))
     by = np.zeros(3)
     by[int(random.integers(3))] = 0.05 * world.size
     for key, point in list(world.points.items()):

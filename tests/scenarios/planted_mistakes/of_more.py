@@ -156,10 +156,7 @@ def target_height_sign(survey: Survey, random: Random) -> Planted:
     """The height of a target with the wrong sign, at one station."""
     entries = [e for e in survey.entries("observations") if "to_height" in survey.rows(e)[0]]
     rows = [
-        r
-        for e in entries
-        for r in survey.rows(e)
-        if r["to_height"] and float(r["to_height"]) > 0.05 * _metres(survey)
+        r for e in entries for r in survey.rows(e) if r["to_height"] and float(r["to_height"]) > 0.05 * _metres(survey)
     ]
     chosen = one_of(random, rows)
     station = chosen.get("station", chosen.get("from"))

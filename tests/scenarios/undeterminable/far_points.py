@@ -16,9 +16,7 @@ from mor.solve.iterate import SolverSettings, adjust
 C, SIGMA = 30.0, 0.002
 
 
-def far_points(
-    seed: int, side: int, own: bool = True, given: bool = True, c: float = 29.0
-) -> dict[str, object]:
+def far_points(seed: int, side: int, own: bool = True, given: bool = True, c: float = 29.0) -> dict[str, object]:
     """side² images from 45 m above and 12 points 500 to 3 000 m behind the object, as a project.
 
     ``own``: each image has a camera of its own; ``given``: poses and points start at the truth. Camera constants start
@@ -29,9 +27,7 @@ def far_points(
     depth = random.uniform(500.0, 3000.0, 12)
     points = np.r_[near, np.c_[random.uniform(-0.2, 0.2, (12, 2)) * depth[:, None], -depth]]
     images, rays = [], []
-    for k, (x, y) in enumerate(
-        np.stack(np.meshgrid(*2 * [np.linspace(-24.0, 24.0, side)]), axis=-1).reshape(-1, 2)
-    ):
+    for k, (x, y) in enumerate(np.stack(np.meshgrid(*2 * [np.linspace(-24.0, 24.0, side)]), axis=-1).reshape(-1, 2)):
         centre = np.array([x, y, 45.0 + random.uniform(-4.0, 4.0)])
         back = centre - centre * (0.35, 0.35, 0.0) - random.normal(0.0, 1.0, 3)
         back /= np.linalg.norm(back)
@@ -39,10 +35,7 @@ def far_points(
         right /= np.linalg.norm(right)
         turn = k % 4 * np.pi / 2.0
         D = np.stack([right, np.cross(back, right), back])
-        D = (
-            np.array([[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]])
-            @ D
-        )
+        D = np.array([[np.cos(turn), np.sin(turn), 0.0], [-np.sin(turn), np.cos(turn), 0.0], [0.0, 0.0, 1.0]]) @ D
         pose = [*centre, *angles_from_rotation(D)] if given else []
         images.append([f"I{k}", f"K{k}" if own else "K0", *pose])
         star = (points - centre) @ D.T

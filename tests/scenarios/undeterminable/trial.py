@@ -95,11 +95,7 @@ def _refused(world, expected, folder):
 
 def _said(folder, run):
     tables = folder / "project.results"
-    texts = [
-        path.read_text()
-        for path in sorted(tables.glob("*"))
-        if path.name in ("report.txt", "undetermined.csv")
-    ]
+    texts = [path.read_text() for path in sorted(tables.glob("*")) if path.name in ("report.txt", "undetermined.csv")]
     return "\n".join([run.err, *texts])
 
 

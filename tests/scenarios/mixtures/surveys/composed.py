@@ -52,9 +52,7 @@ def exchange_names(survey: Survey, share: float) -> None:
 
 def _drawn(seed: int) -> Survey:
     survey = scene(seed)
-    images = int(
-        survey.draw.choice([0, 2, 3, 5, 8, 12, 20, 35], p=[0.08, 0.1, 0.15, 0.2, 0.2, 0.15, 0.08, 0.04])
-    )
+    images = int(survey.draw.choice([0, 2, 3, 5, 8, 12, 20, 35], p=[0.08, 0.1, 0.15, 0.2, 0.2, 0.15, 0.08, 0.04]))
     count = int(survey.draw.choice([0, 1, 2, 3, 5, 8], p=[0.25, 0.2, 0.25, 0.15, 0.1, 0.05]))
     count = max(count, 2) if images == 0 else count
     if count and survey.chance(0.1):
@@ -114,17 +112,12 @@ def prune(survey: Survey) -> None:
 
 def _is_set(survey: Survey, name: str) -> bool:
     return any(
-        row["id"] == name
-        for (section, _), (_, rows) in survey.tables.items()
-        if section == "stations"
-        for row in rows
+        row["id"] == name for (section, _), (_, rows) in survey.tables.items() if section == "stations" for row in rows
     )
 
 
 def _rows(survey: Survey) -> list[dict[str, object]]:
-    return [
-        row for (section, _), (_, rows) in survey.tables.items() if section == "observations" for row in rows
-    ]  # type: ignore[misc]
+    return [row for (section, _), (_, rows) in survey.tables.items() if section == "observations" for row in rows]  # type: ignore[misc]
 
 
 def _take_away(survey: Survey, points: set[str], frames: set[str]) -> None:

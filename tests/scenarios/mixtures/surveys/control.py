@@ -27,8 +27,7 @@ def control(survey: Survey) -> None:
     patterns = {
         "full": ["xyz"] * int(survey.draw.integers(3, 7)),
         "scattered": ["x", "y", "z"] * int(survey.draw.integers(3, 6)),
-        "plan and heights": ["xy"] * int(survey.draw.integers(2, 5))
-        + ["z"] * int(survey.draw.integers(3, 6)),
+        "plan and heights": ["xy"] * int(survey.draw.integers(2, 5)) + ["z"] * int(survey.draw.integers(3, 6)),
         "few": ["xyz", "xyz", "z"],
     }.get(kind, [])
     for p, pattern in zip(some(survey, len(patterns)), patterns, strict=False):

@@ -54,9 +54,7 @@ def horizon(survey: Survey, xyz: FloatArray, xi: float = 0.0, eta: float = 0.0) 
     longitude, latitude = np.radians(_TO_GEOGRAPHIC.transform(*(survey.origin + xyz)[:2]))
     latitude, longitude = latitude + xi, longitude + eta / np.cos(latitude)
     e = np.array([-np.sin(longitude), np.cos(longitude), 0.0])
-    u = np.array(
-        [np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)]
-    )
+    u = np.array([np.cos(latitude) * np.cos(longitude), np.cos(latitude) * np.sin(longitude), np.sin(latitude)])
     return np.stack([e, np.cross(u, e), u])
 
 
@@ -265,9 +263,7 @@ def distance_ratios(survey: Survey, names: list[str], gravity: Gravity | None) -
         at, first, second = (str(p) for p in survey.draw.permutation(names)[:3])
         up = horizon(survey, survey.marks[at].xyz, *deflection(survey, gravity, at))[2]
         begin = geocentric(survey, survey.marks[at].xyz) + 1.5 * up
-        one, other = (
-            float(np.linalg.norm(geocentric(survey, survey.marks[p].xyz) - begin)) for p in (first, second)
-        )
+        one, other = (float(np.linalg.norm(geocentric(survey, survey.marks[p].xyz) - begin)) for p in (first, second))
         ratio = other / one * (1.0 + 5e-6 * float(survey.draw.standard_normal()))
         cells = {"at": at, "from": first, "to": second, "ratio": ratio, "sigma": 5e-6 * other / one}
         survey.row("observations", "ratios", {"type": "distance_ratio"}, **cells, at_height=1.5)

@@ -30,9 +30,7 @@ def stations(survey: Survey, count: int) -> None:
         if "facade" in survey.tags:
             angle = survey.draw.uniform(-2.5, -0.6)
         over = f"mark {k}"
-        place = np.array(
-            [far * np.cos(angle), far * np.sin(angle), 0.1 * survey.size * survey.draw.standard_normal()]
-        )
+        place = np.array([far * np.cos(angle), far * np.sin(angle), 0.1 * survey.size * survey.draw.standard_normal()])
         survey.marks[over] = Mark(place, "none")
         survey.stations[f"s{k}"] = over
         _station(survey, f"s{k}", over, kind)
@@ -54,9 +52,7 @@ def _station(survey: Survey, name: str, over: str, kind: str) -> None:
         )  # fmt: skip
     reads = READS[kind]
     ready = float(survey.one_of(0.4, 0.8, 1.0))
-    targets = [
-        p for p in survey.seen_marks("stations") if survey.draw.random() < ready * survey.marks[p].share
-    ]
+    targets = [p for p in survey.seen_marks("stations") if survey.draw.random() < ready * survey.marks[p].share]
     others = [p for p in survey.stations.values() if p != over]
     targets += [p for p in others if survey.chance(0.7)]
     for target in targets:

@@ -29,9 +29,7 @@ def epochs(seed: int) -> Survey:
     for name in [*(f"s{k}" for k in range(number)), *(f"i{k}" for k in range(images))]:
         survey.times[name] = YEARS[int(name[1:]) % count]
     reach = survey.size * 10.0 ** survey.draw.uniform(-4.0, -2.0)
-    survey.moves = {
-        p: reach * survey.draw.standard_normal(3) for p in survey.marks if survey.draw.random() < 0.33
-    }
+    survey.moves = {p: reach * survey.draw.standard_normal(3) for p in survey.marks if survey.draw.random() < 0.33}
     stations(survey, number)
     if images:
         photographs(survey, images)

@@ -37,9 +37,7 @@ def photographs(survey: Survey, count: int) -> None:
         sees = halves[k * len(halves) // count]
         camera = str(survey.one_of(*survey.cameras))
         place, at = ARRANGEMENTS[kind](survey, survey.cameras[camera], k / count)
-        roll = float(
-            survey.one_of(0.0, 0.0, np.pi / 2.0, -np.pi / 2.0) + 0.05 * survey.draw.standard_normal()
-        )
+        roll = float(survey.one_of(0.0, 0.0, np.pi / 2.0, -np.pi / 2.0) + 0.05 * survey.draw.standard_normal())
         survey.photos[f"i{k}"] = Photo(camera, place, looking(place, at, roll), sees)
 
 
@@ -90,9 +88,7 @@ def _vertical(survey: Survey, camera: Camera, part: float) -> tuple[FloatArray, 
     up = _distance(survey, camera) * survey.draw.uniform(0.7, 1.1)
     x = survey.size * (part - 0.5) * 0.8
     place = np.array([x, 0.2 * survey.size * survey.draw.uniform(-1.0, 1.0), up])
-    return place, np.array([place[0], place[1], 0.0]) + 0.05 * up * np.append(
-        survey.draw.standard_normal(2), 0.0
-    )
+    return place, np.array([place[0], place[1], 0.0]) + 0.05 * up * np.append(survey.draw.standard_normal(2), 0.0)
 
 
 def _inside_out(survey: Survey, camera: Camera, part: float) -> tuple[FloatArray, FloatArray]:
@@ -159,9 +155,7 @@ def write_cameras(survey: Survey) -> None:
         interior: dict[str, object] = {"c": camera.c}
         if camera.free:
             true = dict(zip(("c", "xh", "yh"), camera.true, strict=True))
-            interior = {
-                key: {"free": Start(value, camera.c if key == "c" else 0.0)} for key, value in true.items()
-            }
+            interior = {key: {"free": Start(value, camera.c if key == "c" else 0.0)} for key, value in true.items()}
         width, height = np.rint(2.0 * camera.half / PIXEL)
         survey.more.setdefault("cameras", {})[name] = {
             "image": {"width": int(width), "height": int(height), "pixel": f"{PIXEL} mm"},
@@ -172,9 +166,7 @@ def write_cameras(survey: Survey) -> None:
 
 def write_images(survey: Survey, rough: dict[str, float]) -> None:
     """The table of images; those in ``rough`` have start values that are off by so many parts of the size."""
-    observed = (
-        survey.sigma_length * 10.0 if survey.photos and survey.chance(0.12, "positions observed") else None
-    )
+    observed = survey.sigma_length * 10.0 if survey.photos and survey.chance(0.12, "positions observed") else None
     for name, photo in survey.photos.items():
         off = rough.get(name)
         D = photo.D if off is None else rotation(off * survey.draw.standard_normal(3)) @ photo.D

@@ -171,10 +171,7 @@ class Survey:
             cells = [[_written(row.get(column, ""), given) for column in columns] for row in rows]
             sections.setdefault(section, []).append({**keys, "columns": columns, "rows": cells})
         sections.update(_resolved(self.more, given))
-        return (
-            "\n".join(f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in sections.items())
-            + "\n"
-        )
+        return "\n".join(f"{key}: {json.dumps(value, ensure_ascii=False)}" for key, value in sections.items()) + "\n"
 
 
 def _written(cell: Cell, given: bool) -> str:

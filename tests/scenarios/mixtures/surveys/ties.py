@@ -159,6 +159,4 @@ def system(survey: Survey) -> None:
         read = {axis: survey.measured(v) for axis, v in zip("xyz", own, strict=True)}
         if partly:
             del read[str(survey.one_of("x", "y", "z"))]
-        survey.row(
-            "observations", "local", {"type": "local", **survey.of_length}, system="part", point=p, **read
-        )
+        survey.row("observations", "local", {"type": "local", **survey.of_length}, system="part", point=p, **read)
