@@ -299,7 +299,8 @@ class _Adjusted(NamedTuple):
 def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
     """Adjust a network as far as its observations determine it; without a solution, with poses computed anew."""
     found = _from_start_values(network, watch)
-    if found.attempt.adjustment.outcome.is_solution:
+    ended = found.attempt.adjustment
+    if ended.outcome.is_solution or not ended.iterations:
         return found
     anew = _without_poses(network)
     if anew is None:

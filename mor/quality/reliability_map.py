@@ -58,7 +58,7 @@ class Controlled(NamedTuple):
     def worst(self, count: int) -> IntArray:
         """Numbers of the things with the smallest redundancy numbers, the worst first."""
         seen = np.flatnonzero(np.isfinite(self.smallest_r))
-        return seen[np.argsort(self.smallest_r[seen], kind="stable")[:count]]
+        return seen[np.argsort(self.smallest_r[seen].round(9), kind="stable")[:count]]
 
 
 class _RowClasses(NamedTuple):

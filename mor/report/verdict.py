@@ -593,7 +593,7 @@ def section_of_reliability(
     rows = [
         [words(kind), *_cells_of_reliability(row, words)]
         for key, kind in _KINDS.items()
-        for row in sorted(data[key], key=lambda row: float(row["smallest_r"]))[:weakest]
+        for row in sorted(data[key], key=lambda row: round(float(row["smallest_r"]), 9))[:weakest]
     ]
     if rows:
         headers = [*_HEADERS_OF_RELIABILITY, f"shift at most [{unit}]"]
