@@ -39,6 +39,7 @@ from mor.quality.outliers import (
     LARGEST_WEIGHT,
     Attempt,
     SuspectedOutliers,
+    frames_far_off,
     left_out,
     lost_blocks,
     may_be_absurd,
@@ -191,7 +192,7 @@ def start_or_nothing(network: Network) -> Mapping[str, FloatArray] | None:
 #
 # project file → Project → Network → Problem + start values → Adjustment → Quality → Report
 
-POSES_ANEW = "the start values lead to no solution; the poses of images were computed anew from all else"
+POSES_ANEW = "the start values lead to no solution; poses of images that were far off were computed anew"
 SIGMA_ROUNDS = 4
 _SAME_SIGMA = 1e-9
 """σ that change by less between two adjustments have settled."""
@@ -303,23 +304,23 @@ def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
     if ended.outcome.is_solution or not ended.iterations:
         return found
     anew = _without_poses(network)
-    if anew is None:
+    start = None if anew is None else start_or_nothing(anew)
+    if anew is None or start is None:
         return found
-    try:
-        other = _from_start_values(anew, watch)
-    except (InputError, NoStartValuesError):
-        return found
+    other = _from_start_values(replace(anew, start=start), watch, plainly=True)
     sound = other.attempt.adjustment.outcome is Outcome.CONVERGED and not may_be_absurd(other.attempt.adjustment)
     return other if sound else found
 
 
 def _without_poses(network: Network) -> Network | None:
-    """The network without the given start values of poses of images; ``None`` where some are worked out anyway."""
-    images, start = network.things["image"].parts, dict(network.start)
-    if "rotation" not in start or not all_known(start):
+    """The network without the start poses of a few images that are far off; ``None`` if there are none, or not all."""
+    if "rotation" not in network.start or not all_known(network.start):
         return None
+    far = frames_far_off(make_problem(network, network.start, network.start), network.start)
+    images, start = network.things["image"].parts, dict(network.start)
+    off = (images["rotation"] >= 0) & far[images["rotation"]]
     for kind, part in (("rotation", "rotation"), ("point", "position")):
-        blocks = images[part][images[part] >= 0]
+        blocks = images[part][off & (images[part] >= 0)]
         known = ~network.blocks[kind].free[blocks] | np.isfinite(network.sigma[kind][blocks])
         start[kind] = start[kind].copy()
         start[kind][blocks[~known.any(axis=1)]] = np.nan
@@ -328,13 +329,15 @@ def _without_poses(network: Network) -> Network | None:
     return replace(network, start=start, notes=(*network.notes, Message(POSES_ANEW)))
 
 
-def _from_start_values(network: Network, watch: Watcher | None) -> _Adjusted:
+def _from_start_values(network: Network, watch: Watcher | None, plainly: bool = False) -> _Adjusted:
     with np.errstate(all="ignore"):  # what is not finite is seen in the normal matrix, and told
         with one_thread():
             whole, start = determinable_start(network)
         means = Means(
             lambda some, values: make_problem(some, values, values),
-            lambda some, values: _attempt(some, values, watch),
+            (lambda some, values: Attempt(_plainly(some, values, watch)))
+            if plainly
+            else (lambda some, values: _attempt(some, values, watch)),
             lambda some, values: Attempt(_plainly(some, values, watch)),
             critical_value(network.project.settings.snooping_level),
         )

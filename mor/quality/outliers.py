@@ -353,6 +353,8 @@ _TOO_SMALL = 30.0
 """Times that σ may be too small. Of 178 landings far off, 11 had residuals without long tails, from 1 400 σ on."""
 _BESIDE, _PART = 0.5, 0.1
 """Arc (rad) between a ray and its point on another branch of the projection, and part of it that v is at the most."""
+_FAR_OFF = 0.2
+"""Arc (rad) between rays and points that no rough pose leaves."""
 LARGEST_WEIGHT = "its observations contradict each other or the rest"
 """Reason why a thing is left out."""
 _SAME = 1e-6
@@ -457,6 +459,21 @@ def _sees_beside(adjustment: Adjustment) -> bool:
             if (far & less).any():
                 return True
     return False
+
+
+def frames_far_off(problem: Problem, values: Values) -> BoolArray:
+    """(n,) rotations at which half of the rays are far from their points, if that is so at less than half of them."""
+    arcs: list[list[float]] = [[] for _ in problem.index.columns[ROTATION.key]]
+    sphere = problem_on_the_sphere(problem, values)
+    for group in sphere.groups if sphere is not None else ():
+        if is_on_the_sphere(group.type):
+            slot = next(k for k, one in enumerate(group.type.slots) if one.kind == ROTATION.key)
+            arc = np.linalg.norm(misclosures(group, values), axis=1)
+            for block, size in zip(group.blocks[slot].tolist(), arc.tolist(), strict=True):
+                arcs[block].append(size)
+    medians = np.array([np.median(some) if some else np.nan for some in arcs])
+    far = np.asarray(medians > _FAR_OFF)
+    return far if 2 * np.count_nonzero(far) < np.count_nonzero(medians >= 0.0) else np.zeros_like(far)
 
 
 def without_suspects(
