@@ -54,7 +54,7 @@ from mor.solve.datum import beside
 from mor.solve.iterate import Adjustment, Outcome, Patience, SolverSettings, Watcher, adjust, counting_on
 from mor.solve.problem import CorrelatedObservations, DatumDefinition, Problem, undefined_rows
 from mor.start.part import Approximation
-from mor.types import FloatArray
+from mor.types import BoolArray, FloatArray
 
 # ---- From a network to its adjustment problem: start values, unknowns numbered, observations with their σ.
 #
@@ -247,12 +247,12 @@ def solve_network(
 
     ``assessing`` is called between the two with the effort ahead; what it returns is told how much more is done.
     """
-    with chosen_by_size(network.observations, _times_as_long(network)), mistakes_in(network.file):
+    with chosen_by_size(network.observations, times_as_long(network)), mistakes_in(network.file):
         return with_poses(_assessed(_adjusted(network, watch), assessing))
 
 
-def _times_as_long(network: Network) -> int:
-    """How many times as long as in an aerial block, with eight rays to a point, it takes to eliminate the points."""
+def times_as_long(network: Network) -> int:
+    """Return how many times as long as in an aerial block (some eight rays to a point) it takes to eliminate points."""
     rays = np.zeros(len(network.blocks["point"].ids))
     for group in network.groups:
         if is_image_point(group.type):
@@ -271,7 +271,7 @@ def diagnose_network(
     values cannot be found.
     """
     with (
-        chosen_by_size(network.observations, _times_as_long(network)),
+        chosen_by_size(network.observations, times_as_long(network)),
         mistakes_in(network.file),
         np.errstate(all="ignore"),
     ):
@@ -298,7 +298,7 @@ class _Adjusted(NamedTuple):
 
 
 def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
-    """Adjust a network as far as its observations determine it; without a solution, with poses computed anew."""
+    """Adjust a network as far as its observations determine it; if that fails, without start poses that are far off."""
     found = _from_start_values(network, watch)
     ended = found.attempt.adjustment
     if ended.outcome.is_solution or not ended.iterations:
@@ -313,7 +313,7 @@ def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
 
 
 def _without_poses(network: Network) -> Network | None:
-    """The network without the start poses of a few images that are far off; ``None`` if there are none, or not all."""
+    """The network without the start poses of a few images that are far off; ``None`` where there are none to drop."""
     if "rotation" not in network.start or not all_known(network.start):
         return None
     far = frames_far_off(make_problem(network, network.start, network.start), network.start)
@@ -456,11 +456,9 @@ def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
 def _start_from(adjusted: _Adjusted, values: Values) -> Mapping[str, FloatArray]:
     """Values of the whole network: those of a solution, and the start values of what was left out of it."""
     found = {kind: values[kind][: len(own)].copy() for kind, own in adjusted.start.items()}
-    for thing in adjusted.network.undeterminable:
-        for kind, blocks in adjusted.whole.blocks.items():
-            if thing.kind == "point" == kind and thing.name in blocks.ids:
-                k = blocks.ids.index(thing.name)
-                found[kind][k] = adjusted.start[kind][k]
+    names = {thing.name for thing in adjusted.network.undeterminable if thing.kind == "point"}
+    left: BoolArray = np.array([name in names for name in adjusted.whole.blocks["point"].ids], dtype=bool)
+    found["point"][left] = adjusted.start["point"][left]
     return found
 
 

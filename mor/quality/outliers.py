@@ -18,7 +18,9 @@ from mor.model.parameters import ROTATION, Blocks, Values, index_unknowns
 from mor.quality.robust_estimation import (
     Graduated,
     exclude,
+    frames_of,
     graduated_weights,
+    medians_of_parts,
     problem_on_the_sphere,
     robust_scales,
     settled_weights,
@@ -352,7 +354,7 @@ _LONG_TAILS = 1.6
 _TOO_SMALL = 30.0
 """Times that σ may be too small. Of 178 landings far off, 11 had residuals without long tails, from 1 400 σ on."""
 _BESIDE, _PART = 0.5, 0.1
-"""Arc (rad) between a ray and its point on another branch of the projection, and part of it that v is at the most."""
+"""Least arc (rad) from a ray to its point on another branch of the projection; part of it that the residual may be."""
 _FAR_OFF = 0.2
 """Arc (rad) between rays and points that no rough pose leaves."""
 LARGEST_WEIGHT = "its observations contradict each other or the rest"
@@ -463,17 +465,16 @@ def _sees_beside(adjustment: Adjustment) -> bool:
 
 def frames_far_off(problem: Problem, values: Values) -> BoolArray:
     """(n,) rotations at which half of the rays are far from their points, if that is so at less than half of them."""
-    arcs: list[list[float]] = [[] for _ in problem.index.columns[ROTATION.key]]
-    sphere = problem_on_the_sphere(problem, values)
+    sphere, count = problem_on_the_sphere(problem, values), len(problem.index.columns[ROTATION.key])
+    frames, arcs = [np.zeros(0, dtype=np.int64)], [np.zeros(0)]
     for group in sphere.groups if sphere is not None else ():
         if is_on_the_sphere(group.type):
-            slot = next(k for k, one in enumerate(group.type.slots) if one.kind == ROTATION.key)
             arc = np.linalg.norm(misclosures(group, values), axis=1)
-            for block, size in zip(group.blocks[slot].tolist(), arc.tolist(), strict=True):
-                arcs[block].append(size)
-    medians = np.array([np.median(some) if some else np.nan for some in arcs])
-    far = np.asarray(medians > _FAR_OFF)
-    return far if 2 * np.count_nonzero(far) < np.count_nonzero(medians >= 0.0) else np.zeros_like(far)
+            frames.append(frames_of(group)[np.isfinite(arc)])
+            arcs.append(arc[np.isfinite(arc)])
+    frame = np.concatenate(frames)
+    far = np.asarray(medians_of_parts(frame, np.concatenate(arcs), count) > _FAR_OFF)
+    return far if 2 * np.count_nonzero(far) < len(np.unique(frame)) else np.zeros_like(far)
 
 
 def without_suspects(
@@ -529,13 +530,13 @@ def _by_weights(plain: Adjustment, watch: Watcher | None, by_parts: bool) -> Gra
 
 
 def _with_frames_put_back(problem: Problem, found: Graduated, start: Values, watch: Watcher | None) -> Graduated:
-    """Return the solution with frames that most of their rows contradict turned anew from their start values.
+    """Return the solution after frames that most of their rows contradict were turned from their start values.
 
-    They are turned while all else is held, and the solution is taken if that costs less.
+    All else is held meanwhile. The solution stays as it was where this costs no less.
     """
     if ROTATION.key not in problem.index.blocks:
         return found
-    turned = _contradicted(problem, found.suspects, ROTATION.key)
+    turned = _contradicted_frames(problem, found.suspects)
     if not turned.any():
         return found
     blocks = {
@@ -546,16 +547,16 @@ def _with_frames_put_back(problem: Problem, found: Graduated, start: Values, wat
     alone = replace(problem, index=index_unknowns(blocks))
     there = graduated_weights(alone, {**found.values, ROTATION.key: frames}, watch)
     other = settled_weights(problem, there.values, watch)
-    starts = Starts(found.values["point"], 0.0)
-    return other if _cost(problem, other, starts) < _cost(problem, found, starts) else found
+    costs = [cost_of_residuals(one.sizes, _used(problem)) for one in (other, found)]
+    return other if costs[0] < costs[1] else found
 
 
-def _contradicted(problem: Problem, suspects: Sequence[BoolArray], kind: str) -> BoolArray:
-    """(n,) blocks of a kind most of whose rows are suspects."""
-    seen, wrong = np.zeros((2, len(problem.index.columns[kind])), dtype=np.int64)
+def _contradicted_frames(problem: Problem, suspects: Sequence[BoolArray]) -> BoolArray:
+    """(n,) rotations most of whose rows are suspects."""
+    seen, wrong = np.zeros((2, len(problem.index.columns[ROTATION.key])), dtype=np.int64)
     for group, mask in zip(problem.groups, suspects, strict=True):
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == kind:
+            if slot.kind == ROTATION.key:
                 np.add.at(seen, blocks, (group.mask & ~group.left_out).any(axis=1))
                 np.add.at(wrong, blocks, mask.any(axis=1))
     return np.asarray(2 * wrong > seen)

@@ -89,7 +89,7 @@ class Parts(NamedTuple):
         largest = np.zeros(len(sizes))
         for part in self.divisions:
             rows, components = np.nonzero(self.used & (part >= 0)[:, None])
-            medians = _medians(part[rows], sizes[rows, components], int(part.max(initial=-1)) + 1)
+            medians = medians_of_parts(part[rows], sizes[rows, components], int(part.max(initial=-1)) + 1)
             largest = np.maximum(largest, np.append(medians, 0.0)[part] / _MEDIAN)
         return largest[:, None]
 
@@ -97,7 +97,9 @@ class Parts(NamedTuple):
 def parts_of(problem: Problem) -> tuple[Parts, ...]:
     """The parts of every group: frames, and where the network lies."""
     given: BoolArray = np.asarray(~(problem.index.columns["point"] >= 0).any(axis=1))
-    return tuple(Parts(group.mask & ~group.left_out, (_frames(group), _tied(group, given))) for group in problem.groups)
+    return tuple(
+        Parts(group.mask & ~group.left_out, (frames_of(group), _tied(group, given))) for group in problem.groups
+    )
 
 
 def whole(problem: Problem) -> tuple[Parts, ...]:
@@ -105,8 +107,8 @@ def whole(problem: Problem) -> tuple[Parts, ...]:
     return tuple(Parts(group.mask & ~group.left_out, ()) for group in problem.groups)
 
 
-def _frames(group: ObservationGroup) -> IntArray:
-    """(n,) the frame of every row; −1 where there is none."""
+def frames_of(group: ObservationGroup) -> IntArray:
+    """Return (n,) the frame of every row; −1 where there is none."""
     frames = [blocks for slot, blocks in zip(group.type.slots, group.blocks, strict=True) if slot.kind == _FRAME]
     return np.asarray(frames[0], dtype=np.int64) if frames else np.full(group.count, -1)
 
@@ -120,7 +122,8 @@ def _tied(group: ObservationGroup, given: BoolArray) -> IntArray:
     return np.where(tied, 0, -1)
 
 
-def _medians(part: IntArray, sizes: FloatArray, count: int) -> FloatArray:
+def medians_of_parts(part: IntArray, sizes: FloatArray, count: int) -> FloatArray:
+    """Return (count,) the median size of the rows (n,) of each part; 0 for parts without rows."""
     order = np.lexsort((sizes, part))
     part, sizes = part[order], sizes[order]
     first = np.searchsorted(part, np.arange(count + 1))
@@ -213,7 +216,7 @@ _FEW = 10
 """Observations of a group below which its own median says nothing of it."""
 _FIRST_DAMPING, _LEAST_DAMPED, _MOST_DAMPED = 1e-3, 1e-7, 1e8
 _SMALLEST = 1e-10
-"""Factor on a weight below which nothing is made lighter, as the system must stay regular, but what is 1 σ with it."""
+"""Least factor on a weight, so that the system stays regular. Residuals that exceed 1 σ even with it get less."""
 _SETTLED, _NEARLY_SETTLED = 1e-3, 1e-2
 """Root mean square change of the factors after which they have settled, and of directions, which only lead there."""
 REJECTED = 3.29

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -61,6 +62,21 @@ CASES = [
 def _solved(path: Path) -> Solved:
     document = pipeline.read_document(path)
     return pipeline.solve_network(pipeline.read_network(document, path.parent))
+
+
+@pytest.mark.parametrize("many", [1, 16])
+def test_points_of_many_rays_take_longer(tmp_path: Path, many: int) -> None:
+    """Every ray of the facade written many times: Σ k² / (8 Σ k) over the numbers of rays k of its points."""
+    survey("facade").write(tmp_path)
+    table = tmp_path / "image_points.csv"
+    _, *rows = table.read_text(encoding="utf-8").splitlines()
+    counts = np.array(list(Counter(row.split(",")[1] for row in rows).values())) * many
+    document = pipeline.read_document(tmp_path / "project.yaml")
+    network = pipeline.read_network(document, tmp_path)
+    groups = [g for g in network.groups for _ in range(many if g.type.key.startswith("image") else 1)]
+    found = pipeline.times_as_long(replace(network, groups=tuple(groups)))
+    assert found == max(1, int((counts**2).sum() / (8 * counts.sum())))
+    assert (found > 4) == (many > 1)
 
 
 def test_exchanged_start_poses_are_computed_anew(tmp_path: Path) -> None:
