@@ -20,6 +20,7 @@ from mor.quality.solution import Solved
 from mor.solve.iterate import adjust
 from mor.solve.problem import misclosures
 from mor.types import FloatArray
+from tests.earth.test_gravity_grids import gsb, plane
 from tests.reference_data import missing, network_of, reference_folder
 
 REAL = reference_folder("earth/dynadjust")
@@ -147,8 +148,8 @@ def test_what_the_files_say(tmp_path: Path) -> None:
         ),
         (
             "MSR    13.12.2018       GDA2020    01.01.2020",
-            "MSR    13.12.2018",
-            r"n\.msr:1: found no reference frame, expected one of GDA94",
+            "MSR    13.12.2018         GDA66    01.01.2020",
+            r"n\.msr:1: found the reference frame 'GDA66', expected one of GDA94",
         ),
         ("24 31.0", "64 31.0", r"n\.msr:\d+: found the angle 90 64 31"),
         ("0 00 01.0", "0 61 01.0", r"n\.msr:\d+: found the angle 10 61 01"),
@@ -200,14 +201,14 @@ def _expected() -> tuple[list[float], dict[str, list[float]]]:
 
 
 def _with_values(document: Document, values: list[float]) -> None:
-    """Put other measured values in place, in the order of the file."""
+    """Put the printed values in place, in the order of the file: mor transforms to 0.2 mm what DynAdjust prints."""
     tables = [
         (t, row, k) for t, table in enumerate(document.data["observations"]) for k, row in enumerate(table["rows"])
     ]
     tables.sort(key=lambda place: document.lines["observations", place[0], "rows", place[2]])
     for (t, row, _), xyz in zip(tables, np.reshape(values, (-1, 3)).tolist(), strict=True):
         first = 2 if document.data["observations"][t]["type"] == "gnss_vector" else 1
-        np.testing.assert_allclose([float(v) for v in row[first : first + 3]], xyz, atol=5e-3)
+        np.testing.assert_allclose([float(v) for v in row[first : first + 3]], xyz, atol=2e-4)
         row[first : first + 3] = [repr(v) for v in xyz]
 
 
@@ -446,3 +447,85 @@ def test_a_free_station_may_be_there_twice_and_without_a_geoid_there_is_a_note(t
     assert [row[3] for table in document.data["points"] for row in table["rows"] if row[0] == "B B"] == ["167.563"]
     with pytest.raises(InputError, match=r"n\.stn:6: station 'A' is there twice"):
         read_foreign(_files(tmp_path, STATIONS + STATIONS.splitlines()[1] + "\n"))
+
+
+def _at(frame: str, *names: str, code: str = "G") -> str:
+    return _line(code, *names, scales=f"      1.00      1.00      1.00      1.00            {frame}")
+
+
+_ROWS = "\n".join(_numbers(v, *[0.0] * k, 1e-5) for k, v in enumerate((-1617.5, -124.25, 1722.75)))
+_HEAD = "!#=DNA 3.01 MSR    13.12.2018       GDA2020    01.01.2020         2\n"
+
+
+def _vectors(document: Document) -> FloatArray:
+    return np.array([[float(v) for v in row[2:5]] for row in document.data["observations"][0]["rows"]])
+
+
+def test_vectors_and_positions_of_other_frames_are_transformed(tmp_path: Path) -> None:
+    """ITRF2014 turns against GDA2020 by the published rates, mas a year since 2020 (GDA2020 Technical Manual)."""
+    own, other = _at("GDA2020          01.01.2020", "A", "B B"), _at("ITRF2014         01.01.2010", "A", "B B")
+    document = read_foreign(_files(tmp_path, measured=f"{_HEAD}{own}\n{_ROWS}\n{other}\n{_ROWS}\n"))
+    before, after = _vectors(document)
+    rx, ry, rz = np.radians(np.array([1.50379, 1.18346, 1.20716]) / 3.6e6) * -10.0
+    turn = np.array([[0.0, rz, -ry], [-rz, 0.0, rx], [ry, -rx, 0.0]])
+    np.testing.assert_allclose(after - before, turn @ before, atol=1e-8)
+    assert np.abs(after - before).max() > 5e-5
+    notes = [note.message for note in document.notes]
+    assert "measurements in 1 frame and epoch (ITRF2014 01.01.2010) are transformed to GDA2020" in notes
+    position = _at("ITRF2014   01.01.2010", "A", "XYZ", "1", code="Y")
+    xyz = "\n".join(_numbers(v, *[0.0] * k, 1e-5) for k, v in enumerate((-4250323.0, 2871048.0, -3778696.0)))
+    document = read_foreign(_files(tmp_path, measured=f"{_HEAD}{position}\n{xyz}\n"))
+    found = np.array([float(v) for v in document.data["observations"][0]["rows"][0][1:4]])
+    given = np.array([-4250323.0, 2871048.0, -3778696.0])
+    np.testing.assert_allclose(found - given, turn @ given, atol=2e-7 * 10)
+
+
+def test_epochs_between_which_only_plate_motion_leads_are_taken_as_they_are(tmp_path: Path) -> None:
+    stations, head = (text.replace("GDA2020    01.01.2020", "ITRF2014   01.01.2020") for text in (STATIONS, _HEAD))
+    stations = "\n".join(line for line in stations.splitlines() if "UTM" not in line)
+    lines = [
+        _at("ITRF2014         01.01.2010", "A", "B B"),
+        _ROWS,
+        _at("ITRF97           01.01.2020", "A", "B B"),
+        _ROWS,
+    ]
+    document = read_foreign(_files(tmp_path, stations, head + "\n".join(lines) + "\n"))
+    notes = " ".join(note.message for note in document.notes)
+    assert "(ITRF2014 01.01.2010) are taken as they are" in notes
+    assert "(ITRF1997 01.01.2020) are transformed to ITRF2014" in notes
+    with pytest.raises(InputError, match=r"found the epoch '31\.02\.2010', expected dd\.mm\.yyyy"):
+        read_foreign(_files(tmp_path, measured=f"{_HEAD}{_at('ITRF2014   31.02.2010', 'A', 'B B')}\n{_ROWS}\n"))
+
+
+def test_a_file_without_frame_and_stations_of_another_file(tmp_path: Path) -> None:
+    """The frame is GDA2020, DynAdjust's default; stations of the only file that has all of them."""
+    path = _files(tmp_path, measured=f"!#=DNA 3.00 MSR\n{_at('', 'A', 'B B')}\n{_ROWS}\n")
+    stations = path.with_name("n.stn").rename(tmp_path / "all.stn")
+    (tmp_path / "few.stn").write_text("\n".join(STATIONS.splitlines()[:2]) + "\n")
+    document = read_foreign(path)
+    assert document.data["world"]["crs"] == "EPSG:7844"
+    notes = " ".join(note.message for note in document.notes)
+    assert "found no reference frame: GDA2020 01.01.2020 is taken" in notes
+    assert "n.stn does not exist: stations are taken from all.stn" in notes
+    (tmp_path / "more.stn").write_text(stations.read_text())
+    with pytest.raises(InputError, match=r"n\.stn: this file does not exist"):
+        read_foreign(path)
+    with pytest.raises(InputError, match="found measurements without values, a list for simulations"):
+        read_foreign(_files(tmp_path, measured=f"{_HEAD}A A                   B B                 C\nG A    B B\n"))
+
+
+def test_a_grid_of_this_name_is_the_geoid_and_llh_with_a_small_h_is_above_the_ellipsoid(tmp_path: Path) -> None:
+    stations = STATIONS.splitlines()[0] + "\n"
+    for name, kind in (("A", "CCC LLH"), ("B B", "FFF LLh")):
+        stations += f"{name:20}{kind} {'49.3000000000':>20}{'10.1500000000':>20}{'200.0000':>20}\n"
+    path = _files(tmp_path, stations, f"{_HEAD}{_at('', 'A', 'B B')}\n{_ROWS}\n")
+    (tmp_path / "n-geoid.gsb").write_bytes(gsb())
+    document = read_foreign(path)
+    N, xi, eta = plane(np.array(49.5), np.array(10.25)).tolist()
+    rows = {row[0]: list(map(float, row[1:7])) for table in document.data["points"] for row in table["rows"]}
+    assert rows["A"] == pytest.approx([49.5, 10.25, 200.0, N, xi, eta], abs=1e-5)
+    assert rows["B B"] == pytest.approx([49.5, 10.25, 200.0 - N, N, xi, eta], abs=1e-5)
+    assert document.data["world"]["heights"] == "orthometric"
+    (tmp_path / "n-geoid.gsb").write_bytes(b"no grid")
+    with pytest.raises(InputError, match=r"n-geoid\.gsb: this is not a binary grid"):
+        read_foreign(path)
