@@ -158,11 +158,6 @@ def test_what_the_files_say(tmp_path: Path) -> None:
             "B B                 3                        10 00",
             r"n\.msr:\d+: found 2 directions behind the first, expected 3",
         ),
-        (
-            "C                       350",
-            "B B                     350",
-            r"n\.msr:\d+: station 'A' has a target twice in one set",
-        ),
         ("-36.32", "-96.32", r"n\.stn:3: station 'B B': found the latitude"),
         ("\nC  ", "\nD  ", r"n\.msr:7: station 'C' is not in n\.stn|n\.msr:14: station 'C' is not in n\.stn"),
         ("!#=DNA 3", "!#=DNA 1", r"n\.(stn|msr):1: found '!#=DNA 1"),
@@ -529,3 +524,24 @@ def test_a_grid_of_this_name_is_the_geoid_and_llh_with_a_small_h_is_above_the_el
     (tmp_path / "n-geoid.gsb").write_bytes(b"no grid")
     with pytest.raises(InputError, match=r"n-geoid\.gsb: this is not a binary grid"):
         read_foreign(path)
+
+
+def test_a_set_with_a_target_twice_and_stations_in_columns_of_other_widths(tmp_path: Path) -> None:
+    narrow = STATIONS.replace(
+        "C                   FFF UTM         320236.2750        5813988.8399             31.4770 55",
+        "C                   FFF UTM   320236.2750      5813988.8399        31.4770            S55 description",
+    )
+    plain, other = (read_foreign(_files(tmp_path, text)) for text in (STATIONS, narrow))
+    assert narrow != STATIONS
+    assert other.data["points"] == plain.data["points"]
+    twice = MEASURED.replace(
+        _line("D", "", "", "C", scales="    350 59 59.5000    3.000"),
+        _line("D", "", "", "B B", scales="     10 00 03.0000    2.000"),
+    )
+    tables = read_foreign(_files(tmp_path, measured=twice)).data["observations"]
+    sets = next(table for table in tables if table["type"] == "directions")
+    assert [row[1:3] for row in sets["rows"][:2]] == [["B B", "10-0-1.0"], ["B B", "10-0-3.0"]]
+    wrong = MEASURED.replace("D A                   B B                 2", "D A                   B B                 3")
+    with pytest.raises(InputError) as error:
+        read_foreign(_files(tmp_path, measured=wrong))
+    assert [problem.message for problem in error.value.problems] == ["found 2 directions behind the first, expected 3"]

@@ -260,16 +260,16 @@ def read_directions(found: MeasurementFile) -> None:
     station, target = (text[place].strip() for place in NAMES[:2])
     said, off = text[_TARGET].strip(), text[1:2] == "*"
     sights = [_sight(found, target)]
-    while _goes_on(found):
+    while _goes_on(found, found.at + 1):
         found.at += 1
         text = found.lines[found.at]
         sights.append(_sight(found, text[_TARGET].strip()))
     put_set(found, station, sights, said, off)
 
 
-def _goes_on(found: MeasurementFile) -> bool:
-    """Return True if the next line is one of the same set: its station is left out."""
-    text = found.lines[found.at + 1] if found.at + 1 < len(found.lines) else ""
+def _goes_on(found: MeasurementFile, at: int) -> bool:
+    """Return True if a line is one of the set before it: its station is left out."""
+    text = found.lines[at] if at < len(found.lines) else ""
     return text[:1] in (CODE, " ") and not text[_FROM].strip() and bool(text[_TARGET].strip())
 
 
@@ -286,7 +286,7 @@ def _sight(found: MeasurementFile, target: str) -> SetDirection:
 def put_set(found: Collected, station: str, sights: list[SetDirection], said: str, off: bool) -> None:
     """Put a set into the draft. ``said``: number of targets behind the first; ``off``: all of it is switched off.
 
-    Raises ``ValueError`` where there are not so many, or one is there twice.
+    Raises ``ValueError`` where there are not so many.
     """
     used = [sight for sight in sights if not sight.off]
     if said not in (str(len(sights) - 1), str(len(used) - 1)):
@@ -299,9 +299,6 @@ def put_set(found: Collected, station: str, sights: list[SetDirection], said: st
             found.skip(OFF, sight.line)
         else:
             found.known([station, sight.target], sight.line)
-    names = [sight.target for sight in used]
-    if len(set(names)) < len(names):
-        raise ValueError(f"station {station!r} has a target twice in one set")
     found.sets += 1
     rows = [Row([station, s.target, s.value, s.sigma, str(found.sets)], s.line) for s in used]
     found.tables.setdefault(CODE, []).extend(rows)
@@ -593,8 +590,11 @@ def stations_of_lines(lines: list[str]) -> Iterator[StationRecord]:
     for line, text in enumerate(lines[1:], start=2):
         if text.strip():
             values = [text[place].strip() for place in (slice(28, 48), slice(48, 68), slice(68, 88))]
+            zone = text[88:90].strip()
+            if any(" " in value for value in values):  # columns of other widths
+                *values, zone = [*text[27:].split(maxsplit=4), *[""] * 4][:4]
             name, held, kind = text[:20].strip(), text[20:23].upper(), text[24:27]
-            yield StationRecord(name, held, _kind_of(kind), values, text[88:90].strip(), line, text[:1] == "*")
+            yield StationRecord(name, held, _kind_of(kind), values, zone.lstrip("SsNn"), line, text[:1] == "*")
 
 
 def _kind_of(text: str) -> str:
@@ -921,6 +921,8 @@ def read_dynadjust(path: Path) -> Document:
         except ValueError as error:
             draft.problem(str(error), min(found.at + 1, len(found.lines)))
             found.at = max(found.at, line)
+            while _goes_on(found, found.at):
+                found.at += 1
     if not stations.is_file():
         stations = _stations_of_another(stations, found)
     lines = marked_lines(stations, draft)
