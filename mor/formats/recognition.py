@@ -1187,10 +1187,15 @@ _STARNET_NAMES = re.compile(
 )
 
 
+PROJECT_FILE = re.compile(r"\s*(?:\*STAR\*NET \d.*\s+|#.*\s+)*\[Adjustment\]")
+"""Head of a project file of STAR*NET."""
+
+
 def _starnet(sample: Sample) -> bool:
     lines = [line for line in sample.text.split("\n")[:60] if line.strip()]
     fitting = sum(_STARNET.match(line) is not None for line in lines)
-    return fitting >= 0.8 * len(lines) and sum(_STARNET_NAMES.match(line) is not None for line in lines) >= 2
+    named = sum(_STARNET_NAMES.match(line) is not None for line in lines)
+    return PROJECT_FILE.match(sample.text) is not None or (fitting >= 0.8 * len(lines) and named >= 2)
 
 
 def _snap(sample: Sample) -> bool:

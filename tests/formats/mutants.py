@@ -92,6 +92,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_snap import COMMANDS
     from .test_snap import MEASURED as SNAP_DATA
     from .test_snap import STATIONS as SNAP_STATIONS
+    from .test_starnet import PROJECT as STARNET_PROJECT
     from .test_starnet import _on_earth, _space
 
     def written_by(key: str, name: str) -> Files:
@@ -141,6 +142,15 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "landxml plan": ("landxml", "n.xml", {"n.xml": PLAN.encode()}),
         "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
         "starnet vectors": ("starnet", "n.dat", {"n.dat": _on_earth().encode()}),
+        "starnet project": (
+            "starnet",
+            "p.snproj",
+            {
+                "p.snproj": STARNET_PROJECT.encode(),
+                "one.dat": _space().encode(),
+                "sub/two.dat": b".INST S9\nD 1-3 500\nSS 1-2-9 80 10\n",
+            },
+        ),
         **{name: (suffixes[name], file, {file: text}) for name, (file, text) in books.items()},
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),
         "nikon": ("nikon", "a.raw", {"a.raw": _NIKON.encode()}),

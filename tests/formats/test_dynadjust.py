@@ -541,7 +541,8 @@ def test_a_set_with_a_target_twice_and_stations_in_columns_of_other_widths(tmp_p
     tables = read_foreign(_files(tmp_path, measured=twice)).data["observations"]
     sets = next(table for table in tables if table["type"] == "directions")
     assert [row[1:3] for row in sets["rows"][:2]] == [["B B", "10-0-1.0"], ["B B", "10-0-3.0"]]
-    wrong = MEASURED.replace("D A                   B B                 2", "D A                   B B                 3")
+    head = _line("D", "A", "B B", "2")[:62].rstrip()
+    wrong = MEASURED.replace(head, f"{head[:-1]}3")
     with pytest.raises(InputError) as error:
         read_foreign(_files(tmp_path, measured=wrong))
     assert [problem.message for problem in error.value.problems] == ["found 2 directions behind the first, expected 3"]
