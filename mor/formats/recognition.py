@@ -1192,6 +1192,11 @@ PROJECT_FILE = re.compile(r"\s*(?:\*STAR\*NET \d.*\s+|#.*\s+)*\[Adjustment\]")
 """Head of a project file of STAR*NET."""
 
 
+def _dynadjust(sample: Sample) -> bool:
+    """A file of stations or measurements, or a project that names them."""
+    return sample.text.startswith("!#=DNA") or re.search(r"^stn-msr-file\b", sample.text, re.MULTILINE) is not None
+
+
 def _starnet(sample: Sample) -> bool:
     lines = [line for line in sample.text.split("\n")[:60] if line.strip()]
     fitting = sum(_STARNET.match(line) is not None for line in lines)
@@ -1354,7 +1359,7 @@ _RULES: tuple[_Rule, ...] = (
     _root("jobxml", "JOBFile"),
     _root("landxml", "LandXML"),
     _root("gkf", "gama-local"),
-    _if("dynadjust", lambda sample: sample.text.startswith("!#=DNA"), "the head !#=DNA"),
+    _if("dynadjust", _dynadjust, "the head !#=DNA"),
     _root("dynaml", "DnaXmlFormat"),
     _if("comp3d", _comp3d, "codes, names and numbers of Comp3D"),
     _if("sinex", lambda sample: sample.text.startswith("%=SNX"), "the head %=SNX"),

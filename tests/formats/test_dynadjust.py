@@ -546,3 +546,15 @@ def test_a_set_with_a_target_twice_and_stations_in_columns_of_other_widths(tmp_p
     with pytest.raises(InputError) as error:
         read_foreign(_files(tmp_path, measured=wrong))
     assert [problem.message for problem in error.value.problems] == ["found 2 directions behind the first, expected 3"]
+
+
+def test_a_project_file_names_the_pair(tmp_path: Path) -> None:
+    plain = read_foreign(_files(tmp_path))
+    (tmp_path / "n.stn").rename(tmp_path / "other.stn")
+    text = "#general      VALUE\nnetwork-name   x\n#import\nstn-msr-file     other.stn   \nstn-msr-file     n.msr  \n"
+    (tmp_path / "p.dnaproj").write_text(text)
+    assert format_of(tmp_path / "p.dnaproj") == "dynadjust"
+    assert read_foreign(tmp_path / "p.dnaproj").data["observations"] == plain.data["observations"]
+    (tmp_path / "p.dnaproj").write_text(text + "stn-msr-file more.msr\n")
+    with pytest.raises(InputError, match="found 3 files of stations and measurements"):
+        read_foreign(tmp_path / "p.dnaproj")

@@ -905,9 +905,11 @@ def _needed(element: Element, name: str) -> str:
 
 
 def read_dynadjust(path: Path) -> Document:
-    """The project of a pair of files ``.stn`` and ``.msr``, by one of them. Raises :class:`InputError`."""
-    stations, measured = (beside(path, end) for end in (".stn", ".msr"))
+    """The project of a pair of files ``.stn`` and ``.msr``, by one of them or a project. Raises :class:`InputError`."""
+    stations, measured = _pair_of_project(path) or [beside(path, end) for end in (".stn", ".msr")]
     draft = Draft(str(measured))
+    if path.suffix.lower() == ".dnaproj":
+        draft.note(f"only the files that {path.name} names are read, not its options")
     lines = marked_lines(measured, draft)
     values = [text for text in lines[1:] if text[:1] not in ("*", "G", "X", "Y")]
     if values and not any(NUMBER.search(text[VALUES:]) for text in values):
@@ -928,6 +930,19 @@ def read_dynadjust(path: Path) -> Document:
     lines = marked_lines(stations, draft)
     own = frame_of(lines[0].split()[2:], draft, 1, found.frame)
     return _finish(found, stations, stations_of_lines(lines), own, stations.stem)
+
+
+def _pair_of_project(path: Path) -> list[Path]:
+    """Files of stations and measurements that a project file names; none if it is no project file."""
+    if path.suffix.lower() != ".dnaproj":
+        return []
+    rows = [line.split(maxsplit=1) for line in read_lines(path, Draft(str(path)))]
+    files = [path.parent / row[1].strip() for row in rows if len(row) == 2 and row[0] == "stn-msr-file"]
+    pair = [[file for file in files if file.suffix.lower() == end] for end in (".stn", ".msr")]
+    if [len(kind) for kind in pair] != [1, 1]:
+        words = f"found {len(files)} files of stations and measurements (stn-msr-file), expected one .stn and one .msr"
+        raise InputError([Message(words, str(path))])
+    return [kind[0] for kind in pair]
 
 
 def _stations_of_another(missing: Path, found: Collected) -> Path:
