@@ -128,9 +128,10 @@ def test_what_the_files_say(tmp_path: Path) -> None:
         ("zenith_angle", [["A", "B B", "90-24-31.0", "20.000", "1.545", "0.125"]]),
         ("vertical_direction", [["A", "B B", "-0-24-31.0", "20.000"]]),
         ("angle", [["A", "B B", "C", "190-5-1.5", "20.000"]]),
+        ("geodetic_position", [["A", "-36-32-23.8821", "0.001"]]),
     ]
     notes = " ".join(map(str, document.notes))
-    for words in ("switched off (*) (3)", "geodetic latitudes (1)", "the geoid is taken as the ellipsoid"):
+    for words in ("switched off (*) (3)", "the geoid is taken as the ellipsoid"):
         assert words in notes
     network_of(document, tmp_path)
 
@@ -558,3 +559,31 @@ def test_a_project_file_names_the_pair(tmp_path: Path) -> None:
     (tmp_path / "p.dnaproj").write_text(text + "stn-msr-file more.msr\n")
     with pytest.raises(InputError, match="found 3 files of stations and measurements"):
         read_foreign(tmp_path / "p.dnaproj")
+
+
+def test_astronomic_latitudes_and_longitudes_less_the_deflection_are_geodetic(tmp_path: Path) -> None:
+    """φ = Φ − ξ, λ = Λ − η / cos φ; as ddd.mmss or as degrees, minutes and seconds."""
+    path = _files(tmp_path, measured=_HEAD + "\n".join(
+        [
+            _line("I", "B B", scales="    -36.323882            0.021"),
+            _line("J", "B B", scales="    145 58 21.5700  0.021"),
+            _line("P", "B B", scales="    -36.323882            0.021"),
+            "",
+        ]
+    ))  # fmt: skip
+    (tmp_path / "n.geo").write_text("B B                 5.0 3.6 -7.2\n")
+    tables = read_foreign(path).data["observations"]
+    found = [
+        float(table["rows"][0][1]) if "-" not in table["rows"][0][1][1:] else table["rows"][0][1] for table in tables
+    ]
+    latitude = -(36 + 32 / 60 + 38.82 / 3600)
+    assert found[0] == pytest.approx(latitude - 0.001, abs=1e-10)
+    longitude = 145 + 58 / 60 + 21.57 / 3600
+    assert found[1] == pytest.approx(
+        longitude + 0.002 / np.cos(np.radians(-(36 + 32 / 60 + 38.821312 / 3600))), abs=1e-9
+    )
+    assert found[2] == "-36-32-38.82"
+    assert [table["columns"][1:] for table in tables[:2]] == [
+        ["latitude", "sigma_latitude"],
+        ["longitude", "sigma_longitude"],
+    ]

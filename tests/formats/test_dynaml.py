@@ -123,9 +123,10 @@ def test_what_the_files_say(tmp_path: Path) -> None:
         ("zenith_angle", [["A", "B B", "90-24-31", "20", "1.545", "0.125"]]),
         ("vertical_direction", [["A", "B B", "-0-24-31.0000", "20"]]),
         ("angle", [["A", "B B", "C", "190-05-01.50", "20"]]),
+        ("geodetic_position", [["A", "-36-32-23", "0.001"]]),
     ]
     notes = " ".join(map(str, document.notes))
-    for words in ("switched off (*) (2)", "geodetic latitudes (1)", "the geoid is taken as the ellipsoid"):
+    for words in ("switched off (*) (2)", "the geoid is taken as the ellipsoid"):
         assert words in notes
     network_of(document, tmp_path)
 

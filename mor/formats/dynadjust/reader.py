@@ -28,6 +28,7 @@ from mor.project.reference_system import (
     values_at,
 )
 from mor.types import FloatArray
+from mor.units import parse_dms
 
 # ---- Lines of DynAdjust's files, and what is collected of them.
 #
@@ -185,6 +186,7 @@ class MeasurementKind(NamedTuple):
 
 
 _LINE = ("from", "to")
+_COORDINATES = (("P", "latitude"), ("Q", "longitude"), ("I", "latitude"), ("J", "longitude"))
 KINDS = {
     "A": MeasurementKind("angle", ("at", "from", "to"), "angle", angle=True),
     "B": MeasurementKind("azimuth", _LINE, "azimuth", angle=True),
@@ -199,27 +201,25 @@ KINDS = {
     "V": MeasurementKind("zenith_angle", _LINE, "zenith_angle", angle=True, heights=True),
     "Z": MeasurementKind("vertical_direction", _LINE, "vertical_direction", angle=True, heights=True),
 }
-LEFT_OUT = {
-    "I": "astronomic latitudes",
-    "J": "astronomic longitudes",
-    "P": "geodetic latitudes",
-    "Q": "geodetic longitudes",
-}
-"""Unsupported measurement types, by the letters of DynAdjust."""
+COORDINATES = {code: MeasurementKind("geodetic_position", ("point",), name, angle=True) for code, name in _COORDINATES}
+"""Geodetic (P, Q) and astronomic (I, J) latitudes and longitudes, alone."""
+SINGLE = {**KINDS, **COORDINATES}
 
 
 def read_line(found: MeasurementFile, code: str) -> None:
     """One measurement. Raises ``ValueError`` with words."""
-    kind, text = KINDS[code], found.lines[found.at]
+    kind, text = SINGLE[code], found.lines[found.at]
     names = found.stations_of(text, len(kind.names))
-    count = 4 if kind.angle else 2
+    packed = code in COORDINATES and len(measured_words(text[VALUES:], 2)) == 2
+    count = 4 if kind.angle and not packed else 2
     words = measured_words(text[VALUES:], count)
     if len(words) != count and not (kind.heights and len(words) == count + 2):
         raise ValueError(f"found {len(words)} numbers, expected {'an angle' if kind.angle else 'a value'} and its σ")
     if text[1:2] == "*":
         found.skip(OFF, found.at + 1)
         return
-    value = sexagesimal_words(text[VALUES:], words) if kind.angle else words[0]
+    value = _sexagesimal(words[0]) if packed else words[0]
+    value = sexagesimal_words(text[VALUES:], words) if count == 4 else value
     heights = words[count:] if len(words) > count else [None, None]
     cells = [*names, value, words[count - 1], *(heights if kind.heights else [])]
     found.tables.setdefault(code, []).append(Row(cells, found.at + 1))
@@ -799,8 +799,8 @@ def read_measurement(found: Collected, element: Element) -> None:
         sights += [_dynaml_sight(child, _text(child, "Target")) for child in element.all("Directions")]
         said = _text(element, "Total") or str(len(sights) - 1)
         put_set(found, _text(element, "First"), sights, said, off=False)
-    elif code in KINDS:
-        kind = KINDS[code]
+    elif code in SINGLE:
+        kind = SINGLE[code]
         names = [_text(element, name) for name in ("First", "Second", "Third")[: len(kind.names)]]
         found.known(names, element.line)
         value, sigma = _needed(element, "Value"), _needed(element, "StdDev")
@@ -812,10 +812,8 @@ def read_measurement(found: Collected, element: Element) -> None:
             raise ValueError("found one of InstHeight and TargHeight, expected both or none")
         cells = [*names, value, sigma, *(heights if kind.heights else [])]
         found.tables.setdefault(code, []).append(Row(cells, element.line))
-    elif code in LEFT_OUT:
-        found.skip(LEFT_OUT[code], element.line)
     else:
-        known = ", ".join(sorted(["G", "X", "Y", CODE, *KINDS, *LEFT_OUT]))
+        known = ", ".join(sorted(["G", "X", "Y", CODE, *SINGLE]))
         raise ValueError(f"found the measurement {code!r}, expected one of {known}")
 
 
@@ -998,10 +996,12 @@ def _finish(found: Collected, file: Path, given: Iterable[StationRecord], frame:
     put_directions(found)
     # Put the rows that were read into tables, one for each kind.
     for code, rows in found.tables.items():
-        kind = KINDS[code]
-        columns = [*kind.names, kind.value, "sigma"]
+        kind = SINGLE[code]
+        rows = [_geodetic_row(row, code, stations, frame.name, found) for row in rows] if code in "IJ" else rows
+        sigma = f"sigma_{kind.value}" if code in COORDINATES else "sigma"
+        columns = [*kind.names, kind.value, sigma]
         columns += ["from_height", "to_height"] if kind.heights else []
-        units = {"sigma": "arcsec"} if kind.angle else None
+        units = {sigma: "arcsec"} if kind.angle else None
         draft.table("observations", columns, rows, type=kind.type, units=units)
     left_out = [(f"{what} ({len(lines)})", lines[0]) for what, lines in found.left_out.items()]
     if not draft.data.get("observations") and not draft.problems and not found.read:
@@ -1013,6 +1013,18 @@ def _finish(found: Collected, file: Path, given: Iterable[StationRecord], frame:
     if not found.geoid:
         draft.note("there is no file .geo or .gsb beside it: the geoid is taken as the ellipsoid", 1)
     return draft.finish()
+
+
+def _geodetic_row(row: Row, code: str, stations: list[StationRecord], frame: str, found: Collected) -> Row:
+    """A geodetic latitude or longitude, φ = Φ − ξ or λ = Λ − η / cos φ, of an astronomic one."""
+    name, value, sigma = map(str, row.cells)
+    _, xi, eta = found.geoid.get(name, (0.0, 0.0, 0.0))
+    try:
+        place = next((float(_place(one, frame, 0.0)[0]) for one in stations if one.name == name), 0.0)
+    except ValueError:  # put_stations tells it
+        place = 0.0
+    less = xi if code == "I" else eta / max(float(np.cos(np.radians(place))), 1e-12)
+    return Row([name, repr(parse_dms(value) - less / 3600.0), sigma], row.line)
 
 
 def _of_grid(
@@ -1053,11 +1065,9 @@ def _measurement(found: MeasurementFile) -> None:
         return
     if code == CODE:
         read_directions(found)
-    elif code in KINDS:
+    elif code in SINGLE:
         read_line(found, code)
-    elif code in LEFT_OUT:
-        found.skip(LEFT_OUT[code], found.at + 1)
     else:
-        known = ", ".join(sorted(["G", "X", "Y", CODE, *KINDS, *LEFT_OUT]))
+        known = ", ".join(sorted(["G", "X", "Y", CODE, *SINGLE]))
         raise ValueError(f"found the measurement {code!r}, expected one of {known}")
     found.at += 1
