@@ -210,7 +210,10 @@ class StarNetContext:
     station: str = ""
     sets: dict[str, int] = field(default_factory=dict)
     traverse: list[DataLine] = field(default_factory=list)
-    skipped: dict[str, list[int]] = field(default_factory=dict)
+    skipped: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
+    """Lines that are not read, with their files."""
+    origin: dict[str, tuple[object, str]] = field(default_factory=dict)
+    """Points as they are put last, and in which file."""
     vectors: list[Vector] = field(default_factory=list)
     by_correlation: bool = False
     """G2 and G3 are σ and correlations, else variances and covariances."""
@@ -240,7 +243,19 @@ class StarNetContext:
 
     def skip(self, what: str, line: int) -> None:
         """A line that is not read."""
-        self.skipped.setdefault(what, []).append(line)
+        self.skipped.setdefault(what, []).append((line, self.file))
+
+    def note_points(self) -> None:
+        """Points that are new or changed are of this file."""
+        for name, point in self.points.items():
+            if name not in self.origin or self.origin[name][0] is not point:
+                self.origin[name] = (point, self.file)
+
+    def put_points(self, columns: Sequence[str], rows: list[Row], **keys: Any) -> None:
+        """Add tables of points, one for each file."""
+        for file in dict.fromkeys(self.origin[str(row.cells[0])][1] for row in rows):
+            own = [row for row in rows if self.origin[str(row.cells[0])][1] == file]
+            self.draft.table("points", columns, own, file, **keys)
 
     def angle(self, text: str) -> float:
         """An angle in degrees."""
@@ -347,8 +362,9 @@ def put_vertical(
         dz = network.length(word) + own - target
         network.add("height_difference", (*ends, dz, network.sigma(words, place, "height")), line.number)
     else:
-        sigma = network.sigma(words, place, "zenith")
-        network.add("zenith_angle", (*ends, network.angle(word), sigma, *heights(line, network)), line.number)
+        sigma, zenith = network.sigma(words, place, "zenith"), network.angle(word)
+        zenith = 360.0 - zenith if zenith > 180.0 else zenith  # face two
+        network.add("zenith_angle", (*ends, zenith, sigma, *heights(line, network)), line.number)
 
 
 def vertical(line: DataLine, network: StarNetContext) -> None:
@@ -476,7 +492,10 @@ def direction(line: DataLine, network: StarNetContext) -> None:
     if line.words[0] == network.station:
         raise ValueError(f"found the station {network.station!r} itself as target")
     words = line.words
-    network.add("directions", (*at, network.angle(words[1]), network.sigma(words, values, "direction")), line.number)
+    reading = network.angle(words[1])
+    if full and values == 4 and not network.delta and network.angle(words[3]) > 180.0:  # face two
+        reading = (reading + 180.0) % 360.0
+    network.add("directions", (*at, reading, network.sigma(words, values, "direction")), line.number)
     if full:
         ends = [network.station, words[0]]
         put_distance(ends, words[2], values + 1, line, network)
@@ -623,9 +642,11 @@ def read_starnet(path: Path) -> Document:
                 network.side_shots.append((line, file, options))
             else:
                 _tried(_read_line, line, network)
+        network.note_points()
     for line, file, options in network.side_shots:
         network.resume(file, options)
         _tried(_side_shot, line, network)
+        network.note_points()
     on_earth = _put_vectors(network)
     _finish(network, path.stem, on_earth)
     return draft.finish()
@@ -722,7 +743,7 @@ def _put_projected(network: StarNetContext) -> None:
     draft, system = network.draft, reference_system(network.crs)
     draft.put("world", {"crs": network.crs, "heights": "orthometric"})
     held: dict[bool, list[Row]] = {True: [], False: []}
-    known = []
+    known, levelled = [], list[Row]()
     for name, (texts, sigma, line) in network.points.items():
         cells = list(texts)
         if name in network.geodetic and texts[2] is not None:
@@ -730,6 +751,10 @@ def _put_projected(network: StarNetContext) -> None:
             place = system.from_geodetic(np.array([[np.radians(latitude), np.radians(longitude), height]]))[0]
             cells = [repr(float(value)) for value in place - [0.0, 0.0, network.undulation]]
             sigma = [sigma[1], sigma[0], sigma[2]]
+        if cells[2] is not None and None in cells[:2]:  # E without C
+            if sigma[2] is not None:
+                levelled.append(Row([name, cells[2], repr(float(sigma[2]) or FIXED["height"])], line))
+            cells = [None] * 3
         if None not in cells:
             known.append([float(str(cell)) for cell in cells])
         fixed = None not in cells and sigma == ["0"] * 3
@@ -743,7 +768,9 @@ def _put_projected(network: StarNetContext) -> None:
     units = {"deflection_north": "arcsec", "deflection_east": "arcsec"}
     for fixed, rows in held.items():
         if rows:
-            draft.table("points", (*columns, *sigmas), rows, units=units, fixed=["x", "y", "z"] if fixed else None)
+            network.put_points((*columns, *sigmas), rows, units=units, fixed=["x", "y", "z"] if fixed else None)
+    if levelled:
+        draft.table("observations", ("point", "height", "sigma"), levelled, type="orthometric_height")
     if not known:
         draft.problem("no point has coordinates (C or P)")
         return
@@ -778,7 +805,7 @@ def _put_places(network: StarNetContext, places: dict[str, FloatArray]) -> None:
     columns = ("id", "x", "y", "z", "sigma_north", "sigma_east", "sigma_up")
     for fixed, rows in held.items():
         if rows:
-            draft.table("points", columns, rows, fixed=["x", "y", "z"] if fixed else None)
+            network.put_points(columns, rows, fixed=["x", "y", "z"] if fixed else None)
     if observed:
         columns = ("point", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
         draft.table("observations", columns, observed, type="gnss_position")
@@ -919,7 +946,7 @@ def _finish(network: StarNetContext, title: str, on_earth: bool) -> None:
     ]
     if not on_earth and rows:
         columns = ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
-        draft.table("points", columns, rows)
+        network.put_points(columns, rows)
     if network.crs and network.refraction:
         draft.put("instruments", {"starnet": {"refraction": repr(network.refraction)}})
     on_grid = _IN_PROJECTION if network.crs else {}
@@ -937,7 +964,7 @@ def _finish(network: StarNetContext, title: str, on_earth: bool) -> None:
     if not on_earth:
         draft.put("settings", {"dimensions": _dimensions(network)})
     for what, lines in sorted(network.skipped.items(), key=lambda one: -len(one[1])):
-        draft.note(f"not read: {what} ({counted(len(lines), 'line')})", lines[0])
+        draft.note(f"not read: {what} ({counted(len(lines), 'line')})", *lines[0])
     if network.defaults and not network.known:
         words = f"{counted(network.defaults, 'observation')} without σ: 4″ for angles, 10″ for zenith angles, 2 mm"
         draft.note(f"{words} for distances; the project options of STAR*NET stand in another file")

@@ -375,3 +375,27 @@ def test_a_side_shot_has_no_influence_on_a_point_with_other_observations(tmp_pat
 def test_wrong_words_have_their_line(tmp_path: Path, line: str, words: str) -> None:
     with pytest.raises(InputError, match=r"n\.dat:3: " + words):
         read_foreign(_written(tmp_path / "n.dat", f"C 1 0 0 !!\nC 2 100 0 **\n{line}\nA 1-2-3 50\nC 3 1 1\n"))
+
+
+def test_sights_in_face_two_are_read_as_in_face_one(tmp_path: Path) -> None:
+    text = (
+        ".3D\nC 1 0 0 0 !!!\nC 2 0 100 0 !!!\nDB 1\nDM 2 10 100 90\nDM 2 190 100 270\nDM 3 235 50 280\nDE\nV 2-3 280\n"
+    )
+    tables = {
+        table["type"]: table["rows"] for table in read_foreign(_written(tmp_path / "n.dat", text)).data["observations"]
+    }
+    assert [float(row[2]) for row in tables["directions"]] == [10.0, 10.0, 55.0]
+    assert [float(row[2]) for row in tables["zenith_angle"]] == [90.0, 90.0, 80.0, 80.0]
+
+
+def test_a_known_height_in_a_grid_is_observed(tmp_path: Path) -> None:
+    grid = "local_or_grid_adjustment 1\ncoordinate_system_name UTM83-19"
+    text = PROJECT.replace("adjustment_type                2D", "adjustment_type 3D")
+    text = text.replace("local_or_grid_adjustment       0", grid).replace('1 "sub', '0 "sub')
+    data = "C 1 680000 5090000 100 !!!\nE 2 99.5 !\nE 3 98 0.02\nE 4 97\nDV 1-2 30 90\n"
+    document = read_foreign(_project(tmp_path, text, one=data))
+    tables = {table["type"]: table["rows"] for table in document.data["observations"]}
+    assert tables["orthometric_height"] == [["2", "99.5", "1e-05"], ["3", "98.0", "0.02"]]
+    with pytest.raises(InputError, match=r"one\.dat:2: E: found 'x', expected a number"):
+        read_foreign(_project(tmp_path, text, one=data.replace("99.5", "x")))
+    assert {Path(file).name for file in document.files.values()} == {"one.dat"}
