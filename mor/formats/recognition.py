@@ -1105,7 +1105,8 @@ def _recognition_numbers(words: list[str]) -> int:
 def _colmap(sample: Sample) -> bool:
     if not sample.names:
         return sample.path.stem in COLMAP_FILES and sample.path.suffix in (".bin", ".txt")
-    return any(all(f"{name}{end}" in sample.names for name in COLMAP_FILES) for end in (".bin", ".txt"))
+    counts = [sum(f"{name}{end}" in sample.names for name in COLMAP_FILES) for end in (".bin", ".txt")]
+    return max(counts) > 1  # the reader says which one is missing
 
 
 def _opensfm(sample: Sample) -> bool:
