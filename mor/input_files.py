@@ -174,6 +174,10 @@ def read_bytes(path: Path, most: str = TABLE) -> bytes:
         check_size(_unpacked_size(path, limit(most) * _MB) if packed else size, path, most)
         content = path.read_bytes()
         note_file(path, content)
+        if content.startswith(b"version https://git-lfs"):
+            raise InputError(
+                [Message("this is a pointer of Git LFS, not the file; git lfs pull fetches it", str(path))]
+            )
         return gzip.decompress(content) if packed else content
     except (OSError, EOFError, zlib.error) as error:
         words = getattr(error, "strerror", None) or str(error)

@@ -1019,6 +1019,7 @@ _BINARY = (
     (b"PK[\3\5]", "a ZIP archive"),
     (b"\xd0\xcf\x11\xe0", "a spreadsheet or document of Microsoft Office"),
     (b"\x1f\x8b|7z\xbc\xaf|Rar!|BZh|\xfd7zXZ|\\(\xb5/\xfd", "a compressed file"),
+    (b"SQLite format 3\0.*two_view_geometries", "a database of COLMAP without poses, whose model is to be exported"),
     (b"SQLite format 3\0", "an SQLite database"),
     (b"PAR1", "a Parquet table"),
     (b"\x89HDF|CDF[\1\2\5]", "a file of scientific arrays (HDF5, NetCDF)"),
@@ -1104,7 +1105,8 @@ def _recognition_numbers(words: list[str]) -> int:
 def _colmap(sample: Sample) -> bool:
     if not sample.names:
         return sample.path.stem in COLMAP_FILES and sample.path.suffix in (".bin", ".txt")
-    return any(all(f"{name}{end}" in sample.names for name in COLMAP_FILES) for end in (".bin", ".txt"))
+    counts = [sum(f"{name}{end}" in sample.names for name in COLMAP_FILES) for end in (".bin", ".txt")]
+    return max(counts) > 1  # the reader says which one is missing
 
 
 def _opensfm(sample: Sample) -> bool:
@@ -1187,10 +1189,20 @@ _STARNET_NAMES = re.compile(
 )
 
 
+PROJECT_FILE = re.compile(r"\s*(?:\*STAR\*NET \d.*\s+|#.*\s+)*\[Adjustment\]")
+"""Head of a project file of STAR*NET."""
+
+
+def _dynadjust(sample: Sample) -> bool:
+    """A file of stations or measurements, or a project that names them."""
+    return sample.text.startswith("!#=DNA") or re.search(r"^stn-msr-file\b", sample.text, re.MULTILINE) is not None
+
+
 def _starnet(sample: Sample) -> bool:
     lines = [line for line in sample.text.split("\n")[:60] if line.strip()]
     fitting = sum(_STARNET.match(line) is not None for line in lines)
-    return fitting >= 0.8 * len(lines) and sum(_STARNET_NAMES.match(line) is not None for line in lines) >= 2
+    named = sum(_STARNET_NAMES.match(line) is not None for line in lines)
+    return PROJECT_FILE.match(sample.text) is not None or (fitting >= 0.8 * len(lines) and named >= 2)
 
 
 def _snap(sample: Sample) -> bool:
@@ -1348,7 +1360,7 @@ _RULES: tuple[_Rule, ...] = (
     _root("jobxml", "JOBFile"),
     _root("landxml", "LandXML"),
     _root("gkf", "gama-local"),
-    _if("dynadjust", lambda sample: sample.text.startswith("!#=DNA"), "the head !#=DNA"),
+    _if("dynadjust", _dynadjust, "the head !#=DNA"),
     _root("dynaml", "DnaXmlFormat"),
     _if("comp3d", _comp3d, "codes, names and numbers of Comp3D"),
     _if("sinex", lambda sample: sample.text.startswith("%=SNX"), "the head %=SNX"),

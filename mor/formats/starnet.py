@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -24,6 +24,7 @@ from mor.formats.networks import (
     tilted_stations,
     zenith_in_face_one,
 )
+from mor.formats.recognition import PROJECT_FILE
 from mor.model.observation_types import PLAIN_TYPES
 from mor.project.document import Document
 from mor.types import FloatArray
@@ -31,7 +32,7 @@ from mor.units import ANGLE_UNITS
 
 # ---- Lines of a STAR*NET input file: continued, without comments, with their code, and the values in them.
 
-_HEIGHTS = re.compile(r"^(-?[\d.]+)/(-?[\d.]+)$")
+_HEIGHTS = re.compile(r"^(-?(?:\d+\.?\d*|\.\d+))/(-?(?:\d+\.?\d*|\.\d+))$")
 _DMS = re.compile(r"^([-+]?)(\d+)[-@:](\d+)(?:[-@:](\d+(?:\.\d*)?))?$")
 _QUADRANT = re.compile(r"^([NS])(.+?)([EW])$", re.IGNORECASE)
 SEPARATORS = "-,:;|_~^+="
@@ -64,13 +65,13 @@ def read_lines(lines: list[str]) -> Iterator[DataLine]:
         words, begun = (begun + text).split(), ""
         if words:
             heights = None
-            kept = []
+            kept: list[str] = []
             for word in words[1:]:
                 match = _HEIGHTS.match(word)
                 if match and words[0][:1] != ".":
                     heights = parse_number(match[1]), parse_number(match[2])
                 else:
-                    kept.append(word)
+                    kept += word if set(word) <= set(STATUSES) else [word]
             yield DataLine(words[0].upper(), kept, heights, first)
 
 
@@ -98,10 +99,37 @@ def degrees(text: str) -> float:
 
 # ---- A STAR*NET network in the making: its options, points and observations, and the σ that lines do not give.
 
-SIGMA = {"angle": 4.0, "direction": 4.0, "bearing": 4.0, "zenith": 10.0}
-"""σ of observations that have none, seconds of arc."""
-SIGMA_DISTANCE, SIGMA_HEIGHT, SIGMA_LEVEL = 0.002, 0.015, 0.002
-"""m, m of an elevation difference, m on the square root of a kilometre."""
+ANGLES = ("angle", "direction", "bearing", "zenith")
+
+
+@dataclass(frozen=True, eq=False)
+class Instrument:
+    """σ of observations that have none, and of centring: what the project options say, else what mor assumes."""
+
+    name: str = ""
+    sigma: dict[str, float] = field(
+        default_factory=lambda: (
+            {"angle": 4.0, "direction": 4.0, "bearing": 4.0, "zenith": 10.0}
+            | {"distance": 0.002, "height": 0.015, "level": 0.002}
+        )
+    )
+    """Seconds of arc; m; m of an elevation difference; m on the square root of a kilometre."""
+    ppm: float = 0.0
+    """Of a distance, added to its σ."""
+    centring: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Instrument, target, and both in height, m."""
+
+    def keys(self, type_: str) -> dict[str, Any]:
+        """The keys of a table of observations with σ of centring."""
+        instrument, target, up = self.centring
+        if type_ == "height_difference" or not any(self.centring):
+            return {}
+        found = {"instrument": instrument, "target": target}
+        if type_ in ("distance", "zenith_angle"):
+            found |= {"instrument_height": up, "target_height": up}
+        return {"centring": {name: f"{value!r} m" for name, value in found.items() if value}}
+
+
 FIXED = {"angle": 0.01, "direction": 0.01, "bearing": 0.01, "zenith": 0.01, "distance": 1e-5, "height": 1e-5}
 """σ in place of !: seconds of arc, m."""
 COLUMNS = {
@@ -126,6 +154,7 @@ class Vector:
     line: int
     factors: tuple[float, float]
     by_correlation: bool
+    file: str = ""
     variances: list[float] = field(default_factory=list)
     covariances: list[float] = field(default_factory=lambda: [0.0] * 3)
 
@@ -155,13 +184,36 @@ class StarNetContext:
     separator: str = "-"
     """What stands between names."""
     defaults: int = 0
-    tables: dict[str, list[Row]] = field(default_factory=dict)
+    is_default: bool = False
+    """True if the last σ was that of the instrument: only then centring adds to it."""
+    instrument: Instrument = field(default_factory=Instrument)
+    library: dict[str, Instrument] = field(default_factory=dict)
+    """Instruments of the project options, by their names in capitals."""
+    tables: dict[tuple[str, Instrument | None, str], list[Row]] = field(default_factory=dict)
+    """Rows by type, the instrument that their σ are of, and file."""
+    observed: set[str] = field(default_factory=set)
+    side_shots: list[tuple[DataLine, str, dict[str, Any]]] = field(default_factory=list)
+    """Lines SS with their file and the options in force."""
+    file: str = ""
+    """The data file that is read, of a project of several ones."""
+    known: bool = False
+    """True if the project options are known."""
+    crs: str = ""
+    """The projection of the coordinates, if the project options name one."""
+    undulation: float = 0.0
+    """Geoid height (m)."""
+    deflection: tuple[str, str] = ("0", "0")
+    """North and east (seconds)."""
+    refraction: float = 0.0
     points: dict[str, tuple[list[str | None], list[str | None], int]] = field(default_factory=dict)
     """Coordinates and σ (0: fixed, empty: free) of each point, with the line."""
     station: str = ""
     sets: dict[str, int] = field(default_factory=dict)
     traverse: list[DataLine] = field(default_factory=list)
-    skipped: dict[str, list[int]] = field(default_factory=dict)
+    skipped: dict[str, list[tuple[int, str]]] = field(default_factory=dict)
+    """Lines that are not read, with their files."""
+    origin: dict[str, tuple[object, str]] = field(default_factory=dict)
+    """Points as they are put last, and in which file."""
     vectors: list[Vector] = field(default_factory=list)
     by_correlation: bool = False
     """G2 and G3 are σ and correlations, else variances and covariances."""
@@ -177,13 +229,33 @@ class StarNetContext:
             self.skip("free observations (*)", line)
             return
         cells = [None if v is None else v if isinstance(v, str) else repr(float(v)) for v in values]
-        self.tables.setdefault(type_, []).append(Row(cells, line))
+        instrument = self.instrument if self.is_default and any(self.instrument.centring) else None
+        self.tables.setdefault((type_, instrument, self.file), []).append(Row(cells, line))
         for name in (str(v) for v, column in zip(values, COLUMNS[type_], strict=True) if column in NAMES):
             self.points.setdefault(name, ([None] * 3, [None] * 3, line))
+            self.observed.add(name)
+
+    def resume(self, file: str, options: dict[str, Any]) -> None:
+        """Go on in a file with the options that hold there."""
+        self.file = file
+        for name, value in options.items():
+            setattr(self, name, value)
 
     def skip(self, what: str, line: int) -> None:
         """A line that is not read."""
-        self.skipped.setdefault(what, []).append(line)
+        self.skipped.setdefault(what, []).append((line, self.file))
+
+    def note_points(self) -> None:
+        """Points that are new or changed are of this file."""
+        for name, point in self.points.items():
+            if name not in self.origin or self.origin[name][0] is not point:
+                self.origin[name] = (point, self.file)
+
+    def put_points(self, columns: Sequence[str], rows: list[Row], **keys: Any) -> None:
+        """Add tables of points, one for each file."""
+        for file in dict.fromkeys(self.origin[str(row.cells[0])][1] for row in rows):
+            own = [row for row in rows if self.origin[str(row.cells[0])][1] == file]
+            self.draft.table("points", columns, own, file, **keys)
 
     def angle(self, text: str) -> float:
         """An angle in degrees."""
@@ -193,10 +265,11 @@ class StarNetContext:
         """A length in metres."""
         return parse_number(text) * self.metres
 
-    def sigma(self, words: Sequence[str], place: int, kind: str) -> str | float:
-        """σ of an angle (degrees) or a length (m) at a place among the words behind the values."""
+    def sigma(self, words: Sequence[str], place: int, kind: str, length: float = 0.0) -> str | float:
+        """σ of an angle (degrees) or a ``length`` (m) at a place among the words behind the values."""
         word = words[place] if place < len(words) else "&"
-        angular = kind in SIGMA
+        self.is_default = word == "&"
+        angular = kind in ANGLES
         if word == "*":
             return "*"
         if word == "!":
@@ -207,9 +280,8 @@ class StarNetContext:
                 raise ValueError(f"found the σ {word}, expected a number above 0, !, * or &")
             return value * (9e-5 if self.gon else 1.0 / 3600.0) if angular else value * self.metres
         self.defaults += 1
-        if angular:
-            return SIGMA[kind] / 3600.0
-        return SIGMA_DISTANCE if kind == "distance" else SIGMA_HEIGHT
+        sigma = self.instrument.sigma[kind]
+        return sigma / 3600.0 if angular else sigma + self.instrument.ppm * 1e-6 * abs(length)
 
 
 # ---- Lines of STAR*NET with measured values: what each code adds to the network.
@@ -233,6 +305,8 @@ def at_from_to(word: str, network: StarNetContext) -> list[str]:
 
 def need(line: DataLine, count: int, form: str) -> None:
     """Raise ``ValueError`` where a line has too few words."""
+    if len(line.words) == 1 < count:
+        raise ValueError(f"found no measured values, as in a pre-analysis; expected {form}")
     if len(line.words) < count:
         raise ValueError(f"found {len(line.words)} words, expected {form}")
 
@@ -263,14 +337,15 @@ def distance(line: DataLine, network: StarNetContext) -> None:
     put_distance(
         names_of(line.words[0], 2, network),
         line.words[1],
-        network.sigma(line.words, 2, "distance"),
+        2,
         line,
         network,
     )
 
 
-def put_distance(ends: list[str], word: str, sigma: str | float, line: DataLine, network: StarNetContext) -> None:
-    """A distance with its σ."""
+def put_distance(ends: list[str], word: str, place: int, line: DataLine, network: StarNetContext) -> None:
+    """A distance, its σ at a place among the words of the line."""
+    sigma = network.sigma(line.words, place, "distance", network.length(word))
     if network.plane or network.delta:
         network.add("horizontal_distance", (*ends, network.length(word), sigma), line.number)
     else:
@@ -287,8 +362,9 @@ def put_vertical(
         dz = network.length(word) + own - target
         network.add("height_difference", (*ends, dz, network.sigma(words, place, "height")), line.number)
     else:
-        sigma = network.sigma(words, place, "zenith")
-        network.add("zenith_angle", (*ends, network.angle(word), sigma, *heights(line, network)), line.number)
+        sigma, zenith = network.sigma(words, place, "zenith"), network.angle(word)
+        zenith = 360.0 - zenith if zenith > 180.0 else zenith  # face two
+        network.add("zenith_angle", (*ends, zenith, sigma, *heights(line, network)), line.number)
 
 
 def vertical(line: DataLine, network: StarNetContext) -> None:
@@ -301,7 +377,7 @@ def distance_and_vertical(line: DataLine, network: StarNetContext) -> None:
     """A distance and what goes with it in height."""
     need(line, 3, "from-to, distance, zenith angle, σ")
     ends = names_of(line.words[0], 2, network)
-    put_distance(ends, line.words[1], network.sigma(line.words, 3, "distance"), line, network)
+    put_distance(ends, line.words[1], 3, line, network)
     put_vertical(ends, line.words[2], line.words, 4, line, network)
 
 
@@ -318,7 +394,7 @@ def measured(line: DataLine, network: StarNetContext) -> None:
         names = at_from_to(line.words[0], network)
         network.add("angle", (*names, network.angle(words[1]), network.sigma(words, values, "angle")), line.number)
         ends = [names[0], names[2]]
-    put_distance(ends, words[2], network.sigma(words, values + 1, "distance"), line, network)
+    put_distance(ends, words[2], values + 1, line, network)
     if not network.plane:
         put_vertical(ends, words[3], words, values + 2, line, network)
 
@@ -329,7 +405,7 @@ def bearing_measured(line: DataLine, network: StarNetContext) -> None:
     need(line, values, "from-to, bearing, distance, zenith angle, σ")
     ends, words = names_of(line.words[0], 2, network), line.words
     network.add("bearing", (*ends, network.angle(words[1]), network.sigma(words, values, "bearing")), line.number)
-    put_distance(ends, words[2], network.sigma(words, values + 1, "distance"), line, network)
+    put_distance(ends, words[2], values + 1, line, network)
     if not network.plane:
         put_vertical(ends, words[3], words, values + 2, line, network)
 
@@ -346,7 +422,8 @@ def levelled(line: DataLine, network: StarNetContext) -> None:
         if length <= 0.0:
             raise ValueError(f"found the length {words[2]}, expected a number above 0")
         network.defaults += 1
-        sigma = SIGMA_LEVEL * (length / 1000.0) ** 0.5
+        network.is_default = True
+        sigma = network.instrument.sigma["level"] * (length / 1000.0) ** 0.5
     else:
         sigma = network.sigma(words, 2, "height")
     network.add("height_difference", (*ends, dz, sigma), line.number)
@@ -361,7 +438,7 @@ def vector(line: DataLine, network: StarNetContext) -> None:
         need(line, 4, "from-to, dx, dy, dz")
         ends = names_of(line.words[0], 2, network)
         difference = [parse_number(word) for word in line.words[1:4]]
-        found = Vector(ends, difference, line.number, network.factors, network.by_correlation)
+        found = Vector(ends, difference, line.number, network.factors, network.by_correlation, network.file)
         network.vectors.append(found)
         for name in ends:
             network.points.setdefault(name, ([None] * 3, [None] * 3, line.number))
@@ -415,10 +492,13 @@ def direction(line: DataLine, network: StarNetContext) -> None:
     if line.words[0] == network.station:
         raise ValueError(f"found the station {network.station!r} itself as target")
     words = line.words
-    network.add("directions", (*at, network.angle(words[1]), network.sigma(words, values, "direction")), line.number)
+    reading = network.angle(words[1])
+    if full and values == 4 and not network.delta and network.angle(words[3]) > 180.0:  # face two
+        reading = (reading + 180.0) % 360.0
+    network.add("directions", (*at, reading, network.sigma(words, values, "direction")), line.number)
     if full:
         ends = [network.station, words[0]]
-        put_distance(ends, words[2], network.sigma(words, values + 1, "distance"), line, network)
+        put_distance(ends, words[2], values + 1, line, network)
         if not network.plane:
             put_vertical(ends, words[3], words, values + 2, line, network)
 
@@ -462,40 +542,142 @@ def _leg(lines: list[DataLine], target: str, network: StarNetContext) -> None:
         network.add("bearing", (at, target, (network.angle(back) + turned) % 360.0, sigma), line.number)
     else:
         network.add("angle", (at, back, target, turned, sigma), line.number)
-    put_distance([at, target], words[2], network.sigma(words, values + 1, "distance"), line, network)
+    put_distance([at, target], words[2], values + 1, line, network)
     if not network.plane:
         put_vertical([at, target], words[3], words, values + 2, line, network)
+
+
+# ---- Project files of STAR*NET (.snproj): sections of keys and values, with σ of instruments and the data files.
+#
+# Source: project files beside the listings that STAR*NET 13 wrote of them. A data file with an odd number is switched
+# on; σ of levels is in m on the square root of a metre. STAR*NET's coefficient of refraction is half of mor's.
+
+_GRIDS = {"NEWBRUNSWICK83": "EPSG:2953", **{f"UTM83-{zone}": f"EPSG:{26900 + zone}" for zone in range(1, 24)}}
+_LENGTHS = {"METERS": 1.0, "FEET": 0.3048, "FEETUS": 1200.0 / 3937.0}
+_STD_ERR = {"angle": "angle", "direction": "direction", "azimuth": "bearing", "zenith": "zenith"}
+_STD_ERR |= {"distance": "distance", "delta_elev": "height"}
+_CENTRING = ("instrument", "target", "vertical")
+
+
+def _read_project(lines: list[str], network: StarNetContext) -> list[str]:
+    """Take the options of a project file; return the names of its data files. Raises ``ValueError``."""
+    section, files, options = "", list[str](), dict[str, str]()
+    instruments: list[dict[str, str]] = [{}]
+    for text in lines:
+        key, _, value = text.partition("#")[0].strip().partition(" ")
+        if key.startswith("["):
+            section = key
+        elif section == "[DataFileList]" and key.isdecimal():
+            files += [value.strip().strip('"')] if int(key) % 2 else []
+        elif section == "[Adjustment]":
+            options[key] = value.strip()
+        elif section in ("[Instrument]", "[InstrumentLibrary]"):
+            instruments += [{}] if key == "instrument_name" else []
+            instruments[-1][key] = value.strip()
+    network.known, network.plane = True, options.get("adjustment_type") == "2D"
+    network.metres = _LENGTHS[options.get("linear_units", "Meters").upper().replace("INTERNATIONAL", "")]
+    network.gon = options.get("angle_output_units", "DMS").upper().startswith("G")
+    network.east_first = options.get("coordinate_order") == "EN"
+    network.from_first = options.get("angle_station_order", "").upper() == "FROM-AT-TO"
+    network.delta = options.get("3D_input_mode", "").upper().startswith("HORIZ")
+    network.positive_west = options.get("longitude_convention") == "0"
+    network.refraction = 2.0 * parse_number(options.get("index_of_refraction", "0"))
+    network.undulation = parse_number(options.get("geoid_height", "0"))
+    network.deflection = (options.get("vert_defl_north", "0"), options.get("vert_defl_east", "0"))
+    if options.get("local_or_grid_adjustment") == "1":
+        name = options.get("coordinate_system_name", "")
+        network.crs = _GRIDS.get(name.upper().replace("/CSRS", "").removesuffix("N"), "")
+        if not network.crs:
+            raise ValueError(f"found the coordinate system {name!r}, expected a zone of UTM83, or a local system")
+    for found in instruments:
+        name = found.get("instrument_name", "")
+        sigma = dict(network.library.get("", Instrument()).sigma)
+        sigma |= {
+            kind: parse_number(found[f"{key}_std_err"]) for key, kind in _STD_ERR.items() if f"{key}_std_err" in found
+        }
+        sigma["level"] = parse_number(found.get("level_std_err", "0")) * 1000.0**0.5 or sigma["level"]
+        centring = [parse_number(found.get(f"{key}_centering_error", "0")) for key in _CENTRING]
+        ppm = parse_number(found.get("edm_ppm", "0"))
+        one = Instrument(name, sigma, ppm, (centring[0], centring[1], centring[2]))
+        network.library[name.upper()] = one
+    network.instrument = network.library[""]
+    return files
 
 
 # ---- A STAR*NET input file (``.dat``) as a project: plane or local spatial networks.
 #
 # Codes C E B A D V DV M BM L SS, sets DB DN DM DE, traverses TB T TE, and GNSS vectors G1 G2 G3 between points with
-# geocentric (C) or geodetic (P PH) coordinates; those in a projection are left out and told. σ that a line does not
-# give are those of STAR*NET's own project options, which stand in another file. Source: MicroSurvey, *STAR*NET
-# Reference Manual*, chapter 5; Carlson, *SurvNet*, for files of vectors with geocentric coordinates.
+# geocentric (C) or geodetic (P PH) coordinates, or in a projection that a project file names; others are left out and
+# told. Source: MicroSurvey, *STAR*NET Reference Manual*, chapter 5; Carlson, *SurvNet*, for files of vectors with
+# geocentric coordinates.
+
+_RESTORED = ("delta", "east_first", "from_first", "metres", "gon", "separator", "instrument", "positive_west")
+"""Options of the project that hold again where another data file begins."""
 
 
 def read_starnet(path: Path) -> Document:
-    """The project of a STAR*NET input file. Raises :class:`InputError` with every mistake found."""
+    """The project of a STAR*NET input or project file. Raises :class:`InputError` with every mistake found."""
     draft = Draft(str(path))
-    lines = list(read_lines(text_lines(path, draft)))
-    network = StarNetContext(draft, plane=_is_plane(lines))
-    for line in lines:
+    text = text_lines(path, draft)
+    network = StarNetContext(draft)
+    files = {"": text}
+    if PROJECT_FILE.match("\n".join(text)):
         try:
-            code = line.code
-            if code.startswith("."):
-                _option(code[1:], [word.upper() for word in line.words], line.number, network)
-            elif code in _CODES:
-                _CODES[code](line, network)
-            elif code in ("G4", "EH", "CH"):
-                network.skip(code, line.number)
-            elif code != "G0":
-                raise ValueError(f"unknown code, expected one of {', '.join(_CODES)}")
-        except ValueError as error:
-            draft.problem(f"{line.code}: {error}", line.number)
+            names = _read_project(text, network)
+        except (KeyError, ValueError) as error:
+            draft.problem(str(error))
+            raise InputError(draft.problems) from None
+        places = [path.parent / name.replace("\\", "/") for name in names]
+        files = {str(place): text_lines(place, draft) for place in places}
+        if not files:
+            draft.problem("the project has no data files that are switched on ([DataFileList])")
+    lines = {file: list(read_lines(text)) for file, text in files.items()}
+    network.plane = _is_plane([line for some in lines.values() for line in some], network)
+    start = {name: getattr(network, name) for name in _RESTORED}
+    for file, some in lines.items():
+        network.resume(file, start)
+        for line in some:
+            if line.code == "SS":
+                options = {name: getattr(network, name) for name in _RESTORED}
+                network.side_shots.append((line, file, options))
+            else:
+                _tried(_read_line, line, network)
+        network.note_points()
+    for line, file, options in network.side_shots:
+        network.resume(file, options)
+        _tried(_side_shot, line, network)
+        network.note_points()
     on_earth = _put_vectors(network)
     _finish(network, path.stem, on_earth)
     return draft.finish()
+
+
+def _tried(read: Callable[[DataLine, StarNetContext], None], line: DataLine, network: StarNetContext) -> None:
+    try:
+        read(line, network)
+    except ValueError as error:
+        network.draft.problem(f"{line.code}: {error}", line.number, network.file)
+
+
+def _side_shot(line: DataLine, network: StarNetContext) -> None:
+    """SS: STAR*NET does not adjust it, so it has no influence on a point with other observations."""
+    if line.words and line.words[0].split(network.separator)[-1] in network.observed:
+        network.skip("side shots (SS) to points that have other observations", line.number)
+    else:
+        measured(line, network)
+
+
+def _read_line(line: DataLine, network: StarNetContext) -> None:
+    """One line. Raises ``ValueError``."""
+    code = line.code
+    if code.startswith("."):
+        _option(code[1:], [word.upper() for word in line.words], line.number, network)
+    elif code in _CODES:
+        _CODES[code](line, network)
+    elif code in ("G4", "EH", "CH"):
+        network.skip(code, line.number)
+    elif code != "G0":
+        raise ValueError(f"unknown code, expected one of {', '.join(_CODES)}")
 
 
 def _is_geocentric(place: Sequence[float] | FloatArray) -> bool:
@@ -509,6 +691,9 @@ def _put_vectors(network: StarNetContext) -> bool:
     The projection of coordinates stands in STAR*NET's project options: vectors need points whose coordinates are
     geocentric or geodetic.
     """
+    if network.crs:
+        _put_projected(network)
+        return True
     draft, places = network.draft, dict[str, FloatArray]()
     for name, (texts, _, line) in network.points.items():
         if texts[0] is None and texts[1] is None:
@@ -521,7 +706,7 @@ def _put_vectors(network: StarNetContext) -> bool:
         elif _is_geocentric(place):
             places[name] = place
         elif network.geodetic or network.vectors:
-            words = "GNSS vectors and positions on the ellipsoid: the projection of the other points is unknown"
+            words = "vectors (G1) and positions on the ellipsoid (P): the projection of the other points is unknown"
             for line in [*network.geodetic.values(), *(one.line for one in network.vectors)]:
                 network.skip(words, line)
             network.points = {k: v for k, v in network.points.items() if k not in network.geodetic}
@@ -533,16 +718,63 @@ def _put_vectors(network: StarNetContext) -> bool:
         return False
     draft.put("world", {"crs": "EPSG:4978"})
     _put_places(network, places)
-    axes = horizon_axes(np.mean(list(places.values()), axis=0))
-    clusters = []
+    _put_clusters(network, np.mean(list(places.values()), axis=0))
+    return True
+
+
+def _put_clusters(network: StarNetContext, place: FloatArray) -> None:
+    """Write GNSS vectors, their factors horizontal and vertical at a geocentric place."""
+    axes, clusters = horizon_axes(place), []
     for one in network.vectors:
         if len(one.variances) < 3 or min(one.variances) <= 0.0:
-            draft.problem(f"G1: vector {'-'.join(one.ends)} has no G2 with three numbers above 0", one.line)
+            words = f"G1: vector {'-'.join(one.ends)} has no G2 with three numbers above 0"
+            network.draft.problem(words, one.line, one.file)
             continue
         clusters.append(([Row([*one.ends, *map(repr, one.difference)], one.line)], one.matrix(axes)))
     if clusters:
-        draft.correlated(("from", "to", "dx", "dy", "dz"), clusters, "gnss_vector")
-    return True
+        file = network.vectors[0].file
+        network.draft.correlated(("from", "to", "dx", "dy", "dz"), clusters, "gnss_vector", file)
+
+
+def _put_projected(network: StarNetContext) -> None:
+    """Write points in the projection of the project options, with its geoid height and deflection."""
+    from mor.project.reference_system import reference_system
+
+    draft, system = network.draft, reference_system(network.crs)
+    draft.put("world", {"crs": network.crs, "heights": "orthometric"})
+    held: dict[bool, list[Row]] = {True: [], False: []}
+    known, levelled = [], list[Row]()
+    for name, (texts, sigma, line) in network.points.items():
+        cells = list(texts)
+        if name in network.geodetic and texts[2] is not None:
+            latitude, longitude, height = (float(str(text)) for text in texts)
+            place = system.from_geodetic(np.array([[np.radians(latitude), np.radians(longitude), height]]))[0]
+            cells = [repr(float(value)) for value in place - [0.0, 0.0, network.undulation]]
+            sigma = [sigma[1], sigma[0], sigma[2]]
+        if cells[2] is not None and None in cells[:2]:  # E without C
+            if sigma[2] is not None:
+                levelled.append(Row([name, cells[2], repr(float(sigma[2]) or FIXED["height"])], line))
+            cells = [None] * 3
+        if None not in cells:
+            known.append([float(str(cell)) for cell in cells])
+        fixed = None not in cells and sigma == ["0"] * 3
+        own = [
+            None if s is None or fixed or t is None else repr(float(s) or 1e-6)
+            for s, t in zip(sigma, cells, strict=True)
+        ]
+        held[fixed].append(Row([name, *cells, repr(network.undulation), *network.deflection, *own], line))
+    columns = ("id", "east", "north", "height", "geoid", "deflection_north", "deflection_east")
+    sigmas = ("sigma_east", "sigma_north", "sigma_up")
+    units = {"deflection_north": "arcsec", "deflection_east": "arcsec"}
+    for fixed, rows in held.items():
+        if rows:
+            network.put_points((*columns, *sigmas), rows, units=units, fixed=["x", "y", "z"] if fixed else None)
+    if levelled:
+        draft.table("observations", ("point", "height", "sigma"), levelled, type="orthometric_height")
+    if not known:
+        draft.problem("no point has coordinates (C or P)")
+        return
+    _put_clusters(network, system.ellipsoid.geocentric(system.to_geodetic(np.array(known)))[0])
 
 
 def horizon_axes(place: FloatArray) -> FloatArray:
@@ -573,7 +805,7 @@ def _put_places(network: StarNetContext, places: dict[str, FloatArray]) -> None:
     columns = ("id", "x", "y", "z", "sigma_north", "sigma_east", "sigma_up")
     for fixed, rows in held.items():
         if rows:
-            draft.table("points", columns, rows, fixed=["x", "y", "z"] if fixed else None)
+            network.put_points(columns, rows, fixed=["x", "y", "z"] if fixed else None)
     if observed:
         columns = ("point", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
         draft.table("observations", columns, observed, type="gnss_position")
@@ -585,7 +817,7 @@ def _put_places(network: StarNetContext, places: dict[str, FloatArray]) -> None:
         )
 
 
-def _is_plane(lines: Sequence[DataLine]) -> bool:
+def _is_plane(lines: Sequence[DataLine], network: StarNetContext) -> bool:
     """True for a plane network: as .2D or .3D say, or where no line has a zenith angle or a height.
 
     A name with two coordinates has at most two σ behind them; more words, or a third number alone, are a height.
@@ -593,6 +825,8 @@ def _is_plane(lines: Sequence[DataLine]) -> bool:
     for line in lines:
         if line.code in (".2D", ".3D"):
             return line.code == ".2D"
+    if network.known:
+        return network.plane
     return not any(
         line.code in ("V", "DV", "E", "L", "G1", "P", "PH")
         or (line.code == "M" and _count(line) > 3)
@@ -635,6 +869,8 @@ def _option(name: str, words: list[str], line: int, network: StarNetContext) -> 
         network.skip("lines after .DATA OFF are read all the same", line)
     elif name in ("SEP", "SEPARATOR") and words:
         network.separator = words[0][:1]
+    elif name == "INST" and words[:1] and words[0] in network.library:
+        network.instrument = network.library[words[0]]
     elif name not in ("1D", "2D", "3D"):
         network.skip(f".{name}", line)
 
@@ -696,6 +932,9 @@ _CODES: dict[str, Callable[[DataLine, StarNetContext], None]] = {
 """What reads the lines of each code."""
 
 
+_IN_PROJECTION = {"bearing": "projected_bearing", "horizontal_distance": "height_reduced_distance"}
+
+
 def _finish(network: StarNetContext, title: str, on_earth: bool) -> None:
     draft = network.draft
     draft.put("title", title)
@@ -705,31 +944,39 @@ def _finish(network: StarNetContext, title: str, on_earth: bool) -> None:
         Row([name, *texts, *(s if t is not None else None for s, t in zip(sigma, texts, strict=True))], line)
         for name, (texts, sigma, line) in network.points.items()
     ]
-    if on_earth:
-        for row in network.tables.pop("bearing", []):
-            network.skip("B, BM: bearings in an unknown projection", row.line)
-    elif rows:
+    if not on_earth and rows:
         columns = ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
-        draft.table("points", columns, rows)
-    for type_, found in network.tables.items():
-        draft.table("observations", COLUMNS[type_], found, type=type_)
+        network.put_points(columns, rows)
+    if network.crs and network.refraction:
+        draft.put("instruments", {"starnet": {"refraction": repr(network.refraction)}})
+    on_grid = _IN_PROJECTION if network.crs else {}
+    for (type_, instrument, file), found in network.tables.items():
+        if on_earth and type_ == "bearing" and not network.crs:
+            for row in found:
+                network.skip("B, BM: bearings in an unknown projection", row.line)
+            continue
+        keys = instrument.keys(type_) if instrument else {}
+        if network.crs and network.refraction and type_ == "zenith_angle":
+            keys["instrument"] = "starnet"
+        draft.table("observations", COLUMNS[type_], found, file, type=on_grid.get(type_, type_), **keys)
     if not network.tables and not rows:
         draft.problem("there are no points and no observations")
     if not on_earth:
         draft.put("settings", {"dimensions": _dimensions(network)})
     for what, lines in sorted(network.skipped.items(), key=lambda one: -len(one[1])):
-        draft.note(f"not read: {what} ({counted(len(lines), 'line')})", lines[0])
-    if network.defaults:
+        draft.note(f"not read: {what} ({counted(len(lines), 'line')})", *lines[0])
+    if network.defaults and not network.known:
         words = f"{counted(network.defaults, 'observation')} without σ: 4″ for angles, 10″ for zenith angles, 2 mm"
         draft.note(f"{words} for distances; the project options of STAR*NET stand in another file")
 
 
 def _dimensions(network: StarNetContext) -> str:
-    heights = {"height_difference", "zenith_angle", "distance"} & set(network.tables)
-    flat = {"angle", "bearing", "directions", "horizontal_distance"} & set(network.tables)
+    types = {type_ for type_, _, _ in network.tables}
+    heights = {"height_difference", "zenith_angle", "distance"} & types
+    flat = {"angle", "bearing", "directions", "horizontal_distance"} & types
     if not network.tables and not network.plane:
         return "xyz"
-    return "xyz" if heights and (flat or "distance" in network.tables) else "z" if heights else "xy"
+    return "xyz" if heights and (flat or "distance" in types) else "z" if heights else "xy"
 
 
 # ---- A network as a STAR*NET input file: metres, d-m-s, x east, with all the digits a round trip needs.

@@ -92,7 +92,9 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_snap import COMMANDS
     from .test_snap import MEASURED as SNAP_DATA
     from .test_snap import STATIONS as SNAP_STATIONS
+    from .test_starnet import PROJECT as STARNET_PROJECT
     from .test_starnet import _on_earth, _space
+    from .test_textbook_reader import PLANE as TEXTBOOK
 
     def written_by(key: str, name: str) -> Files:
         source = Path(tempfile.mkdtemp(dir=folder))
@@ -141,6 +143,15 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "landxml plan": ("landxml", "n.xml", {"n.xml": PLAN.encode()}),
         "starnet": ("starnet", "n.dat", {"n.dat": _space().encode()}),
         "starnet vectors": ("starnet", "n.dat", {"n.dat": _on_earth().encode()}),
+        "starnet project": (
+            "starnet",
+            "p.snproj",
+            {
+                "p.snproj": STARNET_PROJECT.encode(),
+                "one.dat": _space().encode(),
+                "sub/two.dat": b".INST S9\nD 1-3 500\nSS 1-2-9 80 10 90\n",
+            },
+        ),
         **{name: (suffixes[name], file, {file: text}) for name, (file, text) in books.items()},
         "idx": ("idx", "a.idx", {"a.idx": _IDX.encode()}),
         "nikon": ("nikon", "a.raw", {"a.raw": _NIKON.encode()}),
@@ -169,6 +180,10 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
                 "sub/b.bas": b"B 10 20 30 1e-6 1e-7 0 2e-6 -1e-7 3e-6 1.2\nC 1 2 3 1e-6 0 0 2e-6 0 3e-6\n",
             },
         ),
+        "gkf": ("gkf", "n.gkf", {"n.gkf": _GKF.encode()}),
+        "gcp": ("gcp", "gcp_list.txt", {"gcp_list.txt": _GCP.encode()}),
+        "bundler": ("bundler", "bundle.out", {"bundle.out": _BUNDLER.encode()}),
+        "textbook": ("textbook", "n.dat", {"n.dat": TEXTBOOK.encode()}),
         "sokkia": ("sokkia-scr", "a.scr", {"a.scr": _SOKKIA.encode()}),
         "geodimeter": ("geodimeter", "a.job", {"a.job": _GEODIMETER.encode()}),
     }
@@ -185,6 +200,30 @@ _TOPCON_STREAM = (
     "_'S1_(X_)1.500_+A_ ?+00012345m0903015+3595930d+00012344***+00+00000_*_,1.400_+B_ W+0001234\n"
     "56m08959300-00010200d+0000000001+0000000002-0000000003***+0000+000000_*T_,1.60000_+C_ <0900000+0450000d_*_,1.2_"
     "'S2_(_)1.700_+A_ ?+00020000m0900000+0000000d+00020000***_*_,1.300\n"
+)
+_GKF = (
+    '<?xml version="1.0"?>\n<gama-local xmlns="http://www.gnu.org/software/gama/gama-local">\n'
+    '<network axes-xy="ne" angles="left-handed" epoch="1.5">\n<description>a network</description>\n'
+    '<parameters sigma-apr="10" conf-pr="0.95" tol-abs="1000" sigma-act="aposteriori" angles="400"/>\n'
+    '<points-observations distance-stdev="5 3 1" direction-stdev="10" zenith-angle-stdev="10">\n'
+    '<point id="A" x="0" y="0" z="10" fix="xyz"/>\n<point id="B" x="100" y="0" z="11" adj="XYz"/>\n'
+    '<point id="C" x="50" y="80" adj="xyz"/>\n<obs from="A" from_dh="1.5">\n<direction to="B" val="0.0" stdev="5"/>\n'
+    '<direction to="C" val="64.4"/>\n<distance to="B" val="100.0"/>\n<s-distance to="C" val="94.4" to_dh="1.2"/>\n'
+    '<z-angle to="C" val="99.5"/>\n<angle bs="B" fs="C" val="64.4" stdev="10"/>\n'
+    '<azimuth to="B" val="0-00-01" stdev="3"/>\n'
+    "</obs>\n<height-differences>\n"
+    '<dh from="A" to="C" val="2.0" dist="0.1" stdev="1.0"/>\n</height-differences>\n<vectors>\n'
+    '<vec from="A" to="C" dx="50" dy="80" dz="2"/>\n<cov-mat dim="3" band="0">1 1 1</cov-mat>\n</vectors>\n'
+    '<coordinates>\n<point id="B" x="100" y="0"/>\n<cov-mat dim="2" band="1">4 1 4</cov-mat>\n</coordinates>\n'
+    "</points-observations>\n</network>\n</gama-local>\n"
+)
+_GCP = (
+    "EPSG:32632\n500000 5500000 100.5 10.5 20.25 a.jpg P1\n500010 5500000 101 30 40 b.jpg P1 7\n"
+    "500020 5500020 99 1 2 a.jpg\n"
+)
+_BUNDLER = (
+    "# Bundle file v0.3\n2 2\n500 -0.1 0.01\n1 0 0\n0 1 0\n0 0 1\n0 0 0\n510 0 0\n1 0 0\n0 1 0\n0 0 1\n-1 0 0\n"
+    "0 0 -5\n255 255 255\n2 0 11 10.5 -20 1 12 3 4\n1 1 -6\n0 0 0\n2 0 1 5 6 1 2 7 8\n"
 )
 _IDX = (
     "HEADER\n\tUNITS\n\t\tANGULAR DMS\n\t\tLINEAR  METRE\n\tEND UNITS\nEND HEADER\nDATABASE\n"

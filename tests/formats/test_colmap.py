@@ -241,3 +241,10 @@ def test_models_without_a_counterpart_say_what_is_lost(tmp_path: Path) -> None:
     (tmp_path / "cameras.txt").write_text(cameras)
     with pytest.raises(InputError, match=r"EUCM has no counterpart in mor: its alpha and beta"):
         read_foreign(tmp_path)
+
+
+def test_a_folder_without_one_of_the_files_says_which(tmp_path: Path) -> None:
+    for name in ("cameras.bin", "points3D.bin"):
+        (tmp_path / name).write_bytes(b"\0" * 8)
+    with pytest.raises(InputError, match=r"this folder has no images\.bin; a COLMAP model has"):
+        read_document(tmp_path)

@@ -123,9 +123,10 @@ def test_what_the_files_say(tmp_path: Path) -> None:
         ("zenith_angle", [["A", "B B", "90-24-31", "20", "1.545", "0.125"]]),
         ("vertical_direction", [["A", "B B", "-0-24-31.0000", "20"]]),
         ("angle", [["A", "B B", "C", "190-05-01.50", "20"]]),
+        ("geodetic_position", [["A", "-36-32-23", "0.001"]]),
     ]
     notes = " ".join(map(str, document.notes))
-    for words in ("switched off (*) (2)", "geodetic latitudes (1)", "the geoid is taken as the ellipsoid"):
+    for words in ("switched off (*) (2)", "the geoid is taken as the ellipsoid"):
         assert words in notes
     network_of(document, tmp_path)
 
@@ -169,6 +170,23 @@ def test_one_of_a_pair_is_missing(tmp_path: Path) -> None:
         read_foreign(path.rename(tmp_path / "n.xml"))
 
 
+def test_other_names_of_a_pair_and_both_in_one_file(tmp_path: Path) -> None:
+    plain = read_foreign(files(tmp_path))
+    stations, measured = ((tmp_path / f"n{kind}.xml").read_text() for kind in ("stn", "msr"))
+    (tmp_path / "stn_a.xml").write_text(stations)
+    (tmp_path / "msr_a.xml").write_text(measured)
+    inner = measured[measured.index("<DnaMeasurement>") :]
+    (tmp_path / "both.xml").write_text(stations.replace("</DnaXmlFormat>", "") + inner)
+    for name in ("msr_a.xml", "stn_a.xml", "both.xml"):
+        document = read_foreign(tmp_path / name)
+        assert document.data["observations"] == plain.data["observations"]
+        assert document.data["points"] == plain.data["points"]
+    everything = measured.replace("<Ignore/>", "<Ignore>*</Ignore>").replace("<Ignore></Ignore>", "<Ignore>*</Ignore>")
+    (tmp_path / "msr_a.xml").write_text(everything)
+    with pytest.raises(InputError, match=r"no supported observations; not read: measurements that are switched off"):
+        read_foreign(tmp_path / "msr_a.xml")
+
+
 _PLAIN = {"cov_dx_dx", "cov_dx_dy", "cov_dx_dz", "cov_dy_dy", "cov_dy_dz", "cov_dz_dz"}
 
 
@@ -190,13 +208,18 @@ def _rows(document: Document) -> list[tuple[str, list[str], list[float]]]:
 
 @pytest.mark.skipif(REAL is None, reason=missing("earth/dynadjust"))
 @pytest.mark.parametrize("name", ["gnss-network", "urban-network"])
-def test_real_networks_are_the_same_in_both_formats(name: str) -> None:
+def test_real_networks_are_the_same_in_both_formats(tmp_path: Path, name: str) -> None:
     """Every measurement of DynAdjust's samples, and which stations are held; its XML has more digits of some."""
     assert REAL is not None
-    dna, xml = read_foreign(REAL / f"{name}.msr"), read_foreign(REAL / f"{name}msr.xml")
+    for file in REAL.glob(f"{name}*"):  # the XML files of one say GDA2020 and are in GDA94
+        text = file.read_bytes()
+        epoch = b'epoch="01.01.1994"'
+        (tmp_path / file.name).write_bytes(text.replace(b'"GDA2020" ' + epoch, b'"GDA94" ' + epoch))
+    dna, xml = read_foreign(tmp_path / f"{name}.msr"), read_foreign(tmp_path / f"{name}msr.xml")
     for (type_, names, values), (other, theirs, numbers) in zip(_rows(dna), _rows(xml), strict=True):
         assert (type_, names) == (other, theirs)
-        np.testing.assert_allclose(values, numbers, rtol=1e-9, atol=1e-15)
+        # a transformed vector is a difference of geocentric coordinates
+        np.testing.assert_allclose(values, numbers, rtol=1e-9, atol=5e-9 if type_ == "gnss_vector" else 1e-15)
     held = [
         {(row[0], table["fixed"] != [] if "fixed" in table else False, *map(bool, row[7:])) for row in table["rows"]}
         for table in dna.data["points"]

@@ -220,3 +220,10 @@ def test_control_is_written_as_a_list(tmp_path: Path) -> None:
             assert numbers[:2] == pytest.approx(expected[:2])
             assert np.isnan(numbers[2]) if point == rows[2][0] else numbers[2] == pytest.approx(expected[2])
             assert numbers[3:] == pytest.approx([float(x) - 0.5, float(y) - 0.5])
+
+
+def test_a_pointer_in_place_of_a_file_is_named(tmp_path: Path) -> None:
+    (tmp_path / "tracks.csv").write_text("a")
+    (tmp_path / "reconstruction.json").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n")
+    with pytest.raises(InputError, match=r"reconstruction\.json: this is a pointer of Git LFS, not the file"):
+        read_foreign(tmp_path)

@@ -112,6 +112,10 @@ def test_unknown_files_are_answered_with_what_they_look_like(tmp_path: Path, nam
         (b"PK\3\4\0a.txt", "a ZIP archive"),
         (b"\xd0\xcf\x11\xe0\xa1\xb1", "a spreadsheet or document of Microsoft Office"),
         (b"(\xb5/\xfd", "a compressed file"),
+        (
+            b"SQLite format 3\0\x10\0CREATE TABLE two_view_geometries (",
+            "a database of COLMAP without poses, whose model is to be exported",
+        ),
         (b"SQLite format 3\0", "an SQLite database"),
         (b"abc\0\1", "a binary file of an unknown kind"),
     ],

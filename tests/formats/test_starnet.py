@@ -85,7 +85,7 @@ def test_a_network_in_space_comes_out_as_it_was(tmp_path: Path) -> None:
     for words in (
         "free observations (*)",
         ".REFRACTION",
-        "GNSS vectors",
+        "vectors (G1)",
         "without σ",
     ):
         assert words in notes
@@ -259,3 +259,143 @@ def _written(path: Path, text: str) -> Path:
 
 def _rows_of(document: Document) -> dict[str, int]:
     return {table["type"]: len(table["rows"]) for table in document.data["observations"]}
+
+
+PROJECT = """*STAR*NET 3
+#
+[Adjustment]
+adjustment_type                2D
+linear_units                   Meters
+coordinate_order               EN
+angle_station_order            From-At-To
+local_or_grid_adjustment       0
+index_of_refraction            0.0700000000
+[Instrument]
+distance_std_err               0.0030000000
+edm_ppm                        2.0000000000
+angle_std_err                  5.0000000000
+instrument_centering_error     0.0010000000
+target_centering_error         0.0020000000
+vertical_centering_error       0.0005000000
+level_std_err                  0.000031622776602
+[InstrumentLibrary]
+instrument_name                S9
+distance_std_err               0.0010000000
+angle_std_err                  1.5000000000
+[DataFileList]
+3 "one.dat"
+2 "off.dat"
+1 "sub\\two.dat"
+"""
+
+
+def _project(folder: Path, text: str, **files: str) -> Path:
+    (folder / "sub").mkdir(exist_ok=True)
+    for name, content in files.items():
+        (folder / ("sub/two.dat" if name == "two" else f"{name}.dat")).write_text(content)
+    (folder / "p.snproj").write_text(text)
+    return folder / "p.snproj"
+
+
+def test_a_project_file_gives_instruments_options_and_data_files(tmp_path: Path) -> None:
+    """σ = a + b s; centring adds to σ of the instrument; every data file begins with the options of the project."""
+    one = "C 1 0 0 !!\nC 2 1000 0 ! !\nD 1-2 1000\nD 1-3 500 0.004\n.INST s9\n.ORDER ATFROMTO\nD 1-3 500\nA 1-2-3 80\n"
+    path = _project(tmp_path, PROJECT, one=one, two="A 2-1-3 80\nD 2-3 600 *\n", off="nonsense\n")
+    assert format_of(path) == "starnet"
+    document = read_foreign(path)
+    tables = document.data["observations"]
+    assert [(table["type"], [row[:2] for row in table["rows"]]) for table in tables] == [
+        ("horizontal_distance", [["1", "2"]]),
+        ("horizontal_distance", [["1", "3"], ["1", "3"]]),
+        ("angle", [["1", "2"]]),
+        ("angle", [["1", "2"]]),
+    ]
+    assert [float(row[3]) for table in tables[:2] for row in table["rows"]] == [0.005, 0.004, 0.001]
+    assert [float(table["rows"][0][4]) * 3600.0 for table in tables[2:]] == pytest.approx([1.5, 5.0])
+    centring = {"instrument": "0.001 m", "target": "0.002 m"}
+    assert [table.get("centring") for table in tables] == [centring, None, None, centring]
+    assert document.data["points"][0]["rows"][0][1:] == ["0.0", "0.0", "0", "0"]
+    assert not [note for note in document.notes if "without σ" in note.message]
+    grid = PROJECT.replace("grid_adjustment       0", "grid_adjustment 1\ncoordinate_system_name OR83-NF")
+    with pytest.raises(InputError, match="found the coordinate system 'OR83-NF', expected a zone of UTM83"):
+        read_foreign(_project(tmp_path, grid))
+    with pytest.raises(InputError, match="no data files that are switched on"):
+        read_foreign(_project(tmp_path, PROJECT.replace('3 "', '2 "').replace('1 "', '0 "')))
+
+
+def test_a_project_in_a_grid_is_on_the_earth(tmp_path: Path) -> None:
+    """A vector, a level, a grid bearing and a zenith angle from a fixed point lead to the place they come from."""
+    grid = Transformer.from_crs("EPSG:26919", "EPSG:4955", always_xy=True)
+    to_xyz = Transformer.from_crs("EPSG:4955", "EPSG:4954", always_xy=True)
+    places = np.array([[680000.0, 5090000.0, 100.0], [680400.0, 5090300.0, 130.0], [680300.0, 5089600.0, 90.0]])
+    geodetic = np.stack([*grid.transform(*places.T[:2]), places[:, 2] - 25.0], axis=1)
+    a, b, c = np.stack(to_xyz.transform(*geodetic.T), axis=1)
+    axes = np.radians(geodetic[0, 1]), np.radians(geodetic[0, 0])
+    up = np.array([np.cos(axes[0]) * np.cos(axes[1]), np.cos(axes[0]) * np.sin(axes[1]), np.sin(axes[0])])
+    s = float(np.linalg.norm(c - a))
+    k = 0.14 * s / (2.0 * 6371000.0)
+    zenith = float(np.degrees(np.arccos((c - a) @ up / s) - k))
+    bearing = float(np.degrees(np.arctan2(*(places[2] - places[0])[:2])) % 360.0)
+    dx, dy, dz = (b - a).tolist()
+    text = PROJECT.replace("adjustment_type                2D", "adjustment_type 3D\ngeoid_height -25").replace(
+        "local_or_grid_adjustment       0", "local_or_grid_adjustment 1\ncoordinate_system_name UTM83/CSRS-19N"
+    )
+    data = (
+        "C A 680000 5090000 100 ! ! !\n.GPS WEIGHT COVARIANCE\nG0 'one\n"
+        f"G1 A-B {dx!r} {dy!r} {dz!r}\nG2 1e-6 1e-6 1e-6\nG3 0 0 0\nL A-B 30 1000\n"
+        f"B A-C {_dms(bearing)}\nDV A-C {s!r} {_dms(zenith)}\n"
+    )
+    path = _project(tmp_path, text.replace('1 "sub', '0 "sub'), one=data)
+    document = read_foreign(path)
+    assert document.data["world"] == {"crs": "EPSG:26919", "heights": "orthometric"}
+    level = next(table for table in document.data["observations"] if table["type"] == "height_difference")
+    assert float(level["rows"][0][3]) == pytest.approx(0.001)
+    run("adjust", str(path), "-o", str(tmp_path / "r"))
+    with (tmp_path / "r/places.csv").open() as stream:
+        found = {row["id"]: row for row in csv.DictReader(stream)}
+    for name, place in zip("ABC", places, strict=True):
+        own = [float(found[name][key]) for key in ("east", "north", "orthometric_height")]
+        np.testing.assert_allclose(own, place, atol=2e-4)
+
+
+def test_a_side_shot_has_no_influence_on_a_point_with_other_observations(tmp_path: Path) -> None:
+    text = (
+        "C 1 0 0 ! !\nC 2 1000 0 ! !\nC 3 500 500\nSS 1-2-3 44-00-00 700\nSS 1-2-4 10-00-00 90\nSS 2-1-4 9-00-00 90\n"
+    )
+    text += "D 1-3 707.1\nA 1-2-3 45-00-00\n"
+    document = read_foreign(_written(tmp_path / "n.dat", text))
+    assert _rows_of(document) == {"horizontal_distance": 2, "angle": 2}
+    assert "side shots (SS) to points that have other observations (2 lines)" in " ".join(map(str, document.notes))
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [("D 1-2 100 0.01.5/1.2", "D: found '0.01.5/1.2', expected a number"), ("D 1-2", "D: found no measured values")],
+)
+def test_wrong_words_have_their_line(tmp_path: Path, line: str, words: str) -> None:
+    with pytest.raises(InputError, match=r"n\.dat:3: " + words):
+        read_foreign(_written(tmp_path / "n.dat", f"C 1 0 0 !!\nC 2 100 0 **\n{line}\nA 1-2-3 50\nC 3 1 1\n"))
+
+
+def test_sights_in_face_two_are_read_as_in_face_one(tmp_path: Path) -> None:
+    text = (
+        ".3D\nC 1 0 0 0 !!!\nC 2 0 100 0 !!!\nDB 1\nDM 2 10 100 90\nDM 2 190 100 270\nDM 3 235 50 280\nDE\nV 2-3 280\n"
+    )
+    tables = {
+        table["type"]: table["rows"] for table in read_foreign(_written(tmp_path / "n.dat", text)).data["observations"]
+    }
+    assert [float(row[2]) for row in tables["directions"]] == [10.0, 10.0, 55.0]
+    assert [float(row[2]) for row in tables["zenith_angle"]] == [90.0, 90.0, 80.0, 80.0]
+
+
+def test_a_known_height_in_a_grid_is_observed(tmp_path: Path) -> None:
+    grid = "local_or_grid_adjustment 1\ncoordinate_system_name UTM83-19"
+    text = PROJECT.replace("adjustment_type                2D", "adjustment_type 3D")
+    text = text.replace("local_or_grid_adjustment       0", grid).replace('1 "sub', '0 "sub')
+    data = "C 1 680000 5090000 100 !!!\nE 2 99.5 !\nE 3 98 0.02\nE 4 97\nDV 1-2 30 90\n"
+    document = read_foreign(_project(tmp_path, text, one=data))
+    tables = {table["type"]: table["rows"] for table in document.data["observations"]}
+    assert tables["orthometric_height"] == [["2", "99.5", "1e-05"], ["3", "98.0", "0.02"]]
+    with pytest.raises(InputError, match=r"one\.dat:2: E: found 'x', expected a number"):
+        read_foreign(_project(tmp_path, text, one=data.replace("99.5", "x")))
+    assert {Path(file).name for file in document.files.values()} == {"one.dat"}

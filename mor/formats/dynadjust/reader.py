@@ -5,10 +5,11 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from datetime import datetime
 from functools import cache
 from math import isfinite
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -18,8 +19,16 @@ from mor.formats.fieldbook.book import sexagesimal
 from mor.input_files import PROJECT, read_bytes
 from mor.model.earth import east_north_up
 from mor.project.document import Document
-from mor.project.reference_system import ReferenceSystem, ReferenceSystemError, reference_system
+from mor.project.reference_system import (
+    ARCSEC,
+    GridError,
+    ReferenceSystem,
+    ReferenceSystemError,
+    reference_system,
+    values_at,
+)
 from mor.types import FloatArray
+from mor.units import parse_dms
 
 # ---- Lines of DynAdjust's files, and what is collected of them.
 #
@@ -48,26 +57,47 @@ def measured_words(text: str, least: int) -> list[str]:
     return words
 
 
+class Frame(NamedTuple):
+    """A reference frame and an epoch (dd.mm.yyyy), each empty if a file does not say it."""
+
+    name: str
+    epoch: str
+
+
+class Cluster(NamedTuple):
+    """A baseline (G), or a cluster of baselines (X) or positions (Y, in XYZ, LLH or, above the ellipsoid, LLh)."""
+
+    code: str
+    form: str
+    rows: list[Row]
+    Q: FloatArray
+    """(3n, 3n), m², its lower triangle; of LLH in radians and metres."""
+    scales: list[float]
+    """Those of the whole matrix and of its parts in latitude, longitude and height."""
+    frame: Frame
+
+
 @dataclass
 class Collected:
     """Measurements read from DNA or DynaML."""
 
     draft: Draft
-    geoid: dict[str, tuple[float, float, float]]
+    frame: Frame
+    """That of measurements that do not say theirs."""
+    geoid: dict[str, tuple[float, float, float]] = field(default_factory=dict)
     """N (m), ξ, η (arc seconds) by station."""
     names: dict[str, int] = field(default_factory=dict)
     """Stations with the line that names them first."""
     left_out: dict[str, list[int]] = field(default_factory=dict)
     """Lines of the measurements that are not read, by what they are."""
-    frames: dict[str, int] = field(default_factory=dict)
     sets: int = 0
     """Sets of directions so far."""
     tables: dict[str, list[Row]] = field(default_factory=dict)
     """Rows of the measurements that are in no cluster, by their letters."""
     clusters: dict[tuple[str, tuple[str, ...]], list[tuple[list[Row], FloatArray]]] = field(default_factory=dict)
     """Rows and covariance matrix of each cluster, by type and columns."""
-    scaled: list[tuple[str, str, list[Row], FloatArray, list[float]]] = field(default_factory=list)
-    """Clusters that are scaled in latitude, longitude and height at their stations: arguments of put_cluster."""
+    read: list[Cluster] = field(default_factory=list)
+    """Baselines and clusters, until the places of the stations are known."""
 
     def skip(self, what: str, line: int) -> None:
         """The measurement at a line is not read."""
@@ -104,9 +134,9 @@ class MeasurementFile(Collected):
         return self.known([text[place].strip() for place in NAMES[:count]], self.at + 1)
 
 
-def beside(path: Path, end: str) -> Path:
-    """The file of a pair, in the case of letters that is there."""
-    places = [path.with_suffix(end), path.with_suffix(end.upper())]
+def beside(path: Path, end: str, name: str = "") -> Path:
+    """The file of a pair, or of another name, in the case of letters that is there."""
+    places = [path.with_name(f"{name or path.stem}{form}") for form in (end, end.upper())]
     return next((place for place in places if place.is_file()), places[0])
 
 
@@ -156,6 +186,7 @@ class MeasurementKind(NamedTuple):
 
 
 _LINE = ("from", "to")
+_COORDINATES = (("P", "latitude"), ("Q", "longitude"), ("I", "latitude"), ("J", "longitude"))
 KINDS = {
     "A": MeasurementKind("angle", ("at", "from", "to"), "angle", angle=True),
     "B": MeasurementKind("azimuth", _LINE, "azimuth", angle=True),
@@ -170,27 +201,25 @@ KINDS = {
     "V": MeasurementKind("zenith_angle", _LINE, "zenith_angle", angle=True, heights=True),
     "Z": MeasurementKind("vertical_direction", _LINE, "vertical_direction", angle=True, heights=True),
 }
-LEFT_OUT = {
-    "I": "astronomic latitudes",
-    "J": "astronomic longitudes",
-    "P": "geodetic latitudes",
-    "Q": "geodetic longitudes",
-}
-"""Unsupported measurement types, by the letters of DynAdjust."""
+COORDINATES = {code: MeasurementKind("geodetic_position", ("point",), name, angle=True) for code, name in _COORDINATES}
+"""Geodetic (P, Q) and astronomic (I, J) latitudes and longitudes, alone."""
+SINGLE = {**KINDS, **COORDINATES}
 
 
 def read_line(found: MeasurementFile, code: str) -> None:
     """One measurement. Raises ``ValueError`` with words."""
-    kind, text = KINDS[code], found.lines[found.at]
+    kind, text = SINGLE[code], found.lines[found.at]
     names = found.stations_of(text, len(kind.names))
-    count = 4 if kind.angle else 2
+    packed = code in COORDINATES and len(measured_words(text[VALUES:], 2)) == 2
+    count = 4 if kind.angle and not packed else 2
     words = measured_words(text[VALUES:], count)
     if len(words) != count and not (kind.heights and len(words) == count + 2):
         raise ValueError(f"found {len(words)} numbers, expected {'an angle' if kind.angle else 'a value'} and its σ")
     if text[1:2] == "*":
         found.skip(OFF, found.at + 1)
         return
-    value = sexagesimal_words(text[VALUES:], words) if kind.angle else words[0]
+    value = _sexagesimal(words[0]) if packed else words[0]
+    value = sexagesimal_words(text[VALUES:], words) if count == 4 else value
     heights = words[count:] if len(words) > count else [None, None]
     cells = [*names, value, words[count - 1], *(heights if kind.heights else [])]
     found.tables.setdefault(code, []).append(Row(cells, found.at + 1))
@@ -231,16 +260,16 @@ def read_directions(found: MeasurementFile) -> None:
     station, target = (text[place].strip() for place in NAMES[:2])
     said, off = text[_TARGET].strip(), text[1:2] == "*"
     sights = [_sight(found, target)]
-    while _goes_on(found):
+    while _goes_on(found, found.at + 1):
         found.at += 1
         text = found.lines[found.at]
         sights.append(_sight(found, text[_TARGET].strip()))
     put_set(found, station, sights, said, off)
 
 
-def _goes_on(found: MeasurementFile) -> bool:
-    """Return True if the next line is one of the same set: its station is left out."""
-    text = found.lines[found.at + 1] if found.at + 1 < len(found.lines) else ""
+def _goes_on(found: MeasurementFile, at: int) -> bool:
+    """Return True if a line is one of the set before it: its station is left out."""
+    text = found.lines[at] if at < len(found.lines) else ""
     return text[:1] in (CODE, " ") and not text[_FROM].strip() and bool(text[_TARGET].strip())
 
 
@@ -257,7 +286,7 @@ def _sight(found: MeasurementFile, target: str) -> SetDirection:
 def put_set(found: Collected, station: str, sights: list[SetDirection], said: str, off: bool) -> None:
     """Put a set into the draft. ``said``: number of targets behind the first; ``off``: all of it is switched off.
 
-    Raises ``ValueError`` where there are not so many, or one is there twice.
+    Raises ``ValueError`` where there are not so many.
     """
     used = [sight for sight in sights if not sight.off]
     if said not in (str(len(sights) - 1), str(len(used) - 1)):
@@ -270,9 +299,6 @@ def put_set(found: Collected, station: str, sights: list[SetDirection], said: st
             found.skip(OFF, sight.line)
         else:
             found.known([station, sight.target], sight.line)
-    names = [sight.target for sight in used]
-    if len(set(names)) < len(names):
-        raise ValueError(f"station {station!r} has a target twice in one set")
     found.sets += 1
     rows = [Row([station, s.target, s.value, s.sigma, str(found.sets)], s.line) for s in used]
     found.tables.setdefault(CODE, []).extend(rows)
@@ -307,9 +333,7 @@ def read_cluster(found: MeasurementFile, code: str) -> None:
             raise ValueError(f"found {word!r}, expected the number of members of the cluster")
         count = int(word)
     scales = scales_of([parse_number(word) for word in NUMBER.findall(text[VALUES : VALUES + 40])])
-    form = text[NAMES[1]].strip().upper()
-    if code == "Y" and form not in ("XYZ", "LLH"):
-        raise ValueError(f"found positions in {form!r}, expected XYZ or LLH")
+    form = _form_of(code, text[NAMES[1]].strip())
     rows: list[Row] = []
     Q = np.zeros((3 * count, 3 * count))
     for k in range(count):
@@ -340,40 +364,16 @@ def read_cluster(found: MeasurementFile, code: str) -> None:
     if off:
         found.skip(OFF, found.at)
         return
-    words = found.lines[first - 1][VALUES:].split()
-    found.frames.setdefault(" ".join(word[:10] for word in words[4:6]), first)
-    put_cluster(found, code, form, rows, Q, scales)
+    frame = frame_among(found.lines[first - 1][VALUES:].split()[4:], found.frame)
+    found.read.append(Cluster(code, form, rows, Q, scales, frame))
 
 
-def put_cluster(found: Collected, code: str, form: str, rows: list[Row], Q: FloatArray, scales: list[float]) -> None:
-    """Put a baseline (G), or a cluster of baselines (X) or positions (Y, in XYZ or LLH), into the draft.
-
-    ``Q``: (3n, 3n), m², its lower triangle; of LLH in radians and metres. ``scales`` are those of the whole matrix
-    and of its parts in latitude, longitude and height; the latter, but of LLH, wait for the places of the stations.
-    """
-    whole = (np.tril(Q) + np.tril(Q, -1).T) * scales[0]
-    if scales[1:] != [1.0, 1.0, 1.0]:
-        if form != "LLH":
-            found.scaled.append((code, form, rows, whole, scales))
-            return
-        roots = np.tile(np.sqrt(scales[1:]), len(rows))
-        whole = whole * np.outer(roots, roots)
-    if not np.isfinite(whole).all() or np.linalg.eigvalsh(whole)[0] <= 0.0:
-        found.draft.problem("the covariance matrix is not positive definite", rows[0].line)
-    elif code == "Y" and form == "LLH":
-        # Positions in latitude, longitude, height above the geoid; covariances in radians and metres.
-        units = np.tile([np.degrees(1.0), np.degrees(1.0), 1.0], len(rows))
-        turned = []
-        for name, latitude, longitude, height in (row.cells for row in rows):
-            N = found.geoid[str(name)][0] if str(name) in found.geoid else 0.0
-            degrees = (repr(sexagesimal(str(word))) for word in (latitude, longitude))
-            turned.append([name, *degrees, repr(float(str(height)) + N)])
-        cells = [Row(list(row), given.line) for row, given in zip(turned, rows, strict=True)]
-        found.clusters.setdefault(("geodetic_position", ("point", *GEODETIC)), []).append(
-            (cells, whole * np.outer(units, units))
-        )
-    else:
-        _put_geocentric(found, code, rows, whole)
+def _form_of(code: str, text: str) -> str:
+    """Form of a cluster: GNSS, XYZ, LLH or LLh. Raises ``ValueError``."""
+    form = "GNSS" if code in "GX" else text if text == "LLh" else text.upper()
+    if form not in ("GNSS", "XYZ", "LLH", "LLh"):
+        raise ValueError(f"found positions in {form!r}, expected XYZ or LLH")
+    return form
 
 
 def scales_of(scales: list[float]) -> list[float]:
@@ -384,26 +384,70 @@ def scales_of(scales: list[float]) -> list[float]:
     return scales
 
 
-def _put_scaled(found: Collected, stations: list[StationRecord], frame: str) -> None:
-    """Put clusters with scales in latitude, longitude and height, at the station where each vector begins."""
+def put_clusters(found: Collected, stations: list[StationRecord], own: Frame) -> None:
+    """Put the baselines and clusters into the draft: in the frame of the file, and scaled."""
     by_name = {station.name: station for station in stations}
-    for code, form, rows, Q, scales in found.scaled:
-        turned = np.zeros_like(Q)
+    frames: dict[bool, dict[str, int]] = {True: {}, False: {}}
+    for cluster in found.read:
+        row = cluster.rows[0]
         try:
-            for k, row in enumerate(rows):
-                station = by_name.get(str(row.cells[0]))
-                if station is None:  # put_stations tells it
-                    break
-                place = _place(station, frame, 0.0)
-                latitude, longitude = np.radians([[float(place[0])], [float(place[1])]])
-                axes = east_north_up(latitude, longitude)[0]
-                roots = np.sqrt([scales[2], scales[1], scales[3]])
-                own = slice(3 * k, 3 * k + 3)
-                turned[own, own] = axes.T @ np.diag(roots) @ axes
-            else:
-                put_cluster(found, code, form, rows, turned @ Q @ turned.T, [1.0] * 4)
-        except (ValueError, ReferenceSystemError) as error:
+            names = [str(row.cells[0]) for row in cluster.rows]
+            if not set(names) <= set(by_name):  # put_stations tells it
+                continue
+            places = np.array([_geodetic(by_name[name], own.name, found) for name in names])
+            if cluster.form in ("LLH", "LLh"):
+                cluster = cluster._replace(rows=[_in_degrees(row, cluster.form, found) for row in cluster.rows])
+            name = cluster.frame.name
+            if cluster.frame != own and (name != own.name or name not in _STATIC):
+                year = _year_of_change(cluster.frame, own)
+                frames[bool(year)].setdefault(" ".join(cluster.frame).strip(), row.line)
+                cluster = _transformed(cluster, places, name, own.name, year) if year else cluster
+            _put_cluster(found, cluster, places)
+        except ValueError as error:
             found.draft.problem(f"station {row.cells[0]!r}: {error}", row.line)
+    for transformed, told in frames.items():
+        if told:
+            many = f"measurements in {counted(len(told), 'frame and epoch', 'frames and epochs')} ({', '.join(told)})"
+            how = f"{many} are transformed to {own.name}"
+            as_is = f"{many} are taken as they are, without transformations"
+            found.draft.note(how if transformed else as_is, min(told.values()))
+
+
+def _geodetic(station: StationRecord, frame: str, found: Collected) -> list[float]:
+    """Latitude, longitude (radians) and height above the ellipsoid of a station."""
+    N = found.geoid[station.name][0] if station.name in found.geoid else 0.0
+    latitude, longitude, height = map(float, _place(station, frame, N))
+    return [float(np.radians(latitude)), float(np.radians(longitude)), height + N]
+
+
+def _in_degrees(row: Row, form: str, found: Collected) -> Row:
+    """A position in degrees, with the height above the ellipsoid."""
+    name, latitude, longitude, height = map(str, row.cells)
+    N = found.geoid[name][0] if name in found.geoid and form == "LLH" else 0.0
+    degrees = (repr(sexagesimal(word)) for word in (latitude, longitude))
+    return Row([name, *degrees, repr(float(height) + N)], row.line)
+
+
+def _put_cluster(found: Collected, cluster: Cluster, places: FloatArray) -> None:
+    """Put a cluster into the draft, its matrix scaled along north, east and up at the places of its rows."""
+    rows, geodetic = cluster.rows, cluster.form in ("LLH", "LLh")
+    whole = (np.tril(cluster.Q) + np.tril(cluster.Q, -1).T) * cluster.scales[0]
+    if cluster.scales[1:] != [1.0, 1.0, 1.0]:
+        scaled = np.zeros_like(whole)
+        for k in range(len(rows)):
+            axes = np.eye(3) if geodetic else east_north_up(*places[k : k + 1, :2].T)[0][[1, 0, 2]]
+            own = slice(3 * k, 3 * k + 3)
+            scaled[own, own] = axes.T @ np.diag(np.sqrt(cluster.scales[1:])) @ axes
+        whole = scaled @ whole @ scaled.T
+    if not np.isfinite(whole).all() or np.linalg.eigvalsh(whole)[0] <= 0.0:
+        found.draft.problem("the covariance matrix is not positive definite", rows[0].line)
+    elif geodetic:
+        # Covariances in radians and metres.
+        units = np.tile([np.degrees(1.0), np.degrees(1.0), 1.0], len(rows))
+        key = ("geodetic_position", ("point", *GEODETIC))
+        found.clusters.setdefault(key, []).append((rows, whole * np.outer(units, units)))
+    else:
+        _put_geocentric(found, cluster.code, rows, whole)
 
 
 def _put_geocentric(found: Collected, code: str, rows: list[Row], Q: FloatArray) -> None:
@@ -426,11 +470,94 @@ def put_vectors(found: Collected) -> None:
         found.draft.table("observations", columns, rows, type="gnss_vector")
 
 
+# ---- Frames and epochs: GNSS measurements are transformed into the frame of the file, as DynAdjust does it.
+#
+# PROJ has the transformations of EPSG, with their rates. Between two epochs of frames that do not move with a plate,
+# only a model of its motion could transform.
+
+_STATIC = ("GDA94", "GDA2020")
+"""Frames that move with the plate."""
+_DEFAULT = Frame("GDA2020", "01.01.2020")
+"""DynAdjust's own."""
+_EPOCH = re.compile(r"\d\d?\.\d\d?\.\d{4}")
+
+
+def frame_among(words: Iterable[str], default: Frame = Frame("", "")) -> Frame:  # noqa: B008 - it does not change
+    """The first name among words, and the first date behind it; what is missing is that of another frame."""
+    name, epoch = "", ""
+    for word in words:
+        date = _EPOCH.match(word)
+        if date:
+            epoch = epoch or date[0]
+        elif word[0].isalpha() and not name:
+            name, epoch = re.sub(r"^ITRF(?=[89]\d$)", "ITRF19", word.upper()), ""
+    name = name or default.name
+    return Frame(name, epoch or (default.epoch if name == default.name else ""))
+
+
+def _year_of_change(given: Frame, own: Frame) -> float:
+    """Year whose transformation leads from a frame to that of the file; 0 if there is none.
+
+    Raises ``ValueError`` if the epoch is no date.
+    """
+    epochs = {frame.epoch for frame in (given, own) if frame.name not in _STATIC} or {own.epoch or _DEFAULT.epoch}
+    if given.name not in SYSTEMS or given.name == own.name or len(epochs) > 1:
+        return 0.0
+    epoch = epochs.pop()
+    try:
+        days = datetime.strptime(epoch, "%d.%m.%Y").timetuple()
+    except ValueError:
+        raise ValueError(f"found the epoch {epoch!r}, expected dd.mm.yyyy") from None
+    return days.tm_year + (days.tm_yday - 1) / 365.25
+
+
+def _transformed(cluster: Cluster, places: FloatArray, source: str, target: str, year: float) -> Cluster:
+    """A cluster in another frame; vectors begin at the places of their stations. Raises ``ValueError``."""
+    ellipsoid = _system(SYSTEMS[source]).ellipsoid
+    values = np.array([[float(str(cell)) for cell in row.cells[-3:]] for row in cluster.rows])
+    if cluster.form == "GNSS":
+        start = ellipsoid.geocentric(places)
+        ends = [_in_frame(ellipsoid.geodetic(end), source, target, year) for end in (start + values, start)]
+        values = ellipsoid.geocentric(ends[0]) - ellipsoid.geocentric(ends[1])
+    elif cluster.form == "XYZ":
+        values = ellipsoid.geocentric(_in_frame(ellipsoid.geodetic(values), source, target, year))
+    else:
+        to_degrees = np.degrees([1.0, 1.0, np.radians(1.0)])
+        values = _in_frame(values / to_degrees, source, target, year) * to_degrees
+    rows = [
+        Row([*row.cells[:-3], *map(repr, value)], row.line)
+        for row, value in zip(cluster.rows, values.tolist(), strict=True)
+    ]
+    return cluster._replace(rows=rows)
+
+
+def _in_frame(geodetic: FloatArray, source: str, target: str, year: float) -> FloatArray:
+    """Latitude, longitude (radians), height (n, 3) in another frame, all on one ellipsoid. Raises ``ValueError``."""
+    latitude, longitude, height = geodetic.T
+    years = np.full(len(height), year)
+    moved = np.stack(
+        _transformer(source, target).transform(longitude, latitude, height, years, radians=True)[:3], axis=1
+    )
+    if not np.isfinite(moved).all():
+        raise ValueError(f"its place cannot be transformed from {source} to {target}")
+    result: FloatArray = moved[:, [1, 0, 2]]
+    return result
+
+
+@cache
+def _transformer(source: str, target: str) -> Any:
+    from pyproj import Transformer
+
+    start, end = (_system(SYSTEMS[name]).crs.to_3d() for name in (source, target))
+    return Transformer.from_crs(start, end, always_xy=True)
+
+
 # ---- Stations as latitude, longitude and height, with what is known of the geoid at them, held or free.
 
 SYSTEMS = {
     "GDA94": 4283,
     "GDA2020": 7844,
+    **{f"ITRF{year}": 7000 + year for year in range(1988, 1995)},
     "ITRF1996": 8995,
     "ITRF1997": 8996,
     "ITRF2000": 8997,
@@ -458,13 +585,21 @@ class StationRecord(NamedTuple):
     off: bool = False
 
 
-def stations_of_lines(path: Path, draft: Draft) -> Iterator[StationRecord]:
-    """Stations of a DNA file. Raises :class:`InputError` if it is none."""
-    for line, text in enumerate(marked_lines(path, draft)[1:], start=2):
+def stations_of_lines(lines: list[str]) -> Iterator[StationRecord]:
+    """Stations of a DNA file."""
+    for line, text in enumerate(lines[1:], start=2):
         if text.strip():
             values = [text[place].strip() for place in (slice(28, 48), slice(48, 68), slice(68, 88))]
-            name, held, kind = text[:20].strip(), text[20:23].upper(), text[24:27].upper()
-            yield StationRecord(name, held, kind, values, text[88:90].strip(), line, text[:1] == "*")
+            zone = text[88:90].strip()
+            if any(" " in value for value in values):  # columns of other widths
+                *values, zone = [*text[27:].split(maxsplit=4), *[""] * 4][:4]
+            name, held, kind = text[:20].strip(), text[20:23].upper(), text[24:27]
+            yield StationRecord(name, held, _kind_of(kind), values, zone.lstrip("SsNn"), line, text[:1] == "*")
+
+
+def _kind_of(text: str) -> str:
+    """Kind of coordinates: LLH, UTM, XYZ or, with heights above the ellipsoid, LLh."""
+    return text if text == "LLh" else text.upper()
 
 
 def put_stations(path: Path, stations: Iterable[StationRecord], found: Collected, frame: str) -> None:
@@ -560,11 +695,11 @@ def _sigmas(held: str, kind: str) -> list[str | None]:
 def _place(station: StationRecord, frame: str, N: float) -> list[str]:
     """Latitude, longitude (degrees) and height as given, of X, Y, Z the one above the geoid."""
     words, kind = station.values, station.kind
-    if kind == "LLH":
+    if kind in ("LLH", "LLh"):
         latitude, longitude = (sexagesimal(word) for word in words[:2])
         if abs(latitude) > 90.0:
             raise ValueError(f"found the latitude {latitude:g}, expected it between -90 and 90")
-        return [repr(latitude), repr(longitude), repr(parse_number(words[2]))]
+        return [repr(latitude), repr(longitude), repr(parse_number(words[2]) - (N if kind == "LLh" else 0.0))]
     values = np.array([[parse_number(word) for word in words]])
     if kind == "XYZ":
         latitude, longitude, height = _system(SYSTEMS[frame]).ellipsoid.geodetic(values)[0].tolist()
@@ -587,20 +722,17 @@ def _system(code: int) -> ReferenceSystem:
     return reference_system(f"EPSG:{code}")
 
 
-def frame_of(lines: list[str], draft: Draft) -> str:
-    """The frame that the first line names. Raises :class:`InputError` if it is none that is known."""
-    words = [word for word in lines[0].split()[2:] if word[0].isalpha() and word.upper() not in ("STN", "MSR")]
-    return known_frame(next((word for word in words if word.upper() in SYSTEMS), (*words, "")[0]), 1, draft)
-
-
-def known_frame(name: str, line: int, draft: Draft) -> str:
-    """A frame by its name. Raises :class:`InputError` if it is none that is known."""
-    if name.upper() not in SYSTEMS:
-        found = f"the reference frame {name!r}" if name else "no reference frame"
-        words = f"found {found}, expected one of {', '.join(SYSTEMS)}"
-        draft.problem(words, line)
+def frame_of(words: list[str], draft: Draft, line: int = 1, default: Frame | None = None) -> Frame:
+    """The frame and the epoch among the words of a head. Raises :class:`InputError` if mor does not know the frame."""
+    found = frame_among(word for word in words if word.upper() not in ("STN", "MSR"))
+    if not found.name:
+        if default is None:
+            draft.note(f"found no reference frame: {' '.join(_DEFAULT)} is taken, as DynAdjust does it", line)
+        return default or _DEFAULT
+    if found.name not in SYSTEMS:
+        draft.problem(f"found the reference frame {found.name!r}, expected one of {', '.join(SYSTEMS)}", line)
         raise InputError(draft.problems)
-    return name.upper()
+    return found
 
 
 # ---- DynaML, DynAdjust's XML: the same stations and measurements as in its DNA files, an element each.
@@ -609,22 +741,28 @@ def known_frame(name: str, line: int, draft: Draft) -> str:
 
 ROOT = "DnaXmlFormat"
 STATIONS, MEASURED = "stn.xml", "msr.xml"
+_CASES = (str.lower, str.upper, str.capitalize)
 _SCALES = ("Vscale", "Pscale", "Lscale", "Hscale")
 
 
 def pair_of(path: Path) -> tuple[Path, Path, str]:
-    """Files of stations and measurements, by one of them, and what both names begin with."""
-    for end in (STATIONS, MEASURED):
-        if path.name.lower().endswith(end):
-            name = path.name[: -len(end)]
-            return _beside(path, name, STATIONS), _beside(path, name, MEASURED), name.rstrip("._- ")
-    words = f"found the name {path.name!r}, expected one that ends in {STATIONS} or {MEASURED}, as DynaML's pairs do"
-    raise InputError([Message(words, str(path))])
-
-
-def _beside(path: Path, name: str, end: str) -> Path:
-    places = [path.with_name(f"{name}{form}") for form in (end, end.upper(), end.capitalize())]
-    return next((place for place in places if place.is_file()), places[0])
+    """Files of stations and measurements, by one of them, and what both names have in common; one file may be both."""
+    root = root_of(path)
+    if list(root.all("DnaStation")) and list(root.all("DnaMeasurement")):
+        return path, path, path.stem
+    which = list(re.finditer("stn|msr", path.stem, re.IGNORECASE))
+    if not which:
+        words = (
+            f"found the name {path.name!r}, expected one that ends in {STATIONS} or {MEASURED}, as DynaML's pairs do"
+        )
+        raise InputError([Message(words, str(path))])
+    start, end = which[-1].span()
+    before, behind = path.name[:start], path.name[end:]
+    pair = [
+        next((place for place in map(path.with_name, names) if place.is_file()), path.with_name(names[0]))
+        for names in ([f"{before}{form(kind)}{behind}" for form in _CASES] for kind in ("stn", "msr"))
+    ]
+    return pair[0], pair[1], f"{before}{behind.removesuffix(path.suffix)}".strip("._- ")
 
 
 def root_of(path: Path) -> Element:
@@ -638,12 +776,12 @@ def root_of(path: Path) -> Element:
     return root
 
 
-def stations_of_xml(path: Path) -> Iterator[StationRecord]:
-    """Stations of a file. Raises :class:`InputError` if it is none of DynaML."""
-    for element in root_of(path).all("DnaStation"):
+def stations_of_xml(root: Element) -> Iterator[StationRecord]:
+    """Stations of a DynaML file."""
+    for element in root.all("DnaStation"):
         place = next(iter(element.all("StationCoord")), element)
         values = [_text(place, name) for name in ("XAxis", "YAxis", "Height")]
-        held, kind = _text(element, "Constraints").upper(), _text(element, "Type").upper()
+        held, kind = _text(element, "Constraints").upper(), _kind_of(_text(element, "Type"))
         zone = _text(place, "HemisphereZone").lstrip("SsNn")
         yield StationRecord(_text(element, "Name"), held, kind, values, zone, element.line)
 
@@ -661,8 +799,8 @@ def read_measurement(found: Collected, element: Element) -> None:
         sights += [_dynaml_sight(child, _text(child, "Target")) for child in element.all("Directions")]
         said = _text(element, "Total") or str(len(sights) - 1)
         put_set(found, _text(element, "First"), sights, said, off=False)
-    elif code in KINDS:
-        kind = KINDS[code]
+    elif code in SINGLE:
+        kind = SINGLE[code]
         names = [_text(element, name) for name in ("First", "Second", "Third")[: len(kind.names)]]
         found.known(names, element.line)
         value, sigma = _needed(element, "Value"), _needed(element, "StdDev")
@@ -674,10 +812,8 @@ def read_measurement(found: Collected, element: Element) -> None:
             raise ValueError("found one of InstHeight and TargHeight, expected both or none")
         cells = [*names, value, sigma, *(heights if kind.heights else [])]
         found.tables.setdefault(code, []).append(Row(cells, element.line))
-    elif code in LEFT_OUT:
-        found.skip(LEFT_OUT[code], element.line)
     else:
-        known = ", ".join(sorted(["G", "X", "Y", CODE, *KINDS, *LEFT_OUT]))
+        known = ", ".join(sorted(["G", "X", "Y", CODE, *SINGLE]))
         raise ValueError(f"found the measurement {code!r}, expected one of {known}")
 
 
@@ -702,9 +838,7 @@ def _sexagesimal(text: str) -> str:
 
 def _read_cluster(found: Collected, element: Element, code: str) -> None:
     """A baseline, or members of a cluster, each after its names, with the covariances with the members behind it."""
-    form = _text(element, "Coords").upper() or "XYZ"
-    if code == "Y" and form not in ("XYZ", "LLH"):
-        raise ValueError(f"found positions in {form!r}, expected XYZ or LLH")
+    form = _form_of(code, _text(element, "Coords") or "XYZ")
     rows, members = _members(found, element, code)
     count = len(rows)
     said = _text(element, "Total") if code in "XY" else "1"
@@ -716,9 +850,9 @@ def _read_cluster(found: Collected, element: Element, code: str) -> None:
     scales = scales_of([parse_number(_text(element, name) or "1") for name in _SCALES])
     if not isfinite(scales[0] * max(scales[1:]) * float(np.abs(Q).max())):
         raise ValueError("found a covariance that is not a finite number after scaling")
-    words = f"{_text(element, 'ReferenceFrame')} {_text(element, 'Epoch')}".strip()
-    found.frames.setdefault(words, element.line)
-    put_cluster(found, code, form, rows, Q, scales)
+    words = f"{_text(element, 'ReferenceFrame')} {_text(element, 'Epoch')}".split()
+    frame = frame_among(words, found.frame)
+    found.read.append(Cluster(code, form, rows, Q, scales, frame))
 
 
 def _members(found: Collected, element: Element, code: str) -> tuple[list[Row], list[Element]]:
@@ -769,16 +903,17 @@ def _needed(element: Element, name: str) -> str:
 
 
 def read_dynadjust(path: Path) -> Document:
-    """The project of a pair of files ``.stn`` and ``.msr``, by one of them. Raises :class:`InputError`.
-
-    Geoid heights and deflections are those of a file ``.geo`` beside them; without it heights are ellipsoidal.
-    """
-    stations, measured = (beside(path, end) for end in (".stn", ".msr"))
+    """The project of a pair of files ``.stn`` and ``.msr``, by one of them or a project. Raises :class:`InputError`."""
+    stations, measured = _pair_of_project(path) or [beside(path, end) for end in (".stn", ".msr")]
     draft = Draft(str(measured))
+    if path.suffix.lower() == ".dnaproj":
+        draft.note(f"only the files that {path.name} names are read, not its options")
     lines = marked_lines(measured, draft)
-    frame = frame_of(lines, draft)
-    found = MeasurementFile(draft, read_geoid(beside(path, ".geo"), draft), lines=lines)
-    _begin(found, path.stem, frame)
+    values = [text for text in lines[1:] if text[:1] not in ("*", "G", "X", "Y")]
+    if values and not any(NUMBER.search(text[VALUES:]) for text in values):
+        draft.problem("found measurements without values, a list for simulations; expected the measured values", 2)
+        raise InputError(draft.problems)
+    found = MeasurementFile(draft, frame_of(lines[0].split()[2:], draft), lines=lines)
     while found.at < len(found.lines):
         line = found.at + 1
         try:
@@ -786,60 +921,135 @@ def read_dynadjust(path: Path) -> Document:
         except ValueError as error:
             draft.problem(str(error), min(found.at + 1, len(found.lines)))
             found.at = max(found.at, line)
-    return _finish(found, stations, stations_of_lines(stations, draft), frame)
+            while _goes_on(found, found.at):
+                found.at += 1
+    if not stations.is_file():
+        stations = _stations_of_another(stations, found)
+    lines = marked_lines(stations, draft)
+    own = frame_of(lines[0].split()[2:], draft, 1, found.frame)
+    return _finish(found, stations, stations_of_lines(lines), own, stations.stem)
+
+
+def _pair_of_project(path: Path) -> list[Path]:
+    """Files of stations and measurements that a project file names; none if it is no project file."""
+    if path.suffix.lower() != ".dnaproj":
+        return []
+    rows = [line.split(maxsplit=1) for line in read_lines(path, Draft(str(path)))]
+    files = [path.parent / row[1].strip() for row in rows if len(row) == 2 and row[0] == "stn-msr-file"]
+    pair = [[file for file in files if file.suffix.lower() == end] for end in (".stn", ".msr")]
+    if [len(kind) for kind in pair] != [1, 1]:
+        words = f"found {len(files)} files of stations and measurements (stn-msr-file), expected one .stn and one .msr"
+        raise InputError([Message(words, str(path))])
+    return [kind[0] for kind in pair]
+
+
+def _stations_of_another(missing: Path, found: Collected) -> Path:
+    """The only file of stations in the folder that has all that are measured, else the one that is missing."""
+    names = set(found.names) | {str(row.cells[0]) for cluster in found.read for row in cluster.rows}
+    there = []
+    for file in sorted(missing.parent.iterdir()):
+        if file.suffix.lower() == ".stn" and file.is_file():
+            known = {text[:20].strip() for text in read_lines(file, Draft(str(file)))[1:]}
+            there += [file] if names <= known else []
+    if len(there) > 1:
+        there = [file for file in there if missing.name.startswith(file.stem)]
+    if len(there) != 1:
+        return missing
+    found.draft.note(
+        f"{missing.name} does not exist: stations are taken from {there[0].name}, which has all of them", 1
+    )
+    return there[0]
 
 
 def read_dynaml(path: Path) -> Document:
-    """The project of a pair of files ``…stn.xml`` and ``…msr.xml``, by one of them. Raises :class:`InputError`.
-
-    Geoid heights and deflections are those of a file ``.geo`` beside them; without it heights are ellipsoidal.
-    """
+    """The project of a pair of files ``…stn.xml`` and ``…msr.xml``, by one of them. Raises :class:`InputError`."""
     stations, measured, name = pair_of(path)
     draft = Draft(str(measured))
     root = root_of(measured)
-    frame = known_frame(root.attributes.get("referenceframe", ""), root.line, draft)
-    found = Collected(draft, read_geoid(measured.with_name(f"{name}.geo"), draft))
-    _begin(found, name, frame)
+    found = Collected(draft, frame_of(_frame_words(root), draft, root.line))
     for element in root.all("DnaMeasurement"):
         try:
             read_measurement(found, element)
         except ValueError as error:
             draft.problem(str(error), element.line)
-    return _finish(found, stations, stations_of_xml(stations), frame)
+    root = root_of(stations)
+    own = frame_of(_frame_words(root), draft, root.line, found.frame)
+    return _finish(found, stations, stations_of_xml(root), own, name)
 
 
-def _begin(found: Collected, title: str, frame: str) -> None:
-    found.draft.put("title", title)
-    found.draft.put("units", {"length": "m", "angle": "dms"})
+def _frame_words(root: Element) -> list[str]:
+    return " ".join(root.attributes.get(key, "") for key in ("referenceframe", "epoch")).split()
+
+
+def _finish(found: Collected, file: Path, given: Iterable[StationRecord], frame: Frame, title: str) -> Document:
+    """The project; geoid heights and deflections are those of a file ``.geo`` or a grid ``.gsb`` of this name."""
+    stations, draft = list(given), found.draft
+    found.geoid = read_geoid(beside(file, ".geo", title), draft) or _of_grid(
+        file.with_name(title), stations, frame.name, draft
+    )
+    draft.put("title", title)
+    draft.put("units", {"length": "m", "angle": "dms"})
     heights = "orthometric" if found.geoid else "ellipsoidal"
-    found.draft.put("world", {"crs": f"EPSG:{SYSTEMS[frame]}", "heights": heights}, 1)
-
-
-def _finish(found: Collected, file: Path, stations: Iterable[StationRecord], frame: str) -> Document:
-    stations = list(stations)
-    _put_scaled(found, stations, frame)
+    draft.put("world", {"crs": f"EPSG:{SYSTEMS[frame.name]}", "heights": heights}, 1)
+    put_clusters(found, stations, frame)
     put_vectors(found)
     put_directions(found)
     # Put the rows that were read into tables, one for each kind.
     for code, rows in found.tables.items():
-        kind = KINDS[code]
-        columns = [*kind.names, kind.value, "sigma"]
+        kind = SINGLE[code]
+        rows = [_geodetic_row(row, code, stations, frame.name, found) for row in rows] if code in "IJ" else rows
+        sigma = f"sigma_{kind.value}" if code in COORDINATES else "sigma"
+        columns = [*kind.names, kind.value, sigma]
         columns += ["from_height", "to_height"] if kind.heights else []
-        units = {"sigma": "arcsec"} if kind.angle else None
-        found.draft.table("observations", columns, rows, type=kind.type, units=units)
-    if not found.draft.data.get("observations"):
-        found.draft.problem("there are no supported observations")
-    put_stations(file, stations, found, frame)
-    draft = found.draft
-    for what, lines in found.left_out.items():
-        draft.note(f"not read: {what} ({len(lines)})", lines[0])
-    frames = [name for name in found.frames if name]
-    if len(frames) > 1:
-        words = f"measurements in {counted(len(frames), 'frame and epoch', 'frames and epochs')} ({', '.join(frames)})"
-        draft.note(f"{words} are taken as they are, without transformations", found.frames[frames[1]])
+        units = {sigma: "arcsec"} if kind.angle else None
+        draft.table("observations", columns, rows, type=kind.type, units=units)
+    left_out = [(f"{what} ({len(lines)})", lines[0]) for what, lines in found.left_out.items()]
+    if not draft.data.get("observations") and not draft.problems and not found.read:
+        words = f"; not read: {', '.join(what for what, _ in left_out)}" if left_out else ""
+        draft.problem(f"there are no supported observations{words}")
+    put_stations(file, stations, found, frame.name)
+    for what, line in left_out:
+        draft.note(f"not read: {what}", line)
     if not found.geoid:
-        draft.note("there is no file .geo beside it: the geoid is taken as the ellipsoid", 1)
-    return found.draft.finish()
+        draft.note("there is no file .geo or .gsb beside it: the geoid is taken as the ellipsoid", 1)
+    return draft.finish()
+
+
+def _geodetic_row(row: Row, code: str, stations: list[StationRecord], frame: str, found: Collected) -> Row:
+    """A geodetic latitude or longitude, φ = Φ − ξ or λ = Λ − η / cos φ, of an astronomic one."""
+    name, value, sigma = map(str, row.cells)
+    _, xi, eta = found.geoid.get(name, (0.0, 0.0, 0.0))
+    try:
+        place = next((float(_place(one, frame, 0.0)[0]) for one in stations if one.name == name), 0.0)
+    except ValueError:  # put_stations tells it
+        place = 0.0
+    less = xi if code == "I" else eta / max(float(np.cos(np.radians(place))), 1e-12)
+    return Row([name, repr(parse_dms(value) - less / 3600.0), sigma], row.line)
+
+
+def _of_grid(
+    name: Path, stations: list[StationRecord], frame: str, draft: Draft
+) -> dict[str, tuple[float, float, float]]:
+    """N, ξ, η of the stations out of the only grid .gsb whose name begins like the files'."""
+    grids = [
+        file for file in name.parent.iterdir() if file.suffix.lower() == ".gsb" and file.name.startswith(name.name)
+    ]
+    if len(grids) != 1:
+        return {}
+    found = {}
+    for station in stations:
+        try:
+            found[station.name] = np.radians(list(map(float, _place(station, frame, 0.0)[:2])))
+        except ValueError:  # put_stations tells it
+            continue
+    try:
+        values = values_at(grids[0], np.array(list(found.values())).reshape(-1, 2)) / [1.0, ARCSEC, ARCSEC]
+    except GridError as error:
+        draft.problem(str(error), file=str(grids[0]))
+        return {}
+    draft.note(f"geoid heights and deflections are those of {grids[0].name}", 1)
+    known = zip(found, values.tolist(), strict=True)
+    return {station: (N, xi, eta) for station, (N, xi, eta) in known if isfinite(N)}
 
 
 def _measurement(found: MeasurementFile) -> None:
@@ -855,11 +1065,9 @@ def _measurement(found: MeasurementFile) -> None:
         return
     if code == CODE:
         read_directions(found)
-    elif code in KINDS:
+    elif code in SINGLE:
         read_line(found, code)
-    elif code in LEFT_OUT:
-        found.skip(LEFT_OUT[code], found.at + 1)
     else:
-        known = ", ".join(sorted(["G", "X", "Y", CODE, *KINDS, *LEFT_OUT]))
+        known = ", ".join(sorted(["G", "X", "Y", CODE, *SINGLE]))
         raise ValueError(f"found the measurement {code!r}, expected one of {known}")
     found.at += 1

@@ -12,7 +12,7 @@ import numpy as np
 from mor.errors import InputError, Message
 from mor.formats.content import Content, content_of, not_carried
 from mor.formats.draft import Written
-from mor.formats.dynadjust.reader import KINDS, MEASURED, ROOT, STATIONS, SYSTEMS
+from mor.formats.dynadjust.reader import KINDS, MEASURED, ROOT, SINGLE, STATIONS, SYSTEMS
 from mor.formats.networks import (
     EarthPoints,
     ObservationTable,
@@ -141,6 +141,7 @@ def _measurements(
     content: Content, group: ObservationTable, N: dict[str, float], set_ups: SetUps
 ) -> Iterator[Measurement]:
     if group.entry.type in _CLUSTERS:
+        yield from _coordinates(group, content.edge.metres)
         yield from _clusters(content, group, N)
     elif group.entry.type == _DIRECTIONS:
         yield from _sets(group, set_ups)
@@ -157,6 +158,19 @@ def _measurements(
                 yield SingleMeasurement(
                     code, own, float(value) * unit, float(sigma) * unit, ends if any(ends) else None
                 )
+
+
+def _coordinates(group: ObservationTable, metres: float) -> Iterator[SingleMeasurement]:
+    """Latitudes (P), longitudes (Q) and ellipsoidal heights (R) of positions without their other components."""
+    some = ~np.isfinite(group.values).all(axis=1) & (group.entry.type == "geodetic_position")
+    names = group.rows.text("point")
+    for row in np.flatnonzero(some).tolist():
+        for k, code in enumerate("PQR"):
+            value, sigma = (
+                float(number[row, k]) * (metres if code == "R" else 1.0) for number in (group.values, group.sigma)
+            )
+            if np.isfinite(value):
+                yield SingleMeasurement(code, [names[row]], value, sigma, None)
 
 
 def _sets(group: ObservationTable, set_ups: SetUps) -> Iterator[MeasuredDirections]:
@@ -289,7 +303,7 @@ def _measurement_lines(one: Measurement, frame: str) -> Iterator[str]:
 
 def _plain_line(one: SingleMeasurement) -> str:
     head = f"{one.code} " + "".join(f"{name:<20}" for name in one.names)
-    if KINDS[one.code].angle:
+    if SINGLE[one.code].angle:
         text = _angle(one.value, one.sigma)
     else:
         text = f"{fixed(one.value, 4):>14} {fixed(one.sigma, 3):>22}"
@@ -378,7 +392,7 @@ def _line(one: SingleMeasurement) -> Iterator[str]:
     yield from _head(one.code)
     for tag, name in zip(("First", "Second", "Third"), one.names, strict=False):
         yield _element(tag, name)
-    if KINDS[one.code].angle:
+    if SINGLE[one.code].angle:
         yield from _dynaml_writer_angle(one.value, one.sigma)
     else:
         yield _element("Value", fixed(one.value, 4))
