@@ -88,9 +88,9 @@ def test_coordinates_that_stations_share_are_presets(tmp_path: Path) -> None:
     assert solve_network(network_of(document, tmp_path)).quality.sigma0 < 1.5
 
 
-def test_whole_hundreds_far_from_others_are_presets(tmp_path: Path) -> None:
+def test_whole_metres_far_from_others_are_presets(tmp_path: Path) -> None:
     real = "110009+000000S2 81..10+64280000 82..10+53410000 83..10+00012000\n"
-    text = _gsi("S1", "P", "Q", "S2", place=(1000.0, 5000.0, 200.0)) + _gsi("S2", "P", "Q", turn=30)
+    text = _gsi("S1", "P", "Q", "S2", place=(1003.0, 5000.0, 200.0)) + _gsi("S2", "P", "Q", turn=30)
     for control, kept in (("", ["S1"]), (real.replace("+64280000", "+642800008"), ["S2"])):
         document = _read(tmp_path, "a.gsi", control + text)
         assert [row[0] for row in _points(document)[0][1]] == kept
@@ -308,6 +308,49 @@ def test_fbk(tmp_path: Path) -> None:
     lengths = [(row["from"], row["to"], row["distance"]) for row in _rows(document, "horizontal_distance")]
     assert lengths == [("1", "4", "25.0")]
     assert "not read: commands AD VD (1 record, lines 12)" in _notes(document)
+
+
+def test_fbk_may_have_names_in_quotes_and_us_feet(tmp_path: Path) -> None:
+    text = FBK.replace("UNIT METER DMS", "UNITS USFOOT DMS !survey feet").replace(" 3 2", ' "3 b" 2')
+    document = _read(tmp_path, "a.fbk", text)
+    (row,) = [row for row in _rows(document, "distance") if row["to"] == "3 b"]
+    assert float(row["distance"]) == pytest.approx(20 * 1200 / 3937)
+
+
+def test_coordinates_of_gts7_belong_to_the_point_named_before(tmp_path: Path) -> None:
+    """East, north, height: B is 30 m east of A, as its azimuth of 90° says; HD is a distance in plan."""
+    text = (
+        "JOB     G,\nUNITS   M,D\nSTN     A,1.5,\nXYZ     100.000,200.000,10.000\nBKB     B,90.00000,0.00000\n"
+        "XYZ     130.000,200.000,10.000\nBS      B,1.500\nHV      0.00000,90.00000\nSS      C,1.500,x\n"
+        "SD      10.00000,90.00000,20.0\nXYZ     119.696,196.527,10.000\nSS      D,1.500,x\nHD      20.00000,10.0,1.0\n"
+    )
+    document = _read(tmp_path, "a.gts7", text)
+    given, _ = _points(document)
+    assert [row[:4] for row in given[1]] == [["A", "100.0", "200.0", "10.0"], ["B", "130.0", "200.0", "10.0"]]
+    assert [row["distance"] for row in _rows(document, "horizontal_distance")] == ["10.0"]
+    points = solve_network(network_of(document, tmp_path))
+    values = points.adjustment.values["point"]
+    place = values[points.network.things["point"].part("C", "position")]
+    assert place[:2] == pytest.approx([100 + 20 * np.cos(np.radians(10)), 200 - 20 * np.sin(np.radians(10))], abs=1e-3)
+    assert "not read: differences of height (HD)" in _notes(document)
+
+
+def test_gts7_without_a_head_has_the_unit_that_its_angles_allow(tmp_path: Path) -> None:
+    document = _read(tmp_path, "a.txt", "SS      C,1.500,x\nSD      10.7000,99.8000,20.0\nSS      D,1.500,x\n")
+    assert document.data["units"]["angle"] == "gon"
+    assert [row["to"] for row in _rows(document, "zenith_directions")] == ["C"]
+
+
+def test_scr_has_coordinates_before_readings(tmp_path: Path) -> None:
+    text = (
+        ",SET4C,1,2,3,E0\nA,SET4C,1,2,3,E0\nM,6.8.26,5,?,1.400,22,760,100.000,200.000,10.000,0,1,0,9C\n"
+        "P,Eh,0000,?,1.500,7,120.000,200.000,9.900,20.000,90.0000,90.0000,D7\n"
+    )
+    document = _read(tmp_path, "a.scr", text)
+    (row,) = _rows(document, "zenith_directions")
+    assert (row["to"], float(row["horizontal"]), float(row["zenith"])) == ("P", 90.0, 90.0)
+    assert _rows(document, "distance")[0]["distance"] == "20.0"
+    assert _points(document)[0][1][0][1:4] == ["100.0", "200.0", "10.0"]
 
 
 @pytest.mark.parametrize(

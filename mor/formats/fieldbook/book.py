@@ -13,7 +13,7 @@ Readers translate records into calls of :class:`FieldBook`; everything that hold
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import atan2, cos, hypot, pi, radians, sin, tau
 from pathlib import Path
@@ -46,7 +46,7 @@ NOT_TURNED = 0.01
 APART, APART_IN_HEIGHT = 0.5, 3.0
 """Metres in plan and in height (a target height may be wrong) beyond which two sights are not to the same point."""
 ELSEWHERE = 1e5
-"""Metres from all others beyond which whole hundreds of metres are another system."""
+"""Metres from all others beyond which whole metres are another system."""
 SAME_PLACE = 0.01
 """Metres within which readings are to the same place."""
 LEAST_COPIED = 3
@@ -425,7 +425,7 @@ class FieldBook:
     def _drop_presets(self) -> None:
         """Leave out coordinates that an instrument presets: several stations share them, or they are far from others.
 
-        Those far from others are whole hundreds of metres.
+        Those far from others are whole metres.
         """
         plans = {
             name: complex(place.east, place.north)
@@ -434,7 +434,7 @@ class FieldBook:
         }
         stations = {set_up.station: 0 for set_up in self.set_ups if set_up.station in plans}
         shared = Counter(plans[name] for name in stations)
-        whole = {name for name in stations if plans[name].real % 100.0 == plans[name].imag % 100.0 == 0.0}
+        whole = {name for name in stations if plans[name].real % 1.0 == plans[name].imag % 1.0 == 0.0}
         others = [plan for name, plan in plans.items() if name not in whole]
         for name in stations:
             far = name in whole and others and min(abs(plans[name] - other) for other in others) > ELSEWHERE
@@ -741,7 +741,8 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
             next(iter(book.points.values())).line,
         )
         book.points = {}
-    control = _given_together(book, occupied, levelled) > 1 or not measured
+    least = 1 if occupied else 0  # one height gives a level its datum
+    control = _given_together(book, occupied, levelled) > least or not measured
     sigma = SIGMA_CONTROL if control and measured else None
     known = [
         Row(
@@ -957,3 +958,11 @@ def sexagesimal(text: str) -> float:
     if minutes >= 60 or seconds > 60.0:
         raise ValueError(f"found {text!r}, expected less than 60 minutes and seconds in ddd.mmss")
     return sign * (int(whole or "0") + minutes / 60.0 + seconds / 3600.0)
+
+
+def may_be_sexagesimal(angles: Iterable[str]) -> bool:
+    """Return whether all angles may be ddd.mmss; otherwise they are gon."""
+    try:
+        return max(map(sexagesimal, angles), default=0.0) <= 360.0
+    except ValueError:
+        return False
