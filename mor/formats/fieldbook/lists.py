@@ -149,9 +149,9 @@ class _Nikon:
 def read_topcon(path: Path) -> Document:
     """The project of a Topcon GTS-7 or GTS-6 file. Raises :class:`InputError` with every mistake found.
 
-    GTS-7: STN station and instrument height; BKB backsight with its azimuth and circle reading; BS, FS and SS target and
-    its height; then HV circle and zenith, SD with the slope distance, HD circle, horizontal distance and difference of
-    height. XYZ is east, north and height of the point that the record before names (Topcon, GTS-700 manual).
+    GTS-7: STN station and instrument height; BKB backsight with its azimuth and circle reading; BS, FS and SS target
+    and its height; then HV circle and zenith, SD with the slope distance, HD circle, horizontal distance and difference
+    of height. XYZ is east, north and height of the point that the record before names (Topcon, GTS-700 manual).
 
     GTS-6: one stream of ``_'station_(code_)height``, then ``_+target_``, a measurement and ``_*code_,height`` for each
     sight (Topcon Link, "GTS-6 Raw Format").
@@ -273,18 +273,20 @@ def read_sokkia_scr(path: Path) -> Document:
     draft = Draft(str(path))
     book = FieldBook(draft)
     for line, text in records(path, draft):
-        cells = _cells(text, 9)
+        cells = _cells(text, 12)
         try:
             if cells[0] == "M":
                 book.set_up("", line, _optional(cells[4]) or 0.0)
-                book.station_point(book.set_ups[-1].station, *map(_optional, cells[7:10]), line)
+                east, north, up = map(_optional, cells[7:10])
+                book.station_point(book.set_ups[-1].station, east, north, up, line)
             elif cells[1] in ("Ea", "Ee", "Eh"):
                 first = {"Ea": 6, "Ee": 5, "Eh": 9}[cells[1]]
                 slope = None if cells[1] == "Ee" else parse_number(cells[first]) or None
                 zenith, circle = map(sexagesimal, cells[first + 1 : first + 3])
                 book.sight(Sight(cells[0], line, circle, zenith, slope, height=_optional(cells[4]) or 0.0))
                 if cells[1] == "Eh":
-                    book.computed_point(cells[0], *map(parse_number, cells[6:9]), line)
+                    east, north, up = map(_optional, cells[6:9])
+                    book.computed_point(cells[0], east, north, up, line)
             elif text.strip():
                 book.leave_out(f"records {cells[1]}", line)
         except ValueError as error:
