@@ -72,10 +72,11 @@ def _add(whole: _Project, other: _Project) -> None:
         words = f"the axes are not those of {whole.file}: convert one of them by itself first"
         whole.problems.append(Message(words, other.file))
     _in_units_of(whole, other)
-    held = _has_control(other)
+    held = _control(other)
     datum = other.data.pop("datum", None)
-    if held and not _has_control(whole):
-        whole.data.pop("datum", None)
+    if held and not _control(whole):
+        if "z" in held:
+            whole.data.pop("datum", None)
         _without_coordinates(whole)
     elif not held:
         _without_coordinates(other)
@@ -108,12 +109,19 @@ def _axes(project: _Project) -> dict[str, str]:
     return {**plain, **(project.data.get("axes") or {})}
 
 
-def _has_control(project: _Project) -> bool:
-    tables = [*project.tables("points"), *project.tables("images")]
-    return any(
-        table.get("fixed") or any(str(name).startswith("sigma") for name in table.get("columns") or ())
-        for table in tables
-    )
+def _control(project: _Project) -> set[str]:
+    """Components that tables hold, or observe with σ."""
+    found: set[str] = set()
+    for table in (*project.tables("points"), *project.tables("images")):
+        names = [str(name) for name in table.get("columns") or ()]
+        found |= _fixed(table) | {name.removeprefix("sigma_") for name in names if name.startswith("sigma_")}
+        found |= set(_COORDINATES) if "sigma" in names else set()
+    return found
+
+
+def _fixed(table: Mapping[str, Any]) -> set[str]:
+    """Components that a table holds at values of their own: one value for all rows, as of heights, is no control."""
+    return set(table.get("fixed") or ()) - set(table.get("values") or ())
 
 
 def _without_coordinates(project: _Project) -> None:
@@ -170,7 +178,7 @@ def _weights(project: _Project) -> dict[str, int]:
         columns = table["columns"]
         for row in table["rows"]:
             said = {str(name) for name, cell in zip(columns, row, strict=True) if cell not in (None, "")}
-            held = table.get("fixed") or any(name.startswith("sigma") for name in said)
+            held = _fixed(table) or any(name.startswith("sigma") for name in said)
             weights[str(row[columns.index("id")])] = 2 if held else int(bool(said & set(_COORDINATES)))
     return weights
 

@@ -10,6 +10,7 @@ import pytest
 
 from mor.api.pipeline import solve_network
 from mor.formats import format_of, read_foreign
+from mor.formats.combination import combined
 from mor.project.document import Document
 from mor.quality.determinability import HANGS_ON, ONE_TIE
 from tests.reference_data import network_of
@@ -254,6 +255,55 @@ def test_reference_objects_of_geodimeter(tmp_path: Path) -> None:
     assert both == [("A", "C", pytest.approx(40 + 1 / 60)), ("D", "B", pytest.approx(50 + 1 / 3600))]
 
 
+JOB = """23=2111
+2=A
+3=0
+5=B
+7=0.0000
+8=90.0000
+9=30.000
+5=C
+7=90.0000
+8=90.0000
+9=40.000
+5=F
+7=45.0000
+11=50.000
+2=B
+3=0
+5=A
+7=0.0000
+8=90.0000
+9=30.000
+5=F
+7=261.231240
+"""
+
+
+def test_points_that_no_reading_tells_the_height_of_are_kept_in_plan(tmp_path: Path) -> None:
+    document = _read(tmp_path, "a.job", JOB)
+    held = [table for table in document.data["points"] if table.get("fixed")]
+    assert [(table["fixed"], table["values"], table["rows"]) for table in held] == [(["z"], {"z": "0"}, [["F"]])]
+    assert "1 point without a height: no reading tells it, so it is fixed at 0: F" in _notes(document)
+    assert solve_network(network_of(document, tmp_path)).quality.sigma0 < 1.0
+
+
+@pytest.mark.parametrize("height", ["", "39=10.000\n"])
+def test_coordinates_in_a_file_of_their_own_are_control(tmp_path: Path, height: str) -> None:
+    """Without heights in it those of the book stay free."""
+    (tmp_path / "a.job").write_text(JOB)
+    (tmp_path / "a.are").write_text(
+        f"5=A\n37=100.000\n38=200.000\n{height}5=B\n37=130.000\n38=200.000\n5=C\n37=100.000\n38=240.000\n"
+    )
+    whole = combined([read_foreign(tmp_path / name) for name in ("a.job", "a.are")])
+    assert whole.data.get("datum") == (None if height else "free")
+    solved = solve_network(network_of(whole, tmp_path))
+    points = solved.network.things["point"]
+    place = solved.adjustment.values["point"][points.part("F", "position")]
+    assert place[:2] == pytest.approx([200 + 50 * np.sin(np.pi / 4), 100 + 50 * np.cos(np.pi / 4)], abs=1e-3)
+    assert solved.quality.sigma0 < 1.0
+
+
 def test_lines_of_gts6_may_have_numbers_and_checksums(tmp_path: Path) -> None:
     stream = (
         "_'_(_)1.500_+A_ ?+00012345m0903015+3595930d+00012344***+00+00000_*_,1.400_+B_ ?+00020000m0900000+0450000d"
@@ -296,7 +346,7 @@ AD VA 6 90.0000 10.000 80.0000
 def test_fbk(tmp_path: Path) -> None:
     document = _read(tmp_path, "a.fbk", FBK)
     assert format_of(tmp_path / "a.fbk") == "fbk"
-    (_, rows), _ = _points(document)
+    (_, rows), _, _ = _points(document)
     assert [row[:4] for row in rows] == [["1", "100.0", "200.0", "10.0"], ["2", "100.0", "250.0", "10.0"]]
     both = [
         (row["station"], row["to"], float(row["horizontal"]), float(row["zenith"]), row["face"])
@@ -325,7 +375,7 @@ def test_coordinates_of_gts7_belong_to_the_point_named_before(tmp_path: Path) ->
         "SD      10.00000,90.00000,20.0\nXYZ     119.696,196.527,10.000\nSS      D,1.500,x\nHD      20.00000,10.0,1.0\n"
     )
     document = _read(tmp_path, "a.gts7", text)
-    given, _ = _points(document)
+    given, *_ = _points(document)
     assert [row[:4] for row in given[1]] == [["A", "100.0", "200.0", "10.0"], ["B", "130.0", "200.0", "10.0"]]
     assert [row["distance"] for row in _rows(document, "horizontal_distance")] == ["10.0"]
     points = solve_network(network_of(document, tmp_path))

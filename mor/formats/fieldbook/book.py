@@ -13,11 +13,11 @@ Readers translate records into calls of :class:`FieldBook`; everything that hold
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import atan2, cos, hypot, pi, radians, sin, tau
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mor.errors import counted
 from mor.formats.draft import Draft, Row, read_lines
@@ -367,7 +367,7 @@ class FieldBook:
         draft.put("units", {"length": "m", "angle": self.angle})
         draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
         occupied = [set_up for set_up in self.set_ups if set_up.sights]
-        plane = bool(occupied) and not levelled and not self._spatial()
+        plane = bool(occupied) and not levelled and not self.spatial()
         if plane:
             self._drop_heights()
         _put_points(self, occupied, levelled)
@@ -417,7 +417,7 @@ class FieldBook:
                 self.leave_out("height differences from a point to itself", row.line)
         return [row for row in rows if row.start != row.end]
 
-    def _spatial(self) -> bool:
+    def spatial(self) -> bool:
         """Return whether a sight tells heights: by a zenith angle or a slope distance."""
         sights = [sight for set_up in self.set_ups for sight in set_up.sights]
         return any(sight.zenith is not None or sight.slope is not None for sight in sights)
@@ -742,8 +742,9 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
         )
         book.points = {}
     least = 1 if occupied else 0  # one height gives a level its datum
-    control = _given_together(book, occupied, levelled) > least or not measured
-    sigma = SIGMA_CONTROL if control and measured else None
+    control = _given_together(book, occupied, levelled) > least if measured else len(book.points) > 1
+    sigma = SIGMA_CONTROL if control else None
+    flat = _flat(book, occupied, levelled)
     known = [
         Row(
             [
@@ -755,9 +756,7 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
         )
         for name, (*place, line) in book.points.items()
     ]
-    if known:
-        columns = ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
-        draft.table("points", columns, known)
+    _put_table(book, ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), known, flat)
     if sigma:
         words = f"coordinates of the book are observed with σ = {sigma} m: it says none"
         draft.note(words, known[0].line)
@@ -766,7 +765,8 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
             "coordinates of the book are start values: one point does not define the datum of a network",
             known[0].line,
         )
-    if not sigma:
+    without_height = bool(occupied) and book.spatial() and not any(place.height for place in book.points.values())
+    if not sigma or without_height:
         draft.put("datum", "free")
     first: dict[str, int] = {}
     for set_up in occupied:
@@ -783,8 +783,37 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
         for name, line in first.items()
         if name not in book.points
     ]
-    if others:
-        draft.table("points", ("id", "x", "y", "z"), others)
+    _put_table(book, ("id", "x", "y", "z"), others, flat)
+    lines = [line for name, line in first.items() if name in flat]
+    if lines:
+        names = ", ".join(list(flat)[:_NAMED]) + (", …" if len(flat) > _NAMED else "")
+        draft.note(
+            f"{counted(len(lines), 'point')} without a height: no reading tells it, so it is fixed at 0: {names}",
+            lines[0],
+        )
+
+
+def _flat(
+    book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: Sequence[LevelledDifference]
+) -> dict[str, None]:
+    """Points that no reading tells the height of and that have none, in a book with heights of others."""
+    sights = [(set_up.station, sight) for set_up in occupied for sight in set_up.sights]
+    high = {name for row in levelled for name in (row.start, row.end)}
+    high |= {name for name, place in book.points.items() if place.height is not None}
+    for station, sight in sights:
+        if sight.zenith is not None or sight.slope is not None:
+            high |= {station, sight.target}
+    names = (name for station, sight in sights for name in (station, sight.target) if name not in high)
+    return dict.fromkeys(names) if book.spatial() else {}
+
+
+def _put_table(book: FieldBook, columns: Sequence[str], rows: Sequence[Row], flat: Container[str]) -> None:
+    """Put points into two tables, those without heights in one of their own."""
+    for fixed in (False, True):
+        chosen = [row for row in rows if (row.cells[0] in flat) == fixed]
+        if chosen:
+            held: dict[str, Any] = {"fixed": ["z"], "values": {"z": "0"}} if fixed else {}
+            book.draft.table("points", columns, chosen, **held)
 
 
 def _given_together(
