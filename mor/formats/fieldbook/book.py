@@ -15,7 +15,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from math import atan2, cos, hypot, pi, radians, sin, tau
+from math import atan2, cos, hypot, pi, radians, sin, sqrt, tau
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -55,6 +55,7 @@ ROUNDED = 0.0015
 """Metres within which coordinates are the same but for rounding."""
 CIRCLE_SET = 1e-4
 """Part of the full circle (2 arcmin) within which a sight reads what the circle was set to."""
+GNSS = "GNSS positions (latitude, longitude); their coordinates in the system of the job are read if it has them"
 COMPUTED = "coordinates that the instrument computed from its readings"
 _ZERO = "coordinates that are all 0"
 _HEIGHT = "target heights that differ from those of a later sight to the same place, which are used instead"
@@ -117,6 +118,8 @@ class FieldBook:
     set_ups: list[InstrumentSetUp] = field(default_factory=list)
     points: dict[str, PointRecord] = field(default_factory=dict)
     """Given coordinates of points."""
+    precision: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Standard deviations in plan (both coordinates together) and in height of points by GNSS."""
     computed: dict[str, PointRecord] = field(default_factory=dict)
     """Coordinates of points that the instrument computed; the points of a book without readings."""
     waiting: list[Sight] = field(default_factory=list)
@@ -744,23 +747,27 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
     least = 1 if occupied else 0  # one height gives a level its datum
     control = _given_together(book, occupied, levelled) > least if measured else len(book.points) > 1
     sigma = SIGMA_CONTROL if control else None
+    stated = {name: (repr(h / sqrt(2.0)),) * 2 + (repr(v),) for name, (h, v) in book.precision.items() if h > 0.0 < v}
     flat = _flat(book, occupied, levelled)
     known = [
         Row(
             [
                 name,
                 *(None if v is None else repr(v) for v in place),
-                *(None if v is None else sigma for v in place),
+                *(
+                    None if v is None or not control else own
+                    for v, own in zip(place, stated.get(name, (sigma,) * 3), strict=True)
+                ),
             ],
             line,
         )
         for name, (*place, line) in book.points.items()
     ]
     _put_table(book, ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), known, flat)
-    if sigma:
-        words = f"coordinates of the book are observed with σ = {sigma} m: it says none"
-        draft.note(words, known[0].line)
-    elif known and measured:
+    bare = [row for row in known if row.cells[0] not in stated]
+    if sigma and bare:
+        draft.note(f"coordinates of the book are observed with σ = {sigma} m: it says none", bare[0].line)
+    elif known and measured and not sigma:
         draft.note(
             "coordinates of the book are start values: one point does not define the datum of a network",
             known[0].line,

@@ -8,7 +8,7 @@ from itertools import pairwise, takewhile
 from pathlib import Path
 
 from mor.formats.draft import Draft, parse_number
-from mor.formats.fieldbook.book import FieldBook, InstrumentSetUp, Sight, may_be_sexagesimal, records, sexagesimal
+from mor.formats.fieldbook.book import GNSS, FieldBook, InstrumentSetUp, Sight, may_be_sexagesimal, records, sexagesimal
 from mor.formats.fieldbook.level import REPEATED, StaffReading
 from mor.project.document import Document
 
@@ -425,16 +425,16 @@ def _place(values: dict[str, tuple[float, str]]) -> tuple[float | None, float | 
 #
 # ``AR`` is the reading of the circle, whose reading at the backsight is ``BC``: a backsight that no record
 # measures is a sight with that reading. SP and OC coordinates are given unless an earlier set-up sighted the
-# point; those of GNSS points stand in the comment --GS that follows a GPS record. Lines that begin with --
-# are comments, also those that repeat other records: means, checks and computed coordinates. Source: Carlson,
-# *SurvCE RW5 Format*.
+# point; those of GNSS points stand in the comment --GS that follows a GPS record, their precision in --HRMS or
+# --HSDV. Lines that begin with -- are comments, also those that repeat other records: means, checks and computed
+# coordinates. Source: Carlson, *SurvCE RW5 Format*.
 
 _SIGHTS = {"SS": 0, "TR": 0, "FS": 0, "BD": 1, "FD": 1, "BR": 2, "FR": 2}
 """Faces of the sights; 0 where the zenith angle tells."""
 _KEYS = ("OP", "FP", "BP", "PN", "NM", "AR", "AL", "AZ", "DR", "DL", "ZE", "VA", "CE", "SD", "HD", "HI", "HR")
 _MORE = ("BS", "BC", "BR", "AD", "UN", "SF", "EC", "EO", "AU", "EL", "DT", "TM", "N", "E")
 _CELL = re.compile(rf"({'|'.join((*_KEYS, *_MORE))})\s*(.*)")
-_GNSS = "GNSS positions (latitude, longitude); their coordinates in the system of the job are read if it has them"
+_RMS = re.compile(r"--H(?:RMS|SDV):\s*(\d*\.\d+),.*?\bV(?:RMS|SDV):\s*(\d*\.\d+)")
 _UNITS = {0: 0.3048, 1: 1.0, 2: 1200.0 / 3937.0}
 """Metres of feet, metres, US survey feet."""
 
@@ -473,6 +473,8 @@ class _RW5Reader:
         self.begun = False
         self.gnss = False
         """True in the comments of a GPS record."""
+        self.gnss_point = ""
+        """Point of the last comment --GS, whose precision follows."""
 
     def record(self, kind: str, text: str, line: int) -> None:
         # Values by their keys; what follows ``--`` is a note.
@@ -480,6 +482,8 @@ class _RW5Reader:
         cells = {match[1]: match[2].strip() for match in matches if match}
         if kind == "--GS" and self.gnss:
             self._gnss_point(cells, line)
+        elif self.gnss_point and (rms := _RMS.match(f"{kind},{text}")):
+            self.book.precision[self.gnss_point] = float(rms[1]) * self.metres, float(rms[2]) * self.metres
         elif kind == "JB":
             self.title = cells.get("NM", "")
         elif kind == "MO" or (kind == "--MO" and not self.mode):
@@ -503,7 +507,7 @@ class _RW5Reader:
         elif kind.strip():
             gnss = kind in ("GPS", "BP")
             self.gnss = kind == "GPS" or (self.gnss and kind.startswith("--"))
-            what = "comments" if kind.startswith("--") else _GNSS if gnss else f"records {kind[:4]}"
+            what = "comments" if kind.startswith("--") else GNSS if gnss else f"records {kind[:4]}"
             self.book.leave_out(what, line)
 
     def close(self) -> None:
@@ -522,8 +526,9 @@ class _RW5Reader:
         except ValueError:
             self.book.leave_out("comments", line)
             return
-        if cells.get("PN"):
-            self.book.point(cells["PN"], east, north, height, line)
+        self.gnss_point = cells.get("PN", "")
+        if self.gnss_point:
+            self.book.point(self.gnss_point, east, north, height, line)
 
     def _mode(self, cells: dict[str, str], line: int) -> None:
         unit = parse_number(cells.get("UN") or "1")
