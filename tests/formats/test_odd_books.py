@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from mor.api.pipeline import solve_network
+from mor.errors import InputError
 from mor.formats import format_of, read_foreign
 from mor.formats.combination import combined
 from mor.project.document import Document
@@ -95,6 +96,39 @@ def test_whole_metres_far_from_others_are_presets(tmp_path: Path) -> None:
     for control, kept in (("", ["S1"]), (real.replace("+64280000", "+642800008"), ["S2"])):
         document = _read(tmp_path, "a.gsi", control + text)
         assert [row[0] for row in _points(document)[0][1]] == kept
+
+
+def test_heights_of_given_points_that_are_all_0_are_none(tmp_path: Path) -> None:
+    given = (
+        "110009+0000000P 81..10+00040000 82..10+00050000 83..10+00000000\n"
+        "110009+000000S2 81..10+00080000 82..10+00010000 83..10+00000000\n"
+    )
+    document = _read(tmp_path, "a.gsi", given + _gsi("S1", "P", "Q", "S2") + _gsi("S2", "P", "Q", "S1"))
+    assert "not read: heights of given points that are all 0" in _notes(document)
+    assert document.data["datum"] == "free", "nothing tells the height of the network"
+    solved = solve_network(network_of(document, tmp_path))
+    points = solved.network.things["point"]
+    heights = {name: solved.adjustment.values["point"][points.part(name, "position")][2] for name in points.ids}
+    assert heights["Q"] - heights["P"] == pytest.approx(4.0, abs=2e-3)
+    assert solved.quality.sigma0 < 1.5
+
+
+def test_one_station_with_an_azimuth_has_a_datum(tmp_path: Path) -> None:
+    text = (
+        "MO,AD0,UN1,SF1.0,EC0,EO0.0,AU0\nOC,OP1,N 200.0,E 100.0,EL10.0\nLS,HI1.5,HR1.5\n"
+        "BK,OP1,BP2,BS90.0000,BC0.0000\nSS,OP1,FP3,AR0.0000,ZE90.0000,SD20.0\n"
+    )
+    document = _read(tmp_path, "a.rw5", text)
+    assert "datum" not in document.data
+    solved = solve_network(network_of(document, tmp_path))
+    place = solved.adjustment.values["point"][solved.network.things["point"].part("3", "position")]
+    assert place == pytest.approx([120.0, 200.0, 10.0], abs=1e-3)
+
+
+def test_points_alone_are_not_adjusted(tmp_path: Path) -> None:
+    document = _read(tmp_path, "a.are", "5=A\n37=100.0\n38=200.0\n5=B\n37=130.0\n38=200.0\n")
+    with pytest.raises(InputError, match="there are no observations, only points"):
+        network_of(document, tmp_path)
 
 
 def test_circles_of_rw5_are_azimuths_where_nothing_else_tells_the_direction(tmp_path: Path) -> None:

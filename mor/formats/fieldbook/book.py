@@ -58,6 +58,7 @@ CIRCLE_SET = 1e-4
 GNSS = "GNSS positions (latitude, longitude); their coordinates in the system of the job are read if it has them"
 COMPUTED = "coordinates that the instrument computed from its readings"
 _ZERO = "coordinates that are all 0"
+_ZERO_HEIGHTS = "heights of given points that are all 0"
 _HEIGHT = "target heights that differ from those of a later sight to the same place, which are used instead"
 _PRESET = "coordinates that an instrument presets: several stations share them, or they are far from others"
 
@@ -351,6 +352,7 @@ class FieldBook:
         draft = self.draft
         self._settle()
         self._drop_presets()
+        self._drop_zero_heights()
         self._orient()
         levelled = self._level()
         for what, lines in self.skipped.items():
@@ -443,6 +445,15 @@ class FieldBook:
             far = name in whole and others and min(abs(plans[name] - other) for other in others) > ELSEWHERE
             if far or shared[plans[name]] > 1:
                 self.leave_out(_PRESET, self.points.pop(name).line)
+
+    def _drop_zero_heights(self) -> None:
+        """Leave out the heights of given points if all are 0: instruments write it for none."""
+        heights = [place.height for place in self.points.values() if place.height is not None]
+        if len(heights) > 1 and not any(heights):
+            for name, place in self.points.items():
+                if place.height is not None:
+                    self.leave_out(_ZERO_HEIGHTS, place.line)
+                    self.points[name] = place._replace(height=None)
 
     def _orient(self) -> None:
         """Turn circle readings into azimuths where nothing but the orientation that the book says tells the direction.
@@ -763,6 +774,10 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
         )
         for name, (*place, line) in book.points.items()
     ]
+    without_height = bool(occupied) and book.spatial() and not any(place.height for place in book.points.values())
+    begin = next((row.cells for row in known if row.cells[0] in measured and row.cells[0] not in flat), None)
+    if without_height and begin is not None:
+        begin[3] = "0"  # start values need a height, whatever it is
     _put_table(book, ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), known, flat)
     bare = [row for row in known if row.cells[0] not in stated]
     if sigma and bare:
@@ -772,7 +787,6 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
             "coordinates of the book are start values: one point does not define the datum of a network",
             known[0].line,
         )
-    without_height = bool(occupied) and book.spatial() and not any(place.height for place in book.points.values())
     if not sigma or without_height:
         draft.put("datum", "free")
     first: dict[str, int] = {}
@@ -826,8 +840,9 @@ def _put_table(book: FieldBook, columns: Sequence[str], rows: Sequence[Row], fla
 def _given_together(
     book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: Sequence[LevelledDifference]
 ) -> int:
-    """Return the most given points in a part of the book that sights connect."""
+    """Return the most given points in a part of the book that sights connect; an azimuth there is worth one more."""
     parts: list[set[str]] = []
+    oriented = {set_up.station for set_up in occupied if any(s.bearing is not None for s in set_up.sights)}
     for set_up in occupied:
         parts.append({set_up.station, *(sight.target for sight in set_up.sights)})
     parts += [{row.start, row.end} for row in levelled]
@@ -835,7 +850,8 @@ def _given_together(
     for part in parts:
         apart = [other for other in joined if other.isdisjoint(part)]
         joined = [*apart, part.union(*(other for other in joined if not other.isdisjoint(part)))]
-    return max((len(part & book.points.keys()) for part in joined), default=0)
+    given = [(len(part & book.points.keys()), not part.isdisjoint(oriented)) for part in joined]
+    return max((count + (count and azimuth) for count, azimuth in given), default=0)
 
 
 _COLUMNS = {
