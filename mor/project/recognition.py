@@ -199,7 +199,8 @@ class Found(NamedTuple):
 
     def copy(self, target: Path) -> Path:
         """Path of a copy of the rows beside the project."""
-        return target.with_name("_".join(filter(None, (target.stem, self.path.stem, self.sheet))) + ".csv")
+        sheet = re.sub(r"\W+", "_", self.sheet)
+        return target.with_name("_".join(filter(None, (target.stem, self.path.stem, sheet))) + ".csv")
 
     def texts(self, name: str) -> list[str]:
         """Cells of a column, empty if it is missing."""
@@ -310,7 +311,7 @@ def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
         return rows, {}
     filled: list[tuple[str, ...]] = []
     for row, below in zip(body, empty, strict=True):
-        above = filled[-1] if filled and below else row
+        above = filled[-1] if filled and below and len(filled[-1]) == len(header) else row
         filled.append(tuple(above[k] if k in places else cell for k, cell in enumerate(row)))
     return (header, *filled), stated
 

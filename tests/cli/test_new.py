@@ -555,3 +555,18 @@ def test_a_table_in_order_is_not_copied(tmp_path: Path) -> None:
     assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "d.csv")]) == 0
     assert not (tmp_path / "p_d.csv").exists()
     assert read_document(tmp_path / "p.yaml").data["observations"][0]["file"] == "d.csv"
+
+
+def test_a_short_row_is_left_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "d.csv").write_text("Title\nStation;Target;Hz;V\nA\n;C;50;99\n")
+    (table,) = recognise(tmp_path / "d.csv")
+    assert table.rows == (("A",), ("", "C", "50", "99"))
+
+
+def test_a_sheet_with_titles_and_units_is_copied(tmp_path: Path) -> None:
+    text = "Loop of May\nfrom;to;dh;length\n;;m;km\nA;B;1.0;0.5\nB;A;-1.001;0.5"
+    path = _as_spreadsheet(tmp_path / "book.csv", text)
+    assert run(["new", str(tmp_path / "p.yaml"), str(path)]) == 0
+    (table,) = read_document(tmp_path / "p.yaml").data["observations"]
+    assert table["units"] == {"dz": "m", "length": "km"}
+    assert (tmp_path / table["file"]).read_text().split("\n")[1].startswith("A,B,1")
