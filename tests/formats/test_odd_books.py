@@ -338,6 +338,19 @@ def test_coordinates_in_a_file_of_their_own_are_control(tmp_path: Path, height: 
     assert solved.quality.sigma0 < 1.0
 
 
+def test_a_height_is_held_if_neither_of_two_files_tells_it(tmp_path: Path) -> None:
+    (tmp_path / "a.job").write_text(JOB)
+    (tmp_path / "b.job").write_text("23=2111\n2=C\n3=0\n5=F\n7=0.0000\n8=90.0000\n9=10.000\n")
+    (tmp_path / "c.are").write_text("5=F\n37=100.000\n38=200.000\n5=A\n37=130.000\n38=200.000\n39=5.0\n")
+    for names, held in (("ab", []), ("ba", []), ("ac", ["F"]), ("ca", ["F"])):
+        files = [read_foreign(path) for name in names for path in tmp_path.glob(f"{name}.*")]
+        tables = combined(files).data["points"]
+        assert [row[0] for table in tables if table.get("fixed") for row in table["rows"]] == held
+        assert sorted(str(row[table["columns"].index("id")]) for table in tables for row in table["rows"]) == list(
+            "ABCF"
+        )
+
+
 def test_lines_of_gts6_may_have_numbers_and_checksums(tmp_path: Path) -> None:
     stream = (
         "_'_(_)1.500_+A_ ?+00012345m0903015+3595930d+00012344***+00+00000_*_,1.400_+B_ ?+00020000m0900000+0450000d"
