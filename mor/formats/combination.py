@@ -75,7 +75,7 @@ def _add(whole: _Project, other: _Project) -> None:
     held = _control(other)
     datum = other.data.pop("datum", None)
     if held and not _control(whole):
-        if "z" in held:
+        if "z" in held or "z" not in str((whole.data.get("settings") or {}).get("dimensions", "z")):
             whole.data.pop("datum", None)
         _without_coordinates(whole)
     elif not held:
