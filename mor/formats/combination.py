@@ -72,10 +72,11 @@ def _add(whole: _Project, other: _Project) -> None:
         words = f"the axes are not those of {whole.file}: convert one of them by itself first"
         whole.problems.append(Message(words, other.file))
     _in_units_of(whole, other)
-    held = _has_control(other)
+    held = _control(other)
     datum = other.data.pop("datum", None)
-    if held and not _has_control(whole):
-        whole.data.pop("datum", None)
+    if held and not _control(whole):
+        if "z" in held or "z" not in str((whole.data.get("settings") or {}).get("dimensions", "z")):
+            whole.data.pop("datum", None)
         _without_coordinates(whole)
     elif not held:
         _without_coordinates(other)
@@ -108,12 +109,19 @@ def _axes(project: _Project) -> dict[str, str]:
     return {**plain, **(project.data.get("axes") or {})}
 
 
-def _has_control(project: _Project) -> bool:
-    tables = [*project.tables("points"), *project.tables("images")]
-    return any(
-        table.get("fixed") or any(str(name).startswith("sigma") for name in table.get("columns") or ())
-        for table in tables
-    )
+def _control(project: _Project) -> set[str]:
+    """Components that tables hold, or observe with σ."""
+    found: set[str] = set()
+    for table in (*project.tables("points"), *project.tables("images")):
+        names = [str(name) for name in table.get("columns") or ()]
+        found |= _fixed(table) | {name.removeprefix("sigma_") for name in names if name.startswith("sigma_")}
+        found |= set(_COORDINATES) if "sigma" in names else set()
+    return found
+
+
+def _fixed(table: Mapping[str, Any]) -> set[str]:
+    """Components that a table holds at values of their own: one value for all rows, as of heights, is no control."""
+    return set(table.get("fixed") or ()) - set(table.get("values") or ())
 
 
 def _without_coordinates(project: _Project) -> None:
@@ -147,6 +155,7 @@ def _names(project: _Project, section: str) -> list[str]:
 
 def _say_once(whole: _Project, other: _Project) -> None:
     """Keep one entry of each point in both files: held or observed, else with coordinates, else the later one."""
+    _regroup_heights(whole, other)
     first, second = _weights(whole), _weights(other)
     both = first.keys() & second.keys()
     later = {name for name in both if second[name] >= first[name]}
@@ -156,6 +165,53 @@ def _say_once(whole: _Project, other: _Project) -> None:
         said = sum(max(first[name], second[name]) > 0 for name in names)
         if said:
             other.note(f"{counted(said, 'point')} in {whole.file}, too: taken from {taken.file}")
+
+
+def _regroup_heights(whole: _Project, other: _Project) -> None:
+    """Hold the height of a point that no reading of either file tells, in the tables of both files."""
+    flat, tall = set[str](), set[str]()
+    for project in (whole, other):
+        for table in _with_rows(project):
+            if _holds_height(table):
+                flat |= set(_ids(table))
+            elif project.tables("observations"):
+                tall |= set(_ids(table))
+    if not flat:
+        return
+    for project in (whole, other):
+        for number, table in enumerate(project.tables("points")[:]):
+            if "rows" not in table:
+                continue
+            held = _holds_height(table)
+            z = table["columns"].index("z") if "z" in table["columns"] else None
+            names = [
+                name if z is None or row[z] is None else ""
+                for name, row in zip(_ids(table), table["rows"], strict=True)
+            ]
+            wrong = [k for k, name in enumerate(names) if (name in flat - tall) != held]
+            if not wrong or (table.get("fixed") and not held):
+                continue
+            kept = [k for k, name in enumerate(table["columns"]) if held or name not in ("z", "sigma_z")]
+            keys = {} if held else {"fixed": ["z"], "values": {"z": "0"}}
+            columns = [table["columns"][k] for k in kept]
+            rows = [[table["rows"][row][k] for k in kept] for row in wrong]
+            project.data["points"].append({**keys, "columns": columns, "rows": rows})
+            _keep_rows(project, ("points", number), table, sorted(set(range(len(table["rows"]))) - set(wrong)))
+        _drop_empty(project, "points")
+
+
+def _with_rows(project: _Project) -> list[dict[str, Any]]:
+    return [table for table in project.tables("points") if "rows" in table]
+
+
+def _holds_height(table: Mapping[str, Any]) -> bool:
+    """Return whether a table holds all heights at one value, as those that no reading tells."""
+    return "z" in (table.get("values") or ())
+
+
+def _ids(table: Mapping[str, Any]) -> list[str]:
+    at = table["columns"].index("id")
+    return [str(row[at]) for row in table["rows"]]
 
 
 def _weights(project: _Project) -> dict[str, int]:
@@ -170,7 +226,7 @@ def _weights(project: _Project) -> dict[str, int]:
         columns = table["columns"]
         for row in table["rows"]:
             said = {str(name) for name, cell in zip(columns, row, strict=True) if cell not in (None, "")}
-            held = table.get("fixed") or any(name.startswith("sigma") for name in said)
+            held = _fixed(table) or any(name.startswith("sigma") for name in said)
             weights[str(row[columns.index("id")])] = 2 if held else int(bool(said & set(_COORDINATES)))
     return weights
 

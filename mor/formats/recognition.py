@@ -1246,6 +1246,7 @@ _RECORD_FORMATS: tuple[tuple[str, re.Pattern[str], int, str], ...] = (
     ),
     ("sdr", re.compile(r"00..SDR"), 1, "the head of an SDR33 file"),
     ("m5", re.compile(r"For M5\|Adr"), 1, "records For M5|Adr"),
+    ("m5", re.compile(r"\s*\d+\s+\S.*\s(?:R[bfz]|L[rvz])\s+-?\d+\.\d+\s+(?:HD|E)\s+\d"), 2, "staff readings Rb and Rf"),
     (
         "rw5",
         re.compile(r"JB,NM|MO,AD\d,UN|(?:OC|BK|SS|TR|FS|BD|BR|FD|FR),OP|SP,PN|GPS,PN|LS,H[IR]"),
@@ -1261,13 +1262,13 @@ _RECORD_FORMATS: tuple[tuple[str, re.Pattern[str], int, str], ...] = (
     ("sokkia-scr", re.compile(r"A,SET\d"), 1, "the head of a SET file"),
     (
         "fbk",
-        re.compile(r"UNITS? (?:METER|FOOT)|(?:AD|F[12]|FC[12]) VA |STN \S+|PRISM [\d.]|NEZ? \S+ [\d.]"),
+        re.compile(r"UNITS? (?:METER|(?:US)?FOOT)|(?:AD|F[12]|FC[12]) VA |STN \S+|PRISM [\d.]|NEZ? \S+ [\d.]"),
         2,
         "the commands UNIT, STN, F1 VA",
     ),
     (
         "topcon",
-        re.compile(r"(?:TopSURV|STN     |JOB     |UNITS   |BKB     )"),
+        re.compile(r"TopSURV|(?=.{8}\S)(?:JOB|UNITS|STN|BKB|XYZ|[BFS]S|[SH]D|HV) {3,}\S"),
         2,
         "the records STN, JOB, UNITS",
     ),
@@ -1288,7 +1289,7 @@ _SIMILAR = {
     "nikon": r"[A-Z]{2},[^,]*,",
     "fbk": r"(?:UNITS?|NEZ?|STN|PRISM|BS|AD|F[12]) ",
     "sokkia-scr": r"A,|\w+,E[ae],",
-    "topcon": r"(?:TopSURV|GTS-7|JOB|UNITS|STN|BKB|[BFS]S|SD|HV|XYZ)\s",
+    "topcon": r"(?:TopSURV|GTS-7|JOB|UNITS|STN|BKB|[BFS]S|[SH]D|HV|XYZ)\s",
     "geodimeter": r"\s*\d{1,3}\s*=",
     "idx": r"\s*(?:[A-Z_]+\s+|\d+,).*;|HEADER|DATABASE|THEODOLITE",
     "snap": r"\s*(?:#?data|coordinate|title|[a-z_]+_file|[a-z_]+_error)",

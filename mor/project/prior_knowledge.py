@@ -584,7 +584,8 @@ def check_feasible(
     ``left_out`` are the notes on what was not read of a foreign file.
     """
     groups = list(groups)
-    if not groups:
+    bare = any("the points are all there is" in note.message for note in left_out)
+    if not groups or (bare and not reading.project.observations):
         words = "there are no observations"
         if left_out:
             notes = counted(len(left_out), "note")
@@ -594,7 +595,7 @@ def check_feasible(
                     "there are no observations: GNSS positions, as in this file, are read as points only; "
                     f"mor convert lists what was not read ({notes})"
                 )
-            elif any("the points are all there is" in note.message for note in left_out):
+            elif bare:
                 words = f"there are no observations, only points; mor convert lists what was not read ({notes})"
         reading.problems.append(reading.at("observations").problem(words))
     elif not reading.shop.store("point").ids:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import math
 import os
 import re
@@ -24,7 +25,7 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
 _FROM = (
     "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ|occupied"
-    "|fromstation|stationid|stationname|std"
+    "|fromstation|stationid|stationname|std|source|rts"
 )
 _TO = (
     "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
@@ -53,7 +54,7 @@ _LENGTHS = "laenge|linelength|length|distance|dist|strecke|d"
 _DISTANCE = "distance|length|dist|strecke|sd|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke"
 _HORIZONTAL = (
     "horizontal|hz|ha|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
-    "|hzrichtung|horizontalrichtung|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
+    "|hzrichtung|horizontalrichtung|horizangle|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
 )
 _ZENITH = (
     "zenith|v|za|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
@@ -99,7 +100,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "directions": (
         {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": _HORIZONTAL},
-        {**_SIGHT, "sigma": ""},
+        {**_SIGHT, "sigma": "sigmadir|sigmadirection"},
     ),
     "angle": (
         {
@@ -119,7 +120,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "vertical_direction": ({"from": _FROM, "to": _TO, "vertical_direction": ""}, _BETWEEN),
     "distance": (
         {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _DISTANCE},
-        {**_BETWEEN, "sigma": "sigmadistance|std|stdev"},
+        {**_BETWEEN, "sigma": "sigmadistance|sigmadist|std|stdev"},
     ),
     "height_difference": (
         {"from": _FROM, "to": _TO, "dz": "dz|dh|deltah|deltaz|heightdifference|heightdiff|hoehenunterschied"},
@@ -160,6 +161,11 @@ _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
 PLACES = ("point", "at", "from", "to", "station")
 """Columns of measurements that name points."""
 _LONGEST_HEADING = 200
+_TITLES = 20
+"""Rows among which the header is looked for."""
+_STATION = ("station", "at", "from", "station_height", "at_height", "from_height")
+"""Columns that hold for the rows below as well, until another station stands there."""
+_Cells = tuple[tuple[str, ...], ...]
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
 _LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
@@ -188,6 +194,13 @@ class Found(NamedTuple):
     rows: tuple[tuple[str, ...], ...]
     sheet: str = ""
     """Sheet of a spreadsheet that has several."""
+    tidied: bool = False
+    """True if the rows are not those of the file: a copy of them is written."""
+
+    def copy(self, target: Path) -> Path:
+        """Path of a copy of the rows beside the project."""
+        sheet = re.sub(r"\W+", "_", self.sheet)
+        return target.with_name("_".join(filter(None, (target.stem, self.path.stem, sheet))) + ".csv")
 
     def texts(self, name: str) -> list[str]:
         """Cells of a column, empty if it is missing."""
@@ -228,7 +241,8 @@ def recognise(path: Path) -> list[Found]:
 
 
 def _recognise(path: Path, sheet: str | None) -> list[Found]:
-    delimiter, rows, above = _cells(path, sheet)
+    delimiter, read, above = _cells(path, sheet)
+    rows, stated = _tidied(read)
     header = tuple(cell.strip() for cell in rows[0]) if rows else ()
     has_header = bool(header) and not any(_NUMBER.fullmatch(cell) for cell in header)
     if not has_header and len(above) == len(header) and _kinds(_named(above)):
@@ -250,7 +264,7 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
         )
     used = {cell for columns in kinds.values() for cell in columns.values()}
     unused = tuple(cell for cell in header if cell not in used)
-    units = {cell: unit for cell, _, unit in named if unit}
+    units = {cell: unit for cell, _, unit in named if unit} | stated
     decimal_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row)
     return [
         Found(
@@ -264,9 +278,60 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
             has_header,
             header,
             rows[has_header:],
+            tidied=rows != read,
         )
         for kind, columns in kinds.items()
     ]
+
+
+def _fits(header: Sequence[str]) -> bool:
+    """Return whether a row has the columns of a known table, perhaps of one with stations in rows of their own."""
+    named = _named([cell.strip() for cell in header])
+    return len(named) > 1 and bool(_kinds(named) or _kinds([*named, ("", "station", "")]))
+
+
+def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
+    """Rows without titles above the header and units below it, with the station in every row, and the units."""
+    start = next((k for k, row in enumerate(rows[:_TITLES]) if _fits(row)), None)
+    if start is None:
+        return rows, {}
+    header, body = tuple(cell.strip() for cell in rows[start]), rows[start + 1 :]
+    units = [cell.strip(" []()") for cell in body[0]] if body else []
+    stated = {}
+    if any(units) and all(unit in _UNITS for unit in units if unit not in ("", "-")):
+        stated = {cell: unit for cell, unit in zip(header, units, strict=False) if unit in _UNITS}
+        body = body[1:]
+    named = _named(header)
+    if not _kinds(named):
+        return _with_stations(header, body) or rows, stated
+    columns = next(iter(_kinds(named).values()))
+    places = [header.index(columns[name]) for name in _STATION if name in columns]
+    empty = [bool(places) and len(row) == len(header) and not row[places[0]].strip() for row in body]
+    if not start and not stated and not any(empty[1:]):
+        return rows, {}
+    filled: list[tuple[str, ...]] = []
+    for row, below in zip(body, empty, strict=True):
+        above = filled[-1] if filled and below and len(filled[-1]) == len(header) else row
+        filled.append(tuple(above[k] if k in places else cell for k, cell in enumerate(row)))
+    return (header, *filled), stated
+
+
+def _with_stations(header: tuple[str, ...], rows: _Cells) -> _Cells:
+    """Rows of sights with the stations, which stand in rows of their own without readings; empty if none does."""
+    kind, columns = next(iter(_kinds([*_named(header), ("", "station", "")]).items()))
+    places = {name: header.index(cell) for name, cell in columns.items() if cell}
+    readings = [places[name] for name in KINDS[kind][0] if name in places and name != "to"]
+    height = places.get("station_height", places.get("from_height"))
+    station, found = ("", ""), list[tuple[str, ...]]()
+    for cells in rows:
+        row = (*cells, *[""] * (len(header) - len(cells)))
+        if "to" in places and not any(row[place].strip() for place in readings):
+            station = row[places["to"]], "" if height is None else row[height]
+        elif not station[0]:
+            return ()
+        else:
+            found.append((station[0], *(cell or station[1] if k == height else cell for k, cell in enumerate(row))))
+    return (("station", *header), *found) if found else ()
 
 
 def _tell_elevations(kinds: dict[str, dict[str, str]], header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
@@ -306,7 +371,7 @@ def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
     return table._replace(kind="images") if of_images else table
 
 
-def _cells(path: Path, sheet: str | None) -> tuple[str, tuple[tuple[str, ...], ...], tuple[str, ...]]:
+def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...]]:
     """Delimiter and cells of a table, without comments and empty lines, and those of a comment in its first line."""
     if is_spreadsheet(path):
         frame = read_spreadsheet(path, sheet)
@@ -315,9 +380,10 @@ def _cells(path: Path, sheet: str | None) -> tuple[str, tuple[tuple[str, ...], .
     text = read_text(path, TABLE)
     lines = [line for line in text.split("\n") if line.strip() and not line.startswith("#")]
     first = lines[0] if lines else ""
-    delimiter = max(";\t,", key=first.count)
-    if not first.count(delimiter):
-        delimiter, lines = " ", [" ".join(line.split()) for line in lines]
+    likely = max(";\t,", key=first.count)
+    likely = likely if first.count(likely) else " "
+    delimiter = next((sign for sign in (likely, *";\t,") if any(map(_fits, _rows(lines[:_TITLES], sign)))), likely)
+    lines = _spaced(lines, delimiter)
     try:
         comment = text.partition("\n")[0].strip().removeprefix("#") if text.startswith("#") else ""
         above = tuple(cell.strip() for cell in next(csv.reader([comment], delimiter=delimiter), ()))
@@ -325,6 +391,19 @@ def _cells(path: Path, sheet: str | None) -> tuple[str, tuple[tuple[str, ...], .
     except csv.Error as error:
         words = f"this is not a table: {error}; is a quote not closed?"
         raise InputError([Message(words, str(path))]) from None
+
+
+def _rows(lines: list[str], delimiter: str) -> list[list[str]]:
+    """Cells of some lines; none if they are not a table."""
+    try:
+        return list(csv.reader(_spaced(lines, delimiter), delimiter=delimiter))
+    except csv.Error:
+        return []
+
+
+def _spaced(lines: list[str], delimiter: str) -> list[str]:
+    """Lines with one blank for several if blanks part the cells."""
+    return [" ".join(line.split()) for line in lines] if delimiter == " " else lines
 
 
 def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:
@@ -456,6 +535,12 @@ def begin(
     by_kind = {kind: [t for t in tables if t.kind == kind] for kind in ("images", "points", "stations")}
     measured = [t for t in tables if t.kind not in by_kind]
     texts: dict[Path, str] = {}
+    for table in tables:
+        if table.tidied:
+            lines = io.StringIO()
+            writer = csv.writer(lines, delimiter=table.delimiter.replace(" ", ","), lineterminator="\n")
+            writer.writerows([table.header, *table.rows])
+            texts[table.copy(target)] = lines.getvalue()
     seen = [t for t in measured if t.kind == "image"]
     corner = any(_from_a_corner(t) for t in seen)
     levelled = bool(measured) and all(t.kind == "height_difference" for t in measured)
@@ -592,14 +677,14 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> 
     units |= dict.fromkeys((name for name in _ANGLES if any(map(_DMS.match, table.texts(name)))), "dms")
     if "km" in _normalised(table.columns.get("length", "")):
         units.setdefault("length", "km")
-    keys: dict[str, Any] = {"sheet": table.sheet} if table.sheet else {}
+    keys: dict[str, Any] = {"sheet": table.sheet} if table.sheet and not table.tidied else {}
     if not table.has_header:
         keys["columns"] = [renamed.get(name, name if name in table.columns else None) for name in table.header]
     elif renamed or others:
         keys["columns"] = {**renamed, **dict.fromkeys(others)}
     if units:
         keys["units"] = units
-    if table.delimiter != ",":
+    if table.delimiter != "," and not (table.tidied and table.delimiter == " "):
         keys["delimiter"] = table.delimiter
     if table.decimal_comma:
         keys["decimal"] = ","
@@ -619,7 +704,7 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> 
     ]
     return {
         "kind": table.kind,
-        "file": Path(os.path.relpath(table.path, target.parent)).as_posix(),
+        "file": Path(os.path.relpath(table.copy(target) if table.tidied else table.path, target.parent)).as_posix(),
         "details": lines,
         "has_camera": "camera" in table.columns,
         "has_sigma": table.has_sigma,

@@ -520,3 +520,53 @@ def test_titles_above_the_header_of_a_spreadsheet(tmp_path: Path, text: str, nam
     frame = read_spreadsheet(_as_spreadsheet(tmp_path / "book.csv", text))
     assert frame.columns == names
     assert frame["Point"][0] == "A"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Book of the dam, 3 May\nObserver;N. N.\n\nStation;Target;Hz;V;SD;ih;th\n;;gon;[gon];m;m;m\n"
+        "A;B;0,0000;100,0000;20,000;1,5;1,5\n;C;50,0000;99,0000;30,000;;1,5\nB;A;200,0000;100,0000;20,001;1,6;1,5\n",
+        "Point,Hz,V,SD,ih,th\nA,,,,1.5,\nB,0.0,100.0,20.0,,1.5\nC,50.0,99.0,30.0,,1.5\nB,,,,1.6\n"
+        "A,200.0,100.0,20.001,,1.5\n",
+    ],
+)
+def test_titles_units_and_stations_in_rows_of_their_own(tmp_path: Path, text: str) -> None:
+    """Both books hold the same sights; a copy has the station and the instrument height in every row."""
+    (tmp_path / "book.csv").write_text(text)
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "book.csv")]) == 0
+    assert run(["check", str(tmp_path / "p.yaml"), "--quiet"]) == 0
+    sights, distances = read_document(tmp_path / "p.yaml").data["observations"]
+    assert (sights["type"], distances["type"]) == ("zenith_directions", "distance")
+    assert sights["file"] == distances["file"] == "p_book.csv"
+    rows = [line.replace(",", ".").split(";") for line in (tmp_path / "p_book.csv").read_text().split("\n")[1:-1]]
+    if ";" not in text:
+        rows = [line.split(",") for line in (tmp_path / "p_book.csv").read_text().split("\n")[1:-1]]
+    assert [row[:2] for row in rows] == [["A", "B"], ["A", "C"], ["B", "A"]]
+    assert [[float(cell) for cell in row[2:6]] for row in rows] == [
+        [0.0, 100.0, 20.0, 1.5],
+        [50.0, 99.0, 30.0, 1.5],
+        [200.0, 100.0, 20.001, 1.6],
+    ]
+
+
+def test_a_table_in_order_is_not_copied(tmp_path: Path) -> None:
+    (tmp_path / "d.csv").write_text("Source;Target;Direction\nA;B;1.0\nA;C;2.0\n")
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "d.csv")]) == 0
+    assert not (tmp_path / "p_d.csv").exists()
+    assert read_document(tmp_path / "p.yaml").data["observations"][0]["file"] == "d.csv"
+
+
+def test_a_short_row_is_left_as_it_is(tmp_path: Path) -> None:
+    (tmp_path / "d.csv").write_text("Title\nStation;Target;Hz;V\nA\n;C;50;99\n")
+    (table,) = recognise(tmp_path / "d.csv")
+    assert table.rows == (("A",), ("", "C", "50", "99"))
+
+
+def test_a_sheet_with_titles_and_units_is_copied(tmp_path: Path) -> None:
+    text = "Loop of May\nfrom;to;dh;length\n;;m;km\nA;B;1.0;0.5\nB;A;-1.001;0.5"
+    path = _as_spreadsheet(tmp_path / "book.csv", text)
+    assert run(["new", str(tmp_path / "p.yaml"), str(path)]) == 0
+    (table,) = read_document(tmp_path / "p.yaml").data["observations"]
+    assert table["units"] == {"dz": "m", "length": "km"}
+    assert (tmp_path / table["file"]).read_text().split("\n")[1].startswith("A,B,1")

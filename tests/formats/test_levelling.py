@@ -69,7 +69,7 @@ def test_a_level_of_zeiss(tmp_path: Path) -> None:
         ("B2", "1 (2)", 0.2, 30.0),
         ("1 (2)", "B1", -0.6006, 20.0),
     ]
-    assert document.data["points"][0]["rows"] == [["B1", "50.0"]]
+    assert document.data["points"][0]["rows"] == [["B1", "50.0", "0.01"]]
     assert "not read: coordinates that the instrument computed" in _notes(document)
     assert document.data["settings"] == {"undetermined": "leave_out", "dimensions": "z"}
     notes = _notes(document)
@@ -106,7 +106,68 @@ def test_a_level_of_leica_in_both_orders(tmp_path: Path) -> None:
     document = _read(tmp_path, "a.gsi", text)
     assert _rows(document) == [("100", "T1", 0.30005, 21.0), ("T1", "B2", -0.3, 25.0)]
     assert [row[:2] for row in document.data["points"][0]["rows"]] == [["100", "10.0"]]
-    assert document.data["datum"] == "free"
+    assert "datum" not in document.data, "one given height is the datum"
+
+
+GSI = """\
+410001+?......1
+110002+000000B1 83..58+00100000
+110003+000000B1 32...8+01000000 331.08+00150000
+110004+00000P1 32...8+00500000 333.08+00100000
+110005+00000P1 83..08+00100500
+110006+00000001 32...8+01000000 332.08+00130000
+110007+00000001 573.08+00000000 574.08+02000000 83..08+00100200
+110008+00000001 32...8+01000000 331.08+00120000
+110009+00000P2 32...8+00500000 333.08+00110000
+110010+00000P2 83..08+00100300
+110011+00000002 32...8+01000000 332.08+00140010
+110012+00000002 573.08+00000000 574.08+04000000 83..08+00099999
+505.08+00000001 508...+quick end 509...+000000B1 510.08+00100000 512...+00000002 513.08+00099999
+410013+?......1
+110014+000000B2 83..58+00200000
+110015+000000B2 32...8+01000000 331.08+00150000
+110016+00000002 32...8+01000000 332.08+00100000
+110017+00000002 573.08+00000000 574.08+02000000 83..08+00200500
+110018+00000002 32...8+01000000 331.08+00120000
+110019+00000003 32...8+01000000 332.08+00140000
+110020+00000003 573.08+00000000 574.08+04000000 83..08+00200300
+"""
+
+
+def test_intermediate_sights_do_not_end_a_set_up_and_a_last_point_may_be_a_benchmark(tmp_path: Path) -> None:
+    """Readings in 0.01 mm: B1 to 1 rises 0.2 m, 1 to the last point, which is B1, falls 0.2001 m."""
+    document = _read(tmp_path, "a.gsi", GSI)
+    assert _rows(document) == [
+        ("B1", "1", 0.2, 20.0),
+        ("1", "B1", -0.2001, 20.0),
+        ("B1", "P1", 0.5, 15.0),
+        ("1", "P2", 0.1, 15.0),
+        ("B2", "2", 0.5, 20.0),
+        ("2", "3", -0.2, 20.0),
+    ]
+    assert [row[0] for row in document.data["points"][0]["rows"]] == ["B1", "B2"]
+
+
+def test_a_number_that_ends_a_line_is_another_point_at_another_height(tmp_path: Path) -> None:
+    without = "\n".join(line for line in GSI.split("\n") if not line.startswith("505"))
+    assert ("B2", "2 (2)", 0.5, 20.0) in _rows(_read(tmp_path, "a.gsi", without))
+
+
+def test_a_book_of_the_form_rec_500(tmp_path: Path) -> None:
+    text = """\
+     1 Start-Line       BFFB      7
+     2       B1    0              7                                   Z     100.000
+     3       B1    0              7 Rb        1.500 HD        20.00
+     4        1    0              7 Rf        1.300 HD        22.00
+     5        1    0              7                                   Z     100.200
+     6 Intermediate sight.        7
+     7       P1    0              7 Rz        1.000 HD        10.00 Z       100.500
+     8        1    0  4           7 Sr        20.00 Sv        22.00 Z       100.200
+     9 End-Line                   7
+"""
+    document = _read(tmp_path, "a.rec", text)
+    assert _rows(document) == [("B1", "1", 0.2, 42.0), ("B1", "P1", 0.5, 30.0)]
+    assert "lengths of the form REC 500 are taken as metres" in _notes(document)
 
 
 def test_set_ups_without_heights_between_them(tmp_path: Path) -> None:

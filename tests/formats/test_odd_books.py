@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from mor.api.pipeline import solve_network
+from mor.errors import InputError
 from mor.formats import format_of, read_foreign
+from mor.formats.combination import combined
 from mor.project.document import Document
 from mor.quality.determinability import HANGS_ON, ONE_TIE
 from tests.reference_data import network_of
@@ -88,12 +90,45 @@ def test_coordinates_that_stations_share_are_presets(tmp_path: Path) -> None:
     assert solve_network(network_of(document, tmp_path)).quality.sigma0 < 1.5
 
 
-def test_whole_hundreds_far_from_others_are_presets(tmp_path: Path) -> None:
+def test_whole_metres_far_from_others_are_presets(tmp_path: Path) -> None:
     real = "110009+000000S2 81..10+64280000 82..10+53410000 83..10+00012000\n"
-    text = _gsi("S1", "P", "Q", "S2", place=(1000.0, 5000.0, 200.0)) + _gsi("S2", "P", "Q", turn=30)
+    text = _gsi("S1", "P", "Q", "S2", place=(1003.0, 5000.0, 200.0)) + _gsi("S2", "P", "Q", turn=30)
     for control, kept in (("", ["S1"]), (real.replace("+64280000", "+642800008"), ["S2"])):
         document = _read(tmp_path, "a.gsi", control + text)
         assert [row[0] for row in _points(document)[0][1]] == kept
+
+
+def test_heights_of_given_points_that_are_all_0_are_none(tmp_path: Path) -> None:
+    given = (
+        "110009+0000000P 81..10+00040000 82..10+00050000 83..10+00000000\n"
+        "110009+000000S2 81..10+00080000 82..10+00010000 83..10+00000000\n"
+    )
+    document = _read(tmp_path, "a.gsi", given + _gsi("S1", "P", "Q", "S2") + _gsi("S2", "P", "Q", "S1"))
+    assert "not read: heights of given points that are all 0" in _notes(document)
+    assert document.data["datum"] == "free", "nothing tells the height of the network"
+    solved = solve_network(network_of(document, tmp_path))
+    points = solved.network.things["point"]
+    heights = {name: solved.adjustment.values["point"][points.part(name, "position")][2] for name in points.ids}
+    assert heights["Q"] - heights["P"] == pytest.approx(4.0, abs=2e-3)
+    assert solved.quality.sigma0 < 1.5
+
+
+def test_one_station_with_an_azimuth_has_a_datum(tmp_path: Path) -> None:
+    text = (
+        "MO,AD0,UN1,SF1.0,EC0,EO0.0,AU0\nOC,OP1,N 200.0,E 100.0,EL10.0\nLS,HI1.5,HR1.5\n"
+        "BK,OP1,BP2,BS90.0000,BC0.0000\nSS,OP1,FP3,AR0.0000,ZE90.0000,SD20.0\n"
+    )
+    document = _read(tmp_path, "a.rw5", text)
+    assert "datum" not in document.data
+    solved = solve_network(network_of(document, tmp_path))
+    place = solved.adjustment.values["point"][solved.network.things["point"].part("3", "position")]
+    assert place == pytest.approx([120.0, 200.0, 10.0], abs=1e-3)
+
+
+def test_points_alone_are_not_adjusted(tmp_path: Path) -> None:
+    document = _read(tmp_path, "a.are", "5=A\n37=100.0\n38=200.0\n5=B\n37=130.0\n38=200.0\n")
+    with pytest.raises(InputError, match="there are no observations, only points"):
+        network_of(document, tmp_path)
 
 
 def test_circles_of_rw5_are_azimuths_where_nothing_else_tells_the_direction(tmp_path: Path) -> None:
@@ -254,6 +289,68 @@ def test_reference_objects_of_geodimeter(tmp_path: Path) -> None:
     assert both == [("A", "C", pytest.approx(40 + 1 / 60)), ("D", "B", pytest.approx(50 + 1 / 3600))]
 
 
+JOB = """23=2111
+2=A
+3=0
+5=B
+7=0.0000
+8=90.0000
+9=30.000
+5=C
+7=90.0000
+8=90.0000
+9=40.000
+5=F
+7=45.0000
+11=50.000
+2=B
+3=0
+5=A
+7=0.0000
+8=90.0000
+9=30.000
+5=F
+7=261.231240
+"""
+
+
+def test_points_that_no_reading_tells_the_height_of_are_kept_in_plan(tmp_path: Path) -> None:
+    document = _read(tmp_path, "a.job", JOB)
+    held = [table for table in document.data["points"] if table.get("fixed")]
+    assert [(table["fixed"], table["values"], table["rows"]) for table in held] == [(["z"], {"z": "0"}, [["F"]])]
+    assert "1 point without a height: no reading tells it, so it is fixed at 0: F" in _notes(document)
+    assert solve_network(network_of(document, tmp_path)).quality.sigma0 < 1.0
+
+
+@pytest.mark.parametrize("height", ["", "39=10.000\n"])
+def test_coordinates_in_a_file_of_their_own_are_control(tmp_path: Path, height: str) -> None:
+    """Without heights in it those of the book stay free."""
+    (tmp_path / "a.job").write_text(JOB)
+    (tmp_path / "a.are").write_text(
+        f"5=A\n37=100.000\n38=200.000\n{height}5=B\n37=130.000\n38=200.000\n5=C\n37=100.000\n38=240.000\n"
+    )
+    whole = combined([read_foreign(tmp_path / name) for name in ("a.job", "a.are")])
+    assert whole.data.get("datum") == (None if height else "free")
+    solved = solve_network(network_of(whole, tmp_path))
+    points = solved.network.things["point"]
+    place = solved.adjustment.values["point"][points.part("F", "position")]
+    assert place[:2] == pytest.approx([200 + 50 * np.sin(np.pi / 4), 100 + 50 * np.cos(np.pi / 4)], abs=1e-3)
+    assert solved.quality.sigma0 < 1.0
+
+
+def test_a_height_is_held_if_neither_of_two_files_tells_it(tmp_path: Path) -> None:
+    (tmp_path / "a.job").write_text(JOB)
+    (tmp_path / "b.job").write_text("23=2111\n2=C\n3=0\n5=F\n7=0.0000\n8=90.0000\n9=10.000\n")
+    (tmp_path / "c.are").write_text("5=F\n37=100.000\n38=200.000\n5=A\n37=130.000\n38=200.000\n39=5.0\n")
+    for names, held in (("ab", []), ("ba", []), ("ac", ["F"]), ("ca", ["F"])):
+        files = [read_foreign(path) for name in names for path in tmp_path.glob(f"{name}.*")]
+        tables = combined(files).data["points"]
+        assert [row[0] for table in tables if table.get("fixed") for row in table["rows"]] == held
+        assert sorted(str(row[table["columns"].index("id")]) for table in tables for row in table["rows"]) == list(
+            "ABCF"
+        )
+
+
 def test_lines_of_gts6_may_have_numbers_and_checksums(tmp_path: Path) -> None:
     stream = (
         "_'_(_)1.500_+A_ ?+00012345m0903015+3595930d+00012344***+00+00000_*_,1.400_+B_ ?+00020000m0900000+0450000d"
@@ -296,7 +393,7 @@ AD VA 6 90.0000 10.000 80.0000
 def test_fbk(tmp_path: Path) -> None:
     document = _read(tmp_path, "a.fbk", FBK)
     assert format_of(tmp_path / "a.fbk") == "fbk"
-    (_, rows), _ = _points(document)
+    (_, rows), _, _ = _points(document)
     assert [row[:4] for row in rows] == [["1", "100.0", "200.0", "10.0"], ["2", "100.0", "250.0", "10.0"]]
     both = [
         (row["station"], row["to"], float(row["horizontal"]), float(row["zenith"]), row["face"])
@@ -308,6 +405,49 @@ def test_fbk(tmp_path: Path) -> None:
     lengths = [(row["from"], row["to"], row["distance"]) for row in _rows(document, "horizontal_distance")]
     assert lengths == [("1", "4", "25.0")]
     assert "not read: commands AD VD (1 record, lines 12)" in _notes(document)
+
+
+def test_fbk_may_have_names_in_quotes_and_us_feet(tmp_path: Path) -> None:
+    text = FBK.replace("UNIT METER DMS", "UNITS USFOOT DMS !survey feet").replace(" 3 2", ' "3 b" 2')
+    document = _read(tmp_path, "a.fbk", text)
+    (row,) = [row for row in _rows(document, "distance") if row["to"] == "3 b"]
+    assert float(row["distance"]) == pytest.approx(20 * 1200 / 3937)
+
+
+def test_coordinates_of_gts7_belong_to_the_point_named_before(tmp_path: Path) -> None:
+    """East, north, height: B is 30 m east of A, as its azimuth of 90° says; HD is a distance in plan."""
+    text = (
+        "JOB     G,\nUNITS   M,D\nSTN     A,1.5,\nXYZ     100.000,200.000,10.000\nBKB     B,90.00000,0.00000\n"
+        "XYZ     130.000,200.000,10.000\nBS      B,1.500\nHV      0.00000,90.00000\nSS      C,1.500,x\n"
+        "SD      10.00000,90.00000,20.0\nXYZ     119.696,196.527,10.000\nSS      D,1.500,x\nHD      20.00000,10.0,1.0\n"
+    )
+    document = _read(tmp_path, "a.gts7", text)
+    given, *_ = _points(document)
+    assert [row[:4] for row in given[1]] == [["A", "100.0", "200.0", "10.0"], ["B", "130.0", "200.0", "10.0"]]
+    assert [row["distance"] for row in _rows(document, "horizontal_distance")] == ["10.0"]
+    points = solve_network(network_of(document, tmp_path))
+    values = points.adjustment.values["point"]
+    place = values[points.network.things["point"].part("C", "position")]
+    assert place[:2] == pytest.approx([100 + 20 * np.cos(np.radians(10)), 200 - 20 * np.sin(np.radians(10))], abs=1e-3)
+    assert "not read: differences of height (HD)" in _notes(document)
+
+
+def test_gts7_without_a_head_has_the_unit_that_its_angles_allow(tmp_path: Path) -> None:
+    document = _read(tmp_path, "a.txt", "SS      C,1.500,x\nSD      10.7000,99.8000,20.0\nSS      D,1.500,x\n")
+    assert document.data["units"]["angle"] == "gon"
+    assert [row["to"] for row in _rows(document, "zenith_directions")] == ["C"]
+
+
+def test_scr_has_coordinates_before_readings(tmp_path: Path) -> None:
+    text = (
+        ",SET4C,1,2,3,E0\nA,SET4C,1,2,3,E0\nM,6.8.26,5,?,1.400,22,760,100.000,200.000,10.000,0,1,0,9C\n"
+        "P,Eh,0000,?,1.500,7,120.000,200.000,9.900,20.000,90.0000,90.0000,D7\n"
+    )
+    document = _read(tmp_path, "a.scr", text)
+    (row,) = _rows(document, "zenith_directions")
+    assert (row["to"], float(row["horizontal"]), float(row["zenith"])) == ("P", 90.0, 90.0)
+    assert _rows(document, "distance")[0]["distance"] == "20.0"
+    assert _points(document)[0][1][0][1:4] == ["100.0", "200.0", "10.0"]
 
 
 @pytest.mark.parametrize(

@@ -399,6 +399,31 @@ def test_a_point_of_a_job_without_a_station_belongs_to_the_last_one(tmp_path: Pa
     assert not _points(document)
 
 
+def test_gnss_points_have_the_precision_of_the_job(tmp_path: Path) -> None:
+    """σ in plan is that of both coordinates together, of each of them the part 1 / √2."""
+    place = "<East>2.0</East><North>1.0</North><Elevation>3.0</Elevation>"
+    job = "".join(
+        f"<PointRecord><Name>{name}</Name><Method>GpsRTK</Method><ECEFDeltas/><ComputedGrid>{place}</ComputedGrid>"
+        f"<Precision><Horizontal>0.02</Horizontal><Vertical>0.03</Vertical></Precision></PointRecord>"
+        for name in "AB"
+    )
+    text = "".join(
+        f"GPS,PN{name},LA45.0,LN7.0,EL1.0\n--GS,PN{name},N 1.0,E 2.0,EL3.0\n--HRMS:0.020, VRMS:0.030, STATUS:FIXED\n"
+        for name in "AB"
+    )
+    for file, content in (
+        ("b.jxl", f'<JOBFile jobName="j"><FieldBook>{job}</FieldBook></JOBFile>'),
+        ("b.rw5", f"JB,NMj\nMO,AD0,UN1\n{text}"),
+    ):
+        document = _read(tmp_path, file, content)
+        table = document.data["points"][0]
+        row = dict(zip(table["columns"], table["rows"][1], strict=True))
+        assert [float(row[name]) for name in ("x", "y", "z")] == [2.0, 1.0, 3.0]
+        sigmas = [float(row[f"sigma_{name}"]) for name in "xyz"]
+        assert sigmas == pytest.approx([0.02 / 2**0.5, 0.02 / 2**0.5, 0.03])
+        assert "it says none" not in " ".join(map(str, document.notes))
+
+
 @pytest.mark.parametrize("known", ["", " 84..40+0000000000500000 85..40+0000000000600000 86..40+0000000000010000"])
 def test_one_set_up_solves_with_and_without_coordinates(tmp_path: Path, known: str) -> None:
     """Knowing more never solves less; with coordinates the station keeps them."""

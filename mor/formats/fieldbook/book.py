@@ -13,11 +13,11 @@ Readers translate records into calls of :class:`FieldBook`; everything that hold
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from math import atan2, cos, hypot, pi, radians, sin, tau
+from math import atan2, cos, hypot, pi, radians, sin, sqrt, tau
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mor.errors import counted
 from mor.formats.draft import Draft, Row, read_lines
@@ -46,7 +46,7 @@ NOT_TURNED = 0.01
 APART, APART_IN_HEIGHT = 0.5, 3.0
 """Metres in plan and in height (a target height may be wrong) beyond which two sights are not to the same point."""
 ELSEWHERE = 1e5
-"""Metres from all others beyond which whole hundreds of metres are another system."""
+"""Metres from all others beyond which whole metres are another system."""
 SAME_PLACE = 0.01
 """Metres within which readings are to the same place."""
 LEAST_COPIED = 3
@@ -55,8 +55,10 @@ ROUNDED = 0.0015
 """Metres within which coordinates are the same but for rounding."""
 CIRCLE_SET = 1e-4
 """Part of the full circle (2 arcmin) within which a sight reads what the circle was set to."""
+GNSS = "GNSS positions (latitude, longitude); their coordinates in the system of the job are read if it has them"
 COMPUTED = "coordinates that the instrument computed from its readings"
 _ZERO = "coordinates that are all 0"
+_ZERO_HEIGHTS = "heights of given points that are all 0"
 _HEIGHT = "target heights that differ from those of a later sight to the same place, which are used instead"
 _PRESET = "coordinates that an instrument presets: several stations share them, or they are far from others"
 
@@ -117,6 +119,8 @@ class FieldBook:
     set_ups: list[InstrumentSetUp] = field(default_factory=list)
     points: dict[str, PointRecord] = field(default_factory=dict)
     """Given coordinates of points."""
+    precision: dict[str, tuple[float, float]] = field(default_factory=dict)
+    """Standard deviations in plan (both coordinates together) and in height of points by GNSS."""
     computed: dict[str, PointRecord] = field(default_factory=dict)
     """Coordinates of points that the instrument computed; the points of a book without readings."""
     waiting: list[Sight] = field(default_factory=list)
@@ -348,6 +352,7 @@ class FieldBook:
         draft = self.draft
         self._settle()
         self._drop_presets()
+        self._drop_zero_heights()
         self._orient()
         levelled = self._level()
         for what, lines in self.skipped.items():
@@ -367,7 +372,7 @@ class FieldBook:
         draft.put("units", {"length": "m", "angle": self.angle})
         draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
         occupied = [set_up for set_up in self.set_ups if set_up.sights]
-        plane = bool(occupied) and not levelled and not self._spatial()
+        plane = bool(occupied) and not levelled and not self.spatial()
         if plane:
             self._drop_heights()
         _put_points(self, occupied, levelled)
@@ -417,7 +422,7 @@ class FieldBook:
                 self.leave_out("height differences from a point to itself", row.line)
         return [row for row in rows if row.start != row.end]
 
-    def _spatial(self) -> bool:
+    def spatial(self) -> bool:
         """Return whether a sight tells heights: by a zenith angle or a slope distance."""
         sights = [sight for set_up in self.set_ups for sight in set_up.sights]
         return any(sight.zenith is not None or sight.slope is not None for sight in sights)
@@ -425,7 +430,7 @@ class FieldBook:
     def _drop_presets(self) -> None:
         """Leave out coordinates that an instrument presets: several stations share them, or they are far from others.
 
-        Those far from others are whole hundreds of metres.
+        Those far from others are whole metres.
         """
         plans = {
             name: complex(place.east, place.north)
@@ -434,12 +439,21 @@ class FieldBook:
         }
         stations = {set_up.station: 0 for set_up in self.set_ups if set_up.station in plans}
         shared = Counter(plans[name] for name in stations)
-        whole = {name for name in stations if plans[name].real % 100.0 == plans[name].imag % 100.0 == 0.0}
+        whole = {name for name in stations if plans[name].real % 1.0 == plans[name].imag % 1.0 == 0.0}
         others = [plan for name, plan in plans.items() if name not in whole]
         for name in stations:
             far = name in whole and others and min(abs(plans[name] - other) for other in others) > ELSEWHERE
             if far or shared[plans[name]] > 1:
                 self.leave_out(_PRESET, self.points.pop(name).line)
+
+    def _drop_zero_heights(self) -> None:
+        """Leave out the heights of given points if all are 0: instruments write it for none."""
+        heights = [place.height for place in self.points.values() if place.height is not None]
+        if len(heights) > 1 and not any(heights):
+            for name, place in self.points.items():
+                if place.height is not None:
+                    self.leave_out(_ZERO_HEIGHTS, place.line)
+                    self.points[name] = place._replace(height=None)
 
     def _orient(self) -> None:
         """Turn circle readings into azimuths where nothing but the orientation that the book says tells the direction.
@@ -741,31 +755,39 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
             next(iter(book.points.values())).line,
         )
         book.points = {}
-    control = _given_together(book, occupied, levelled) > 1 or not measured
-    sigma = SIGMA_CONTROL if control and measured else None
+    least = 1 if occupied else 0  # one height gives a level its datum
+    control = _given_together(book, occupied, levelled) > least if measured else len(book.points) > 1
+    sigma = SIGMA_CONTROL if control else None
+    stated = {name: (repr(h / sqrt(2.0)),) * 2 + (repr(v),) for name, (h, v) in book.precision.items() if h > 0.0 < v}
+    flat = _flat(book, occupied, levelled)
     known = [
         Row(
             [
                 name,
                 *(None if v is None else repr(v) for v in place),
-                *(None if v is None else sigma for v in place),
+                *(
+                    None if v is None or not control else own
+                    for v, own in zip(place, stated.get(name, (sigma,) * 3), strict=True)
+                ),
             ],
             line,
         )
         for name, (*place, line) in book.points.items()
     ]
-    if known:
-        columns = ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z")
-        draft.table("points", columns, known)
-    if sigma:
-        words = f"coordinates of the book are observed with σ = {sigma} m: it says none"
-        draft.note(words, known[0].line)
-    elif known and measured:
+    without_height = bool(occupied) and book.spatial() and not any(place.height for place in book.points.values())
+    begin = next((row.cells for row in known if row.cells[0] in measured and row.cells[0] not in flat), None)
+    if without_height and begin is not None:
+        begin[3] = "0"  # start values need a height, whatever it is
+    _put_table(book, ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"), known, flat)
+    bare = [row for row in known if row.cells[0] not in stated]
+    if sigma and bare:
+        draft.note(f"coordinates of the book are observed with σ = {sigma} m: it says none", bare[0].line)
+    elif known and measured and not sigma:
         draft.note(
             "coordinates of the book are start values: one point does not define the datum of a network",
             known[0].line,
         )
-    if not sigma:
+    if not sigma or without_height:
         draft.put("datum", "free")
     first: dict[str, int] = {}
     for set_up in occupied:
@@ -782,15 +804,45 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
         for name, line in first.items()
         if name not in book.points
     ]
-    if others:
-        draft.table("points", ("id", "x", "y", "z"), others)
+    _put_table(book, ("id", "x", "y", "z"), others, flat)
+    lines = [line for name, line in first.items() if name in flat]
+    if lines:
+        names = ", ".join(list(flat)[:_NAMED]) + (", …" if len(flat) > _NAMED else "")
+        draft.note(
+            f"{counted(len(lines), 'point')} without a height: no reading tells it, so it is fixed at 0: {names}",
+            lines[0],
+        )
+
+
+def _flat(
+    book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: Sequence[LevelledDifference]
+) -> dict[str, None]:
+    """Points that no reading tells the height of and that have none, in a book with heights of others."""
+    sights = [(set_up.station, sight) for set_up in occupied for sight in set_up.sights]
+    high = {name for row in levelled for name in (row.start, row.end)}
+    high |= {name for name, place in book.points.items() if place.height is not None}
+    for station, sight in sights:
+        if sight.zenith is not None or sight.slope is not None:
+            high |= {station, sight.target}
+    names = (name for station, sight in sights for name in (station, sight.target) if name not in high)
+    return dict.fromkeys(names) if book.spatial() else {}
+
+
+def _put_table(book: FieldBook, columns: Sequence[str], rows: Sequence[Row], flat: Container[str]) -> None:
+    """Put points into two tables, those without heights in one of their own."""
+    for fixed in (False, True):
+        chosen = [row for row in rows if (row.cells[0] in flat) == fixed]
+        if chosen:
+            held: dict[str, Any] = {"fixed": ["z"], "values": {"z": "0"}} if fixed else {}
+            book.draft.table("points", columns, chosen, **held)
 
 
 def _given_together(
     book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: Sequence[LevelledDifference]
 ) -> int:
-    """Return the most given points in a part of the book that sights connect."""
+    """Return the most given points in a part of the book that sights connect; an azimuth there is worth one more."""
     parts: list[set[str]] = []
+    oriented = {set_up.station for set_up in occupied if any(s.bearing is not None for s in set_up.sights)}
     for set_up in occupied:
         parts.append({set_up.station, *(sight.target for sight in set_up.sights)})
     parts += [{row.start, row.end} for row in levelled]
@@ -798,7 +850,8 @@ def _given_together(
     for part in parts:
         apart = [other for other in joined if other.isdisjoint(part)]
         joined = [*apart, part.union(*(other for other in joined if not other.isdisjoint(part)))]
-    return max((len(part & book.points.keys()) for part in joined), default=0)
+    given = [(len(part & book.points.keys()), not part.isdisjoint(oriented)) for part in joined]
+    return max((count + (count and azimuth) for count, azimuth in given), default=0)
 
 
 _COLUMNS = {
@@ -957,3 +1010,11 @@ def sexagesimal(text: str) -> float:
     if minutes >= 60 or seconds > 60.0:
         raise ValueError(f"found {text!r}, expected less than 60 minutes and seconds in ddd.mmss")
     return sign * (int(whole or "0") + minutes / 60.0 + seconds / 3600.0)
+
+
+def may_be_sexagesimal(angles: Iterable[str]) -> bool:
+    """Return whether all angles may be ddd.mmss; otherwise they are gon."""
+    try:
+        return max(map(sexagesimal, angles), default=0.0) <= 360.0
+    except ValueError:
+        return False

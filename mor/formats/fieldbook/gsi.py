@@ -6,7 +6,7 @@ target, 84 85 86 of the station, 87 height of the target, 88 of the instrument; 
 the station was recorded (Leica, "GSI ONLINE", 2002).
 
 Levels write 331 to 336 staff readings with the distance in 32, 83 height, 571 to 574 sums; a code block with ``?``
-begins a line.
+begins a line. A block 505 to 514 ends it: 509 is the benchmark that the last point 512 is.
 
 A block begins with word 11 or 41; a line has one or several. Instruments record a station before or after its sights:
 after a resection or a backsight the station follows. Blocks of readings have 81 to 83 if the station was known.
@@ -85,8 +85,9 @@ def _blocks(text: str, line: int, draft: Draft) -> Iterator[_GsiBlock]:
     words: Words = {}
     for word in text.replace("*", " ").split():
         match = _WORD.match(word)
-        if match is None and words and (last := next(reversed(words)))[0] in "14":
-            words[last] = words[last][0], f"{words[last][1]} {word}"  # a name with a blank
+        last = next(reversed(words), "")
+        if match is None and last and (last[0] in "14" or not words[last][1][1:].isdecimal()):
+            words[last] = words[last][0], f"{words[last][1]} {word}"  # a name or a text with a blank
             continue
         if match is None:
             draft.problem(f"found {word!r}, expected words like 21.322+12345600", line)
@@ -94,7 +95,8 @@ def _blocks(text: str, line: int, draft: Draft) -> Iterator[_GsiBlock]:
         if match[1] in ("11", "41") and words:
             yield _GsiBlock(words, line)
             words = {}
-        words[match[1]] = match[2].rjust(4, "."), match[3] + match[4]
+        index = match[1] + match[2][:1] if match[1] in ("50", "51") and match[2][:1].isdigit() else match[1]
+        words[index] = match[2].rjust(4, "."), match[3] + match[4]
     if words:
         yield _GsiBlock(words, line)
 
@@ -152,6 +154,8 @@ class _GsiReader:
             self.book.levelling.begin()
         elif block.code:
             self._code(block)
+        elif {"509", "512"} <= set(words):
+            self.book.levelling.close_at(_plain(words["512"][1]), _plain(words["509"][1]))
         elif "11" not in words:
             self.book.leave_out(_NAMES.get(next(iter(words)), f"word {next(iter(words))}"), line)
         elif block.level:

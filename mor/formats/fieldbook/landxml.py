@@ -10,7 +10,7 @@ from pathlib import Path
 
 from mor.errors import InputError, Message
 from mor.formats.draft import Draft, Element, parse_number, parse_xml
-from mor.formats.fieldbook.book import COMPUTED, FieldBook, InstrumentSetUp, Sight, sexagesimal
+from mor.formats.fieldbook.book import COMPUTED, GNSS, FieldBook, InstrumentSetUp, Sight, sexagesimal
 from mor.input_files import PROJECT, read_bytes
 from mor.project.document import Document
 
@@ -348,8 +348,8 @@ def _angle(element: Element, name: str, unit: str) -> float | None:
 # Stations, targets and atmospheres are records of their own that points refer to; a point that names no
 # station belongs to the last one before it. ``EDMDistance`` is raw: the prism constant of the target, and the
 # ppm of the atmosphere where it says so, are added here. ``Circle`` and ``EDMDistance`` are readings;
-# ``Grid`` of keyed-in points is given; ``ComputedGrid``, ``Reductions``, mean turned angles and points by
-# calculation are derived. Source: Trimble, *JobXML*.
+# ``Grid`` of keyed-in points and ``ComputedGrid`` of GNSS points, with their precision, are given; other
+# ``ComputedGrid``, ``Reductions``, mean turned angles and points by calculation are derived. Source: Trimble, *JobXML*.
 
 _FACES = {"Face1": 1, "Face2": 2}
 _JOBXML_COMPUTED = ("MeanTurnedAngle", "MTA", "Intersect", "Resection", "Calculated", "Copied")
@@ -417,9 +417,21 @@ class _LandXmlReader:
             (grid, *_) = record.all("Grid")
             east, north, height = (_number(grid, axis) for axis in ("East", "North", "Elevation"))
             self.book.point(name, east, north, height, record.line)
+        elif any(child.name.startswith(("ECEF", "WGS84")) for child in record.children):
+            self._gnss_point(record, name)
         else:
-            gnss = any(child.name.startswith(("ECEF", "WGS84")) for child in record.children)
-            self.book.leave_out("GNSS points" if gnss else f"points by {method or 'no method'}", record.line)
+            self.book.leave_out(f"points by {method or 'no method'}", record.line)
+
+    def _gnss_point(self, record: Element, name: str) -> None:
+        grid = next(iter(record.all("ComputedGrid")), record)
+        east, north, height = (_number(grid, axis) for axis in ("East", "North", "Elevation"))
+        if east is None or north is None:
+            self.book.leave_out(GNSS, record.line)
+            return
+        self.book.point(name, east, north, height, record.line)
+        for precision in record.all("Precision"):
+            sigma = (_number(precision, axis) or 0.0 for axis in ("Horizontal", "Vertical"))
+            self.book.precision[name] = next(sigma), next(sigma)
 
     def _sight(self, record: Element, circle: Element, name: str) -> None:
         named = _text(record, "StationID")

@@ -4,8 +4,8 @@ A set-up has one or several readings back to one point and forward to another. T
 readings back less the mean of those forward. A reading to another point, the height that the instrument computes, or a
 new line ends the set-up. Intermediate sights have the mean of the readings back of their set-up.
 
-Instruments number turning points anew in every line. A name that lies inside two lines is therefore one point only if
-the recorded heights agree.
+Instruments number turning points anew in every line. A name that lies inside two lines, or a number that lies inside a
+line and ends another, is therefore one point only if the recorded heights agree.
 """
 
 from __future__ import annotations
@@ -88,6 +88,8 @@ class Levelling:
 
     def sight_back(self, reading: StaffReading) -> None:
         """Add a reading back; without a name it is to the point sighted forward before."""
+        if self.between and not self.fore:  # the instrument moved after intermediate sights
+            self.close()
         named = reading if reading.point else reading._replace(point=self.current or f"line {reading.line}")
         self._add(named, self.back, self.fore)
 
@@ -126,11 +128,19 @@ class Levelling:
         return not point or point == self.current
 
     def result(self, point: str, height: float | None) -> None:
-        """End the set-up at the height that the instrument computed."""
+        """End the set-up at the height that the instrument computed, unless it is that of an intermediate sight."""
         name = point or self.current
-        self.close()
+        if self.fore or not self.between:
+            self.close()
         if height is not None:
             self._line().heights[name] = height
+
+    def close_at(self, last: str, benchmark: str) -> None:
+        """End the line: its last point, which bears the number of a turning point, is a benchmark."""
+        self.close()
+        rows = self._line().differences
+        if rows and rows[-1].end == last:
+            rows[-1] = rows[-1]._replace(end=benchmark)
 
     def repeat(self) -> None:
         """Forget the readings of the open set-up: it is measured again."""
@@ -168,8 +178,12 @@ class Levelling:
         found: list[LevelledDifference] = []
         for line in self.lines:
             names = {}
-            for name in sorted(line.inside() - ends):
-                height, places = line.heights.get(name), known.setdefault(name, [])
+            for name in sorted(line.inside()):
+                height = line.heights.get(name)
+                final = [other.heights[name] for other in self.lines if name in other.ends() and name in other.heights]
+                if name in ends and not (name.isdecimal() and height is not None and final):
+                    continue
+                places = known.setdefault(name, [*final])
                 same = [
                     k
                     for k, other in enumerate(places)

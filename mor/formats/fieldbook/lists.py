@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import re
 from bisect import bisect_right
+from collections.abc import Callable
 from itertools import accumulate
 from pathlib import Path
 
 from mor.formats.draft import Draft, parse_number
-from mor.formats.fieldbook.book import FieldBook, InstrumentSetUp, Sight, records, sexagesimal
+from mor.formats.fieldbook.book import FieldBook, InstrumentSetUp, Sight, may_be_sexagesimal, records, sexagesimal
 from mor.project.document import Document
 
 
@@ -148,45 +149,71 @@ class _Nikon:
 def read_topcon(path: Path) -> Document:
     """The project of a Topcon GTS-7 or GTS-6 file. Raises :class:`InputError` with every mistake found.
 
-    GTS-7: STN station and instrument height, BS and SS target and its height, then HV circle and zenith, SD with the
-    slope distance. The order of XYZ is not said in the file: they are left out.
+    GTS-7: STN station and instrument height; BKB backsight with its azimuth and circle reading; BS, FS and SS target
+    and its height; then HV circle and zenith, SD with the slope distance, HD circle, horizontal distance and difference
+    of height. XYZ is east, north and height of the point that the record before names (Topcon, GTS-700 manual).
 
     GTS-6: one stream of ``_'station_(code_)height``, then ``_+target_``, a measurement and ``_*code_,height`` for each
     sight (Topcon Link, "GTS-6 Raw Format").
     """
     draft = Draft(str(path))
     book = FieldBook(draft)
-    target: list[str] = []
-    metres, read = 1.0, sexagesimal
     lines = list(records(path, draft))
     if lines and _GTS6.match(lines[0][1]):
         _read_gts6(lines, book)
-        lines = []
-    for line, text in lines:
-        kind = text[:8].strip()
-        cells = _cells(text[8:], 3)
-        try:
-            if kind == "UNITS":
-                metres = 1.0 if cells[0].upper().startswith("M") else 0.3048
-                book.angle = "gon" if cells[1].upper().startswith("G") else "deg"
-                read = parse_number if book.angle == "gon" else sexagesimal
-            elif kind == "STN":
-                book.set_up(cells[0], line, (_optional(cells[1]) or 0.0) * metres)
-                target = []
-            elif kind in ("BS", "SS", "FS", "OBS"):
-                target = cells
-            elif kind in ("HV", "SD") and target:
-                slope = parse_number(cells[2]) * metres if kind == "SD" else None
-                height = (_optional(target[1]) or 0.0) * metres
-                book.sight(Sight(target[0], line, read(cells[0]), read(cells[1]), slope or None, height=height))
-            elif kind == "XYZ":
-                book.leave_out("coordinates: the file does not say which of them is north", line)
-            elif text.strip():
-                book.leave_out(f"records {kind or text.strip()[:8]}", line)
-        except ValueError as error:
-            draft.problem(str(error), line)
+    else:
+        reader = _Topcon(book, lines)
+        for line, text in lines:
+            try:
+                reader.record(text[:8].strip(), _cells(text[8:], 3), line)
+            except ValueError as error:
+                draft.problem(str(error), line)
     book.finish(path.stem)
     return draft.finish()
+
+
+class _Topcon:
+    """Units of a GTS-7 file, the target, and the point that coordinates belong to."""
+
+    def __init__(self, book: FieldBook, lines: list[tuple[int, str]]) -> None:
+        self.book, self.metres = book, 1.0
+        self.target: list[str] = []
+        self.add: Callable[..., None] = book.computed_point
+        self.point = ""
+        angles = [cell for _, text in lines if text[:8].strip() in ("HV", "SD") for cell in _cells(text[8:], 2)[:2]]
+        book.angle = "deg" if may_be_sexagesimal(angles) else "gon"
+
+    def record(self, kind: str, cells: list[str], line: int) -> None:
+        book = self.book
+        if kind == "UNITS":
+            self.metres = 1.0 if cells[0].upper().startswith("M") else 0.3048
+            book.angle = "gon" if cells[1].upper().startswith("G") else "deg"
+        elif kind == "STN":
+            book.set_up(cells[0], line, (_optional(cells[1]) or 0.0) * self.metres)
+            self.target, self.point, self.add = [], cells[0], book.station_point
+        elif kind == "BKB" and book.set_ups:
+            book.set_ups[-1].orientation = self._angle(cells[1]) - self._angle(cells[2])
+            self.point, self.add = cells[0], book.point
+        elif kind in ("BS", "SS", "FS", "OBS"):
+            self.target, self.point, self.add = cells, cells[0], book.computed_point
+        elif kind in ("HV", "SD", "HD") and self.target:
+            self._sight(kind, cells, line)
+        elif kind == "XYZ" and self.point:
+            self.add(self.point, *(parse_number(cell) * self.metres for cell in cells[:3]), line)
+        else:
+            book.leave_out(f"records {kind}", line)
+
+    def _angle(self, text: str) -> float:
+        return (parse_number if self.book.angle == "gon" else sexagesimal)(text)
+
+    def _sight(self, kind: str, cells: list[str], line: int) -> None:
+        length = None if kind == "HV" else parse_number(cells[1 if kind == "HD" else 2]) * self.metres or None
+        slope, plan = (None, length) if kind == "HD" else (length, None)
+        zenith = None if kind == "HD" else self._angle(cells[1])
+        height = (_optional(self.target[1]) or 0.0) * self.metres
+        self.book.sight(Sight(self.target[0], line, self._angle(cells[0]), zenith, slope, plan, height))
+        if kind == "HD":
+            self.book.leave_out("differences of height (HD)", line)
 
 
 _GTS6 = re.compile(r"_'[^_]*_\(")
@@ -240,25 +267,28 @@ def _gts6_angle(text: str, book: FieldBook) -> float:
 def read_sokkia_scr(path: Path) -> Document:
     """The project of a Sokkia SCR file. Raises :class:`InputError` with every mistake found.
 
-    M instrument and its height; then name, kind (Ea slope, zenith, circle; Ee zenith, circle), code, mark, height of
-    the target.
+    M instrument, its height and its coordinates; then name, kind, code, mark, height of the target, a field that is not
+    used, and slope, zenith, circle (Ea), zenith, circle (Ee), or east, north, height, slope, zenith, circle (Eh).
     """
     draft = Draft(str(path))
     book = FieldBook(draft)
     for line, text in records(path, draft):
-        cells = _cells(text, 9)
+        cells = _cells(text, 12)
         try:
             if cells[0] == "M":
                 book.set_up("", line, _optional(cells[4]) or 0.0)
-            elif cells[1] == "Ea":
-                slope, zenith, circle = parse_number(cells[6]), sexagesimal(cells[7]), sexagesimal(cells[8])
-                height = _optional(cells[4]) or 0.0
-                book.sight(Sight(cells[0], line, circle, zenith, slope or None, height=height))
-            elif cells[1] == "Ee":
-                zenith, circle = sexagesimal(cells[6]), sexagesimal(cells[7])
-                book.sight(Sight(cells[0], line, circle, zenith, height=_optional(cells[4]) or 0.0))
+                east, north, up = map(_optional, cells[7:10])
+                book.station_point(book.set_ups[-1].station, east, north, up, line)
+            elif cells[1] in ("Ea", "Ee", "Eh"):
+                first = {"Ea": 6, "Ee": 5, "Eh": 9}[cells[1]]
+                slope = None if cells[1] == "Ee" else parse_number(cells[first]) or None
+                zenith, circle = map(sexagesimal, cells[first + 1 : first + 3])
+                book.sight(Sight(cells[0], line, circle, zenith, slope, height=_optional(cells[4]) or 0.0))
+                if cells[1] == "Eh":
+                    east, north, up = map(_optional, cells[6:9])
+                    book.computed_point(cells[0], east, north, up, line)
             elif text.strip():
-                book.leave_out(f"records {cells[0]}", line)
+                book.leave_out(f"records {cells[1]}", line)
         except ValueError as error:
             draft.problem(str(error), line)
     book.finish(path.stem)

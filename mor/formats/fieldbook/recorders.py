@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import csv
 import re
-from itertools import pairwise
+from itertools import pairwise, takewhile
 from pathlib import Path
 
 from mor.formats.draft import Draft, parse_number
-from mor.formats.fieldbook.book import FieldBook, InstrumentSetUp, Sight, records, sexagesimal
+from mor.formats.fieldbook.book import GNSS, FieldBook, InstrumentSetUp, Sight, may_be_sexagesimal, records, sexagesimal
 from mor.formats.fieldbook.level import REPEATED, StaffReading
 from mor.project.document import Document
 
@@ -64,14 +64,10 @@ def _angle_unit(entries: list[Entry], book: FieldBook) -> bool:
     """Set the unit of angles and return True for degrees, minutes and seconds."""
     units = next((value for label, value, _ in entries if label == "23"), "")
     angles = [value for label, value, _ in entries if label in _ANGLES]
-    try:
-        largest = max((sexagesimal(value) for value in angles), default=0.0)
-    except ValueError:
-        largest = 400.0
     if units[:1] in ("1", "3"):
         book.angle = "gon" if units[0] == "1" else "deg"
         return False
-    if largest <= 360.0:
+    if may_be_sexagesimal(angles):
         if angles and units[:1] != "2":
             book.draft.note("angles are taken as degrees, minutes and seconds, as all of them may be", entries[0][2])
         return True
@@ -257,6 +253,7 @@ _VALUE = re.compile(r"^(\S+?)_?\s+(-?[\d.]+)\s*(\S*)$")
 _KNOWN = ("SD", "HD", "Hz", "V1", "Y", "X", "Z", "th", "ih", "Rb", "Rf", "Rz")
 _ALIASES = {"D": "SD", "E": "HD", "Lr": "Rb", "Lv": "Rf", "Lz": "Rz", "L": "R"}
 """Names of Zeiss instruments."""
+_LEVELLED = {"Rb", "Rf", "Rz", "Lr", "Lv", "Lz", "HD", "E", "Z"}
 _M5_UNITS = {"gon": "gon", "grd": "gon", "grad": "gon", "deg": "deg", "m": "m"}
 _M5_NAME, _M5_WIDTH = slice(4, 12), 27
 """Columns of the point in the field of a level, and the width from which that field has columns."""
@@ -272,6 +269,8 @@ def read_m5(path: Path) -> Document:
             continue
         if text.split()[0].upper() == "END" and len(cells) == 1:
             continue
+        if len(cells) == 1 and (rec := _REC.match(text)):
+            cells = reader.columns(rec, line)
         if len(cells) < 4 or not cells[0].startswith("For"):
             draft.problem(f"found {text[:20]!r}, expected For M5|Adr …|…", line)
             continue
@@ -283,13 +282,17 @@ def read_m5(path: Path) -> Document:
     return draft.finish()
 
 
+_REC = re.compile(r"\s*\d+\s+(\S.*?)((?:\s+[A-Z][a-zD0]?\s+-?\d+\.\d+){0,3})\s*$")
+"""A record of a level in the form REC 500: address, point or text, values without units."""
+
+
 class _M5Reader:
     """The heights of target and instrument, and whether a stationing is under way."""
 
     def __init__(self, book: FieldBook) -> None:
         self.book = book
         self.target, self.instrument = 0.0, 0.0
-        self.stationing = False
+        self.stationing, self.rec = False, False
         self.sighted: set[str] = set()
 
     def record(self, what: str, cells: list[str], line: int) -> None:
@@ -311,6 +314,16 @@ class _M5Reader:
             self._point(words, values, line)
         else:
             self.book.leave_out(f"records {kind}", line)
+
+    def columns(self, rec: re.Match[str], line: int) -> list[str]:
+        """Columns of a record of the form REC 500 as those of M5: sums and texts have other kinds than points."""
+        if not self.rec:
+            self.book.draft.note("lengths of the form REC 500 are taken as metres: it says no unit", line)
+            self.rec = True
+        values = re.findall(r"(\S+)\s+(\S+)", rec[2])
+        kind = "TO" if not values else "KD1" if {name for name, _ in values} <= _LEVELLED else "KD2"
+        what = rec[1] if kind == "TO" else rec[1].split()[0]
+        return ["For REC", "", f"{kind} {what}", *(f"{name} {value} m" for name, value in values), "", ""]
 
     def _values(self, cells: list[str], line: int) -> dict[str, tuple[float, str]]:
         values = {}
@@ -412,16 +425,16 @@ def _place(values: dict[str, tuple[float, str]]) -> tuple[float | None, float | 
 #
 # ``AR`` is the reading of the circle, whose reading at the backsight is ``BC``: a backsight that no record
 # measures is a sight with that reading. SP and OC coordinates are given unless an earlier set-up sighted the
-# point; those of GNSS points stand in the comment --GS that follows a GPS record. Lines that begin with --
-# are comments, also those that repeat other records: means, checks and computed coordinates. Source: Carlson,
-# *SurvCE RW5 Format*.
+# point; those of GNSS points stand in the comment --GS that follows a GPS record, their precision in --HRMS or
+# --HSDV. Lines that begin with -- are comments, also those that repeat other records: means, checks and computed
+# coordinates. Source: Carlson, *SurvCE RW5 Format*.
 
 _SIGHTS = {"SS": 0, "TR": 0, "FS": 0, "BD": 1, "FD": 1, "BR": 2, "FR": 2}
 """Faces of the sights; 0 where the zenith angle tells."""
 _KEYS = ("OP", "FP", "BP", "PN", "NM", "AR", "AL", "AZ", "DR", "DL", "ZE", "VA", "CE", "SD", "HD", "HI", "HR")
 _MORE = ("BS", "BC", "BR", "AD", "UN", "SF", "EC", "EO", "AU", "EL", "DT", "TM", "N", "E")
 _CELL = re.compile(rf"({'|'.join((*_KEYS, *_MORE))})\s*(.*)")
-_GNSS = "GNSS positions (latitude, longitude); their coordinates in the system of the job are read if it has them"
+_RMS = re.compile(r"--H(?:RMS|SDV):\s*(\d*\.\d+),.*?\bV(?:RMS|SDV):\s*(\d*\.\d+)")
 _UNITS = {0: 0.3048, 1: 1.0, 2: 1200.0 / 3937.0}
 """Metres of feet, metres, US survey feet."""
 
@@ -460,6 +473,8 @@ class _RW5Reader:
         self.begun = False
         self.gnss = False
         """True in the comments of a GPS record."""
+        self.gnss_point = ""
+        """Point of the last comment --GS, whose precision follows."""
 
     def record(self, kind: str, text: str, line: int) -> None:
         # Values by their keys; what follows ``--`` is a note.
@@ -467,6 +482,8 @@ class _RW5Reader:
         cells = {match[1]: match[2].strip() for match in matches if match}
         if kind == "--GS" and self.gnss:
             self._gnss_point(cells, line)
+        elif self.gnss_point and (rms := _RMS.match(f"{kind},{text}")):
+            self.book.precision[self.gnss_point] = float(rms[1]) * self.metres, float(rms[2]) * self.metres
         elif kind == "JB":
             self.title = cells.get("NM", "")
         elif kind == "MO" or (kind == "--MO" and not self.mode):
@@ -490,7 +507,7 @@ class _RW5Reader:
         elif kind.strip():
             gnss = kind in ("GPS", "BP")
             self.gnss = kind == "GPS" or (self.gnss and kind.startswith("--"))
-            what = "comments" if kind.startswith("--") else _GNSS if gnss else f"records {kind[:4]}"
+            what = "comments" if kind.startswith("--") else GNSS if gnss else f"records {kind[:4]}"
             self.book.leave_out(what, line)
 
     def close(self) -> None:
@@ -509,8 +526,9 @@ class _RW5Reader:
         except ValueError:
             self.book.leave_out("comments", line)
             return
-        if cells.get("PN"):
-            self.book.point(cells["PN"], east, north, height, line)
+        self.gnss_point = cells.get("PN", "")
+        if self.gnss_point:
+            self.book.point(self.gnss_point, east, north, height, line)
 
     def _mode(self, cells: dict[str, str], line: int) -> None:
         unit = parse_number(cells.get("UN") or "1")
@@ -722,6 +740,7 @@ class _SDRReader:
 # circle reading there; PRISM target height; AD, F1, F2 (and FC1, FC2): point, circle reading and slope distance
 # with the vertical angle (VA), else the horizontal distance. Source: Autodesk, *Survey command language*.
 
+_WORDS = re.compile(r'"[^"]*"|[^\s"]+')
 _FBK_SIGHTS = {"AD": 0, "F1": 1, "F2": 2, "FC1": 1, "FC2": 2}
 """Faces of the sights; 0 where the zenith angle tells."""
 
@@ -732,7 +751,7 @@ def read_fbk(path: Path) -> Document:
     reader = _FbkReader(FieldBook(draft))
     for line, text in records(path, draft):
         try:
-            reader.command(text.partition('"')[0].split(), line)
+            reader.command([word.strip('"') for word in _WORDS.findall(text)], line)
         except ValueError as error:
             draft.problem(str(error), line)
     reader.close()
@@ -783,9 +802,9 @@ class _FbkReader:
         self.backsight = None
 
     def _units(self, rest: list[str]) -> None:
-        for word in rest:
-            if word.startswith(("MET", "FOOT", "FEET")):
-                self.metres = 1.0 if word.startswith("MET") else 0.3048
+        for word in takewhile(lambda word: word[:1] != "!", rest):
+            if word.startswith(("MET", "FOOT", "FEET", "USFOOT", "USFEET")):
+                self.metres = {"M": 1.0, "U": 1200.0 / 3937.0}.get(word[0], 0.3048)
             elif word in ("DMS", "DEC", "DECDEG", "DECDMS", "GRAD", "GRADS"):
                 self.book.angle = "gon" if word.startswith("GRAD") else "deg"
                 self.decimal = word in ("DEC", "DECDEG", "GRAD", "GRADS")
