@@ -26,7 +26,7 @@ from mor.start.free_station import (
 from mor.start.movement import FreeRotation, Ties, movement
 from mor.start.part import Distances, Part, Phrase, empty_part, rule
 from mor.start.scene import LocalSystem, Scene
-from mor.start.sights import Choices, LevelledSet, Terrestrial, orient
+from mor.start.sights import LevelledSet, Terrestrial, orient
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- Grow a levelled part: orientations, polar points, sections of bearings and arcs, free stations, heights.
@@ -37,8 +37,6 @@ SECTION_FITS = 1e-2
 """Radians, or part of its length, that a bearing or an arc may be off, as heights and scale are not yet known well."""
 CONTRADICTS = 0.45
 """Radians that half of the directions of a set must not be off the others by."""
-RISES = 0.1, -0.1, 0.5, -0.5
-"""Rises of sights in parts of their lengths, where nothing tells them: one for all, whichever leads to the best."""
 SMALLEST_SECTION = 0.05
 """Radians at which two bearings must meet."""
 
@@ -50,7 +48,6 @@ def grow_levelled(part: Part, measured: Terrestrial, distances: Distances) -> bo
         added = _orient(part, measured)
         added |= _vectors(part, measured) if part.oriented and part.scaled else False
         added |= _polar(part, measured, distances)
-        added |= _polar_backwards(part, measured, distances)
         added |= _sections(part, measured)
         added |= _free_stations(part, measured, distances)
         added |= _heights(part, measured, distances)
@@ -106,46 +103,6 @@ def _polar(part: Part, measured: Terrestrial, distances: Distances) -> bool:
                 xy = part.points[sight.position, :2] + length * np.array([np.sin(t), np.cos(t)])
                 _place(part, int(point), xy, rule("polar from {one}", one=sight.name))
                 added = True
-    return added
-
-
-def place_as_if_level(part: Part, measured: Terrestrial, distances: Distances, choices: Choices) -> bool:
-    """Points of which a direction and a slope distance tell all but the height: nearly as high as what sights them.
-
-    Nothing tells how steep the sight is; but the adjustment comes from there, and nothing else is known of them. It
-    would not from a level sight, whose length says nothing of heights.
-    """
-    if not (part.levelled and part.scaled):
-        return False
-    found = [
-        (sight, point, direction - kappa, *distances.slope[sight.position, point])
-        for number, kappa in part.kappas.items()
-        if _level_known(part, (sight := measured.sights[number]).position)
-        for point, direction in _unknown_sights(part, sight)
-        if (sight.position, point) in distances.slope
-    ]
-    slope = RISES[choices.take(len(RISES))] if found else 0.0
-    for sight, point, t, length, rise in found:
-        here = part.points[sight.position]
-        if np.isnan(part.points[point, 2]):
-            part.points[point, 2] = here[2] + rise + slope * length
-        xy = here[:2] + length * np.array([np.sin(t), np.cos(t)])
-        _place(part, point, xy, rule("polar from {one}, as if at its height", one=sight.name))
-    return bool(found)
-
-
-def _polar_backwards(part: Part, measured: Terrestrial, distances: Distances) -> bool:
-    """Return places at which a bearing and a distance to a known point were observed."""
-    added = False
-    for sight in measured.sights if part.oriented else ():
-        if not sight.oriented or _level_known(part, sight.position):
-            continue
-        point, t = int(sight.points[0]), float(sight.directions[0])
-        length = distances.between(part, sight.position, point) if _level_known(part, point) else np.nan
-        if np.isfinite(length):
-            xy = part.points[point, :2] - length * np.array([np.sin(t), np.cos(t)])
-            _place(part, sight.position, xy, rule("polar from {one}", one=sight.name))
-            added = True
     return added
 
 
@@ -302,23 +259,6 @@ def begin_heights(part: Part, measured: Terrestrial) -> bool:
     part.points[h.start[0], 2] = 0.0
     part.how[f"point {h.start[0]}"] = rule("height 0: no height is given")
     return True
-
-
-def stand_level_with_sights(part: Part, measured: Terrestrial) -> bool:
-    """Stations of known plan begin as high as the middle of what they sight, where nothing else says how high.
-
-    Horizontal directions alone tell it where the vertical is looked for, too, and then only beside everything else.
-    """
-    added = False
-    for sight in measured.sights:
-        heights = part.points[sight.points, 2]
-        told = np.isfinite(heights) & np.isfinite(sight.directions)
-        here = part.points[sight.position]
-        if np.isfinite(here[:2]).all() and np.isnan(here[2]) and told.any():
-            here[2] = np.median(heights[told]) - sight.height * part.scaled
-            part.how[f"point {sight.position}"] = rule("as high as what is sighted from it")
-            added = True
-    return added
 
 
 def _heights(part: Part, measured: Terrestrial, distances: Distances) -> bool:
