@@ -54,6 +54,7 @@ from mor.start.levelled import (
     grow_distances,
     grow_levelled,
     grow_single_points,
+    place_as_if_level,
     seed_distances,
 )
 from mor.start.local_adjustment import (
@@ -369,6 +370,8 @@ def _place_the_rest(assembly: Assembly) -> None:
     if begin_heights(parts[0], scene.terrestrial):
         grow(parts[0], scene, assembly.fewest)
     while pose_by_rays(parts[0], scene, 0, ambiguous=True) or grow_single_points(parts[0], scene, ambiguous=True):
+        grow(parts[0], scene, assembly.fewest)
+    if place_as_if_level(parts[0], scene.terrestrial, scene.distances[1], scene.choices):
         grow(parts[0], scene, assembly.fewest)
 
 

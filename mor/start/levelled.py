@@ -26,7 +26,7 @@ from mor.start.free_station import (
 from mor.start.movement import FreeRotation, Ties, movement
 from mor.start.part import Distances, Part, Phrase, empty_part, rule
 from mor.start.scene import LocalSystem, Scene
-from mor.start.sights import LevelledSet, Terrestrial, orient
+from mor.start.sights import Choices, LevelledSet, Terrestrial, orient
 from mor.types import BoolArray, FloatArray, IntArray
 
 # ---- Grow a levelled part: orientations, polar points, sections of bearings and arcs, free stations, heights.
@@ -37,6 +37,8 @@ SECTION_FITS = 1e-2
 """Radians, or part of its length, that a bearing or an arc may be off, as heights and scale are not yet known well."""
 CONTRADICTS = 0.45
 """Radians that half of the directions of a set must not be off the others by."""
+RISES = 0.1, -0.1, 0.5, -0.5
+"""Rises of sights in parts of their lengths, where nothing tells them: one for all, whichever leads to the best."""
 SMALLEST_SECTION = 0.05
 """Radians at which two bearings must meet."""
 
@@ -104,6 +106,31 @@ def _polar(part: Part, measured: Terrestrial, distances: Distances) -> bool:
                 _place(part, int(point), xy, rule("polar from {one}", one=sight.name))
                 added = True
     return added
+
+
+def place_as_if_level(part: Part, measured: Terrestrial, distances: Distances, choices: Choices) -> bool:
+    """Points of which a direction and a slope distance tell all but the height: nearly as high as what sights them.
+
+    Nothing tells how steep the sight is; but the adjustment comes from there, and nothing else is known of them. It
+    would not from a level sight, whose length says nothing of heights.
+    """
+    if not (part.levelled and part.scaled):
+        return False
+    found = [
+        (sight, point, direction - kappa, *distances.slope[sight.position, point])
+        for number, kappa in part.kappas.items()
+        if _level_known(part, (sight := measured.sights[number]).position)
+        for point, direction in _unknown_sights(part, sight)
+        if (sight.position, point) in distances.slope
+    ]
+    slope = RISES[choices.take(len(RISES))] if found else 0.0
+    for sight, point, t, length, rise in found:
+        here = part.points[sight.position]
+        if np.isnan(part.points[point, 2]):
+            part.points[point, 2] = here[2] + rise + slope * length
+        xy = here[:2] + length * np.array([np.sin(t), np.cos(t)])
+        _place(part, point, xy, rule("polar from {one}, as if at its height", one=sight.name))
+    return bool(found)
 
 
 def _sections(part: Part, measured: Terrestrial) -> bool:
