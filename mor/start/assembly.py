@@ -30,7 +30,6 @@ from mor.start.along_trajectories import (
 from mor.start.bundle import unit
 from mor.start.join import (
     Contradiction,
-    agreeing_points,
     carry,
     contradicting_frames,
     contradicting_points,
@@ -42,8 +41,6 @@ from mor.start.join import (
     put_back,
     put_rotation,
     spread_positions,
-    stand_on_marks,
-    started_only,
     starting_part,
     tie,
     tied_by_positions,
@@ -59,7 +56,6 @@ from mor.start.levelled import (
     grow_single_points,
     place_as_if_level,
     seed_distances,
-    stand_level_with_sights,
 )
 from mor.start.local_adjustment import (
     ENOUGH,
@@ -74,7 +70,6 @@ from mor.start.local_adjustment import (
 from mor.start.movement import FreeRotation, Movement
 from mor.start.part import Approximation, Frame, Part, Phrase, rule, untied
 from mor.start.points_at_infinity import nearly_parallel
-from mor.start.pose_again import pose_again
 from mor.start.scene import (
     Scene,
     direct_roughly,
@@ -142,7 +137,6 @@ def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool
         grown |= grow_bundles(part, *scene.rays_for(part), fewest, most)
         grown = grown or grow_distances(part, scene.distances[1])
         grown = grown or grow_single_points(part, scene)
-        grown = grown or pose_again(part, scene)
         grown = grown or (fewest <= FEWEST and pose_by_rays(part, scene))
         spread_positions(part, scene.frames)
         if not grown:
@@ -278,9 +272,6 @@ def _free_frames(assembly: Assembly) -> BoolArray:
 
 # ---- Parts begin, grow and join until everything is in the object system; what nothing ties comes last.
 
-CONTROL = 3
-"""Points that a part must know to grow by itself."""
-
 
 def assembled(network: Network, scene: Scene) -> Assembly:
     """All parts in the object system."""
@@ -288,16 +279,14 @@ def assembled(network: Network, scene: Scene) -> Assembly:
     assembly = Assembly(network, scene, parts, begun=len(parts) - 1)
     for number, part in enumerate(parts):
         part.number = number
-    waits = _known_ones_wait(assembly)
     for fewest in (ENOUGH, FEWEST):
         assembly.fewest, assembly.reasons = fewest, []
         assembly.given_up, assembly.tried_stations = np.zeros((3, len(scene.frames)), dtype=bool), set()
         assembly.tried_frames = set()
-        for part in [] if waits and fewest == ENOUGH else parts:
+        for part in parts:
             grow(part, scene, fewest)
         _assemble(assembly)
     _place_the_rest(assembly)
-    stand_on_marks(parts[0], scene)
     intersect_the_rest(parts[0], scene.seen)
     if pose_the_rest(parts[0], scene.frames):
         grow(parts[0], scene, FEWEST)
@@ -305,22 +294,7 @@ def assembled(network: Network, scene: Scene) -> Assembly:
             grow(parts[0], scene, FEWEST)
     while grow_single_points(parts[0], scene, ambiguous=True, contradicting=True):
         grow(parts[0], scene, FEWEST)
-    if stand_level_with_sights(parts[0], scene.terrestrial):
-        grow(parts[0], scene, FEWEST)
     return assembly
-
-
-def _known_ones_wait(assembly: Assembly) -> bool:
-    """Do the object system, and parts of measured coordinates, wait for others that are laid upon all their points?
-
-    What grows from few points is hung on each of them: one wrong name, and all that follows is wrong.
-    """
-    given, *others = assembly.parts
-    known = [int(np.count_nonzero(np.isfinite(part.points).all(axis=1))) for part in others]
-    if not given.poses:
-        known.append(int(np.count_nonzero(np.isfinite(given.points).any(axis=1))))
-    asks = max(known, default=0) >= CONTROL and assembly.network.observations <= ROWS
-    return asks and bool(assembly.scene.choices.take(2, alike=False))
 
 
 def _assemble(assembly: Assembly) -> None:
@@ -751,13 +725,10 @@ def approximate(network: Network, settle: SettleNetwork | None = None, others: i
     moving = network
     network = to_plane(standing_still(without_trajectories(network)))
     network = to_places(replace(network, start=with_observed(network)))
-    scene, assembly, judgement = _likeliest(network, scene_of(network), moving, settle, others)
-    if assembly.network is not network and judgement is not None:
-        result = _with_what_agrees(network, assembly, judgement, moving, settle)
-    else:
-        found = _contradicting(network, assembly.parts[0], scene) if others else []
-        better = _with_others(network, scene, found) if found else None
-        result = _approximation(assembly) if better is None else better
+    scene, assembly = _likeliest(network, scene_of(network), moving, settle, others)
+    found = _contradicting(network, assembly.parts[0], scene) if others else []
+    better = _with_others(network, scene, found) if found else None
+    result = _approximation(assembly) if better is None else better
     if result.missing and settle is not None and others:
         result = from_random_places(network, scene, result, settle) or result
     missing = seen_along_trajectories(moving, result.missing)
@@ -766,13 +737,11 @@ def approximate(network: Network, settle: SettleNetwork | None = None, others: i
 
 def _likeliest(
     network: Network, scene: Scene, moving: Network, settle: SettleNetwork | None, others: int
-) -> tuple[Scene, Assembly, Judgement | None]:
+) -> tuple[Scene, Assembly]:
     """The parts in the object system; where several answers were possible on the way, with those that agree best."""
 
-    loose = started_only(network, scene)
-
     def attempt(choices: Choices) -> Assembly:
-        return _without_some(network, replace(scene, choices=choices), *loose)
+        return assembled(network, replace(scene, choices=choices))
 
     def judged(assembly: Assembly) -> Judgement:
         return _as_they_stand(assembly, _approximation(assembly))
@@ -780,25 +749,10 @@ def _likeliest(
     def adjusted(assembly: Assembly, judgement: Judgement) -> Judgement:
         return _adjusted(assembly, _approximation(assembly), judgement, moving, settle)
 
-    assembly, choices, judgement = likeliest(
+    assembly, choices = likeliest(
         attempt, judged, adjusted, lambda: max(others * FEW // max(network.observations, FEW), min(others, 1))
     )
-    return replace(scene, choices=Choices(choices.wanted)), assembly, judgement
-
-
-def _without_some(network: Network, scene: Scene, points: list[Contradiction], frames: list[Contradiction]) -> Assembly:
-    """The parts in the object system, with all start values that are given, or without those of points or frames.
-
-    Rough ones carry what is worked out from them astray. What is found without them is laid upon them, where nothing
-    else says where it is.
-    """
-    some = [points, frames, [*points, *frames]] if points and frames else [points or frames]
-    asks = bool(some[0]) and network.observations <= ROWS
-    answer = scene.choices.take(len(some) + 1, alike=False) if asks else 0
-    if not answer:
-        return assembled(network, scene)
-    reduced = replace(network, start=without(network, scene, some[answer - 1]))
-    return _assembled_near_given(network, reduced, scene)
+    return replace(scene, choices=Choices(choices.wanted)), assembly
 
 
 def _assembled_near_given(network: Network, reduced: Network, scene: Scene) -> Assembly:
@@ -819,37 +773,6 @@ def _left_free(network: Network) -> tuple[FreeRotation, bool]:
         turn = FreeRotation.ANY if all(key.split("/")[0] in _TURNING for key in keys) else FreeRotation.VERTICAL
     scaled = any(component.quantity.length for type_ in types for component in type_.components)
     return turn, scaled
-
-
-def _with_what_agrees(
-    network: Network, assembly: Assembly, judgement: Judgement, moving: Network, settle: SettleNetwork | None
-) -> Approximation:
-    """Start values of parts from which given ones were left out; those that agree come back, where that does no harm.
-
-    Of the others it is said that another one takes their place.
-    """
-    system, scene, left = assembly.parts[0], assembly.scene, assembly.network.start
-    points, frames = started_only(network, scene)
-    gone = [one for one in points if np.isnan(left["point"][one.number]).any()]
-    gone += [one for one in frames if np.isnan(left["rotation"][scene.frames[one.number].rotation]).any()]
-    wrong = {one.name: str(one) for one in _contradicting(network, system, scene)}
-    agreeing = set(agreeing_points(network, system, scene).tolist())
-    agree = [
-        one for one in gone if one.name not in wrong and one.number in (agreeing if one.is_point else system.poses)
-    ]
-    words = tuple(
-        wrong.get(one.name, f"{one.name}: without it and others the observations agree better")
-        for one in gone
-        if one not in agree
-    )
-    found = _approximation(assembly)._replace(replaced=words)
-    start = {kind: values.copy() for kind, values in found.start.items()}
-    put_back(network, scene, start, agree)
-    kept = found._replace(start=start)
-    if not agree:
-        return found
-    of_kept = _adjusted(assembly, kept, _as_they_stand(assembly, kept), moving, settle)
-    return found if judgement.beats(of_kept) else kept
 
 
 def _as_they_stand(assembly: Assembly, found: Approximation) -> Judgement:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
@@ -387,17 +386,6 @@ def spread_positions(part: Part, frames: Sequence[Frame]) -> None:
         missing = np.isnan(part.points[frame.position])
         if missing.any() and frame.stands and (frame.offset[0] == 0.0 or (part.levelled and part.scaled)):
             part.points[frame.position, missing] = place_of(frame, centre, rotation)[missing]
-
-
-def stand_on_marks(part: Part, scene: Scene) -> None:
-    """Several frames over one mark stand exactly over it: short bases between them are as they were measured."""
-    over = Counter(scene.frames[n].position for n in part.poses if scene.frames[n].stands)
-    for number, (_, D) in list(part.poses.items()):
-        frame = scene.frames[number]
-        mark = part.points[frame.position]
-        if frame.stands and over[frame.position] > 1 and np.isfinite(mark).all():
-            lift = np.array([0.0, 0.0, frame.offset[0]])
-            part.poses[number] = (mark + lift - D.T @ frame.offset[1:], D)
 
 
 def place_of(frame: Frame, centre: FloatArray, rotation: FloatArray) -> FloatArray:
@@ -794,12 +782,6 @@ def contradicting_points(network: Network, system: Part, scene: Scene) -> list[C
     return [Contradiction(p, f"point {ids[p]}", float(np.median(off[point == p])), True) for p in doubtful.tolist()]
 
 
-def agreeing_points(network: Network, system: Part, scene: Scene) -> IntArray:
-    """Points given as start values and no more that the rays from posed frames go to."""
-    point, off = _rays_past_points(network, system, scene)
-    return np.flatnonzero(_tested(point, scene) & _agreeing(point, off, scene))
-
-
 def _rays_past_points(network: Network, system: Part, scene: Scene) -> tuple[IntArray, FloatArray]:
     """Return the point of each ray from a posed frame, and the angle (radians) by which the ray misses it."""
     seen, given = scene.seen, network.start["point"]
@@ -824,22 +806,6 @@ def _tested(point: IntArray, scene: Scene) -> BoolArray:
 def _agreeing(point: IntArray, off: FloatArray, scene: Scene) -> BoolArray:
     count = np.bincount(point, minlength=scene.points)
     return np.asarray(np.bincount(point[off < AGREES], minlength=scene.points) >= MOST * count)
-
-
-def started_only(network: Network, scene: Scene) -> tuple[list[Contradiction], list[Contradiction]]:
-    """Points, and frames, that are given as start values and no more, whether or not anything contradicts them."""
-    given = network.start["point"]
-    loose = (network.blocks["point"].free & np.isnan(network.sigma["point"])).all(axis=1)
-    held = {frame.position for frame in scene.frames}
-    rows = np.flatnonzero(loose & np.isfinite(given).all(axis=1)).tolist()
-    ids = network.blocks["point"].ids
-    points = [Contradiction(p, f"point {ids[p]}", 0.0, True) for p in rows if p not in held]
-    frames = [
-        Contradiction(number, frame.name, 0.0)
-        for number, frame in enumerate(scene.frames)
-        if _only_started(network, frame)
-    ]
-    return points, frames
 
 
 def _misses(system: Part, frame: Frame, centre: FloatArray, D: FloatArray) -> FloatArray:

@@ -50,7 +50,6 @@ def grow_levelled(part: Part, measured: Terrestrial, distances: Distances) -> bo
         added = _orient(part, measured)
         added |= _vectors(part, measured) if part.oriented and part.scaled else False
         added |= _polar(part, measured, distances)
-        added |= _polar_backwards(part, measured, distances)
         added |= _sections(part, measured)
         added |= _free_stations(part, measured, distances)
         added |= _heights(part, measured, distances)
@@ -132,21 +131,6 @@ def place_as_if_level(part: Part, measured: Terrestrial, distances: Distances, c
         xy = here[:2] + length * np.array([np.sin(t), np.cos(t)])
         _place(part, point, xy, rule("polar from {one}, as if at its height", one=sight.name))
     return bool(found)
-
-
-def _polar_backwards(part: Part, measured: Terrestrial, distances: Distances) -> bool:
-    """Return places at which a bearing and a distance to a known point were observed."""
-    added = False
-    for sight in measured.sights if part.oriented else ():
-        if not sight.oriented or _level_known(part, sight.position):
-            continue
-        point, t = int(sight.points[0]), float(sight.directions[0])
-        length = distances.between(part, sight.position, point) if _level_known(part, point) else np.nan
-        if np.isfinite(length):
-            xy = part.points[point, :2] - length * np.array([np.sin(t), np.cos(t)])
-            _place(part, sight.position, xy, rule("polar from {one}", one=sight.name))
-            added = True
-    return added
 
 
 def _sections(part: Part, measured: Terrestrial) -> bool:
@@ -302,23 +286,6 @@ def begin_heights(part: Part, measured: Terrestrial) -> bool:
     part.points[h.start[0], 2] = 0.0
     part.how[f"point {h.start[0]}"] = rule("height 0: no height is given")
     return True
-
-
-def stand_level_with_sights(part: Part, measured: Terrestrial) -> bool:
-    """Stations of known plan begin as high as the middle of what they sight, where nothing else says how high.
-
-    Horizontal directions alone tell it where the vertical is looked for, too, and then only beside everything else.
-    """
-    added = False
-    for sight in measured.sights:
-        heights = part.points[sight.points, 2]
-        told = np.isfinite(heights) & np.isfinite(sight.directions)
-        here = part.points[sight.position]
-        if np.isfinite(here[:2]).all() and np.isnan(here[2]) and told.any():
-            here[2] = np.median(heights[told]) - sight.height * part.scaled
-            part.how[f"point {sight.position}"] = rule("as high as what is sighted from it")
-            added = True
-    return added
 
 
 def _heights(part: Part, measured: Terrestrial, distances: Distances) -> bool:

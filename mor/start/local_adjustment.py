@@ -16,7 +16,6 @@ from mor.model.rotations import cross_matrix, rotate
 from mor.start.bundle import Bundle, direction_bundle, misfits, remembered, reproject
 from mor.start.intersection import SMALLEST_ANGLE, PosedFrames, meet, posed_frames
 from mor.start.part import SLACKS, Frame, Part, Sightings, empty_part, loosened, rule
-from mor.start.relative_orientation import nearest_rotation
 from mor.start.resection import (
     AGREES,
     KnownPosition,
@@ -380,11 +379,6 @@ def _intersect(
     return fresh
 
 
-def intersect_again(part: Part, frames: Sequence[Frame], seen: Sightings, moved: Sequence[int]) -> None:
-    """Intersect the points that frames see whose poses are others now."""
-    _intersect(part, frames, seen, posed_frames(part.poses, seen.frames), moved)
-
-
 def _seen(seen: Sightings, points: IntArray) -> IntArray:
     return np.bincount(seen.frame[seen.of_points(points)], minlength=seen.frames)
 
@@ -413,19 +407,8 @@ def pose_the_rest(part: Part, frames: Sequence[Frame]) -> bool:
             continue
         known = part.known(frame.points)
         if np.count_nonzero(known) >= FEWEST:
-            posed |= pose_frame(part, frame, number, ROUGH) or _turned(part, frame, number, known)
+            posed |= pose_frame(part, frame, number, ROUGH)
     return posed
-
-
-def _turned(part: Part, frame: Frame, number: int, known: BoolArray) -> bool:
-    centre = part.points[frame.position] + np.array([0.0, 0.0, frame.offset[0]])
-    if not (frame.stands and np.isfinite(centre).all()):
-        return False
-    away = part.points[frame.points[known]] + np.outer(frame.heights[known], [0.0, 0.0, 1.0]) - centre
-    away /= np.maximum(np.linalg.norm(away, axis=1, keepdims=True), 1e-300)
-    part.poses[number] = centre, nearest_rotation(frame.rays[known].T @ away)
-    part.how[frame.name] = rule("turned towards {count} points from its place", count=int(known.sum()))
-    return True
 
 
 def intersect_the_rest(part: Part, seen: Sightings) -> None:

@@ -14,7 +14,7 @@ from mor.linalg import compilation
 from mor.model import rotations
 from mor.model.rotations import angles_from_rotation, cross_matrix, rotate
 from mor.start import intersection
-from mor.start.bundle import Bundle, cross, misfits, principal_rows, reproject, tangent_axes, unit
+from mor.start.bundle import Bundle, misfits, principal_rows, reproject, unit
 from mor.start.relative_orientation import nearest_rotation
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -481,39 +481,11 @@ def object_plane(points: FloatArray) -> ObjectPlane:
     return ObjectPlane(origin, axes, values / np.sqrt(len(points)))
 
 
-def is_plane(plane: ObjectPlane) -> bool:
-    """True if the points lie in a plane for the purpose of a start value."""
-    return bool(plane.extensions[2] < FLAT * plane.extensions[1])
-
-
-def resect_plane(bundle: Bundle, points: FloatArray) -> tuple[FloatArray, FloatArray] | None:
-    """Position (3,) and rotation (3, 3) from n ≥ 4 points (n, 3) near a plane; none if they are too collinear."""
-    plane = object_plane(points)
-    if plane.extensions[1] <= 0.0:
-        return None
-    size = plane.extensions[0]
-    flat = np.column_stack([(points - plane.origin) @ plane.axes[:2].T / size, np.ones(len(points))])
-    directions = unit(bundle.rays)
-    rows = np.einsum("nij,nk->njik", tangent_axes(directions), flat).reshape(-1, 9)
-    matrix = principal_rows(rows)[1][8].reshape(3, 3)
-    if np.sum(np.einsum("ni,ni->n", flat @ matrix.T, directions)) < 0.0:
-        matrix = -matrix
-    scale = np.linalg.norm(matrix[:, 0]) + np.linalg.norm(matrix[:, 1])
-    if not scale > 0.0:
-        return None
-    matrix = matrix * (2.0 / scale)
-    columns = np.column_stack([matrix[:, :2], cross(matrix[:, 0], matrix[:, 1])])
-    in_plane = nearest_rotation(columns)
-    position = plane.origin - size * plane.axes.T @ in_plane.T @ matrix[:, 2]
-    return position, in_plane @ plane.axes
-
-
 # ---- Space resection: position and attitude of a bundle from known points, without approximate values.
 #
-# Samples of three points (all of them, where they are few) give all positions that three rays allow; a plane
-# object adds the solution of its collineation. The best are refined by Gauss–Newton on the measured
-# coordinates with small rotations about the axes of the frame, and the points that agree are drawn again until
-# they stand. Ambiguous, mirrored, weak or wrong data are named, never guessed.
+# Samples of three points (all of them, where they are few) give all positions that three rays allow. The best are
+# refined by Gauss–Newton on the measured coordinates with small rotations about the axes of the frame, and the points
+# that agree are drawn again until they stand. Ambiguous, mirrored, weak or wrong data are named, never guessed.
 
 SAMPLES = 80
 """Three-point samples at the most; all triples are taken where they are not more."""
@@ -545,9 +517,9 @@ def resect(bundle: Bundle, points: FloatArray, seed: int = 1841) -> Resection:
     # The best poses of samples, of which so many are drawn as it takes for one without a wrong point
     # (RANSAC).
     generator = np.random.default_rng(seed)
-    planar = resect_plane(bundle, points) if len(points) >= 4 and is_plane(object_plane(points)) else None
-    poses, drawn = [] if planar is None else [Pose(*planar)], 0
-    costs = [_truncated(bundle, points, poses)]
+    poses: list[Pose] = []
+    costs: list[FloatArray] = []
+    drawn = 0
     # Coordinates of a map are large beside the object: differences from the centre keep the digits.
     centre = points.mean(axis=0)
     for triples in _triples(len(points), generator):

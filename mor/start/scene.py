@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations, islice
 from typing import NamedTuple
 
 import numpy as np
@@ -12,7 +11,6 @@ import scipy.sparse
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
 from mor.model import rotations
-from mor.model.rotations import nearest_rotation
 from mor.model.shapes import SHAPE_TYPES
 from mor.project.network import Network
 from mor.start.bundle import Similarity, SimilarityOutcome
@@ -144,8 +142,6 @@ class Scene:
     """Frame → rotation D that is fixed or observed."""
     distances: tuple[Distances, Distances]
     """Of parts without scale, and of those that have it."""
-    shared: dict[tuple[int, float], list[int]]
-    """Position block and height above it → the frames with that centre, where there are several."""
     choices: Choices = field(default_factory=Choices)
     """Which of several answers that fit alike are taken."""
     tied: dict[bytes, Movement | None] = field(default_factory=dict)
@@ -195,7 +191,6 @@ def scene_of(network: Network) -> Scene:
         _sights_to(sights, surfaced),
         _attitudes(network, frames),
         (Distances(sights, False), Distances(sights, True)),
-        _shared(frames),
     )
 
 
@@ -282,31 +277,14 @@ def _attitudes(network: Network, frames: tuple[Frame, ...]) -> dict[int, FloatAr
     }
 
 
-def _shared(frames: tuple[Frame, ...]) -> dict[tuple[int, float], list[int]]:
-    found: dict[tuple[int, float], list[int]] = {}
-    for number, frame in enumerate(frames):
-        if frame.relative is None:
-            found.setdefault((frame.position, float(frame.offset[0])), []).append(number)
-    return {key: numbers for key, numbers in found.items() if len(numbers) > 1}
-
-
-# ---- Frames posed by other frames: stereo followers and leaders by their pair, images that turn about one tripod.
-
-AGREE = 0.02
-"""Radians within which a ray agrees with a turn about one tripod."""
-SMALLEST_ANGLE = 0.05
-"""Radians between two rays that a turn can be taken from."""
+# ---- Frames posed by other frames: stereo followers and leaders by their pair.
 
 
 def grow_relative(part: Part, scene: Scene) -> bool:
-    """Add what pairs and common tripods tell; true where anything was added."""
+    """Add what pairs tell; true where anything was added."""
     added, frames = False, scene.rays_for(part)[0]
     for pair in scene.pairs:
         added |= _follow(part, frames, pair)
-    for numbers in scene.shared.values():
-        posed = [n for n in numbers if n in part.poses]
-        for number in numbers if posed else ():
-            added |= number not in part.poses and _turned(part, frames, posed, number)
     return added
 
 
@@ -348,45 +326,6 @@ def _posed(part: Part, pair: StereoPair) -> Iterator[tuple[FloatArray, FloatArra
         if leader in part.poses and follower in part.poses:
             (O_a, D_a), (O_b, D_b) = part.poses[leader], part.poses[follower]
             yield D_b @ D_a.T, D_a @ (O_b - O_a)
-
-
-def _turned(part: Part, frames: Sequence[Frame], posed: Sequence[int], number: int) -> bool:
-    """Pose of a frame on the tripod of another one: rays to points that frames there see too, or that are known."""
-    frame, centre = frames[number], part.poses[posed[0]][0]
-    towards: dict[int, FloatArray] = {}
-    for other in posed:
-        D = part.poses[other][1]
-        for point, ray in zip(frames[other].points.tolist(), frames[other].rays, strict=True):
-            towards.setdefault(point, D.T @ ray)
-    own, there = [], []
-    for point, height, ray in zip(frame.points.tolist(), frame.heights, frame.rays, strict=True):
-        if np.isfinite(part.points[point]).all():
-            away = part.points[point] + [0.0, 0.0, height] - centre
-            towards[point] = away / max(float(np.linalg.norm(away)), 1e-300)
-        if point in towards:
-            own.append(ray)
-            there.append(towards[point])
-    turn = _agreed_turn(np.array(own).reshape(-1, 3), np.array(there).reshape(-1, 3))
-    if turn is None:
-        return False
-    part.poses[number] = (centre.copy(), turn)
-    part.how[frame.name] = rule("turned about the tripod of {one}", one=frames[posed[0]].name)
-    return True
-
-
-def _agreed_turn(own: FloatArray, there: FloatArray) -> FloatArray | None:
-    """Rotation D with own = D there, from the two rays that most others agree with."""
-    best: tuple[int, FloatArray] | None = None
-    for i, j in islice(combinations(range(len(own)), 2), 60):
-        if np.linalg.norm(np.cross(own[i], own[j])) < SMALLEST_ANGLE:
-            continue
-        D = nearest_rotation(own[[i, j]].T @ there[[i, j]])
-        agree = np.linalg.norm(own - there @ D.T, axis=1) < AGREE
-        count = int(agree.sum())
-        if count >= 2 and (best is None or count > best[0]):
-            best = count, nearest_rotation(own[agree].T @ there[agree])
-    enough = best is not None and best[0] >= max(2, 0.6 * len(own))
-    return best[1] if best is not None and enough else None
 
 
 # ---- A part without vertical gets it from horizontal directions and vertical angles to its points.

@@ -126,8 +126,8 @@ def likeliest(
     judged: Callable[[Found], Judgement],
     adjusted: Callable[[Found, Judgement], Judgement],
     most: Callable[[], int],
-) -> tuple[Found, Choices, Judgement | None]:
-    """Return the start values that agree best, and their judgement where there was a choice.
+) -> tuple[Found, Choices]:
+    """Return the start values that agree best.
 
     One answer after another is changed, as long as that helps. Other answers are adjusted where they fit better as
     they stand, or to a question whose answers fit alike: else they lead to the same end. ``most``: attempts beside the
@@ -136,7 +136,7 @@ def likeliest(
     choices = Choices()
     best = attempt(choices)
     if not choices.asked:
-        return best, choices, None
+        return best, choices
     judgement = adjusted(best, judged(best))
     tried, left = {choices.wanted}, _tries(choices, judgement, most)
     while left > 0:
@@ -154,7 +154,7 @@ def likeliest(
         if of_it.beats(judgement):
             left = min(left, SECOND_TRIES) if of_it.agrees else left
             best, choices, judgement = found, other, of_it
-    return best, choices, judgement
+    return best, choices
 
 
 def _tries(choices: Choices, judgement: Judgement, most: Callable[[], int]) -> int:

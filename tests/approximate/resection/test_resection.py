@@ -15,7 +15,6 @@ from mor.start.resection import (
     pose_design,
     quartic,
     resect,
-    resect_plane,
     resect_three_points,
 )
 
@@ -167,14 +166,6 @@ def test_covariance_describes_the_scatter_of_repeated_measurements(scenes):
         d = found.position - made.cameras[0][0]
         values.append(d @ np.linalg.inv(found.covariance[:3, :3]) @ d)
     assert np.mean(values) == pytest.approx(3.0, abs=4 * np.sqrt(6 / 100))
-
-
-def test_plane_solution_is_exact_without_noise(scenes):
-    for seed in range(10):
-        made = scenes.plane_scene(seed, n=4 + seed, images=1)
-        position, rotation = resect_plane(image_bundle(made.rays[0], 1e-4), made.points)
-        np.testing.assert_allclose(position, made.cameras[0][0], atol=1e-8)
-        np.testing.assert_allclose(rotation, made.cameras[0][1], atol=1e-8)
 
 
 def test_theodolite_with_points_all_round_is_resected(scenes):
