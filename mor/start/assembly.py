@@ -272,6 +272,9 @@ def _free_frames(assembly: Assembly) -> BoolArray:
 
 # ---- Parts begin, grow and join until everything is in the object system; what nothing ties comes last.
 
+CONTROL = 3
+"""Points that a part must know to grow by itself."""
+
 
 def assembled(network: Network, scene: Scene) -> Assembly:
     """All parts in the object system."""
@@ -279,11 +282,12 @@ def assembled(network: Network, scene: Scene) -> Assembly:
     assembly = Assembly(network, scene, parts, begun=len(parts) - 1)
     for number, part in enumerate(parts):
         part.number = number
+    waits = _known_ones_wait(assembly)
     for fewest in (ENOUGH, FEWEST):
         assembly.fewest, assembly.reasons = fewest, []
         assembly.given_up, assembly.tried_stations = np.zeros((3, len(scene.frames)), dtype=bool), set()
         assembly.tried_frames = set()
-        for part in parts:
+        for part in [] if waits and fewest == ENOUGH else parts:
             grow(part, scene, fewest)
         _assemble(assembly)
     _place_the_rest(assembly)
@@ -295,6 +299,19 @@ def assembled(network: Network, scene: Scene) -> Assembly:
     while grow_single_points(parts[0], scene, ambiguous=True, contradicting=True):
         grow(parts[0], scene, FEWEST)
     return assembly
+
+
+def _known_ones_wait(assembly: Assembly) -> bool:
+    """Do the object system, and parts of measured coordinates, wait for others that are laid upon all their points?
+
+    What grows from few points is hung on each of them: one wrong name, and all that follows is wrong.
+    """
+    given, *others = assembly.parts
+    known = [int(np.count_nonzero(np.isfinite(part.points).all(axis=1))) for part in others]
+    if not given.poses:
+        known.append(int(np.count_nonzero(np.isfinite(given.points).any(axis=1))))
+    asks = max(known, default=0) >= CONTROL and assembly.network.observations <= ROWS
+    return asks and bool(assembly.scene.choices.take(2, alike=False))
 
 
 def _assemble(assembly: Assembly) -> None:
