@@ -140,8 +140,8 @@ def _camera(texts: Texts, free: set[str], name: str, draft: Draft) -> dict[str, 
     c = found[0]
     px, py = texts.numbers("pp", [width / 2.0, -height / 2.0], 2)[:2]
     if py > 0.0:
-        words = f"pp: found {py:g} for y, expected it below 0: y counts upwards from the upper left corner"
-        raise CameraError(words, texts.find("pp")[1])
+        draft.note(f"camera {name}: y of pp is above 0, so it is counted downwards", *texts.find("pp")[1])
+        py = -py
     if model not in _AFFINE:
         free = free - {"b1", "b2"}
     across = columns * pixel * (1.0 + b1 if model == "5" else 1.0)

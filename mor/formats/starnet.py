@@ -820,16 +820,18 @@ def _put_places(network: StarNetContext, places: dict[str, FloatArray]) -> None:
 def _is_plane(lines: Sequence[DataLine], network: StarNetContext) -> bool:
     """True for a plane network: as .2D or .3D say, or where no line has a zenith angle or a height.
 
-    A name with two coordinates has at most two σ behind them; more words, or a third number alone, are a height.
+    A name with two coordinates has at most two σ behind them; more words, or a third number alone, are a height. Where
+    a line M has only an angle and a distance, none has a zenith angle.
     """
     for line in lines:
         if line.code in (".2D", ".3D"):
             return line.code == ".2D"
     if network.known:
         return network.plane
+    if min((_count(line) for line in lines if line.code == "M"), default=0) > 3:
+        return False
     return not any(
         line.code in ("V", "DV", "E", "L", "G1", "P", "PH")
-        or (line.code == "M" and _count(line) > 3)
         or (line.code == "C" and (len(line.words) > 5 or len(line.words) == _count(line) == 4))
         for line in lines
     )
@@ -887,6 +889,8 @@ def _coordinates(line: DataLine, network: StarNetContext) -> None:
     marks += [None] * (3 - len(marks))
     first, second = (0, 1) if network.east_first or _is_geocentric(values) else (1, 0)
     texts = [repr(values[first]), repr(values[second]), repr(values[2]) if len(values) > 2 else None]
+    if name in network.points and len(values) < 3:  # its elevation stands in a line of its own
+        (*_, texts[2]), (*_, marks[2]), _ = network.points[name]
     network.points[name] = (texts, [marks[first], marks[second], marks[2]], line.number)
 
 

@@ -125,11 +125,17 @@ def test_what_is_left_out_is_told(tmp_path: Path) -> None:
         assert any(words in note for note in notes), words
 
 
+def test_y_of_the_principal_point_may_count_downwards(tmp_path: Path) -> None:
+    up = read_foreign(files(tmp_path))
+    down = read_foreign(files(tmp_path, script=SCRIPT.replace("18.05,-11.98", "18.05,11.98")))
+    assert down.data["cameras"] == up.data["cameras"]
+    assert "y of pp is above 0" in str([note.message for note in down.notes])
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [
         ("<model>3</model>", "<model>7</model>", "wall.xml:10: camera 1: found the model '7'"),
-        ("18.05,-11.98", "18.05,11.98", "wall.xml:10: camera 1: pp: found 11.98 for y, expected it below 0"),
         ("<sensor>auto,24</sensor>", "", "wall.xml:9: camera 1: found no <sensor>"),
         ("-1e-4,2e-7", "1,2,3,4", "wall.xml:11: camera 1: found 4 coefficients K"),
         ('"id,im,x,y"', '"id,im,x"', "wall.xml:8: found the format 'id,im,x': expected y in it"),

@@ -252,6 +252,19 @@ def test_an_angle_to_the_backsight_itself_says_nothing(tmp_path: Path, order: st
     assert "angles of M from a backsight to itself (1 line)" in " ".join(map(str, document.notes))
 
 
+def test_two_coordinates_leave_the_elevation_of_a_point(tmp_path: Path) -> None:
+    text = "E A 10.0 !\nC A 5 6\nE B 12.0\nL A-B 2.0 0.3\nL B-A -2.01 0.3\n"
+    (table,) = read_foreign(_written(tmp_path / "n.dat", text)).data["points"][:1]
+    row = dict(zip(table["columns"], table["rows"][0], strict=True))
+    assert (row["id"], float(row["z"])) == ("A", 10.0)
+    assert mor.adjust(str(tmp_path / "n.dat")).points["z"][1] == pytest.approx(12.005)
+
+
+def test_lines_m_of_a_plane_network_may_have_two_sigmas(tmp_path: Path) -> None:
+    text = "C 1 0 0 ! !\nC 2 0 50 ! !\nM 1-2-3 90-00-00 40.0\nM 2-1-3 321-20-25 64.03 4.0 .03\n"
+    assert _rows_of(read_foreign(_written(tmp_path / "n.dat", text))) == {"angle": 2, "horizontal_distance": 2}
+
+
 def _written(path: Path, text: str) -> Path:
     path.write_text(text)
     return path

@@ -1003,13 +1003,13 @@ def _finish(found: Collected, file: Path, given: Iterable[StationRecord], frame:
         columns += ["from_height", "to_height"] if kind.heights else []
         units = {sigma: "arcsec"} if kind.angle else None
         draft.table("observations", columns, rows, type=kind.type, units=units)
-    left_out = [(f"{what} ({len(lines)})", lines[0]) for what, lines in found.left_out.items()]
     if not draft.data.get("observations") and not draft.problems and not found.read:
-        words = f"; not read: {', '.join(what for what, _ in left_out)}" if left_out else ""
+        what = ", ".join(f"{what} ({len(lines)})" for what, lines in found.left_out.items())
+        words = f"; not read: {what}" if what else ""
         draft.problem(f"there are no supported observations{words}")
     put_stations(file, stations, found, frame.name)
-    for what, line in left_out:
-        draft.note(f"not read: {what}", line)
+    for what, lines in found.left_out.items():
+        draft.note(f"not read: {what} ({len(lines)})", lines[0])
     if not found.geoid:
         draft.note("there is no file .geo or .gsb beside it: the geoid is taken as the ellipsoid", 1)
     return draft.finish()
