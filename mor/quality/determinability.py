@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
 import numpy as np
+from scipy.special import chdtri, erfc
 
 from mor.errors import NoStartValuesError, UndeterminedObject
 from mor.model import rotations
@@ -740,6 +741,7 @@ def _with_far_points(
     plain, doubted = network, found.points
     given: BoolArray = np.asarray(np.isfinite(start["point"]).all(axis=1))
     complete = set[tuple[int, ...]]()
+    before: tuple[Network, Attempt, RayPoints] | None = None
     far = _beyond_reach(network, values, found, means)
     if given[far.points].any():
         network = _with_reference(plain, start, values, doubted)
@@ -771,6 +773,10 @@ def _with_far_points(
                 break
             far, given[beyond.points] = beyond, False  # it may be their coordinates that lead nowhere
             continue
+        if before is not None and _is_worse(before[1:], (attempt, far), means.critical):
+            reduced, attempt, far = before
+            break
+        before = (reduced, attempt, far) if attempt.is_complete else before
         found = nearly_parallel(network, there)
         found = with_free_poses(network, reduced, adjustment, there, found, means.critical)
         now = _beyond_reach(network, there, found, means)
@@ -784,6 +790,8 @@ def _with_far_points(
             complete.add(tuple(np.sort(far.points).tolist()))
         far = now
         network = _with_reference(plain, start, values, doubted)
+    adjustment = attempt.adjustment
+    there = _values_of(network, adjustment.values, far.points)
     if len(far.points) and _leaves_out(network):
         # Left out only now: with them the poses are known well enough to tell which points are at infinity.
         network = _with_reference(plain, start, there, doubted)
@@ -791,6 +799,17 @@ def _with_far_points(
         values = values if adjustment.outcome.is_solution else start
         reduced, attempt = _adjusted(network, values, far, blind, means, far_too=True)
     return reduced, attempt
+
+
+def _is_worse(before: tuple[Attempt, RayPoints], after: tuple[Attempt, RayPoints], critical: float) -> bool:
+    """True where more points at infinity, each of which may be there, together fit significantly worse."""
+    more = len(after[1].points) - len(before[1].points)
+    if more <= 0 or not after[0].is_complete:
+        return False
+    problem, squares = before[0].adjustment.problem, before[0].adjustment.normals.objective
+    factor = max(squares / max(problem.observations - problem.index.count, 1), 1.0)
+    limit = float(chdtri(more, erfc(critical / np.sqrt(2.0))))
+    return after[0].adjustment.normals.objective - squares > factor * limit
 
 
 def _without_parallax(values: Values, found: RayPoints) -> BoolArray:
