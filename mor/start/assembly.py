@@ -56,6 +56,7 @@ from mor.start.levelled import (
     grow_single_points,
     place_as_if_level,
     seed_distances,
+    stand_level_with_sights,
 )
 from mor.start.local_adjustment import (
     ENOUGH,
@@ -297,6 +298,8 @@ def assembled(network: Network, scene: Scene) -> Assembly:
         while grow_single_points(parts[0], scene, ambiguous=True):
             grow(parts[0], scene, FEWEST)
     while grow_single_points(parts[0], scene, ambiguous=True, contradicting=True):
+        grow(parts[0], scene, FEWEST)
+    if stand_level_with_sights(parts[0], scene.terrestrial):
         grow(parts[0], scene, FEWEST)
     return assembly
 
