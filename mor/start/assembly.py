@@ -71,6 +71,7 @@ from mor.start.local_adjustment import (
 from mor.start.movement import FreeRotation, Movement
 from mor.start.part import Approximation, Frame, Part, Phrase, rule, untied
 from mor.start.points_at_infinity import nearly_parallel
+from mor.start.pose_again import pose_again
 from mor.start.scene import (
     Scene,
     direct_roughly,
@@ -138,6 +139,7 @@ def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool
         grown |= grow_bundles(part, *scene.rays_for(part), fewest, most)
         grown = grown or grow_distances(part, scene.distances[1])
         grown = grown or grow_single_points(part, scene)
+        grown = grown or pose_again(part, scene)
         grown = grown or (fewest <= FEWEST and pose_by_rays(part, scene))
         spread_positions(part, scene.frames)
         if not grown:

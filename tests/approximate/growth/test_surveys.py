@@ -8,6 +8,8 @@ from mor.api.pipeline import determinable_start, read_document, read_network
 from mor.errors import NoStartValuesError
 from mor.start.assembly import approximate
 from mor.start.levelled import Surfaces, meeting_places
+from tests.scenarios.mixtures.ingredients import mixture, wrong_identities
+from tests.scenarios.mixtures.project_file import write_project
 from tests.scenarios.mixtures.surveys.composed import composed
 from tests.scenarios.mixtures.surveys.newer import NEWER
 from tests.scenarios.mixtures.surveys.tied import tied
@@ -95,6 +97,19 @@ def _off(paths, name):
     found = approximate(nothing, None, 0).start["point"][list(nothing.blocks["point"].ids).index(name)]
     true = truth.start["point"][list(truth.blocks["point"].ids).index(name)]
     return float(np.linalg.norm(found - true))
+
+
+@pytest.mark.slow
+def test_an_image_that_wrong_points_had_posed_is_posed_again(tmp_path):
+    """Of its first six known points two have each other's name, and five agree with a pose on the far side."""
+    assert _off(composed(1400009, 0.03).write(tmp_path), "image i25") < 1.0
+
+
+@pytest.mark.slow
+def test_a_station_that_wrong_points_had_oriented_is_posed_again(tmp_path):
+    world = mixture(1510104)
+    wrong_identities(world, 0.03)
+    assert _off(write_project(world, tmp_path), "N0") < 0.1
 
 
 @pytest.mark.slow
