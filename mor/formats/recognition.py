@@ -935,7 +935,7 @@ class Sample:
 
     @cached_property
     def binary(self) -> str:
-        """What a file is that is no text, told by its first bytes; empty for text."""
+        """Kind of a file that is no text, by its first bytes; empty for text."""
         known = (words for begins, words in _BINARY if re.match(begins, self.head, re.DOTALL))
         wide = self.head.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
         strange = sum(byte < 32 and byte not in b"\t\n\v\f\r\x1a" for byte in self.head)
@@ -1031,7 +1031,7 @@ _BINARY = (
 
 
 def _looks(sample: Sample) -> str:
-    """What a text is: XML, JSON, a table or lines that begin with something."""
+    """Return words for the form of a text: XML, JSON, a table or lines that begin alike."""
     if sample.root:
         return f"XML with the root element <{sample.root}>"
     if sample.kind == "json":

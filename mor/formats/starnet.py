@@ -575,7 +575,11 @@ def _read_project(lines: list[str], network: StarNetContext) -> list[str]:
             instruments += [{}] if key == "instrument_name" else []
             instruments[-1][key] = value.strip()
     network.known, network.plane = True, options.get("adjustment_type") == "2D"
-    network.metres = _LENGTHS[options.get("linear_units", "Meters").upper().replace("INTERNATIONAL", "")]
+    units = options.get("linear_units", "Meters")
+    length = units.upper().replace("INTERNATIONAL", "")
+    if length not in _LENGTHS:
+        raise ValueError(f"found the linear units {units!r}, expected one of {', '.join(_LENGTHS)}")
+    network.metres = _LENGTHS[length]
     network.gon = options.get("angle_output_units", "DMS").upper().startswith("G")
     network.east_first = options.get("coordinate_order") == "EN"
     network.from_first = options.get("angle_station_order", "").upper() == "FROM-AT-TO"
@@ -624,7 +628,7 @@ def read_starnet(path: Path) -> Document:
     if PROJECT_FILE.match("\n".join(text)):
         try:
             names = _read_project(text, network)
-        except (KeyError, ValueError) as error:
+        except ValueError as error:
             draft.problem(str(error))
             raise InputError(draft.problems) from None
         places = [path.parent / name.replace("\\", "/") for name in names]

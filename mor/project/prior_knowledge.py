@@ -465,7 +465,7 @@ def _add_system(
 
 
 def _held(reading: Reading, key: str, other: _System) -> Held:
-    """What a shape takes from another feature, by the start values."""
+    """Return the parts that a shape shares with another feature, at their start values."""
     shop = reading.shop
     rotations, components = shop.store("rotation").all_values(), _shared(RELATIONS[key])
     D = rotation_from_angles(rotations[other.rotation][None])[0]

@@ -14,7 +14,7 @@ from mor.linalg import compilation
 from mor.model import rotations
 from mor.model.rotations import angles_from_rotation, cross_matrix, rotate
 from mor.start import intersection
-from mor.start.bundle import Bundle, misfits, principal_rows, reproject, unit
+from mor.start.bundle import Bundle, misfits, reproject, unit
 from mor.start.relative_orientation import nearest_rotation
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -452,35 +452,6 @@ def _frames(points: FloatArray, placed: FloatArray) -> tuple[FloatArray, FloatAr
     return rotations, positions
 
 
-# ---- Space resection on a plane object from four or more points: no ambiguity of three points.
-#
-# The collineation between plane and bundle, p ~ M (u, v, 1)ᵀ with M = D (e1, e2, O − X0), carries the
-# attitude in its first two columns; what noise does to their lengths and right angle is taken out by the
-# nearest rotation.
-
-FLAT = 1e-3
-"""Thickness of the object, relative to its smaller extension in the plane, below which it is treated as plane."""
-
-
-class ObjectPlane(NamedTuple):
-    """The plane that fits object points best."""
-
-    origin: FloatArray
-    axes: FloatArray
-    """(3, 3) rows: two axes in the plane, its normal."""
-    extensions: FloatArray
-    """(3,) root mean square extension along the axes."""
-
-
-def object_plane(points: FloatArray) -> ObjectPlane:
-    """Plane through points (n, 3) by principal axes."""
-    origin = points.mean(axis=0)
-    values, axes = principal_rows(points - origin)
-    if np.linalg.det(axes) < 0.0:
-        axes = axes * np.array([1.0, 1.0, -1.0])[:, None]
-    return ObjectPlane(origin, axes, values / np.sqrt(len(points)))
-
-
 # ---- Space resection: position and attitude of a bundle from known points, without approximate values.
 #
 # Samples of three points (all of them, where they are few) give all positions that three rays allow. The best are
@@ -543,7 +514,7 @@ def _refusal(bundle: Bundle, points: FloatArray) -> ResectionOutcome | None:
         return ResectionOutcome.TOO_FEW
     if np.any(np.linalg.norm(bundle.rays, axis=1) == 0.0):
         return ResectionOutcome.INVALID
-    extensions = object_plane(points).extensions
+    extensions = rotations.singular_values(points - points.mean(axis=0))
     thin = rotations.singular_values(bundle.directions)[2] / np.sqrt(len(points))
     if extensions[1] <= LINE * extensions[0] or thin < 3.0 * bundle.noise:
         return ResectionOutcome.COLLINEAR

@@ -404,7 +404,7 @@ def test_names_that_are_both_are_points(tmp_path: Path, capsys: pytest.CaptureFi
 
 
 def test_german_messages_keep_the_names_of_columns(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What has to be typed is the same in every language."""
+    """Names that users type are the same in every language."""
     (tmp_path / "t.csv").write_text("a,image\n1,2\n")
     assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv"), "--lang", "de"]) == 2
     said = capsys.readouterr().err

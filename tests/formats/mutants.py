@@ -311,7 +311,7 @@ def _text(rng: np.random.Generator, content: bytes) -> bytes:
 
 
 def fault(key: str, path: Path, network: bool = True) -> str:
-    """What is wrong with the reading of a file, and perhaps the network built of it; empty for nothing."""
+    """Return words for a fault in reading a file, and perhaps in its network; empty if there is none."""
     began = time.process_time()
     try:
         with warnings.catch_warnings():

@@ -177,7 +177,7 @@ def test_broken_json(tmp_path: Path) -> None:
 
 
 def test_latitude_may_stand_first(tmp_path: Path) -> None:
-    """As in lists of older OpenDroneMap, where the numbers leave no other order."""
+    """Lists of older OpenDroneMap have it so; the numbers leave no other order."""
     _folder(tmp_path, reference_lla={"latitude": 34.4, "longitude": -119.9, "altitude": 0.0})
     path = tmp_path / "gcp_list.txt"
     path.write_text("WGS84 longlat\n34.4 -119.9 0 10 20 c.jpg\n34.4 -119.899 0 10 20 c.jpg\n")

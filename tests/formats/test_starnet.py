@@ -390,6 +390,12 @@ def test_wrong_words_have_their_line(tmp_path: Path, line: str, words: str) -> N
         read_foreign(_written(tmp_path / "n.dat", f"C 1 0 0 !!\nC 2 100 0 **\n{line}\nA 1-2-3 50\nC 3 1 1\n"))
 
 
+def test_unknown_units_of_a_project_are_named(tmp_path: Path) -> None:
+    path = _written(tmp_path / "n.snproj", PROJECT.replace("Meters", "Yards"))
+    with pytest.raises(InputError, match="found the linear units 'Yards', expected one of METERS, FEET"):
+        read_foreign(path)
+
+
 def test_sights_in_face_two_are_read_as_in_face_one(tmp_path: Path) -> None:
     text = (
         ".3D\nC 1 0 0 0 !!!\nC 2 0 100 0 !!!\nDB 1\nDM 2 10 100 90\nDM 2 190 100 270\nDM 3 235 50 280\nDE\nV 2-3 280\n"

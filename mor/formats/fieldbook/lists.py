@@ -151,7 +151,7 @@ def read_topcon(path: Path) -> Document:
 
     GTS-7: STN station and instrument height; BKB backsight with its azimuth and circle reading; BS, FS and SS target
     and its height; then HV circle and zenith, SD with the slope distance, HD circle, horizontal distance and difference
-    of height. XYZ is east, north and height of the point that the record before names (Topcon, GTS-700 manual).
+    of height. XYZ is taken as east, north and height of the point that the record before names, with a note.
 
     GTS-6: one stream of ``_'station_(code_)height``, then ``_+target_``, a measurement and ``_*code_,height`` for each
     sight (Topcon Link, "GTS-6 Raw Format").
@@ -168,6 +168,11 @@ def read_topcon(path: Path) -> Document:
                 reader.record(text[:8].strip(), _cells(text[8:], 3), line)
             except ValueError as error:
                 draft.problem(str(error), line)
+        first = next((line for line, text in lines if text[:8].strip() == "XYZ"), 0)
+        if first:
+            draft.note(
+                "coordinates (XYZ) are taken as east, north and height; the file does not say their order", first
+            )
     book.finish(path.stem)
     return draft.finish()
 
