@@ -162,11 +162,11 @@ def standard_deviations(quality: Quality, kind: str) -> FloatArray:
 #
 # Σ r = n − u + d holds exactly, whatever the observations are; where it does not, round-off has eaten the cofactors.
 #
-# A coordinate whose σ exceeds the size of the network is nowhere in particular: the point of two parallel
-# lines of sight, or of two places that have fallen together. An angle is known worse than not at all from σ =
-# π/√3 on, that of an angle spread evenly over the circle. Both come out of a system that is regular to the
-# last digits, so that no pivot vanishes; what is linear over one σ elsewhere is not so there, and σ itself
-# means nothing.
+# A coordinate whose σ exceeds the size of the network, and a third of the distance of its point from the rest, is
+# nowhere in particular: the point of two parallel lines of sight, or of two places that have fallen together. An angle
+# is known worse than not at all from σ = π/√3 on, that of an angle spread evenly over the circle. Both come out of a
+# system that is regular to the last digits, so that no pivot vanishes; what is linear over one σ elsewhere is not so
+# there, and σ itself means nothing.
 
 REDUNDANCY_LOST = (
     "the sum of the redundancy numbers is not the redundancy: round-off errors have destroyed the solution"
@@ -179,6 +179,8 @@ _BEYOND_MEDIAN = 10.0
 """Size of a network in units of the median distance of its points from their median."""
 _SEEN, _BENT = 9.0, 100.0
 """Increase of vᵀPv by 3 σ, and how many times as large as the linear equations have it where these do not hold."""
+_FAR = 3.0
+"""Standard deviations that a point far outside must lie from the rest at least: it is somewhere then."""
 _NARROW = 0.05
 """σ (rad) of a direction that is known, the angle below which rays are nearly parallel."""
 _TYPICAL, _SAMPLED = 1e-3, 500
@@ -218,7 +220,9 @@ def beyond_use(quality: Quality) -> list[Undetermined]:
             continue
         variance = np.diagonal(quality.cofactors[kind], axis1=1, axis2=2)
         sigma = factor * np.sqrt(np.maximum(variance, 0.0))
-        beyond = (columns >= 0) & ~(sigma <= limit) & ~told_by_user(quality, kind)[:, None]
+        away = _distances(quality.adjustment) / _FAR if kind == "point" else np.zeros(len(columns))
+        beyond = (columns >= 0) & ~(sigma <= np.maximum(limit, away)[:, None])
+        beyond &= ~told_by_user(quality, kind)[:, None]
         for block in np.flatnonzero(beyond.any(axis=1)):
             components = np.flatnonzero(beyond[block])
             if kind == "point" and _has_direction(quality, int(block), limit, factor):
@@ -291,8 +295,7 @@ def _has_direction(quality: Quality, block: int, size: float, factor: float) -> 
                 return False
     variances = np.sort(rotations.eigvalsh(quality.cofactors["point"][block]))
     sigma = factor * np.sqrt(np.maximum(variances, 0.0))
-    points = quality.adjustment.values["point"]
-    distance = float(np.linalg.norm(points[block] - np.median(points, axis=0)))
+    distance = _distances(quality.adjustment)[block]
     return bool(np.isfinite(sigma).all() and sigma[-2] <= max(size, _NARROW * distance))
 
 
@@ -303,11 +306,16 @@ def median_distance(adjustment: Adjustment) -> float:
     """
     if "point" not in adjustment.values:
         return 0.0
-    points = adjustment.values["point"]
-    apart = points - np.median(points, axis=0)
-    if np.count_nonzero(np.ptp(points, axis=0) > 0.0) < 2:
+    if np.count_nonzero(np.ptp(adjustment.values["point"], axis=0) > 0.0) < 2:
         return 0.0
-    return float(np.median(np.linalg.norm(apart, axis=1)))
+    return float(np.median(_distances(adjustment)))
+
+
+def _distances(adjustment: Adjustment) -> FloatArray:
+    """(n,) distances of points from their median."""
+    points = adjustment.values["point"]
+    result: FloatArray = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+    return result
 
 
 def told_by_user(quality: Quality, kind: str) -> BoolArray:

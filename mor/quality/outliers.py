@@ -490,8 +490,8 @@ def without_suspects(
     sources that contradict each other they would only be the smaller one); and where as many chosen ones would lessen
     vᵀPv so by chance. A bad one with a ray on another branch of its projection gives way to any other.
 
-    Weights lead by the medians of parts first, and where that leads to nothing, as where most rays to control points
-    are wrong, by those of whole groups.
+    Weights lead by the medians of parts first. Where that leads to nothing, as where most rays to control points are
+    wrong, or contradicts most of an image or set-up, by those of whole groups; fewer suspects are the likelier ones.
     """
     if plain.outcome is Outcome.SINGULAR and not plain.iterations:
         return Attempt(plain)
@@ -511,15 +511,21 @@ def _repaired(plain: Adjustment, settings: SolverSettings | None, watch: Watcher
     found = _by_weights(plain, watch, by_parts=True)
     first = _attempt(plain, found, settings, watch, from_far) or from_far()
     first = first._replace(robust=found.values)
-    if first.adjustment.outcome is Outcome.CONVERGED or not any(
-        is_image_point(group.type) for group in plain.problem.groups
-    ):
+    converged = first.adjustment.outcome is Outcome.CONVERGED
+    doubtful = first.suspects is not None and _contradicted_frames(plain.problem, first.suspects.masks).any()
+    if (converged and not doubtful) or not any(is_image_point(group.type) for group in plain.problem.groups):
         return first
     other = _by_weights(plain, watch, by_parts=False)
     if all(map(np.array_equal, found.suspects, other.suspects)):
         return first
     second = _attempt(plain, other, settings, watch, from_far)
-    return first if second is None else second._replace(robust=other.values)
+    if second is None or (converged and _left_out_count(second) >= _left_out_count(first)):
+        return first
+    return second._replace(robust=other.values)
+
+
+def _left_out_count(attempt: Attempt) -> int:
+    return 0 if attempt.suspects is None else attempt.suspects.count
 
 
 def _by_weights(plain: Adjustment, watch: Watcher | None, by_parts: bool) -> Graduated:
