@@ -582,7 +582,7 @@ def _attempt(
         return Attempt(plain)
     most = settings if plain.outcome is Outcome.CONVERGED else _from_near(settings)
     again = adjust(problem, found.values, most, watch)
-    if again.outcome is Outcome.CONVERGED and not _overall(again) > _WORSE * scale:
+    if _is_minimum(again, plain) and not _overall(again) > _WORSE * scale:
         return Attempt(again, note=BY_WEIGHTS)
     suspects = _enough_left(problem, SuspectedOutliers(plain, found.suspects, found.sizes, ()))
     for _ in range(_ROUNDS):
@@ -657,8 +657,13 @@ def _from_far(plain: Adjustment, settings: SolverSettings | None, watch: Watcher
     if there.outcome is not Outcome.CONVERGED:
         return Attempt(plain)
     again = adjust(plain.problem, there.values, _from_near(settings), watch)
-    fits = again.outcome is Outcome.CONVERGED and not may_be_absurd(again)
+    fits = _is_minimum(again, plain) and not may_be_absurd(again)
     return Attempt(again, note=BY_DIRECTIONS) if fits else Attempt(plain)
+
+
+def _is_minimum(again: Adjustment, plain: Adjustment) -> bool:
+    """True where all observations converge to a vᵀPv that is not above what the plain adjustment came down to."""
+    return again.outcome is Outcome.CONVERGED and not again.normals.objective > (1.0 + _SAME) * plain.normals.objective
 
 
 def _same_place(one: Adjustment, other: Adjustment) -> bool:

@@ -74,3 +74,10 @@ def test_a_point_ends_at_infinity_where_the_test_says_nothing_against_it(tmp_pat
     assert "left out" not in found.words
     assert "87 at infinity" in found.words
     assert found.is_as_low_as(expected, redundancy), found.words
+
+
+@pytest.mark.slow
+def test_no_solution_is_told_that_lies_above_what_the_iteration_came_down_to(tmp_path: Path):
+    """A point runs to infinity, so slowly that nothing converges; other minima lie twelve times as high."""
+    found = by_mor(bal_problem(5057), tmp_path)
+    assert found.cost < 63.2, found.words
