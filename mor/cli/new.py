@@ -6,7 +6,7 @@ from pathlib import Path
 
 import click
 
-from mor.cli.console import tell
+from mor.cli.console import tell, tell_note
 from mor.cli.options import InputPath, OutputPath, force_option
 
 
@@ -108,8 +108,12 @@ def command(
         tell(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}")
     for path, unused in {table.path: table.unused for table in found if table.unused}.items():
         tell(f"note: {path}: columns not used: {', '.join(unused)}")
+    for note in dict.fromkeys(Message(words, str(table.path)) for table in found for words in table.notes):
+        tell_note(note)
     for path, copy in {table.path: table.copy(project) for table in found if table.tidied}.items():
-        tell(f"note: {path}: written to {copy} with one header, without units and with the station in every row")
+        tell(
+            f"note: {path}: written to {copy} in UTF-8 with one header, without units and with the station in every row"
+        )
     for path in dict.fromkeys(table.path for table in found if table.sheet):
         used = {table.sheet for table in found if table.path == path}
         rest = [name for name, rows in read_sheets(path).items() if rows and name not in used]

@@ -7,6 +7,7 @@ import io
 import math
 import os
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations, product
 from pathlib import Path
@@ -15,9 +16,10 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from mor.errors import InputError, Message
-from mor.input_files import TABLE, read_text
+from mor.errors import InputError, Message, counted
+from mor.input_files import CODE_PAGES, TABLE, as_utf8, decoded, not_utf8, read_bytes
 from mor.project.document import LONGEST, guarded, plain
+from mor.project.levelling import ALONE, Levelling, StaffReading
 from mor.project.tables import is_spreadsheet, read_sheets, read_spreadsheet
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
@@ -25,21 +27,28 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
 _FROM = (
     "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ|occupied"
-    "|fromstation|stationid|stationname|std|source|rts"
+    "|fromstation|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt|instrumentenstandpunkt"
+    "|stationno|estacion|estacao|stazione|st|est|punktodstania|stanowisko"
 )
 _TO = (
     "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
-    "|targetpoint"
+    "|targetpoint|pointvise|ptvise|vise|visee|pointobserve|cible|puntovisado|ptovisado|visado|puntoobservado|observado"
+    "|pv|pontovisado|pontoobservado|puntobattuto|battuto|puntocollimato|collimato|zielpunktnr|zielnr|cel"
 )
 _POINT = (
     "point|pointid|pt|ptid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
     "|ptno|ptnr|ptname|pnr|pointno|pointnr|pointname|pointnumber|punktname|gcpid|gcpname|gcplabel|markerid|markername"
+    "|matricule|nom|npoint|numero|punto|nopunto|ponto|nomepunto|nombre|npunto|nombrepunto|pto"
 )
 _HEIGHTS = {
     "from_height": "fromheight|ih|hi|instrumentheight|instrheight|geraetehoehe|instrumentenhoehe|standhoehe|hinst"
-    "|heightofinstrument|instrumenthoehe|kippachsenhoehe",
+    "|heightofinstrument|instrumenthoehe|kippachsenhoehe|instrht|insth|hauteurinstrument|hauteurappareil|hauteurstation"
+    "|alturainstrumento|alturadelinstrumento|alturadoinstrumento|altinstrumento|altinst|ai|altezzastrumentale"
+    "|altezzastrumento|altstrum",
     "to_height": "toheight|th|ht|hr|targetheight|prismheight|reflectorheight|rodheight|zielhoehe|reflektorhoehe|rh"
-    "|heightoftarget|poleheight|prismenhoehe|spiegelhoehe|tafelhoehe",
+    "|heightoftarget|poleheight|prismenhoehe|spiegelhoehe|tafelhoehe|hp|hv|hauteurprisme|hauteurvoyant|hauteurcible"
+    "|hauteurreflecteur|alturaprisma|alturadelprisma|alturadoprisma|altprisma|ap|alturajalon|alturaobjetivo|alturasinal"
+    "|altezzaprisma|altprisma|altezzamira|reflht|rodht|targetht|prismht",
 }
 _SIGHT = {
     "station_height": f"fromheight|{_HEIGHTS['from_height']}",
@@ -51,23 +60,36 @@ _SIGHT = {
 _BETWEEN = {**_HEIGHTS, "sigma": "", "epoch": "epoch|epoche"}
 _LENGTHS = "laenge|linelength|length|distance|dist|strecke|d"
 """Names of a distance that beside a height difference is the length of a levelling line."""
-_DISTANCE = "distance|length|dist|strecke|sd|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke"
+_DISTANCE = (
+    "distance|length|dist|strecke|sd|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke|schraegdistanz"
+    "|distanz|di|dp|distanceinclinee|distinclinee|distancepente|distanciainclinada|distinclinada|distanciageometrica"
+    "|distancia|distanzainclinata|distinclinata|distanza"
+)
 _HORIZONTAL = (
     "horizontal|hz|ha|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
     "|hzrichtung|horizontalrichtung|horizangle|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
+    "|hzwinkel|horizontalkreis|anglehorizontal|anglehz|ah|lecturehorizontale|lecturehz|lecture|lectureazimutale"
+    "|angulohorizontal|anghorizontal|anghz|lecturahorizontal|leiturahorizontal|acimutal|angolorizzontale"
+    "|angoloorizzontale|cerchioorizzontale|letturaorizzontale|letturaazimutale"
 )
 _ZENITH = (
     "zenith|v|za|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
     "|verticalcircle|verticalreading|vertikalwinkel|zenithang|verticalang|vertangle"
+    "|vwinkel|vertikalkreis|zenithwinkel|anglevertical|anglev|av|anglezenithal|distancezenithale|lectureverticale"
+    "|lecturezenithale|angulovertical|angvertical|angulocenital|cenital|distanciacenital|lecturavertical"
+    "|leituravertical|angulozenital|zenital|angoloverticale|angolozenitale|cerchioverticale|zenitale"
 )
 _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
 """Kind and column of vertical circles that read elevations, whose columns have the same names."""
 _ELEVATION = 45.0
 """Degrees or gon: the median of zenith angles is larger, that of elevations is smaller."""
 _POINTS = {
-    "x": "x|x0|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert|xgcp|xcoord|xcoordinate|mapx",
-    "y": "y|y0|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy",
-    "z": "z|z0|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|rl|reducedlevel",
+    "x": "x|x0|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert|xgcp|xcoord|xcoordinate|mapx"
+    "|este|est|coordx",
+    "y": "y|y0|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy"
+    "|norte|coordy",
+    "z": "z|z0|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|rl|reducedlevel"
+    "|cota|quota|elevacion|altitud|coordz",
 }
 _AXES = {"x": "xe", "y": "yn", "z": "zhu"}
 _STATED = {
@@ -83,6 +105,19 @@ _COVARIANCES = {
     for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
 }
 _VECTOR = {f"d{ours}": "|".join(f"d{a}|delta{a}" for a in names) for ours, names in _AXES.items()}
+
+_BACK = (
+    "back|backsight|bs|backreading|bsreading|backsightreading|rueckblick|rueck|rueckwaerts|ar|arriere|lecturearriere"
+    "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
+)
+_FORE = (
+    "fore|foresight|fs|forereading|fsreading|foresightreading|vorblick|vor|vorwaerts|av|avant|lectureavant|lectav"
+    "|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
+)
+_STAFF_DISTANCES = {
+    "back_distance": "bsdistance|bsdist|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz|distatras",
+    "fore_distance": "fsdistance|fsdist|foredistance|foresightdistance|distav|distfs|distfore|vordistanz|distadelante",
+}
 
 KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "image": (
@@ -111,6 +146,19 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {**_BETWEEN, "at_height": "ih|hi"},
     ),
+    "levelling between points": (
+        {"from": f"{_FROM}|bspoint|backpoint", "to": "to|nach|fspoint|forepoint", "back": _BACK, "fore": _FORE},
+        _STAFF_DISTANCES,
+    ),
+    "levelling": (
+        {"point": f"{_POINT}|id|{_FROM}|remarks|remark|bemerkung", "back": _BACK, "fore": _FORE},
+        {
+            "between": "is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia"
+            "|intermediaire|vistaintermedia|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio",
+            "distance": _LENGTHS,
+            **_STAFF_DISTANCES,
+        },
+    ),
     "vector": (
         {"from": _FROM, "to": _TO, **_VECTOR},
         {**_BETWEEN, **_COVARIANCES, **{f"sigma_{name}": f"s{name}" for name in _VECTOR}},
@@ -123,7 +171,11 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {**_BETWEEN, "sigma": "sigmadistance|sigmadist|std|stdev"},
     ),
     "height_difference": (
-        {"from": _FROM, "to": _TO, "dz": "dz|dh|deltah|deltaz|heightdifference|heightdiff|hoehenunterschied"},
+        {
+            "from": _FROM,
+            "to": _TO,
+            "dz": "dz|dh|deltah|deltaz|heightdifference|heightdiff|hoehenunterschied|denivelee|desnivel|dislivello",
+        },
         {"sigma": "std|stdev", "length": f"km|lengthkm|{_LENGTHS}", "epoch": "epoch|epoche"},
     ),
     "images": (
@@ -157,6 +209,11 @@ _ALSO = {
     "distance": ("height_difference",),
 }
 """Kinds that a table of a field book may hold besides its own, in further columns."""
+_READINGS = ("back", "fore", "between", *_STAFF_DISTANCES)
+_DISTANCES = ("distance", *_STAFF_DISTANCES)
+_NO_READING, _SUMS = "rows without staff readings", "sums of the readings"
+_STAFF = 10.0
+"""No staff is as long in metres: larger readings are millimetres."""
 _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
 PLACES = ("point", "at", "from", "to", "station")
 """Columns of measurements that name points."""
@@ -196,6 +253,7 @@ class Found(NamedTuple):
     """Sheet of a spreadsheet that has several."""
     tidied: bool = False
     """True if the rows are not those of the file: a copy of them is written."""
+    notes: tuple[str, ...] = ()
 
     def copy(self, target: Path) -> Path:
         """Path of a copy of the rows beside the project."""
@@ -241,7 +299,7 @@ def recognise(path: Path) -> list[Found]:
 
 
 def _recognise(path: Path, sheet: str | None) -> list[Found]:
-    delimiter, read, above = _cells(path, sheet)
+    delimiter, read, above, encoding = _cells(path, sheet)
     rows, stated = _tidied(read)
     header = tuple(cell.strip() for cell in rows[0]) if rows else ()
     has_header = bool(header) and not any(_NUMBER.fullmatch(cell) for cell in header)
@@ -266,7 +324,7 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
     unused = tuple(cell for cell in header if cell not in used)
     units = {cell: unit for cell, _, unit in named if unit} | stated
     decimal_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row)
-    return [
+    found = [
         Found(
             path,
             kind.split(" ")[0],
@@ -278,10 +336,92 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
             has_header,
             header,
             rows[has_header:],
-            tidied=rows != read,
+            tidied=rows != read or encoding in CODE_PAGES,
+            notes=(not_utf8(encoding),) if encoding in CODE_PAGES else (),
         )
         for kind, columns in kinds.items()
     ]
+    return [_levelled(table) if table.kind == "levelling" else table for table in found]
+
+
+def _levelled(table: Found) -> Found:
+    """Height differences of a levelling book: a reading forward in a row ends a set-up, one back begins the next."""
+    book, sums, left = Levelling(), (0.0, 0.0), dict.fromkeys((_NO_READING, _SUMS, ALONE), 0)
+    rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
+    distances = table.numbers("distance")
+    is_chainage = distances == sorted(set(distances))
+    for row in rows:
+        back, fore, between, behind, ahead = map(row.number, _READINGS)
+        if behind is None and ahead is None and not is_chainage and (back is None or fore is None):
+            behind = ahead = row.number("distance")
+        if back is fore is between is None:
+            left[_NO_READING] += 1
+            continue
+        if back is not None and fore is not None and "point" in table.columns:
+            if not any(sums):
+                words = f"row {row.row} has readings back and forward; expected one row for each point, first one back"
+                raise InputError([Message(words, str(table.path))])
+            if [back, fore] == [round(value, 6) for value in sums]:
+                left[_SUMS] += 1
+                continue
+        name = row.text("point")
+        if between is not None:
+            book.sight_between(StaffReading(name or f"line {row.row}", between, ahead, row.row))
+        if "to" in table.columns and back is not None:
+            book.sight_back(StaffReading(row.text("from"), back, behind, row.row))
+        if fore is not None:
+            book.sight_forward(StaffReading(row.text("to") or name, fore, ahead, row.row))
+        if "to" in table.columns:
+            book.close()
+        elif back is not None:
+            book.sight_back(StaffReading(name, back, behind, row.row))
+        sums = sums[0] + (back or 0.0), sums[1] + (fore or 0.0)
+    found, _ = book.finish()
+    left[ALONE] = len(book.alone)
+    if not found and rows:
+        raise InputError([Message("no set-up has readings back and forward", str(table.path))])
+    names = ["from", "to", "dz", "length"][: 3 + all(row.length is not None for row in found)]
+    values = [abs(value) for ours in ("back", "fore") for value in table.numbers(ours)]
+    units = {"dz": table.units.get("back", "mm" if values and median(values) > _STAFF else "")}
+    units["length"] = next((table.units[name] for name in _DISTANCES if name in table.units), "")
+    lines = [(row.start, row.end, f"{row.value:.9g}", f"{row.length or 0.0:.9g}")[: len(names)] for row in found]
+    words = f"{counted(len(found), 'height difference')} from the staff readings"
+    return table._replace(
+        kind="height_difference",
+        columns=dict(zip(names, names, strict=True)),
+        unused=(*table.unused, *(table.columns[n] for n in _DISTANCES if n in table.columns and "length" not in names)),
+        units={name: unit for name, unit in units.items() if unit and name in names},
+        delimiter=",",
+        decimal_comma=False,
+        has_header=True,
+        header=tuple(names),
+        rows=tuple(lines),
+        tidied=True,
+        notes=(*table.notes, words, *(f"{what}: {counted(n, 'row')}" for what, n in left.items() if n)),
+    )
+
+
+class _LevelRow(NamedTuple):
+    """A row of a levelling book."""
+
+    table: Found
+    row: int
+    cells: tuple[str, ...]
+
+    def text(self, name: str) -> str:
+        """Cell of a column, empty if it is missing."""
+        place = self.table.header.index(self.table.columns[name]) if name in self.table.columns else len(self.cells)
+        return self.cells[place].strip() if place < len(self.cells) else ""
+
+    def number(self, name: str) -> float | None:
+        """Number in a column, ``None`` if the cell is empty. Raises :class:`InputError` for another text."""
+        text = self.text(name)
+        if not text.strip("-–—/"):
+            return None
+        if not _NUMBER.fullmatch(text):
+            words = f"row {self.row}, column {self.table.columns[name]}: found {text!r}, expected a number"
+            raise InputError([Message(words, str(self.table.path))])
+        return float(text.replace(",", "."))
 
 
 def _fits(header: Sequence[str]) -> bool:
@@ -371,13 +511,15 @@ def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
     return table._replace(kind="images") if of_images else table
 
 
-def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...]]:
-    """Delimiter and cells of a table, without comments and empty lines, and those of a comment in its first line."""
+def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...], str]:
+    """Delimiter, cells without comments and empty lines, cells of a comment in the first line, and encoding."""
     if is_spreadsheet(path):
         frame = read_spreadsheet(path, sheet)
         rows = (tuple(cell or "" for cell in row) for row in frame.iter_rows())
-        return ",", (tuple(frame.columns), *rows), ()
-    text = read_text(path, TABLE)
+        return ",", (tuple(frame.columns), *rows), (), ""
+    text, encoding = decoded(as_utf8(read_bytes(path, TABLE)))
+    if encoding in CODE_PAGES and "\0" in text:
+        raise InputError([Message("this is not UTF-8 text", str(path))])
     lines = [line for line in text.split("\n") if line.strip() and not line.startswith("#")]
     first = lines[0] if lines else ""
     likely = max(";\t,", key=first.count)
@@ -387,7 +529,7 @@ def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...]]
     try:
         comment = text.partition("\n")[0].strip().removeprefix("#") if text.startswith("#") else ""
         above = tuple(cell.strip() for cell in next(csv.reader([comment], delimiter=delimiter), ()))
-        return delimiter, tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row), above
+        return delimiter, tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row), above, encoding
     except csv.Error as error:
         words = f"this is not a table: {error}; is a quote not closed?"
         raise InputError([Message(words, str(path))]) from None
@@ -480,7 +622,8 @@ def _name_and_unit(cell: str) -> tuple[str, str]:
 
 
 def _normalised(name: str) -> str:
-    return re.sub(r"[\W_]", "", name.strip().lower().translate(_UMLAUTS))
+    text = unicodedata.normalize("NFKD", name.strip().lower().translate(_UMLAUTS))
+    return re.sub(r"[\W_]", "", "".join(letter for letter in text if not unicodedata.combining(letter)))
 
 
 def _known() -> str:

@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from mor.errors import counted
 from mor.formats.draft import Draft, Row, read_lines
-from mor.formats.fieldbook.level import (
+from mor.project.levelling import (
     ALONE,
     REPEATED,
     SIGMA_KILOMETRE,

@@ -21,8 +21,8 @@ from typing import NamedTuple
 
 from mor.formats.draft import Draft, parse_number
 from mor.formats.fieldbook.book import FieldBook, PointRecord, Sight, records, sexagesimal
-from mor.formats.fieldbook.level import StaffReading
 from mor.project.document import Document
+from mor.project.levelling import StaffReading
 
 _WORD = re.compile(r"^(\d\d)([\d.]{0,4})([+-])(.+)$")
 _LENGTHS = {"0": 1e-3, "1": 1e-3 * 0.3048, "6": 1e-4, "7": 1e-4 * 0.3048, "8": 1e-5}

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from mor.formats.draft import Draft, parse_number
 from mor.formats.fieldbook.book import GNSS, FieldBook, InstrumentSetUp, Sight, may_be_sexagesimal, records, sexagesimal
-from mor.formats.fieldbook.level import REPEATED, StaffReading
 from mor.project.document import Document
+from mor.project.levelling import REPEATED, StaffReading
 
 # ---- Geodimeter ARE and JOB: a number and a value a line.
 #
