@@ -9,7 +9,8 @@ import os
 import re
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import combinations, product
+from itertools import combinations, product, zip_longest
+from math import fsum, isclose
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -106,6 +107,8 @@ _COVARIANCES = {
 }
 _VECTOR = {f"d{ours}": "|".join(f"d{a}|delta{a}" for a in names) for ours, names in _AXES.items()}
 
+_NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr)\|", "", _POINT)
+"""Names of points without those that may be numbers of rows."""
 _BACK = (
     "back|backsight|bs|backreading|bsreading|backsightreading|rueckblick|rueck|rueckwaerts|ar|arriere|lecturearriere"
     "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
@@ -115,8 +118,10 @@ _FORE = (
     "|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
 )
 _STAFF_DISTANCES = {
-    "back_distance": "bsdistance|bsdist|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz|distatras",
-    "fore_distance": "fsdistance|fsdist|foredistance|foresightdistance|distav|distfs|distfore|vordistanz|distadelante",
+    "back_distance": "bsdistance|bsdist|distancebs|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz"
+    "|distatras",
+    "fore_distance": "fsdistance|fsdist|distancefs|foredistance|foresightdistance|distav|distfs|distfore|vordistanz"
+    "|distadelante",
 }
 
 KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
@@ -147,11 +152,16 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {**_BETWEEN, "at_height": "ih|hi"},
     ),
     "levelling between points": (
-        {"from": f"{_FROM}|bspoint|backpoint", "to": "to|nach|fspoint|forepoint", "back": _BACK, "fore": _FORE},
+        {
+            "from": f"{_FROM}|bspoint|backpoint|backsightstation",
+            "to": "to|nach|fspoint|forepoint|foresightstation|foresightpoint",
+            "back": _BACK,
+            "fore": _FORE,
+        },
         _STAFF_DISTANCES,
     ),
     "levelling": (
-        {"point": f"{_POINT}|id|{_FROM}|remarks|remark|bemerkung", "back": _BACK, "fore": _FORE},
+        {"point": f"{_NAMED}|{_FROM}|{_POINT}|id|remarks|remark|bemerkung", "back": _BACK, "fore": _FORE},
         {
             "between": "is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia"
             "|intermediaire|vistaintermedia|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio",
@@ -212,6 +222,8 @@ _ALSO = {
 _READINGS = ("back", "fore", "between", *_STAFF_DISTANCES)
 _DISTANCES = ("distance", *_STAFF_DISTANCES)
 _NO_READING, _SUMS = "rows without staff readings", "sums of the readings"
+_TO_ITSELF = "height differences from a point to itself"
+_DIGIT, _WORD = re.compile(r"\d"), re.compile(r"\w")
 _STAFF = 10.0
 """No staff is as long in metres: larger readings are millimetres."""
 _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
@@ -346,38 +358,40 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
 
 def _levelled(table: Found) -> Found:
     """Height differences of a levelling book: a reading forward in a row ends a set-up, one back begins the next."""
-    book, sums, left = Levelling(), (0.0, 0.0), dict.fromkeys((_NO_READING, _SUMS, ALONE), 0)
+    book, left = Levelling(), dict.fromkeys((_NO_READING, _SUMS, ALONE, _TO_ITSELF), 0)
     rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
+    full = [row for row in rows if row.has_readings()]
+    left[_NO_READING] = len(rows) - len(full)
+    backs = [row.number("back") or 0.0 for row in full]
+    if len(full) > 1 and backs[-1] and isclose(backs[-1], fsum(backs[:-1]), abs_tol=1e-6):
+        full.pop()
+        left[_SUMS] = 1
     distances = table.numbers("distance")
     is_chainage = distances == sorted(set(distances))
-    for row in rows:
+    for row, after in zip_longest(full, full[1:]):
         back, fore, between, behind, ahead = map(row.number, _READINGS)
         if behind is None and ahead is None and not is_chainage and (back is None or fore is None):
             behind = ahead = row.number("distance")
-        if back is fore is between is None:
-            left[_NO_READING] += 1
+        if "to" in table.columns and back is not None and fore is not None:
+            book.sight_back(StaffReading(row.text("from"), back, behind, row.row))
+            book.sight_forward(StaffReading(row.text("to"), fore, ahead, row.row))
+            book.close()
             continue
-        if back is not None and fore is not None and "point" in table.columns:
-            if not any(sums):
-                words = f"row {row.row} has readings back and forward; expected one row for each point, first one back"
-                raise InputError([Message(words, str(table.path))])
-            if [back, fore] == [round(value, 6) for value in sums]:
-                left[_SUMS] += 1
-                continue
+        if row is full[0] and back is not None and fore is not None:
+            words = f"row {row.row} has readings back and forward; expected one row for each point, first one back"
+            raise InputError([Message(words, str(table.path))])
         name = row.text("point")
+        if back is None and after and after.number("fore") is not None and after.text("point") != name:
+            fore, between = None, fore if between is None else between  # no reading back from this point follows
         if between is not None:
             book.sight_between(StaffReading(name or f"line {row.row}", between, ahead, row.row))
-        if "to" in table.columns and back is not None:
-            book.sight_back(StaffReading(row.text("from"), back, behind, row.row))
         if fore is not None:
-            book.sight_forward(StaffReading(row.text("to") or name, fore, ahead, row.row))
-        if "to" in table.columns:
-            book.close()
-        elif back is not None:
+            book.sight_forward(StaffReading(name, fore, ahead, row.row))
+        if back is not None:
             book.sight_back(StaffReading(name, back, behind, row.row))
-        sums = sums[0] + (back or 0.0), sums[1] + (fore or 0.0)
-    found, _ = book.finish()
-    left[ALONE] = len(book.alone)
+    measured, _ = book.finish()
+    found = [row for row in measured if row.start != row.end]
+    left |= {ALONE: len(book.alone), _TO_ITSELF: len(measured) - len(found)}
     if not found and rows:
         raise InputError([Message("no set-up has readings back and forward", str(table.path))])
     names = ["from", "to", "dz", "length"][: 3 + all(row.length is not None for row in found)]
@@ -413,10 +427,15 @@ class _LevelRow(NamedTuple):
         place = self.table.header.index(self.table.columns[name]) if name in self.table.columns else len(self.cells)
         return self.cells[place].strip() if place < len(self.cells) else ""
 
+    def has_readings(self) -> bool:
+        """Return whether the row has a reading, and no word in its place as those with checks below a book."""
+        cells = list(map(self.text, _READINGS[:3]))
+        return any(map(_DIGIT.search, cells)) and not any(_WORD.search(c) and not _DIGIT.search(c) for c in cells)
+
     def number(self, name: str) -> float | None:
-        """Number in a column, ``None`` if the cell is empty. Raises :class:`InputError` for another text."""
+        """Number in a column, ``None`` if the cell has none. Raises :class:`InputError` for a text with digits."""
         text = self.text(name)
-        if not text.strip("-–—/"):
+        if not _DIGIT.search(text):
             return None
         if not _NUMBER.fullmatch(text):
             words = f"row {self.row}, column {self.table.columns[name]}: found {text!r}, expected a number"

@@ -355,6 +355,7 @@ def test_a_table_of_windows_is_copied(tmp_path: Path, capsys: pytest.CaptureFixt
     "text",
     [
         "Road\nPoint,B.S.,I.S.,F.S.,RL\nM,1.5,,,100\nP,,1.25,,100.25\nT,.8,,2.1,99.4\nM,,,0.201,99.999\nSum,2.3,,2.301,\n",
+        "No.,Station,BS,FS\n1,M,1.5,\n2,P,,1.25\n3,T,.8,2.1\n4,M,,0.201\n\nΣBS,2.3,ΣFS,2.301\n",
         "Punkt;Rückblick;Zwischenblick;Vorblick\nM;1,500;;\nP;;1,250;\nT;;;2,100\nT;0,800;;\nM;;;0,201\n",
         "Matricule;AR;Inter;AV\nM;1500;;\nP;;1250;\nT;800;;2100\nM;;;201\n",
         "Punto\tAtrás\tIntermedia\tAdelante\nM\t1.5\t-\t-\nP\t-\t1.25\t-\nT\t0.8\t-\t2.1\nM\t-\t-\t0.201\n",
@@ -370,6 +371,7 @@ def test_a_levelling_book_becomes_height_differences(
     told = capsys.readouterr().err
     assert "3 height differences from the staff readings" in told
     assert ("sums of the readings: 1 row" in told) is ("Sum" in text)
+    assert ("rows without staff readings: 1 row" in told) is ("Σ" in text)
     assert ("columns not used: RL" in told) is ("RL" in text)
     assert run(["adjust", str(project), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) == 0
     data = json.loads((tmp_path / "r" / "results.json").read_text())
