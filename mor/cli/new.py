@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from mor.cli.console import tell, tell_note
 from mor.cli.options import InputPath, OutputPath, force_option
+
+if TYPE_CHECKING:
+    from mor.project.recognition import Found
 
 
 @click.command(name="new")
@@ -79,7 +83,7 @@ def command(
     from mor.errors import InputError, Message, counted, nearest
     from mor.formats.exif import is_photograph
     from mor.output_files import write_files
-    from mor.project.recognition import CameraSettings, begin, begin_test, recognise, told_apart
+    from mor.project.recognition import CameraSettings, begin, begin_test, told_apart
     from mor.project.schema import project_schema
     from mor.project.tables import read_sheets
     from mor.units import ANGLE_UNITS, LENGTH_UNITS
@@ -97,7 +101,7 @@ def command(
     if tables and all(map(is_photograph, tables)):
         _begin_from_photographs(project, tables, force)
         return
-    found = told_apart([part for table in tables for part in recognise(table)])
+    found = told_apart([part for table in tables for part in _recognised(table)])
     settings = CameraSettings(camera, constant, size, pixel)
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
     schema = project.with_name("mor.schema.json")
@@ -120,6 +124,21 @@ def command(
         if rest:
             tell(f"note: {path}: sheets not used: {', '.join(rest)}")
     tell(f"{project} is written: look at the lines marked CHECK, then run mor check {project}")
+
+
+def _recognised(table: Path) -> list[Found]:
+    from mor.errors import InputError, Message
+    from mor.formats import FORMATS, format_of
+    from mor.project.recognition import recognise
+
+    try:
+        return recognise(table)
+    except InputError:
+        key = format_of(table)
+        if key is None:
+            raise
+        words = f"this is no table but a file of {FORMATS[key].title}; mor convert or mor adjust reads it"
+        raise InputError([Message(words, str(table))]) from None
 
 
 def _has_content(path: Path, text: str) -> bool:

@@ -10,7 +10,7 @@ import re
 import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations, product, zip_longest
-from math import fsum, isclose
+from math import isclose
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -107,8 +107,8 @@ _COVARIANCES = {
 }
 _VECTOR = {f"d{ours}": "|".join(f"d{a}|delta{a}" for a in names) for ours, names in _AXES.items()}
 
-_NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr)\|", "", _POINT)
-"""Names of points without those that may be numbers of rows."""
+_NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", f"{_POINT}|{_TO}")
+"""Names of points with a staff, without those that may be numbers of rows or readings."""
 _BACK = (
     "back|backsight|bs|backreading|bsreading|backsightreading|rueckblick|rueck|rueckwaerts|ar|arriere|lecturearriere"
     "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
@@ -223,6 +223,8 @@ _READINGS = ("back", "fore", "between", *_STAFF_DISTANCES)
 _DISTANCES = ("distance", *_STAFF_DISTANCES)
 _NO_READING, _SUMS = "rows without staff readings", "sums of the readings"
 _TO_ITSELF = "height differences from a point to itself"
+_SIGNED = re.compile(r"(?:vista|visada|lectura|leitura|lecture|reading|v|l)?\s*\(?([-+−])\)?")
+"""Readings back and forward that have the signs with which they enter the height."""
 _DIGIT, _WORD = re.compile(r"\d"), re.compile(r"\w")
 _STAFF = 10.0
 """No staff is as long in metres: larger readings are millimetres."""
@@ -362,12 +364,9 @@ def _levelled(table: Found) -> Found:
     rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
     full = [row for row in rows if row.has_readings()]
     left[_NO_READING] = len(rows) - len(full)
-    backs = [row.number("back") or 0.0 for row in full]
-    if len(full) > 1 and backs[-1] and isclose(backs[-1], fsum(backs[:-1]), abs_tol=1e-6):
-        full.pop()
-        left[_SUMS] = 1
     distances = table.numbers("distance")
     is_chainage = distances == sorted(set(distances))
+    total = 0.0
     for row, after in zip_longest(full, full[1:]):
         back, fore, between, behind, ahead = map(row.number, _READINGS)
         if behind is None and ahead is None and not is_chainage and (back is None or fore is None):
@@ -377,11 +376,16 @@ def _levelled(table: Found) -> Found:
             book.sight_forward(StaffReading(row.text("to"), fore, ahead, row.row))
             book.close()
             continue
+        is_last = after is None or (after.number("back") is not None and after.number("fore") is None)
+        if is_last and back is not None and fore is not None and isclose(back, total, abs_tol=1e-6):
+            left[_SUMS], total = left[_SUMS] + 1, 0.0
+            continue
+        total += back or 0.0
         if row is full[0] and back is not None and fore is not None:
             words = f"row {row.row} has readings back and forward; expected one row for each point, first one back"
             raise InputError([Message(words, str(table.path))])
         name = row.text("point")
-        if back is None and after and after.number("fore") is not None and after.text("point") != name:
+        if back is None and after and after.number("fore") is not None and not (after.text("point") == name != ""):
             fore, between = None, fore if between is None else between  # no reading back from this point follows
         if between is not None:
             book.sight_between(StaffReading(name or f"line {row.row}", between, ahead, row.row))
@@ -641,6 +645,9 @@ def _name_and_unit(cell: str) -> tuple[str, str]:
 
 
 def _normalised(name: str) -> str:
+    signed = _SIGNED.fullmatch(name.strip().lower())
+    if signed:
+        return "back" if signed[1] == "+" else "fore"
     text = unicodedata.normalize("NFKD", name.strip().lower().translate(_UMLAUTS))
     return re.sub(r"[\W_]", "", "".join(letter for letter in text if not unicodedata.combining(letter)))
 
