@@ -253,12 +253,12 @@ def test_the_zero_of_the_vertical_circle(tmp_path: Path, zero: str, faces: tuple
 
 
 def test_points_in_plan_alone_without_readings(tmp_path: Path) -> None:
-    """A list of points, some of them without a height, is a project that adjusts: their heights are fixed at 0."""
+    """A list of points, some of them without a height, is a project: their heights are fixed at 0."""
     document = _read(tmp_path, "a.raw", _nikon("MP,A,,200.0,100.0,,", "MP,B,,210.0,100.0,5.0,"))
     assert "1 point without a height: no reading tells it, so it is fixed at 0: A" in _notes(document)
-    solved = solve_network(network_of(document, tmp_path))
-    values = dict(zip(solved.network.blocks["point"].ids, solved.adjustment.values["point"], strict=True))
-    np.testing.assert_allclose([values["A"], values["B"]], [[100, 200, 0], [100, 210, 5]], atol=1e-6)
+    high, flat = document.data["points"]
+    assert (high["rows"][0][0], flat["rows"][0][0]) == ("B", "A")
+    assert (high.get("fixed"), flat["fixed"], flat["values"]) == (None, ["z"], {"z": "0"})
 
 
 def test_heights_and_comments_of_m5(tmp_path: Path) -> None:
