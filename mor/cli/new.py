@@ -114,7 +114,7 @@ def command(
         tell(f"note: {path}: columns not used: {', '.join(unused)}")
     for note in dict.fromkeys(Message(words, str(table.path)) for table in found for words in table.notes):
         tell_note(note)
-    for path, copy in {table.path: table.copy(project) for table in found if table.tidied}.items():
+    for path, copy in dict.fromkeys((table.path, table.copy(project)) for table in found if table.tidied):
         tell(
             f"note: {path}: written to {copy} in UTF-8 with one header, without units and with the station in every row"
         )

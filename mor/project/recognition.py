@@ -20,7 +20,7 @@ import yaml
 from mor.errors import InputError, Message, counted
 from mor.input_files import CODE_PAGES, TABLE, as_utf8, decoded, not_utf8, read_bytes
 from mor.project.document import LONGEST, guarded, plain
-from mor.project.levelling import ALONE, Levelling, StaffReading
+from mor.project.levelling import ALONE, LevelledDifference, Levelling, StaffReading
 from mor.project.tables import is_spreadsheet, read_sheets, read_spreadsheet
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
@@ -29,12 +29,13 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 _FROM = (
     "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ|occupied"
     "|fromstation|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt|instrumentenstandpunkt"
-    "|stationno|estacion|estacao|stazione|st|est|punktodstania|stanowisko"
+    "|stationno|firstpoint|firstpointnumber|stanovisko|estacion|estacao|stazione|st|est|punktodstania|stanowisko"
 )
 _TO = (
     "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
     "|targetpoint|pointvise|ptvise|vise|visee|pointobserve|cible|puntovisado|ptovisado|visado|puntoobservado|observado"
     "|pv|pontovisado|pontoobservado|puntobattuto|battuto|puntocollimato|collimato|zielpunktnr|zielnr|cel"
+    "|secondpoint|secondpointnumber|ciel|cil"
 )
 _POINT = (
     "point|pointid|pt|ptid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
@@ -124,6 +125,14 @@ _STAFF_DISTANCES = {
     "|distadelante",
 }
 
+
+def _numbered(names: str, number: int) -> str:
+    return "|".join(f"{name}{number}" for name in names.split("|"))
+
+
+_SECOND = {"back2": _numbered(_BACK, 2), "fore2": _numbered(_FORE, 2)}
+"""Readings of a second instrument on the same points."""
+
 KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "image": (
         {
@@ -161,8 +170,13 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         _STAFF_DISTANCES,
     ),
     "levelling": (
-        {"point": f"{_NAMED}|{_FROM}|{_POINT}|id|remarks|remark|bemerkung", "back": _BACK, "fore": _FORE},
         {
+            "point": f"{_NAMED}|{_FROM}|{_POINT}|id|remarks|remark|bemerkung",
+            "back": f"{_BACK}|{_numbered(_BACK, 1)}",
+            "fore": f"{_FORE}|{_numbered(_FORE, 1)}",
+        },
+        {
+            **_SECOND,
             "between": "is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia"
             "|intermediaire|vistaintermedia|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio",
             "distance": _LENGTHS,
@@ -221,10 +235,12 @@ _ALSO = {
 """Kinds that a table of a field book may hold besides its own, in further columns."""
 _READINGS = ("back", "fore", "between", *_STAFF_DISTANCES)
 _DISTANCES = ("distance", *_STAFF_DISTANCES)
-_NO_READING, _SUMS = "rows without staff readings", "sums of the readings"
+_NO_READING, _SUMS = "rows without readings", "sums of the readings"
 _TO_ITSELF = "height differences from a point to itself"
 _SIGNED = re.compile(r"(?:vista|visada|lectura|leitura|lecture|reading|v|l)?\s*\(?([-+−])\)?")
 """Readings back and forward that have the signs with which they enter the height."""
+_DASHES = re.compile(r"\s*[-–—]{2,}\s*")
+"""What programs write into empty cells."""
 _DIGIT, _WORD = re.compile(r"\d"), re.compile(r"\w")
 _STAFF = 10.0
 """No staff is as long in metres: larger readings are millimetres."""
@@ -268,11 +284,13 @@ class Found(NamedTuple):
     tidied: bool = False
     """True if the rows are not those of the file: a copy of them is written."""
     notes: tuple[str, ...] = ()
+    part: str = ""
+    """Kind, if other kinds in the table have readings in other rows."""
 
     def copy(self, target: Path) -> Path:
         """Path of a copy of the rows beside the project."""
         sheet = re.sub(r"\W+", "_", self.sheet)
-        return target.with_name("_".join(filter(None, (target.stem, self.path.stem, sheet))) + ".csv")
+        return target.with_name("_".join(filter(None, (target.stem, self.path.stem, sheet, self.part))) + ".csv")
 
     def texts(self, name: str) -> list[str]:
         """Cells of a column, empty if it is missing."""
@@ -314,7 +332,8 @@ def recognise(path: Path) -> list[Found]:
 
 def _recognise(path: Path, sheet: str | None) -> list[Found]:
     delimiter, read, above, encoding = _cells(path, sheet)
-    rows, stated = _tidied(read)
+    blank = tuple(tuple("" if _DASHES.fullmatch(cell) else cell for cell in row) for row in read)
+    rows, stated = _tidied(blank)
     header = tuple(cell.strip() for cell in rows[0]) if rows else ()
     has_header = bool(header) and not any(_NUMBER.fullmatch(cell) for cell in header)
     if not has_header and len(above) == len(header) and _kinds(_named(above)):
@@ -334,6 +353,13 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
         raise InputError(
             [Message(f"unknown kind of table: found the columns {', '.join(header)}; {_known()}", str(path), 1)]
         )
+    body = rows[has_header:]
+    full = {kind: _with_readings(body, kind, columns, header) for kind, columns in kinds.items()}
+    kept = {row for rows_of_kind in full.values() for row in rows_of_kind}
+    bare = sum(row not in kept for row in body)
+    notes = [not_utf8(encoding)] if encoding in CODE_PAGES else []
+    if bare:
+        notes.append(f"{_NO_READING}: {counted(bare, 'row')}")
     used = {cell for columns in kinds.values() for cell in columns.values()}
     unused = tuple(cell for cell in header if cell not in used)
     units = {cell: unit for cell, _, unit in named if unit} | stated
@@ -349,54 +375,31 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
             decimal_comma,
             has_header,
             header,
-            rows[has_header:],
-            tidied=rows != read or encoding in CODE_PAGES,
-            notes=(not_utf8(encoding),) if encoding in CODE_PAGES else (),
+            full[kind],
+            tidied=rows != read or bool(notes) or full[kind] != body,
+            part=kind if len({len(part) for part in full.values()}) > 1 else "",
+            notes=tuple(notes),
         )
         for kind, columns in kinds.items()
     ]
     return [_levelled(table) if table.kind == "levelling" else table for table in found]
 
 
+def _with_readings(rows: _Cells, kind: str, columns: Mapping[str, str], header: Sequence[str]) -> _Cells:
+    """Rows that have a reading of a kind, and those that are too short."""
+    readings = KINDS[kind][0].keys() - {*PLACES, "image"} if kind in _SIGMA else ()
+    places = [header.index(columns[name]) for name in readings]
+    return tuple(row for row in rows if not places or len(row) < len(header) or any(row[k].strip() for k in places))
+
+
 def _levelled(table: Found) -> Found:
-    """Height differences of a levelling book: a reading forward in a row ends a set-up, one back begins the next."""
-    book, left = Levelling(), dict.fromkeys((_NO_READING, _SUMS, ALONE, _TO_ITSELF), 0)
-    rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
-    full = [row for row in rows if row.has_readings()]
-    left[_NO_READING] = len(rows) - len(full)
-    distances = table.numbers("distance")
-    is_chainage = distances == sorted(set(distances))
-    total = 0.0
-    for row, after in zip_longest(full, full[1:]):
-        back, fore, between, behind, ahead = map(row.number, _READINGS)
-        if behind is None and ahead is None and not is_chainage and (back is None or fore is None):
-            behind = ahead = row.number("distance")
-        if "to" in table.columns and back is not None and fore is not None:
-            book.sight_back(StaffReading(row.text("from"), back, behind, row.row))
-            book.sight_forward(StaffReading(row.text("to"), fore, ahead, row.row))
-            book.close()
-            continue
-        is_last = after is None or (after.number("back") is not None and after.number("fore") is None)
-        if is_last and back is not None and fore is not None and isclose(back, total, abs_tol=1e-6):
-            left[_SUMS], total = left[_SUMS] + 1, 0.0
-            continue
-        total += back or 0.0
-        if row is full[0] and back is not None and fore is not None:
-            words = f"row {row.row} has readings back and forward; expected one row for each point, first one back"
-            raise InputError([Message(words, str(table.path))])
-        name = row.text("point")
-        if back is None and after and after.number("fore") is not None and not (after.text("point") == name != ""):
-            fore, between = None, fore if between is None else between  # no reading back from this point follows
-        if between is not None:
-            book.sight_between(StaffReading(name or f"line {row.row}", between, ahead, row.row))
-        if fore is not None:
-            book.sight_forward(StaffReading(name, fore, ahead, row.row))
-        if back is not None:
-            book.sight_back(StaffReading(name, back, behind, row.row))
-    measured, _ = book.finish()
-    found = [row for row in measured if row.start != row.end]
-    left |= {ALONE: len(book.alone), _TO_ITSELF: len(measured) - len(found)}
-    if not found and rows:
+    """A table of the height differences of a levelling book; a second instrument has columns of its own."""
+    left = dict.fromkeys((_NO_READING, _SUMS, ALONE, _TO_ITSELF), 0)
+    found = _height_differences(table, left)
+    if _SECOND.keys() <= table.columns.keys():
+        second = {"back": table.columns["back2"], "fore": table.columns["fore2"]}
+        found += _height_differences(table._replace(columns={**table.columns, **second}), left)
+    if not found and table.rows:
         raise InputError([Message("no set-up has readings back and forward", str(table.path))])
     names = ["from", "to", "dz", "length"][: 3 + all(row.length is not None for row in found)]
     values = [abs(value) for ours in ("back", "fore") for value in table.numbers(ours)]
@@ -419,6 +422,49 @@ def _levelled(table: Found) -> Found:
     )
 
 
+def _height_differences(table: Found, left: dict[str, int]) -> list[LevelledDifference]:
+    """Height differences: a reading forward ends a set-up, one back begins the next. ``left`` is counted up."""
+    book = Levelling()
+    rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
+    full = [row for row in rows if row.has_readings()]
+    left[_NO_READING] += len(rows) - len(full)
+    distances = table.numbers("distance")
+    is_chainage = distances == sorted(set(distances))
+    total = 0.0
+    for row, after in zip_longest(full, full[1:]):
+        back, fore, between, behind, ahead = map(row.number, _READINGS)
+        if behind is None and ahead is None and not is_chainage and (back is None or fore is None):
+            behind = ahead = row.number("distance")
+        if "to" in table.columns and back is not None and fore is not None:
+            book.sight_back(StaffReading(row.text("from"), back, behind, row.row))
+            book.sight_forward(StaffReading(row.text("to"), fore, ahead, row.row))
+            book.close()
+            continue
+        is_last = after is None or (after.number("back") is not None and after.number("fore") is None)
+        if is_last and back is not None and fore is not None and isclose(back, total, abs_tol=1e-6):
+            left[_SUMS] += 1
+            total = 0.0
+            continue
+        total += back or 0.0
+        if row is full[0] and back is not None and fore is not None:
+            words = f"row {row.row} has readings back and forward; expected one row for each point, first one back"
+            raise InputError([Message(words, str(table.path))])
+        name = row.text("point")
+        if back is None and after and after.number("fore") is not None and not (after.text("point") == name != ""):
+            fore, between = None, fore if between is None else between  # no reading back from this point follows
+        if between is not None:
+            book.sight_between(StaffReading(name or f"line {row.row}", between, ahead, row.row))
+        if fore is not None:
+            book.sight_forward(StaffReading(name, fore, ahead, row.row))
+        if back is not None:
+            book.sight_back(StaffReading(name, back, behind, row.row))
+    measured, _ = book.finish()
+    found = [row for row in measured if row.start != row.end]
+    left[ALONE] += len(book.alone)
+    left[_TO_ITSELF] += len(measured) - len(found)
+    return found
+
+
 class _LevelRow(NamedTuple):
     """A row of a levelling book."""
 
@@ -434,17 +480,18 @@ class _LevelRow(NamedTuple):
     def has_readings(self) -> bool:
         """Return whether the row has a reading, and no word in its place as those with checks below a book."""
         cells = list(map(self.text, _READINGS[:3]))
-        return any(map(_DIGIT.search, cells)) and not any(_WORD.search(c) and not _DIGIT.search(c) for c in cells)
+        is_told = any(_WORD.search(cell) and not _DIGIT.search(cell) for cell in cells)
+        return not is_told and any(self.number(name) is not None for name in _READINGS[:3])
 
     def number(self, name: str) -> float | None:
-        """Number in a column, ``None`` if the cell has none. Raises :class:`InputError` for a text with digits."""
+        """Number in a column, ``None`` if the cell has none or 0. Raises :class:`InputError` for a text with digits."""
         text = self.text(name)
         if not _DIGIT.search(text):
             return None
         if not _NUMBER.fullmatch(text):
             words = f"row {self.row}, column {self.table.columns[name]}: found {text!r}, expected a number"
             raise InputError([Message(words, str(self.table.path))])
-        return float(text.replace(",", "."))
+        return float(text.replace(",", ".")) or None
 
 
 def _fits(header: Sequence[str]) -> bool:

@@ -371,7 +371,7 @@ def test_a_levelling_book_becomes_height_differences(
     told = capsys.readouterr().err
     assert "3 height differences from the staff readings" in told
     assert ("sums of the readings: 1 row" in told) is ("Sum" in text)
-    assert ("rows without staff readings: 1 row" in told) is ("Σ" in text)
+    assert ("rows without readings: 1 row" in told) is ("Σ" in text)
     assert ("columns not used: RL" in told) is ("RL" in text)
     assert run(["adjust", str(project), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) == 0
     data = json.loads((tmp_path / "r" / "results.json").read_text())
@@ -398,6 +398,24 @@ def test_two_lines_with_sums_in_one_levelling_book(tmp_path: Path) -> None:
         ("N", "line 11", "-0.5"),
     }
     assert "sums of the readings: 1 row" in table.notes
+
+
+def test_a_levelling_book_of_two_instruments(tmp_path: Path) -> None:
+    """Each instrument has columns of its own; a reading of 0 is none."""
+    (tmp_path / "t.csv").write_text("Matricule,AR 1,AV 1,AR 2,AV 2\nA,1.5,0,1.6,0\nT,1.2,1.0,1.3,1.1\nB,0,0.9,0,1.0\n")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert table.rows == (("A", "T", "0.5"), ("T", "B", "0.3"), ("A", "T", "0.5"), ("T", "B", "0.3"))
+
+
+def test_rows_without_readings_are_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Programs write dashes into empty cells, and known points into the table of the sights."""
+    rows = "---;A;100;---;---;---\nA;B;---;10;100;50\nA;C;---;20;99;---\n"
+    (tmp_path / "t.csv").write_text(f"Station;Ziel;X;Hz;V;SD\n{rows}")
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv")]) == 0
+    assert "rows without readings: 1 row" in capsys.readouterr().err
+    assert (tmp_path / "p_t_zenith_directions.csv").read_text().split()[1:] == ["A;B;;10;100;50", "A;C;;20;99;"]
+    assert (tmp_path / "p_t_distance.csv").read_text().split()[1:] == ["A;B;;10;100;50"]
+    assert run(["check", str(tmp_path / "p.yaml"), "--quiet"]) == 0
 
 
 def test_a_field_book_is_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
