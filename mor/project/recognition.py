@@ -153,9 +153,9 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "angle": (
         {
-            "at": "at|station|vertex|occupied|occ|instrument|atpoint|atstation",
-            "from": "from|von|backsight|bs|frompoint|fromstation",
-            "to": "to|nach|foresight|fs|topoint|tostation",
+            "at": "at|basepoint|station|vertex|occupied|occ|instrument|atpoint|atstation",
+            "from": "from|von|backsight|bs|frompoint|fromstation|firstpoint",
+            "to": "to|nach|foresight|fs|topoint|tostation|secondpoint",
             "angle": "angle|winkel|angleright|horizontalangle",
         },
         {**_BETWEEN, "at_height": "ih|hi"},
@@ -241,6 +241,15 @@ _SIGNED = re.compile(r"(?:vista|visada|lectura|leitura|lecture|reading|v|l)?\s*\
 """Readings back and forward that have the signs with which they enter the height."""
 _DASHES = re.compile(r"\s*[-–—]{2,}\s*")
 """What programs write into empty cells."""
+_PARTS = tuple(
+    re.compile(f"(.*?)(?:{words})")
+    for words in (
+        "degrees?|deg|grados?|graus?|gradi|d|g",
+        "minutes?|minutos?|minuti|min|m",
+        "seconds?|segundos?|secondi|seg|sec|s",
+    )
+)
+"""Headings of degrees, minutes and seconds in columns of their own, behind a common name."""
 _DIGIT, _WORD = re.compile(r"\d"), re.compile(r"\w")
 _STAFF = 10.0
 """No staff is as long in metres: larger readings are millimetres."""
@@ -333,7 +342,7 @@ def recognise(path: Path) -> list[Found]:
 def _recognise(path: Path, sheet: str | None) -> list[Found]:
     delimiter, read, above, encoding = _cells(path, sheet)
     blank = tuple(tuple("" if _DASHES.fullmatch(cell) else cell for cell in row) for row in read)
-    rows, stated = _tidied(blank)
+    rows, stated = _tidied(_with_whole_angles(blank))
     header = tuple(cell.strip() for cell in rows[0]) if rows else ()
     has_header = bool(header) and not any(_NUMBER.fullmatch(cell) for cell in header)
     if not has_header and len(above) == len(header) and _kinds(_named(above)):
@@ -524,6 +533,40 @@ def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
         above = filled[-1] if filled and below and len(filled[-1]) == len(header) else row
         filled.append(tuple(above[k] if k in places else cell for k, cell in enumerate(row)))
     return (header, *filled), stated
+
+
+def _with_whole_angles(rows: _Cells) -> _Cells:
+    """Rows with degrees, minutes and seconds in one cell for each three columns of them."""
+    for k, row in enumerate(rows[:_TITLES]):
+        names = [_bare_name(cell) for cell in row]
+        for j in range(len(row) - 2):
+            found = [form.fullmatch(name) for form, name in zip(_PARTS, names[j : j + 3], strict=True)]
+            before = {match[1] for match in found if match}
+            if None in found or len(before) > 1 or (before == {""} and len(names[j]) == 1 and names[j].isalpha()):
+                continue
+            name = before.pop() or "angle"
+            cells = [[_whole(cell) for cell in line[j : j + 3]] for line in rows[k + 1 :]]
+            parts = ("-".join(cell or "0" for cell in three) if any(three) else "" for three in cells)
+            joined = (
+                (*line[:j], angle, *line[j + 3 :]) if len(line) > j + 2 else line
+                for line, angle in zip(rows[k + 1 :], parts, strict=True)
+            )
+            return _with_whole_angles((*rows[:k], (*row[:j], name, *row[j + 3 :]), *joined))
+    return rows
+
+
+def _bare_name(cell: str) -> str:
+    """Heading in lower-case letters, with the signs of degrees, minutes and seconds as letters."""
+    signs = {"°": "deg", "º": "deg", "''": "sec", '"': "sec", "″": "sec", "'": "min", "′": "min"}
+    text = cell.strip().lower()
+    for sign, word in signs.items():
+        text = text.replace(sign, word)
+    return _normalised(text)
+
+
+def _whole(cell: str) -> str:
+    """Part of an angle without the ``.0`` of spreadsheets."""
+    return re.sub(r"[.,]0+$", "", cell.strip())
 
 
 def _with_stations(header: tuple[str, ...], rows: _Cells) -> _Cells:

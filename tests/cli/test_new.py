@@ -418,6 +418,26 @@ def test_rows_without_readings_are_left_out(tmp_path: Path, capsys: pytest.Captu
     assert run(["check", str(tmp_path / "p.yaml"), "--quiet"]) == 0
 
 
+@pytest.mark.parametrize(
+    "head",
+    [
+        "Degrees,Minutes,Seconds",
+        '°,\',""""',
+        "GRADO,MIN,SEG",
+        "Angle D,Angle M,Angle S",
+        "ANGLE_DEG,ANGLE_MIN,ANGLE_SEC",
+    ],
+)
+def test_degrees_minutes_and_seconds_in_three_columns(tmp_path: Path, head: str) -> None:
+    (tmp_path / "t.csv").write_text(f"At,From,To,{head},Remark\nA,B,C,120,5.0,30.5,x\nB,C,A,-30,,0,\nC,A,B,,,,\n")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert (table.kind, table.texts("angle")) == ("angle", ["120-5-30.5", "-30-0-0"])
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv"), "--angle", "deg"]) == 0
+    (entry,) = read_document(tmp_path / "p.yaml").data["observations"]
+    assert entry["units"] == {"angle": "dms"}
+    assert run(["check", str(tmp_path / "p.yaml"), "--quiet"]) == 0
+
+
 def test_a_field_book_is_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (tmp_path / "book.txt").write_text("*110001+00000000000000A1 21.322+0000000010000000 22.322+0000000010000000\n" * 2)
     assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "book.txt")]) == 2
