@@ -13,6 +13,7 @@ import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
+from itertools import pairwise
 from pathlib import Path
 from stat import S_ISDIR, S_ISREG
 from typing import NamedTuple
@@ -33,6 +34,9 @@ _PART = 1 << 22
 """Bytes that are unpacked together."""
 _DENSEST = 1032
 """Bytes that one byte of a gzip file may unpack to."""
+_MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
+_HIGH = 0x80
+CODE_PAGES = {"cp1251": "Windows, Cyrillic", "cp1252": "Windows, Western European"}
 
 
 class ReadFile(NamedTuple):
@@ -201,6 +205,38 @@ def as_utf8(content: bytes) -> bytes:
     if b"\xb0" in content and set(re.findall(rb"[\x80-\xff]", content)) == {b"\xb0"}:
         return content.decode("cp1252").encode()
     return content.removeprefix(codecs.BOM_UTF8)
+
+
+def decoded(content: bytes) -> tuple[str, str]:
+    """Text of a file with lines that end in ``\\n``, and the name of its encoding."""
+    encoding = _encoding(content)
+    mark = next((mark for mark, name in _MARKS if content.startswith(mark)), b"")
+    text = content[len(mark) :].decode(encoding, "replace")
+    name = "utf-16" if encoding.startswith("utf-16") else encoding
+    return text.replace("\r\n", "\n").replace("\r", "\n").replace("\x1a", ""), name
+
+
+def _encoding(content: bytes) -> str:
+    for mark, name in _MARKS:
+        if content.startswith(mark):
+            return name
+    try:
+        content.decode("utf-8")
+    except UnicodeDecodeError:
+        return "cp1251" if _is_cyrillic(content) else "cp1252"
+    return "utf-8"
+
+
+def _is_cyrillic(content: bytes) -> bool:
+    """Words in Cyrillic are of high bytes throughout; in Western languages most of these stand alone."""
+    high = [byte >= _HIGH for byte in content]
+    pairs = sum(a and b for a, b in pairwise(high))
+    return 2 * pairs > sum(high)
+
+
+def not_utf8(encoding: str) -> str:
+    """Words for a text that is read in the letters of Windows."""
+    return f"this is not UTF-8 text; it is read as {encoding} ({CODE_PAGES[encoding]}): check the names"
 
 
 def check_regular(path: Path) -> None:

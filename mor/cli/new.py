@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from mor.cli.console import tell
+from mor.cli.console import tell, tell_note
 from mor.cli.options import InputPath, OutputPath, force_option
+
+if TYPE_CHECKING:
+    from mor.project.recognition import Found
 
 
 @click.command(name="new")
@@ -79,7 +83,7 @@ def command(
     from mor.errors import InputError, Message, counted, nearest
     from mor.formats.exif import is_photograph
     from mor.output_files import write_files
-    from mor.project.recognition import CameraSettings, begin, begin_test, recognise, told_apart
+    from mor.project.recognition import CameraSettings, begin, begin_test, told_apart
     from mor.project.schema import project_schema
     from mor.project.tables import read_sheets
     from mor.units import ANGLE_UNITS, LENGTH_UNITS
@@ -97,7 +101,7 @@ def command(
     if tables and all(map(is_photograph, tables)):
         _begin_from_photographs(project, tables, force)
         return
-    found = told_apart([part for table in tables for part in recognise(table)])
+    found = told_apart([part for table in tables for part in _recognised(table)])
     settings = CameraSettings(camera, constant, size, pixel)
     texts = begin(project, found, title or project.stem, (length, angle), settings, datum)
     schema = project.with_name("mor.schema.json")
@@ -108,14 +112,33 @@ def command(
         tell(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}")
     for path, unused in {table.path: table.unused for table in found if table.unused}.items():
         tell(f"note: {path}: columns not used: {', '.join(unused)}")
-    for path, copy in {table.path: table.copy(project) for table in found if table.tidied}.items():
-        tell(f"note: {path}: written to {copy} with one header, without units and with the station in every row")
+    for note in dict.fromkeys(Message(words, str(table.path)) for table in found for words in table.notes):
+        tell_note(note)
+    for path, copy in dict.fromkeys((table.path, table.copy(project)) for table in found if table.tidied):
+        tell(
+            f"note: {path}: written to {copy} in UTF-8 with one header, without units and with the station in every row"
+        )
     for path in dict.fromkeys(table.path for table in found if table.sheet):
         used = {table.sheet for table in found if table.path == path}
         rest = [name for name, rows in read_sheets(path).items() if rows and name not in used]
         if rest:
             tell(f"note: {path}: sheets not used: {', '.join(rest)}")
     tell(f"{project} is written: look at the lines marked CHECK, then run mor check {project}")
+
+
+def _recognised(table: Path) -> list[Found]:
+    from mor.errors import InputError, Message
+    from mor.formats import FORMATS, format_of
+    from mor.project.recognition import recognise
+
+    try:
+        return recognise(table)
+    except InputError:
+        key = format_of(table)
+        if key is None:
+            raise
+        words = f"this is no table but a file of {FORMATS[key].title}; mor convert or mor adjust reads it"
+        raise InputError([Message(words, str(table))]) from None
 
 
 def _has_content(path: Path, text: str) -> bool:

@@ -24,8 +24,8 @@ from mor.formats.content import (
     placed_points,
     rays_of_points,
 )
-from mor.formats.draft import LARGEST, Draft, Row, Written, decoded, usable
-from mor.input_files import TABLE, read_bytes
+from mor.formats.draft import LARGEST, Draft, Row, Written, usable
+from mor.input_files import TABLE, decoded, read_bytes
 from mor.model.rotations import angles_from_rotation, exponential, rotation_from_angles
 from mor.project.axes import image_scale, split
 from mor.project.document import Document

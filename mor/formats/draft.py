@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import codecs
 import json
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, NoReturn
@@ -15,7 +13,7 @@ from xml.parsers import expat
 import numpy as np
 
 from mor.errors import InputError, Message
-from mor.input_files import PROJECT, TABLE, read_bytes
+from mor.input_files import CODE_PAGES, PROJECT, TABLE, decoded, not_utf8, read_bytes
 from mor.project.document import Document, KeyPath
 from mor.types import FloatArray
 
@@ -142,10 +140,6 @@ def parse_number(text: str) -> float:
 # ---- Text of foreign files: in whatever encoding programs and instruments write, decoded in one place and said by
 # name.
 
-_MARKS = ((codecs.BOM_UTF8, "utf-8"), (codecs.BOM_UTF16_LE, "utf-16-le"), (codecs.BOM_UTF16_BE, "utf-16-be"))
-_HIGH = 0x80
-_NAMES = {"cp1251": "Windows, Cyrillic", "cp1252": "Windows, Western European", "utf-16": "with a mark"}
-
 
 def read_lines(path: Path, draft: Draft) -> list[str]:
     """Lines of a text file without their ends; what follows the last end is no line where it is empty.
@@ -154,41 +148,13 @@ def read_lines(path: Path, draft: Draft) -> list[str]:
     note says. Raises :class:`InputError` if the file cannot be read.
     """
     text, encoding = decoded(read_bytes(path, PROJECT))
-    if encoding in _NAMES and encoding != "utf-16":
+    if encoding in CODE_PAGES:
         line = next(k for k, one in enumerate(text.split("\n"), start=1) if not one.isascii())
-        words = f"this is not UTF-8 text; it is read as {encoding} ({_NAMES[encoding]}): check the names"
-        draft.note(words, line, str(path))
+        draft.note(not_utf8(encoding), line, str(path))
     lines = text.split("\n")
     if lines and not lines[-1]:
         lines.pop()
     return lines
-
-
-def decoded(content: bytes) -> tuple[str, str]:
-    """Text of a file with lines that end in ``\\n``, and the name of its encoding."""
-    encoding = _encoding(content)
-    mark = next((mark for mark, name in _MARKS if content.startswith(mark)), b"")
-    text = content[len(mark) :].decode(encoding, "replace")
-    name = "utf-16" if encoding.startswith("utf-16") else encoding
-    return text.replace("\r\n", "\n").replace("\r", "\n").replace("\x1a", ""), name
-
-
-def _encoding(content: bytes) -> str:
-    for mark, name in _MARKS:
-        if content.startswith(mark):
-            return name
-    try:
-        content.decode("utf-8")
-    except UnicodeDecodeError:
-        return "cp1251" if _is_cyrillic(content) else "cp1252"
-    return "utf-8"
-
-
-def _is_cyrillic(content: bytes) -> bool:
-    """Words in Cyrillic are of high bytes throughout; in Western languages most of these stand alone."""
-    high = [byte >= _HIGH for byte in content]
-    pairs = sum(a and b for a, b in pairwise(high))
-    return 2 * pairs > sum(high)
 
 
 # ---- JSON with places: plain data, and the line in which a name stands.

@@ -27,7 +27,6 @@ from mor.formats.draft import (
     JsonFile,
     Row,
     Wrong,
-    decoded,
     east_north_up,
     json_number,
     mapping,
@@ -36,7 +35,7 @@ from mor.formats.draft import (
     read_lines,
     usable,
 )
-from mor.input_files import PROJECT, TABLE, check_size, is_folder, read_bytes, read_text, standard_input
+from mor.input_files import PROJECT, TABLE, check_size, decoded, is_folder, read_bytes, read_text, standard_input
 from mor.project.document import Document
 from mor.types import FloatArray, IntArray
 

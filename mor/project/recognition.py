@@ -7,17 +7,20 @@ import io
 import math
 import os
 import re
+import unicodedata
 from collections.abc import Iterable, Mapping, Sequence
-from itertools import combinations, product
+from itertools import combinations, product, zip_longest
+from math import isclose
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
 import yaml
 
-from mor.errors import InputError, Message
-from mor.input_files import TABLE, read_text
+from mor.errors import InputError, Message, counted
+from mor.input_files import CODE_PAGES, TABLE, as_utf8, decoded, not_utf8, read_bytes
 from mor.project.document import LONGEST, guarded, plain
+from mor.project.levelling import ALONE, LevelledDifference, Levelling, StaffReading
 from mor.project.tables import is_spreadsheet, read_sheets, read_spreadsheet
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
@@ -25,21 +28,29 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
 _FROM = (
     "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ|occupied"
-    "|fromstation|stationid|stationname|std|source|rts"
+    "|fromstation|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt|instrumentenstandpunkt"
+    "|stationno|firstpoint|firstpointnumber|stanovisko|estacion|estacao|stazione|st|est|punktodstania|stanowisko"
 )
 _TO = (
     "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
-    "|targetpoint"
+    "|targetpoint|pointvise|ptvise|vise|visee|pointobserve|cible|puntovisado|ptovisado|visado|puntoobservado|observado"
+    "|pv|pontovisado|pontoobservado|puntobattuto|battuto|puntocollimato|collimato|zielpunktnr|zielnr|cel"
+    "|secondpoint|secondpointnumber|ciel|cil"
 )
 _POINT = (
     "point|pointid|pt|ptid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
     "|ptno|ptnr|ptname|pnr|pointno|pointnr|pointname|pointnumber|punktname|gcpid|gcpname|gcplabel|markerid|markername"
+    "|matricule|nom|npoint|numero|punto|nopunto|ponto|nomepunto|nombre|npunto|nombrepunto|pto"
 )
 _HEIGHTS = {
     "from_height": "fromheight|ih|hi|instrumentheight|instrheight|geraetehoehe|instrumentenhoehe|standhoehe|hinst"
-    "|heightofinstrument|instrumenthoehe|kippachsenhoehe",
+    "|heightofinstrument|instrumenthoehe|kippachsenhoehe|instrht|insth|hauteurinstrument|hauteurappareil|hauteurstation"
+    "|alturainstrumento|alturadelinstrumento|alturadoinstrumento|altinstrumento|altinst|ai|altezzastrumentale"
+    "|altezzastrumento|altstrum",
     "to_height": "toheight|th|ht|hr|targetheight|prismheight|reflectorheight|rodheight|zielhoehe|reflektorhoehe|rh"
-    "|heightoftarget|poleheight|prismenhoehe|spiegelhoehe|tafelhoehe",
+    "|heightoftarget|poleheight|prismenhoehe|spiegelhoehe|tafelhoehe|hp|hv|hauteurprisme|hauteurvoyant|hauteurcible"
+    "|hauteurreflecteur|alturaprisma|alturadelprisma|alturadoprisma|altprisma|ap|alturajalon|alturaobjetivo|alturasinal"
+    "|altezzaprisma|altprisma|altezzamira|reflht|rodht|targetht|prismht",
 }
 _SIGHT = {
     "station_height": f"fromheight|{_HEIGHTS['from_height']}",
@@ -51,23 +62,36 @@ _SIGHT = {
 _BETWEEN = {**_HEIGHTS, "sigma": "", "epoch": "epoch|epoche"}
 _LENGTHS = "laenge|linelength|length|distance|dist|strecke|d"
 """Names of a distance that beside a height difference is the length of a levelling line."""
-_DISTANCE = "distance|length|dist|strecke|sd|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke"
+_DISTANCE = (
+    "distance|length|dist|strecke|sd|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke|schraegdistanz"
+    "|distanz|di|dp|distanceinclinee|distinclinee|distancepente|distanciainclinada|distinclinada|distanciageometrica"
+    "|distancia|distanzainclinata|distinclinata|distanza"
+)
 _HORIZONTAL = (
     "horizontal|hz|ha|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
     "|hzrichtung|horizontalrichtung|horizangle|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
+    "|hzwinkel|horizontalkreis|anglehorizontal|anglehz|ah|lecturehorizontale|lecturehz|lecture|lectureazimutale"
+    "|angulohorizontal|anghorizontal|anghz|lecturahorizontal|leiturahorizontal|acimutal|angolorizzontale"
+    "|angoloorizzontale|cerchioorizzontale|letturaorizzontale|letturaazimutale"
 )
 _ZENITH = (
     "zenith|v|za|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
     "|verticalcircle|verticalreading|vertikalwinkel|zenithang|verticalang|vertangle"
+    "|vwinkel|vertikalkreis|zenithwinkel|anglevertical|anglev|av|anglezenithal|distancezenithale|lectureverticale"
+    "|lecturezenithale|angulovertical|angvertical|angulocenital|cenital|distanciacenital|lecturavertical"
+    "|leituravertical|angulozenital|zenital|angoloverticale|angolozenitale|cerchioverticale|zenitale"
 )
 _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
 """Kind and column of vertical circles that read elevations, whose columns have the same names."""
 _ELEVATION = 45.0
 """Degrees or gon: the median of zenith angles is larger, that of elevations is smaller."""
 _POINTS = {
-    "x": "x|x0|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert|xgcp|xcoord|xcoordinate|mapx",
-    "y": "y|y0|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy",
-    "z": "z|z0|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|rl|reducedlevel",
+    "x": "x|x0|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert|xgcp|xcoord|xcoordinate|mapx"
+    "|este|est|coordx",
+    "y": "y|y0|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy"
+    "|norte|coordy",
+    "z": "z|z0|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|rl|reducedlevel"
+    "|cota|quota|elevacion|altitud|coordz",
 }
 _AXES = {"x": "xe", "y": "yn", "z": "zhu"}
 _STATED = {
@@ -83,6 +107,31 @@ _COVARIANCES = {
     for a, b in ("xx", "xy", "xz", "yy", "yz", "zz")
 }
 _VECTOR = {f"d{ours}": "|".join(f"d{a}|delta{a}" for a in names) for ours, names in _AXES.items()}
+
+_NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", f"{_POINT}|{_TO}")
+"""Names of points with a staff, without those that may be numbers of rows or readings."""
+_BACK = (
+    "back|backsight|bs|backreading|bsreading|backsightreading|rueckblick|rueck|rueckwaerts|ar|arriere|lecturearriere"
+    "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
+)
+_FORE = (
+    "fore|foresight|fs|forereading|fsreading|foresightreading|vorblick|vor|vorwaerts|av|avant|lectureavant|lectav"
+    "|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
+)
+_STAFF_DISTANCES = {
+    "back_distance": "bsdistance|bsdist|distancebs|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz"
+    "|distatras",
+    "fore_distance": "fsdistance|fsdist|distancefs|foredistance|foresightdistance|distav|distfs|distfore|vordistanz"
+    "|distadelante",
+}
+
+
+def _numbered(names: str, number: int) -> str:
+    return "|".join(f"{name}{number}" for name in names.split("|"))
+
+
+_SECOND = {"back2": _numbered(_BACK, 2), "fore2": _numbered(_FORE, 2)}
+"""Readings of a second instrument on the same points."""
 
 KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "image": (
@@ -104,12 +153,35 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "angle": (
         {
-            "at": "at|station|vertex|occupied|occ|instrument|atpoint|atstation",
-            "from": "from|von|backsight|bs|frompoint|fromstation",
-            "to": "to|nach|foresight|fs|topoint|tostation",
+            "at": "at|basepoint|station|vertex|occupied|occ|instrument|atpoint|atstation",
+            "from": "from|von|backsight|bs|frompoint|fromstation|firstpoint",
+            "to": "to|nach|foresight|fs|topoint|tostation|secondpoint",
             "angle": "angle|winkel|angleright|horizontalangle",
         },
         {**_BETWEEN, "at_height": "ih|hi"},
+    ),
+    "levelling between points": (
+        {
+            "from": f"{_FROM}|bspoint|backpoint|backsightstation",
+            "to": "to|nach|fspoint|forepoint|foresightstation|foresightpoint",
+            "back": _BACK,
+            "fore": _FORE,
+        },
+        _STAFF_DISTANCES,
+    ),
+    "levelling": (
+        {
+            "point": f"{_NAMED}|{_FROM}|{_POINT}|id|remarks|remark|bemerkung",
+            "back": f"{_BACK}|{_numbered(_BACK, 1)}",
+            "fore": f"{_FORE}|{_numbered(_FORE, 1)}",
+        },
+        {
+            **_SECOND,
+            "between": "is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia"
+            "|intermediaire|vistaintermedia|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio",
+            "distance": _LENGTHS,
+            **_STAFF_DISTANCES,
+        },
     ),
     "vector": (
         {"from": _FROM, "to": _TO, **_VECTOR},
@@ -123,7 +195,11 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {**_BETWEEN, "sigma": "sigmadistance|sigmadist|std|stdev"},
     ),
     "height_difference": (
-        {"from": _FROM, "to": _TO, "dz": "dz|dh|deltah|deltaz|heightdifference|heightdiff|hoehenunterschied"},
+        {
+            "from": _FROM,
+            "to": _TO,
+            "dz": "dz|dh|deltah|deltaz|heightdifference|heightdiff|hoehenunterschied|denivelee|desnivel|dislivello",
+        },
         {"sigma": "std|stdev", "length": f"km|lengthkm|{_LENGTHS}", "epoch": "epoch|epoche"},
     ),
     "images": (
@@ -157,6 +233,26 @@ _ALSO = {
     "distance": ("height_difference",),
 }
 """Kinds that a table of a field book may hold besides its own, in further columns."""
+_READINGS = ("back", "fore", "between", *_STAFF_DISTANCES)
+_DISTANCES = ("distance", *_STAFF_DISTANCES)
+_NO_READING, _SUMS = "rows without readings", "sums of the readings"
+_TO_ITSELF = "height differences from a point to itself"
+_SIGNED = re.compile(r"(?:vista|visada|lectura|leitura|lecture|reading|v|l)?\s*\(?([-+−])\)?")
+"""Readings back and forward that have the signs with which they enter the height."""
+_DASHES = re.compile(r"\s*[-–—]{2,}\s*")
+"""What programs write into empty cells."""
+_PARTS = tuple(
+    re.compile(f"(.*?)(?:{words})")
+    for words in (
+        "degrees?|deg|grados?|graus?|gradi|d|g",
+        "minutes?|minutos?|minuti|min|m",
+        "seconds?|segundos?|secondi|seg|sec|s",
+    )
+)
+"""Headings of degrees, minutes and seconds in columns of their own, behind a common name."""
+_DIGIT, _WORD = re.compile(r"\d"), re.compile(r"\w")
+_STAFF = 10.0
+"""No staff is as long in metres: larger readings are millimetres."""
 _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
 PLACES = ("point", "at", "from", "to", "station")
 """Columns of measurements that name points."""
@@ -196,11 +292,14 @@ class Found(NamedTuple):
     """Sheet of a spreadsheet that has several."""
     tidied: bool = False
     """True if the rows are not those of the file: a copy of them is written."""
+    notes: tuple[str, ...] = ()
+    part: str = ""
+    """Kind, if other kinds in the table have readings in other rows."""
 
     def copy(self, target: Path) -> Path:
         """Path of a copy of the rows beside the project."""
         sheet = re.sub(r"\W+", "_", self.sheet)
-        return target.with_name("_".join(filter(None, (target.stem, self.path.stem, sheet))) + ".csv")
+        return target.with_name("_".join(filter(None, (target.stem, self.path.stem, sheet, self.part))) + ".csv")
 
     def texts(self, name: str) -> list[str]:
         """Cells of a column, empty if it is missing."""
@@ -241,8 +340,9 @@ def recognise(path: Path) -> list[Found]:
 
 
 def _recognise(path: Path, sheet: str | None) -> list[Found]:
-    delimiter, read, above = _cells(path, sheet)
-    rows, stated = _tidied(read)
+    delimiter, read, above, encoding = _cells(path, sheet)
+    blank = tuple(tuple("" if _DASHES.fullmatch(cell) else cell for cell in row) for row in read)
+    rows, stated = _tidied(_with_whole_angles(blank))
     header = tuple(cell.strip() for cell in rows[0]) if rows else ()
     has_header = bool(header) and not any(_NUMBER.fullmatch(cell) for cell in header)
     if not has_header and len(above) == len(header) and _kinds(_named(above)):
@@ -262,11 +362,18 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
         raise InputError(
             [Message(f"unknown kind of table: found the columns {', '.join(header)}; {_known()}", str(path), 1)]
         )
+    body = rows[has_header:]
+    full = {kind: _with_readings(body, kind, columns, header) for kind, columns in kinds.items()}
+    kept = {row for rows_of_kind in full.values() for row in rows_of_kind}
+    bare = sum(row not in kept for row in body)
+    notes = [not_utf8(encoding)] if encoding in CODE_PAGES else []
+    if bare:
+        notes.append(f"{_NO_READING}: {counted(bare, 'row')}")
     used = {cell for columns in kinds.values() for cell in columns.values()}
     unused = tuple(cell for cell in header if cell not in used)
     units = {cell: unit for cell, _, unit in named if unit} | stated
     decimal_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row)
-    return [
+    found = [
         Found(
             path,
             kind.split(" ")[0],
@@ -277,11 +384,123 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
             decimal_comma,
             has_header,
             header,
-            rows[has_header:],
-            tidied=rows != read,
+            full[kind],
+            tidied=rows != read or bool(notes) or full[kind] != body,
+            part=kind if len({len(part) for part in full.values()}) > 1 else "",
+            notes=tuple(notes),
         )
         for kind, columns in kinds.items()
     ]
+    return [_levelled(table) if table.kind == "levelling" else table for table in found]
+
+
+def _with_readings(rows: _Cells, kind: str, columns: Mapping[str, str], header: Sequence[str]) -> _Cells:
+    """Rows that have a reading of a kind, and those that are too short."""
+    readings = KINDS[kind][0].keys() - {*PLACES, "image"} if kind in _SIGMA else ()
+    places = [header.index(columns[name]) for name in readings]
+    return tuple(row for row in rows if not places or len(row) < len(header) or any(row[k].strip() for k in places))
+
+
+def _levelled(table: Found) -> Found:
+    """A table of the height differences of a levelling book; a second instrument has columns of its own."""
+    left = dict.fromkeys((_NO_READING, _SUMS, ALONE, _TO_ITSELF), 0)
+    found = _height_differences(table, left)
+    if _SECOND.keys() <= table.columns.keys():
+        second = {"back": table.columns["back2"], "fore": table.columns["fore2"]}
+        found += _height_differences(table._replace(columns={**table.columns, **second}), left)
+    if not found and table.rows:
+        raise InputError([Message("no set-up has readings back and forward", str(table.path))])
+    names = ["from", "to", "dz", "length"][: 3 + all(row.length is not None for row in found)]
+    values = [abs(value) for ours in ("back", "fore") for value in table.numbers(ours)]
+    units = {"dz": table.units.get("back", "mm" if values and median(values) > _STAFF else "")}
+    units["length"] = next((table.units[name] for name in _DISTANCES if name in table.units), "")
+    lines = [(row.start, row.end, f"{row.value:.9g}", f"{row.length or 0.0:.9g}")[: len(names)] for row in found]
+    words = f"{counted(len(found), 'height difference')} from the staff readings"
+    return table._replace(
+        kind="height_difference",
+        columns=dict(zip(names, names, strict=True)),
+        unused=(*table.unused, *(table.columns[n] for n in _DISTANCES if n in table.columns and "length" not in names)),
+        units={name: unit for name, unit in units.items() if unit and name in names},
+        delimiter=",",
+        decimal_comma=False,
+        has_header=True,
+        header=tuple(names),
+        rows=tuple(lines),
+        tidied=True,
+        notes=(*table.notes, words, *(f"{what}: {counted(n, 'row')}" for what, n in left.items() if n)),
+    )
+
+
+def _height_differences(table: Found, left: dict[str, int]) -> list[LevelledDifference]:
+    """Height differences: a reading forward ends a set-up, one back begins the next. ``left`` is counted up."""
+    book = Levelling()
+    rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
+    full = [row for row in rows if row.has_readings()]
+    left[_NO_READING] += len(rows) - len(full)
+    distances = table.numbers("distance")
+    is_chainage = distances == sorted(set(distances))
+    total = 0.0
+    for row, after in zip_longest(full, full[1:]):
+        back, fore, between, behind, ahead = map(row.number, _READINGS)
+        if behind is None and ahead is None and not is_chainage and (back is None or fore is None):
+            behind = ahead = row.number("distance")
+        if "to" in table.columns and back is not None and fore is not None:
+            book.sight_back(StaffReading(row.text("from"), back, behind, row.row))
+            book.sight_forward(StaffReading(row.text("to"), fore, ahead, row.row))
+            book.close()
+            continue
+        is_last = after is None or (after.number("back") is not None and after.number("fore") is None)
+        if is_last and back is not None and fore is not None and isclose(back, total, abs_tol=1e-6):
+            left[_SUMS] += 1
+            total = 0.0
+            continue
+        total += back or 0.0
+        if row is full[0] and back is not None and fore is not None:
+            words = f"row {row.row} has readings back and forward; expected one row for each point, first one back"
+            raise InputError([Message(words, str(table.path))])
+        name = row.text("point")
+        if back is None and after and after.number("fore") is not None and not (after.text("point") == name != ""):
+            fore, between = None, fore if between is None else between  # no reading back from this point follows
+        if between is not None:
+            book.sight_between(StaffReading(name or f"line {row.row}", between, ahead, row.row))
+        if fore is not None:
+            book.sight_forward(StaffReading(name, fore, ahead, row.row))
+        if back is not None:
+            book.sight_back(StaffReading(name, back, behind, row.row))
+    measured, _ = book.finish()
+    found = [row for row in measured if row.start != row.end]
+    left[ALONE] += len(book.alone)
+    left[_TO_ITSELF] += len(measured) - len(found)
+    return found
+
+
+class _LevelRow(NamedTuple):
+    """A row of a levelling book."""
+
+    table: Found
+    row: int
+    cells: tuple[str, ...]
+
+    def text(self, name: str) -> str:
+        """Cell of a column, empty if it is missing."""
+        place = self.table.header.index(self.table.columns[name]) if name in self.table.columns else len(self.cells)
+        return self.cells[place].strip() if place < len(self.cells) else ""
+
+    def has_readings(self) -> bool:
+        """Return whether the row has a reading, and no word in its place as those with checks below a book."""
+        cells = list(map(self.text, _READINGS[:3]))
+        is_told = any(_WORD.search(cell) and not _DIGIT.search(cell) for cell in cells)
+        return not is_told and any(self.number(name) is not None for name in _READINGS[:3])
+
+    def number(self, name: str) -> float | None:
+        """Number in a column, ``None`` if the cell has none or 0. Raises :class:`InputError` for a text with digits."""
+        text = self.text(name)
+        if not _DIGIT.search(text):
+            return None
+        if not _NUMBER.fullmatch(text):
+            words = f"row {self.row}, column {self.table.columns[name]}: found {text!r}, expected a number"
+            raise InputError([Message(words, str(self.table.path))])
+        return float(text.replace(",", ".")) or None
 
 
 def _fits(header: Sequence[str]) -> bool:
@@ -314,6 +533,40 @@ def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
         above = filled[-1] if filled and below and len(filled[-1]) == len(header) else row
         filled.append(tuple(above[k] if k in places else cell for k, cell in enumerate(row)))
     return (header, *filled), stated
+
+
+def _with_whole_angles(rows: _Cells) -> _Cells:
+    """Rows with degrees, minutes and seconds in one cell for each three columns of them."""
+    for k, row in enumerate(rows[:_TITLES]):
+        names = [_bare_name(cell) for cell in row]
+        for j in range(len(row) - 2):
+            found = [form.fullmatch(name) for form, name in zip(_PARTS, names[j : j + 3], strict=True)]
+            before = {match[1] for match in found if match}
+            if None in found or len(before) > 1 or (before == {""} and len(names[j]) == 1 and names[j].isalpha()):
+                continue
+            name = before.pop() or "angle"
+            cells = [[_whole(cell) for cell in line[j : j + 3]] for line in rows[k + 1 :]]
+            parts = ("-".join(cell or "0" for cell in three) if any(three) else "" for three in cells)
+            joined = (
+                (*line[:j], angle, *line[j + 3 :]) if len(line) > j + 2 else line
+                for line, angle in zip(rows[k + 1 :], parts, strict=True)
+            )
+            return _with_whole_angles((*rows[:k], (*row[:j], name, *row[j + 3 :]), *joined))
+    return rows
+
+
+def _bare_name(cell: str) -> str:
+    """Heading in lower-case letters, with the signs of degrees, minutes and seconds as letters."""
+    signs = {"°": "deg", "º": "deg", "''": "sec", '"': "sec", "″": "sec", "'": "min", "′": "min"}
+    text = cell.strip().lower()
+    for sign, word in signs.items():
+        text = text.replace(sign, word)
+    return _normalised(text)
+
+
+def _whole(cell: str) -> str:
+    """Part of an angle without the ``.0`` of spreadsheets."""
+    return re.sub(r"[.,]0+$", "", cell.strip())
 
 
 def _with_stations(header: tuple[str, ...], rows: _Cells) -> _Cells:
@@ -371,13 +624,15 @@ def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
     return table._replace(kind="images") if of_images else table
 
 
-def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...]]:
-    """Delimiter and cells of a table, without comments and empty lines, and those of a comment in its first line."""
+def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...], str]:
+    """Delimiter, cells without comments and empty lines, cells of a comment in the first line, and encoding."""
     if is_spreadsheet(path):
         frame = read_spreadsheet(path, sheet)
         rows = (tuple(cell or "" for cell in row) for row in frame.iter_rows())
-        return ",", (tuple(frame.columns), *rows), ()
-    text = read_text(path, TABLE)
+        return ",", (tuple(frame.columns), *rows), (), ""
+    text, encoding = decoded(as_utf8(read_bytes(path, TABLE)))
+    if encoding in CODE_PAGES and "\0" in text:
+        raise InputError([Message("this is not UTF-8 text", str(path))])
     lines = [line for line in text.split("\n") if line.strip() and not line.startswith("#")]
     first = lines[0] if lines else ""
     likely = max(";\t,", key=first.count)
@@ -387,7 +642,7 @@ def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...]]
     try:
         comment = text.partition("\n")[0].strip().removeprefix("#") if text.startswith("#") else ""
         above = tuple(cell.strip() for cell in next(csv.reader([comment], delimiter=delimiter), ()))
-        return delimiter, tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row), above
+        return delimiter, tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row), above, encoding
     except csv.Error as error:
         words = f"this is not a table: {error}; is a quote not closed?"
         raise InputError([Message(words, str(path))]) from None
@@ -480,7 +735,11 @@ def _name_and_unit(cell: str) -> tuple[str, str]:
 
 
 def _normalised(name: str) -> str:
-    return re.sub(r"[\W_]", "", name.strip().lower().translate(_UMLAUTS))
+    signed = _SIGNED.fullmatch(name.strip().lower())
+    if signed:
+        return "back" if signed[1] == "+" else "fore"
+    text = unicodedata.normalize("NFKD", name.strip().lower().translate(_UMLAUTS))
+    return re.sub(r"[\W_]", "", "".join(letter for letter in text if not unicodedata.combining(letter)))
 
 
 def _known() -> str:

@@ -125,7 +125,12 @@ def test_columns_in_other_words_and_units(tmp_path: Path) -> None:
         ("from,to,height_diff,distance_km", "height_difference"),
         ("from,to,dh,distance", "height_difference"),
         ("from,to,dh,slope distance", "distance"),
-        ("Station,BS,IS,FS,Rise,Fall,RL,Distance", None),
+        ("Station,BS,Foresight,Hz", "directions"),
+        ("Station;PunktNr;Hz-Winkel;V-Winkel;Schrägdistanz;Instrumentenhöhe;Reflektorhöhe", "zenith_directions"),
+        ("Station,Pt visé,Hz,Vz,Di,hi,hp", "zenith_directions"),
+        ("Estación,Punto visado,Ángulo horizontal,Ángulo cenital,Distancia inclinada", "zenith_directions"),
+        ("Stazione,Punto battuto,Angolo orizzontale,Angolo zenitale,Distanza inclinata", "zenith_directions"),
+        ("Point,BS,IS,FS,Rise,Fall,RL,Distance", "height_difference"),
     ],
 )
 def test_what_a_table_is(tmp_path: Path, header: str, kind: str | None) -> None:
@@ -331,8 +336,137 @@ def test_the_degree_sign_of_windows(tmp_path: Path) -> None:
     (found,) = recognise(table)
     assert found.texts("horizontal") == ["037° 02' 59\""]
     table.write_bytes("station,to,hz\nA,Bä,1\n".encode("cp1252"))
+    assert recognise(table)[0].texts("to") == ["Bä"]
+    table.write_bytes(b"station,to,hz\nA,B\xff\x00,1\n")
     with pytest.raises(InputError, match="not UTF-8"):
         recognise(table)
+
+
+def test_a_table_of_windows_is_copied(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    table, project = tmp_path / "t.csv", tmp_path / "p.yaml"
+    table.write_bytes("Station;Ziel;Hz;Schrägdistanz\nA;Tür;0,5;12,25\n".encode("cp1252"))
+    assert run(["new", str(project), str(table)]) == 0
+    assert capsys.readouterr().err.count("read as cp1252 (Windows, Western European): check the names") == 1
+    assert "A;Tür;0,5;12,25" in (tmp_path / "p_t.csv").read_text(encoding="utf-8")
+    assert run(["check", str(project), "--quiet"]) == 0
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "Road\nPoint,B.S.,I.S.,F.S.,RL\nM,1.5,,,100\nP,,1.25,,100.25\nT,.8,,2.1,99.4\nM,,,0.201,99.999\nSum,2.3,,2.301,\n",
+        "No.,Station,BS,FS\n1,M,1.5,\n2,P,,1.25\n3,T,.8,2.1\n4,M,,0.201\n\nΣBS,2.3,ΣFS,2.301\n",
+        "Punkt;Rückblick;Zwischenblick;Vorblick\nM;1,500;;\nP;;1,250;\nT;;;2,100\nT;0,800;;\nM;;;0,201\n",
+        "Matricule;AR;Inter;AV\nM;1500;;\nP;;1250;\nT;800;;2100\nM;;;201\n",
+        "Punto\tAtrás\tIntermedia\tAdelante\nM\t1.5\t-\t-\nP\t-\t1.25\t-\nT\t0.8\t-\t2.1\nM\t-\t-\t0.201\n",
+    ],
+)
+def test_a_levelling_book_becomes_height_differences(
+    tmp_path: Path, text: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """M, T, M: 1.5 - 2.1 and 0.8 - 0.201; P is 1.5 - 1.25 above M. Sums and computed heights are no readings."""
+    table, project = tmp_path / "t.csv", tmp_path / "p.yaml"
+    table.write_text(text, encoding="utf-8")
+    assert run(["new", str(project), str(table), "--datum", "free"]) == 0
+    told = capsys.readouterr().err
+    assert "3 height differences from the staff readings" in told
+    assert ("sums of the readings: 1 row" in told) is ("Sum" in text)
+    assert ("rows without readings: 1 row" in told) is ("Σ" in text)
+    assert ("columns not used: RL" in told) is ("RL" in text)
+    assert run(["adjust", str(project), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) == 0
+    data = json.loads((tmp_path / "r" / "results.json").read_text())
+    assert sorted(row["v"] for row in data["residuals"]) == pytest.approx([0.0, 0.0005, 0.0005], abs=1e-9)
+    heights = dict(pl.read_csv(tmp_path / "r" / "points.csv").select("id", "z").iter_rows())
+    assert heights["P"] - heights["M"] == pytest.approx(0.25)
+    assert heights["T"] - heights["M"] == pytest.approx(-0.5995)
+
+
+def test_two_lines_with_sums_in_one_levelling_book(tmp_path: Path) -> None:
+    """There and back: the sums of the first line are no readings, and readings without a name are of other points."""
+    text = (
+        "Estación;PV;Vista (+);Cota;Vista (-)\nE1;M;1,5;100;\n;A;;;1,25\n;T;;;1,0\nE2;T;1,25;;\n;N;;;0,75\n"
+        ";;2,75;;1,75\nVUELTA;;;;\nEstación;PV;Vista (+);Cota;Vista (-)\nE3;N;1,0;;\n;;;;1,25\n;;;;1,5\n;M;;;2,0\n"
+    )
+    (tmp_path / "t.csv").write_text(text, encoding="utf-8")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert set(table.rows) == {
+        ("M", "A", "0.25"),
+        ("M", "T", "0.5"),
+        ("T", "N", "0.5"),
+        ("N", "M", "-1"),
+        ("N", "line 10", "-0.25"),
+        ("N", "line 11", "-0.5"),
+    }
+    assert "sums of the readings: 1 row" in table.notes
+
+
+def test_a_levelling_book_of_two_instruments(tmp_path: Path) -> None:
+    """Each instrument has columns of its own; a reading of 0 is none."""
+    (tmp_path / "t.csv").write_text("Matricule,AR 1,AV 1,AR 2,AV 2\nA,1.5,0,1.6,0\nT,1.2,1.0,1.3,1.1\nB,0,0.9,0,1.0\n")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert table.rows == (("A", "T", "0.5"), ("T", "B", "0.3"), ("A", "T", "0.5"), ("T", "B", "0.3"))
+
+
+def test_rows_without_readings_are_left_out(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Programs write dashes into empty cells, and known points into the table of the sights."""
+    rows = "---;A;100;---;---;---\nA;B;---;10;100;50\nA;C;---;20;99;---\n"
+    (tmp_path / "t.csv").write_text(f"Station;Ziel;X;Hz;V;SD\n{rows}")
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv")]) == 0
+    assert "rows without readings: 1 row" in capsys.readouterr().err
+    assert (tmp_path / "p_t_zenith_directions.csv").read_text().split()[1:] == ["A;B;;10;100;50", "A;C;;20;99;"]
+    assert (tmp_path / "p_t_distance.csv").read_text().split()[1:] == ["A;B;;10;100;50"]
+    assert run(["check", str(tmp_path / "p.yaml"), "--quiet"]) == 0
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "Degrees,Minutes,Seconds",
+        '°,\',""""',
+        "GRADO,MIN,SEG",
+        "Angle D,Angle M,Angle S",
+        "ANGLE_DEG,ANGLE_MIN,ANGLE_SEC",
+    ],
+)
+def test_degrees_minutes_and_seconds_in_three_columns(tmp_path: Path, head: str) -> None:
+    (tmp_path / "t.csv").write_text(f"At,From,To,{head},Remark\nA,B,C,120,5.0,30.5,x\nB,C,A,-30,,0,\nC,A,B,,,,\n")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert (table.kind, table.texts("angle")) == ("angle", ["120-5-30.5", "-30-0-0"])
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv"), "--angle", "deg"]) == 0
+    (entry,) = read_document(tmp_path / "p.yaml").data["observations"]
+    assert entry["units"] == {"angle": "dms"}
+    assert run(["check", str(tmp_path / "p.yaml"), "--quiet"]) == 0
+
+
+def test_a_field_book_is_no_table(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    (tmp_path / "book.txt").write_text("*110001+00000000000000A1 21.322+0000000010000000 22.322+0000000010000000\n" * 2)
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "book.txt")]) == 2
+    assert (
+        "this is no table but a file of Leica GSI-8, GSI-16; mor convert or mor adjust reads" in capsys.readouterr().err
+    )
+
+
+def test_distances_and_both_points_of_a_levelling_book(tmp_path: Path) -> None:
+    text = "From,To,Backsight (mm),Foresight (mm),BS Dist,FS Dist\nA,B,1500,1000,20,21\nB,A,1000,1501,22,20\n"
+    (tmp_path / "t.csv").write_text(text)
+    (table,) = recognise(tmp_path / "t.csv")
+    assert table.header == ("from", "to", "dz", "length")
+    assert table.rows == (("A", "B", "500", "41"), ("B", "A", "-501", "42"))
+    assert table.units == {"dz": "mm"}
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("A,1.5,1.2\nB,1.0,0.9\n", "row 1 has readings back and forward"),
+        ("A,1.5,\nB,,1.2O\n", "row 2, column FS: found '1.2O', expected a number"),
+        ("A,1.5,\n", "no set-up has readings back and forward"),
+    ],
+)
+def test_levelling_books_that_are_none(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "t.csv").write_text(f"Point,BS,FS\n{text}")
+    with pytest.raises(InputError, match=words):
+        recognise(tmp_path / "t.csv")
 
 
 def test_sheets_of_a_spreadsheet_must_be_named_if_missing(tmp_path: Path) -> None:

@@ -238,6 +238,41 @@ def test_faulty_sights_copies_and_corrected_target_heights(tmp_path: Path) -> No
         assert words in _notes(document)
 
 
+@pytest.mark.parametrize(("zero", "faces"), [("Horizon", ("5.3000", "174.3000")), ("Compass", ("5.3000", "5.3000"))])
+def test_the_zero_of_the_vertical_circle(tmp_path: Path, zero: str, faces: tuple[str, str]) -> None:
+    """An elevation of 5° 30' in both faces is the zenith angle 84.5°."""
+    text = _nikon(
+        f"CO,Zero VA: {zero}",
+        "ST,A,,,,1.5,,",
+        f"F1,B,1.5,20.000,30.0000,{faces[0]}, 09:00:00,",
+        f"F2,B,1.5,20.000,210.0000,{faces[1]}, 09:00:00,",
+        "SS,C,1.5,20.000,40.0000,-10.0000, 09:00:00,",
+    )
+    rows = _rows(_read(tmp_path, "a.raw", text), "zenith_directions")
+    assert [float(str(row["zenith"])) for row in rows] == pytest.approx([84.5, 275.5, 100.0])
+
+
+def test_points_in_plan_alone_without_readings(tmp_path: Path) -> None:
+    """A list of points, some of them without a height, is a project: their heights are fixed at 0."""
+    document = _read(tmp_path, "a.raw", _nikon("MP,A,,200.0,100.0,,", "MP,B,,210.0,100.0,5.0,"))
+    assert "1 point without a height: no reading tells it, so it is fixed at 0: A" in _notes(document)
+    high, flat = document.data["points"]
+    assert (high["rows"][0][0], flat["rows"][0][0]) == ("B", "A")
+    assert (high.get("fixed"), flat["fixed"], flat["values"]) == (None, ["z"], {"z": "0"})
+
+
+def test_heights_and_comments_of_m5(tmp_path: Path) -> None:
+    """Comments begin with an exclamation mark; a record of a point may have its target height alone."""
+    text = (
+        "! made by an office program\nFor M5|Adr 1|PI1 P|th 1.6 m|||\n"
+        "For M5|Adr 2|PI1 P|Hz 34.9 gon|V1 106.3 gon|D 89.8 m|\n"
+        "For M5|Adr 3|PI1 Q|Hz 44.9 gon|V1 106.3 gon|D 89.8 m|"
+    )
+    document = _read(tmp_path, "a.m5", text)
+    assert [row["to_height"] for row in _rows(document, "zenith_directions")] == ["1.6", "1.6"]
+    assert "comments (1 record, lines 1)" in _notes(document)
+
+
 def test_a_first_sight_before_the_circle_was_set_is_a_set_of_its_own(tmp_path: Path) -> None:
     """The circle is set to the azimuth in face two, so that later readings in face two differ by 180°."""
     text = _nikon(

@@ -173,6 +173,23 @@ def test_a_code_block_opens_a_set_up(tmp_path: Path) -> None:
     assert "not read: code block (1 record, lines 6)" in _notes(document)
 
 
+@pytest.mark.parametrize(("second", "stations"), [(3, ["S1", "S2"]), (2, ["station 1"])])
+def test_a_code_whose_stations_are_no_targets(tmp_path: Path, second: int, stations: list[str]) -> None:
+    """A code before the readings opens set-ups, unless a single reading follows one of its blocks."""
+
+    def sight(target: str) -> str:
+        return f"*110001+{target:0>16} 21.322+{0:016d} 22.322+{10000000:016d} 31..00+{100000:016d} 87..10+{1500:016d}"
+
+    def code(station: str) -> str:
+        return f"*410002+{20:016d} 42....+{station:0>16} 43....+{1550:016d}"
+
+    lines = [code("S1"), sight("P1"), sight("P2"), sight("P3")]
+    lines.insert(second, code("S2"))
+    lines += [sight("P1")] * (second == 3)
+    document = _read(tmp_path, "b.gsi", "\n".join(lines))
+    assert [row[1] for row in document.data["stations"][0]["rows"]] == stations
+
+
 def test_gsi_blocks_in_one_line_heights_and_repeated_stations(tmp_path: Path) -> None:
     text = (
         "110001+0000000A 21.102+00000000 22.102+10000000 31..00+00010000 84..10+00001000 85..10+00002000 "

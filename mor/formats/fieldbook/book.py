@@ -21,7 +21,7 @@ from typing import Any, NamedTuple
 
 from mor.errors import counted
 from mor.formats.draft import Draft, Row, read_lines
-from mor.formats.fieldbook.level import (
+from mor.project.levelling import (
     ALONE,
     REPEATED,
     SIGMA_KILOMETRE,
@@ -805,7 +805,7 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
         if name not in book.points
     ]
     _put_table(book, ("id", "x", "y", "z"), others, flat)
-    lines = [line for name, line in first.items() if name in flat]
+    lines = [first.get(name) or book.points[name].line for name in flat]
     if lines:
         names = ", ".join(list(flat)[:_NAMED]) + (", …" if len(flat) > _NAMED else "")
         draft.note(
@@ -818,6 +818,8 @@ def _flat(
     book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: Sequence[LevelledDifference]
 ) -> dict[str, None]:
     """Points that no reading tells the height of and that have none, in a book with heights of others."""
+    if not occupied and not levelled:
+        return dict.fromkeys(name for name, place in book.points.items() if place.height is None)
     sights = [(set_up.station, sight) for set_up in occupied for sight in set_up.sights]
     high = {name for row in levelled for name in (row.start, row.end)}
     high |= {name for name, place in book.points.items() if place.height is not None}

@@ -16,13 +16,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import pairwise
 from pathlib import Path
 from typing import NamedTuple
 
 from mor.formats.draft import Draft, parse_number
 from mor.formats.fieldbook.book import FieldBook, PointRecord, Sight, records, sexagesimal
-from mor.formats.fieldbook.level import StaffReading
 from mor.project.document import Document
+from mor.project.levelling import StaffReading
 
 _WORD = re.compile(r"^(\d\d)([\d.]{0,4})([+-])(.+)$")
 _LENGTHS = {"0": 1e-3, "1": 1e-3 * 0.3048, "6": 1e-4, "7": 1e-4 * 0.3048, "8": 1e-5}
@@ -40,6 +41,9 @@ _TARGET_CODE = "3"
 """Code of a new target height: 42 height (mm)."""
 _TALLEST = 3.0
 """Metres: a value beyond is no instrument height."""
+
+_LOWEST = 0.5
+"""Metres: an instrument on a tripod is higher."""
 
 Words = dict[str, tuple[str, str]]
 """Information and signed value by word index."""
@@ -111,22 +115,39 @@ def _millimetres(value: str) -> float | None:
 
 
 def _station_codes(blocks: list[_GsiBlock]) -> set[str]:
-    """Codes whose blocks open set-ups: all of them have a point and an instrument height."""
+    """Codes whose blocks open set-ups: all of them have a point and an instrument height.
+
+    A code that no office agreed on has stations that are targets, too; or it is the only one that begins the readings
+    and has two or more of them behind each of its blocks.
+    """
     targets = {_plain(block.words["11"][1]) for block in blocks if "11" in block.words and block.readings}
     recorded = any({"84", "88"} & set(block.words) and not block.readings for block in blocks)
     found: dict[str, list[bool]] = {}
-    named: set[str] = set()
+    heights: dict[str, list[float]] = {}
+    places: dict[str, list[int]] = {}
+    named, readings = set(_STATION_CODES), 0
     for block in blocks:
+        readings += block.readings
         if not block.code or not targets:
             continue
         height = _millimetres(block.words["43"][1]) if "43" in block.words else None
         fits = "42" in block.words and height is not None and 0.0 <= height < _TALLEST
         found.setdefault(block.code, []).append(fits)
+        heights.setdefault(block.code, []).append(height or 0.0)
+        places.setdefault(block.code, []).append(readings)
         if fits and _plain(block.words["42"][1]) in targets:
             named.add(block.code)
     if recorded:
         return set()
-    return {code for code, fits in found.items() if all(fits) and code in named | set(_STATION_CODES)}
+    fitting = {code for code, fits in found.items() if all(fits)}
+    first = {
+        code
+        for code in fitting
+        if places[code][0] == 0
+        and min(heights[code]) > _LOWEST
+        and all(after - before > 1 for before, after in pairwise((*places[code], readings)))
+    }
+    return fitting & named or (first if len(first) == 1 else set())
 
 
 class _GsiReader:

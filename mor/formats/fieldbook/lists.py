@@ -28,7 +28,8 @@ def read_nikon(path: Path) -> Document:
     CO comments with the units; UP, MP and MC given coordinates, CC and RE computed ones; ST station, backsight,
     instrument height, azimuth and circle reading of the backsight; CP control point, F1 F2 a sight in either face, SS
     side shot, SO point staked out: name, target height, slope, horizontal circle, zenith. The sights of a resection,
-    which a comment begins, come before their station.
+    which a comment begins, come before their station. ``Zero VA`` says where the vertical circle is 0: Zenith, Horizon
+    (it counts upwards, 180° and more in face 2) or Compass (elevations of ±90° in both faces; Nikon, *DTM-322 manual*).
     """
     draft = Draft(str(path))
     reader = _Nikon(FieldBook(draft))
@@ -60,7 +61,7 @@ class _Nikon:
 
     def __init__(self, book: FieldBook) -> None:
         self.book = book
-        self.state = {"angle units": "DDDMMSS", "coord order": "NEZ", "dist units": "Metres"}
+        self.state = {"angle units": "DDDMMSS", "coord order": "NEZ", "dist units": "Metres", "zero va": "Zenith"}
         self.resection = 0
         """Line where a resection began that no station record ended yet."""
         self.backsights: list[tuple[InstrumentSetUp, Sight]] = []
@@ -92,6 +93,14 @@ class _Nikon:
         if not text:
             return None
         return parse_number(text) if self._decimal() else sexagesimal(text)
+
+    def _zenith(self, text: str, kind: str) -> float | None:
+        value, zero = self._angle(text), self.state["zero va"].lower()
+        if value is None or zero.startswith("z"):
+            return value
+        full = 400.0 if self.book.angle == "gon" else 360.0
+        zenith = (full / 4 - value) % full
+        return full - zenith if kind == "F2" and zero.startswith("c") else zenith
 
     def _decimal(self) -> bool:
         return self.book.angle == "gon" or "dec" in self.state["angle units"].lower()
@@ -128,7 +137,7 @@ class _Nikon:
             self.book.leave_out("sights without a point", line)
             return
         try:
-            angles = self._angle(circle), self._angle(zenith)
+            angles = self._angle(circle), self._zenith(zenith, kind)
         except ValueError:
             self.book.leave_out(_NO_ANGLES, line)
             return

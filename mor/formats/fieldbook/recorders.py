@@ -9,8 +9,8 @@ from pathlib import Path
 
 from mor.formats.draft import Draft, parse_number
 from mor.formats.fieldbook.book import GNSS, FieldBook, InstrumentSetUp, Sight, may_be_sexagesimal, records, sexagesimal
-from mor.formats.fieldbook.level import REPEATED, StaffReading
 from mor.project.document import Document
+from mor.project.levelling import REPEATED, StaffReading
 
 # ---- Geodimeter ARE and JOB: a number and a value a line.
 #
@@ -265,7 +265,8 @@ def read_m5(path: Path) -> Document:
     reader = _M5Reader(FieldBook(draft, stations_follow=True))
     for line, text in records(path, draft):
         cells = text.split("|")
-        if not text.strip():
+        if text.startswith("!"):
+            reader.book.leave_out("comments", line)
             continue
         if text.split()[0].upper() == "END" and len(cells) == 1:
             continue
@@ -367,18 +368,23 @@ class _M5Reader:
         if "STAT" in words:
             self.book.forget_waiting("sights of a stationing that was started again")
             self.stationing = True
+        if not self._heights(values, line):
+            self.book.leave_out("texts of the program", line)
+
+    def _heights(self, values: dict[str, tuple[float, str]], line: int) -> bool:
+        """Take the heights of target and instrument over, and return whether there are some."""
         self.target = values.get("th", (self.target, ""))[0]
         if "ih" in values:
             self.instrument = values["ih"][0]
             if not self.stationing:
                 self.book.instrument_height(self.instrument, line)
-        if not {"th", "ih"} & set(values):
-            self.book.leave_out("texts of the program", line)
+        return not {"th", "ih"}.isdisjoint(values)
 
     def _point(self, words: list[str], values: dict[str, tuple[float, str]], line: int) -> None:
         if not words:
             raise ValueError("found no name of a point")
         name = words[-1]
+        has_heights = self._heights(values, line)
         if {"Y", "X"} & set(values):
             if "S" in words[:-1]:
                 self._station(name, values, line)
@@ -388,7 +394,7 @@ class _M5Reader:
                 self.book.point(name, *_place(values), line)
         elif {"Hz", "V1", "SD", "HD"} & set(values):
             self._sight(name, values, line)
-        else:
+        elif not has_heights:
             self.book.leave_out("points without readings or coordinates", line)
 
     def _station(self, name: str, values: dict[str, tuple[float, str]], line: int) -> None:
