@@ -323,7 +323,8 @@ def test_rw5_has_backsights_coordinates_and_angles_of_every_kind(tmp_path: Path)
         "JB,NMjob\nMO,AD0,UN0,SF0.9996,EC0,EO0.0,AU0\nSP,PN7,N 1000,E 2000.00,EL10.0,--P\n"
         "OC,OP1,N 5000.0,E 2000.0,EL100.0,--CP\nBK,OP1,BP7,BS180.0000,BC0.0044\nLS,HI5.0,HR6.0\n"
         "SS,OP1,FP2,AR90.3030,ZE86.0000,SD100.0,--a\nSS,OP1,FP3,DR10.0000,VA4.0000,HD50.0\nLS,HR4.0\n"
-        "TR,OP1,FP4,AL10.0000,CE1.5,SD20\nOC,OP2,N 1.0,E 2.0,EL3.0\nSS,OP2,FP4,ZE90.0000,SD1\nSS,OP2,FP4,AZ10.0000\n"
+        "TR,OP1,FP4,AL10.0000,CE1.5,SD20\nSS,OP1,FP5,AZ190.0000,TH1.5,peg\nOC,OP2,N 1.0,E 2.0,EL3.0\n"
+        "SS,OP2,FP4,ZE90.0000,SD1\nSS,OP2,FP4,TH1.5\n"
     )
     assert format_of(path) == "rw5"
     document = read_foreign(path)
@@ -336,7 +337,7 @@ def test_rw5_has_backsights_coordinates_and_angles_of_every_kind(tmp_path: Path)
     tables = {table["type"]: table for table in data["observations"]}
     back = 44 / 3600
     plain = [[row[1], float(row[2])] for row in tables["directions"]["rows"]]
-    assert plain == [["7", pytest.approx(back)], ["4", pytest.approx(350 + back)]]
+    assert plain == [["7", pytest.approx(back)], ["4", pytest.approx(350 + back)], ["5", pytest.approx(10 + back)]]
     both = [[row[1], float(row[2]), float(row[3])] for row in tables["zenith_directions"]["rows"]]
     assert both == [["2", pytest.approx(90.50833333), 86.0], ["3", pytest.approx(190 + back), 86.0]]
     assert [row[2] for row in data["stations"][0]["rows"]] == ["1.524", "1.524"]
@@ -345,8 +346,10 @@ def test_rw5_has_backsights_coordinates_and_angles_of_every_kind(tmp_path: Path)
         "scale factor 0.9996",
         "differences of height",
         "sights without readings",
+        "value TH (2 records",
+        "comments (1 record",
     ):
-        assert words in notes, words
+        assert words in notes, notes
 
 
 @pytest.mark.parametrize(

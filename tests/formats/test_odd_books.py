@@ -264,13 +264,14 @@ def test_points_in_plan_alone_without_readings(tmp_path: Path) -> None:
 def test_heights_and_comments_of_m5(tmp_path: Path) -> None:
     """Comments begin with an exclamation mark; a record of a point may have its target height alone."""
     text = (
-        "! made by an office program\nFor M5|Adr 1|PI1 P|th 1.6 m|||\n"
+        "! made by an office program\nFor M5|Adr 1|PI1 P|th 1.6 m|PC 0.035 m||\n"
         "For M5|Adr 2|PI1 P|Hz 34.9 gon|V1 106.3 gon|D 89.8 m|\n"
         "For M5|Adr 3|PI1 Q|Hz 44.9 gon|V1 106.3 gon|D 89.8 m|"
     )
     document = _read(tmp_path, "a.m5", text)
     assert [row["to_height"] for row in _rows(document, "zenith_directions")] == ["1.6", "1.6"]
     assert "comments (1 record, lines 1)" in _notes(document)
+    assert "value PC (1 record, lines 2)" in _notes(document)
 
 
 def test_a_first_sight_before_the_circle_was_set_is_a_set_of_its_own(tmp_path: Path) -> None:

@@ -243,7 +243,8 @@ class _SectionReader:
 # ---- Zeiss and Trimble M5: an address, a point or text, and three values with their units, in columns between bars.
 #
 # SD (Zeiss: D) slope distance, HD (E) horizontal distance, Hz circle, V1 zenith angle, Y east, X north, Z height,
-# th and ih heights of target and instrument (Trimble, "M5 data format").
+# th and ih heights of target and instrument (Trimble, "M5 data format"). Distances contain the prism constant PC and
+# the addition constant A, so those values and others are only counted.
 #
 # A stationing (TI … STAT) is recorded as its sights, then the station (PI1 S name), then the turn of the
 # circle (Om) and the instrument height; the sights that follow read the turned circle. Coordinates of a point
@@ -297,12 +298,13 @@ class _M5Reader:
         self.sighted: set[str] = set()
 
     def record(self, what: str, cells: list[str], line: int) -> None:
-        values = self._values(cells, line)
         kind, *words = what.split()
+        if kind.startswith("KD") and kind != "KD1":
+            self.book.leave_out("sums of levelling lines", line)
+            return
+        values = self._values(cells, line)
         if kind in ("KD1", "KN1"):
             self._level(what, values, line)
-        elif kind.startswith("KD"):
-            self.book.leave_out("sums of levelling lines", line)
         elif kind == "TO":
             if words and words[0].lower().startswith("start"):
                 self.book.levelling.begin()
@@ -335,16 +337,16 @@ class _M5Reader:
                     self.book.leave_out(f"value {cell.split()[0]}", line)
                 continue
             name, text, unit = _ALIASES.get(match[1], match[1]), match[2], match[3].lower()
-            if unit == "dms":
+            if name not in _KNOWN:
+                self.book.leave_out(f"value {name}", line)
+            elif unit == "dms":
                 values[name] = sexagesimal(text), "deg"
             elif unit in _M5_UNITS:
                 values[name] = parse_number(text), _M5_UNITS[unit]
             elif unit == "ft":
                 values[name] = parse_number(text) * 0.3048, "m"
-            elif name in _KNOWN:
-                raise ValueError(f"found {name} in {unit!r}, expected m, ft, gon, deg or DMS")
             else:
-                self.book.leave_out(f"value {name}", line)
+                raise ValueError(f"found {name} in {unit!r}, expected m, ft, gon, deg or DMS")
         return values
 
     def _level(self, what: str, values: dict[str, tuple[float, str]], line: int) -> None:
@@ -437,9 +439,19 @@ def _place(values: dict[str, tuple[float, str]]) -> tuple[float | None, float | 
 
 _SIGHTS = {"SS": 0, "TR": 0, "FS": 0, "BD": 1, "FD": 1, "BR": 2, "FR": 2}
 """Faces of the sights; 0 where the zenith angle tells."""
-_KEYS = ("OP", "FP", "BP", "PN", "NM", "AR", "AL", "AZ", "DR", "DL", "ZE", "VA", "CE", "SD", "HD", "HI", "HR")
-_MORE = ("BS", "BC", "BR", "AD", "UN", "SF", "EC", "EO", "AU", "EL", "DT", "TM", "N", "E")
-_CELL = re.compile(rf"({'|'.join((*_KEYS, *_MORE))})\s*(.*)")
+_CELL = re.compile(r"([NE](?=\s*[-.\d])|[A-Z]{2})\s*(.*)")
+_SIGHT_KEYS = ("OP", "FP", "AR", "AL", "AZ", "DR", "DL", "ZE", "VA", "CE", "SD", "HD")
+_PLACE_KEYS = ("OP", "PN", "N", "E", "EL")
+_USED = {
+    "JB": ("NM",),
+    "MO": ("UN", "AU", "SF", "EO", "AD", "EC"),
+    "OC": _PLACE_KEYS,
+    "SP": _PLACE_KEYS,
+    "BK": ("OP", "BP", "BS", "BC"),
+    "LS": ("HI", "HR"),
+    **dict.fromkeys(_SIGHTS, _SIGHT_KEYS),
+}
+"""Keys of the values that are read, by record, besides the date DT and the time TM."""
 _RMS = re.compile(r"--H(?:RMS|SDV):\s*(\d*\.\d+),.*?\bV(?:RMS|SDV):\s*(\d*\.\d+)")
 _UNITS = {0: 0.3048, 1: 1.0, 2: 1200.0 / 3937.0}
 """Metres of feet, metres, US survey feet."""
@@ -484,8 +496,13 @@ class _RW5Reader:
 
     def record(self, kind: str, text: str, line: int) -> None:
         # Values by their keys; what follows ``--`` is a note.
-        matches = (_CELL.match(cell.strip()) for cell in text.partition(",--")[0].split(","))
-        cells = {match[1]: match[2].strip() for match in matches if match}
+        parts = [cell.strip() for cell in text.partition(",--")[0].split(",")]
+        cells = {match[1]: match[2].strip() for match in map(_CELL.match, parts) if match}
+        if kind in _USED and not all(map(_CELL.match, filter(None, parts))):
+            self.book.leave_out("comments", line)
+        for key in cells:
+            if key not in (*_USED.get(kind, cells), "DT", "TM"):
+                self.book.leave_out(f"value {key}", line)
         if kind == "--GS" and self.gnss:
             self._gnss_point(cells, line)
         elif self.gnss_point and (rms := _RMS.match(f"{kind},{text}")):
@@ -588,7 +605,7 @@ class _RW5Reader:
         self.book.sight(Sight(target, line, circle, zenith, slope, horizontal, self.target, face))
 
     def _circle(self, cells: dict[str, str]) -> float | None:
-        """Reading of the circle; angles to the left and deflections are turned into it, azimuths are none."""
+        """Reading of the circle; angles to the left, deflections and azimuths are turned into it."""
         full = 400.0 if self.book.angle == "gon" else 360.0
         start = self.backsight[1]
         turns = {
@@ -596,6 +613,7 @@ class _RW5Reader:
             "AL": (start, -1.0),
             "DR": (start + full / 2, 1.0),
             "DL": (start + full / 2, -1.0),
+            "AZ": (start - (self.azimuth or 0.0), 1.0),
         }
         for key, (zero, sign) in turns.items():
             if cells.get(key):
