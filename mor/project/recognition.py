@@ -67,15 +67,26 @@ _DISTANCE = (
     "|distanz|di|dp|distanceinclinee|distinclinee|distancepente|distanciainclinada|distinclinada|distanciageometrica"
     "|distancia|distanzainclinata|distinclinata|distanza"
 )
+_PLAN_DISTANCE = (
+    "hd|horizontaldistance|horizdistance|horizontaldist|horizdist|hordist|hdist|hdistance|plandistance|horizontalstrecke"
+    "|horizontaldistanz|distancehorizontale|disthorizontale|disthoriz|distanciahorizontal|disthorizontal|distanciareducida"
+    "|distanzaorizzontale|distorizzontale"
+)
+_BEARING = (
+    "bearing|azimuth|azimut|richtungswinkel|az|azi|brg|wcb|wholecirclebearing|quadrantbearing|reducedbearing|qb|rb|course"
+    "|forebearing|forwardbearing|gisement|acimut|azimute|rumbo|rumo"
+)
+_BEARING_DISTANCE = f"{_PLAN_DISTANCE}|distance|length|dist|strecke|distancia|distanza|d"
+"""Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
 _HORIZONTAL = (
-    "horizontal|hz|ha|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
+    "horizontal|hz|ha|dir|hdir|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
     "|hzrichtung|horizontalrichtung|horizangle|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
     "|hzwinkel|horizontalkreis|anglehorizontal|anglehz|ah|lecturehorizontale|lecturehz|lecture|lectureazimutale"
     "|angulohorizontal|anghorizontal|anghz|lecturahorizontal|leiturahorizontal|acimutal|angolorizzontale"
     "|angoloorizzontale|cerchioorizzontale|letturaorizzontale|letturaazimutale"
 )
 _ZENITH = (
-    "zenith|v|za|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
+    "zenith|v|za|zen|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
     "|verticalcircle|verticalreading|vertikalwinkel|zenithang|verticalang|vertangle"
     "|vwinkel|vertikalkreis|zenithwinkel|anglevertical|anglev|av|anglezenithal|distancezenithale|lectureverticale"
     "|lecturezenithale|angulovertical|angvertical|angulocenital|cenital|distanciacenital|lecturavertical"
@@ -187,8 +198,20 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {"from": _FROM, "to": _TO, **_VECTOR},
         {**_BETWEEN, **_COVARIANCES, **{f"sigma_{name}": f"s{name}" for name in _VECTOR}},
     ),
-    "zenith_angle": ({"from": _FROM, "to": _TO, "zenith_angle": _ZENITH}, _BETWEEN),
-    "bearing": ({"from": _FROM, "to": _TO, "bearing": "bearing|azimuth|azimut|richtungswinkel"}, _BETWEEN),
+    "zenith_angle": ({"from": _FROM, "to": f"{_TO}|{_POINT}", "zenith_angle": _ZENITH}, _BETWEEN),
+    "bearing": ({"from": _FROM, "to": _TO, "bearing": _BEARING}, _BETWEEN),
+    "traverse by legs": (
+        {
+            "leg": "leg|line|side|fromto|lineid|linename|strecke|seite|vonnach|lado|linea|tramo|alineacion|cote|lato",
+            "bearing": _BEARING,
+            "distance": _BEARING_DISTANCE,
+        },
+        {},
+    ),
+    "traverse": (
+        {"point": f"{_FROM}|{_POINT}|id|corner", "bearing": _BEARING, "distance": _BEARING_DISTANCE},
+        {},
+    ),
     "vertical_direction": ({"from": _FROM, "to": _TO, "vertical_direction": ""}, _BETWEEN),
     "distance": (
         {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _DISTANCE},
@@ -201,6 +224,17 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "dz": "dz|dh|deltah|deltaz|heightdifference|heightdiff|hoehenunterschied|denivelee|desnivel|dislivello",
         },
         {"sigma": "std|stdev", "length": f"km|lengthkm|{_LENGTHS}", "epoch": "epoch|epoche"},
+    ),
+    "horizontal_distance": (
+        {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _BEARING_DISTANCE},
+        {**_BETWEEN, "sigma": "sigmadistance|sigmadist|std|stdev"},
+    ),
+    "observations by type": (
+        {
+            "type": "type|kind|obstype|observationtype|measurementtype|typ|art|messart|tipo",
+            "value": "value|wert|obs|observed|observation|measurement|reading|messwert|valor|valeur|valore",
+        },
+        {"unit": "units|einheit|unidad|unite"},
     ),
     "images": (
         {"id": "id|image|imageid|imagename|photo|bild|foto", "omega": "", "phi": "", "kappa": ""},
@@ -226,10 +260,13 @@ The first kind whose columns are all there is taken. Names are compared in lower
 """
 _BACKSIGHT = ("backsight", "bs")
 """Names of the point from which an angle is turned; zenith angle and distance of the row are to the other one."""
+_LINES = ("distance", "horizontal_distance")
+"""Kinds of distances: one is computed from the other where a table has both."""
 _ALSO = {
-    "zenith_directions": ("distance",),
-    "directions": ("distance", "height_difference"),
-    "zenith_angle": ("distance",),
+    "zenith_directions": _LINES,
+    "directions": (*_LINES, "height_difference"),
+    "zenith_angle": _LINES,
+    "bearing": ("horizontal_distance", "distance"),
     "distance": ("height_difference",),
 }
 """Kinds that a table of a field book may hold besides its own, in further columns."""
@@ -266,6 +303,13 @@ _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
 _LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _DMS = re.compile(r"[-+]?\d+\s*[-°:]\s*\d+\s*[-'′:]\s*\d")
+_QUADRANT = re.compile(
+    r"(?P<from>[NS])\s*(?P<d>\d+(?:[.,]\d+)?)(?:\s*[-°ºd:\s]\s*(?P<m>\d+(?:[.,]\d+)?))?"
+    r"(?:\s*[-'’′m:\s]\s*(?P<s>\d+(?:[.,]\d+)?))?[\s°ºd'’′m\"”″s-]*(?P<to>[EWO])\.?",
+    re.IGNORECASE,
+)
+"""Bearings from north or south towards east or west (O: ouest, oeste)."""
+_JOINS = re.compile(r"\s*(?:->|[-–—→/:>]|\bto\b)\s*")
 _ANGLES = ("horizontal", "zenith", "angle", "bearing", "zenith_angle", "vertical_direction")
 """Columns that may hold degrees, minutes and seconds."""
 _OF_POINTS = ("id", "x", "y", "z")
@@ -342,7 +386,24 @@ def recognise(path: Path) -> list[Found]:
 def _recognise(path: Path, sheet: str | None) -> list[Found]:
     delimiter, read, above, encoding = _cells(path, sheet)
     blank = tuple(tuple("" if _DASHES.fullmatch(cell) else cell for cell in row) for row in read)
-    rows, stated = _tidied(_with_whole_angles(blank))
+    tidy, stated = _tidied(_with_whole_angles(blank))
+    encoded = (not_utf8(encoding),) if encoding in CODE_PAGES else ()
+    parts = _parts(tidy, path)
+    return [
+        table._replace(
+            tidied=table.tidied or bool(encoded),
+            notes=(*encoded, *notes, *table.notes),
+            part=table.part or (table.kind if len(parts) > 1 else ""),
+        )
+        for rows, notes in parts
+        for table in _tables(path, rows, read, stated, above, delimiter)
+    ]
+
+
+def _tables(
+    path: Path, rows: _Cells, read: _Cells, stated: Mapping[str, str], above: tuple[str, ...], delimiter: str
+) -> list[Found]:
+    """Tables of every kind in the rows. ``read``: those of the file."""
     header = tuple(cell.strip() for cell in rows[0]) if rows else ()
     has_header = bool(header) and not any(_NUMBER.fullmatch(cell) for cell in header)
     if not has_header and len(above) == len(header) and _kinds(_named(above)):
@@ -366,12 +427,10 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
     full = {kind: _with_readings(body, kind, columns, header) for kind, columns in kinds.items()}
     kept = {row for rows_of_kind in full.values() for row in rows_of_kind}
     bare = sum(row not in kept for row in body)
-    notes = [not_utf8(encoding)] if encoding in CODE_PAGES else []
-    if bare:
-        notes.append(f"{_NO_READING}: {counted(bare, 'row')}")
+    notes = (f"{_NO_READING}: {counted(bare, 'row')}",) if bare else ()
     used = {cell for columns in kinds.values() for cell in columns.values()}
     unused = tuple(cell for cell in header if cell not in used)
-    units = {cell: unit for cell, _, unit in named if unit} | stated
+    units = {**{cell: unit for cell, _, unit in named if unit}, **stated}
     decimal_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row)
     found = [
         Found(
@@ -387,11 +446,99 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
             full[kind],
             tidied=rows != read or bool(notes) or full[kind] != body,
             part=kind if len({len(part) for part in full.values()}) > 1 else "",
-            notes=tuple(notes),
+            notes=notes,
         )
         for kind, columns in kinds.items()
     ]
     return [_levelled(table) if table.kind == "levelling" else table for table in found]
+
+
+def _parts(rows: _Cells, path: Path) -> list[tuple[_Cells, tuple[str, ...]]]:
+    """Tables in the rows with notes on what is not used: one for each type of observations, or legs of a traverse."""
+    header, body = tuple(cell.strip() for cell in rows[0]) if rows else (), rows[1:]
+    kind, columns = next(iter(_kinds(_named(header)).items()), ("", {}))
+    if "bearing" in columns:
+        place = header.index(columns["bearing"])
+        if any(_QUADRANT.fullmatch(_cell(row, place)) for row in body):
+            head = "bearing [deg]"
+            header = tuple(head if k == place else cell for k, cell in enumerate(header))
+            columns = {**columns, "bearing": head}
+            body = tuple(tuple(_azimuth(cell) if k == place else cell for k, cell in enumerate(row)) for row in body)
+    if kind.startswith("traverse"):
+        return [_with_both_ends(header, body, columns, path)]
+    if kind == "observations by type":
+        return _by_type(header, body, columns, path)
+    return [((header, *body) if "bearing" in columns else rows, ())]
+
+
+def _cell(row: tuple[str, ...], place: int) -> str:
+    return row[place].strip() if place < len(row) else ""
+
+
+def _azimuth(text: str) -> str:
+    """Azimuth in decimal degrees of a quadrant bearing such as N 45-30-10 E; other texts stay."""
+    match = _QUADRANT.fullmatch(text.strip())
+    if match is None:
+        return text
+    parts = [float((match[name] or "0").replace(",", ".")) for name in "dms"]
+    angle = parts[0] + parts[1] / 60.0 + parts[2] / 3600.0
+    is_south, is_west = match["from"].upper() == "S", match["to"].upper() in "WO"
+    angle = 180.0 - angle if is_south else angle
+    return f"{(360.0 - angle if is_west else angle):.9g}"
+
+
+def _with_both_ends(
+    header: tuple[str, ...], body: _Cells, columns: Mapping[str, str], path: Path
+) -> tuple[_Cells, tuple[str, ...]]:
+    """Legs of a traverse with both points: its name says them (A-B), or it joins the points of consecutive rows."""
+    place = header.index(columns.get("leg") or columns["point"])
+    bearing, distance = header.index(columns["bearing"]), header.index(columns["distance"])
+    # A row with a distance alone is a sum.
+    named = [row for row in body if _cell(row, place) and (_cell(row, bearing) or not _cell(row, distance))]
+    legs = [row for row in named if _cell(row, bearing)]
+    names = [_cell(row, place) for row in named]
+    if "leg" in columns:
+        ends = [_ends(_cell(row, place), path) for row in legs]
+    elif named and not _cell(named[0], bearing):
+        ends = [both for both, row in zip(zip(["", *names], names, strict=False), named, strict=True) if row in legs]
+    else:
+        after = [*names[1:], names[0]] if named else []
+        ends = [both for both, row in zip(zip(names, after, strict=True), named, strict=True) if row in legs]
+    rows = [(*row[:place], *both, *row[place + 1 :]) for both, row in zip(ends, legs, strict=True)]
+    words = (f"{_NO_READING}: {counted(len(body) - len(legs), 'row')}",) if len(legs) < len(body) else ()
+    return ((*header[:place], "from", "to", *header[place + 1 :]), *rows), words
+
+
+def _ends(leg: str, path: Path) -> tuple[str, str]:
+    """Both points in the name of a leg. Raises :class:`InputError`."""
+    parts = list(leg) if len(leg) == 2 and leg.isalpha() else _JOINS.split(leg)
+    half = len(parts) // 2
+    if len(parts) % 2 or not all(parts):
+        raise InputError([Message(f"found the leg {leg!r}, expected both points as in A-B", str(path))])
+    return "-".join(parts[:half]), "-".join(parts[half:])
+
+
+def _by_type(
+    header: tuple[str, ...], body: _Cells, columns: Mapping[str, str], path: Path
+) -> list[tuple[_Cells, tuple[str, ...]]]:
+    """A table for each type of observations that a column names; its column of values has the name of the type."""
+    places = {name: header.index(cell) for name, cell in columns.items()}
+    found, rest = list[_Cells](), dict[str, int]()
+    for name in dict.fromkeys(_cell(row, places["type"]) for row in body):
+        rows = [row for row in body if _cell(row, places["type"]) == name]
+        units = {_cell(row, places["unit"]) for row in rows} if "unit" in places else set()
+        unit = units.pop() if len(units) == 1 else ""
+        value = f"{name} [{unit}]" if unit else name
+        head = tuple(value if k == places["value"] else cell for k, cell in enumerate(header))
+        keep = [k for k in range(len(header)) if k not in (places["type"], places.get("unit"))]
+        if _kinds(_named([head[k] for k in keep])):
+            found.append(tuple(tuple(_cell(row, k) for k in keep) for row in (head, *rows)))
+        else:
+            rest[name] = len(rows)
+    if not found:
+        raise InputError([Message(f"unknown types of observations: {', '.join(rest)}", str(path))])
+    notes = tuple(f"observations of the type {name!r} not used: {counted(n, 'row')}" for name, n in rest.items())
+    return [(rows, notes) for rows in found]
 
 
 def _with_readings(rows: _Cells, kind: str, columns: Mapping[str, str], header: Sequence[str]) -> _Cells:
@@ -688,7 +835,9 @@ def _kinds(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
         levelled = _columns("height_difference", named)
         if levelled is not None:
             return {"height_difference": levelled}
-    for other in ("zenith_angle", "distance") if kind == "angle" and backsights else _ALSO.get(kind, ()):
+    for other in ("zenith_angle", *_LINES) if kind == "angle" and backsights else _ALSO.get(kind, ()):
+        if other in _LINES and not found.keys().isdisjoint(_LINES):
+            continue
         own = KINDS[other][0].keys() - {"from", "to"}
         free = [entry for entry in named if entry[0] not in columns.values() or _shared(columns, entry[0])]
         more = _columns(other, free)
@@ -699,7 +848,7 @@ def _kinds(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
 
 def _shared(columns: Mapping[str, str], cell: str) -> bool:
     """True for a column that says between what, from what height or when something was measured."""
-    return any(columns.get(name) == cell for name in (*PLACES, *_SIGHT))
+    return any(columns.get(name) == cell for name in (*PLACES, *_SIGHT, *_HEIGHTS))
 
 
 def _columns(kind: str, named: Sequence[tuple[str, str, str]]) -> dict[str, str] | None:
@@ -759,12 +908,15 @@ _SIGMA = {
     "zenith_angle": "{sigma: 1 mgon}",
     "vertical_direction": "{sigma: 1 mgon}",
     "distance": "{sigma: 2 mm}",
+    "horizontal_distance": "{sigma: 2 mm}",
     "vector": "{sigma: 5 mm}",
     "height_difference": "{sigma: 1 mm}",
 }
 _VERTICAL = ("zenith_directions", "directions", "zenith_angle", "vertical_direction")
 """Types with a vertical circle, where a table has its readings."""
 _VERTICAL_COLUMNS = {"zenith", "vertical", "zenith_angle", "vertical_direction"}
+_PLANE = {"angle", "bearing", "directions", "horizontal_distance"}
+"""Types without heights."""
 _PIXELS = 100.0
 """Image coordinates that go beyond this and never below zero are pixels from a corner."""
 
@@ -802,6 +954,7 @@ def begin(
             texts[table.copy(target)] = lines.getvalue()
     seen = [t for t in measured if t.kind == "image"]
     corner = any(_from_a_corner(t) for t in seen)
+    kinds = {t.kind for t in measured}
     levelled = bool(measured) and all(t.kind == "height_difference" for t in measured)
     content = {
         "name": target.name,
@@ -817,8 +970,10 @@ def begin(
         "observations": [_entry(target, table, corner) for table in measured],
         "datum": datum,
         "levelled": levelled,
-        "plane": any("x" in t.columns and "z" not in t.columns for t in by_kind["points"])
-        and all(t.kind in ("angle", "bearing", "directions", "distance") for t in measured),
+        "plane": (
+            kinds <= _PLANE | {"distance"} and any("x" in t.columns and "z" not in t.columns for t in by_kind["points"])
+        )
+        or ("horizontal_distance" in kinds <= _PLANE and not any("z" in t.columns for t in by_kind["points"])),
         **{kind: [_entry(target, table, corner, levelled) for table in found] for kind, found in by_kind.items()},
     }
     return {target: _rendered("new.yaml.j2", content), **texts}
@@ -901,7 +1056,7 @@ def _names(tables: Iterable[Found], columns: Sequence[str]) -> list[str]:
 
 def _units_of_precision(table: Found) -> dict[str, str]:
     """Millimetres for standard deviations and covariances of lengths that would be above a decimetre in metres."""
-    if table.kind not in ("distance", "height_difference", "vector"):
+    if table.kind not in (*_LINES, "height_difference", "vector"):
         return {}
     variances = [value for name in ("cov_dx_dx", "cov_dy_dy", "cov_dz_dz") for value in table.numbers(name)]
     stated = [name for name in table.columns if name.startswith("sigma") and "height" not in name]

@@ -704,3 +704,60 @@ def test_a_sheet_with_titles_and_units_is_copied(tmp_path: Path) -> None:
     (table,) = read_document(tmp_path / "p.yaml").data["observations"]
     assert table["units"] == {"dz": "m", "length": "km"}
     assert (tmp_path / table["file"]).read_text().split("\n")[1].startswith("A,B,1")
+
+
+_QUADRANT_LEGS = (
+    "Line,Bearing,Distance (m)\nA-B,N 45-00-00 E,100\nB to C,S45°00'00\"E,50\nCD,S 45 W,100\nD-A,N45-00W,50\n"
+)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        _QUADRANT_LEGS,
+        "Traverse of the yard\nStation,Azimuth (deg),Distance\nA,45,100\nB,135,50\nC,225,100\nD,315,50\nSum,,300\n",
+        "Station,WCB (deg),HD,Easting,Northing\nA,,,0,0\nB,45,100,1,1\nC,135,50,1,1\nD,225,100,1,1\nA,315,50,0,0\n",
+    ],
+)
+def test_legs_of_a_traverse(tmp_path: Path, text: str) -> None:
+    """A rectangle of 100 m by 50 m, turned by 45°: legs by name, to the next row, or from the row above."""
+    (tmp_path / "t.csv").write_text(text, encoding="utf-8")
+    (tmp_path / "c.csv").write_text("id,x,y\nA,0,0\n")
+    project = tmp_path / "p.yaml"
+    assert mor("new", project, tmp_path / "t.csv", tmp_path / "c.csv").code == 0
+    project.write_text(project.read_text().replace("file: c.csv", "file: c.csv\n    fixed: [x, y]"))
+    assert mor("adjust", project, "--no-html").code == 0
+    rows = pl.read_csv(tmp_path / "p.results" / "points.csv").sort("id")
+    a, b = 100 / np.sqrt(2), 50 / np.sqrt(2)
+    assert rows["x"].to_list() == pytest.approx([0, a, a + b, b], abs=1e-4)
+    assert rows["y"].to_list() == pytest.approx([0, a, a - b, -b], abs=1e-4)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [("Line,Bearing,Distance\n7,45,100\n", "found the leg '7'"), ("type,value\nfoo,1\n", "unknown types of obs")],
+)
+def test_traverses_and_types_that_are_none(tmp_path: Path, text: str, words: str) -> None:
+    (tmp_path / "t.csv").write_text(text)
+    with pytest.raises(InputError, match=words):
+        recognise(tmp_path / "t.csv")
+
+
+def test_a_column_with_the_type_of_each_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    rows = ["A,B,dist,100,m", "A,B,dir,0,deg", "A,C,za,100,gon", "A,C,dir,90,deg", "A,C,temp,20,C"]
+    (tmp_path / "t.csv").write_text("\n".join(["From,To,Type,Value,Unit", *rows]) + "\n")
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv")]) == 0
+    assert "observations of the type 'temp' not used: 1 row" in capsys.readouterr().err
+    assert run(["check", str(tmp_path / "p.yaml"), "--quiet"]) == 0
+    entries = read_document(tmp_path / "p.yaml").data["observations"]
+    assert [entry["type"] for entry in entries] == ["distance", "directions", "zenith_angle"]
+    assert [entry["units"] for entry in entries] == [{"distance": "m"}, {"horizontal": "deg"}, {"zenith_angle": "gon"}]
+
+
+def test_a_sheet_of_trigonometric_levelling(tmp_path: Path) -> None:
+    """Zenith angles and distances have the heights of instrument and target; B is s cos z + i - t above A."""
+    (tmp_path / "t.csv").write_text("Stn,Point,Zenith,SD,HI,HT\nA,B,90,100,1.5,1.7\nA,C,80,100,1.5,1.5\n")
+    zenith, distance = recognise(tmp_path / "t.csv")
+    assert (zenith.kind, distance.kind) == ("zenith_angle", "distance")
+    for table in (zenith, distance):
+        assert (table.columns["from_height"], table.columns["to_height"]) == ("HI", "HT")
