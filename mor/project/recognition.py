@@ -178,7 +178,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "back": _BACK,
             "fore": _FORE,
         },
-        _STAFF_DISTANCES,
+        {**_STAFF_DISTANCES, "distance": _LENGTHS},
     ),
     "levelling": (
         {
@@ -192,6 +192,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "|intermediaire|vistaintermedia|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio",
             "distance": _LENGTHS,
             **_STAFF_DISTANCES,
+            "height": _POINTS["z"],
         },
     ),
     "vector": (
@@ -272,6 +273,8 @@ _ALSO = {
 """Kinds that a table of a field book may hold besides its own, in further columns."""
 _READINGS = ("back", "fore", "between", *_STAFF_DISTANCES)
 _DISTANCES = ("distance", *_STAFF_DISTANCES)
+_BENCHMARK = "benchmark"
+"""Part of a levelling book with the point whose height is the first one in it."""
 _NO_READING, _SUMS = "rows without readings", "sums of the readings"
 _TO_ITSELF = "height differences from a point to itself"
 _SIGNED = re.compile(r"(?:vista|visada|lectura|leitura|lecture|reading|v|l)?\s*\(?([-+−])\)?")
@@ -450,7 +453,7 @@ def _tables(
         )
         for kind, columns in kinds.items()
     ]
-    return [_levelled(table) if table.kind == "levelling" else table for table in found]
+    return [part for table in found for part in (_levelled(table) if table.kind == "levelling" else (table,))]
 
 
 def _parts(rows: _Cells, path: Path) -> list[tuple[_Cells, tuple[str, ...]]]:
@@ -548,8 +551,8 @@ def _with_readings(rows: _Cells, kind: str, columns: Mapping[str, str], header: 
     return tuple(row for row in rows if not places or len(row) < len(header) or any(row[k].strip() for k in places))
 
 
-def _levelled(table: Found) -> Found:
-    """A table of the height differences of a levelling book; a second instrument has columns of its own."""
+def _levelled(table: Found) -> tuple[Found, ...]:
+    """Height differences of a levelling book, and its benchmark; a second instrument has columns of its own."""
     left = dict.fromkeys((_NO_READING, _SUMS, ALONE, _TO_ITSELF), 0)
     found = _height_differences(table, left)
     if _SECOND.keys() <= table.columns.keys():
@@ -563,7 +566,30 @@ def _levelled(table: Found) -> Found:
     units["length"] = next((table.units[name] for name in _DISTANCES if name in table.units), "")
     lines = [(row.start, row.end, f"{row.value:.9g}", f"{row.length or 0.0:.9g}")[: len(names)] for row in found]
     words = f"{counted(len(found), 'height difference')} from the staff readings"
-    return table._replace(
+    rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
+    known = [row for row in rows if row.text("point") and _NUMBER.fullmatch(row.text("height"))]
+    notes, benchmark = (*table.notes, words), tuple[Found, ...]()
+    if known and known[0].text("point") in {name for row in found for name in (row.start, row.end)}:
+        name, height = known[0].text("point"), known[0].text("height").replace(",", ".")
+        below = counted(len(known) - 1, "height")
+        notes = (*notes, f"the height of {name} is taken over; {below} below not used: they are computed")
+        unit = table.units.get("height")
+        heights = Found(
+            table.path,
+            "points",
+            {"id": "id", "z": "z"},
+            (),
+            {"z": unit} if unit else {},
+            ",",
+            False,
+            True,
+            ("id", "z"),
+            ((name, height),),
+            tidied=True,
+            part=_BENCHMARK,
+        )
+        benchmark = (heights,)
+    differences = table._replace(
         kind="height_difference",
         columns=dict(zip(names, names, strict=True)),
         unused=(*table.unused, *(table.columns[n] for n in _DISTANCES if n in table.columns and "length" not in names)),
@@ -574,8 +600,10 @@ def _levelled(table: Found) -> Found:
         header=tuple(names),
         rows=tuple(lines),
         tidied=True,
-        notes=(*table.notes, words, *(f"{what}: {counted(n, 'row')}" for what, n in left.items() if n)),
+        notes=(*notes, *(f"{what}: {counted(n, 'row')}" for what, n in left.items() if n)),
+        part="height_difference" if benchmark else "",
     )
+    return differences, *benchmark
 
 
 def _height_differences(table: Found, left: dict[str, int]) -> list[LevelledDifference]:
@@ -591,6 +619,8 @@ def _height_differences(table: Found, left: dict[str, int]) -> list[LevelledDiff
         back, fore, between, behind, ahead = map(row.number, _READINGS)
         if behind is None and ahead is None and not is_chainage and (back is None or fore is None):
             behind = ahead = row.number("distance")
+        elif "to" in table.columns and behind is None and ahead is None:
+            behind = ahead = (row.number("distance") or 0.0) / 2.0 or None
         if "to" in table.columns and back is not None and fore is not None:
             book.sight_back(StaffReading(row.text("from"), back, behind, row.row))
             book.sight_forward(StaffReading(row.text("to"), fore, ahead, row.row))
@@ -943,6 +973,9 @@ def begin(
     datum: str = "fixed",
 ) -> dict[Path, str]:
     """Texts by path: the project file and the lists of names that belong to no table. ``units``: length, angle."""
+    listed = {name for t in tables if t.kind == "points" and t.part != _BENCHMARK for name in t.texts("id")}
+    tables = [t for t in tables if t.part != _BENCHMARK or listed.isdisjoint(t.texts("id"))]
+    is_held = datum == "fixed"
     by_kind = {kind: [t for t in tables if t.kind == kind] for kind in ("images", "points", "stations")}
     measured = [t for t in tables if t.kind not in by_kind]
     texts: dict[Path, str] = {}
@@ -974,7 +1007,10 @@ def begin(
             kinds <= _PLANE | {"distance"} and any("x" in t.columns and "z" not in t.columns for t in by_kind["points"])
         )
         or ("horizontal_distance" in kinds <= _PLANE and not any("z" in t.columns for t in by_kind["points"])),
-        **{kind: [_entry(target, table, corner, levelled) for table in found] for kind, found in by_kind.items()},
+        **{
+            kind: [_entry(target, table, corner, levelled, is_held) for table in found]
+            for kind, found in by_kind.items()
+        },
     }
     return {target: _rendered("new.yaml.j2", content), **texts}
 
@@ -1082,8 +1118,12 @@ def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts:
     return f"file: {path.name}"
 
 
-def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> dict[str, Any]:
-    """Entry of the template for a table; where heights alone are measured, positions of its points are held."""
+def _entry(target: Path, table: Found, corner: bool, levelled: bool = False, is_held: bool = False) -> dict[str, Any]:
+    """Entry of the template for a table; where heights alone are measured, positions of its points are held.
+
+    ``is_held``: the height of a benchmark is held, too.
+    """
+    is_held = is_held and table.part == _BENCHMARK
     renamed = {theirs: ours for ours, theirs in table.columns.items() if ours != theirs}
     others = [name for name in table.header if name not in table.columns.values()]
     guessed = _units_of_precision(table)
@@ -1104,12 +1144,15 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> 
         keys["decimal"] = ","
     if levelled:
         keys |= ({} if "x" in table.columns else {"values": {"x": 0, "y": 0}}) | {"fixed": ["x", "y"]}
+    if is_held:
+        keys["fixed"] = [*keys.get("fixed", ()), "z"]
     lines = [
         f"{key}: {yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=100_000).splitlines()[0]}"
         for key, value in keys.items()
     ]
     if table.header[:4] == _OF_POINTS and not table.has_header:
         lines[0] += "  # CHECK the order: the file has no header"
+    lines = [f"{line}  # CHECK" if is_held and line.startswith("fixed:") else line for line in lines]
     lines = [
         f"{line}  # CHECK: found standard deviations that are large in the unit of length"
         if line.startswith("units:") and guessed
@@ -1121,7 +1164,7 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False) -> 
         "file": Path(os.path.relpath(table.copy(target) if table.tidied else table.path, target.parent)).as_posix(),
         "details": lines,
         "has_camera": "camera" in table.columns,
-        "has_sigma": table.has_sigma,
+        "has_sigma": table.has_sigma or is_held,
         "of": "1 km" if "length" in table.columns else "your measurements",
         "sigma": "{sigma: 0.3 px}" if table.kind == "image" and corner else _SIGMA.get(table.kind, ""),
     }

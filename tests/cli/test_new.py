@@ -372,7 +372,7 @@ def test_a_levelling_book_becomes_height_differences(
     assert "3 height differences from the staff readings" in told
     assert ("sums of the readings: 1 row" in told) is ("Sum" in text)
     assert ("rows without readings: 1 row" in told) is ("Σ" in text)
-    assert ("columns not used: RL" in told) is ("RL" in text)
+    assert ("the height of M is taken over; 3 heights below not used" in told) is ("RL" in text)
     assert run(["adjust", str(project), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) == 0
     data = json.loads((tmp_path / "r" / "results.json").read_text())
     assert sorted(row["v"] for row in data["residuals"]) == pytest.approx([0.0, 0.0005, 0.0005], abs=1e-9)
@@ -388,7 +388,7 @@ def test_two_lines_with_sums_in_one_levelling_book(tmp_path: Path) -> None:
         ";;2,75;;1,75\nVUELTA;;;;\nEstación;PV;Vista (+);Cota;Vista (-)\nE3;N;1,0;;\n;;;;1,25\n;;;;1,5\n;M;;;2,0\n"
     )
     (tmp_path / "t.csv").write_text(text, encoding="utf-8")
-    (table,) = recognise(tmp_path / "t.csv")
+    table, benchmark = recognise(tmp_path / "t.csv")
     assert set(table.rows) == {
         ("M", "A", "0.25"),
         ("M", "T", "0.5"),
@@ -398,6 +398,7 @@ def test_two_lines_with_sums_in_one_levelling_book(tmp_path: Path) -> None:
         ("N", "line 11", "-0.5"),
     }
     assert "sums of the readings: 1 row" in table.notes
+    assert (benchmark.kind, benchmark.rows) == ("points", (("M", "100"),))
 
 
 def test_a_levelling_book_of_two_instruments(tmp_path: Path) -> None:
@@ -761,3 +762,22 @@ def test_a_sheet_of_trigonometric_levelling(tmp_path: Path) -> None:
     assert (zenith.kind, distance.kind) == ("zenith_angle", "distance")
     for table in (zenith, distance):
         assert (table.columns["from_height"], table.columns["to_height"]) == ("HI", "HT")
+
+
+def test_the_benchmark_of_a_levelling_book_is_held(tmp_path: Path) -> None:
+    """The first height is held, unless a list has the point; heights below are computed."""
+    (tmp_path / "t.csv").write_text("Point,BS,FS,RL [m]\nM,1.5,,100\nP,1.0,0.8,100.7\nN,,0.5,101.2\n")
+    project = tmp_path / "p.yaml"
+    assert mor("new", project, tmp_path / "t.csv").code == 0
+    assert mor("adjust", project, "--no-html").code == 0
+    rows = pl.read_csv(tmp_path / "p.results" / "points.csv").sort("id")
+    assert rows["z"].to_list() == pytest.approx([100.0, 101.2, 100.7])
+    (tmp_path / "c.csv").write_text("id,z\nM,50\n")
+    assert mor("new", project, tmp_path / "t.csv", tmp_path / "c.csv", "--force").code == 0
+    assert [table.get("file") for table in read_document(project).data["points"]] == ["c.csv", None]
+
+
+def test_the_distance_between_two_points_of_a_levelling_book_is_its_length(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("from,to,bs,fs,dist\nA,B,1.5,1.0,64\nB,A,1.0,1.501,60\n")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert table.rows == (("A", "B", "0.5", "64"), ("B", "A", "-0.501", "60"))
