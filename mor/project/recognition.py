@@ -312,6 +312,8 @@ _QUADRANT = re.compile(
     re.IGNORECASE,
 )
 """Bearings from north or south towards east or west (O: ouest, oeste)."""
+_PARTS_OF_QUADRANT = re.compile(r"ns d(?:eg\w*)? m(?:in\w*)? (?:s(?:ec\w*)? )?(?:ew|we)\b")
+"""Headings of a quadrant bearing in columns of its own."""
 _JOINS = re.compile(r"\s*(?:->|[-–—→/:>]|\bto\b)\s*")
 _ANGLES = ("horizontal", "zenith", "angle", "bearing", "zenith_angle", "vertical_direction")
 """Columns that may hold degrees, minutes and seconds."""
@@ -499,17 +501,20 @@ def _with_both_ends(
     # A row with a distance alone is a sum.
     named = [row for row in body if _cell(row, place) and (_cell(row, bearing) or not _cell(row, distance))]
     legs = [row for row in named if _cell(row, bearing)]
-    names = [_cell(row, place) for row in named]
+    names, notes = [_cell(row, place) for row in named], list[str]()
     if "leg" in columns:
         ends = [_ends(_cell(row, place), path) for row in legs]
     elif named and not _cell(named[0], bearing):
         ends = [both for both, row in zip(zip(["", *names], names, strict=False), named, strict=True) if row in legs]
     else:
         after = [*names[1:], names[0]] if named else []
+        if named and _cell(named[-1], bearing):
+            notes.append(f"each leg leads to the point of the next row, the last one back to {names[0]}")
         ends = [both for both, row in zip(zip(names, after, strict=True), named, strict=True) if row in legs]
     rows = [(*row[:place], *both, *row[place + 1 :]) for both, row in zip(ends, legs, strict=True)]
-    words = (f"{_NO_READING}: {counted(len(body) - len(legs), 'row')}",) if len(legs) < len(body) else ()
-    return ((*header[:place], "from", "to", *header[place + 1 :]), *rows), words
+    if len(legs) < len(body):
+        notes.append(f"{_NO_READING}: {counted(len(body) - len(legs), 'row')}")
+    return ((*header[:place], "from", "to", *header[place + 1 :]), *rows), tuple(notes)
 
 
 def _ends(leg: str, path: Path) -> tuple[str, str]:
@@ -717,6 +722,16 @@ def _with_whole_angles(rows: _Cells) -> _Cells:
     for k, row in enumerate(rows[:_TITLES]):
         names = [_bare_name(cell) for cell in row]
         for j in range(len(row) - 2):
+            if quadrant := _PARTS_OF_QUADRANT.match(" ".join(names[j:])):
+                end = j + len(quadrant[0].split())
+                bearings = (
+                    f"{line[j]} {'-'.join(map(_whole, line[j + 1 : end - 1]))} {line[end - 1]}"
+                    if len(line) >= end and any(line[j:end])
+                    else ""
+                    for line in rows[k + 1 :]
+                )
+                below = ((*ln[:j], text, *ln[end:]) for ln, text in zip(rows[k + 1 :], bearings, strict=True))
+                return _with_whole_angles((*rows[:k], (*row[:j], "bearing", *row[end:]), *below))
             found = [form.fullmatch(name) for form, name in zip(_PARTS, names[j : j + 3], strict=True)]
             before = {match[1] for match in found if match}
             if None in found or len(before) > 1 or (before == {""} and len(names[j]) == 1 and names[j].isalpha()):

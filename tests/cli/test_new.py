@@ -716,6 +716,7 @@ _QUADRANT_LEGS = (
     "text",
     [
         _QUADRANT_LEGS,
+        "Line,N/S,Deg,Min,E/W,Distance\nA-B,N,45,00,E,100\nB-C,S,45,0,E,50\nC-D,S,45.0,0,W,100\nD-A,N,45,0,W,50\n,,,,,300\n",
         "Traverse of the yard\nStation,Azimuth (deg),Distance\nA,45,100\nB,135,50\nC,225,100\nD,315,50\nSum,,300\n",
         "Station,WCB (deg),HD,Easting,Northing\nA,,,0,0\nB,45,100,1,1\nC,135,50,1,1\nD,225,100,1,1\nA,315,50,0,0\n",
     ],
