@@ -28,11 +28,11 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
 _FROM = (
     "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ|occupied"
-    "|fromstation|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt|instrumentenstandpunkt"
+    "|fromstation|fromstn|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt|instrumentenstandpunkt"
     "|stationno|firstpoint|firstpointnumber|stanovisko|estacion|estacao|stazione|st|est|punktodstania|stanowisko"
 )
 _TO = (
-    "to|nach|end|ende|pointb|topoint|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
+    "to|nach|end|ende|pointb|topoint|tostn|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
     "|targetpoint|pointvise|ptvise|vise|visee|pointobserve|cible|puntovisado|ptovisado|visado|puntoobservado|observado"
     "|pv|pontovisado|pontoobservado|puntobattuto|battuto|puntocollimato|collimato|zielpunktnr|zielnr|cel"
     "|secondpoint|secondpointnumber|ciel|cil"
@@ -222,7 +222,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {
             "from": _FROM,
             "to": _TO,
-            "dz": "dz|dh|deltah|deltaz|heightdifference|heightdiff|hoehenunterschied|denivelee|desnivel|dislivello",
+            "dz": "dz|dh|lv|deltah|deltaz|heightdifference|heightdiff|hoehenunterschied|denivelee|desnivel|dislivello",
         },
         {"sigma": "std|stdev", "length": f"km|lengthkm|{_LENGTHS}", "epoch": "epoch|epoche"},
     ),

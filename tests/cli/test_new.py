@@ -746,14 +746,15 @@ def test_traverses_and_types_that_are_none(tmp_path: Path, text: str, words: str
 
 
 def test_a_column_with_the_type_of_each_row(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    rows = ["A,B,dist,100,m", "A,B,dir,0,deg", "A,C,za,100,gon", "A,C,dir,90,deg", "A,C,temp,20,C"]
-    (tmp_path / "t.csv").write_text("\n".join(["From,To,Type,Value,Unit", *rows]) + "\n")
+    rows = ["A,B,dist,100,m", "A,B,dir,0,deg", "A,C,za,100,gon", "A,C,dir,90,deg", "A,C,temp,20,C", "A,B,LV,1,m"]
+    (tmp_path / "t.csv").write_text("\n".join(["fromstn,tostn,obstype,Value,Unit", *rows]) + "\n")
     assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv")]) == 0
     assert "observations of the type 'temp' not used: 1 row" in capsys.readouterr().err
     assert run(["check", str(tmp_path / "p.yaml"), "--quiet"]) == 0
     entries = read_document(tmp_path / "p.yaml").data["observations"]
-    assert [entry["type"] for entry in entries] == ["distance", "directions", "zenith_angle"]
-    assert [entry["units"] for entry in entries] == [{"distance": "m"}, {"horizontal": "deg"}, {"zenith_angle": "gon"}]
+    assert [entry["type"] for entry in entries] == ["distance", "directions", "zenith_angle", "height_difference"]
+    units = [{"distance": "m"}, {"horizontal": "deg"}, {"zenith_angle": "gon"}, {"dz": "m"}]
+    assert [entry["units"] for entry in entries] == units
 
 
 def test_a_sheet_of_trigonometric_levelling(tmp_path: Path) -> None:
