@@ -227,17 +227,18 @@ def _similarity(chunk: Element) -> tuple[FloatArray, FloatArray, float]:
     return R, t, s
 
 
-def _system(chunk: Element) -> str:
-    """Kind of the coordinate system: local, projected or geographic."""
-    text = " ".join(part.text for part in chunk.all("reference")).strip()
-    if text.startswith("GEOGCS"):
-        return "geographic"
-    return "projected" if text.startswith(("PROJCS", "COMPD_CS", "GEOCCS")) else "local"
+def _system(chunk: Element, things: str = "") -> str:
+    """Kind of the coordinate system of a chunk, or of its cameras or markers: local, projected or geographic."""
+    own = [part.text for part in chunk.all(f"{things}_reference")] if things else []
+    text = " ".join(own or (part.text for part in chunk.all("reference")))
+    if "PROJCS" in text or "GEOCCS" in text:
+        return "projected"
+    return "geographic" if "GEOGCS" in text else "local"
 
 
 def _read_markers(chunk: Element, found: MetashapeChunk, draft: Draft) -> bool:
     """Markers with their reference coordinates (start values where switched off); true where some are control."""
-    system = _system(chunk)
+    system, common = _system(chunk, "marker"), _accuracies(chunk, "markers", SIGMA_MARKER)
     control = 0
     for marker in _section(chunk, "markers", "marker"):
         if "id" not in marker.attributes:
@@ -250,7 +251,7 @@ def _read_markers(chunk: Element, found: MetashapeChunk, draft: Draft) -> bool:
         sigma: list[str | None] = [None] * 3
         for given in marker.all("reference"):
             if system != "geographic":
-                place, sigma = _reference(given, _accuracy(chunk, "accuracy_markers", SIGMA_MARKER))
+                place, sigma = _reference(given, common)
                 known = given.attributes.get("enabled", "true") in ("true", "1")
                 sigma = sigma if known else [None] * 3
         control += any(text is not None for text in sigma)
@@ -262,15 +263,15 @@ def _read_markers(chunk: Element, found: MetashapeChunk, draft: Draft) -> bool:
     return control >= 3
 
 
-def _reference(given: Element, common: str) -> tuple[list[str | None], list[str | None]]:
-    """Coordinates and σ; ``common`` where the element says none."""
+def _reference(given: Element, common: tuple[str, str]) -> tuple[list[str | None], list[str | None]]:
+    """Coordinates and σ; ``common`` in plan and in height where the element says none."""
     place = [given.attributes.get(axis) for axis in "xyz"]
     for text in place:
         if text is not None:
             parse_number(text)
-    every = given.attributes.get("sxyz") or common
-    plane = given.attributes.get("sxy") or every
-    sigma = [given.attributes.get(f"s{axis}") or (every if axis == "z" else plane) for axis in "xyz"]
+    every = given.attributes.get("sxyz")
+    plane, up = given.attributes.get("sxy") or every or common[0], every or common[1]
+    sigma = [given.attributes.get(f"s{axis}") or (up if axis == "z" else plane) for axis in "xyz"]
     for text in sigma:
         if parse_number(text) < 0.0:
             raise ValueError(f"found the accuracy {text}, expected 0 or more")
@@ -285,13 +286,19 @@ def _accuracy(chunk: Element, name: str, default: float) -> str:
     return repr(default)
 
 
+def _accuracies(chunk: Element, things: str, default: float) -> tuple[str, str]:
+    """σ of coordinates in plan and in height: one for both, or two."""
+    both = float(_accuracy(chunk, f"accuracy_{things}", default))
+    return _accuracy(chunk, f"accuracy_{things}_xy", both), _accuracy(chunk, f"accuracy_{things}_z", both)
+
+
 def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Draft) -> bool:
     """Images with projections of markers: poses in the chunk, or in its coordinate system where that is local.
 
     True if positions of three or more images are observed.
     """
     system = _system(chunk)
-    known = _positions(chunk, draft) if system != "geographic" else {}
+    known = _positions(chunk, draft)
     other = (control or bool(known)) and system != "local"
     seen = {
         location.attributes.get("camera_id", "")
@@ -363,14 +370,17 @@ def _attitude(camera: Element) -> list[str | None]:
 
 def _positions(chunk: Element, draft: Draft) -> dict[str, tuple[list[str | None], list[str | None]]]:
     """Reference positions of cameras that are switched on, with their σ, by the numbers of the cameras."""
-    found = {}
-    common = _accuracy(chunk, "accuracy_cameras", SIGMA_CAMERA)
+    found, common = {}, _accuracies(chunk, "cameras", SIGMA_CAMERA)
     for camera in _section(chunk, "cameras", "camera"):
         for given in camera.all("reference"):
             if given.attributes.get("enabled", "true") in ("true", "1") and "x" in given.attributes:
                 found[camera.attributes.get("id", "")] = _reference(given, common)
+    if found and _system(chunk, "camera") == "geographic":
+        draft.note(f"positions of {counted(len(found), 'image')} are longitude and latitude: not read", chunk.line)
+        return {}
     if found:
-        words = f"positions of {counted(len(found), 'image')} are observed, σ as the file says, else {common} m"
+        said = common[0] if common[0] == common[1] else "/".join(common)
+        words = f"positions of {counted(len(found), 'image')} are observed, σ as the file says, else {said} m"
         draft.note(words, chunk.line)
     return found
 

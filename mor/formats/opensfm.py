@@ -266,7 +266,9 @@ def read_opensfm(path: Path) -> Document:
     if control.ids:
         draft.data.setdefault("points", []).append(control.table)
     named = folder / Path(file.file).name.replace("reconstruction", "tracks").replace(".json", ".csv")
-    _put_tracks(named if named.is_file() else folder / "tracks.csv", set(shots), set(points), cameras, shots, control, draft)
+    _put_tracks(
+        named if named.is_file() else folder / "tracks.csv", set(shots), set(points), cameras, shots, control, draft
+    )
     if not weighted and not control.has_coordinates:
         draft.put("datum", "free")
     reference = whole.get("reference_lla")

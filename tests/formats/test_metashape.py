@@ -194,6 +194,28 @@ def test_reference_positions_of_cameras_are_observed(tmp_path: Path) -> None:
     np.testing.assert_allclose(D[0], [0, -1, 0], atol=1e-12)
 
 
+def test_cameras_and_markers_may_have_systems_of_their_own(tmp_path: Path) -> None:
+    """Longitude and latitude of cameras are no lengths beside markers in a projection; σ in plan and in height."""
+    geographic = 'GEOGCS["E",DATUM["D"]]'
+    plane = f'COMPD_CS["U + h",PROJCS["U",{geographic}]]'
+    settings = "".join(f'<property name="accuracy_cameras{k}" value="{v}"/>' for k, v in (("_xy", 0.1), ("_z", 0.2)))
+    camera = '<camera id="0" sensor_id="0" label="a.jpg">'
+    text = XML.replace(camera, f'{camera}<reference x="8.5" y="50" z="3"/>').replace(
+        "<settings>", f"<settings>{settings}"
+    )
+    systems = f"<reference>{plane}</reference><camera_reference>{{}}</camera_reference>"
+    local = '<reference>LOCAL_CS["Local Coordinates (m)"]</reference>'
+    path = tmp_path / "markers.xml"
+    for own, sigma in ((f'COMPD_CS["E + h",{geographic}]', []), (plane, ["0.1", "0.1", "0.2"])):
+        path.write_text(text.replace(local, systems.format(own)))
+        document = read_foreign(path)
+        (row,) = document.data["images"][0]["rows"]
+        assert row[8:11] == sigma
+        notes = " ".join(map(str, document.notes))
+        assert ("positions of 1 image are longitude and latitude: not read" in notes) == (not sigma)
+        assert document.data["points"][0]["rows"][0][1:4] == ["1", "2", "3"]
+
+
 PANE = """# CoordinateSystem: LOCAL_CS["Local Coordinates (m)"]
 #Label,X/Easting,Y/Northing,Z/Altitude,Accuracy_X_(m),Accuracy_Y_(m),Accuracy_Z_(m),Error_(m),X_error,Enable
 P1,1.5,2,3,0.01,0.02,0.03,0.1,0.05,1
