@@ -1037,19 +1037,23 @@ def _looks(sample: Sample) -> str:
         return f"XML with the root element <{sample.root}>"
     if sample.kind == "json":
         return "JSON"
-    first, rows = sample.records[0].strip(), [re.split(r"[;\s]+", line.strip(" ;")) for line in sample.records]
+    first, parted = sample.records[0].strip(), ""
+    rows = [re.split(r"[;\s]+", line.strip(" ;")) for line in sample.records]
+    for sign, name in ((";", "semicolons"), ("\t", "tabs"), (",", "commas")):
+        counts = {line.count(sign) for line in sample.records[:5]}
+        if not parted and len(counts) == 1 and min(counts) and len(sample.records) > 1:
+            parted = f"a table of {min(counts) + 1} columns between {name}"
+            rows = [line.strip().split(sign) for line in sample.records]
     if has_two_names(rows):
         return f"a table of {len(rows[0])} columns without a header, like observations of JAG3D (from, to, values)"
     if (
         {len(row) for row in rows} == {len(rows[0])}
         and len(rows[0]) > 1
-        and all(map(_recognition_numbers, (r[1:] for r in rows)))
+        and all(_recognition_numbers(r[1:]) for r in rows)
     ):
         return f"a table of {len(rows[0])} columns without a header, like a list of points (name, coordinates)"
-    for sign, name in ((";", "semicolons"), ("\t", "tabs"), (",", "commas")):
-        counts = {line.count(sign) for line in sample.records[:5]}
-        if len(counts) == 1 and min(counts) and len(sample.records) > 1:
-            return f"a table of {min(counts) + 1} columns between {name}"
+    if parted:
+        return parted
     return f"text that begins with {first[:_SHOWN]!r}"
 
 
