@@ -6,6 +6,7 @@ import importlib
 import json
 import os
 import resource
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -131,6 +132,25 @@ def test_another_state_of_the_sources_or_of_numba_has_a_cache_of_its_own(
         assert compilation._folder() != folder
     finally:
         compilation._state_of_code.cache_clear()
+
+
+def test_another_installation_of_the_same_code_has_a_cache_of_its_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Numba would compile all of it anew there, and again in the first one, without a word."""
+
+    def state_of(package: Path) -> str:
+        monkeypatch.setattr(compilation, "__file__", str(package / "linalg" / "compilation.py"))
+        return compilation._state_of_code.__wrapped__()
+
+    one, other = tmp_path / "one", tmp_path / "other"
+    for package in (one, other):
+        shutil.copytree(Path(compilation.__file__).parent, package / "linalg")
+    states = [state_of(one), state_of(one), state_of(other)]
+    os.utime(one / "linalg" / "numba_registers.py", (1e9, 1e9))
+    states.append(state_of(one))
+    assert states[0] == states[1]
+    assert len(set(states)) == 3
 
 
 DAMAGES: dict[str, Callable[[bytes], bytes]] = {

@@ -72,15 +72,15 @@ def _add(whole: _Project, other: _Project) -> None:
         words = f"the axes are not those of {whole.file}: convert one of them by itself first"
         whole.problems.append(Message(words, other.file))
     _in_units_of(whole, other)
-    held = _control(other)
+    held, own = _control(other), _control(whole)
     datum = other.data.pop("datum", None)
-    if held and not _control(whole):
-        if "z" in held or "z" not in str((whole.data.get("settings") or {}).get("dimensions", "z")):
+    if held and not own:
+        if not _lacks_height(held, whole):
             whole.data.pop("datum", None)
         _without_coordinates(whole)
     elif not held:
         _without_coordinates(other)
-        if datum is not None and not whole.tables("points"):
+        if datum is not None and (not whole.tables("points") or (own and _lacks_height(own, other))):
             whole.data.setdefault("datum", datum)
     cameras, more = (project.data.get("cameras") or {} for project in (whole, other))
     for name in sorted(set(cameras) & set(more)):
@@ -117,6 +117,11 @@ def _control(project: _Project) -> set[str]:
         found |= _fixed(table) | {name.removeprefix("sigma_") for name in names if name.startswith("sigma_")}
         found |= set(_COORDINATES) if "sigma" in names else set()
     return found
+
+
+def _lacks_height(control: set[str], measured: _Project) -> bool:
+    """Return whether control leaves the heights of a project free."""
+    return "z" not in control and "z" in str((measured.data.get("settings") or {}).get("dimensions", "z"))
 
 
 def _fixed(table: Mapping[str, Any]) -> set[str]:

@@ -76,8 +76,10 @@ _SETTING = re.compile(
 )
 _BASELINE = ("from", "to", "dx", "dy", "dz", "from_height", "to_height")
 _UPPER = ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2))
-_ON_A_SPHERE = {"bearing": "azimuths (8)", "vector": "differences of plan coordinates (9, 14, 15)"}
-"""Types that a project in a projection cannot have here."""
+_ON_A_SPHERE = {8: "azimuths (8)"} | {code: f"differences of plan coordinates ({code})" for code in (9, 14, 15)}
+"""Codes that a project in a projection cannot have here: their north is that of the project's centre."""
+_VERTICAL = ("distance", "zenith_angle", "height_difference")
+"""Types that tell of heights."""
 _FIXED = 1e-6
 """σ (m) of a coordinate that is held in a projection while others of its point are not."""
 _DEEPEST = 8
@@ -238,12 +240,9 @@ class _Reader:
                     words = f"point {name}: deflections of the vertical need a project in a projection (use_proj)"
                     draft.problem(words, point.line, point.file)
         free = settings.get("internal_constraints") == "true"
-        tables = self._tables()
-        for type_, what in _ON_A_SPHERE.items() if projected else ():
-            for row in tables[type_][:1]:
-                words = f"{what} in a projection (use_proj) are not read ({counted(len(tables[type_]), 'record')})"
-                draft.problem(words, row.line)
-        self._put_points(tables, free, self._put_frames(projected), projected)
+        tables = self._tables(projected)
+        in_frames = self._put_frames(projected)
+        self._put_points(tables, free, in_frames, projected)
         for type_, rows in tables.items():
             instrument = "comp3d" if type_ == "zenith_angle" else None
             if rows:
@@ -252,7 +251,7 @@ class _Reader:
         draft.put("settings", {"undetermined": "leave_out"})
         for what, places in self.skipped.items():
             draft.note(f"Comp3D: {what} not read ({counted(len(places), 'record')})", *places[0])
-        if not any(tables.values()) and not self.frames:
+        if not any(tables.values()) and not in_frames:
             draft.problem(f"there are no observations that are read; left out: {'; '.join(self.skipped) or '-'}")
 
     def _sphere(self, settings: dict[str, str]) -> dict[str, object]:
@@ -266,7 +265,7 @@ class _Reader:
         latitude = settings.get("center_latitude")
         return {**({"latitude": f"{latitude} deg"} if latitude else {}), "origin": origin}
 
-    def _tables(self) -> dict[str, list[Row]]:
+    def _tables(self, projected: bool) -> dict[str, list[Row]]:
         """Rows of observations by type; the stations of directions are their points."""
         distances = self._distances()
         tables: dict[str, list[Row]] = {type_: [] for type_ in _COLUMNS}
@@ -276,6 +275,9 @@ class _Reader:
             if abs(code) == 7:
                 rounds[origin] = rounds.get(origin, 0) + 1
             if code < 0:
+                continue
+            if projected and code in _ON_A_SPHERE:
+                self.leave_out(f"{_ON_A_SPHERE[code]} in a projection (use_proj)", line, file)
                 continue
             try:
                 value, a, *rest = (parse_number(word) for word in words[3:8])
@@ -319,11 +321,11 @@ class _Reader:
                 continue
             refused = ""
             if frame.code == 19 and not projected:
-                refused = "only a project in a projection (use_proj) has GNSS baselines (19)"
+                refused = "GNSS baselines (19) without a projection (use_proj)"
             elif frame.code == 11 and frame.levelled and projected:
-                refused = "levelled frames (11) in a projection (use_proj) are not read"
+                refused = "levelled frames (11) in a projection (use_proj)"
             if refused:
-                draft.problem(refused, frame.line, frame.file)
+                self.leave_out(refused, frame.line, frame.file)
                 continue
             counts[frame.origin] += 1
             name = f"{frame.origin}@{counts[frame.origin]}"
@@ -386,18 +388,22 @@ class _Reader:
 
     def _put_points(self, tables: dict[str, list[Row]], free: bool, in_frames: set[str], projected: bool) -> None:
         draft = self.draft
-        observed = False
+        datum, flat = False, 0
         groups: dict[tuple[tuple[str, ...], str], list[Row]] = {}
+        used = {name for rows in tables.values() for row in rows for name in _ends(row)}
+        with_height = in_frames | {name for type_ in _VERTICAL for row in tables[type_] for name in _ends(row)}
         for name, point in self.points.items():
             sigma: list[float | None] = [0.0 if axis in _HELD.get(point.code, ()) else None for axis in "xyz"]
             for k in () if free else _OBSERVED.get(point.code, ()):
                 if point.sigmas[k] >= 0.0:
                     sigma[k] = point.sigmas[k]
+            datum |= any(s is not None for s in sigma)
+            if name in used - with_height and sigma[2] is None:
+                sigma[2], flat = 0.0, flat + 1
             fixed = tuple(axis for axis, s in zip("xyz", sigma, strict=True) if s == 0.0)
             if projected and len(fixed) < 3:
                 sigma = [_FIXED if s == 0.0 else s for s in sigma]
                 fixed = ()
-            observed |= any(sigma)
             deflection = [value or None for value in point.deflection]
             row = _row([name, *point.place, *(s or None for s in sigma), *deflection], point.line)
             groups.setdefault((fixed, point.file), []).append(row)
@@ -428,14 +434,15 @@ class _Reader:
             deflected = any(cell is not None for row in rows for cell in row.cells[-2:])
             units = dict.fromkeys(columns[-2:], "arcsec") if deflected else None
             draft.table("points", columns, rows, other, fixed=list(held) or None, units=units)
-        used = {name for rows in tables.values() for row in rows for name in _ends(row)}
+        if flat:
+            draft.note(f"{counted(flat, 'point')} without an observation of the height: their heights are held")
         rest = sorted((used | in_frames) - self.points.keys())
         if rest:
             draft.table("points", ("id",), [Row([name], 0) for name in rest])
         stations = sorted({str(row.cells[0]) for row in tables["directions"]})
         if stations:
             draft.table("stations", ("id", "point"), [Row([name, name], 0) for name in stations])
-        if free or not (observed or any("x" in held or "z" in held for held, _ in groups)):
+        if free or not datum:
             draft.put("datum", "free")
 
 

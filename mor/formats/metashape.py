@@ -15,9 +15,20 @@ import numpy as np
 from mor.errors import InputError, Message, counted
 from mor.formats.colmap.model import MODELS, camera_from
 from mor.formats.content import Content, ImageBlock, block, content_of, frames, interior_values, not_carried
-from mor.formats.draft import Draft, Element, Row, Written, parse_number, parse_xml, read_lines
+from mor.formats.draft import (
+    Draft,
+    Element,
+    Row,
+    Written,
+    east_north_up,
+    geocentric,
+    parse_number,
+    parse_xml,
+    read_lines,
+)
 from mor.formats.recognition import TiePoints, is_project, project_tree, put_tie_points, read_tie_points
 from mor.input_files import PROJECT, read_bytes
+from mor.model.earth import east_north_up as horizon_axes
 from mor.model.rotations import angles_from_rotation, exponential, rotation_from_angles
 from mor.project.axes import image_scale, split
 from mor.project.document import Document
@@ -130,6 +141,8 @@ class MetashapeChunk:
     cameras: dict[str, str] = field(default_factory=dict)
     """Name of each image by the number of its camera element."""
     markers: dict[str, str] = field(default_factory=dict)
+    origin: FloatArray | None = None
+    """Latitude, longitude and height about which coordinates are east, north and up."""
     markers_placed: dict[str, tuple[list[str | None], list[str | None], int]] = field(default_factory=dict)
     tie: TiePoints | None = None
     posed: bool = False
@@ -159,6 +172,10 @@ def read_metashape(path: Path) -> Document:
     control = False
     try:
         _put_cameras(chunk, draft)
+        found.origin = _origin(chunk)
+        if found.origin is not None:
+            said = ", ".join(f"{key} {v:.10g}" for key, v in zip(_GEODETIC, found.origin, strict=True))
+            draft.note(f"coordinates are east, north, up of the reference point: {said}", chunk.line)
         control = _read_markers(chunk, found, draft)
         control = _put_images(chunk, found, control, draft) or control
         rows = [Row([name, *place, *sigma], line) for name, (place, sigma, line) in found.markers_placed.items()]
@@ -210,13 +227,26 @@ def _numbers(text: str, count: int, what: str) -> FloatArray:
     return np.array(values)
 
 
+def _transforms(chunk: Element) -> list[Element]:
+    inner = [t for c in _section(chunk, "components", "component") for t in c.all("transform")]
+    return chunk.all("transform") or inner[:1]
+
+
+def _to_project(chunk: Element, origin: FloatArray | None) -> tuple[FloatArray, FloatArray, float] | None:
+    """Rotation, translation and scale from the chunk to a local system or the horizon of an origin, else ``None``."""
+    R, t, s = _similarity(chunk)
+    if _system(chunk) == "local":
+        return R, t, s
+    if origin is None or not _transforms(chunk):
+        return None
+    turn = horizon_axes(*np.radians(origin[:2]))  # the transform leads to geocentric axes
+    return turn @ R, turn @ (t - geocentric(origin[None])[0]), s
+
+
 def _similarity(chunk: Element) -> tuple[FloatArray, FloatArray, float]:
     """Rotation, translation and scale from the chunk to its coordinate system."""
     R, t, s = np.eye(3), np.zeros(3), 1.0
-    for part in (
-        chunk.all("transform")
-        or [t for c in _section(chunk, "components", "component") for t in c.all("transform")][:1]
-    ):
+    for part in _transforms(chunk):
         for child in part.children:
             if child.name == "rotation":
                 R = _numbers(child.text, 9, "rotation").reshape(3, 3)
@@ -227,17 +257,33 @@ def _similarity(chunk: Element) -> tuple[FloatArray, FloatArray, float]:
     return R, t, s
 
 
-def _system(chunk: Element) -> str:
-    """Kind of the coordinate system: local, projected or geographic."""
-    text = " ".join(part.text for part in chunk.all("reference")).strip()
-    if text.startswith("GEOGCS"):
-        return "geographic"
-    return "projected" if text.startswith(("PROJCS", "COMPD_CS", "GEOCCS")) else "local"
+def _system(chunk: Element, things: str = "") -> str:
+    """Kind of the coordinate system of a chunk, or of its cameras or markers: local, projected or geographic."""
+    own = [part.text for part in chunk.all(f"{things}_reference")] if things else []
+    text = " ".join(own or (part.text for part in chunk.all("reference")))
+    if "PROJCS" in text or "GEOCCS" in text:
+        return "projected"
+    return "geographic" if "GEOGCS" in text else "local"
+
+
+_GEODETIC = ("latitude", "longitude", "altitude")
+
+
+def _origin(chunk: Element) -> FloatArray | None:
+    """Latitude, longitude (degrees) and height of the first reference if all are geographic, else ``None``."""
+    places = []
+    for things in ("marker", "camera"):
+        given = [ref for one in _section(chunk, f"{things}s", things) for ref in one.all("reference")]
+        given = [ref for ref in given if all(axis in ref.attributes for axis in "xyz")]
+        if given and _system(chunk, things) != "geographic":
+            return None
+        places += [np.array([parse_number(ref.attributes[axis]) for axis in "yxz"]) for ref in given[:1]]
+    return places[0] if places else None
 
 
 def _read_markers(chunk: Element, found: MetashapeChunk, draft: Draft) -> bool:
     """Markers with their reference coordinates (start values where switched off); true where some are control."""
-    system = _system(chunk)
+    system, common = _system(chunk, "marker"), _accuracies(chunk, "markers", SIGMA_MARKER)
     control = 0
     for marker in _section(chunk, "markers", "marker"):
         if "id" not in marker.attributes:
@@ -249,28 +295,36 @@ def _read_markers(chunk: Element, found: MetashapeChunk, draft: Draft) -> bool:
         place: list[str | None] = [None] * 3
         sigma: list[str | None] = [None] * 3
         for given in marker.all("reference"):
-            if system != "geographic":
-                place, sigma = _reference(given, _accuracy(chunk, "accuracy_markers", SIGMA_MARKER))
+            if system != "geographic" or found.origin is not None:
+                place, sigma = _reference(given, common, found.origin)
                 known = given.attributes.get("enabled", "true") in ("true", "1")
                 sigma = sigma if known else [None] * 3
         control += any(text is not None for text in sigma)
         found.markers_placed[name] = place, sigma, marker.line
-    if system == "geographic" and found.markers:
+    if system == "geographic" and found.markers and found.origin is None:
         draft.note("coordinates of markers are longitude and latitude: not read; the network is free", chunk.line)
     if control:
         draft.note(f"{counted(control, 'marker')} with coordinates: observed, σ as the file says", chunk.line)
     return control >= 3
 
 
-def _reference(given: Element, common: str) -> tuple[list[str | None], list[str | None]]:
-    """Coordinates and σ; ``common`` where the element says none."""
+def _reference(
+    given: Element, common: tuple[str, str], origin: FloatArray | None = None
+) -> tuple[list[str | None], list[str | None]]:
+    """Coordinates and σ; ``common`` in plan and in height where the element says none.
+
+    Longitude, latitude and height become east, north and up about an ``origin``.
+    """
     place = [given.attributes.get(axis) for axis in "xyz"]
-    for text in place:
-        if text is not None:
-            parse_number(text)
-    every = given.attributes.get("sxyz") or common
-    plane = given.attributes.get("sxy") or every
-    sigma = [given.attributes.get(f"s{axis}") or (every if axis == "z" else plane) for axis in "xyz"]
+    numbers = [0.0 if text is None else parse_number(text) for text in place]
+    if origin is not None and abs(numbers[1]) > 90.0:
+        raise ValueError(f"found the latitude {numbers[1]:g}, expected it between -90 and 90")
+    if origin is not None:
+        own = east_north_up(np.array([[numbers[1], numbers[0], numbers[2]]]), origin)[0]
+        place = [None] * 3 if None in place else [repr(float(v)) for v in own]
+    every = given.attributes.get("sxyz")
+    plane, up = given.attributes.get("sxy") or every or common[0], every or common[1]
+    sigma = [given.attributes.get(f"s{axis}") or (up if axis == "z" else plane) for axis in "xyz"]
     for text in sigma:
         if parse_number(text) < 0.0:
             raise ValueError(f"found the accuracy {text}, expected 0 or more")
@@ -285,14 +339,20 @@ def _accuracy(chunk: Element, name: str, default: float) -> str:
     return repr(default)
 
 
+def _accuracies(chunk: Element, things: str, default: float) -> tuple[str, str]:
+    """σ of coordinates in plan and in height: one for both, or two."""
+    both = float(_accuracy(chunk, f"accuracy_{things}", default))
+    return _accuracy(chunk, f"accuracy_{things}_xy", both), _accuracy(chunk, f"accuracy_{things}_z", both)
+
+
 def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Draft) -> bool:
-    """Images with projections of markers: poses in the chunk, or in its coordinate system where that is local.
+    """Images with projections of markers: poses in the chunk, or in the coordinate system of the markers.
 
     True if positions of three or more images are observed.
     """
-    system = _system(chunk)
-    known = _positions(chunk, draft) if system != "geographic" else {}
-    other = (control or bool(known)) and system != "local"
+    known = _positions(chunk, found.origin, draft)
+    there = _to_project(chunk, found.origin)
+    other = (control or bool(known)) and there is None
     seen = {
         location.attributes.get("camera_id", "")
         for frame in _section(chunk, "frames", "frame")
@@ -314,7 +374,7 @@ def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Dra
         name = camera.attributes.get("label", "").strip() or f"camera {number_}"
         name = name if name not in found.cameras.values() else f"{name} ({number_})"
         found.cameras[number_] = name
-        pose = [None, None, None, *_attitude(camera)] if other else _pose(chunk, camera, name, system)
+        pose = [None, None, None, *_attitude(camera)] if other else _pose(there, camera, name)
         rows.append(Row([name, sensor, *_observed(pose, known.get(number_))], camera.line))
     used = {str(row.cells[1]) for row in rows}
     idle = [name for name in draft.data["cameras"] if name not in used]
@@ -334,17 +394,17 @@ def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Dra
     return sum(row.cells[8] is not None for row in rows) >= 3
 
 
-def _pose(chunk: Element, camera: Element, name: str, system: str) -> list[str | None]:
+def _pose(there: tuple[FloatArray, FloatArray, float] | None, camera: Element, name: str) -> list[str | None]:
     """Position and ω, φ, κ of the transform of a camera, where it has one."""
     given = next(iter(camera.all("transform")), None)
     if given is None:
         return [None, None, None, *_attitude(camera)]
-    R, t, s = _similarity(chunk)
+    R, t, s = there or (np.eye(3), np.zeros(3), 1.0)
     T = _numbers(given.text, 16, f"transform of camera {name!r}").reshape(4, 4)
     if max(np.abs(T).max(), np.abs(R).max(), np.abs(t).max(), abs(s)) > 1e30:
         raise ValueError(f"transform of camera {name!r}: found a number beyond 1e30")
     scaled = T[:3, :3] / max(np.cbrt(abs(np.linalg.det(T[:3, :3]))), 1e-300)
-    world, centre = (R @ scaled, s * R @ T[:3, 3] + t) if system == "local" else (scaled, T[:3, 3])
+    world, centre = R @ scaled, s * R @ T[:3, 3] + t
     numbers = [*centre, *angles_from_rotation(_FLIP @ world.T)]
     return [repr(float(v)) for v in numbers] if np.isfinite(numbers).all() else [None] * 6
 
@@ -361,16 +421,21 @@ def _attitude(camera: Element) -> list[str | None]:
     return [None] * 3
 
 
-def _positions(chunk: Element, draft: Draft) -> dict[str, tuple[list[str | None], list[str | None]]]:
+def _positions(
+    chunk: Element, origin: FloatArray | None, draft: Draft
+) -> dict[str, tuple[list[str | None], list[str | None]]]:
     """Reference positions of cameras that are switched on, with their σ, by the numbers of the cameras."""
-    found = {}
-    common = _accuracy(chunk, "accuracy_cameras", SIGMA_CAMERA)
+    found, common = {}, _accuracies(chunk, "cameras", SIGMA_CAMERA)
     for camera in _section(chunk, "cameras", "camera"):
         for given in camera.all("reference"):
             if given.attributes.get("enabled", "true") in ("true", "1") and "x" in given.attributes:
-                found[camera.attributes.get("id", "")] = _reference(given, common)
+                found[camera.attributes.get("id", "")] = _reference(given, common, origin)
+    if origin is None and found and _system(chunk, "camera") == "geographic":
+        draft.note(f"positions of {counted(len(found), 'image')} are longitude and latitude: not read", chunk.line)
+        return {}
     if found:
-        words = f"positions of {counted(len(found), 'image')} are observed, σ as the file says, else {common} m"
+        said = common[0] if common[0] == common[1] else "/".join(common)
+        words = f"positions of {counted(len(found), 'image')} are observed, σ as the file says, else {said} m"
         draft.note(words, chunk.line)
     return found
 
@@ -425,8 +490,8 @@ def _put_tie_points(chunk: Element, found: MetashapeChunk, draft: Draft) -> None
         return
     xyz = None
     if found.posed:
-        R, t, s = _similarity(chunk)
-        xyz = s * found.tie.xyz @ R.T + t if _system(chunk) == "local" else found.tie.xyz
+        R, t, s = _to_project(chunk, found.origin) or (np.eye(3), np.zeros(3), 1.0)
+        xyz = s * found.tie.xyz @ R.T + t
     sigma = _accuracy(chunk, "accuracy_tiepoints", SIGMA_TIE_POINT)
     put_tie_points(draft, found.tie, found.cameras, found.markers.values(), xyz, sigma)
 

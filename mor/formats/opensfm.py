@@ -265,7 +265,10 @@ def read_opensfm(path: Path) -> Document:
         draft.frame("points", "reconstruction points", frame)
     if control.ids:
         draft.data.setdefault("points", []).append(control.table)
-    _put_tracks(folder / "tracks.csv", set(shots), set(points), cameras, shots, control, draft)
+    named = folder / Path(file.file).name.replace("reconstruction", "tracks").replace(".json", ".csv")
+    _put_tracks(
+        named if named.is_file() else folder / "tracks.csv", set(shots), set(points), cameras, shots, control, draft
+    )
     if not weighted and not control.has_coordinates:
         draft.put("datum", "free")
     reference = whole.get("reference_lla")

@@ -37,6 +37,7 @@ from mor.formats.draft import (
 )
 from mor.input_files import PROJECT, TABLE, check_size, decoded, is_folder, read_bytes, read_text, standard_input
 from mor.project.document import Document
+from mor.project.recognition import has_two_names
 from mor.types import FloatArray, IntArray
 
 # ---- The flat files of one AICON project: found by a folder, a stem or one of them; lines of words without comments.
@@ -1035,11 +1036,23 @@ def _looks(sample: Sample) -> str:
         return f"XML with the root element <{sample.root}>"
     if sample.kind == "json":
         return "JSON"
-    first = sample.records[0].strip()
+    first, parted = sample.records[0].strip(), ""
+    rows = [re.split(r"[;\s]+", line.strip(" ;")) for line in sample.records]
     for sign, name in ((";", "semicolons"), ("\t", "tabs"), (",", "commas")):
         counts = {line.count(sign) for line in sample.records[:5]}
-        if len(counts) == 1 and min(counts) and len(sample.records) > 1:
-            return f"a table of {min(counts) + 1} columns between {name}"
+        if not parted and len(counts) == 1 and min(counts) and len(sample.records) > 1:
+            parted = f"a table of {min(counts) + 1} columns between {name}"
+            rows = [line.strip().split(sign) for line in sample.records]
+    if has_two_names(rows):
+        return f"a table of {len(rows[0])} columns without a header, like observations of JAG3D (from, to, values)"
+    if (
+        {len(row) for row in rows} == {len(rows[0])}
+        and len(rows[0]) > 1
+        and all(_recognition_numbers(r[1:]) for r in rows)
+    ):
+        return f"a table of {len(rows[0])} columns without a header, like a list of points (name, coordinates)"
+    if parted:
+        return parted
     return f"text that begins with {first[:_SHOWN]!r}"
 
 
@@ -1184,8 +1197,10 @@ _STARNET = re.compile(
     re.IGNORECASE,
 )
 _STARNET_NAMES = re.compile(
-    r"\s*(?:(?:B|A|D|V|DV|M|BM|L|SS|G1)\s+\S+-\S+|DB\s+\S|TB\s+\S|C\s+\S+(?:\s+-?[\d.]+){2})", re.I
+    r"\s*(?:(?:B|A|D|V|DV|M|BM|L|SS|G1)\s+(?:(\S+[-,:;|_~^+=]\S+)|(\S))|DB\s+\S|TB\s+\S|C\s+\S+(?:\s+-?[\d.]+){2})",
+    re.I,
 )
+"""Lines with names: joined by a sign (1), else those of no STAR*NET file (2)."""
 
 
 PROJECT_FILE = re.compile(r"\s*(?:\*STAR\*NET \d.*\s+|#.*\s+)*\[Adjustment\]")
@@ -1200,8 +1215,11 @@ def _dynadjust(sample: Sample) -> bool:
 def _starnet(sample: Sample) -> bool:
     lines = [line for line in sample.text.split("\n")[:60] if line.strip()]
     fitting = sum(_STARNET.match(line) is not None for line in lines)
-    named = sum(_STARNET_NAMES.match(line) is not None for line in lines)
-    return PROJECT_FILE.match(sample.text) is not None or (fitting >= 0.8 * len(lines) and named >= 2)
+    named = [match for line in lines if (match := _STARNET_NAMES.match(line))]
+    apart = sum(match[2] is not None for match in named)
+    return PROJECT_FILE.match(sample.text) is not None or (
+        fitting >= 0.8 * len(lines) and len(named) - apart >= 2 and 4 * apart <= len(named)
+    )
 
 
 def _snap(sample: Sample) -> bool:

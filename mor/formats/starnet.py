@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
+from math import radians, sin
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -175,6 +176,11 @@ class StarNetContext:
 
     draft: Draft
     plane: bool = False
+    """Lines are in the format of the plane."""
+    reduced: bool = False
+    """Lines are in the format of space, and are reduced to the plane."""
+    flat: bool = False
+    """The project options say that the adjustment is one in the plane."""
     delta: bool = False
     """Horizontal distances and elevation differences in place of slope distances and zenith angles."""
     east_first: bool = False
@@ -343,21 +349,30 @@ def distance(line: DataLine, network: StarNetContext) -> None:
     )
 
 
-def put_distance(ends: list[str], word: str, place: int, line: DataLine, network: StarNetContext) -> None:
-    """A distance, its σ at a place among the words of the line."""
-    sigma = network.sigma(line.words, place, "distance", network.length(word))
-    if network.plane or network.delta:
-        network.add("horizontal_distance", (*ends, network.length(word), sigma), line.number)
+def put_distance(
+    ends: list[str], word: str, place: int, line: DataLine, network: StarNetContext, zenith: str = ""
+) -> None:
+    """A distance, its σ at a place among the words of the line; reduced to the plane with the zenith angle."""
+    length = network.length(word)
+    if zenith and not network.delta and (network.plane or network.reduced):
+        length *= abs(sin(radians(network.angle(zenith))))
+    elif network.reduced and not network.delta:
+        network.skip("distances along the slope without a zenith angle in the plane", line.number)
+        return
+    sigma = network.sigma(line.words, place, "distance", length)
+    if network.plane or network.delta or network.reduced:
+        network.add("horizontal_distance", (*ends, length, sigma), line.number)
     else:
-        values = (*ends, network.length(word), sigma, *heights(line, network))
-        network.add("distance", values, line.number)
+        network.add("distance", (*ends, length, sigma, *heights(line, network)), line.number)
 
 
 def put_vertical(
     ends: list[str], word: str, words: list[str], place: int, line: DataLine, network: StarNetContext
 ) -> None:
     """A zenith angle, or with .DELTA ON an elevation difference between the marks."""
-    if network.delta:
+    if network.plane or network.reduced:
+        network.skip("zenith angles and height differences in the plane", line.number)
+    elif network.delta:
         own, target = heights(line, network)
         dz = network.length(word) + own - target
         network.add("height_difference", (*ends, dz, network.sigma(words, place, "height")), line.number)
@@ -373,11 +388,19 @@ def vertical(line: DataLine, network: StarNetContext) -> None:
     put_vertical(names_of(line.words[0], 2, network), line.words[1], line.words, 2, line, network)
 
 
+def put_both(ends: list[str], first: int, place: int, line: DataLine, network: StarNetContext) -> None:
+    """A distance and, in space, what goes with it in height; their σ stand from a place on."""
+    zenith = "" if network.plane else line.words[first + 1]
+    put_distance(ends, line.words[first], place, line, network, zenith)
+    if zenith:
+        put_vertical(ends, zenith, line.words, place + 1, line, network)
+
+
 def distance_and_vertical(line: DataLine, network: StarNetContext) -> None:
     """A distance and what goes with it in height."""
     need(line, 3, "from-to, distance, zenith angle, σ")
     ends = names_of(line.words[0], 2, network)
-    put_distance(ends, line.words[1], 3, line, network)
+    put_distance(ends, line.words[1], 3, line, network, line.words[2])
     put_vertical(ends, line.words[2], line.words, 4, line, network)
 
 
@@ -394,9 +417,7 @@ def measured(line: DataLine, network: StarNetContext) -> None:
         names = at_from_to(line.words[0], network)
         network.add("angle", (*names, network.angle(words[1]), network.sigma(words, values, "angle")), line.number)
         ends = [names[0], names[2]]
-    put_distance(ends, words[2], values + 1, line, network)
-    if not network.plane:
-        put_vertical(ends, words[3], words, values + 2, line, network)
+    put_both(ends, 2, values + 1, line, network)
 
 
 def bearing_measured(line: DataLine, network: StarNetContext) -> None:
@@ -405,9 +426,7 @@ def bearing_measured(line: DataLine, network: StarNetContext) -> None:
     need(line, values, "from-to, bearing, distance, zenith angle, σ")
     ends, words = names_of(line.words[0], 2, network), line.words
     network.add("bearing", (*ends, network.angle(words[1]), network.sigma(words, values, "bearing")), line.number)
-    put_distance(ends, words[2], values + 1, line, network)
-    if not network.plane:
-        put_vertical(ends, words[3], words, values + 2, line, network)
+    put_both(ends, 2, values + 1, line, network)
 
 
 def levelled(line: DataLine, network: StarNetContext) -> None:
@@ -498,9 +517,7 @@ def direction(line: DataLine, network: StarNetContext) -> None:
     network.add("directions", (*at, reading, network.sigma(words, values, "direction")), line.number)
     if full:
         ends = [network.station, words[0]]
-        put_distance(ends, words[2], values + 1, line, network)
-        if not network.plane:
-            put_vertical(ends, words[3], words, values + 2, line, network)
+        put_both(ends, 2, values + 1, line, network)
 
 
 def end_set(line: DataLine, network: StarNetContext) -> None:
@@ -542,9 +559,7 @@ def _leg(lines: list[DataLine], target: str, network: StarNetContext) -> None:
         network.add("bearing", (at, target, (network.angle(back) + turned) % 360.0, sigma), line.number)
     else:
         network.add("angle", (at, back, target, turned, sigma), line.number)
-    put_distance([at, target], words[2], values + 1, line, network)
-    if not network.plane:
-        put_vertical([at, target], words[3], words, values + 2, line, network)
+    put_both([at, target], 2, values + 1, line, network)
 
 
 # ---- Project files of STAR*NET (.snproj): sections of keys and values, with σ of instruments and the data files.
@@ -574,7 +589,7 @@ def _read_project(lines: list[str], network: StarNetContext) -> list[str]:
         elif section in ("[Instrument]", "[InstrumentLibrary]"):
             instruments += [{}] if key == "instrument_name" else []
             instruments[-1][key] = value.strip()
-    network.known, network.plane = True, options.get("adjustment_type") == "2D"
+    network.known, network.flat = True, options.get("adjustment_type") == "2D"
     units = options.get("linear_units", "Meters")
     length = units.upper().replace("INTERNATIONAL", "")
     if length not in _LENGTHS:
@@ -615,7 +630,18 @@ def _read_project(lines: list[str], network: StarNetContext) -> list[str]:
 # told. Source: MicroSurvey, *STAR*NET Reference Manual*, chapter 5; Carlson, *SurvNet*, for files of vectors with
 # geocentric coordinates.
 
-_RESTORED = ("delta", "east_first", "from_first", "metres", "gon", "separator", "instrument", "positive_west")
+_RESTORED = (
+    "plane",
+    "reduced",
+    "delta",
+    "east_first",
+    "from_first",
+    "metres",
+    "gon",
+    "separator",
+    "instrument",
+    "positive_west",
+)
 """Options of the project that hold again where another data file begins."""
 
 
@@ -822,16 +848,17 @@ def _put_places(network: StarNetContext, places: dict[str, FloatArray]) -> None:
 
 
 def _is_plane(lines: Sequence[DataLine], network: StarNetContext) -> bool:
-    """True for a plane network: as .2D or .3D say, or where no line has a zenith angle or a height.
+    """True if the lines before the first .2D or .3D are those of a plane network, without zenith angles and heights.
 
     A name with two coordinates has at most two σ behind them; more words, or a third number alone, are a height. Where
     a line M has only an angle and a distance, none has a zenith angle.
     """
-    for line in lines:
-        if line.code in (".2D", ".3D"):
-            return line.code == ".2D"
     if network.known:
-        return network.plane
+        return network.flat
+    first = next((k for k, line in enumerate(lines) if line.code in (".2D", ".3D")), len(lines))
+    if first < len(lines) and all(line.code[0] == "." for line in lines[:first]):
+        return lines[first].code == ".2D"
+    lines = lines[:first]
     if min((_count(line) for line in lines if line.code == "M"), default=0) > 3:
         return False
     return not any(
@@ -877,7 +904,10 @@ def _option(name: str, words: list[str], line: int, network: StarNetContext) -> 
         network.separator = words[0][:1]
     elif name == "INST" and words[:1] and words[0] in network.library:
         network.instrument = network.library[words[0]]
-    elif name not in ("1D", "2D", "3D"):
+    elif name in ("2D", "3D") or name[:2] == "3R":  # the format of the lines behind it, not the kind of adjustment
+        network.plane = name == "2D"
+        network.reduced = name != "2D" and (name != "3D" or network.flat)
+    elif name != "1D":
         network.skip(f".{name}", line)
 
 
@@ -948,6 +978,8 @@ def _finish(network: StarNetContext, title: str, on_earth: bool) -> None:
     draft.put("title", title)
     draft.put("units", {"length": "m", "angle": "deg"})
     draft.put("axes", {"xy": "en", "angles": "clockwise", "bearings_from": "north"})
+    if not on_earth and _dimensions(network) == "xyz":
+        _hold_heights(network)
     rows = [
         Row([name, *texts, *(s if t is not None else None for s, t in zip(sigma, texts, strict=True))], line)
         for name, (texts, sigma, line) in network.points.items()
@@ -976,6 +1008,26 @@ def _finish(network: StarNetContext, title: str, on_earth: bool) -> None:
     if network.defaults and not network.known:
         words = f"{counted(network.defaults, 'observation')} without σ: 4″ for angles, 10″ for zenith angles, 2 mm"
         draft.note(f"{words} for distances; the project options of STAR*NET stand in another file")
+
+
+def _hold_heights(network: StarNetContext) -> None:
+    """Hold the heights of points that only lines in the plane (.2D) observe: STAR*NET leaves them undetermined."""
+    seen = {
+        cell
+        for (type_, _, _), rows in network.tables.items()
+        if type_ in ("distance", "zenith_angle", "height_difference")
+        for row in rows
+        for cell in row.cells[:2]
+    }
+    flat = [name for name in network.observed - seen if network.points[name][1][2] is None]
+    for name in flat:
+        (*place, height), (*sigma, _), line = network.points[name]
+        network.points[name] = ([*place, height or "0"], [*sigma, "0"], line)
+        network.origin[name] = (network.points[name], network.origin[name][1])
+    if flat:
+        network.draft.note(
+            f"{counted(len(flat), 'point')} without an observation of the height: their heights are held"
+        )
 
 
 def _dimensions(network: StarNetContext) -> str:

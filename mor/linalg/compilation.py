@@ -300,7 +300,11 @@ def _folder() -> Path:
 
 @cache
 def _state_of_code() -> str:
-    """Digest of all code that kernels call; Numba itself checks the file of a kernel only."""
+    """Digest of all code that kernels call, and of where it lies since when.
+
+    Numba takes a kernel from the cache only for the same file of the same time, and compiles it without a word else. It
+    does not look at the files of what a kernel calls.
+    """
     import llvmlite.binding as llvm
     import numpy as np
 
@@ -311,7 +315,7 @@ def _state_of_code() -> str:
     ]
     digest = hashlib.sha256()
     for file in sorted({*files, Path(__file__)}):
-        digest.update(file.read_bytes())
+        digest.update(file.read_bytes() + repr((str(file), file.stat().st_mtime_ns)).encode())
     settings = {k: v for k, v in os.environ.items() if k.startswith("NUMBA_") and k != "NUMBA_CACHE_DIR"}
     versions = platform.python_version(), _numba().__version__, llvm.llvm_version_info, np.__version__
     processor = llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten()

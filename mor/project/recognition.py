@@ -414,11 +414,16 @@ def _tables(
     if not has_header and len(above) == len(header) and _kinds(_named(above)):
         header = above
     elif not has_header:
-        if not _is_list_of_points(rows):
+        words = (
+            "the lines are two names and numbers, like observations of JAG3D; expected a header with the names of "
+            "the columns in the first line, as from, to, distance"
+        )
+        if not has_two_names(rows):
             words = (
                 "expected a header with the names of the columns in the first line; only a list of points "
                 "(name, x, y, z) may be without"
             )
+        if has_two_names(rows) or not _is_list_of_points(rows):
             raise InputError([Message(words, str(path), 1)])
         header = (*_OF_POINTS, *(f"column{k}" for k in range(5, len(rows[0]) + 1)))
     named = _named(header)
@@ -851,6 +856,16 @@ def _rows(lines: list[str], delimiter: str) -> list[list[str]]:
 def _spaced(lines: list[str], delimiter: str) -> list[str]:
     """Lines with one blank for several if blanks part the cells."""
     return [" ".join(line.split()) for line in lines] if delimiter == " " else lines
+
+
+def has_two_names(rows: Sequence[Sequence[str]]) -> bool:
+    """Return whether the rows are two names (from and to), then numbers."""
+    words = [[cell.strip().replace(",", ".") for cell in row] for row in rows]
+    if not words or not all(len(row) == len(words[0]) > 2 and all(map(_NUMBER.fullmatch, row[2:])) for row in words):
+        return False
+    starts, ends = {row[0] for row in words}, {row[1] for row in words}
+    named = any(not _NUMBER.fullmatch(end) for end in ends)
+    return named or (bool(starts & ends) and all(end.isdecimal() for end in starts | ends))
 
 
 def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:

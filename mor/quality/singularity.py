@@ -562,6 +562,8 @@ def _name(kind: str, block: str, say: Translate) -> str:
     space, name = thing_of(kind, block)
     if KINDS[kind] in MOTIONS:
         return say("the {part} of {names}", part=say(kind), names=f"{say('point')} {name}")
+    if _is_far(kind, block):
+        return say("the {part} of {names}", part=say("direction"), names=f"{say('point')} {block.partition(' ')[2]}")
     thing = f"{say(space)} {name}"
     if kind.startswith("interior/"):
         if space == "image":
@@ -573,5 +575,11 @@ def _name(kind: str, block: str, say: Translate) -> str:
     return thing
 
 
+def _is_far(kind: str, block: str) -> bool:
+    """Return whether a block is the direction of a point at infinity."""
+    return kind == "rotation" and block.startswith("point ")
+
+
 def _cure(kind: str, block: str, say: Translate) -> str:
+    kind = "point" if _is_far(kind, block) else kind
     return say(_KNOT if thing_of(kind, block)[0] == "knot" else _CURES[kind.split("/")[0]])

@@ -482,6 +482,7 @@ def test_sheets_of_a_spreadsheet_must_be_named_if_missing(tmp_path: Path) -> Non
     [
         ("a,b,c\n1,2,3\n", "unknown kind of table"),
         ("1,2,3\n", "expected a header"),
+        ("1;2;3,5;0.5\n2;4;3,5;0.5\n", "two names and numbers, like observations of JAG3D; expected a header"),
         ("", "expected a header"),
     ],
 )

@@ -143,6 +143,19 @@ def test_a_rig_is_a_pair(tmp_path: Path) -> None:
     assert "1 image point of no object point" in " ".join(map(str, document.notes))
 
 
+@pytest.mark.parametrize("alone", [False, True])
+def test_cameras_of_undistorted_images_are_held(tmp_path: Path, alone: bool) -> None:
+    """COLMAP's ``image_undistorter`` writes a PINHOLE camera for each image: they come from a calibration."""
+    folder = _rig(tmp_path)
+    for name in ("rigs.txt", "frames.txt") if alone else ():
+        (folder / name).unlink()
+    document = read_foreign(folder)
+    interiors = [camera["interior"]["fx"] for camera in document.data["cameras"].values()]
+    key = "fixed" if alone else "free"
+    assert [float(value[key]) for value in interiors] == [700.0, 710.0]
+    assert ("the cameras are held" in " ".join(map(str, document.notes))) == alone
+
+
 def test_cameras_of_no_image_are_left_out(tmp_path: Path) -> None:
     """COLMAP lists the cameras of images that it has not registered, too: nothing would determine them."""
     document = read_foreign(_rig(tmp_path, "# cameras\r\n", "3 PINHOLE 800 600 720 720 400 300\r\n"))

@@ -204,7 +204,7 @@ def test_a_project_in_a_projection(tmp_path: Path) -> None:
     (tmp_path / "n.cor").write_text(f"1 A {east:.4f} {north:.4f} 100 0 0 0 3.0 -2.0\n")
     matrix = "1e-6 1e-7 0 2e-6 -1e-7 3e-6"
     rows = [f"{name} {' '.join(f'{v:.4f}' for v in space[name] - space['A'])} {matrix}" for name in "BC"]
-    (tmp_path / "sub" / "n.obs").write_text("19 A @b.bas 2\n4 B C -30.0 0.001\n")
+    (tmp_path / "sub" / "n.obs").write_text("19 A @b.bas 2\n4 B C -30.0 0.001\n8 A B 12.0 0.001\n14 A B 5.0 0.001\n")
     (tmp_path / "sub" / "b.bas").write_text("\n".join(rows) + "\n")
     document = read_foreign(path)
     points = document.data["points"][0]
@@ -214,6 +214,9 @@ def test_a_project_in_a_projection(tmp_path: Path) -> None:
         "3.0",
         "-2.0",
     )
+    notes = " ".join(map(str, document.notes))
+    assert "azimuths (8) in a projection (use_proj) not read (1 record)" in notes
+    assert "coordinates (14) in a projection (use_proj) not read (1 record)" in notes
     vectors = next(table for table in document.data["observations"] if table["type"] == "gnss_vector")
     assert np.array(vectors["covariance"])[0] == pytest.approx([4e-6, 4e-7, 0.0])
     assert run("adjust", path, "-o", tmp_path / "out", "--no-html").code == 0
@@ -227,8 +230,11 @@ def test_a_project_in_a_projection(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("observations", "words"),
     [
-        ("8 A B 10 0.001\n", r"azimuths \(8\) in a projection"),
-        ("9 A B 0 0.001\n", r"differences of plan coordinates \(9, 14, 15\) in a projection"),
+        ("8 A B 10 0.001\n", r"left out: azimuths \(8\) in a projection"),
+        (
+            "9 A B 0 0.001\n14 A B 0 0.001\n",
+            r"plan coordinates \(9\) in a projection \(use_proj\); .* plan coordinates \(14\) in a projection",
+        ),
         ("11 A @f.xyz V\n", "levelled frames"),
         ("11 A @none.xyz\n", "this file does not exist"),
         ("11 A f.xyz\n", r"found '11 A f\.xyz', expected a code, origin, @file"),
@@ -243,6 +249,31 @@ def test_what_a_projection_cannot_have(tmp_path: Path, observations: str, words:
         read_foreign(path)
 
 
+@pytest.mark.parametrize("projected", [False, True])
+def test_heights_that_no_observation_tells_are_held(tmp_path: Path, projected: bool) -> None:
+    """C follows from directions alone; its plan coordinates are those of the scene, its height is that of the file."""
+    path = write(tmp_path)
+    if projected:
+        projection = '"use_proj" : true, "proj_def" : "EPSG:2154"'
+        path.write_text(COMP.replace('"use_proj" : false', projection))
+    shift = (700000.0, 6600000.0, 0.0) if projected else (0.0, 0.0, 0.0)
+    places = {name: np.add(place, shift) for name, place in PLACES.items()}
+    rows = [f"{1 if name in 'AB' else 0} {name} {' '.join(map(str, place))} 0 0 0" for name, place in places.items()]
+    (tmp_path / "n.cor").write_text("\n".join(rows).replace(" 2.0 0 0 0", " 2.5 0 0 0") + "\n")
+    angles = [
+        f"{code} {station} {target} {_azimuth(station, target):.6f} 0.001"
+        for station in "AB"
+        for code, target in zip((7, 5), "ABC".replace(station, ""), strict=True)
+    ]
+    (tmp_path / "sub" / "n.obs").write_text("\n".join(angles) + "\n")
+    assert "1 point without an observation of the height: their heights are held" in str(read_foreign(path).notes)
+    assert run("adjust", path, "-o", tmp_path / "out", "--no-html").code == 0
+    with (tmp_path / "out" / ("places.csv" if projected else "points.csv")).open(newline="") as file:
+        (found,) = (row for row in csv.DictReader(file) if row["id"] == "C")
+    names = ("east", "north", "height") if projected else ("x", "y", "z")
+    assert [float(found[name]) for name in names] == pytest.approx([*places["C"][:2], 2.5], abs=2e-3)
+
+
 def test_deflections_and_baselines_need_a_projection(tmp_path: Path) -> None:
     path = write(tmp_path)
     (tmp_path / "n.cor").write_text(COR.replace("0 C 960.02 2050.01 2", "0 C 960.02 2050.01 2 0 0 0 1.5 2"))
@@ -251,4 +282,5 @@ def test_deflections_and_baselines_need_a_projection(tmp_path: Path) -> None:
         read_foreign(path)
     said = " ".join(str(problem) for problem in raised.value.problems)
     assert "point C: deflections of the vertical need a project in a projection" in said
-    assert "only a project in a projection (use_proj) has GNSS baselines (19)" in said
+    (tmp_path / "n.cor").write_text(COR)
+    assert "GNSS baselines (19) without a projection (use_proj) not read (1 record)" in str(read_foreign(path).notes)

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from pyproj import Transformer
 
 from mor.api.pipeline import read_document, solve_network
 from mor.errors import InputError
@@ -192,6 +193,61 @@ def test_reference_positions_of_cameras_are_observed(tmp_path: Path) -> None:
     np.testing.assert_allclose(-D[2], [0.5, 0, -np.sqrt(0.75)], atol=1e-12)
     np.testing.assert_allclose(D[1], [np.sqrt(0.75), 0, 0.5], atol=1e-12)
     np.testing.assert_allclose(D[0], [0, -1, 0], atol=1e-12)
+
+
+def test_cameras_and_markers_may_have_systems_of_their_own(tmp_path: Path) -> None:
+    """Longitude and latitude of cameras are no lengths beside markers in a projection; σ in plan and in height."""
+    geographic = 'GEOGCS["E",DATUM["D"]]'
+    plane = f'COMPD_CS["U + h",PROJCS["U",{geographic}]]'
+    settings = "".join(f'<property name="accuracy_cameras{k}" value="{v}"/>' for k, v in (("_xy", 0.1), ("_z", 0.2)))
+    camera = '<camera id="0" sensor_id="0" label="a.jpg">'
+    text = XML.replace(camera, f'{camera}<reference x="8.5" y="50" z="3"/>').replace(
+        "<settings>", f"<settings>{settings}"
+    )
+    systems = f"<reference>{plane}</reference><camera_reference>{{}}</camera_reference>"
+    local = '<reference>LOCAL_CS["Local Coordinates (m)"]</reference>'
+    path = tmp_path / "markers.xml"
+    for own, sigma in ((f'COMPD_CS["E + h",{geographic}]', []), (plane, ["0.1", "0.1", "0.2"])):
+        path.write_text(text.replace(local, systems.format(own)))
+        document = read_foreign(path)
+        images = document.data["images"][0]
+        found = dict(zip(images["columns"], images["rows"][0], strict=True))
+        assert [found[name] for name in ("sigma_x", "sigma_y", "sigma_z") if name in found] == sigma
+        notes = " ".join(map(str, document.notes))
+        assert ("positions of 1 image are longitude and latitude: not read" in notes) == (not sigma)
+        assert document.data["points"][0]["rows"][0][1:4] == ["1", "2", "3"]
+
+
+def test_longitude_and_latitude_become_east_north_up(tmp_path: Path) -> None:
+    """Markers, positions of cameras and poses, whose chunk is geocentric; the truth by proj's topocentric axes."""
+    place = "+lat_0=50 +lon_0=8.5 +h_0=100 +ellps=WGS84"
+    topocentric = Transformer.from_pipeline(f"+proj=pipeline +step +inv +proj=topocentric {place}")
+    geodetic = Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True)
+    local = np.array([[0.0, 0.0, 0.0], [40.0, -30.0, 5.0], [1.0, 2.0, 80.0]])
+    space = np.stack(topocentric.transform(*local.T), axis=1)
+    degrees = np.stack(geodetic.transform(*space.T), axis=1)
+    given = [f'<reference x="{x!r}" y="{y!r}" z="{z!r}"/>' for x, y, z in degrees.tolist()]
+    axes = np.stack(topocentric.transform(*np.eye(3)), axis=1) - space[0]  # rows: east, north, up
+    matrix = np.vstack([np.column_stack([axes.T, space[2] - space[0]]), [0, 0, 0, 1]])
+    text = re.sub(r'<marker id="0".*?</marker>', f'<marker id="0" label="P1">{given[0]}</marker>', XML)
+    text = text.replace('<marker id="1" label="P2"/>', f'<marker id="1" label="P2">{given[1]}</marker>')
+    text = text.replace("1 0 0 1 0 -1 0 2 0 0 -1 3 0 0 0 1", " ".join(map(repr, matrix.ravel().tolist())))
+    text = text.replace("<transform>1 0", f"{given[2]}<transform>1 0")
+    moved = f"<rotation>1 0 0 0 1 0 0 0 1</rotation><translation>{' '.join(map(repr, space[0].tolist()))}</translation>"
+    text = re.sub(r"<transform><rotation>.*?</transform>", f"<transform>{moved}</transform>", text)
+    path = tmp_path / "markers.xml"
+    path.write_text(text.replace('LOCAL_CS["Local Coordinates (m)"]', 'GEOGCS["WGS 84",DATUM["D"]]'))
+    document = read_foreign(path)
+    assert (
+        "coordinates are east, north, up of the reference point: latitude 50, longitude 8.5, altitude 100"
+        in " ".join(map(str, document.notes))
+    )
+    found = {row[0]: [float(v) for v in row[1:4]] for row in document.data["points"][0]["rows"]}
+    np.testing.assert_allclose([found["P1"], found["P2"]], local[:2], atol=1e-6)
+    (row,) = document.data["images"][0]["rows"]
+    np.testing.assert_allclose([float(v) for v in row[2:5]], local[2], atol=1e-6)
+    D = rotation_from_angles(np.array([[float(v) for v in row[5:8]]]))[0]
+    np.testing.assert_allclose(D, np.diag([1.0, -1.0, -1.0]), atol=1e-9)
 
 
 PANE = """# CoordinateSystem: LOCAL_CS["Local Coordinates (m)"]

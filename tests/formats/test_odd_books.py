@@ -358,14 +358,16 @@ def test_points_that_no_reading_tells_the_height_of_are_kept_in_plan(tmp_path: P
     assert solve_network(network_of(document, tmp_path)).quality.sigma0 < 1.0
 
 
+@pytest.mark.parametrize("third", ["", "5=C\n37=100.000\n38=240.000\n"])
+@pytest.mark.parametrize("names", [("a.job", "a.are"), ("a.are", "a.job")])
 @pytest.mark.parametrize("height", ["", "39=10.000\n"])
-def test_coordinates_in_a_file_of_their_own_are_control(tmp_path: Path, height: str) -> None:
-    """Without heights in it those of the book stay free."""
+def test_coordinates_in_a_file_of_their_own_are_control(
+    tmp_path: Path, height: str, names: tuple[str, str], third: str
+) -> None:
+    """Without heights in it those of the book stay free, whatever the order of the files."""
     (tmp_path / "a.job").write_text(JOB)
-    (tmp_path / "a.are").write_text(
-        f"5=A\n37=100.000\n38=200.000\n{height}5=B\n37=130.000\n38=200.000\n5=C\n37=100.000\n38=240.000\n"
-    )
-    whole = combined([read_foreign(tmp_path / name) for name in ("a.job", "a.are")])
+    (tmp_path / "a.are").write_text(f"5=A\n37=100.000\n38=200.000\n{height}5=B\n37=130.000\n38=200.000\n{third}")
+    whole = combined([read_foreign(tmp_path / name) for name in names])
     assert whole.data.get("datum") == (None if height else "free")
     solved = solve_network(network_of(whole, tmp_path))
     points = solved.network.things["point"]

@@ -227,3 +227,10 @@ def test_a_pointer_in_place_of_a_file_is_named(tmp_path: Path) -> None:
     (tmp_path / "reconstruction.json").write_text("version https://git-lfs.github.com/spec/v1\noid sha256:0\nsize 1\n")
     with pytest.raises(InputError, match=r"reconstruction\.json: this is a pointer of Git LFS, not the file"):
         read_foreign(tmp_path)
+
+
+def test_tracks_are_called_after_their_reconstruction(tmp_path: Path) -> None:
+    _folder(tmp_path)
+    for kind, end in (("reconstruction", "json"), ("tracks", "csv")):
+        (tmp_path / f"{kind}.{end}").rename(tmp_path / f"{kind}_two.{end}")
+    assert read_foreign(tmp_path / "reconstruction_two.json").frames["tracks"].height == 4

@@ -88,6 +88,15 @@ def test_records_tell_the_format_whatever_the_name(tmp_path: Path, key: str, suf
             "10 8 3\n1 2 3 4\n" + "C P 1 2\n" * 8,
             "this file may have several formats (bal: three counts",
         ),
+        ("a.dat", "4 2\nA -10.5 20\n" + "C B 1.5 -2.5\n" * 8 + "B A 1.5 -2.5 3\n" * 9, "this is text that begins with"),
+        (
+            "levels.txt",
+            " 7 \t 8 \t0.5\t60.0\n 8 \t 9a \t1.5\t60.0\n",
+            "a table of 4 columns without a header, like obs",
+        ),
+        ("levels.txt", "7 8 0.5 60\n8 9 1.5 60\n", "like observations of JAG3D (from, to, values)"),
+        ("levels.txt", "7,8,0.5\n8,9,1.5\n", "a table of 3 columns without a header, like observations of JAG3D"),
+        ("points.txt", "7 100.25\n8 100.5\n", "a table of 2 columns without a header, like a list of points"),
     ],
 )
 def test_unknown_files_are_answered_with_what_they_look_like(tmp_path: Path, name: str, text: str, words: str) -> None:
@@ -97,6 +106,12 @@ def test_unknown_files_are_answered_with_what_they_look_like(tmp_path: Path, nam
         read_document(path)
     assert words in str(error.value)
     assert "YAML" not in str(error.value)
+
+
+def test_names_of_starnet_may_be_numbers(tmp_path: Path) -> None:
+    path = tmp_path / "a.txt"
+    path.write_text("C 1 100 200 !\nC 2 100 300\nD 1,2 100.0\nA 1,2,3 90-00-00\n")
+    assert format_of(path) == "starnet"
 
 
 @pytest.mark.parametrize("name", ["a.pdf", "a", "a.txt", "a.gsi", "a.dat"])

@@ -418,3 +418,49 @@ def test_a_known_height_in_a_grid_is_observed(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"one\.dat:2: E: found 'x', expected a number"):
         read_foreign(_project(tmp_path, text, one=data.replace("99.5", "x")))
     assert {Path(file).name for file in document.files.values()} == {"one.dat"}
+
+
+def _polar(at: str, back: str, to: str, plane: bool = False) -> str:
+    (turned, zenith, slope), (zero, *_) = _between(at, to), _between(at, back)
+    flat = f"{slope * np.sin(np.radians(zenith)):.5f}"
+    return f"M {at}-{back}-{to} {_dms(turned - zero)} " + (flat if plane else f"{slope:.5f} {_dms(zenith)}")
+
+
+MIXED = (
+    *(f"C {name} {PLACES[name][0]} {PLACES[name][1]} {PLACES[name][2]} ! ! !" for name in "12"),
+    *(_polar(at, back, "3") for at, back in ("12", "21")),
+    ".2D",
+    *(_polar(at, back, "4", plane=True) for at, back in ("12", "32")),
+    ".3REDUCE",
+    _polar("2", "1", "4"),
+    "D 1-4 100.0",
+)
+"""A network in space; 4 is observed in the plane alone."""
+
+
+def test_lines_in_the_plane_do_not_flatten_those_before(tmp_path: Path) -> None:
+    """``.2D`` and ``.3REDUCE`` hold for the lines behind them (STAR*NET V6, chapter 5, inline options)."""
+    path = tmp_path / "m.dat"
+    path.write_text(".ORDER EN\n" + "\n".join(MIXED) + "\n")
+    notes = " ".join(map(str, read_foreign(path).notes))
+    for words in (
+        "1 point without an observation of the height: their heights are held",
+        "zenith angles and height differences in the plane (1 line)",
+        "distances along the slope without a zenith angle in the plane (1 line)",
+    ):
+        assert words in notes
+    assert run("adjust", path, "-o", tmp_path / "out", "--no-html").code == 0
+    with (tmp_path / "out" / "points.csv").open(newline="") as file:
+        found = {row["id"]: [float(row[axis]) for axis in "xyz"] for row in csv.DictReader(file)}
+    np.testing.assert_allclose(found["3"], PLACES["3"], atol=1e-4)
+    np.testing.assert_allclose(found["4"], [*PLACES["4"][:2], 0.0], atol=1e-4)
+
+
+def test_lines_in_space_are_reduced_in_a_project_in_the_plane(tmp_path: Path) -> None:
+    fixed = (f"C {name} {PLACES[name][0]} {PLACES[name][1]} ! !" for name in "12")
+    data = "\n".join([*fixed, ".3D", ".ORDER ATFROMTO", *MIXED[2:4]])
+    path = _project(tmp_path, PROJECT.replace('3 "one.dat"\n', ""), two=data)
+    assert run("adjust", path, "-o", tmp_path / "out", "--no-html").code == 0
+    with (tmp_path / "out" / "points.csv").open(newline="") as file:
+        found = {row["id"]: [float(row[axis]) for axis in "xy"] for row in csv.DictReader(file)}
+    np.testing.assert_allclose(found["3"], PLACES["3"][:2], atol=1e-4)

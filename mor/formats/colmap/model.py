@@ -189,21 +189,24 @@ def has_one_unknown_more(name: str) -> bool:
     return MODELS[name].ours == "fisheye" and MODELS[name].parameters[0] == "f"
 
 
-def camera_of(camera: ColmapCamera) -> dict[str, Any]:
-    """A camera as a project file says it; principal points are fixed, as COLMAP's own adjustment has them."""
+def camera_of(camera: ColmapCamera, held: bool = False) -> dict[str, Any]:
+    """A camera as a project file says it; principal points are fixed, as COLMAP's own adjustment has them.
+
+    ``held``: all is fixed.
+    """
     model = MODELS[camera.model]
     given = dict(zip(model.parameters, camera.parameters, strict=True))
     if model.ours != "mor" and "f" in given:
         f = given.pop("f")
         given = {"fx": f, "fy": f, **given}
     interior = _radial(camera, given) if model.ours == "mor" else given
-    held = ("xh", "yh", "cx", "cy")
+    fixed = interior if held else ("xh", "yh", "cx", "cy")
     return {
         "model": model.ours,
         "unit": "px",
         "coordinates": "corner",
         "image": {"width": str(camera.width), "height": str(camera.height)},
-        "interior": {name: {"fixed" if name in held else "free": repr(value)} for name, value in interior.items()},
+        "interior": {name: {"fixed" if name in fixed else "free": repr(value)} for name, value in interior.items()},
     }
 
 

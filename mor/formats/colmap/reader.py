@@ -393,8 +393,12 @@ def read_colmap(path: Path) -> Document:
     cameras = [camera for camera in model.cameras if camera.id in used] or model.cameras
     if len(cameras) < len(model.cameras):
         draft.note(f"{counted(len(model.cameras) - len(cameras), 'camera')} of no image not read")
-    draft.put("cameras", {str(camera.id): camera_of(camera) for camera in cameras})
     pairs, follows = followers(model, draft)
+    own = not pairs and 1 < len(cameras) == len(model.images)
+    undistorted = own and all(camera.model == "PINHOLE" for camera in cameras)
+    draft.put("cameras", {str(camera.id): camera_of(camera, held=undistorted) for camera in cameras})
+    if undistorted:
+        draft.note("each image has a PINHOLE camera of its own, as COLMAP's undistorter writes: the cameras are held")
     rows = [_image_row(image, follows.get(image.id)) for image in model.images]
     columns = ("id", "camera", "x", "y", "z", "omega", "phi", "kappa", "leader", "pair")
     if pairs:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mor.quality.assessment import assess
-from mor.quality.singularity import tilt
+from mor.quality.singularity import _cure, _name, english, tilt
 from mor.quality.solution import weak_directions
 from mor.solve.iterate import Outcome, adjust
 from tests.scenarios.scenes import (
@@ -182,3 +182,9 @@ def _image_of(rows, name, xyz):
     D, _ = attitude(centre, roll)
     star = D @ (np.array(xyz) - centre)
     return [float(-C * star[0] / star[2]), float(-C * star[1] / star[2])]
+
+
+def test_a_point_at_infinity_is_called_a_point_with_a_direction():
+    assert _name("rotation", "point 7", english) == "the direction of point 7"
+    assert _name("rotation", "station 7", english) == "the rotation of station 7"
+    assert _cure("rotation", "point 7", english).startswith("observe it from a second place")
