@@ -519,7 +519,9 @@ def without_progress(iterations: tuple[Iteration, ...]) -> int:
 
 
 def settles(iterations: tuple[Iteration, ...]) -> bool:
-    """Return True where steps below a tenth of σ become smaller from ten iterations to the next ten."""
+    """True where steps below a tenth of σ become smaller from ten iterations to the next ten, or the damping falls."""
+    if len(iterations) >= 10 and iterations[-1].damping < 0.5 * iterations[-10].damping:
+        return True
     steps = [iteration.largest_change for iteration in iterations[-20:]]
     return len(steps) == 20 and max(steps[10:]) < min(0.1, 0.9 * max(steps[:10]))
 

@@ -55,6 +55,10 @@ def test_a_standstill_is_twenty_iterations_that_lead_nowhere():
     assert settles(_history(*(0.05 * 0.9 ** np.arange(20) * period)))
     assert not settles(_history(*(0.05 * period)))
     assert not settles(_history(*(5.0 * 0.9 ** np.arange(20) * period)))
+    falling = [Iteration(k, 100.0, 4.0, 1e-6 * 0.9**k, 10) for k in range(10)]
+    assert settles(tuple(falling))
+    assert settles((*falling[:-1], falling[-1]._replace(damping=0.0)))
+    assert not settles((*falling[:-1], falling[-1]._replace(damping=0.6e-6)))
     assert not stands_still(_history(*[3.0] * 19))
     assert not stands_still(_history(*(100.0 * 0.8 ** np.arange(20))))
     assert not stands_still(_history(*(1e-3 * 0.9 ** np.arange(20))))
