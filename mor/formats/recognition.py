@@ -886,7 +886,7 @@ _ROOT = re.compile(
     r"\ufeff?\s*(?:(?:<\?.*?\?>|<!--.*?-->|<!DOCTYPE(?:[^\[>]|\[.*?\])*>)\s*)*<(?:[\w.-]+:)?([A-Za-z_][\w.-]*)",
     re.DOTALL,
 )
-_VAGUE = (".txt", ".dat", ".out", ".raw", ".job", ".xml", ".json", ".gz")
+_VAGUE = (".txt", ".dat", ".out", ".raw", ".job", ".obs", ".xml", ".json", ".gz")
 """Suffixes that many programs use: they are no reason for a format."""
 _OWN = (".yaml", ".yml", ".csv", ".parquet")
 """Suffixes of mor's own files."""

@@ -163,14 +163,16 @@ def test_a_code_block_opens_a_set_up(tmp_path: Path) -> None:
         sight(5, "P1", 0),
         "*410006+0000000000000007 42....+00000000000TREE 43....+0000000000012000",
         sight(7, "P3", 35000000),
+        block(8, 2, "0", 0),
+        sight(9, "0", 35000000),
     ]
     document = _read(tmp_path, "b.gsi", "\n".join(lines))
     assert [row[:3] for row in document.data["stations"][0]["rows"]] == [
         ["P1", "P1", "1.55"],
         ["P2", "P2", "1.6"],
     ]
-    assert _station_of_lines(document) == {2: "P1", 3: "P1", 5: "P2", 7: "P2"}
-    assert "not read: code block (1 record, lines 6)" in _notes(document)
+    assert _station_of_lines(document) == {2: "P1", 3: "P1", 5: "P2", 7: "P2", 9: "P2"}
+    assert "not read: code block (2 records, lines 6, 8)" in _notes(document)
 
 
 @pytest.mark.parametrize(("second", "stations"), [(3, ["S1", "S2"]), (2, ["station 1"])])

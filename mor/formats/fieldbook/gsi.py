@@ -131,7 +131,8 @@ def _station_codes(blocks: list[_GsiBlock]) -> set[str]:
         if not block.code or not targets:
             continue
         height = _millimetres(block.words["43"][1]) if "43" in block.words else None
-        fits = "42" in block.words and height is not None and 0.0 <= height < _TALLEST
+        named_station = "42" in block.words and _plain(block.words["42"][1]) != "0"
+        fits = named_station and height is not None and 0.0 <= height < _TALLEST
         found.setdefault(block.code, []).append(fits)
         heights.setdefault(block.code, []).append(height or 0.0)
         places.setdefault(block.code, []).append(readings)

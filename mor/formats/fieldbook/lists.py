@@ -240,8 +240,11 @@ _GTS6_READINGS = re.compile(
 
 def _read_gts6(lines: list[tuple[int, str]], book: FieldBook) -> None:
     """Lengths have 8 digits for mm or 9 for 0.1 mm, angles 7 (dddmmss) or 8 (dddmmsst); a line may end anywhere."""
-    if all(text[-4:].isdecimal() and int(text[-4]) == k % 10 for k, (_, text) in enumerate(lines[:-1])):
-        lines = [(line, text[:-4]) for line, text in lines[:-1]] + lines[-1:]  # numbers and checksums of a transfer
+    tails = [text[-4:] for _, text in lines[:-1]]  # numbers and checksums of a transfer, or what stands for them
+    same = len(tails) > 1 and len(set(tails)) == 1 and tails[0].isdecimal()
+    if same or all(tail.isdecimal() and int(tail[0]) == k % 10 for k, tail in enumerate(tails)):
+        line, text = lines[-1]
+        lines = [(line, text[:-4]) for line, text in lines[:-1]] + [(line, text.removesuffix(tails[0] if same else ""))]
     stream, ends = "".join(text for _, text in lines), list(accumulate(len(text) for _, text in lines))
     metres = 0.3048 if re.search(r"[?W][+-]\d{8,9}f", stream) else 1.0
     book.angle = "gon" if re.search(r"[+-]\d{7,8}g", stream) else "deg"
