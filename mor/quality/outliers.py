@@ -511,9 +511,10 @@ def _repaired(plain: Adjustment, settings: SolverSettings | None, watch: Watcher
     found = _by_weights(plain, watch, by_parts=True)
     first = _attempt(plain, found, settings, watch, from_far) or from_far()
     first = first._replace(robust=found.values)
+    if not any(is_image_point(group.type) for group in plain.problem.groups):
+        return first
     converged = first.adjustment.outcome is Outcome.CONVERGED
-    doubtful = first.suspects is not None and _contradicted_frames(plain.problem, first.suspects.masks).any()
-    if (converged and not doubtful) or not any(is_image_point(group.type) for group in plain.problem.groups):
+    if converged and (first.suspects is None or not _contradicted_frames(plain.problem, first.suspects.masks).any()):
         return first
     other = _by_weights(plain, watch, by_parts=False)
     if all(map(np.array_equal, found.suspects, other.suspects)):
