@@ -73,7 +73,7 @@ class Process:
         self._begin()
 
     def run(self, observations: int = WORTH_COMPILING) -> bool:
-        """Whether kernels are used for so many observations; they must give what Python gives."""
+        """Return whether kernels are used for so many observations, after a check that they give what Python gives."""
         self._patch.setenv("MOR_KERNELS", self.asked)
         self.notes = []
         self._begin()
@@ -137,7 +137,7 @@ def test_another_state_of_the_sources_or_of_numba_has_a_cache_of_its_own(
 def test_another_installation_of_the_same_code_has_a_cache_of_its_own(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Numba would compile all of it anew there, and again in the first one, without a word."""
+    """Numba would compile all of it again in each of them, and say nothing."""
 
     def state_of(package: Path) -> str:
         monkeypatch.setattr(compilation, "__file__", str(package / "linalg" / "compilation.py"))

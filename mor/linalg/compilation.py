@@ -300,10 +300,10 @@ def _folder() -> Path:
 
 @cache
 def _state_of_code() -> str:
-    """Digest of all code that kernels call, and of where it lies since when.
+    """Digest of all code that kernels call, with the paths and times of its files.
 
-    Numba takes a kernel from the cache only for the same file of the same time, and compiles it without a word else. It
-    does not look at the files of what a kernel calls.
+    Numba takes a kernel from the cache only if the path and the time of its file are the same. Otherwise it compiles
+    the kernel and says nothing. It does not look at the files of what a kernel calls.
     """
     import llvmlite.binding as llvm
     import numpy as np

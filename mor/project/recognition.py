@@ -579,37 +579,30 @@ def _levelled(table: Found) -> tuple[Found, ...]:
     rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
     known = [row for row in rows if row.text("point") and _NUMBER.fullmatch(row.text("height"))]
     notes, benchmark = (*table.notes, words), tuple[Found, ...]()
+    written = table._replace(delimiter=",", decimal_comma=False, has_header=True, tidied=True)
     if known and known[0].text("point") in {name for row in found for name in (row.start, row.end)}:
         name, height = known[0].text("point"), known[0].text("height").replace(",", ".")
         below = counted(len(known) - 1, "height")
         notes = (*notes, f"the height of {name} is taken over; {below} below not used: they are computed")
         unit = table.units.get("height")
-        heights = Found(
-            table.path,
-            "points",
-            {"id": "id", "z": "z"},
-            (),
-            {"z": unit} if unit else {},
-            ",",
-            False,
-            True,
-            ("id", "z"),
-            ((name, height),),
-            tidied=True,
+        heights = written._replace(
+            kind="points",
+            columns={"id": "id", "z": "z"},
+            unused=(),
+            units={"z": unit} if unit else {},
+            header=("id", "z"),
+            rows=((name, height),),
+            notes=(),
             part=_BENCHMARK,
         )
         benchmark = (heights,)
-    differences = table._replace(
+    differences = written._replace(
         kind="height_difference",
         columns=dict(zip(names, names, strict=True)),
         unused=(*table.unused, *(table.columns[n] for n in _DISTANCES if n in table.columns and "length" not in names)),
         units={name: unit for name, unit in units.items() if unit and name in names},
-        delimiter=",",
-        decimal_comma=False,
-        has_header=True,
         header=tuple(names),
         rows=tuple(lines),
-        tidied=True,
         notes=(*notes, *(f"{what}: {counted(n, 'row')}" for what, n in left.items() if n)),
         part="height_difference" if benchmark else "",
     )

@@ -180,7 +180,7 @@ _BEYOND_MEDIAN = 10.0
 _SEEN, _BENT = 9.0, 100.0
 """Increase of vᵀPv by 3 σ, and how many times as large as the linear equations have it where these do not hold."""
 _FAR = 3.0
-"""Standard deviations that a point far outside must lie from the rest at least: it is somewhere then."""
+"""Standard deviations by which a far point must at least be away from the rest to count as determined."""
 _NARROW = 0.05
 """σ (rad) of a direction that is known, the angle below which rays are nearly parallel."""
 _TYPICAL, _SAMPLED = 1e-3, 500

@@ -490,8 +490,8 @@ def without_suspects(
     sources that contradict each other they would only be the smaller one); and where as many chosen ones would lessen
     vᵀPv so by chance. A bad one with a ray on another branch of its projection gives way to any other.
 
-    Weights lead by the medians of parts first. Where that leads to nothing, as where most rays to control points are
-    wrong, or contradicts most of an image or set-up, by those of whole groups; fewer suspects are the likelier ones.
+    Weights begin with the medians of parts. Where that finds no solution, or contradicts most of an image or set-up,
+    they begin with those of whole groups. Of two solutions the one with fewer suspects is taken.
     """
     if plain.outcome is Outcome.SINGULAR and not plain.iterations:
         return Attempt(plain)
@@ -663,8 +663,10 @@ def _from_far(plain: Adjustment, settings: SolverSettings | None, watch: Watcher
 
 
 def _is_minimum(again: Adjustment, plain: Adjustment) -> bool:
-    """True where all observations converge to a vᵀPv that is not above what the plain adjustment came down to."""
-    return again.outcome is Outcome.CONVERGED and not again.normals.objective > (1.0 + _SAME) * plain.normals.objective
+    """True where all observations converge, and not above a vᵀPv that a plain adjustment reached without converging."""
+    if again.outcome is not Outcome.CONVERGED or plain.outcome is Outcome.CONVERGED:
+        return again.outcome is Outcome.CONVERGED
+    return not again.normals.objective > (1.0 + _SAME) * plain.normals.objective
 
 
 def _same_place(one: Adjustment, other: Adjustment) -> bool:

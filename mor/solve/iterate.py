@@ -473,7 +473,7 @@ _STANDS = 1e-3
 
 
 class Patience(NamedTuple):
-    """What an iteration may gain at a standstill, at most."""
+    """Largest gains at which an iteration counts as standing still."""
 
     iterations: int = 10
     """They are compared with as many before them."""

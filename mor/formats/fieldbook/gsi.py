@@ -117,8 +117,8 @@ def _millimetres(value: str) -> float | None:
 def _station_codes(blocks: list[_GsiBlock]) -> set[str]:
     """Codes whose blocks open set-ups: all of them have a point and an instrument height.
 
-    A code that no office agreed on has stations that are targets, too; or it is the only one that begins the readings
-    and has two or more of them behind each of its blocks.
+    A code of unknown meaning counts if its stations are targets, too. It also counts if it is the only one before all
+    readings, and two or more readings follow each of its blocks.
     """
     targets = {_plain(block.words["11"][1]) for block in blocks if "11" in block.words and block.readings}
     recorded = any({"84", "88"} & set(block.words) and not block.readings for block in blocks)

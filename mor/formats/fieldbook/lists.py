@@ -241,7 +241,8 @@ _GTS6_READINGS = re.compile(
 def _read_gts6(lines: list[tuple[int, str]], book: FieldBook) -> None:
     """Lengths have 8 digits for mm or 9 for 0.1 mm, angles 7 (dddmmss) or 8 (dddmmsst); a line may end anywhere."""
     tails = [text[-4:] for _, text in lines[:-1]]  # numbers and checksums of a transfer, or what stands for them
-    same = len(tails) > 1 and len(set(tails)) == 1 and tails[0].isdecimal()
+    # Equal ends are marks only if what stands before them differs: the stream itself may repeat with the lines.
+    same = len(set(tails)) == 1 and tails[0].isdecimal() and len({text[-5:-4] for _, text in lines[:-1]}) > 1
     if same or all(tail.isdecimal() and int(tail[0]) == k % 10 for k, tail in enumerate(tails)):
         line, text = lines[-1]
         lines = [(line, text[:-4]) for line, text in lines[:-1]] + [(line, text.removesuffix(tails[0] if same else ""))]
