@@ -25,13 +25,14 @@ from mor.project.planned_network import read_out_at
 from mor.project.schema import Settings as ProjectSettings
 from mor.project.schema import validate, without_empty_keys
 from mor.project.tables import MOST_TOLD
-from mor.quality.assessment import Levels, Quality, assess, checked
+from mor.quality.assessment import BEYOND_USE, Levels, Quality, assess, checked
 from mor.quality.determinability import (
     Means,
     adjust_determinable,
     completed,
     with_fitting_reason,
     without_hanging,
+    without_moved,
     without_unknown,
 )
 from mor.quality.group_tests import GroupTests, Rejection, group_tests, rejection
@@ -401,7 +402,12 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
     quality = assess(adjustment, levels(settings), aposteriori, done)
     sound = checked(quality)
     if not sound.outcome.is_solution:
-        return Solved(network, sound, None, None, suspects)
+        rest = None
+        if sound.reason == BEYOND_USE and settings.undetermined == "leave_out":
+            rest = without_moved(network, sound, sound.values, lambda some, values: make_problem(some, values, values))
+        if rest is None:
+            return Solved(network, sound, None, None, suspects)
+        return _assessed(adjusted._replace(network=rest, attempt=_attempt(rest, sound.values, None)), assessing)
     if suspects is not None:
         again = SolverSettings(settings.max_iterations)
         quality, suspects = put_back(quality, suspects, lambda one: assess(one, levels(settings), aposteriori), again)

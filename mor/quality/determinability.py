@@ -128,6 +128,7 @@ LOOSE = "its observations do not determine one of its directions"
 HANGS_ON = "it depends on other objects that are not determined"
 NOT_CONNECTED = "no observation connects it with the larger part of the network"
 MOVES_TOGETHER = "it can move together with others, and no observation changes"
+HARDLY_DETERMINED = "its standard deviations are too large to be useful"
 
 
 ONE_TIE = "it shares one point or none with the others, so nothing tells its direction"
@@ -300,9 +301,12 @@ def _named(things: NetworkObjects, defects: LocalDefects, first: bool) -> list[U
     return named
 
 
-def without_moved(network: Network, adjustment: Adjustment) -> Network | None:
-    """The network without what the null vectors move that are no movements of it as a whole.
+def without_moved(
+    network: Network, adjustment: Adjustment, values: Values, make: Callable[[Network, Values], Problem]
+) -> Network | None:
+    """The network without what is not determined in it, and without what is loose then.
 
+    That is what null vectors move that are no movements of it as a whole, or what is determined too badly to be of use.
     ``None`` where there are none, or where they move what cannot be left out: cameras, or most of the network.
     """
     if adjustment.outcome is not Outcome.SINGULAR or not adjustment.defect.undetermined:
@@ -311,7 +315,7 @@ def without_moved(network: Network, adjustment: Adjustment) -> Network | None:
     numbers = {things.name(k): k for k in range(things.count)}
     moved, reason = _apart(network), NOT_CONNECTED
     if not moved:
-        reason = MOVES_TOGETHER
+        reason = HARDLY_DETERMINED if adjustment.defect.beyond_use else MOVES_TOGETHER
         moved = {
             thing_of(kind, name) for direction in adjustment.defect.undetermined for kind, name, _ in direction.unknowns
         }
@@ -322,7 +326,8 @@ def without_moved(network: Network, adjustment: Adjustment) -> Network | None:
     if not chosen.any() or 2 * left > adjustment.problem.index.count:
         return None
     named = [UndeterminedObject(*things.name(k), reason, "left out") for k in np.flatnonzero(chosen).tolist()]
-    return without_blocks(network, marked, named)
+    further = without_loose(without_blocks(network, marked, named), values, make)
+    return further if _something_left(further) else None
 
 
 def _apart(network: Network) -> set[tuple[str, str]]:
@@ -872,9 +877,8 @@ def _adjusted(
         adjustment = attempt.adjustment
         if only_here(adjustment) or (not _fits(adjustment) and _ran_away(adjustment)):
             break  # the start values or gross errors are at fault
-        further = without_moved(reduced, adjustment)
-        further = further and without_loose(further, begun, means.make)
-        if further is None or not _something_left(further):
+        further = without_moved(reduced, adjustment, begun, means.make)
+        if further is None:
             break
         reduced, attempt = further, means.solve(further, begun)
     return reduced, attempt

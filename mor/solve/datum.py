@@ -383,8 +383,9 @@ _ROWS = 50_000
 def beside(problem: Problem, values: Values) -> Values:
     """Values a little beside others (seeded): what is singular at both is so in general, not by chance of its place."""
     random = np.random.default_rng(1763)
-    points = values["point"] if "point" in values else np.zeros((1, 3))
-    extent = float(np.ptp(points, axis=0).max(initial=0.0)) or 1.0
+    points = values["point"] if "point" in values and len(values["point"]) else np.zeros((1, 3))
+    # Half of evenly spread points lie within a quarter of the extent from their median; one far away counts little.
+    extent = 4.0 * float(np.median(np.abs(points - np.median(points, axis=0)), axis=0).max()) or 1.0
     scale = np.zeros(problem.index.count)
     for number, kind in enumerate(problem.index.unknown_kind):
         size = _BESIDE * extent if kind in ("point", "base") else _BESIDE if kind == "rotation" else 0.0

@@ -443,15 +443,17 @@ def meeting_places(
     at, towards = surfaces.sights[:, :3], surfaces.sights[:, 3:]
     ahead = np.asarray((np.einsum("kni,ni->kn", X[:, None, :] - at, towards) > 0.0).all(axis=1))
     good &= ahead if np.isfinite(fits) or (good & ahead).any() else True
+    good &= cost <= max(_ALIKE * np.fmin.reduce(cost), (0.1 * fits) ** 2)
+    best = np.argsort(cost)
+    best = best[good[best]]
+    values = rotations.singular_values(rows[best][:, :, free] * size)
+    if values.shape[1] < free.sum():
+        return []
+    apart = X[best[values[:, -1] >= SMALLEST * values[:, 0]]]
     places: list[FloatArray] = []
-    for k in np.argsort(cost)[: np.count_nonzero(good)]:
-        if not good[k] or cost[k] > max(_ALIKE * cost[np.argmin(cost)], (0.1 * fits) ** 2):
-            continue
-        values = rotations.singular_values(rows[k][:, free] * size)
-        if len(values) < free.sum() or values[-1] < SMALLEST * values[0]:
-            continue
-        if all(np.linalg.norm(X[k] - other) > SAME * size for other in places):
-            places.append(X[k])
+    while len(apart):
+        places.append(apart[0])
+        apart = apart[np.linalg.norm(apart - apart[0], axis=1) > SAME * size]
     return places
 
 
