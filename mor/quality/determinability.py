@@ -325,7 +325,10 @@ def without_moved(
     left = sum(int(np.count_nonzero(network.blocks[k].free[m])) for k, m in marked.items())
     if not chosen.any() or 2 * left > adjustment.problem.index.count:
         return None
-    named = [UndeterminedObject(*things.name(k), reason, "left out") for k in np.flatnonzero(chosen).tolist()]
+    rows = local_defects(adjustment.problem, adjustment.values, things.of_blocks, things.count).rows
+    named = [
+        UndeterminedObject(*things.name(k), reason, "left out", int(rows[k])) for k in np.flatnonzero(chosen).tolist()
+    ]
     further = without_loose(without_blocks(network, marked, named), values, make)
     return further if _something_left(further) else None
 

@@ -105,3 +105,38 @@ def test_nobody_is_told_to_leave_out_what_is_left_out_already(tmp_path):
     assert run.code == 2
     assert "leave_out" not in run.err
     assert "too few observations" in run.err.splitlines()[0]
+
+
+def test_a_point_with_a_height_of_no_use_is_left_out_and_the_rest_is_as_without_it(tmp_path):
+    whole = """mor: 1
+datum: fixed
+settings: {undetermined: leave_out}
+points:
+  - {columns: [id, x, y, z], fixed: [x, y, z], rows: [[A, 0, 0, 0], [B, 80, 60, 0]]}
+  - {columns: [id, x, y, z], rows: [[P, 60, -80, 0], [Q, 40, -30, 9]]}
+observations:
+  - type: horizontal_distance
+    values: {sigma: 0.001}
+    columns: [from, to, distance]
+    rows: [[A, P, 100.001], [B, P, 141.421], [A, Q, 50], [B, Q, 98.489]]
+  - type: height_difference
+    columns: [from, to, dz, sigma]
+    rows: [[A, P, 0, 5000], [A, Q, 9, 0.001], [B, Q, 9.003, 0.001]]
+"""
+    rest = whole
+    for row in ("[P, 60, -80, 0], ", "[A, P, 100.001], [B, P, 141.421], ", "[A, P, 0, 5000], "):
+        rest = rest.replace(row, "")
+    found = {}
+    for name, text in (("whole", whole), ("rest", rest), ("refused", whole.replace("leave_out", "refuse"))):
+        project = tmp_path / f"{name}.yaml"
+        project.write_text(text, encoding="utf-8")
+        found[name] = mor("adjust", project)
+    assert (found["whole"].code, found["rest"].code, found["refused"].code) == (0, 0, 4)
+    left = pl.read_csv(tmp_path / "whole.results" / "undetermined.csv").row(0, named=True)
+    reason = "its standard deviations are too large to be useful"
+    assert [left[key] for key in ("id", "reason", "observations")] == ["P", reason, 3]
+    with_it, without_it = (
+        pl.read_csv(tmp_path / f"{name}.results" / "points.csv").filter(id="Q").drop("id") for name in ("whole", "rest")
+    )
+    for column in ("x", "y", "z", "sx", "sz"):
+        assert with_it[column][0] == pytest.approx(without_it[column][0], abs=1e-9)
