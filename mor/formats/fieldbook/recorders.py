@@ -295,6 +295,8 @@ class _M5Reader:
         self.book = book
         self.target, self.instrument = 0.0, 0.0
         self.stationing, self.rec = False, False
+        self.has_height = False
+        """True if a height of the target was recorded since the stationing began."""
         self.sighted: set[str] = set()
 
     def record(self, what: str, cells: list[str], line: int) -> None:
@@ -369,13 +371,14 @@ class _M5Reader:
     def _text(self, words: list[str], values: dict[str, tuple[float, str]], line: int) -> None:
         if "STAT" in words:
             self.book.forget_waiting("sights of a stationing that was started again")
-            self.stationing = True
+            self.stationing, self.has_height = True, False
         if not self._heights(values, line):
             self.book.leave_out("texts of the program", line)
 
     def _heights(self, values: dict[str, tuple[float, str]], line: int) -> bool:
         """Take the heights of target and instrument over, and return whether there are some."""
         self.target = values.get("th", (self.target, ""))[0]
+        self.has_height |= "th" in values
         if "ih" in values:
             self.instrument = values["ih"][0]
             if not self.stationing:
@@ -408,6 +411,9 @@ class _M5Reader:
             if key in values:
                 self.book.angle = "gon" if values[key][1] == "gon" else "deg"
         slope = values.get("SD", (None,))[0]
+        if self.stationing and not slope and not self.has_height and {"Hz", "V1"} <= values.keys():
+            del values["V1"]  # the heights of the new station follow
+            self.book.leave_out("zenith angles of a stationing before the heights of the station", line)
         sight = Sight(
             name,
             line,
