@@ -102,7 +102,7 @@ def test_what_is_no_gama_file(tmp_path):
 
 
 def test_observations_without_points(tmp_path):
-    body = '<obs from="A">\n<distance to="B" val="5"/></obs>'
+    body = '<obs from="A">\n<distance to="B" val="5" stdev="2"/></obs>'
     ((line, words),) = _problems(
         tmp_path, f"<gama-local><network>\n<points-observations>{body}</points-observations></network></gama-local>"
     )

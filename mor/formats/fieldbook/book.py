@@ -431,7 +431,7 @@ class FieldBook:
         return any(sight.zenith is not None or sight.slope is not None for sight in sights)
 
     def _take_zeros(self) -> None:
-        """Take coordinates that are all 0 as those of the origin if no other point is given; otherwise they are none."""
+        """Take coordinates that are all 0 as those of the origin if no other point is given; otherwise, as none."""
         is_origin = not self.points and len({name for name, _ in self.zeros}) == 1
         for name, place in self.zeros:
             if is_origin and None not in (place.height, 0.0 if self.levelling.reached else place.east):
