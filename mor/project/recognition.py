@@ -8,7 +8,6 @@ import math
 import os
 import re
 import unicodedata
-from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from itertools import combinations, product, zip_longest
 from math import isclose
@@ -135,11 +134,11 @@ _NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", 
 _MIDDLE = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") for hair in ("hair", "wire", ""))
 """Names of the hair that is the reading, behind the name of the reading."""
 _BACK = (
-    "back|backsight|bs|backreading|bsreading|backsightreading|rueckblick|rueck|rueckwaerts|ar|arriere|lecturearriere"
+    "back|backsight|bs|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar|arriere|lecturearriere"
     "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
 )
 _FORE = (
-    "fore|foresight|fs|forereading|fsreading|foresightreading|vorblick|vor|vorwaerts|av|avant|lectureavant|lectav"
+    "fore|foresight|fs|forereading|fsreading|fsreadings|foresightreading|vorblick|vor|vorwaerts|av|avant|lectureavant|lectav"
     "|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
 )
 _STAFF_DISTANCES = {
@@ -330,6 +329,7 @@ _PARTS = tuple(
 """Headings of degrees, minutes and seconds in columns of their own, behind a common name."""
 _TOTAL = re.compile(r"sum|total|[σ∑]", re.IGNORECASE)
 """Beginning of the name of a row of sums."""
+_SUFFIX = re.compile(r"(?P<name>[^-_]+)[-_](?P<end>[^-_()\[\]]+)(?P<unit>\s*(?:\(.*\)|\[.*\])?)")
 _PLACEHOLDER = re.compile(r"column\d+")
 """Name of a column of a spreadsheet that has none."""
 _DIGIT, _WORD = re.compile(r"\d"), re.compile(r"\w")
@@ -972,14 +972,19 @@ def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:
 def _kinds(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
     """Columns by their names in a project, for every kind that the table holds.
 
-    If it is none, a suffix that several columns share is left out (E_GNSS, N_GNSS).
+    If it is none, coordinates may have a suffix (E_GNSS, N_GNSS; dx-ecef, dy-ecef), which is left out.
     """
     found = _kinds_as_named(named)
-    ends = Counter(cell.rpartition("_")[2] for cell, _, _ in named if "_" in cell)
-    for end, count in ends.most_common():
-        if not found and count > 1:
-            bare = [(cell, *_name_and_unit(cell.removesuffix(f"_{end}"))) for cell, _, _ in named]
-            found = _kinds_as_named(bare)
+    if not found:
+        matches = [_SUFFIX.fullmatch(cell.strip()) for cell, _, _ in named]
+        for end in dict.fromkeys(match["end"] for match in matches if match):
+            bare = [
+                (cell, *_name_and_unit(match["name"] + match["unit"])) if match and match["end"] == end else entry
+                for entry, match in zip(named, matches, strict=True)
+                for cell in entry[:1]
+            ]
+            found = found or _kinds_as_named(bare)
+        found = {kind: columns for kind, columns in found.items() if {"x", "dx"} & columns.keys()}
     return found
 
 

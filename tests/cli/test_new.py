@@ -791,6 +791,7 @@ def test_the_distance_between_two_points_of_a_levelling_book_is_its_length(tmp_p
     [
         ("Point Name,Northing (Y),Easting (X),Elevation (Z)", "points", {"y": "Northing (Y)", "x": "Easting (X)"}),
         ("Name,E_GNSS,N_GNSS,H_GNSS", "points", {"x": "E_GNSS", "y": "N_GNSS", "z": "H_GNSS"}),
+        ("from,to,dx-ecef(m),dy-ecef(m),dz-ecef(m)", "vector", {"dx": "dx-ecef(m)", "dz": "dz-ecef(m)"}),
         ("Label,X/East,Y/North,Z/Altitude", "points", {"x": "X/East", "y": "Y/North"}),
         ("Label,X/Longitude,Y/Latitude,Z/Altitude", "points", {"id": "Label", "z": "Z/Altitude"}),
         ("Messpunkt,Zielpunkt,R,zeta", "zenith_directions", {"horizontal": "R", "zenith": "zeta"}),
@@ -805,6 +806,15 @@ def test_headings(tmp_path: Path, header: str, kind: str, columns: dict[str, str
     assert table.kind == kind
     assert columns.items() <= table.columns.items()
     assert "/Longitude" not in "".join(table.columns.values())
+
+
+def test_names_that_several_columns_share_are_no_readings(tmp_path: Path) -> None:
+    text = "BS_point,BS_Reading,BS_Dist,FS_point,FS_Readings,FS_Dist\nA,1.5,38,B,1.2,40\n"
+    (tmp_path / "t.csv").write_text(text)
+    assert recognise(tmp_path / "t.csv")[0].rows == (("A", "B", "0.3", "78"),)
+    (tmp_path / "t.csv").write_text(text.replace("Reading", "Value"))
+    with pytest.raises(InputError, match="unknown kind of table"):
+        recognise(tmp_path / "t.csv")
 
 
 def test_large_standard_deviations_of_angles_are_seconds(tmp_path: Path) -> None:
