@@ -184,7 +184,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "at": "at|basepoint|station|vertex|occupied|occ|instrument|atpoint|atstation",
             "from": "from|von|backsight|bs|frompoint|fromstation|firstpoint",
             "to": "to|nach|foresight|fs|topoint|tostation|secondpoint",
-            "angle": "angle|winkel|angleright|horizontalangle",
+            "angle": "angle|ang|winkel|angleright|horizontalangle",
         },
         {**_BETWEEN, "at_height": "ih|hi", "sigma": _precisions("angle")},
     ),
@@ -263,7 +263,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "observations by type": (
         {
-            "type": "type|kind|obstype|observationtype|measurementtype|typ|art|messart|tipo",
+            "type": "type|kind|obstype|observationtype|measurementtype|typ|art|messart|tipo|obs",
             "value": "value|wert|obs|observed|observation|measurement|reading|messwert|valor|valeur|valore",
         },
         {"unit": "units|einheit|unidad|unite"},
@@ -466,8 +466,9 @@ def _tables(
                 "expected a header with the names of the columns in the first line; only a list of points "
                 "(name, x, y, z) may be without"
             )
-        if has_two_names(rows) or not _is_list_of_points(rows):
+        if has_two_names(rows) or not _is_list_of_points(_padded(rows)):
             raise InputError([Message(words, str(path), 1)])
+        rows = _padded(rows)
         header = (*_OF_POINTS, *(f"column{k}" for k in range(5, len(rows[0]) + 1)))
     named = _named(header)
     kinds = _kinds(named)
@@ -511,7 +512,14 @@ def _tables(
 def _parts(rows: _Cells, path: Path) -> list[tuple[_Cells, tuple[str, ...]]]:
     """Tables in the rows with notes on what is not used: one for each type of observations, or legs of a traverse."""
     header, body = tuple(cell.strip() for cell in rows[0]) if rows else (), rows[1:]
+    if by_type := _columns("observations by type", _named(header)):
+        tables = _by_type(header, body, by_type)
+        if tables:
+            return tables
     kind, columns = next(iter(_kinds(_named(header)).items()), ("", {}))
+    if kind == "observations by type":
+        types = dict.fromkeys(_cell(row, header.index(columns["type"])) for row in body)
+        raise InputError([Message(f"unknown types of observations: {', '.join(types)}", str(path))])
     if "bearing" in columns and not any(_cell(row, header.index(columns["bearing"])) for row in body):
         others = [named for named in _named(header) if named[0] != columns["bearing"]]
         kind, columns = next(iter(_kinds(others).items()), (kind, columns))
@@ -526,8 +534,6 @@ def _parts(rows: _Cells, path: Path) -> list[tuple[_Cells, tuple[str, ...]]]:
         return _by_angles(header, body, columns)
     if kind.startswith("traverse"):
         return [_with_both_ends(header, body, columns, path)]
-    if kind == "observations by type":
-        return _by_type(header, body, columns, path)
     return [((header, *body) if "bearing" in columns else rows, ())]
 
 
@@ -611,9 +617,7 @@ def _ends(leg: str, path: Path) -> tuple[str, str]:
     return "-".join(parts[:half]), "-".join(parts[half:])
 
 
-def _by_type(
-    header: tuple[str, ...], body: _Cells, columns: Mapping[str, str], path: Path
-) -> list[tuple[_Cells, tuple[str, ...]]]:
+def _by_type(header: tuple[str, ...], body: _Cells, columns: Mapping[str, str]) -> list[tuple[_Cells, tuple[str, ...]]]:
     """A table for each type of observations that a column names; its column of values has the name of the type."""
     places = {name: header.index(cell) for name, cell in columns.items()}
     found, rest = list[_Cells](), dict[str, int]()
@@ -623,13 +627,12 @@ def _by_type(
         unit = units.pop() if len(units) == 1 else ""
         value = f"{name} [{unit}]" if unit else name
         head = tuple(value if k == places["value"] else cell for k, cell in enumerate(header))
-        keep = [k for k in range(len(header)) if k not in (places["type"], places.get("unit"))]
+        left_out = (places["type"], places.get("unit"))
+        keep = [k for k in range(len(header)) if k not in left_out and any(_cell(row, k) for row in rows)]
         if _kinds(_named([head[k] for k in keep])):
             found.append(tuple(tuple(_cell(row, k) for k in keep) for row in (head, *rows)))
         else:
             rest[name] = len(rows)
-    if not found:
-        raise InputError([Message(f"unknown types of observations: {', '.join(rest)}", str(path))])
     notes = tuple(f"observations of the type {name!r} not used: {counted(n, 'row')}" for name, n in rest.items())
     return [(rows, notes) for rows in found]
 
@@ -955,6 +958,12 @@ def has_two_names(rows: Sequence[Sequence[str]]) -> bool:
     starts, ends = {row[0] for row in words}, {row[1] for row in words}
     named = any(not _NUMBER.fullmatch(end) for end in ends)
     return named or (bool(starts & ends) and all(end.isdecimal() for end in starts | ends))
+
+
+def _padded(rows: _Cells) -> _Cells:
+    """Rows of the same length: heights at their ends may be missing."""
+    length = max(map(len, rows), default=0)
+    return tuple((*row, *[""] * (length - len(row))) for row in rows)
 
 
 def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:

@@ -853,6 +853,21 @@ def test_empty_columns_behind_a_list_of_points(tmp_path: Path) -> None:
     assert (tmp_path / "p_t.csv").read_text() == "A\t1.0\t2.0\t3.0\nB\t4.0\t5.0\t6.0\n"
 
 
+def test_heights_that_a_list_of_points_lacks(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text("A 1.0 2.0 3.0\nB 4.0 5.0\n")
+    (table,) = recognise(tmp_path / "t.txt")
+    assert (table.kind, table.rows) == ("points", (("A", "1.0", "2.0", "3.0"), ("B", "4.0", "5.0", "")))
+
+
+def test_angles_among_observations_by_type(tmp_path: Path) -> None:
+    rows = "ang,S,A,B,100\ndist,S,,B,25.5\nother,S,,B,1\n"
+    (tmp_path / "t.csv").write_text(f"obs,station,backsight,foresight,value\n{rows}")
+    angle, distance = recognise(tmp_path / "t.csv")
+    assert (angle.kind, angle.rows) == ("angle", (("S", "A", "B", "100"),))
+    assert (distance.kind, distance.rows) == ("distance", (("S", "B", "25.5"),))
+    assert angle.notes == ("observations of the type 'other' not used: 1 row",)
+
+
 def test_a_column_that_is_read_is_given_once(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("id,x,y,z,x,Note,Note\nA,1,2,3,1.1,a,b\n")
     with pytest.raises(InputError, match="column 'x' is given twice"):
