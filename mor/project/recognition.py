@@ -107,11 +107,11 @@ _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": 
 _ELEVATION = 45.0
 """Degrees or gon: the median of zenith angles is larger, that of elevations is smaller."""
 _POINTS = {
-    "x": "x|x0|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert|xgcp|xcoord|xcoordinate|mapx"
+    "x": "x|x0|xo|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert|xgcp|xcoord|xcoordinate|mapx"
     "|este|est|coordx",
-    "y": "y|y0|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy"
+    "y": "y|y0|yo|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy"
     "|norte|coordy",
-    "z": "z|z0|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|rl|reducedlevel"
+    "z": "z|z0|zo|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|rl|reducedlevel"
     "|reducelevel|cota|quota|elevacion|altitud|coordz",
 }
 _AXES = {"x": "xe", "y": "yn", "z": "zhu"}
@@ -301,13 +301,14 @@ _BACKSIGHT = ("backsight", "bs")
 _LINES = ("distance", "horizontal_distance")
 """Kinds of distances: one is computed from the other where a table has both."""
 _ALSO = {
+    "image": ("points",),
     "zenith_directions": _LINES,
     "directions": (*_LINES, "height_difference"),
     "zenith_angle": _LINES,
     "bearing": ("horizontal_distance", "distance"),
     "distance": ("height_difference",),
 }
-"""Kinds that a table of a field book may hold besides its own, in further columns."""
+"""Kinds that a table may hold besides its own, in further columns."""
 _READINGS = ("back", "fore", "between", *_STAFF_DISTANCES)
 _DISTANCES = ("distance", *_STAFF_DISTANCES)
 _BENCHMARK = "benchmark"
@@ -480,6 +481,9 @@ def _tables(
     body = rows[has_header:]
     full = {kind: _with_readings(body, kind, columns, header) for kind, columns in kinds.items()}
     kept = {row for rows_of_kind in full.values() for row in rows_of_kind}
+    if "image" in full and "points" in full:
+        place = header.index(kinds["points"]["id"])
+        full["points"] = tuple({_cell(row, place): row for row in reversed(body)}.values())[::-1]
     bare = sum(row not in kept for row in body)
     notes = (f"{_NO_READING}: {counted(bare, 'row')}",) if bare else ()
     used = {cell for columns in kinds.values() for cell in columns.values()}
@@ -1001,7 +1005,7 @@ def _kinds_as_named(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str
     names = {text for _, text, _ in named}
     backsights = not names.isdisjoint(_BACKSIGHT)
     for kind in ("angle", *KINDS) if backsights else KINDS:
-        columns = _columns(kind, named)
+        columns = (_columns(kind, _without_place(named)) if kind == "image" else None) or _columns(kind, named)
         if columns is not None:
             break
     else:
@@ -1020,6 +1024,15 @@ def _kinds_as_named(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str
         if more is not None and not own.isdisjoint(more):
             found[other] = more
     return found
+
+
+def _without_place(named: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
+    """Columns without three that follow each other and have the names of the coordinates of a point."""
+    axes = [names.split("|") for names in _POINTS.values()]
+    for k in range(len(named) - 2):
+        if all(text in names for (_, text, _), names in zip(named[k : k + 3], axes, strict=True)):
+            return [*named[:k], *named[k + 3 :]]
+    return list(named)
 
 
 def _shared(columns: Mapping[str, str], cell: str) -> bool:

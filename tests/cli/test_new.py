@@ -853,6 +853,17 @@ def test_empty_columns_behind_a_list_of_points(tmp_path: Path) -> None:
     assert (tmp_path / "p_t.csv").read_text() == "A\t1.0\t2.0\t3.0\nB\t4.0\t5.0\t6.0\n"
 
 
+@pytest.mark.parametrize("head", ["GCP,X,Y,Z,Image,x,y", "GCP,X(m),Y(m),Z(m),Image,x(px),y(px)"])
+def test_control_points_with_their_image_points(tmp_path: Path, head: str) -> None:
+    rows = ["A,10,20,3,P1,1000,1500", "A,10,20,3,P2,900,1400", "B,11,25,4,P1,1200,700"]
+    (tmp_path / "t.csv").write_text("\n".join([head, *rows]) + "\n")
+    image, points = recognise(tmp_path / "t.csv")
+    assert (image.kind, image.numbers("x"), image.numbers("y")) == ("image", [1000, 900, 1200], [1500, 1400, 700])
+    assert (points.kind, points.texts("id"), points.numbers("z")) == ("points", ["A", "B"], [3, 4])
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv")]) == 0
+    assert run(["check", str(tmp_path / "p.yaml"), "--quiet"]) == 0
+
+
 def test_heights_that_a_list_of_points_lacks(tmp_path: Path) -> None:
     (tmp_path / "t.txt").write_text("A 1.0 2.0 3.0\nB 4.0 5.0\n")
     (table,) = recognise(tmp_path / "t.txt")
