@@ -296,6 +296,7 @@ _KNOWN = {re.sub(r"[\W_]", "", ours) for columns in KINDS.values() for part in c
 """All names of columns."""
 _ANOTHER = re.compile(r"\s*(?:\(.*\)|\[.*\]|/(?!\s*(?:lon|lat)).*)$", re.IGNORECASE)
 """A second name behind the first one of a column: Northing (Y), X/East; not X/Longitude."""
+_GEOGRAPHIC = re.compile(r".*latitude|lat|.*longitude|lon|lng|long")
 _BACKSIGHT = ("backsight", "bs")
 """Names of the point from which an angle is turned; zenith angle and distance of the row are to the other one."""
 _LINES = ("distance", "horizontal_distance")
@@ -474,6 +475,13 @@ def _tables(
     named = _named(header)
     kinds = _kinds(named)
     _tell_elevations(kinds, header, rows[has_header:])
+    places = [cell for cell, text, _ in named if _GEOGRAPHIC.fullmatch(text)]
+    if len(places) > 1 and kinds.keys() <= {"points with heights"}:
+        words = (
+            f"found latitudes and longitudes (columns {', '.join(places)}), expected coordinates in metres; in a "
+            "project with world: {crs: EPSG:4326} points have columns latitude, longitude, height"
+        )
+        raise InputError([Message(words, str(path), 1)])
     if not kinds:
         raise InputError(
             [Message(f"unknown kind of table: found the columns {', '.join(header)}; {_known()}", str(path), 1)]

@@ -793,7 +793,6 @@ def test_the_distance_between_two_points_of_a_levelling_book_is_its_length(tmp_p
         ("Name,E_GNSS,N_GNSS,H_GNSS", "points", {"x": "E_GNSS", "y": "N_GNSS", "z": "H_GNSS"}),
         ("from,to,dx-ecef(m),dy-ecef(m),dz-ecef(m)", "vector", {"dx": "dx-ecef(m)", "dz": "dz-ecef(m)"}),
         ("Label,X/East,Y/North,Z/Altitude", "points", {"x": "X/East", "y": "Y/North"}),
-        ("Label,X/Longitude,Y/Latitude,Z/Altitude", "points", {"id": "Label", "z": "Z/Altitude"}),
         ("Messpunkt,Zielpunkt,R,zeta", "zenith_directions", {"horizontal": "R", "zenith": "zeta"}),
         ("FROM,TO,DATE,HDIFF,CALCERR", "height_difference", {"dz": "HDIFF", "sigma": "CALCERR"}),
         ("id_gcp,id_img,x,y", "image", {"point": "id_gcp", "image": "id_img"}),
@@ -805,7 +804,6 @@ def test_headings(tmp_path: Path, header: str, kind: str, columns: dict[str, str
     table = recognise(tmp_path / "t.csv")[0]
     assert table.kind == kind
     assert columns.items() <= table.columns.items()
-    assert "/Longitude" not in "".join(table.columns.values())
 
 
 def test_names_that_several_columns_share_are_no_readings(tmp_path: Path) -> None:
@@ -814,6 +812,13 @@ def test_names_that_several_columns_share_are_no_readings(tmp_path: Path) -> Non
     assert recognise(tmp_path / "t.csv")[0].rows == (("A", "B", "0.3", "78"),)
     (tmp_path / "t.csv").write_text(text.replace("Reading", "Value"))
     with pytest.raises(InputError, match="unknown kind of table"):
+        recognise(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize("header", ["Label,X/Longitude,Y/Latitude,Z/Altitude", "id,lon,lat,height"])
+def test_latitudes_and_longitudes_are_no_coordinates_in_metres(tmp_path: Path, header: str) -> None:
+    (tmp_path / "t.csv").write_text(f"{header}\nA,11.5,48.1,520\n")
+    with pytest.raises(InputError, match=r"found latitudes and longitudes \(columns .*crs: EPSG:4326"):
         recognise(tmp_path / "t.csv")
 
 
