@@ -979,8 +979,8 @@ def _padded(rows: _Cells) -> _Cells:
 
 
 def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:
-    """Return whether the rows are name, x, y, z (or nothing), and perhaps codes that are no numbers."""
-    return bool(rows) and all(
+    """Return whether the rows are name, x, y, z (or nothing), and perhaps codes that are no numbers, each name once."""
+    return len({row[0] for row in rows if row}) == len(rows) > 0 and all(
         len(row) == len(rows[0]) >= 4
         and row[0].strip()
         and all(_NUMBER.fullmatch(cell.strip()) for cell in row[1:3])

@@ -875,6 +875,12 @@ def test_heights_that_a_list_of_points_lacks(tmp_path: Path) -> None:
     assert (table.kind, table.rows) == ("points", (("A", "1.0", "2.0", "3.0"), ("B", "4.0", "5.0", "")))
 
 
+def test_image_points_without_header_are_no_list_of_points(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text("P1,101,10.5,20.5\nP1,102,30.5,20.5\n")
+    with pytest.raises(InputError, match="expected a header"):
+        recognise(tmp_path / "t.txt")
+
+
 def test_angles_among_observations_by_type(tmp_path: Path) -> None:
     rows = "ang,S,A,B,100\ndist,S,,B,25.5\nother,S,,B,1\n"
     (tmp_path / "t.csv").write_text(f"obs,station,backsight,foresight,value\n{rows}")
