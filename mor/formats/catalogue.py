@@ -90,7 +90,7 @@ FORMATS: dict[str, FileFormat] = {
     ),
     "gsi": FileFormat("Leica GSI-8, GSI-16", _book("gsi", "read_gsi"), suffixes=(".gsi",)),
     "idx": FileFormat("Leica IDX", _book("recorders", "read_idx"), suffixes=(".idx",)),
-    "sdr": FileFormat("Sokkia SDR20, SDR33", _book("recorders", "read_sdr"), suffixes=(".sdr",)),
+    "sdr": FileFormat("Sokkia SDR20, SDR33, SDL", _book("recorders", "read_sdr"), suffixes=(".sdr",)),
     "sokkia-scr": FileFormat("Sokkia SCR", _book("lists", "read_sokkia_scr"), suffixes=(".scr",)),
     "nikon": FileFormat("Nikon RAW", _book("lists", "read_nikon"), suffixes=(".raw",)),
     "topcon": FileFormat("Topcon GTS-7, GTS-6", _book("lists", "read_topcon"), suffixes=(".gts7", ".gt7")),

@@ -888,6 +888,8 @@ _ROOT = re.compile(
 )
 _VAGUE = (".txt", ".dat", ".out", ".raw", ".job", ".obs", ".xml", ".json", ".gz")
 """Suffixes that many programs use: they are no reason for a format."""
+_IN_TABLES = ("metashape-reference", "sdr")
+"""Formats whose files may be named like tables."""
 _OWN = (".yaml", ".yml", ".csv", ".parquet")
 """Suffixes of mor's own files."""
 COLMAP_FILES = ("cameras", "images", "points3D")
@@ -960,7 +962,7 @@ def format_of(path: Path) -> str | None:
         return None
     sample = _sample(path)
     if suffix == ".csv":
-        return "metashape-reference" if _reference_pane(sample) else None
+        return next((c.key for c in candidates(sample) if c.key in _IN_TABLES), None)
     found = candidates(sample)
     by_suffix = not found and sample.head and not sample.binary
     return found[0].key if len(found) == 1 else _by_suffix(path) if by_suffix else None
@@ -1261,7 +1263,7 @@ _RECORD_FORMATS: tuple[tuple[str, re.Pattern[str], int, str], ...] = (
         1,
         "blocks of words as in 110001+00000001",
     ),
-    ("sdr", re.compile(r"00..SDR"), 1, "the head of an SDR33 file"),
+    ("sdr", re.compile(r"00..SDR|SDL\d+,\d"), 1, "the head of an SDR33 file or an SDL level"),
     ("m5", re.compile(r"For M5\|Adr"), 1, "records For M5|Adr"),
     ("m5", re.compile(r"\s*\d+\s+\S.*\s(?:R[bfz]|L[rvz])\s+-?\d+\.\d+\s+(?:HD|E)\s+\d"), 2, "staff readings Rb and Rf"),
     (

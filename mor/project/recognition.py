@@ -29,7 +29,7 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 _FROM = (
     "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ|occupied"
     "|fromstation|fromstn|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt|instrumentenstandpunkt"
-    "|stationno|firstpoint|firstpointnumber|stanovisko|estacion|estacao|stazione|st|est|punktodstania|stanowisko"
+    "|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion|estacao|stazione|st|est|punktodstania|stanowisko"
 )
 _TO = (
     "to|nach|end|ende|pointb|topoint|tostn|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
@@ -40,7 +40,7 @@ _TO = (
 _POINT = (
     "point|pointid|pt|ptid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
     "|ptno|ptnr|ptname|pnr|pointno|pointnr|pointname|pointnumber|punktname|gcpid|gcpname|gcplabel|markerid|markername"
-    "|matricule|nom|npoint|numero|punto|nopunto|ponto|nomepunto|nombre|npunto|nombrepunto|pto"
+    "|idgcp|idtie|idpoint|idmarker|matricule|nom|npoint|numero|punto|nopunto|ponto|nomepunto|nombre|npunto|nombrepunto|pto"
 )
 _HEIGHTS = {
     "from_height": "fromheight|ih|hi|instrumentheight|instrheight|geraetehoehe|instrumentenhoehe|standhoehe|hinst"
@@ -56,9 +56,19 @@ _SIGHT = {
     "station_height": f"fromheight|{_HEIGHTS['from_height']}",
     "to_height": _HEIGHTS["to_height"],
     "set": "set|satz|setid|setno|round|series",
-    "face": "face|lage",
+    "face": "face|lage|kreislage",
     "epoch": "epoch|epoche",
 }
+
+
+def _precisions(names: str) -> str:
+    """Names of a standard deviation for names of a reading."""
+    words = ("sigma", "sig", "std", "stdev", "stddev", "err", "error")
+    pairs = product(names.split("|"), words)
+    return "|".join(text for name, word in pairs for text in (f"{word}{name}", f"{name}{word}"))
+
+
+_IMAGE = "image|imageid|imagename|photo|photoid|bild|foto|idimg|idimage|idphoto"
 _BETWEEN = {**_HEIGHTS, "sigma": "", "epoch": "epoch|epoche"}
 _LENGTHS = "laenge|linelength|length|distance|dist|strecke|d"
 """Names of a distance that beside a height difference is the length of a levelling line."""
@@ -86,7 +96,7 @@ _HORIZONTAL = (
     "|angoloorizzontale|cerchioorizzontale|letturaorizzontale|letturaazimutale"
 )
 _ZENITH = (
-    "zenith|v|za|zen|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
+    "zenith|zeta|v|za|zen|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
     "|verticalcircle|verticalreading|vertikalwinkel|zenithang|verticalang|vertangle"
     "|vwinkel|vertikalkreis|zenithwinkel|anglevertical|anglev|av|anglezenithal|distancezenithale|lectureverticale"
     "|lecturezenithale|angulovertical|angvertical|angulocenital|cenital|distanciacenital|lecturavertical"
@@ -97,12 +107,12 @@ _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": 
 _ELEVATION = 45.0
 """Degrees or gon: the median of zenith angles is larger, that of elevations is smaller."""
 _POINTS = {
-    "x": "x|x0|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert|xgcp|xcoord|xcoordinate|mapx"
+    "x": "x|x0|xo|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert|xgcp|xcoord|xcoordinate|mapx"
     "|este|est|coordx",
-    "y": "y|y0|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy"
+    "y": "y|y0|yo|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy"
     "|norte|coordy",
-    "z": "z|z0|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|rl|reducedlevel"
-    "|cota|quota|elevacion|altitud|coordz",
+    "z": "z|z0|zo|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|rl|reducedlevel"
+    "|reducelevel|cota|quota|elevacion|altitud|coordz",
 }
 _AXES = {"x": "xe", "y": "yn", "z": "zhu"}
 _STATED = {
@@ -121,12 +131,14 @@ _VECTOR = {f"d{ours}": "|".join(f"d{a}|delta{a}" for a in names) for ours, names
 
 _NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", f"{_POINT}|{_TO}")
 """Names of points with a staff, without those that may be numbers of rows or readings."""
+_MIDDLE = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") for hair in ("hair", "wire", ""))
+"""Names of the hair that is the reading, behind the name of the reading."""
 _BACK = (
-    "back|backsight|bs|backreading|bsreading|backsightreading|rueckblick|rueck|rueckwaerts|ar|arriere|lecturearriere"
+    "back|backsight|bs|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar|arriere|lecturearriere"
     "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
 )
 _FORE = (
-    "fore|foresight|fs|forereading|fsreading|foresightreading|vorblick|vor|vorwaerts|av|avant|lectureavant|lectav"
+    "fore|foresight|fs|forereading|fsreading|fsreadings|foresightreading|vorblick|vor|vorwaerts|av|avant|lectureavant|lectav"
     "|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
 )
 _STAFF_DISTANCES = {
@@ -137,17 +149,17 @@ _STAFF_DISTANCES = {
 }
 
 
-def _numbered(names: str, number: int) -> str:
-    return "|".join(f"{name}{number}" for name in names.split("|"))
+def _joined(names: str, *ends: object) -> str:
+    return "|".join(f"{name}{end}" for name in names.split("|") for end in ends)
 
 
-_SECOND = {"back2": _numbered(_BACK, 2), "fore2": _numbered(_FORE, 2)}
+_SECOND = {"back2": _joined(_BACK, 2), "fore2": _joined(_FORE, 2)}
 """Readings of a second instrument on the same points."""
 
 KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "image": (
         {
-            "image": "image|img|imageid|imagename|photo|photoid|bild|foto|filename|picture|imagefile|photoname",
+            "image": f"{_IMAGE}|img|filename|picture|imagefile|photoname",
             "point": f"{_POINT}|id|target",
             "x": "x|u|col|column|px|pixelx|spalte|imx|imagex|ximage|xpixel",
             "y": "y|v|row|line|py|pixely|zeile|imy|imagey|yimage|ypixel",
@@ -155,21 +167,26 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {"sigma": "", "sigma_x": "sx", "sigma_y": "sy"},
     ),
     "zenith_directions": (
-        {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": _HORIZONTAL, "zenith": _ZENITH},
-        {**_SIGHT, "sigma_horizontal": "shz", "sigma_zenith": "sv", "sigma": ""},
+        {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": f"{_HORIZONTAL}|r", "zenith": _ZENITH},
+        {
+            **_SIGHT,
+            "sigma_horizontal": f"shz|{_precisions('hz|dir|direction|horizontal')}",
+            "sigma_zenith": f"sv|{_precisions('v|zenith')}",
+            "sigma": "",
+        },
     ),
     "directions": (
         {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": _HORIZONTAL},
-        {**_SIGHT, "sigma": "sigmadir|sigmadirection"},
+        {**_SIGHT, "sigma": _precisions("dir|direction|hz")},
     ),
     "angle": (
         {
             "at": "at|basepoint|station|vertex|occupied|occ|instrument|atpoint|atstation",
             "from": "from|von|backsight|bs|frompoint|fromstation|firstpoint",
             "to": "to|nach|foresight|fs|topoint|tostation|secondpoint",
-            "angle": "angle|winkel|angleright|horizontalangle",
+            "angle": "angle|ang|winkel|angleright|horizontalangle",
         },
-        {**_BETWEEN, "at_height": "ih|hi"},
+        {**_BETWEEN, "at_height": "ih|hi", "sigma": _precisions("angle")},
     ),
     "levelling between points": (
         {
@@ -183,8 +200,8 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "levelling": (
         {
             "point": f"{_NAMED}|{_FROM}|{_POINT}|id|remarks|remark|bemerkung",
-            "back": f"{_BACK}|{_numbered(_BACK, 1)}",
-            "fore": f"{_FORE}|{_numbered(_FORE, 1)}",
+            "back": _joined(_BACK, *_MIDDLE, "", 1),
+            "fore": _joined(_FORE, *_MIDDLE, "", 1),
         },
         {
             **_SECOND,
@@ -213,39 +230,53 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         {"point": f"{_FROM}|{_POINT}|id|corner", "bearing": _BEARING, "distance": _BEARING_DISTANCE},
         {},
     ),
+    "traverse by angles": (
+        {
+            "point": f"{_FROM}|{_POINT}|id|corner",
+            "angle": "angle|angles|observedangle|observedangles|interiorangle|interiorangles|includedangle|hzangle"
+            "|innenwinkel|brechungswinkel|anguloobservado|angulointerno|angulointerior",
+            "distance": _BEARING_DISTANCE,
+        },
+        {},
+    ),
     "vertical_direction": ({"from": _FROM, "to": _TO, "vertical_direction": ""}, _BETWEEN),
     "distance": (
         {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _DISTANCE},
-        {**_BETWEEN, "sigma": "sigmadistance|sigmadist|std|stdev"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|std|stdev"},
     ),
     "height_difference": (
         {
             "from": _FROM,
             "to": _TO,
-            "dz": "dz|dh|lv|deltah|deltaz|heightdifference|heightdiff|hoehenunterschied|denivelee|desnivel|dislivello",
+            "dz": "dz|dh|lv|deltah|deltaz|heightdifference|heightdiff|hdiff|hoehenunterschied|denivelee|desnivel"
+            "|dislivello",
         },
-        {"sigma": "std|stdev", "length": f"km|lengthkm|{_LENGTHS}", "epoch": "epoch|epoche"},
+        {
+            "sigma": f"{_precisions('dz|dh|hdiff')}|std|stdev|calcerr",
+            "length": f"km|lengthkm|{_LENGTHS}",
+            "epoch": "epoch|epoche",
+        },
     ),
     "horizontal_distance": (
         {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _BEARING_DISTANCE},
-        {**_BETWEEN, "sigma": "sigmadistance|sigmadist|std|stdev"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|std|stdev"},
     ),
     "observations by type": (
         {
-            "type": "type|kind|obstype|observationtype|measurementtype|typ|art|messart|tipo",
+            "type": "type|kind|obstype|observationtype|measurementtype|typ|art|messart|tipo|obs",
             "value": "value|wert|obs|observed|observation|measurement|reading|messwert|valor|valeur|valore",
         },
         {"unit": "units|einheit|unidad|unite"},
     ),
     "images": (
-        {"id": "id|image|imageid|imagename|photo|bild|foto", "omega": "", "phi": "", "kappa": ""},
+        {"id": f"id|{_IMAGE}", "omega": "", "phi": "", "kappa": ""},
         {**_POINTS, **_STATED, "camera": "kamera"},
     ),
     "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
     "stations": ({"id": f"id|{_FROM}", "orientation": "orientierung"}, {"point": _POINT, "height": "ih|hi"}),
     "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
     "points": ({"id": f"id|{_POINT}|station|target", **_POINTS}, _STATED),
-    "images with positions": ({"id": "image|imageid|imagename|photo|bild|foto", **_POINTS}, _STATED),
+    "images with positions": ({"id": _IMAGE, **_POINTS}, _STATED),
     "points in the plane": (
         {"id": f"id|{_POINT}|station|target", "x": _POINTS["x"], "y": _POINTS["y"]},
         _STATED,
@@ -259,18 +290,26 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
 
 The first kind whose columns are all there is taken. Names are compared in lower case without blanks and signs.
 """
+_KNOWN = {re.sub(r"[\W_]", "", ours) for columns in KINDS.values() for part in columns for ours in part} | {
+    name for columns in KINDS.values() for part in columns for names in part.values() for name in names.split("|")
+}
+"""All names of columns."""
+_ANOTHER = re.compile(r"\s*(?:\(.*\)|\[.*\]|/(?!\s*(?:lon|lat)).*)$", re.IGNORECASE)
+"""A second name behind the first one of a column: Northing (Y), X/East; not X/Longitude."""
+_GEOGRAPHIC = re.compile(r".*latitude|lat|.*longitude|lon|lng|long")
 _BACKSIGHT = ("backsight", "bs")
 """Names of the point from which an angle is turned; zenith angle and distance of the row are to the other one."""
 _LINES = ("distance", "horizontal_distance")
 """Kinds of distances: one is computed from the other where a table has both."""
 _ALSO = {
+    "image": ("points",),
     "zenith_directions": _LINES,
     "directions": (*_LINES, "height_difference"),
     "zenith_angle": _LINES,
     "bearing": ("horizontal_distance", "distance"),
     "distance": ("height_difference",),
 }
-"""Kinds that a table of a field book may hold besides its own, in further columns."""
+"""Kinds that a table may hold besides its own, in further columns."""
 _READINGS = ("back", "fore", "between", *_STAFF_DISTANCES)
 _DISTANCES = ("distance", *_STAFF_DISTANCES)
 _BENCHMARK = "benchmark"
@@ -290,6 +329,11 @@ _PARTS = tuple(
     )
 )
 """Headings of degrees, minutes and seconds in columns of their own, behind a common name."""
+_TOTAL = re.compile(r"sum|total|[σ∑]", re.IGNORECASE)
+"""Beginning of the name of a row of sums."""
+_SUFFIX = re.compile(r"(?P<name>[^-_]+)[-_](?P<end>[^-_()\[\]]+)(?P<unit>\s*(?:\(.*\)|\[.*\])?)")
+_PLACEHOLDER = re.compile(r"column\d+")
+"""Name of a column of a spreadsheet that has none."""
 _DIGIT, _WORD = re.compile(r"\d"), re.compile(r"\w")
 _STAFF = 10.0
 """No staff is as long in metres: larger readings are millimetres."""
@@ -390,7 +434,8 @@ def recognise(path: Path) -> list[Found]:
 
 def _recognise(path: Path, sheet: str | None) -> list[Found]:
     delimiter, read, above, encoding = _cells(path, sheet)
-    blank = tuple(tuple("" if _DASHES.fullmatch(cell) else cell for cell in row) for row in read)
+    width = max((k for row in read for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
+    blank = tuple(tuple("" if _DASHES.fullmatch(cell) else cell for cell in row[:width]) for row in read)
     tidy, stated = _tidied(_with_whole_angles(blank))
     encoded = (not_utf8(encoding),) if encoding in CODE_PAGES else ()
     parts = _parts(tidy, path)
@@ -423,12 +468,20 @@ def _tables(
                 "expected a header with the names of the columns in the first line; only a list of points "
                 "(name, x, y, z) may be without"
             )
-        if has_two_names(rows) or not _is_list_of_points(rows):
+        if has_two_names(rows) or not _is_list_of_points(_padded(rows)):
             raise InputError([Message(words, str(path), 1)])
+        rows = _padded(rows)
         header = (*_OF_POINTS, *(f"column{k}" for k in range(5, len(rows[0]) + 1)))
     named = _named(header)
     kinds = _kinds(named)
     _tell_elevations(kinds, header, rows[has_header:])
+    places = [cell for cell, text, _ in named if _GEOGRAPHIC.fullmatch(text)]
+    if len(places) > 1 and kinds.keys() <= {"points with heights"}:
+        words = (
+            f"found latitudes and longitudes (columns {', '.join(places)}), expected coordinates in metres; in a "
+            "project with world: {crs: EPSG:4326} points have columns latitude, longitude, height"
+        )
+        raise InputError([Message(words, str(path), 1)])
     if not kinds:
         raise InputError(
             [Message(f"unknown kind of table: found the columns {', '.join(header)}; {_known()}", str(path), 1)]
@@ -436,9 +489,14 @@ def _tables(
     body = rows[has_header:]
     full = {kind: _with_readings(body, kind, columns, header) for kind, columns in kinds.items()}
     kept = {row for rows_of_kind in full.values() for row in rows_of_kind}
+    if "image" in full and "points" in full:
+        place = header.index(kinds["points"]["id"])
+        full["points"] = tuple({_cell(row, place): row for row in reversed(body)}.values())[::-1]
     bare = sum(row not in kept for row in body)
     notes = (f"{_NO_READING}: {counted(bare, 'row')}",) if bare else ()
     used = {cell for columns in kinds.values() for cell in columns.values()}
+    if twice := sorted(cell for cell in used if header.count(cell) > 1):
+        raise InputError([Message(f"column {', '.join(map(repr, twice))} is given twice", str(path))])
     unused = tuple(cell for cell in header if cell not in used)
     units = {**{cell: unit for cell, _, unit in named if unit}, **stated}
     decimal_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row)
@@ -466,7 +524,17 @@ def _tables(
 def _parts(rows: _Cells, path: Path) -> list[tuple[_Cells, tuple[str, ...]]]:
     """Tables in the rows with notes on what is not used: one for each type of observations, or legs of a traverse."""
     header, body = tuple(cell.strip() for cell in rows[0]) if rows else (), rows[1:]
+    if by_type := _columns("observations by type", _named(header)):
+        tables = _by_type(header, body, by_type)
+        if tables:
+            return tables
     kind, columns = next(iter(_kinds(_named(header)).items()), ("", {}))
+    if kind == "observations by type":
+        types = dict.fromkeys(_cell(row, header.index(columns["type"])) for row in body)
+        raise InputError([Message(f"unknown types of observations: {', '.join(types)}", str(path))])
+    if "bearing" in columns and not any(_cell(row, header.index(columns["bearing"])) for row in body):
+        others = [named for named in _named(header) if named[0] != columns["bearing"]]
+        kind, columns = next(iter(_kinds(others).items()), (kind, columns))
     if "bearing" in columns:
         place = header.index(columns["bearing"])
         if any(_QUADRANT.fullmatch(_cell(row, place)) for row in body):
@@ -474,10 +542,10 @@ def _parts(rows: _Cells, path: Path) -> list[tuple[_Cells, tuple[str, ...]]]:
             header = tuple(head if k == place else cell for k, cell in enumerate(header))
             columns = {**columns, "bearing": head}
             body = tuple(tuple(_azimuth(cell) if k == place else cell for k, cell in enumerate(row)) for row in body)
+    if kind == "traverse by angles":
+        return _by_angles(header, body, columns)
     if kind.startswith("traverse"):
         return [_with_both_ends(header, body, columns, path)]
-    if kind == "observations by type":
-        return _by_type(header, body, columns, path)
     return [((header, *body) if "bearing" in columns else rows, ())]
 
 
@@ -522,6 +590,36 @@ def _with_both_ends(
     return ((*header[:place], "from", "to", *header[place + 1 :]), *rows), tuple(notes)
 
 
+def _by_angles(
+    header: tuple[str, ...], body: _Cells, columns: Mapping[str, str]
+) -> list[tuple[_Cells, tuple[str, ...]]]:
+    """Angles and distances of a traverse whose rows have a point, the angle there and the distance to the next one."""
+    point, angle, distance = (header.index(columns[name]) for name in ("point", "angle", "distance"))
+    named = [row for row in body if _cell(row, point) and not _TOTAL.match(_cell(row, point))]
+    if len(named) > 2 and _cell(named[-1], point) == _cell(named[0], point) and not _cell(named[-1], distance):
+        named = named[:-1]
+    names = [_cell(row, point) for row in named]
+    is_closed = len(named) > 2 and bool(_cell(named[-1], distance))
+    around = zip([names[-1], *names], names, [*names[1:], names[0]], named, strict=False) if names else ()
+    inner = list(around) if is_closed else list(around)[1:-1]
+    angles = [(at, start, end, _cell(row, angle)) for start, at, end, row in inner if _cell(row, angle)]
+    legs = [
+        (names[k], names[(k + 1) % len(names)], _cell(row, distance))
+        for k, row in enumerate(named)
+        if _cell(row, distance) and (is_closed or k + 1 < len(names))
+    ]
+    words = ["angles of the traverse are taken as clockwise from the point before to the next one"]
+    if is_closed:
+        words.append(f"each leg leads to the point of the next row, the last one back to {names[0]}")
+    length, unit = "horizontal distance", _name_and_unit(header[distance])[1]
+    left = len(body) - len(named)
+    words += [f"{_NO_READING}: {counted(left, 'row')}"] if left else []
+    return [
+        ((("at", "from", "to", "angle"), *angles), tuple(words)),
+        ((("from", "to", f"{length} [{unit}]" if unit else length), *legs), ()),
+    ]
+
+
 def _ends(leg: str, path: Path) -> tuple[str, str]:
     """Both points in the name of a leg. Raises :class:`InputError`."""
     parts = list(leg) if len(leg) == 2 and leg.isalpha() else _JOINS.split(leg)
@@ -531,9 +629,7 @@ def _ends(leg: str, path: Path) -> tuple[str, str]:
     return "-".join(parts[:half]), "-".join(parts[half:])
 
 
-def _by_type(
-    header: tuple[str, ...], body: _Cells, columns: Mapping[str, str], path: Path
-) -> list[tuple[_Cells, tuple[str, ...]]]:
+def _by_type(header: tuple[str, ...], body: _Cells, columns: Mapping[str, str]) -> list[tuple[_Cells, tuple[str, ...]]]:
     """A table for each type of observations that a column names; its column of values has the name of the type."""
     places = {name: header.index(cell) for name, cell in columns.items()}
     found, rest = list[_Cells](), dict[str, int]()
@@ -543,13 +639,12 @@ def _by_type(
         unit = units.pop() if len(units) == 1 else ""
         value = f"{name} [{unit}]" if unit else name
         head = tuple(value if k == places["value"] else cell for k, cell in enumerate(header))
-        keep = [k for k in range(len(header)) if k not in (places["type"], places.get("unit"))]
+        left_out = (places["type"], places.get("unit"))
+        keep = [k for k in range(len(header)) if k not in left_out and any(_cell(row, k) for row in rows)]
         if _kinds(_named([head[k] for k in keep])):
             found.append(tuple(tuple(_cell(row, k) for k in keep) for row in (head, *rows)))
         else:
             rest[name] = len(rows)
-    if not found:
-        raise InputError([Message(f"unknown types of observations: {', '.join(rest)}", str(path))])
     notes = tuple(f"observations of the type {name!r} not used: {counted(n, 'row')}" for name, n in rest.items())
     return [(rows, notes) for rows in found]
 
@@ -695,6 +790,9 @@ def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
     if start is None:
         return rows, {}
     header, body = tuple(cell.strip() for cell in rows[start]), rows[start + 1 :]
+    merged = _with_subheadings(header, body[0]) if body else ()
+    if merged and _fits(merged):
+        header, body, start = merged, body[1:], start + 1
     units = [cell.strip(" []()") for cell in body[0]] if body else []
     stated = {}
     if any(units) and all(unit in _UNITS for unit in units if unit not in ("", "-")):
@@ -713,6 +811,19 @@ def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
         above = filled[-1] if filled and below and len(filled[-1]) == len(header) else row
         filled.append(tuple(above[k] if k in places else cell for k, cell in enumerate(row)))
     return (header, *filled), stated
+
+
+def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str, ...]:
+    """Names of columns from headings, each for several columns, and subheadings below them; empty if there are none."""
+    if any(_NUMBER.fullmatch(cell.strip()) for cell in below) or len(below) != len(header):
+        return ()
+    names, group, divided = list[str](), "", False
+    for cell, part in zip(header, below, strict=True):
+        is_own = bool(cell) and not _PLACEHOLDER.fullmatch(cell)
+        group = cell if is_own else group
+        divided |= bool(part) and not is_own
+        names.append(f"{group} {part.strip()}" if part.strip() else cell)
+    return tuple(names) if divided else ()
 
 
 def _with_whole_angles(rows: _Cells) -> _Cells:
@@ -861,9 +972,15 @@ def has_two_names(rows: Sequence[Sequence[str]]) -> bool:
     return named or (bool(starts & ends) and all(end.isdecimal() for end in starts | ends))
 
 
+def _padded(rows: _Cells) -> _Cells:
+    """Rows of the same length: heights at their ends may be missing."""
+    length = max(map(len, rows), default=0)
+    return tuple((*row, *[""] * (length - len(row))) for row in rows)
+
+
 def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:
-    """Return whether the rows are name, x, y, z (or nothing), and perhaps codes that are no numbers."""
-    return bool(rows) and all(
+    """Return whether the rows are name, x, y, z (or nothing), and perhaps codes that are no numbers, each name once."""
+    return len({row[0] for row in rows if row}) == len(rows) > 0 and all(
         len(row) == len(rows[0]) >= 4
         and row[0].strip()
         and all(_NUMBER.fullmatch(cell.strip()) for cell in row[1:3])
@@ -874,11 +991,29 @@ def _is_list_of_points(rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _kinds(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
-    """Columns by their names in a project, for every kind that the table holds."""
+    """Columns by their names in a project, for every kind that the table holds.
+
+    If it is none, coordinates may have a suffix (E_GNSS, N_GNSS; dx-ecef, dy-ecef), which is left out.
+    """
+    found = _kinds_as_named(named)
+    if not found:
+        matches = [_SUFFIX.fullmatch(cell.strip()) for cell, _, _ in named]
+        for end in dict.fromkeys(match["end"] for match in matches if match):
+            bare = [
+                (cell, *_name_and_unit(match["name"] + match["unit"])) if match and match["end"] == end else entry
+                for entry, match in zip(named, matches, strict=True)
+                for cell in entry[:1]
+            ]
+            found = found or _kinds_as_named(bare)
+        found = {kind: columns for kind, columns in found.items() if {"x", "dx"} & columns.keys()}
+    return found
+
+
+def _kinds_as_named(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
     names = {text for _, text, _ in named}
     backsights = not names.isdisjoint(_BACKSIGHT)
     for kind in ("angle", *KINDS) if backsights else KINDS:
-        columns = _columns(kind, named)
+        columns = (_columns(kind, _without_place(named)) if kind == "image" else None) or _columns(kind, named)
         if columns is not None:
             break
     else:
@@ -897,6 +1032,15 @@ def _kinds(named: Sequence[tuple[str, str, str]]) -> dict[str, dict[str, str]]:
         if more is not None and not own.isdisjoint(more):
             found[other] = more
     return found
+
+
+def _without_place(named: Sequence[tuple[str, str, str]]) -> list[tuple[str, str, str]]:
+    """Columns without three that follow each other and have the names of the coordinates of a point."""
+    axes = [names.split("|") for names in _POINTS.values()]
+    for k in range(len(named) - 2):
+        if all(text in names for (_, text, _), names in zip(named[k : k + 3], axes, strict=True)):
+            return [*named[:k], *named[k + 3 :]]
+    return list(named)
 
 
 def _shared(columns: Mapping[str, str], cell: str) -> bool:
@@ -933,7 +1077,8 @@ def _name_and_unit(cell: str) -> tuple[str, str]:
         unit = next(group for group in match.groups()[1:] if group is not None)
         if unit in _UNITS:
             return _normalised(match[1]), unit
-    return _normalised(cell), ""
+    first = _normalised(_ANOTHER.sub("", cell.strip()))
+    return first if first in _KNOWN and _normalised(cell) not in _KNOWN else _normalised(cell), ""
 
 
 def _normalised(name: str) -> str:
@@ -1006,7 +1151,7 @@ def begin(
         if table.tidied:
             lines = io.StringIO()
             writer = csv.writer(lines, delimiter=table.delimiter.replace(" ", ","), lineterminator="\n")
-            writer.writerows([table.header, *table.rows])
+            writer.writerows([table.header, *table.rows] if table.has_header else table.rows)
             texts[table.copy(target)] = lines.getvalue()
     seen = [t for t in measured if t.kind == "image"]
     corner = any(_from_a_corner(t) for t in seen)
@@ -1114,8 +1259,12 @@ def _names(tables: Iterable[Found], columns: Sequence[str]) -> list[str]:
 
 
 def _units_of_precision(table: Found) -> dict[str, str]:
-    """Millimetres for standard deviations and covariances of lengths that would be above a decimetre in metres."""
-    if table.kind not in (*_LINES, "height_difference", "vector"):
+    """Units of standard deviations and covariances that would be too large in the units of the project.
+
+    Those of lengths above a decimetre are millimetres, those of angles above a tenth of a degree or gon seconds of arc.
+    """
+    is_angle = table.kind in ("directions", "angle", "bearing", "zenith_angle", "zenith_directions")
+    if table.kind not in (*_LINES, "height_difference", "vector") and not is_angle:
         return {}
     variances = [value for name in ("cov_dx_dx", "cov_dy_dy", "cov_dz_dz") for value in table.numbers(name)]
     stated = [name for name in table.columns if name.startswith("sigma") and "height" not in name]
@@ -1124,7 +1273,7 @@ def _units_of_precision(table: Found) -> dict[str, str]:
     if not sizes or median(sizes) < _DECIMETRE:
         return {}
     stated += [name for name in table.columns if name.startswith("cov_")]
-    return {name: "mm" for name in stated if name not in table.units}
+    return {name: "arcsec" if is_angle else "mm" for name in stated if name not in table.units}
 
 
 def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts: dict[Path, str]) -> str:
@@ -1177,7 +1326,7 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False, is_
         lines[0] += "  # CHECK the order: the file has no header"
     lines = [f"{line}  # CHECK" if is_held and line.startswith("fixed:") else line for line in lines]
     lines = [
-        f"{line}  # CHECK: found standard deviations that are large in the unit of length"
+        f"{line}  # CHECK: found standard deviations that are large in the unit of the readings"
         if line.startswith("units:") and guessed
         else line
         for line in lines

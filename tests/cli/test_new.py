@@ -784,3 +784,113 @@ def test_the_distance_between_two_points_of_a_levelling_book_is_its_length(tmp_p
     (tmp_path / "t.csv").write_text("from,to,bs,fs,dist\nA,B,1.5,1.0,64\nB,A,1.0,1.501,60\n")
     (table,) = recognise(tmp_path / "t.csv")
     assert table.rows == (("A", "B", "0.5", "64"), ("B", "A", "-0.501", "60"))
+
+
+@pytest.mark.parametrize(
+    ("header", "kind", "columns"),
+    [
+        ("Point Name,Northing (Y),Easting (X),Elevation (Z)", "points", {"y": "Northing (Y)", "x": "Easting (X)"}),
+        ("Name,E_GNSS,N_GNSS,H_GNSS", "points", {"x": "E_GNSS", "y": "N_GNSS", "z": "H_GNSS"}),
+        ("from,to,dx-ecef(m),dy-ecef(m),dz-ecef(m)", "vector", {"dx": "dx-ecef(m)", "dz": "dz-ecef(m)"}),
+        ("Label,X/East,Y/North,Z/Altitude", "points", {"x": "X/East", "y": "Y/North"}),
+        ("Messpunkt,Zielpunkt,R,zeta", "zenith_directions", {"horizontal": "R", "zenith": "zeta"}),
+        ("FROM,TO,DATE,HDIFF,CALCERR", "height_difference", {"dz": "HDIFF", "sigma": "CALCERR"}),
+        ("id_gcp,id_img,x,y", "image", {"point": "id_gcp", "image": "id_img"}),
+        ("From,To,Distance,Direction,Sig_dist,Sig_dir", "directions", {"horizontal": "Direction", "sigma": "Sig_dir"}),
+    ],
+)
+def test_headings(tmp_path: Path, header: str, kind: str, columns: dict[str, str]) -> None:
+    (tmp_path / "t.csv").write_text(f"{header}\nA,1.5,2.5,98.5,0.02,12\n")
+    table = recognise(tmp_path / "t.csv")[0]
+    assert table.kind == kind
+    assert columns.items() <= table.columns.items()
+
+
+def test_names_that_several_columns_share_are_no_readings(tmp_path: Path) -> None:
+    text = "BS_point,BS_Reading,BS_Dist,FS_point,FS_Readings,FS_Dist\nA,1.5,38,B,1.2,40\n"
+    (tmp_path / "t.csv").write_text(text)
+    assert recognise(tmp_path / "t.csv")[0].rows == (("A", "B", "0.3", "78"),)
+    (tmp_path / "t.csv").write_text(text.replace("Reading", "Value"))
+    with pytest.raises(InputError, match="unknown kind of table"):
+        recognise(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize("header", ["Label,X/Longitude,Y/Latitude,Z/Altitude", "id,lon,lat,height"])
+def test_latitudes_and_longitudes_are_no_coordinates_in_metres(tmp_path: Path, header: str) -> None:
+    (tmp_path / "t.csv").write_text(f"{header}\nA,11.5,48.1,520\n")
+    with pytest.raises(InputError, match=r"found latitudes and longitudes \(columns .*crs: EPSG:4326"):
+        recognise(tmp_path / "t.csv")
+
+
+def test_large_standard_deviations_of_angles_are_seconds(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("From,To,Distance,Direction,Sig_dist,Sig_dir\nA,B,35.5,100,0.004,16\n")
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv")]) == 0
+    entries = read_document(tmp_path / "p.yaml").data["observations"]
+    assert [entry.get("units") for entry in entries] == [{"sigma": "arcsec"}, None]
+
+
+def test_the_middle_hair_is_the_reading(tmp_path: Path) -> None:
+    """Headings for several columns stand above those of each: 1.5 - 1.2, not 1.7 - 1.3 of the upper hairs."""
+    head = "Point,Backsight,,,Foresight,,\n,Upper Hair (m),Middle Hair (m),Lower Hair (m)" + ",Upper,Mid,Lower"
+    (tmp_path / "t.csv").write_text(f"Book 7\n{head}\nA,1.7,1.5,1.3,,,\nB,,,,1.3,1.2,1.1\n")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert table.rows == (("A", "B", "0.3"),)
+
+
+def test_a_traverse_by_angles_and_distances(tmp_path: Path) -> None:
+    """A square of 100 m, turned through counterclockwise: its angles are 100 gon, clockwise from the point before."""
+    rows = "".join(f"{name},100,100,\n" for name in "ABCD")
+    (tmp_path / "t.csv").write_text(f"Station,Observed Angles,Distance,Bearing\n{rows}Sum,,,\n")
+    project = tmp_path / "p.yaml"
+    assert run(["new", str(project), str(tmp_path / "t.csv"), "--datum", "free"]) == 0
+    assert (tmp_path / "p_t_angle.csv").read_text().split()[1:] == ["A,D,B,100", "B,A,C,100", "C,B,D,100", "D,C,A,100"]
+    assert run(["adjust", str(project), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) == 0
+    data = json.loads((tmp_path / "r" / "results.json").read_text())
+    assert [row["v"] for row in data["residuals"]] == pytest.approx([0.0] * 8, abs=1e-6)
+    (tmp_path / "t.csv").write_text("Station,Angle,Distance\nA,,100\nB,100,50\nC,,\n")
+    angle, distance = recognise(tmp_path / "t.csv")
+    assert (angle.rows, distance.rows) == ((("B", "A", "C", "100"),), (("A", "B", "100"), ("B", "C", "50")))
+
+
+def test_empty_columns_behind_a_list_of_points(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text("A\t1.0\t2.0\t3.0\t\t\nB\t4.0\t5.0\t6.0\t\n")
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.txt")]) == 0
+    assert (tmp_path / "p_t.csv").read_text() == "A\t1.0\t2.0\t3.0\nB\t4.0\t5.0\t6.0\n"
+
+
+@pytest.mark.parametrize("head", ["GCP,X,Y,Z,Image,x,y", "GCP,X(m),Y(m),Z(m),Image,x(px),y(px)"])
+def test_control_points_with_their_image_points(tmp_path: Path, head: str) -> None:
+    rows = ["A,10,20,3,P1,1000,1500", "A,10,20,3,P2,900,1400", "B,11,25,4,P1,1200,700"]
+    (tmp_path / "t.csv").write_text("\n".join([head, *rows]) + "\n")
+    image, points = recognise(tmp_path / "t.csv")
+    assert (image.kind, image.numbers("x"), image.numbers("y")) == ("image", [1000, 900, 1200], [1500, 1400, 700])
+    assert (points.kind, points.texts("id"), points.numbers("z")) == ("points", ["A", "B"], [3, 4])
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv")]) == 0
+    assert run(["check", str(tmp_path / "p.yaml"), "--quiet"]) == 0
+
+
+def test_heights_that_a_list_of_points_lacks(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text("A 1.0 2.0 3.0\nB 4.0 5.0\n")
+    (table,) = recognise(tmp_path / "t.txt")
+    assert (table.kind, table.rows) == ("points", (("A", "1.0", "2.0", "3.0"), ("B", "4.0", "5.0", "")))
+
+
+def test_image_points_without_header_are_no_list_of_points(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text("P1,101,10.5,20.5\nP1,102,30.5,20.5\n")
+    with pytest.raises(InputError, match="expected a header"):
+        recognise(tmp_path / "t.txt")
+
+
+def test_angles_among_observations_by_type(tmp_path: Path) -> None:
+    rows = "ang,S,A,B,100\ndist,S,,B,25.5\nother,S,,B,1\n"
+    (tmp_path / "t.csv").write_text(f"obs,station,backsight,foresight,value\n{rows}")
+    angle, distance = recognise(tmp_path / "t.csv")
+    assert (angle.kind, angle.rows) == ("angle", (("S", "A", "B", "100"),))
+    assert (distance.kind, distance.rows) == ("distance", (("S", "B", "25.5"),))
+    assert angle.notes == ("observations of the type 'other' not used: 1 row",)
+
+
+def test_a_column_that_is_read_is_given_once(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("id,x,y,z,x,Note,Note\nA,1,2,3,1.1,a,b\n")
+    with pytest.raises(InputError, match="column 'x' is given twice"):
+        recognise(tmp_path / "t.csv")

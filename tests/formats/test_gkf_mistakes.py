@@ -101,6 +101,15 @@ def test_what_is_no_gama_file(tmp_path):
     assert "found 0 times <points-observations>" in _problems(tmp_path, "<gama-local><network/></gama-local>")[0][1]
 
 
+def test_observations_without_points(tmp_path):
+    body = '<obs from="A">\n<distance to="B" val="5" stdev="2"/></obs>'
+    ((line, words),) = _problems(
+        tmp_path, f"<gama-local><network>\n<points-observations>{body}</points-observations></network></gama-local>"
+    )
+    assert line == 2
+    assert "no points are given" in words
+
+
 def test_entities_are_refused(tmp_path):
     text = '<!DOCTYPE x [\n<!ENTITY a "aaaa">\n<!ENTITY b "&a;&a;">]>\n<gama-local>&b;</gama-local>'
     ((line, words),) = _problems(tmp_path, text)

@@ -8,6 +8,7 @@ from typing import Any
 import pytest
 
 from mor.api.pipeline import solve_network
+from mor.errors import InputError
 from mor.formats import read_foreign
 from mor.project.document import Document
 from tests.reference_data import network_of
@@ -220,3 +221,32 @@ def test_given_heights_of_points_that_no_reading_refers_to_are_not_used(tmp_path
     adjustment = solve_network(network_of(document, tmp_path)).adjustment
     values = adjustment.values["point"]
     assert float(values[1][2] - values[0][2]) == pytest.approx(0.3)
+
+
+def test_a_book_of_an_sdl_level(tmp_path: Path) -> None:
+    """1.5 - 1.2 to 2, 1.7 - 0.4 to 3 between, 1.7 - 1.6 to 4, which is called 5 at the next set-up; a new line at 6."""
+    rows = [
+        "SDL30,1,2,JOB,0,8,,,",
+        "0001,0001,1,1,1,30.00,1.5000,50.0000,",
+        "0002,0002,1,1,2,20.00,1.2000,50.3000,",
+        "0003,0002,1,1,1,25.00,1.7000,50.3000,",
+        "0004,0003,1,1,2,11.00,0.4000,51.6000,",
+        "0005,0004,1,1,2,25.00,1.6000,50.4000,",
+        "0006,0005,1,1,1,15.00,1.1000,50.4000,",
+        "0007,0001,1,1,2,15.00,1.5002,49.9998,",
+        "0008,0001,1,1,1,10.00,1.0000,50.0000,",
+        "0009,0006,1,1,2,12.00,1.3000,49.7000,",
+    ]
+    document = _read(tmp_path, "job.csv", "\r\n".join(rows) + "\r\n")
+    assert sorted(_rows(document)) == [
+        ("0001", "0002", 0.3, 50.0),
+        ("0001", "0006", -0.3, 22.0),
+        ("0002", "0003", 1.3, 36.0),
+        ("0002", "0004", 0.1, 50.0),
+        ("0004", "0001", -0.4002, 30.0),
+    ]
+    assert next(row for table in document.data["points"] for row in table["rows"] if "50.0" in row)[0] == "0001"
+    assert "coordinates that the instrument computed" in _notes(document)
+    with pytest.raises(InputError, match="expected number, point, 0, 0, 1 or 2") as error:
+        _read(tmp_path, "bad.csv", "\n".join([*rows[:2], "0002,0002,1,1,7,20.00,1.2000,50.3000,"]))
+    assert error.value.problems[0].line == 3

@@ -216,6 +216,24 @@ def _nikon(*records: str) -> str:
     return "\n".join(["CO,Nikon RAW data format V2.00", "CO,Angle Units: DDDMMSS", *records])
 
 
+def test_nikon_codes_name_the_stations_of_a_book_with_running_numbers(tmp_path: Path) -> None:
+    text = _nikon(
+        "ST,3,,9,,1.5,0.0000,0.0000",
+        "SS,1,1.5,100.0,90.0000,90.0000,10:00:00,T4",
+        "SS,2,1.5,50.0,10.0000,90.0000,10:01:00,7",
+        "ST,4,,3,,1.5,0.0000,0.0000",
+        "SS,3,1.5,100.0,270.0000,90.0000,10:02:00,T3",
+        "SS,4,1.5,20.0,200.0000,90.0000,10:03:00,7",
+    )
+    document = _read(tmp_path, "a.raw", text)
+    sights = [(row["station"], row["to"]) for row in _rows(document, "zenith_directions")]
+    assert sights == [("3", "4"), ("3", "2"), ("4", "3"), ("4", "4 (2)")]
+    assert "2 sights to stations" in _notes(document)
+    again = text.replace("SS,4,", "SS,2,")
+    sights = [(row["station"], row["to"]) for row in _rows(_read(tmp_path, "b.raw", again), "zenith_directions")]
+    assert sights == [("3", "1"), ("3", "2"), ("4", "3"), ("4", "2")], "a number that comes again names a point"
+
+
 def test_faulty_sights_copies_and_corrected_target_heights(tmp_path: Path) -> None:
     run = [f"SS,P{k},1.5,20.{k}00,{10 + k}.0000,90.0000, 09:00:00," for k in range(4)]
     text = _nikon(
@@ -408,8 +426,8 @@ def test_a_backsight_of_rw5_that_was_not_measured(tmp_path: Path) -> None:
         "BD,OP1,FP2,AR0.0000,ZE90.0000,SD0.000\nSS,OP1,FP3,AR10.0000,ZE91.0000,SD20.0\n"
     )
     document = _read(tmp_path, "a.rw5", text)
-    assert [row["to"] for row in _rows(document, "directions")] == ["2"]
-    assert [row["to"] for row in _rows(document, "zenith_directions")] == ["3"]
+    assert [(row["to"], float(row["bearing"])) for row in _rows(document, "bearing")] == [("2", 0.0), ("3", 10.0)]
+    assert _points(document)[0][1] == [["1", "0.0", "0.0", "0", *["0.01"] * 3]], "the origin"
 
 
 FBK = """HORIZ ANGLE RIGHT

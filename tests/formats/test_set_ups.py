@@ -290,8 +290,8 @@ def test_m5_heights_follow_the_station_and_end_closes(tmp_path: Path) -> None:
     document = _read(tmp_path, "b.m5", text)
     assert document.data["stations"][0]["rows"] == [["S1", "S1", "1.645"]]
     assert set(_points(document)) == {"S1"}
-    sets = [row.get("set") for row in _rows(document, "zenith_directions")]
-    assert sets == [None, "2", "2"], "the circle was turned when the station was recorded"
+    sets = [row.get("set") for kind in ("directions", "zenith_directions") for row in _rows(document, kind)]
+    assert sets == [None, "2", "2"], "the circle was turned when the station was recorded; B has no heights"
 
 
 def test_nikon_stations_backsights_and_uploaded_points(tmp_path: Path) -> None:

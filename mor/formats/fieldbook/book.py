@@ -119,6 +119,8 @@ class FieldBook:
     set_ups: list[InstrumentSetUp] = field(default_factory=list)
     points: dict[str, PointRecord] = field(default_factory=dict)
     """Given coordinates of points."""
+    zeros: list[tuple[str, PointRecord]] = field(default_factory=list)
+    """Given coordinates that are all 0."""
     precision: dict[str, tuple[float, float]] = field(default_factory=dict)
     """Standard deviations in plan (both coordinates together) and in height of points by GNSS."""
     computed: dict[str, PointRecord] = field(default_factory=dict)
@@ -298,9 +300,9 @@ class FieldBook:
         return any(sight.target == name for set_up in self.set_ups for sight in set_up.sights)
 
     def point(self, name: str, east: float | None, north: float | None, height: float | None, line: int) -> None:
-        """Add given coordinates; the last ones of a point count. Coordinates that are all 0 are none."""
+        """Add given coordinates; the last ones of a point count. Coordinates that are all 0 may be none."""
         if not any((east, north, height)):
-            self.leave_out(_ZERO, line)
+            self.zeros.append((name, PointRecord(east, north, height, line)))
             return
         old = self.points.get(name)
         if old is None:
@@ -351,6 +353,7 @@ class FieldBook:
         """Put everything into the draft."""
         draft = self.draft
         self._settle()
+        self._take_zeros()
         self._drop_presets()
         self._drop_zero_heights()
         self._orient()
@@ -426,6 +429,15 @@ class FieldBook:
         """Return whether a sight tells heights: by a zenith angle or a slope distance."""
         sights = [sight for set_up in self.set_ups for sight in set_up.sights]
         return any(sight.zenith is not None or sight.slope is not None for sight in sights)
+
+    def _take_zeros(self) -> None:
+        """Take coordinates that are all 0 as those of the origin if no other point is given; otherwise, as none."""
+        is_origin = not self.points and len({name for name, _ in self.zeros}) == 1
+        for name, place in self.zeros:
+            if is_origin and None not in (place.height, 0.0 if self.levelling.reached else place.east):
+                self.points[name] = place
+            else:
+                self.leave_out(_ZERO, place.line)
 
     def _drop_presets(self) -> None:
         """Leave out coordinates that an instrument presets: several stations share them, or they are far from others.

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 from bisect import bisect_right
 from collections.abc import Callable
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from pathlib import Path
 
+from mor.errors import counted
 from mor.formats.draft import Draft, parse_number
 from mor.formats.fieldbook.book import FieldBook, InstrumentSetUp, Sight, may_be_sexagesimal, records, sexagesimal
 from mor.project.document import Document
@@ -39,6 +40,7 @@ def read_nikon(path: Path) -> Document:
             reader.record(text, line)
         except ValueError as error:
             draft.problem(str(error), line)
+    reader.name_by_codes()
     for set_up, sight in reader.backsights:
         book.backsight(set_up, sight, turned=True)
     if _NO_ANGLES in book.skipped:
@@ -52,6 +54,7 @@ def read_nikon(path: Path) -> Document:
 
 _NO_ANGLES = "all sights: angles of some of them are none in the unit that the head says"
 _INSTRUMENT_HEIGHT = re.compile(r"\bih\s+([\d.]+)\s*m\b")
+_LETTERED = re.compile(r"[^\W\d_]+[-_ ]?(\d+)")
 _BEFORE_HEIGHT = {"F1": 0, "F2": 0, "SS": 0, "SO": 1, "CP": 1}
 """Cells between the name and the target height, by record."""
 
@@ -65,6 +68,32 @@ class _Nikon:
         self.resection = 0
         """Line where a resection began that no station record ended yet."""
         self.backsights: list[tuple[InstrumentSetUp, Sight]] = []
+        self.codes: dict[int, str] = {}
+        """Codes of the sights by their lines."""
+
+    def name_by_codes(self) -> None:
+        """Name the sights to stations by their codes if the names of all sights are running numbers.
+
+        A code is letters and the name of the station. Other sights whose number is the name of a station are to other
+        points.
+        """
+        stations = {set_up.station for set_up in self.book.set_ups}
+        names = [sight.target for set_up in self.book.set_ups for sight in set_up.sights]
+        named = {line: match[1] for line, code in self.codes.items() if (match := _LETTERED.fullmatch(code))}
+        named = {line: name for line, name in named.items() if name in stations}
+        running = all(map(str.isdecimal, names)) and all(int(a) < int(b) for a, b in pairwise(names))
+        if not running or len(set(named.values())) < 2 or stations.isdisjoint(names):
+            return
+        for set_up in self.book.set_ups:
+            set_up.sights = [
+                s._replace(target=named.get(s.line) or (f"{s.target} (2)" if s.target in stations else s.target))
+                for s in set_up.sights
+            ]
+        words = (
+            f"{counted(len(named), 'sight')} to stations, which their codes name: the names of sights are running "
+            "numbers; points whose number is the name of a station are called NAME (2)"
+        )
+        self.book.draft.note(words, min(named))
 
     def record(self, text: str, line: int) -> None:
         kind, *rest = _cells(text, 9)
@@ -141,6 +170,7 @@ class _Nikon:
         except ValueError:
             self.book.leave_out(_NO_ANGLES, line)
             return
+        self.codes[line] = rest[6 + shift] if len(rest) > 6 + shift else ""
         sight = Sight(
             name,
             line,

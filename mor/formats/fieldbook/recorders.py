@@ -4,11 +4,21 @@ from __future__ import annotations
 
 import csv
 import re
-from itertools import pairwise, takewhile
+from collections.abc import Sequence
+from itertools import pairwise, takewhile, zip_longest
 from pathlib import Path
 
 from mor.formats.draft import Draft, parse_number
-from mor.formats.fieldbook.book import GNSS, FieldBook, InstrumentSetUp, Sight, may_be_sexagesimal, records, sexagesimal
+from mor.formats.fieldbook.book import (
+    COMPUTED,
+    GNSS,
+    FieldBook,
+    InstrumentSetUp,
+    Sight,
+    may_be_sexagesimal,
+    records,
+    sexagesimal,
+)
 from mor.project.document import Document
 from mor.project.levelling import REPEATED, StaffReading
 
@@ -295,6 +305,8 @@ class _M5Reader:
         self.book = book
         self.target, self.instrument = 0.0, 0.0
         self.stationing, self.rec = False, False
+        self.has_height = False
+        """True if a height of the target was recorded since the stationing began."""
         self.sighted: set[str] = set()
 
     def record(self, what: str, cells: list[str], line: int) -> None:
@@ -369,13 +381,14 @@ class _M5Reader:
     def _text(self, words: list[str], values: dict[str, tuple[float, str]], line: int) -> None:
         if "STAT" in words:
             self.book.forget_waiting("sights of a stationing that was started again")
-            self.stationing = True
+            self.stationing, self.has_height = True, False
         if not self._heights(values, line):
             self.book.leave_out("texts of the program", line)
 
     def _heights(self, values: dict[str, tuple[float, str]], line: int) -> bool:
         """Take the heights of target and instrument over, and return whether there are some."""
         self.target = values.get("th", (self.target, ""))[0]
+        self.has_height |= "th" in values
         if "ih" in values:
             self.instrument = values["ih"][0]
             if not self.stationing:
@@ -408,6 +421,9 @@ class _M5Reader:
             if key in values:
                 self.book.angle = "gon" if values[key][1] == "gon" else "deg"
         slope = values.get("SD", (None,))[0]
+        if self.stationing and not slope and not self.has_height and {"Hz", "V1"} <= values.keys():
+            del values["V1"]  # the heights of the new station follow
+            self.book.leave_out("zenith angles of a stationing before the heights of the station", line)
         sight = Sight(
             name,
             line,
@@ -656,10 +672,14 @@ _METRES = {"1": 1.0, "2": 0.3048, "3": 1200.0 / 3937.0}
 
 
 def read_sdr(path: Path) -> Document:
-    """The project of an SDR33 file. Raises :class:`InputError` with every mistake found."""
+    """The project of an SDR33 or SDL file. Raises :class:`InputError` with every mistake found."""
     draft = Draft(str(path))
     reader = _SDRReader(FieldBook(draft))
-    for line, text in records(path, draft):
+    lines = list(records(path, draft))
+    if lines and lines[0][1].startswith("SDL"):
+        _read_sdl(lines, reader.book)
+        lines = []
+    for line, text in lines:
         if text.strip():
             try:
                 reader.record(text, line)
@@ -667,6 +687,37 @@ def read_sdr(path: Path) -> Document:
                 draft.problem(str(error), line)
     reader.book.finish(path.stem)
     return draft.finish()
+
+
+def _read_sdl(lines: Sequence[tuple[int, str]], book: FieldBook) -> None:
+    """Readings of an SDL level: number, point, two flags, 1 back or 2 forward, distance, staff reading, height.
+
+    A sight forward before another one is an intermediate sight. A reading back at the height of the sight before it is
+    to the same point, whatever its name; at another height it begins a line. Only the first height is given.
+    """
+    book.leave_out("job records", lines[0][0])
+    point, height = "", float("nan")
+    rows = [(line, [cell.strip() for cell in text.split(",")]) for line, text in lines[1:]]
+    for (line, cells), (_, after) in zip_longest(rows, rows[1:], fillvalue=(0, [])):
+        try:
+            if len(cells) < 8 or cells[4] not in ("1", "2"):
+                raise ValueError(f"found {','.join(cells)!r}, expected number, point, 0, 0, 1 or 2, and three numbers")
+            distance, value, level = map(parse_number, cells[5:8])
+        except ValueError as error:
+            book.draft.problem(str(error), line)
+            continue
+        reading = StaffReading(cells[1], value, distance or None, line)
+        if cells[4] == "1" and level == height:
+            book.levelling.sight_back(reading._replace(point=point))
+        elif cells[4] == "1":
+            book.levelling.begin()
+            (book.computed_point if point else book.point)(cells[1], None, None, level, line)
+            book.levelling.sight_back(reading)
+        else:
+            book.leave_out(COMPUTED, line)
+            is_between = len(after) > 4 and after[4] == "2"
+            (book.levelling.sight_between if is_between else book.levelling.sight_forward)(reading)
+        point, height = cells[1], level
 
 
 class _SDRReader:

@@ -798,6 +798,8 @@ def _read_network(network: Element, body: Element, draft: Draft) -> None:
     sigma_apriori = float(parameters.get("sigma-apr", "10"))
     points = read_points(body, draft)
     clusters = read_clusters(body, sigma_apriori, draft)
+    if clusters and not points:
+        draft.problem("no points are given: each one needs <point id=…> with fix=… or adj=…", body.line)
     clusters = without_inactive(clusters, points, draft)
     x_axis = _X_AXIS[axes[0]] * (1.0 if left else -1.0) * np.pi / 200.0
     y_sign = 1.0 if left == (axes in LEFT_HANDED) else -1.0
