@@ -18,6 +18,7 @@ from mor.cli.options import (
     format_option,
     kernels_option,
     only_project,
+    output_option,
     quiet_option,
 )
 from mor.errors import ExitCode, NoStartValuesError
@@ -86,14 +87,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
 
 @click.command(name="adjust")
 @click.argument("project", type=InputPath(), default=".")
-@click.option(
-    "-o",
-    "--output",
-    metavar="FOLDER",
-    type=OutputPath(),
-    show_default="PROJECT.results",
-    help="Folder for the results.",
-)
+@output_option("Folder for the results.", "PROJECT.results")
 @click.option("-f", "--force", is_flag=True, help="Replace existing results of other input or options.")
 @format_option
 @click.option(

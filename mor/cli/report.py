@@ -7,7 +7,7 @@ from pathlib import Path
 import click
 
 from mor.cli.console import language_option
-from mor.cli.options import InputPath, OutputPath
+from mor.cli.options import InputPath, output_option
 
 
 @click.command(name="report")
@@ -20,13 +20,10 @@ from mor.cli.options import InputPath, OutputPath
     show_default=True,
     help="Paper size of the PDF.",
 )
-@click.option(
-    "-o",
-    "--output",
+@output_option(
+    "File to write. A protocol ends in .txt, .html or .json.",
+    "report.pdf, report.html or protocol.txt in RESULTS",
     metavar="FILE",
-    type=OutputPath(),
-    show_default="report.pdf, report.html or protocol.txt in RESULTS",
-    help="File to write. A protocol ends in .txt, .html or .json.",
 )
 @click.option("-f", "--force", is_flag=True, help="Replace an existing file.")
 @click.option(

@@ -13,7 +13,6 @@ import click
 from mor.cli.console import language_option, tell, tell_note
 from mor.cli.options import (
     InputPath,
-    OutputPath,
     cluster_option,
     force_option,
     format_option,
@@ -21,6 +20,7 @@ from mor.cli.options import (
     jobs_option,
     kernels_option,
     only_project,
+    output_option,
     quiet_option,
 )
 from mor.errors import ExitCode
@@ -35,13 +35,9 @@ if TYPE_CHECKING:
 
 @click.command(name="simulate")
 @click.argument("project", type=InputPath())
-@click.option(
-    "-o",
-    "--output",
-    metavar="FOLDER",
-    type=OutputPath(),
-    show_default="PROJECT.simulated; PROJECT.montecarlo with --runs",
-    help="Folder for the simulated project, or for the report of many runs.",
+@output_option(
+    "Folder for the simulated project, or for the report of many runs.",
+    "PROJECT.simulated; PROJECT.montecarlo with --runs",
 )
 @force_option
 @format_option
