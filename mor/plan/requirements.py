@@ -212,8 +212,6 @@ def _judged_control(requirement: RequiredControl, quality: Quality) -> Requireme
 
 MOST_ROWS = 8_000
 """Rows that are looked at together: their cofactors are half a gigabyte."""
-_NULL = 1e-6
-"""Part of a row along a free movement of the network from which on it would change the datum."""
 
 
 class Unit(NamedTuple):
@@ -395,7 +393,8 @@ def _changes_datum(rows: MatrixRows, unit: Unit, null: FloatArray) -> bool:
         return False
     own = rows.at(unit.rows)
     size = np.maximum(np.abs(own) @ np.abs(null), 1e-300)
-    return bool((np.abs(own @ null) > _NULL * size).any())
+    # Part of a row along a free movement of the network from which on it would change the datum.
+    return bool((np.abs(own @ null) > 1e-6 * size).any())
 
 
 def datum_rows(quality: Quality, blocks: IntArray, first: int) -> tuple[FloatArray, IntArray]:
@@ -435,10 +434,6 @@ def coordinates_at(quality: Quality, blocks: IntArray, first: int) -> tuple[IntA
 
 REACHED = 1e-9
 """Shortfall that is round-off."""
-_BEYOND = 1e12
-"""Variance of a candidate's value, by that of its measurement, beyond which it says nothing: it is no such sight."""
-_SPARED = 1e-9
-"""Smallest eigenvalue of R below which something would be undetermined without the observations."""
 
 
 class RowLimits(NamedTuple):
@@ -539,7 +534,9 @@ def solvable(R: FloatArray) -> BoolArray:
     """
     finite = np.asarray(np.isfinite(R).all(axis=(1, 2)))
     values = rotations.eigvalsh(np.where(finite[:, None, None], R, np.eye(R.shape[1])))
-    return np.asarray(finite & (values[:, 0] > _SPARED) & (values[:, -1] < _BEYOND))
+    # Variance of a candidate's value, by that of its measurement, beyond which it says nothing: it is no such sight.
+    # Smallest eigenvalue of R below which something would be undetermined without the observations.
+    return np.asarray(finite & (values[:, 0] > 1e-9) & (values[:, -1] < 1e12))
 
 
 def outcomes(interest: Interest, wanted: RowLimits, units: Sequence[Unit], sign: float) -> PlanMeasures:

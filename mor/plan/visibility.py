@@ -335,10 +335,6 @@ def outcomes(
 
 # ---- Where sights begin, and what an image has on its format.
 
-_ROUNDS = 60
-"""Steps in which the measured coordinates of models that correct these come to rest."""
-_SETTLED = 1e-9
-"""Part of the format by which they may still move then."""
 _ON_THE_WAY = 16
 """Directions between the axis of a camera and a sight at which the image has to move outwards."""
 
@@ -399,12 +395,14 @@ class PlannedImage(NamedTuple):
         found = self.model.project(star, interior, constants, measured).xy
         if not self.model.corrects_measured:
             return found
-        for _ in range(_ROUNDS):
+        # Steps in which the measured coordinates of models that correct these come to rest.
+        for _ in range(60):
             measured, found = found, self.model.project(star, interior, constants, found).xy
             moved = np.abs(found - measured)
             if not (moved > 0.0).any():
                 break
-        settled = np.all(moved <= _SETTLED * (self.high - self.low), axis=1)
+        # Part of the format by which they may still move then.
+        settled = np.all(moved <= 1e-9 * (self.high - self.low), axis=1)
         return np.where(np.asarray(settled)[:, None], found, np.nan)
 
     def _outwards(self, star: FloatArray) -> BoolArray:

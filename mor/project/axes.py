@@ -33,13 +33,6 @@ _SEXAGESIMAL = re.compile(r"^[-+−]?\d+(?:\s*[-°:]\s*|\s+)\d")
 _COMPASS = {"e": (1.0, 0.0), "w": (-1.0, 0.0), "n": (0.0, 1.0), "s": (0.0, -1.0)}
 _AZIMUTH = {"north": 0.0, "east": 0.5 * np.pi, "south": np.pi, "west": 1.5 * np.pi}
 
-_FROM_THE_CORNER = ("opencv", "fisheye")
-"""Models whose principal point counts from the upper left corner where the image coordinates do."""
-
-
-_SQUARE = 2
-"""Of the time in accelerations."""
-
 
 class UnitError(ValueError):
     """A text that is not a number, or a unit that does not fit; the words say which."""
@@ -99,7 +92,8 @@ def image_scale(camera: Camera) -> ImageScale:
             raise UnitError(f"{name}: found {value:g}, expected a number above 0")
     size = _pixel_size(camera.image.pixel, camera.unit)
     pixel = 1.0 if camera.unit == PIXEL else size / (LENGTH_UNITS[camera.unit] / LENGTH_UNITS["mm"])
-    centre = (0.0, 0.0) if camera.lens in _FROM_THE_CORNER else (width / 2.0, height / 2.0)
+    # Models whose principal point counts from the upper left corner where the image coordinates do.
+    centre = (0.0, 0.0) if camera.lens in ("opencv", "fisheye") else (width / 2.0, height / 2.0)
     return ImageScale(camera.unit, pixel, size, centre, camera.coordinates == "corner")
 
 
@@ -192,7 +186,8 @@ class Edge(NamedTuple):
     def _of_time(self, quantity: Quantity, unit: str) -> float:
         """Internal units per given unit of a time, or of a length or an angle per time: ``ms``, ``m/s^2``."""
         above, _, below = unit.partition("/")
-        squared = quantity.time == -_SQUARE
+        # Of the time in accelerations.
+        squared = quantity.time == -2
         stripped = below.removesuffix("2").removesuffix("^") if squared and below.endswith("2") else ""
         time = above if quantity.time > 0 else stripped if squared else below
         expected = self.default_unit(quantity)

@@ -62,9 +62,6 @@ from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
 
 # ---- One file of observations in two places of a project: its observations would count twice.
 
-_NOT_NAMING = {"epoch", "time"}
-"""Common values that do not say between what was observed."""
-
 
 def refuse_files_named_twice(reading: Reading) -> None:
     """Add a mistake for each entry of ``observations`` or ``checks`` that reads the same values of a file again.
@@ -109,7 +106,8 @@ def _read(entry: Observations) -> tuple[object, ...]:
     common = {
         (name, value)
         for name, value in entry.values.items()
-        if not name.startswith("sigma") and name not in _NOT_NAMING
+        # Common values that do not say between what was observed.
+        if not name.startswith("sigma") and name not in {"epoch", "time"}
     }
     return tuple(sorted(renamed)), tuple(sorted(common))
 

@@ -32,11 +32,8 @@ from mor.types import FloatArray, IntArray
 
 _PARTS = 4
 """Of an interval between knots, at whose ends it is asked on which side of the line a point lies."""
-_HALVINGS = 40
-"""Of such a part; what is left is far below the last digit of a time."""
 _AT_A_TIME = 256
 """Points whose crossings are looked for together."""
-_MOST_TOLD = 10
 
 
 def is_scanned(group: ObservationGroup) -> bool:
@@ -152,7 +149,8 @@ def _crossings(sight: _Sight, lines: RowTimes) -> FloatArray:
 
 def _halved(sight: _Sight, rows: IntArray, low: FloatArray, high: FloatArray) -> FloatArray:
     before = np.sign(sight.aside(sight.poses(low), rows))
-    for _ in range(_HALVINGS):
+    # Of such a part; what is left is far below the last digit of a time.
+    for _ in range(40):
         middle = 0.5 * (low + high)
         same = np.sign(sight.aside(sight.poses(middle), rows)) == before
         low, high = np.where(same, middle, low), np.where(same, high, middle)
@@ -164,9 +162,7 @@ def _tell_lost(group: ObservationGroup, times: FloatArray) -> None:
     lost = np.flatnonzero(np.isnan(times))
     image, point = group.references
     words = "point {0!r} does not cross the line of image {1!r} where it is planned"
-    told = [
-        Message(words.format(point[k], image[k]), group.file, int(group.lines[k])) for k in lost[:_MOST_TOLD].tolist()
-    ]
+    told = [Message(words.format(point[k], image[k]), group.file, int(group.lines[k])) for k in lost[:10].tolist()]
     if told:
         raise InputError(told)
 

@@ -150,7 +150,6 @@ def variant_groups(reading: Reading, variants: dict[str, dict[int, float]]) -> l
 
 NEEDED = {"plane": 4, "line": 3, "right angle": 3}
 """Points from which on a feature says something about the object."""
-_TURNS = 5
 _BESIDE = 0.01
 """Distance from a line, in parts of the extent, from which on a point is beside it."""
 
@@ -542,7 +541,7 @@ def _start(coordinates: FloatArray, first: IntArray, other: IntArray, type_: str
 def _right_angle(D: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
     """Rotation whose z plane fits the first points best and at once its x plane the second (Gauss-Newton)."""
     one, other = first - first.mean(axis=0), second - second.mean(axis=0)
-    for _ in range(_TURNS):
+    for _ in range(5):
         q, p = one @ D.T, other @ D.T
         by_z = np.stack([-q[:, 1], q[:, 0], np.zeros(len(q))], axis=1)
         by_x = np.stack([np.zeros(len(p)), -p[:, 2], p[:, 1]], axis=1)

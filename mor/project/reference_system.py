@@ -30,10 +30,6 @@ if TYPE_CHECKING:
 RECORD = 16
 _RECORDS = 11
 _UNITS = {"SECONDS": 1.0 / 3600.0, "MINUTES": 1.0 / 60.0, "DEGREES": 1.0}
-_HIGHEST = 200.0
-"""Geoid heights are within 110 m of the ellipsoid: a larger value stands for a node without one."""
-_MOST_STEPS = 1e6
-"""Steps along a side: no file has as many."""
 ARCSEC = np.pi / (180.0 * 3600.0)
 
 
@@ -106,7 +102,8 @@ def _subgrid(content: bytes, start: int, order: str, unit: float) -> tuple[Subgr
         raise GridError("its limits are not numbers, or its steps (LAT_INC, LONG_INC) not above 0")
     with np.errstate(over="ignore"):
         sizes = np.array([north - south, west - east]) / [step, step_west]
-    if not (np.abs(sizes) < _MOST_STEPS).all():
+    # Steps along a side: no file has as many.
+    if not (np.abs(sizes) < 1e6).all():
         raise GridError("its limits and steps (LAT_INC, LONG_INC) make more nodes than a file can have")
     rows, columns = (round(float(size)) + 1 for size in sizes)
     if rows < 2 or columns < 2 or rows * columns != count:
@@ -117,7 +114,8 @@ def _subgrid(content: bytes, start: int, order: str, unit: float) -> tuple[Subgr
     nodes = np.frombuffer(content, order + "f4", 4 * count, first).reshape(rows, columns, 4)
     with np.errstate(invalid="ignore"):  # what stands for no value may be no number
         values = nodes[:, :, :3] * np.array([1.0, ARCSEC, ARCSEC])
-    values[np.abs(nodes[:, :, 0]) > _HIGHEST] = np.nan
+    # Geoid heights are within 110 m of the ellipsoid: a larger value stands for a node without one.
+    values[np.abs(nodes[:, :, 0]) > 200.0] = np.nan
     return Subgrid(south * unit, -east * unit, (step * unit, step_west * unit), values), behind
 
 

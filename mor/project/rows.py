@@ -313,7 +313,8 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
         if not reading.broken.intersection(reference.among):
             ids = [name for things in spaces.values() for name in things.ids]
             _tell_unknown(reading, reference.name, rows, names, open_, ids)
-            if "point" in reference.among and np.count_nonzero(open_) >= _SEVERAL:
+            # Unknown names of a table that look like points which were left out on purpose.
+            if "point" in reference.among and np.count_nonzero(open_) >= 3:
                 words = "points that no table contains are unknowns with settings: {undeclared_points: free}"
                 hint = reading.at("settings").problem(words)
                 if hint not in reading.problems:
@@ -361,7 +362,8 @@ def _tell_unknown(
     numbers, first = np.unique(names.numbers, return_index=True)
     wrong = np.zeros(rows.count, dtype=bool)
     wrong[first[unknown[numbers]]] = True
-    guessed = set(np.flatnonzero(wrong)[:_GUESSED].tolist())
+    # Unknown names for which the nearest one is looked for among very many.
+    guessed = set(np.flatnonzero(wrong)[:5].tolist())
     few = len(ids) <= MANY_NAMES
     tell_rows(
         reading.problems,
@@ -369,12 +371,6 @@ def _tell_unknown(
         rows,
         lambda row: unknown_name(what, names[row], ids if few or row in guessed else ()),
     )
-
-
-_SEVERAL = 3
-"""Unknown names of a table that look like points which were left out on purpose."""
-_GUESSED = 5
-"""Unknown names for which the nearest one is looked for among very many."""
 
 
 def _stations_on_points(reading: Reading, names: Names, rows: Rows) -> Names:

@@ -115,7 +115,7 @@ def read_line_times(reading: Reading) -> None:
             words = f"image {name!r}: rows and times of its lines must ascend"
             tell_rows(reading.problems, step <= 0.0, own, words)
             said = ""
-            if len(lines.rows) < _TWO:
+            if len(lines.rows) < 2:
                 said = f"image {name!r} has one line with a time, expected two at least"
             elif name in reading.lines:
                 said = f"the times of the lines of image {name!r} are given in two tables"
@@ -138,9 +138,6 @@ def row_times(lines: RowTimes, rows: FloatArray) -> tuple[FloatArray, FloatArray
     rate = np.diff(lines.times)[place] / np.diff(lines.rows)[place]
     inside = (rows >= lines.rows[0]) & (rows <= lines.rows[-1]) | lines.steady
     return lines.times[place] + rate * (rows - lines.rows[place]), rate, np.asarray(inside)
-
-
-_TWO = 2
 
 
 # ---- Knots of the trajectories of a project: from tables, or at a spacing between the rows of tables.
