@@ -87,10 +87,10 @@ coverage_option = click.option(
 )
 
 
-def output_option(words: str, default: str | None = None, metavar: str = "FOLDER", **more: Any) -> Callable[[F], F]:
+def output_option(words: str, shown: str | None = None, metavar: str = "FOLDER", **more: Any) -> Callable[[F], F]:
     """``--output`` of a command, with what is written there and where that is by default."""
     return click.option(
-        "-o", "--output", metavar=metavar, type=OutputPath(), help=words, **{"show_default": default, **more}
+        "-o", "--output", metavar=metavar, type=OutputPath(), help=words, **{"show_default": shown, **more}
     )
 
 

@@ -199,7 +199,7 @@ def _reductions(here: Adjustment, sights: list[HeightRows]) -> FloatArray:
 def _hypothesis(situation: Situation, sights: HeightRows, candidates: int, begin: float | None = None) -> Hypothesis:
     network = situation.network
     number = len(network.blocks["height"].ids)
-    given = _given(network, sights) if begin is None else begin
+    given = given_height(network, sights) if begin is None else begin
 
     def change(changed: Network) -> Network:
         changed, own = with_unknown(changed, "height", np.array([given]), np.array([True]))
@@ -232,7 +232,8 @@ def _edits(network: Network, sights: HeightRows) -> tuple[Edit, ...]:
     return tuple(edit for edits in found for edit in edits)
 
 
-def _given(network: Network, sights: HeightRows) -> float:
+def given_height(network: Network, sights: HeightRows) -> float:
+    """Return the height that the rows of a hypothesis were read with."""
     group, rows, slot = sights.rows[0]
     return float(network.start["height"][network.groups[group].blocks[slot][rows[0]], 0])
 

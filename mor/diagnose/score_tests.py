@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mor.diagnose.control import DISTANCE, HORIZONTAL_DISTANCE, other_kind
-from mor.diagnose.heights import HeightRows, height_sights
+from mor.diagnose.heights import HeightRows, given_height, height_sights
 from mor.diagnose.images import PRINCIPAL_POINT
 from mor.diagnose.names import ROWS, Match, matches, with_the_same_names, wrong_name
 from mor.model import rotations
@@ -600,7 +600,7 @@ def _heights(problem: Problem, network: Network, values: Values, quality: Qualit
             one.things,
             _line_of(one),
             parts,
-            amount=("height", _given(network, one)),
+            amount=("height", given_height(network, one)),
         )
     beyond = beyond_reach(network)
     usual = {**values, "height": np.where(beyond[:, None], usual_height(network), values["height"])}
@@ -622,11 +622,6 @@ def _instead(
         group = problem.groups[number]
         change = evaluated(group, usual, rows).values - evaluated(group, values, rows).values
         yield number, rows, np.nan_to_num(np.where(group.type.wraps, wrap(change), change))[:, :, None]
-
-
-def _given(network: Network, one: HeightRows) -> float:
-    number, rows, slot = one.rows[0]
-    return float(network.start["height"][network.groups[number].blocks[slot][rows[0]], 0])
 
 
 def _antennas(problem: Problem, network: Network, values: Values, adjusted: Sequence[int]) -> Iterator[_Candidate]:

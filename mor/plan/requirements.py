@@ -503,19 +503,13 @@ def wanted_of(required: Sequence[Requirement], interest: Interest, quality: Qual
 
 def least_redundancies(required: Sequence[Requirement], quality: Quality, names: Sequence[str]) -> FloatArray:
     """(g,) required redundancy numbers of the observations of groups of these names; 0 where there are none."""
-    least = np.zeros(len(names))
+    least, delta = np.zeros(len(names)), quality.noncentrality
     for one in required:
         if isinstance(one, RequiredControl):
-            r = _least_r(one, quality)
+            r = one.limit if one.of == "r" else delta / (delta + one.limit**2)
             here = [k for k, name in enumerate(names) if any(fnmatchcase(name, p) for p in one.pattern)]
             least[here] = np.maximum(least[here], r)
     return least
-
-
-def _least_r(one: RequiredControl, quality: Quality) -> float:
-    if one.of == "r":
-        return one.limit
-    return quality.noncentrality / (quality.noncentrality + one.limit**2)
 
 
 def redundancies(interest: Interest, diagonal: FloatArray, K: FloatArray) -> FloatArray:

@@ -558,7 +558,9 @@ def _network(
     stores = {key: store for key, store in reading.shop.stores.items() if store.ids}
     observed = {key: store.all_values() for key, store in stores.items()}
     start = {
-        key: _representation(store.kind.is_rotation, store.start_values(observed[key])) for key, store in stores.items()
+        key: rotation_from_angles(given) if store.kind.is_rotation else given
+        for key, store in stores.items()
+        for given in (store.start_values(observed[key]),)
     }
     return Network(
         project=project,
@@ -608,10 +610,6 @@ def _in_order(
     order = sorted(range(len(entries)), key=lambda k: entries[k][0])
     where = np.argsort(np.array(order, dtype=np.int64), kind="stable")
     return [entries[k][1] for k in order], where
-
-
-def _representation(is_rotation: bool, values: FloatArray) -> FloatArray:
-    return rotation_from_angles(values) if is_rotation else values
 
 
 def _said_outside(reading: Reading, group: ObservationGroup) -> ObservationGroup:

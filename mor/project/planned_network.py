@@ -52,7 +52,8 @@ def rescanned(network: Network, group: ObservationGroup, place: Mapping[str, Flo
     for number in np.unique(image.numbers).tolist():
         mine = np.flatnonzero(image.numbers == number)
         name = image.known[number]
-        trajectory, lines = _flown(network, name), network.lines[name]
+        flown = network.things["image"].part(name, TRAJECTORY)
+        trajectory, lines = list(network.trajectories.values())[flown], network.lines[name]
         sight = _Sight(group, place, trajectory, mine)
         times[mine] = _crossings(sight, lines)
         rows = _rows_at(lines, times[mine])
@@ -65,11 +66,6 @@ def rescanned(network: Network, group: ObservationGroup, place: Mapping[str, Flo
         knots[:, mine] = trajectory.blocks(clock)
     _tell_lost(group, times)
     return replace(group, constants=constants, blocks=(*knots, *group.blocks[len(knots) :]))
-
-
-def _flown(network: Network, image: str) -> Trajectory:
-    number = network.things["image"].part(image, TRAJECTORY)
-    return list(network.trajectories.values())[number]
 
 
 def _rows_at(lines: RowTimes, times: FloatArray) -> FloatArray:

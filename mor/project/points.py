@@ -710,12 +710,8 @@ def _read_points_table(
     names = rows.text("id")
     check_unique("point", names, rows, seen, reading.problems)
     statuses = component_rows(rows, POINT.components, table.fixed, reading.problems, rows.number("sigma"))
-    return names, _add_point(reading, names, statuses)
-
-
-def _add_point(reading: Reading, names: Sequence[str], statuses: Statuses) -> IntArray:
     statuses = in_dimensions(statuses, reading)
-    return reading.shop.store("point").add(names, *inwards(reading.edge, statuses))
+    return names, reading.shop.store("point").add(names, *inwards(reading.edge, statuses))
 
 
 def add_free_points(reading: Reading, names: Sequence[str]) -> None:

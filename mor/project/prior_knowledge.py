@@ -273,11 +273,9 @@ def _wrong_keys(feature: Feature, place: TableLocation, systems: dict[str, _Syst
             problems.append(place.problem(f"{key}: no feature {name!r} stands above this one", key))
         elif systems[name].type not in _CAN_GIVE[key]:
             type_ = systems[name].type
-            problems.append(
-                place.problem(f"{key}: the {type_} {name!r} has no plane", key)
-                if key == "coplanar"
-                else place.problem(f"{key}: the {type_} {name!r} has no axis", key)
-            )
+            plane = f"{key}: the {type_} {name!r} has no plane"
+            axis = f"{key}: the {type_} {name!r} has no axis"
+            problems.append(place.problem(plane if key == "coplanar" else axis, key))
         elif key == "perpendicular" and systems[name].turn >= 0:
             words = f"perpendicular: {name!r} is itself perpendicular to another feature"
             problems.append(place.problem(words, key))
@@ -526,7 +524,7 @@ def _start(coordinates: FloatArray, first: IntArray, other: IntArray, type_: str
     if len(points) < 3:
         return np.eye(3), np.zeros(3)
     centre = points.mean(axis=0)
-    axes = _upright(np.linalg.svd(points - centre)[2])
+    axes = upright(np.linalg.svd(points - centre)[2])
     if type_ == "line":
         return np.stack([axes[1], np.cross(axes[0], axes[1]), axes[0]]), centre
     normal = axes[2]
@@ -558,15 +556,13 @@ def _second_normal(points: FloatArray, normal: FloatArray) -> FloatArray:
     _, _, axes = np.linalg.svd(flat)
     along = axes[0] - normal * (axes[0] @ normal)
     x = np.cross(along, normal)
-    unit: FloatArray = _upright((x / np.linalg.norm(x))[None])[0]
-    return unit
+    return np.asarray(upright((x / np.linalg.norm(x))[None])[0])
 
 
-def _upright(directions: FloatArray) -> FloatArray:
+def upright(directions: FloatArray) -> FloatArray:
     """Directions (n, 3), each or its opposite, so that the largest component is positive: signs are nobody's choice."""
     largest = np.take_along_axis(directions, np.argmax(np.abs(directions), axis=1)[:, None], axis=1)
-    upright: FloatArray = directions * np.sign(largest)
-    return upright
+    return np.asarray(directions * np.sign(largest))
 
 
 # ---- What no adjustment can be computed with: σ beyond all numbers, nothing free, a datum without coordinates.
@@ -768,16 +764,16 @@ def _find(reading: Reading, name: str, component: str) -> _BlockComponent:
     for part in PARTS[space]:
         if part not in things.parts:
             continue  # nothing moves in this project
-        camera = _camera(reading, space, bare) if part == "interior" else None
+        camera = None
+        if part == "interior":
+            cameras = reading.shop.things["camera"]
+            camera = bare if space == "camera" else cameras.ids[things.part(bare, "camera")]
         kind = _kind_of_part(reading, part, camera)
         known += kind.names
         if component in kind.names:
             block, k = things.part(bare, part), kind.names.index(component)
-            if (
-                block < 0
-                or (block == 0 and kind.key in _WITH_NEUTRAL)
-                or (reading.shop.neutral_blocks.get(kind.key) == block)
-            ):
+            neutral = (block == 0 and kind.key in _WITH_NEUTRAL) or reading.shop.neutral_blocks.get(kind.key) == block
+            if block < 0 or neutral:
                 raise ValueError(f"{name} has no {component} of its own: give it one where it is declared")
             scale = reading.scales[camera] if camera is not None else None
             return _BlockComponent(kind.key, block, *_internal(reading, space, kind, k), scale)
@@ -794,11 +790,6 @@ def _internal(reading: Reading, space: str, kind: BlockKind, component: int) -> 
     if kind.is_rotation and space != "pair" and not np.array_equal(M, np.eye(3)):
         raise ValueError("observed ω, φ, κ need axes: {xy: en}")
     return component, 1.0
-
-
-def _camera(reading: Reading, space: str, name: str) -> str:
-    cameras = reading.shop.things["camera"]
-    return name if space == "camera" else cameras.ids[reading.shop.things["image"].part(name, "camera")]
 
 
 def _kind_of_part(reading: Reading, part: str, camera: str | None) -> BlockKind:

@@ -157,7 +157,8 @@ def declare(reading: Reading, rows: Rows, column: str, spaces: Sequence[str]) ->
 
     Not of names with a prefix (``image:B1``): those say what they name.
     """
-    if not may_declare(reading):
+    wanted = reading.project.settings.undeclared_points == "free"
+    if not wanted or reading.section != "observations" or "point" in reading.broken:
         return
     taken = [reading.shop.things[space].numbers for space in spaces]
     names = (name for name in rows.names(column).known if not any(name in there for there in taken))
@@ -169,12 +170,6 @@ def declare(reading: Reading, rows: Rows, column: str, spaces: Sequence[str]) ->
     for name in new:
         reading.undeclared[name] = (rows.file, int(rows.lines[first[name]]))
     add_free_points(reading, new)
-
-
-def may_declare(reading: Reading) -> bool:
-    """Return True if the project wants free points for names that nothing has."""
-    wanted = reading.project.settings.undeclared_points == "free"
-    return wanted and reading.section == "observations" and "point" not in reading.broken
 
 
 def check_undeclared(reading: Reading, groups: Sequence[ObservationGroup]) -> None:

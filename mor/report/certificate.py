@@ -13,7 +13,7 @@ from mor.model.cameras import CAMERA_MODELS
 from mor.model.parameters import INTERIORS
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import (
-    LINE,
+    aligned,
     correlation_table,
     coverage_words,
     digits_worth,
@@ -23,10 +23,11 @@ from mor.report.layout import (
     persons,
     round_length,
     short,
+    signature,
     small_unit,
     table,
+    titled,
 )
-from mor.report.layout import WIDTH as COLUMNS_WIDTH
 from mor.report.page import asset, environment, meaning, raised, running_heads
 from mor.report.page_data import image_points
 from mor.report.view import RadialCurve, View, radial_curve
@@ -274,38 +275,23 @@ def certificate_text(one: Certificate, words: Words = ENGLISH) -> str:
     """Return the certificate as text, at most 100 characters wide."""
     title = words("Calibration of camera {id}", id=one.camera["id"])
     facts = [*_facts(one, words), *_validity(one, words)]
-    width = max(len(name) for name, _ in facts)
     names, matrix = one.camera["correlations"]["components"], one.camera["correlations"]["matrix"]
     rows = [[*cells, "" if inside else words("extrapolated")] for cells, inside in _distortion(one)]
     small = one.small[0]
-    headers = [
-        f"radius [{one.unit}]",
-        f"distortion [{small}]",
-        f"sigma [{small}]",
-        *_expanded(one, f" [{small}]"),
-        "",
+    headers = [f"radius [{one.unit}]", f"distortion [{small}]", f"sigma [{small}]", *_expanded(one, f" [{small}]"), ""]
+    columns = ["value", "sigma", *_expanded(one), "significance", "status"]
+    parameters = [
+        [row["name"], row["meaning"], one.units[row["name"]], *(row[key] for key in columns)]
+        for row in _parameters(one, words)
     ]
-    parts = [
-        "\n".join(
-            [
-                title,
-                "=" * min(len(title), COLUMNS_WIDTH),
-                *(f"{name.ljust(width)}  {text}" for name, text in facts),
-            ]
-        ),
-        "\n".join([heading(words("Parameters")), _parameter_table(one, words)]),
-        "\n".join(
-            [
-                heading(words("Radial distortion, mean over all directions")),
-                table(headers, rows, 0, words, last_left=True),
-            ]
-        ),
-    ]
+    of_parameters = ["component", "", "unit", "value", "sigma", *_expanded(one), "value/sigma", "status"]
+    lines = [*titled(title), *aligned(facts)]
+    lines += ["", heading(words("Parameters")), table(of_parameters, parameters, 3, words)]
+    lines += ["", heading(words("Radial distortion, mean over all directions"))]
+    lines.append(table(headers, rows, 0, words, last_left=True))
     if matrix is not None and len(names) > 1:
-        parts.append("\n".join([heading(words("Correlations [1]")), correlation_table(names, matrix, words)]))
-    signed = f"{words('place and date').ljust(len(LINE))}    {words('signature')}"
-    parts.append(f"\n{LINE}    {LINE}\n{signed}")
-    return paragraphs("\n\n".join(parts)) + "\n"
+        lines += ["", heading(words("Correlations [1]")), correlation_table(names, matrix, words)]
+    return paragraphs("\n".join([*lines, "", *signature(words)])) + "\n"
 
 
 def _facts(one: Certificate, words: Words) -> list[tuple[str, str]]:
@@ -358,33 +344,23 @@ def _format(camera: dict[str, Any], words: Words) -> str:
     return f"{size['width']:g} × {size['height']:g} px{pixel}"
 
 
-def _validity(one: Certificate, words: Words) -> list[tuple[str, str]]:
-    return [*_valid(one, words), *_uncertainty(one, words)]
-
-
-def _uncertainty(one: Certificate, words: Words) -> list[tuple[str, str]]:
-    if one.coverage is None:
-        return []
-    return [(words("expanded uncertainty"), coverage_words(one.coverage, freedom(one.view.summary), words))]
-
-
 def freedom(summary: dict[str, Any]) -> float:
     """Degrees of freedom of the σ0 that standard deviations refer to; infinite a priori."""
     sigma0 = summary["sigma0"]
     return float(summary["redundancy"]) if sigma0["used_for_sigma"] != sigma0["apriori"] else np.inf
 
 
-def _valid(one: Certificate, words: Words) -> list[tuple[str, str]]:
+def _validity(one: Certificate, words: Words) -> list[tuple[str, str]]:
     said = words("up to {radius} {unit} from the principal point", radius=short(one.covered, 4), unit=one.unit)
-    if one.corner is None:
-        return [(words("valid"), said)]
-    said += words(
-        "; the farthest corner is at {corner} {unit} ({share} % of it)",
-        corner=short(one.corner, 4),
-        unit=one.unit,
-        share=f"{100.0 * min(one.covered / one.corner, 1.0):.0f}",
-    )
-    return [(words("valid"), said)]
+    if one.corner is not None:
+        share = f"{100.0 * min(one.covered / one.corner, 1.0):.0f}"
+        corner = "; the farthest corner is at {corner} {unit} ({share} % of it)"
+        said += words(corner, corner=short(one.corner, 4), unit=one.unit, share=share)
+    rows = [(words("valid"), said)]
+    if one.coverage is not None:
+        said = coverage_words(one.coverage, freedom(one.view.summary), words)
+        rows.append((words("expanded uncertainty"), said))
+    return rows
 
 
 def _times(sigma: float | None, factor: float | None) -> float | None:
@@ -409,16 +385,6 @@ def _parameters(one: Certificate, words: Words) -> list[dict[str, str]]:
 
 def _expanded(one: Certificate, unit: str = "") -> list[str]:
     return [f"U{unit}"] if one.coverage is not None else []
-
-
-def _parameter_table(one: Certificate, words: Words) -> str:
-    columns = ["value", "sigma", *_expanded(one), "significance", "status"]
-    rows = [
-        [row["name"], row["meaning"], one.units[row["name"]], *(row[key] for key in columns)]
-        for row in _parameters(one, words)
-    ]
-    headers = ["component", "", "unit", "value", "sigma", *_expanded(one), "value/sigma", "status"]
-    return table(headers, rows, 3, words)
 
 
 def _distortion(one: Certificate) -> list[tuple[list[str], bool]]:

@@ -138,17 +138,14 @@ def _plain(value: float) -> str:
     return np.format_float_positional(value, trim="0")
 
 
-_BASES = {"mm": r"\milli\metre", "m": r"\metre", "px": ""}
-"""Units in D-SI; a number of pixels has the unit one."""
-
-
 def _power(unit: str) -> tuple[str, int]:
     """Base and exponent of a unit such as ``1/mm^2``."""
     found = re.fullmatch(r"(1/)?([a-z]+)(?:\^(\d+))?", unit)
     if found is None:
         return "", 0
     below, base, exponent = found.groups()
-    return _BASES[base], int(exponent or 1) * (-1 if below else 1)
+    # Units in D-SI; a number of pixels has the unit one.
+    return {"mm": r"\milli\metre", "m": r"\metre", "px": ""}[base], int(exponent or 1) * (-1 if below else 1)
 
 
 def si_unit(*units: str) -> str:

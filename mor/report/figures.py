@@ -37,8 +37,6 @@ from mor.units import LENGTH_UNITS
 CONFIDENCE = 0.95
 _BESIDE = float(ndtri(0.5 + CONFIDENCE / 2.0))
 _AROUND = float(np.sqrt(chdtri(2, 1.0 - CONFIDENCE)))
-_FEWEST = 3
-"""Residuals a cell must hold for its mean to be drawn."""
 
 
 def camera_figures(data: PageData) -> list[dict[str, Figure]]:
@@ -164,7 +162,8 @@ def mean_residuals(data: PageData, camera: dict[str, Any]) -> Figure | None:
     count = np.bincount(number, minlength=(len(edges[0]) - 1) * (len(edges[1]) - 1))
     mean = np.column_stack([np.bincount(number, v[:, k], len(count)) / np.maximum(count, 1) for k in (0, 1)])
     middle = np.stack(np.meshgrid(*(0.5 * (e[1:] + e[:-1]) for e in edges), indexing="ij"), axis=-1).reshape(-1, 2)
-    kept = count >= _FEWEST
+    # Residuals a cell must hold for its mean to be drawn.
+    kept = count >= 3
     if not kept.any():
         return None
     size = float(np.hypot(*mean[kept].T).max(initial=0.0))
@@ -263,10 +262,6 @@ def correlations(camera: dict[str, Any]) -> Figure:
 
 # ---- The overlap map: how many images measured points in each cell, in the view in which the points are widest.
 
-_MOST_CELLS = 80
-"""Cells along the longer side, at most."""
-_IN_A_CELL = 4
-"""Points a cell has on average, where they lie evenly."""
 RAY_CLASSES = ((1, 1), (2, 2), (3, 3), (4, 5), (6, 9), (10, None))
 """Numbers of rays that are told apart in a picture: two rays check each other across their common plane alone."""
 
@@ -298,7 +293,9 @@ def overlap(view: View, rays: RayPairs) -> Overlap | None:
     low, size = (plane[measured].min(axis=0), np.ptp(plane[measured], axis=0)) if len(point) else np.zeros((2, 2))
     if not (size > 0.0).all():
         return None
-    step = max(float(np.sqrt(_IN_A_CELL * size.prod() / len(measured))), float(size.max()) / _MOST_CELLS)
+    # Cells along the longer side, at most.
+    # Points a cell has on average, where they lie evenly.
+    step = max(float(np.sqrt(4 * size.prod() / len(measured))), float(size.max()) / 80)
     cells = np.floor(size / step).astype(np.int64) + 1
     first = low + 0.5 * (size - (cells - 1) * step)
     column, row = (np.rint((plane[point] - first) / step).astype(np.int64).clip(0, cells - 1)).T
@@ -334,7 +331,6 @@ def overlap_map(found: Overlap | None) -> dict[str, Any] | None:
 
 # ---- Charts of the tests: w against the normal distribution, redundancy, rays, angles.
 
-_BARS = 60
 _MOST_FRAMES = 400
 
 
@@ -387,7 +383,7 @@ def histogram(values: FloatArray, x: str, y: str, colour: str = BLUE, whole: boo
     there = values[np.isfinite(values)]
     if whole:
         last = int(there.max(initial=1))
-        step = max(1, last // _BARS)
+        step = max(1, last // 60)
         edges = np.arange(-0.5, last + step + 0.5, step)
     else:
         high = float(there.max(initial=top)) or 1.0

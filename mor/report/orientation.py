@@ -14,6 +14,7 @@ from mor.input_files import read_bytes
 from mor.model.rotations import angles_by_tangent, angles_from_rotation
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import fixed, heading, short, table
+from mor.report.units import number_or_none
 from mor.start.bundle import Bundle, image_bundle
 from mor.start.image_pair import RobustOrientation, robust_relative_orientation
 from mor.start.plane_object import (
@@ -130,11 +131,6 @@ def bundles(measured: HomologousPoints, constants: FloatArray, sigma: float) -> 
 # ---- Arrays as plain data, and small tables of what has a σ.
 
 ANGLES = ("omega", "phi", "kappa")
-
-
-def number_or_none(value: Any) -> float | None:
-    """A number, or nothing if there is none."""
-    return float(value) if np.isfinite(value) else None
 
 
 def numbers(array: FloatArray) -> Any:
@@ -346,19 +342,14 @@ def relative(measured: HomologousPoints, constants: FloatArray, sigma: float) ->
         for one, pair in zip(known, pairs, strict=True)
     )
     all_of_them = joined(pairs, images, used) if hang_together else Joined(pairs, None, None, 0)
-    auxiliary = [
-        _auxiliary(pair, images[k].take(both), images[k + 1].take(both))
-        for k, (pair, both) in enumerate(zip(all_of_them.pairs, common, strict=True))
-    ]
+    auxiliary: list[Auxiliary | None] = [None] * len(pairs)
+    for k, (pair, both) in enumerate(zip(all_of_them.pairs, common, strict=True)):
+        if is_orientation_known(pair):
+            a, b = (image.take(both).take(pair.agreeing) for image in images[k : k + 2])
+            auxiliary[k] = auxiliary_of(a, b, pair.orientation)
     return Oriented(
         all_of_them.pairs, auxiliary, common, used, all_of_them.chain, all_of_them.model, all_of_them.rivals
     )
-
-
-def _auxiliary(pair: RobustOrientation, a: Bundle, b: Bundle) -> Auxiliary | None:
-    if not is_orientation_known(pair):
-        return None
-    return auxiliary_of(a.take(pair.agreeing), b.take(pair.agreeing), pair.orientation)
 
 
 def is_orientation_known(pair: RobustOrientation) -> bool:
@@ -426,13 +417,7 @@ def _pair(
 
 
 def _rinner(auxiliary: Auxiliary) -> dict[str, Any]:
-    parts = (
-        auxiliary.linear,
-        auxiliary.corrections,
-        auxiliary.compatible,
-        auxiliary.adjusted,
-        auxiliary.sigma,
-    )
+    parts = (auxiliary.linear, auxiliary.corrections, auxiliary.compatible, auxiliary.adjusted, auxiliary.sigma)
     names = ("linear", "correction", "compatible", "adjusted", "sigma")
     columns = [part.ravel() for part in parts]
     return {

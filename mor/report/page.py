@@ -24,7 +24,17 @@ from mor.model.parameters import INTERIORS
 from mor.quality.solution import Solved
 from mor.report.figures import camera_figures, overlap, overlap_map, test_figures
 from mor.report.language import ENGLISH, Words
-from mor.report.layout import DIGITS, component_of, fixed, in_words, persons, row_in_words, short, small_unit
+from mor.report.layout import (
+    DIGITS,
+    component_of,
+    fixed,
+    in_words,
+    persons,
+    probability,
+    row_in_words,
+    short,
+    small_unit,
+)
 from mor.report.movements import moved_points, movement_drawing
 from mor.report.page_data import (
     MOST_ROWS,
@@ -42,6 +52,7 @@ from mor.report.summary import failure, summary
 from mor.report.text import verdict
 from mor.report.text_findings import (
     decrease,
+    emptied,
     mostly_out_in_words,
     sentence,
     sentences,
@@ -83,10 +94,11 @@ _LONGEST = 600.0
 def running_heads(title: str, identity: dict[str, Any], words: Words = ENGLISH) -> Markup:
     """Style sheet of what stands above and below every printed page: project, program, date, number of the page."""
     right = " · ".join(part for part in (identity["date"], identity["program"]) if part)
+    head = title if len(title) <= 70 else f"{title[:69]}…"
     of = _css_text(words("page"))
     return Markup(
         "@page { "
-        f"@top-left {{ content: {_css_text(_cut(title))}; {_SMALL} }} "
+        f"@top-left {{ content: {_css_text(head)}; {_SMALL} }} "
         f"@top-right {{ content: {_css_text(right)}; {_SMALL} }} "
         f'@bottom-right {{ content: {of} " " counter(page) " / " counter(pages); {_SMALL} }} '
         "}"
@@ -94,11 +106,6 @@ def running_heads(title: str, identity: dict[str, Any], words: Words = ENGLISH) 
 
 
 _SMALL = 'font: 8pt system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #444; white-space: nowrap;'
-_LONGEST_HEAD = 70
-
-
-def _cut(title: str) -> str:
-    return title if len(title) <= _LONGEST_HEAD else f"{title[: _LONGEST_HEAD - 1]}…"
 
 
 def _css_text(text: str) -> str:
@@ -151,8 +158,6 @@ def _run(program: str, sheet: Path, made: Path, profile: Path) -> str:
 
 _NAMED = 3
 """Observations without control that are named."""
-_MOST_NOTES = 200
-"""Notes that are listed."""
 
 
 def used_in_words(data: PageData) -> str:
@@ -234,7 +239,8 @@ def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, A
             "place": f"{row['file']}:{row['line']}" if row["line"] else row["file"],
             "message": words.told(row["message"]),
         }
-        for row in rows[:_MOST_NOTES]
+        # Notes that are listed.
+        for row in rows[:200]
     ]
     return {"notes": notes, "notes_left": len(rows) - len(notes)}
 
@@ -244,7 +250,6 @@ def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, A
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
 _NARROW = {"gon": 10.0, "deg": 9.0}
 _LOW_R = 0.1
-_STRONG = 0.95
 _NEGATIVE = re.compile(r"(?<![\w-])-(?=\d)|(?<=e)-(?=\d)")
 """Hyphens that are minus signs."""
 
@@ -297,7 +302,8 @@ def agreement(data: PageData) -> Statement:
         if test["accepted"]
         else say("The global test rejects the adjustment.")
     )
-    words = " ".join([*left_out, tested, *contradicted, flagged, *shared, *_emptied(data), *_mostly_out(data)])
+    gone = [*emptied(view.groups.to_dicts(), say), *_mostly_out(data)]
+    words = " ".join([*left_out, tested, *contradicted, flagged, *shared, *gone])
     if left_out or contradicted or not test["accepted"]:
         smaller = test["statistic"] < test["lower"] and not (left_out or contradicted)
         return Statement(DOUBT if smaller else BAD, say("not accepted"), words)
@@ -354,10 +360,9 @@ def headline(data: PageData) -> Statement:
     left_out = sentences(data.view.suspects, say)
     if left_out:
         return Statement(BAD, say("Not accepted"), " ".join([*left_out, *shared]))
-    emptied = [*_emptied(data), *_mostly_out(data)]
     things = tuple(_thing(row) for row in summary.get("undeterminable", []))
-    emptied += sentences_of_things(things, say)
-    flagged = " ".join([_flagged(summary["flagged"], say), *shared, *emptied])
+    gone = [*emptied(data.view.groups.to_dicts(), say), *_mostly_out(data), *sentences_of_things(things, say)]
+    flagged = " ".join([_flagged(summary["flagged"], say), *shared, *gone])
     contradicted = contradictions(data.view.verdict, say)
     open_ = ill_determined(data.view.verdict, summary["units"]["length"], say)
     whole = not open_ or bool((data.view.verdict or {})["determined"]["as_a_whole"])
@@ -387,32 +392,23 @@ def headline(data: PageData) -> Statement:
     if loose:
         title = say("Accepted, {count:observation|observations} uncontrolled", count=loose)
         return Statement(DOUBT, title, f"{words} {flagged}")
-    if summary["flagged"] or emptied:
+    if summary["flagged"] or gone:
         return Statement(DOUBT, say("Accepted, with observations to look at"), f"{words} {flagged}")
     return Statement(GOOD, say("Accepted"), f"{words} {flagged}")
 
 
 def _rests_on(data: PageData) -> list[Statement]:
     """Datum, what was used of what was read, what would help: no judgement, but asked of every adjustment."""
-    say = data.words
+    say, other = data.words, epoch_in_words(data)
+    ready = data.view.summary["global_test"]["accepted"] and headline(data).state != BAD
+    if not ready:
+        first = say("Not yet: this adjustment is not accepted, so movements would be tested with wrong σ.")
+        other = f"{first} {other}"
     return [
-        Statement(
-            PLAIN,
-            say("Datum"),
-            data.words("{datum}. Coordinates and σ refer to it.", datum=data.datum),
-            "key-figures",
-        ),
-        _another_epoch(data),
+        Statement(PLAIN, say("Datum"), say("{datum}. Coordinates and σ refer to it.", datum=data.datum), "key-figures"),
+        Statement(PLAIN if ready else DOUBT, say("Another epoch"), other),
         Statement(PLAIN, say("Input"), used_in_words(data), "files"),
     ]
-
-
-def _another_epoch(data: PageData) -> Statement:
-    say, accepted = data.words, data.view.summary["global_test"]["accepted"]
-    if accepted and headline(data).state != BAD:
-        return Statement(PLAIN, say("Another epoch"), epoch_in_words(data))
-    first = say("Not yet: this adjustment is not accepted, so movements would be tested with wrong σ.")
-    return Statement(DOUBT, say("Another epoch"), f"{first} {epoch_in_words(data)}")
 
 
 def _causes(data: PageData) -> list[Statement]:
@@ -434,19 +430,6 @@ def _causes(data: PageData) -> list[Statement]:
 
 def _thing(row: dict[str, Any]) -> UndeterminedObject:
     return UndeterminedObject(row["kind"], row["id"], row["reason"], row["treatment"], row["observations"])
-
-
-def _emptied(data: PageData) -> list[str]:
-    """Groups of which nothing takes part any more: what tests accept then says nothing about them."""
-    return [
-        data.words(
-            "Nothing is left of {group}: all its observations were excluded ({count}).",
-            count=row["excluded"],
-            group=row["name"],
-        )
-        for row in data.view.groups.to_dicts()
-        if row["observations"] == 0 and row["excluded"] > 0
-    ]
 
 
 def _mostly_out(data: PageData) -> list[str]:
@@ -556,14 +539,11 @@ def _controlled(data: PageData) -> Statement | None:
         limit=f"{_LOW_R:g}",
     )
     if found is not None:
-        words = " ".join([words, *_uncontrolled(found, say)])
+        lines = uncontrolled_in_words({**found, "observations": []}, say)[:1]
+        lines += [f"{uncontrolled_sentence(row, say)}." for row in found["observations"][:_NAMED]]
+        words = " ".join([words, *lines])
     state = DOUBT if low > 0.05 * used.height or free else GOOD
     return Statement(state, say("Reliability"), words, "tests")
-
-
-def _uncontrolled(found: dict[str, Any], say: Words) -> list[str]:
-    lines = uncontrolled_in_words({**found, "observations": []}, say)[:1]
-    return lines + [f"{uncontrolled_sentence(row, say)}." for row in found["observations"][:_NAMED]]
 
 
 def _checks(data: PageData) -> Statement | None:
@@ -636,41 +616,22 @@ def _camera(camera: dict[str, Any], say: Words) -> Statement:
         )
     ]
     words = f"{value}."
-    strong = _strongest(names, matrix)
-    if strong is not None:
-        words += " " + say(
-            "Largest correlation {size} between {one} and {other}.",
-            size=f"{strong[2]:.2f}",
-            one=strong[0],
-            other=strong[1],
-        )
+    strong = 0.0
+    if matrix is not None and len(names) > 1:
+        lower = np.tril(np.array(matrix), -1)
+        i, j = np.unravel_index(int(np.argmax(np.abs(lower))), lower.shape)
+        strong, said = float(lower[i, j]), "Largest correlation {size} between {one} and {other}."
+        words += " " + say(said, size=f"{strong:.2f}", one=names[j], other=names[i])
     words += " " + say("Not significant: {names}.", names=", ".join(weak)) if weak else ""
-    doubt = weak or (strong is not None and abs(strong[2]) > _STRONG)
+    doubt = weak or abs(strong) > 0.95
     return Statement(DOUBT if doubt else GOOD, say("Camera {id}", id=camera["id"]), words, "cameras")
-
-
-def _strongest(names: list[str], matrix: list[list[float]] | None) -> tuple[str, str, float] | None:
-    if matrix is None or len(names) < 2:
-        return None
-    lower = np.tril(np.array(matrix), -1)
-    i, j = np.unravel_index(int(np.argmax(np.abs(lower))), lower.shape)
-    return names[j], names[i], float(lower[i, j])
 
 
 # ---- The page: verdict, network, images, cameras, tests, tables, in one file that needs nothing else.
 
 SCRIPTS = (
-    "data.js",
-    "theme.js",
-    "table.js",
-    "sketch.js",
-    "network.js",
-    "labels.js",
-    "overlays.js",
-    "images.js",
-    "multiples.js",
-    "overlap.js",
-    "main.js",
+    *("data.js", "theme.js", "table.js", "sketch.js", "network.js", "labels.js", "overlays.js"),
+    *("images.js", "multiples.js", "overlap.js", "main.js"),
 )
 MOST_LISTED = 200
 """Rows of the tables that are written out (control points)."""
@@ -741,7 +702,7 @@ def environment() -> Environment:
     environment.filters |= {
         "short": _short,
         "fixed": _fixed,
-        "probability": _probability,
+        "probability": probability,
         "coordinate": _coordinate,
         "row_in_words": row_in_words,
     }
@@ -843,25 +804,17 @@ def sigma_words(data: PageData) -> str:
 
 def cameras_of_page(view: View) -> list[dict[str, Any]]:
     """Return the cameras, each with a row for every component of its interior orientation."""
-    return [_camera_of_page(camera, view.summary["units"]["length"]) for camera in view.cameras]
-
-
-def _camera_of_page(camera: dict[str, Any], length: str) -> dict[str, Any]:
-    quantities = {c.name: c.quantity for c in INTERIORS[camera["model"]].components}
-    rows = []
-    for name, component in camera["components"].items():
-        t = abs(component["value"]) / component["sigma"] if component["sigma"] else None
-        rows.append(
-            {
-                "name": name,
-                "meaning": meaning(camera["model"], name),
-                "unit": raised(quantities[name].unit(length, "rad", camera["unit"])),
-                **component,
-                "t": t,
-                "p": float(2.0 * ndtr(-t)) if t is not None else None,
-            }
-        )
-    return {**camera, "rows": rows}
+    cameras, length = [], view.summary["units"]["length"]
+    for camera in view.cameras:
+        quantities, rows = {c.name: c.quantity for c in INTERIORS[camera["model"]].components}, []
+        for name, component in camera["components"].items():
+            unit = raised(quantities[name].unit(length, "rad", camera["unit"]))
+            t = abs(component["value"]) / component["sigma"] if component["sigma"] else None
+            p = float(2.0 * ndtr(-t)) if t is not None else None
+            of = {"name": name, "meaning": meaning(camera["model"], name), "unit": unit}
+            rows.append({**of, **component, "t": t, "p": p})
+        cameras.append({**camera, "rows": rows})
+    return cameras
 
 
 def raised(unit: str) -> str:
@@ -876,10 +829,6 @@ def _short(value: float | None, digits: int = 4) -> str:
 
 def _coordinate(value: float | None, unit: str) -> str:
     return _fixed(value, DIGITS[unit]) if unit in DIGITS else _short(value, 9)
-
-
-def _probability(value: float | None) -> str:
-    return "–" if value is None else "< 0.0001" if value < 1e-4 else f"{value:.4f}"
 
 
 def _fixed(value: float | None, digits: int) -> str:

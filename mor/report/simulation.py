@@ -48,7 +48,7 @@ from mor.report import layout
 from mor.report.adjusted_project import Given, Placed, adjusted_project, grids_moved
 from mor.report.identity import RunIdentity, identity_of
 from mor.report.language import Words
-from mor.report.layout import WIDTH, heading, paragraphs, short, table
+from mor.report.layout import heading, paragraphs, short, table
 from mor.report.observations import named_places
 from mor.report.units import ends_of_group, said_differences, said_values
 from mor.types import FloatArray, IntArray
@@ -331,19 +331,8 @@ def planted_table(network: Network, errors: Sequence[Planted]) -> pl.DataFrame:
             component, unit = group.type.components[k].name, out.external.units[k]
             amount = float(said_differences(group, internal)[0, k])
             ratio = abs(one.amount / float(group.sigma[one.row, one.component]))
-        rows.append(
-            (
-                one.kind,
-                group.name,
-                names.get("at", ""),
-                names["from"],
-                names["to"],
-                component,
-                amount,
-                unit,
-                ratio,
-            )
-        )
+        ends = (names.get("at", ""), names["from"], names["to"])
+        rows.append((one.kind, group.name, *ends, component, amount, unit, ratio))
     schema = {
         **dict.fromkeys(("kind", "group", "at", "from", "to", "component"), pl.String),
         "amount": pl.Float64,
@@ -431,8 +420,7 @@ def monte_carlo_text(
     title = network.project.title or words("Adjustment")
     begun = words("computed in every run") if starts else words("the true values")
     lines = [
-        title,
-        "=" * min(len(title), WIDTH),
+        *layout.titled(title),
         "",
         words(
             "MONTE CARLO: {runs} simulated measurements (seed {seed}; start values: {starts}).",
