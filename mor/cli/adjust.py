@@ -95,9 +95,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
 )
 @click.option("--strict", is_flag=True, help="Exit with 1 if the global test rejects or an observation is flagged.")
 @click.option(
-    "--snoop",
-    is_flag=True,
-    help="Data snooping: exclude flagged observations one by one until none is flagged.",
+    "--snoop", is_flag=True, help="Data snooping: exclude flagged observations one by one until none is flagged."
 )
 @language_option("report.txt, report.html and the terminal")
 @click.option("--full", is_flag=True, help="List all points and all observations in report.txt.")
@@ -144,10 +142,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
 @kernels_option
 @quiet_option
 @click.option(
-    "-v",
-    "--verbose",
-    is_flag=True,
-    help="Print the phases and their times, all notes, the groups and every iteration.",
+    "-v", "--verbose", is_flag=True, help="Print the phases and their times, all notes, the groups and every iteration."
 )
 def command(**given: Any) -> int:
     """Adjust PROJECT and write reports, results and tables.

@@ -34,11 +34,7 @@ FORMS = ("opencv", "metashape", "colmap", "aicon", "photomodeler")
     help="Write a digital calibration certificate (DCC 3.2.0) as XML, with the administrative data of this YAML file.",
 )
 @click.option(
-    "--paper",
-    type=click.Choice(["A4", "Letter"]),
-    default="A4",
-    show_default=True,
-    help="Paper size of a PDF.",
+    "--paper", type=click.Choice(["A4", "Letter"]), default="A4", show_default=True, help="Paper size of a PDF."
 )
 @coverage_option
 @click.option("-f", "--force", is_flag=True, help="Replace an existing file.")

@@ -25,11 +25,7 @@ def joined(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -
 @click.command(name="covariance")
 @click.argument("results", type=InputPath())
 @click.option(
-    "--points",
-    metavar="A,B,…",
-    multiple=True,
-    callback=joined,
-    help="All coordinates of these points together.",
+    "--points", metavar="A,B,…", multiple=True, callback=joined, help="All coordinates of these points together."
 )
 @click.option(
     "--images",

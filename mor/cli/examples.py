@@ -76,9 +76,7 @@ def copy_sample(name: str, target: Path) -> None:
             words = "this exists and is not an empty folder; choose another one with -o"
             raise InputError([Message(words, str(target))])
         write_files(
-            {target / name: (sample / name).read_bytes() for name in _names(sample, ignored)},
-            False,
-            makes_folders=True,
+            {target / name: (sample / name).read_bytes() for name in _names(sample, ignored)}, False, makes_folders=True
         )
 
 

@@ -196,11 +196,7 @@ class Progress:
 
 @contextmanager
 def progress(
-    quiet: bool,
-    verbose: bool,
-    events: EventFile | None = None,
-    words: Words = ENGLISH,
-    most_notes: int | None = None,
+    quiet: bool, verbose: bool, events: EventFile | None = None, words: Words = ENGLISH, most_notes: int | None = None
 ) -> Iterator[Progress]:
     """Progress of one command; a live line only on a terminal."""
     said = Progress(quiet, verbose, events=events, words=words, most_notes=most_notes)

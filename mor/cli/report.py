@@ -14,11 +14,7 @@ from mor.cli.options import InputPath, output_option
 @click.argument("results", type=InputPath())
 @click.option("--pdf", is_flag=True, help="Print the report as PDF.")
 @click.option(
-    "--paper",
-    type=click.Choice(["A4", "Letter"]),
-    default="A4",
-    show_default=True,
-    help="Paper size of the PDF.",
+    "--paper", type=click.Choice(["A4", "Letter"]), default="A4", show_default=True, help="Paper size of the PDF."
 )
 @output_option(
     "File to write. A protocol ends in .txt, .html or .json.",

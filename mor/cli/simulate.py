@@ -42,21 +42,11 @@ if TYPE_CHECKING:
 @force_option
 @format_option
 @click.option(
-    "--seed",
-    metavar="N",
-    default=1,
-    show_default=True,
-    type=click.IntRange(min=0),
-    help="Seed of the random numbers.",
+    "--seed", metavar="N", default=1, show_default=True, type=click.IntRange(min=0), help="Seed of the random numbers."
 )
 @click.option("--noise-free", is_flag=True, help="Draw no random errors; only planted ones remain.")
 @click.option(
-    "--gross",
-    default=0,
-    show_default=True,
-    metavar="N",
-    type=click.IntRange(min=0),
-    help="Plant N gross errors.",
+    "--gross", default=0, show_default=True, metavar="N", type=click.IntRange(min=0), help="Plant N gross errors."
 )
 @click.option(
     "--size",
@@ -159,14 +149,7 @@ def command(
 
 
 def _one(
-    project: Path,
-    output: Path | None,
-    force: bool,
-    form: str,
-    seed: int,
-    noise_free: bool,
-    wishes: Wishes,
-    quiet: bool,
+    project: Path, output: Path | None, force: bool, form: str, seed: int, noise_free: bool, wishes: Wishes, quiet: bool
 ) -> int:
     from mor.api.simulation import USUAL_FILES, simulated
     from mor.errors import screenful

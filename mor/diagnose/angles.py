@@ -317,10 +317,7 @@ def frame_hypotheses(situation: Situation) -> list[Hypothesis]:
     worst = _worst(situation, "image", names)
     pairs = [pair for pair in combinations(worst, 2) if _alike(network, pair)]
     best = _best(situation, [(pair, ALL) for pair in pairs], "image")
-    return [
-        *_stations_of_frame(situation),
-        *(_exchanged_images(situation, pair, len(pairs)) for pair, _ in best),
-    ]
+    return [*_stations_of_frame(situation), *(_exchanged_images(situation, pair, len(pairs)) for pair, _ in best)]
 
 
 def scored_frame_hypotheses(situation: Situation) -> list[Hypothesis]:

@@ -151,13 +151,7 @@ def height_sights(network: Network) -> Iterator[HeightRows]:
                 _collect(sets, keys, number, fixed, slot)
             else:
                 _collect(sets, [("target height", (t,)) for t in to], number, fixed, slot)
-                _collect(
-                    sets,
-                    [("target height", (t, a)) for a, t in zip(at, to, strict=True)],
-                    number,
-                    fixed,
-                    slot,
-                )
+                _collect(sets, [("target height", (t, a)) for a, t in zip(at, to, strict=True)], number, fixed, slot)
     for (cause, things), rows in sets.items():
         yield HeightRows(cause, tuple(str(t) for t in things), tuple(rows))
 

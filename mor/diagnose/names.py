@@ -109,14 +109,7 @@ def matches(network: Network, values: Values, number: int, row: int) -> Iterator
                 if sizes[k] <= max(_AS_GOOD, 0.05 * now) and sizes[k] < 0.3 * now:
                     right = {slot: int(own[k]) for slot, own in variants[int(chosen[k])].items()}
                     yield Match(
-                        number,
-                        row,
-                        reference.name,
-                        names,
-                        things.ids[k],
-                        right,
-                        len(things.ids),
-                        now - sizes[k],
+                        number, row, reference.name, names, things.ids[k], right, len(things.ids), now - sizes[k]
                     )
 
 

@@ -229,12 +229,7 @@ def _instruments(problem: Problem, values: Values, number: int, group: Observati
 
 
 def _interiors(
-    problem: Problem,
-    network: Network,
-    values: Values,
-    number: int,
-    group: ObservationGroup,
-    flagged: BoolArray,
+    problem: Problem, network: Network, values: Values, number: int, group: ObservationGroup, flagged: BoolArray
 ) -> Iterator[_Candidate]:
     """Camera constant and principal point of a camera; the camera constant of single images."""
     slots = [k for k, slot in enumerate(group.type.slots) if slot.part == "interior"]
@@ -595,13 +590,7 @@ def _heights(problem: Problem, network: Network, values: Values, quality: Qualit
             (number, rows, _slot_columns(problem.groups[number], values, rows, slot, [0]))
             for number, rows, slot in one.rows
         )
-        yield _Candidate(
-            one.cause,
-            one.things,
-            _line_of(one),
-            parts,
-            amount=("height", given_height(network, one)),
-        )
+        yield _Candidate(one.cause, one.things, _line_of(one), parts, amount=("height", given_height(network, one)))
     beyond = beyond_reach(network)
     usual = {**values, "height": np.where(beyond[:, None], usual_height(network), values["height"])}
     for one in height_sights(network) if beyond.any() else ():
@@ -678,11 +667,7 @@ def _control(
             change = group.observed[[one, other]] - group.observed[[other, one]]
             cause, of, names = "control exchanged", "points", (ids[points[one]], ids[points[other]])
             if points[one] in image_at and points[other] in image_at:
-                cause, of, names = (
-                    "images exchanged",
-                    "images",
-                    (image_at[points[one]], image_at[points[other]]),
-                )
+                cause, of, names = ("images exchanged", "images", (image_at[points[one]], image_at[points[other]]))
             yield _Candidate(
                 cause,
                 names,
@@ -847,8 +832,7 @@ def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
 def _single(quality: Quality) -> tuple[float, float]:
     """Gain and length of the worst single observation; the gain less its round-off."""
     largest = max(
-        (float(np.nanmax(np.abs(one.at(slice(None)).test), initial=0.0)) for one in quality.reliability),
-        default=0.0,
+        (float(np.nanmax(np.abs(one.at(slice(None)).test), initial=0.0)) for one in quality.reliability), default=0.0
     )
     observations = quality.adjustment.problem.observations
     length = largest**2 - cost_of_choice(observations, observations, 1, 0.0)

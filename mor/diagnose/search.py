@@ -102,12 +102,7 @@ OF_SIGMAS: tuple[Family, ...] = (sigma_hypotheses,)
 BEYOND_REACH: tuple[Family, ...] = (implausible_height_hypotheses, implausible_zenith_hypotheses)
 """Families of values that nobody has: they are tried first, even if nothing else is known."""
 OF_THE_EARTH: tuple[Family, ...] = (curvature_hypotheses,)
-OF_A_WHOLE: tuple[Family, ...] = (
-    control_hypotheses,
-    circle_hypotheses,
-    image_hypotheses,
-    table_unit_hypotheses,
-)
+OF_A_WHOLE: tuple[Family, ...] = (control_hypotheses, circle_hypotheses, image_hypotheses, table_unit_hypotheses)
 """Families that change all of a group, an image or a station: asked only where as much does not fit."""
 
 
@@ -445,11 +440,7 @@ def _where_most_fit(plain: Adjustment, solution: Adjustment | None, led: Values 
 
 
 def tried(
-    situation: Situation,
-    hypothesis: Hypothesis,
-    afresh: bool = True,
-    spoken_for: bool = False,
-    scored: bool = False,
+    situation: Situation, hypothesis: Hypothesis, afresh: bool = True, spoken_for: bool = False, scored: bool = False
 ) -> NetworkFit | None:
     """Fit of the network with the change; nothing if its adjustment does not converge.
 
@@ -478,12 +469,7 @@ def tried(
 
 
 def _beginnings(
-    situation: Situation,
-    network: Network,
-    hypothesis: Hypothesis,
-    afresh: bool,
-    spoken_for: bool,
-    scored: bool = False,
+    situation: Situation, network: Network, hypothesis: Hypothesis, afresh: bool, spoken_for: bool, scored: bool = False
 ) -> Iterator[Values]:
     """Start values: the solution that speaks for it, those that most observations fit, new ones if it is not local.
 

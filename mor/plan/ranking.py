@@ -138,11 +138,7 @@ def _padded(
     others[point, within], padded[point, within] = other, coupling
     order = np.lexsort((others[:, 0], count)) if most else np.argsort(count)  # neighbours meet the same cofactors
     parts = [order[first : first + _POINTS] for first in range(0, len(order), _POINTS)]
-    return (
-        others,
-        inverse @ padded.transpose(0, 2, 1),
-        tuple((some, int(count[some].max())) for some in parts),
-    )
+    return (others, inverse @ padded.transpose(0, 2, 1), tuple((some, int(count[some].max())) for some in parts))
 
 
 # ---- Candidates of large blocks, ranked without the cofactors of everything.
@@ -514,11 +510,7 @@ def _fewer(interest: Interest, wanted: RowLimits, chosen: Sequence[Unit], candid
 
 
 def _one_that_will_do(
-    interest: Interest,
-    wanted: RowLimits,
-    rest: Sequence[Unit],
-    out: Sequence[Unit],
-    candidates: Sequence[Unit],
+    interest: Interest, wanted: RowLimits, rest: Sequence[Unit], out: Sequence[Unit], candidates: Sequence[Unit]
 ) -> list[Unit]:
     """The candidate that takes the place of others with fewer measurements; nothing where there is none."""
     cost = sum(unit.cost for unit in out)

@@ -481,20 +481,7 @@ def empty_tally(truth: Truth) -> Tally:
     u, p = truth.problem.index.count, len(truth.points)
     zero, two, drawn = np.zeros(()), np.zeros(2), np.zeros((0, u if u <= MOST_DRAWN else 0))
     return Tally(
-        zero,
-        zero,
-        np.zeros(u),
-        np.zeros(u),
-        np.zeros(p),
-        np.zeros(p),
-        two,
-        zero,
-        zero,
-        two,
-        zero,
-        zero,
-        zero,
-        drawn,
+        zero, zero, np.zeros(u), np.zeros(u), np.zeros(p), np.zeros(p), two, zero, zero, two, zero, zero, zero, drawn
     )
 
 
@@ -546,12 +533,7 @@ def _counted(truth: Truth, tally: Tally, adjustment: Adjustment, noisy: Problem)
 
 
 def _with_power(
-    truth: Truth,
-    tally: Tally,
-    noisy: Problem,
-    observed: list[FloatArray],
-    generator: np.random.Generator,
-    solve: Solve,
+    truth: Truth, tally: Tally, noisy: Problem, observed: list[FloatArray], generator: np.random.Generator, solve: Solve
 ) -> Tally:
     """The tally with an error of the size ∇ in one observation, drawn among all that have a test."""
     ends = np.cumsum([np.count_nonzero(mask) for mask in truth.testable])

@@ -100,12 +100,7 @@ def targets_named(
 
 
 def named(
-    patterns: Sequence[str],
-    names: Sequence[str],
-    what: str,
-    place: TableLocation,
-    key: str,
-    problems: list[Message],
+    patterns: Sequence[str], names: Sequence[str], what: str, place: TableLocation, key: str, problems: list[Message]
 ) -> list[int]:
     """Numbers of the names that patterns stand for; one that stands for nothing is a mistake at its place."""
     wrong: list[Message] = []
@@ -274,12 +269,7 @@ def _read_normals(
 
 
 def _put(
-    normals: FloatArray,
-    chosen: IntArray,
-    values: FloatArray,
-    reading: Reading,
-    place: TableLocation,
-    targets: Targets,
+    normals: FloatArray, chosen: IntArray, values: FloatArray, reading: Reading, place: TableLocation, targets: Targets
 ) -> None:
     """Write normals (k, 3) of any length, axes of the project; on the earth east, north, up of their points."""
     length = np.linalg.norm(values, axis=1)
@@ -585,12 +575,7 @@ def _seen(
 
 
 def _sights(
-    scene: VisibilityScene,
-    viewpoints: Sequence[Viewpoint],
-    chosen: IntArray,
-    limits: Limits,
-    height: float,
-    once: bool,
+    scene: VisibilityScene, viewpoints: Sequence[Viewpoint], chosen: IntArray, limits: Limits, height: float, once: bool
 ) -> tuple[IntArray, IntArray, tuple[int, ...]]:
     """Numbers of the viewpoints and of the targets of all sights that are seen, and counts of all by their reason.
 

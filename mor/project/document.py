@@ -319,36 +319,12 @@ def _skip(event: yaml.Event, events: Iterator[yaml.Event]) -> None:
 
 IDENTIFIERS = frozenset(
     (
-        *(
-            "id",
-            "camera",
-            "position",
-            "point",
-            "leader",
-            "pair",
-            "set",
-            "of",
-            "from",
-            "to",
-            "at",
-            "station",
-            "image",
-        ),
+        *("id", "camera", "position", "point", "leader", "pair", "set", "of", "from", "to", "at", "station", "image"),
         *("system", "frame", "component", "shared_height", "shared_eccentricity"),
     )
 )
 """Columns of names, which stay texts whatever they look like."""
-_TEXTS = IDENTIFIERS | {
-    "title",
-    "name",
-    "group",
-    "file",
-    "columns",
-    "instrument",
-    "cluster",
-    "points",
-    "other",
-}
+_TEXTS = IDENTIFIERS | {"title", "name", "group", "file", "columns", "instrument", "cluster", "points", "other"}
 _YAML_NUMBER = re.compile(r"[-+]?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?")
 
 
@@ -479,10 +455,7 @@ def matrix_text(rows: Sequence[Sequence[float | str]]) -> str:
 
 
 def project_files(
-    data: dict[str, Any],
-    source: Path,
-    target: Path,
-    frames: Mapping[str, pl.DataFrame] = MappingProxyType({}),
+    data: dict[str, Any], source: Path, target: Path, frames: Mapping[str, pl.DataFrame] = MappingProxyType({})
 ) -> dict[Path, str]:
     """Texts by path: the project file ``target``, and its tables.
 

@@ -279,14 +279,7 @@ def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] 
 # comes to an end. An inner constraint in its place would have to be a condition of its own, beside the
 # defect.
 
-_LEVELLED = {
-    "directions",
-    "zenith_directions",
-    "zenith_angle",
-    "vertical_direction",
-    "angle",
-    "horizontal_distance",
-}
+_LEVELLED = {"directions", "zenith_directions", "zenith_angle", "vertical_direction", "angle", "horizontal_distance"}
 _HEIGHTS = {"height_difference", "ellipsoidal_height_difference", "ellipsoidal_height", "orthometric_height"}
 _TURNED = {
     "gnss_vector",

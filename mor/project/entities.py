@@ -217,8 +217,7 @@ def said_thing(kind: str, block: str) -> str:
 
 
 _DECLARED_AS = dict.fromkeys(
-    ("distance meter", "refraction", "gnss frame", "position shift", "attitude shift", "time offset"),
-    "instrument",
+    ("distance meter", "refraction", "gnss frame", "position shift", "attitude shift", "time offset"), "instrument"
 )
 
 

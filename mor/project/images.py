@@ -158,12 +158,7 @@ def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:
         return 0
     path: KeyPath = ("cameras", name, "eccentricity")
     statuses = settings(
-        dict(camera.eccentricity),
-        ECCENTRICITY.components,
-        reading.edge,
-        reading.at(*path),
-        path,
-        reading.problems,
+        dict(camera.eccentricity), ECCENTRICITY.components, reading.edge, reading.at(*path), path, reading.problems
     )
     return int(reading.shop.store("eccentricity").add([f"camera {name}"], *statuses)[0])
 
@@ -315,14 +310,7 @@ def read_images(reading: Reading) -> None:
 
 
 _MOTION = (IMAGE_VELOCITY, ROTATION_RATE)
-_POSE = (
-    *POINT.names,
-    *ROTATION.names,
-    *HEIGHT.names,
-    *ECCENTRICITY.names,
-    *IMAGE_VELOCITY.names,
-    *ROTATION_RATE.names,
-)
+_POSE = (*POINT.names, *ROTATION.names, *HEIGHT.names, *ECCENTRICITY.names, *IMAGE_VELOCITY.names, *ROTATION_RATE.names)
 _SHARED = ("position", *(shared_column(kind) for kind in (HEIGHT, ECCENTRICITY, *_MOTION)))
 _IMAGE_PARTS = (
     "position",

@@ -473,11 +473,7 @@ _READERS = {
 
 
 def read_things(
-    project: ProjectFile,
-    document: Document,
-    folder: Path,
-    read: TableWatcher = ignore_table,
-    planned: bool = False,
+    project: ProjectFile, document: Document, folder: Path, read: TableWatcher = ignore_table, planned: bool = False
 ) -> Reading:
     """Points, images, stations and all else that a project names, before any observation; with all mistakes found."""
     edge = Edge(project.units, project.axes)
@@ -495,11 +491,7 @@ def read_things(
 
 
 def build_network(
-    project: ProjectFile,
-    document: Document,
-    folder: Path,
-    read: TableWatcher = ignore_table,
-    planned: bool = False,
+    project: ProjectFile, document: Document, folder: Path, read: TableWatcher = ignore_table, planned: bool = False
 ) -> Network:
     """The network of a project. Raises :class:`InputError` with every mistake found.
 
@@ -761,11 +753,7 @@ def with_blocks_held(network: Network, marked: Marked, things: Sequence[Undeterm
 
 
 def with_points_at_infinity(
-    network: Network,
-    start: Values,
-    points: IntArray,
-    directions: FloatArray,
-    things: Sequence[UndeterminedObject],
+    network: Network, start: Values, points: IntArray, directions: FloatArray, things: Sequence[UndeterminedObject]
 ) -> tuple[Network, dict[str, FloatArray]]:
     """The network with the rays to ``points`` (k,) as rays to directions, and its start values.
 

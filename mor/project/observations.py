@@ -33,14 +33,7 @@ from mor.model.parameters import READOUT
 from mor.model.shapes import RELATION_TYPES
 from mor.model.trajectory import CUBIC, on_trajectory
 from mor.project.axes import ImageScale, UnitError, beyond, edge_transform, external, external_image, split
-from mor.project.earth import (
-    PLANE,
-    convergence_of_rows,
-    known_at,
-    needs_convergence,
-    needs_place,
-    place_of_observed,
-)
+from mor.project.earth import PLANE, convergence_of_rows, known_at, needs_convergence, needs_place, place_of_observed
 from mor.project.entities import Reading, Scanner
 from mor.project.images import phase_constants
 from mor.project.motion import EPOCH, at_their_epochs, row_epochs
@@ -244,12 +237,7 @@ def _read_out_later(reading: Reading, readout: int, constants: FloatArray) -> Fl
 
 
 def _all_timed(
-    reading: Reading,
-    camera: Camera,
-    scanner: Scanner | None,
-    observed: FloatArray,
-    rows: Rows,
-    chosen: IntArray,
+    reading: Reading, camera: Camera, scanner: Scanner | None, observed: FloatArray, rows: Rows, chosen: IntArray
 ) -> bool:
     """False if a row has no coordinate along the readout, or of a line scanner lacks one; each is told."""
     missing = np.zeros(rows.count, dtype=bool)
@@ -468,12 +456,7 @@ def _covariance_column(a: Component, b: Component, reading: Reading) -> Column:
 
 
 def _plain_group(
-    reading: Reading,
-    entry: Observations,
-    number: int,
-    type_: ObservationType,
-    rows: Rows,
-    place: TableLocation,
+    reading: Reading, entry: Observations, number: int, type_: ObservationType, rows: Rows, place: TableLocation
 ) -> ReadGroup | None:
     named = {reference.name: resolve(reading, reference, rows) for reference in type_.references}
     different = check_different(type_, rows, reading.problems)

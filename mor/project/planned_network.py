@@ -94,11 +94,7 @@ class _Sight:
     def aside(self, pose: TrajectoryPoses, rows: IntArray) -> FloatArray:
         """(n,) y of points less that of the line, seen from a pose each; NaN behind the camera."""
         frame = into_frame(
-            pose.position,
-            pose.rotation,
-            self.height[rows],
-            self.point[rows],
-            eccentricity=self.eccentricity[rows],
+            pose.position, pose.rotation, self.height[rows], self.point[rows], eccentricity=self.eccentricity[rows]
         )
         measured, own = self.constants[rows, :2], self.constants[rows, 2:]
         with np.errstate(all="ignore"):

@@ -10,21 +10,10 @@ import numpy as np
 
 from mor.errors import Message, counted, nearest
 from mor.model.contract import names_of, one_name
-from mor.model.observation_types import (
-    OBSERVED_DIFFERENCES,
-    OBSERVED_PARAMETERS,
-    PLAIN_TYPES,
-    ObservationGroup,
-)
+from mor.model.observation_types import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup
 from mor.model.parameters import INTERIORS, KINDS, MOTIONS, SHAPE, BlockKind
 from mor.model.rotations import angles_from_rotation, rotate, rotation_from_angles
-from mor.model.shapes import (
-    PERPENDICULAR,
-    PERPENDICULAR_TURNS,
-    PERPENDICULAR_TYPES,
-    RELATION_TYPES,
-    SHAPE_TYPES,
-)
+from mor.model.shapes import PERPENDICULAR, PERPENDICULAR_TURNS, PERPENDICULAR_TYPES, RELATION_TYPES, SHAPE_TYPES
 from mor.project.axes import SMALLEST_SIGMA, ImageScale, UnitError
 from mor.project.entities import (
     BlockStore,
@@ -136,10 +125,7 @@ def variant_groups(reading: Reading, variants: dict[str, dict[int, float]]) -> l
                 observed=observed,
                 sigma=sigma,
                 constants=np.zeros((len(mine), 0)),
-                references=(
-                    one_name(f"camera {name}", len(mine)),
-                    names_of([f"image {images.ids[i]}" for i in mine]),
-                ),
+                references=(one_name(f"camera {name}", len(mine)), names_of([f"image {images.ids[i]}" for i in mine])),
                 image_unit=reading.scales[name].unit,
             )
         )
@@ -166,12 +152,7 @@ class _System(NamedTuple):
     """Block of E where the rotation is E D_A of another feature."""
 
 
-RELATIONS: dict[str, tuple[int, ...]] = {
-    "parallel": (),
-    "perpendicular": (),
-    "coaxial": (0, 1),
-    "coplanar": (2,),
-}
+RELATIONS: dict[str, tuple[int, ...]] = {"parallel": (), "perpendicular": (), "coaxial": (0, 1), "coplanar": (2,)}
 """Exact relations, and components of the offset that two features then share."""
 
 
@@ -312,12 +293,7 @@ def _needed(feature: Feature) -> int:
 
 
 def _on_shape(
-    reading: Reading,
-    feature: Feature,
-    number: int,
-    points: IntArray,
-    sigma: float,
-    systems: dict[str, _System],
+    reading: Reading, feature: Feature, number: int, points: IntArray, sigma: float, systems: dict[str, _System]
 ) -> ObservationGroup:
     """Distances from a circle, sphere, cylinder, cone or torus, observed as zero.
 
@@ -366,12 +342,7 @@ def _on_shape(
 
 
 def _observed_zero(
-    reading: Reading,
-    feature: Feature,
-    first: IntArray,
-    other: IntArray,
-    sigma: float,
-    systems: dict[str, _System],
+    reading: Reading, feature: Feature, first: IntArray, other: IntArray, sigma: float, systems: dict[str, _System]
 ) -> ObservationGroup:
     """The local system of a feature, and zeros for the coordinates its points have in it.
 
@@ -407,10 +378,7 @@ def _observed_zero(
     return ObservationGroup(
         name=label,
         type=reading.types["local"],
-        blocks=(
-            *(np.full(count, one) for one in (system.position, system.rotation, 0, system.offset)),
-            members,
-        ),
+        blocks=(*(np.full(count, one) for one in (system.position, system.rotation, 0, system.offset)), members),
         observed=observed,
         sigma=np.where(np.isfinite(observed), sigma, np.nan),
         constants=np.zeros((count, 0)),
@@ -569,10 +537,7 @@ def upright(directions: FloatArray) -> FloatArray:
 
 
 def check_feasible(
-    reading: Reading,
-    groups: Iterable[ObservationGroup],
-    carries_datum: bool,
-    left_out: Sequence[Message] = (),
+    reading: Reading, groups: Iterable[ObservationGroup], carries_datum: bool, left_out: Sequence[Message] = ()
 ) -> None:
     """Tell what cannot be adjusted; ``carries_datum`` is false where the datum names no coordinates.
 
@@ -623,15 +588,7 @@ def _check_sigma(reading: Reading, group: ObservationGroup) -> None:
 
 PARTS = {
     "camera": ("interior", "eccentricity", "readout"),
-    "image": (
-        "position",
-        "rotation",
-        "height",
-        "interior",
-        "eccentricity",
-        "image velocity",
-        "rotation rate",
-    ),
+    "image": ("position", "rotation", "height", "interior", "eccentricity", "image velocity", "rotation rate"),
     "station": ("position", "rotation", "height"),
     "system": ("position", "rotation", "scale", "offset"),
     "pair": ("base", "rotation"),

@@ -361,10 +361,7 @@ def _tell_unknown(
     guessed = set(np.flatnonzero(wrong)[:5].tolist())
     few = len(ids) <= MANY_NAMES
     tell_rows(
-        reading.problems,
-        wrong,
-        rows,
-        lambda row: unknown_name(what, names[row], ids if few or row in guessed else ()),
+        reading.problems, wrong, rows, lambda row: unknown_name(what, names[row], ids if few or row in guessed else ())
     )
 
 
@@ -572,9 +569,7 @@ def corrected(reading: Reading, entry: Observations, rows: Rows, given: FloatArr
     if constants is None or len(reading.problems) > before:
         return given
     vapour = np.where(
-        np.isfinite(found[VAPOUR]),
-        found[VAPOUR],
-        np.nan_to_num(vapour_pressure(found[TEMPERATURE], found[HUMIDITY])),
+        np.isfinite(found[VAPOUR]), found[VAPOUR], np.nan_to_num(vapour_pressure(found[TEMPERATURE], found[HUMIDITY]))
     )
     correction = first_velocity_correction(Air(found[TEMPERATURE], found[PRESSURE], vapour), *constants)
     return given * (1.0 + correction[:, None])

@@ -200,10 +200,7 @@ def _moved(fit: FittedShape, step: FloatArray, free: Freedom) -> FittedShape:
     whole = np.zeros(9)
     whole[np.concatenate(free)] = step
     return FittedShape(
-        rotate(fit.rotation[None], whole[None, 3:6])[0],
-        fit.origin,
-        fit.offset + whole[:3],
-        fit.shape + whole[6:],
+        rotate(fit.rotation[None], whole[None, 3:6])[0], fit.origin, fit.offset + whole[:3], fit.shape + whole[6:]
     )
 
 

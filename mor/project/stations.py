@@ -62,24 +62,14 @@ def heights(reading: Reading, rows: Rows, labels: list[str], fixed: Collection[s
 
 
 def eccentricities(
-    reading: Reading,
-    rows: Rows,
-    labels: list[str],
-    fixed: Collection[str],
-    free: Collection[str],
-    otherwise: IntArray,
+    reading: Reading, rows: Rows, labels: list[str], fixed: Collection[str], free: Collection[str], otherwise: IntArray
 ) -> IntArray:
     """Block of eccentricity or local offset of every row: its own, one that it shares, or another (n,)."""
     return _set_ups(reading, ECCENTRICITY, rows, labels, fixed, free, otherwise)
 
 
 def motions(
-    reading: Reading,
-    rows: Rows,
-    labels: list[str],
-    fixed: Collection[str],
-    free: Collection[str],
-    moving: BoolArray,
+    reading: Reading, rows: Rows, labels: list[str], fixed: Collection[str], free: Collection[str], moving: BoolArray
 ) -> tuple[IntArray, IntArray]:
     """Blocks of velocity and rate of rotation of every row, −1 where it does not count: not ``moving`` (n,)."""
     found = []

@@ -258,10 +258,7 @@ def _check_rows(reading: Reading, name: str, rows: Rows, time: FloatArray) -> No
     tell_rows(problems, step == 0.0, rows, lambda row: f"trajectory {name!r}: {said_time(time[row])} is given twice")
     words = "trajectory {0!r}: {1} comes after {2}; expected times in ascending order"
     tell_rows(
-        problems,
-        step < 0.0,
-        rows,
-        lambda row: words.format(name, said_time(time[row]), said_time(time[row - 1])),
+        problems, step < 0.0, rows, lambda row: words.format(name, said_time(time[row]), said_time(time[row - 1]))
     )
     if len(time) < LINEAR:
         words = f"trajectory {name!r} has one row; a trajectory needs two knots, four for cubic interpolation"
@@ -421,15 +418,9 @@ def clocks(
         found = trajectory.clock(times[mine], None if later is None else later[mine])
         for part, own in zip(whole, found, strict=True):
             part[mine] = own
-        positions[mine], rotations[mine] = (
-            trajectory.positions[found.knots],
-            trajectory.rotations[found.knots],
-        )
+        positions[mine], rotations[mine] = (trajectory.positions[found.knots], trajectory.rotations[found.knots])
     tell_rows(
-        reading.problems,
-        ~whole.inside,
-        rows,
-        lambda row: reading.trajectories[names[row]].outside(float(times[row])),
+        reading.problems, ~whole.inside, rows, lambda row: reading.trajectories[names[row]].outside(float(times[row]))
     )
     return (whole, positions, rotations) if whole.inside.all() else None
 
@@ -709,12 +700,7 @@ class RowClocks(NamedTuple):
 
 
 def clocks_of_rows(
-    reading: Reading,
-    rows: Rows,
-    image: Names,
-    y: FloatArray,
-    scanner: ImageScale | None,
-    later: FloatArray | None,
+    reading: Reading, rows: Rows, image: Names, y: FloatArray, scanner: ImageScale | None, later: FloatArray | None
 ) -> RowClocks | None:
     """Clocks of rows (n,) that name images on trajectories of one kind; ``None`` if one is outside, which is told.
 

@@ -191,10 +191,7 @@ def curve_drawing(one: Certificate, words: Words = ENGLISH) -> Markup:
     def level(values: FloatArray) -> FloatArray:
         return np.asarray(HEIGHT - _BOTTOM - scale * (values - low))
 
-    band = [
-        *zip(x, level(shift + beside), strict=True),
-        *zip(x[::-1], level((shift - beside)[::-1]), strict=True),
-    ]
+    band = [*zip(x, level(shift + beside), strict=True), *zip(x[::-1], level((shift - beside)[::-1]), strict=True)]
     end = _LEFT + (WIDTH - _LEFT - _RIGHT) * min(one.covered / float(radius[-1]), 1.0)
     parts = [
         *_levels(low, high, level, words),
@@ -202,12 +199,7 @@ def curve_drawing(one: Certificate, words: Words = ENGLISH) -> Markup:
         f'<polygon class="band" points="{_points(band)}"/>',
         f'<polyline class="curve" points="{_points(list(zip(x, level(shift), strict=True)))}"/>',
         f'<line class="covered" x1="{end:.1f}" y1="{_TOP}" x2="{end:.1f}" y2="{HEIGHT - _BOTTOM}"/>',
-        _text(
-            WIDTH - _RIGHT,
-            HEIGHT - 6,
-            words("distance from the principal point [{unit}]", unit=one.unit),
-            "end",
-        ),
+        _text(WIDTH - _RIGHT, HEIGHT - 6, words("distance from the principal point [{unit}]", unit=one.unit), "end"),
         _text(_LEFT - 30, _TOP - 10, words("distortion [{unit}]", unit=unit), "start"),
     ]
     label = escape(words("Radial distortion, mean over all directions"))
@@ -303,10 +295,7 @@ def _facts(one: Certificate, words: Words) -> list[tuple[str, str]]:
     return [
         (words("project"), view.summary["title"] or "–"),
         *persons(view.identity, words),
-        (
-            words("camera"),
-            words("{id}, model {model}", id=camera["id"], model=camera["model"]) + _r0(one, words),
-        ),
+        (words("camera"), words("{id}, model {model}", id=camera["id"], model=camera["model"]) + _r0(one, words)),
         (words("image format"), _format(camera, words)),
         (
             words("observations"),
@@ -393,10 +382,7 @@ def _distortion(one: Certificate) -> list[tuple[list[str], bool]]:
     rows = zip(one.table.radius, one.table.shift * factor, one.table.sigma * factor, strict=True)
     beside = [1.0] if one.coverage is None else [1.0, one.coverage]
     return [
-        (
-            [short(r, 5), fixed(s + 0.0, places), *(fixed(k * e, places) for k in beside)],
-            bool(r <= one.covered),
-        )
+        ([short(r, 5), fixed(s + 0.0, places), *(fixed(k * e, places) for k in beside)], bool(r <= one.covered))
         for r, s, e in rows
     ]
 

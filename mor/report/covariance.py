@@ -50,10 +50,7 @@ class Labelled(NamedTuple):
 
 
 def covariance_of_names(
-    solved: Solved,
-    points: Sequence[str] = (),
-    images: Sequence[str] = (),
-    cameras: Sequence[str] | None = None,
+    solved: Solved, points: Sequence[str] = (), images: Sequence[str] = (), cameras: Sequence[str] | None = None
 ) -> Labelled:
     """Return the joint covariance of coordinates of points, poses of images and interior orientations.
 
@@ -278,21 +275,7 @@ def relative_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> list[list
 
 
 POINT_BLOCK_HEADER = ("id", "xx", "xy", "xz", "yy", "yz", "zz")
-RELATIVE_HEADER = (
-    "from",
-    "to",
-    "dx",
-    "dy",
-    "dz",
-    "sdx",
-    "sdy",
-    "sdz",
-    "distance",
-    "sdistance",
-    "a",
-    "b",
-    "c",
-)
+RELATIVE_HEADER = ("from", "to", "dx", "dy", "dz", "sdx", "sdy", "sdz", "distance", "sdistance", "a", "b", "c")
 
 
 def write_rows(path: Path, header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:

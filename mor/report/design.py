@@ -445,11 +445,7 @@ WHAT = {
 
 
 def design_text(
-    solved: Solved,
-    judged: Sequence[RequirementResult],
-    words: Words,
-    of: RunIdentity,
-    more: Sequence[str] = (),
+    solved: Solved, judged: Sequence[RequirementResult], words: Words, of: RunIdentity, more: Sequence[str] = ()
 ) -> str:
     """The report of a plan: the verdict on what is required first, ``more`` sections, then what can be expected."""
     about = identity_of(solved.network.project, of)
@@ -807,11 +803,7 @@ def _decimals(solved: Solved) -> int:
 
 
 def _payload(
-    found: Switching,
-    drawing: NetworkDrawing,
-    judged: Sequence[RequirementResult],
-    solved: Solved,
-    words: Words,
+    found: Switching, drawing: NetworkDrawing, judged: Sequence[RequirementResult], solved: Solved, words: Words
 ) -> str:
     """Rows, cofactors and what is required, for the script: numbers exactly as they are."""
     quality, network = solved.quality, solved.network

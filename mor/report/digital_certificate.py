@@ -176,10 +176,7 @@ def digital_certificate(one: Certificate, admin: Administration, words: Words) -
         ElementTree.register_namespace(prefix, uri)
     root = Element(
         f"{{{_DCC}}}digitalCalibrationCertificate",
-        {
-            "schemaVersion": SCHEMA,
-            f"{{{_PREFIXES['xsi']}}}schemaLocation": f"{_DCC} {_DCC}/v{SCHEMA}/dcc.xsd",
-        },
+        {"schemaVersion": SCHEMA, f"{{{_PREFIXES['xsi']}}}schemaLocation": f"{_DCC} {_DCC}/v{SCHEMA}/dcc.xsd"},
     )
     _administrative(_add(root, "dcc:administrativeData"), admin, words.language)
     _results(_add(_add(root, "dcc:measurementResults"), "dcc:measurementResult"), one, words)
@@ -263,11 +260,7 @@ def _results(parent: Element, one: Certificate, words: Words) -> None:
         real = _add(_quantity(data, f"{name}: {words(meaning('', name))} ({status})", language), "si:real")
         _given(
             real,
-            [
-                ("si:label", name),
-                ("si:value", _number(rows[name]["value"])),
-                ("si:unit", si_unit(one.units[name])),
-            ],
+            [("si:label", name), ("si:value", _number(rows[name]["value"])), ("si:unit", si_unit(one.units[name]))],
         )
     if camera["r0"] is not None:
         _real(_quantity(data, "r0", language), camera["r0"], one.unit)

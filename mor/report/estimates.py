@@ -425,10 +425,7 @@ def _image_poses(solved: Solved) -> dict[str, FloatArray]:
 
 
 def _pose(solved: Solved, positions: IntArray, attitudes: IntArray) -> dict[str, Any]:
-    return {
-        **_with_sigma(points(solved, positions), XYZ),
-        **_with_sigma(rotations(solved, attitudes), ANGLES),
-    }
+    return {**_with_sigma(points(solved, positions), XYZ), **_with_sigma(rotations(solved, attitudes), ANGLES)}
 
 
 def _with_sigma(estimate: Estimate, names: tuple[str, ...]) -> dict[str, FloatArray]:
@@ -616,13 +613,7 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
                 "id": feature.id,
                 "type": feature.type,
                 "part": part,
-                **dict(
-                    zip(
-                        ("dx", "dy", "dz"),
-                        (None,) * 3 if direction is None else direction.tolist(),
-                        strict=True,
-                    )
-                ),
+                **dict(zip(("dx", "dy", "dz"), (None,) * 3 if direction is None else direction.tolist(), strict=True)),
                 "sd": None if direction is None else sd,
                 "distance": float(direction @ place)
                 if direction is not None and feature.type in ("plane", "right angle")

@@ -73,10 +73,7 @@ def camera_window(camera: dict[str, Any], measured: Window | None, unit: str) ->
         return None
     factor = LENGTH_UNITS.get(unit, 1.0) / LENGTH_UNITS.get(str(camera["unit"]), 1.0)
     return Window(
-        (measured.x[0] * factor, measured.x[1] * factor),
-        (measured.y[0] * factor, measured.y[1] * factor),
-        False,
-        False,
+        (measured.x[0] * factor, measured.x[1] * factor), (measured.y[0] * factor, measured.y[1] * factor), False, False
     )
 
 
@@ -170,10 +167,7 @@ def mean_residuals(data: PageData, camera: dict[str, Any]) -> Figure | None:
     scale = round_length(float(edges[0][1] - edges[0][0]) / size) if size > 0.0 else 1.0
     unit = str(rays["unit"][0])
     traces = _vectors(
-        middle[kept],
-        middle[kept] + scale * mean[kept],
-        data.words("mean v × {scale}", scale=f"{scale:g}"),
-        RED,
+        middle[kept], middle[kept] + scale * mean[kept], data.words("mean v × {scale}", scale=f"{scale:g}"), RED
     )
     return _image_chart(traces, unit, area, _scale_bar(size, scale, unit, area))
 
@@ -408,12 +402,7 @@ def redundancy_of_frames(data: PageData) -> Figure | None:
         parts.append((words("images"), data.images.select("id", "mean_r"), BLUE, "circle"))
     if data.sets.height:
         parts.append(
-            (
-                words("sets and groups"),
-                data.sets.select(pl.col("set").alias("id"), "mean_r"),
-                ORANGE,
-                "diamond",
-            )
+            (words("sets and groups"), data.sets.select(pl.col("set").alias("id"), "mean_r"), ORANGE, "diamond")
         )
     traces = [
         {
@@ -440,11 +429,7 @@ def test_figures(data: PageData) -> dict[str, Figure]:
     figures = {
         "w": normal_histogram(tested, data.view.critical, words),
         "r": histogram(
-            used["r"].drop_nulls().to_numpy(),
-            words("redundancy number r [1]"),
-            words("observations"),
-            GREEN,
-            top=1.0,
+            used["r"].drop_nulls().to_numpy(), words("redundancy number r [1]"), words("observations"), GREEN, top=1.0
         ),
     }
     by_frame = redundancy_of_frames(data)

@@ -318,12 +318,7 @@ def terms(language: str = "en") -> tuple[Term, ...]:
     entries = _read("terms.yaml")
     said = {entry["names"][0]: entry for entry in entries} if language == "en" else _read("de_terms.yaml")
     return tuple(
-        Term(
-            tuple(entry["names"]),
-            entry["de"],
-            said[entry["names"][0]]["text"],
-            said[entry["names"][0]].get("do", ""),
-        )
+        Term(tuple(entry["names"]), entry["de"], said[entry["names"][0]]["text"], said[entry["names"][0]].get("do", ""))
         for entry in entries
     )
 

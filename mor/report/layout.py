@@ -328,16 +328,10 @@ def persons(identity: dict[str, Any], words: Words = ENGLISH) -> list[tuple[str,
 
 
 def section(
-    identity: dict[str, Any],
-    words: Words = ENGLISH,
-    notes: Sequence[dict[str, Any]] = (),
-    shown: int = MOST_TOLD,
+    identity: dict[str, Any], words: Words = ENGLISH, notes: Sequence[dict[str, Any]] = (), shown: int = MOST_TOLD
 ) -> str:
     """Program, options, input files with their SHA-256, what was noted of them, and the place for the signature."""
-    rows = [
-        (words("program"), identity["program"]),
-        (words("options"), " ".join(identity["options"]) or words("none")),
-    ]
+    rows = [(words("program"), identity["program"]), (words("options"), " ".join(identity["options"]) or words("none"))]
     lines = [heading(words("About this report")), *aligned(rows)]
     if identity["inputs"]:
         lines += ["", words("Read from ({count:file|files}), with SHA-256:", count=len(identity["inputs"]))]

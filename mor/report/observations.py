@@ -36,15 +36,7 @@ from mor.quality.test_statistics import (
     normalised_residuals,
 )
 from mor.report.layout import component_of
-from mor.report.units import (
-    ends_of_group,
-    once,
-    said_differences,
-    said_numbers,
-    said_signs,
-    said_sizes,
-    said_values,
-)
+from mor.report.units import ends_of_group, once, said_differences, said_numbers, said_signs, said_sizes, said_values
 from mor.solve.problem import misclosures
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray
 
@@ -340,10 +332,7 @@ def owners_of_rows(solved: Solved, group: ObservationGroup) -> Iterator[tuple[st
 @once
 def _control(solved: Solved) -> dict[str, dict[str, FloatArray]]:
     """Both columns of all point blocks and of all images."""
-    counts = {
-        "point": len(solved.network.blocks["point"].ids),
-        "image": len(solved.network.things["image"].ids),
-    }
+    counts = {"point": len(solved.network.blocks["point"].ids), "image": len(solved.network.things["image"].ids)}
     quality = solved.quality
     if quality is None:
         nothing = {key: np.full(count, np.nan) for key, count in counts.items()}

@@ -118,11 +118,7 @@ def check_names(measured: HomologousPoints, names: tuple[str, ...]) -> None:
 def bundles(measured: HomologousPoints, constants: FloatArray, sigma: float) -> list[Bundle]:
     """One bundle for each image, with its camera constant; image coordinates relative to the principal point."""
     rays = np.concatenate(
-        [
-            measured.coordinates,
-            np.broadcast_to(-constants[None, :, None], (*measured.coordinates.shape[:2], 1)),
-        ],
-        axis=2,
+        [measured.coordinates, np.broadcast_to(-constants[None, :, None], (*measured.coordinates.shape[:2], 1))], axis=2
     )
     rays[np.isnan(measured.coordinates).any(axis=2)] = np.nan
     return [image_bundle(rays[:, image], sigma) for image in range(rays.shape[1])]
@@ -614,10 +610,7 @@ def _text_of_rinner(pair: dict[str, Any], words: Words) -> list[str]:
     rows = [[row["ik"], *(fixed(row[name], SHOWN + 1) for name in names)] for row in found["ik"]]
     lines.append(table(["ik", *names], rows, words=words))
     rows = [
-        [
-            row["condition"],
-            *("-" if row[name] is None else f"{row[name]:.1e}" for name in ("linear", "adjusted")),
-        ]
+        [row["condition"], *("-" if row[name] is None else f"{row[name]:.1e}" for name in ("linear", "adjusted"))]
         for row in found["conditions"]
     ]
     return [*lines, table(["condition", "misclosure, linear", "misclosure, adjusted"], rows, words=words)]
@@ -632,10 +625,7 @@ def _text_of_model(data: dict[str, Any], words: Words) -> str:
         return no_scale if known else apart if len(data["pairs"]) > 1 else ""
     unit = data["angles"]["unit"]
     system = "object system" if model["system"] == "object" else "axes of the first image"
-    lines = [
-        heading(words("Model")),
-        words("{system}, unit of length: the first base", system=words.listed(system)),
-    ]
+    lines = [heading(words("Model")), words("{system}, unit of length: the first base", system=words.listed(system))]
     counts = [str(count) for count in model["scale_points"] if count is not None]
     if counts:
         lines.append(
@@ -728,11 +718,7 @@ def planar_text(data: dict[str, Any], words: Words = ENGLISH) -> str:
 def _text_of_solution(solution: dict[str, Any], words: Words) -> list[str]:
     unit = solution["angle_unit"]
     points = [
-        [
-            p["id"],
-            *_text_of_value(p, ("x", "y", "z"), 5),
-            "" if p["place"] == "plane" else words.listed(p["place"]),
-        ]
+        [p["id"], *_text_of_value(p, ("x", "y", "z"), 5), "" if p["place"] == "plane" else words.listed(p["place"])]
         for p in solution["points"]
     ]
     images = [

@@ -207,10 +207,7 @@ def next_steps(data: PageData) -> list[str]:
     if not accepted:
         ratio = f"{view.summary['sigma0']['ratio_of_sigmas']:.2f}"
         steps.append(
-            say(
-                "Check the σ of the observations: the residuals are {ratio} times as large as these say.",
-                ratio=ratio,
-            )
+            say("Check the σ of the observations: the residuals are {ratio} times as large as these say.", ratio=ratio)
         )
     free = (view.reliability or {}).get("observations", [])
     if free:
@@ -235,10 +232,7 @@ def next_steps(data: PageData) -> list[str]:
 def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, Any]:
     """The first notes with their places, in the language of the page, and how many more there are."""
     notes = [
-        {
-            "place": f"{row['file']}:{row['line']}" if row["line"] else row["file"],
-            "message": words.told(row["message"]),
-        }
+        {"place": f"{row['file']}:{row['line']}" if row["line"] else row["file"], "message": words.told(row["message"])}
         # Notes that are listed.
         for row in rows[:200]
     ]
@@ -322,10 +316,7 @@ def determination(data: PageData) -> Statement:
     words = [*open_, *things]
     if loose:
         words.append(
-            say(
-                "{count:observation is|observations are} uncontrolled: an error there would hardly show.",
-                count=loose,
-            )
+            say("{count:observation is|observations are} uncontrolled: an error there would hardly show.", count=loose)
         )
     if found is None:
         return Statement(PLAIN, say("not judged"), " ".join(words))
@@ -378,10 +369,7 @@ def headline(data: PageData) -> Statement:
         )
         words = " ".join([words, *contradicted, flagged])
         return Statement(BAD if larger else DOUBT, say("Not accepted"), words)
-    words = say(
-        "The adjustment converged after {count:iteration|iterations}, the global test accepts it.",
-        count=count,
-    )
+    words = say("The adjustment converged after {count:iteration|iterations}, the global test accepts it.", count=count)
     if contradicted:
         return Statement(BAD, say("Not accepted"), " ".join([words, *contradicted, flagged]))
     if not whole:
@@ -725,10 +713,7 @@ def _content(data: PageData) -> dict[str, Any]:
         "persons": persons(view.identity, data.words),
         "headline": headline(data),
         "statements": statements(data),
-        "parts": [
-            (data.words("Agreement"), agreement(data)),
-            (data.words("Determination"), determination(data)),
-        ],
+        "parts": [(data.words("Agreement"), agreement(data)), (data.words("Determination"), determination(data))],
         "steps": next_steps(data),
         "cameras": cameras_of_page(view),
         "groups": view.groups.to_dicts(),

@@ -608,12 +608,7 @@ def drawn_axes(xy: str) -> dict[str, Any]:
     right = "x" if xy[0] in "ew" else "y"
     up = "y" if right == "x" else "x"
     letters = dict(zip("xy", xy, strict=True))
-    return {
-        "right": right,
-        "up": up,
-        "right_reversed": letters[right] == "w",
-        "up_reversed": letters[up] == "s",
-    }
+    return {"right": right, "up": up, "right_reversed": letters[right] == "w", "up_reversed": letters[up] == "s"}
 
 
 # ---- The chart library the page carries: plotly.js (MIT licence), which building the package puts beside the other

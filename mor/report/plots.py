@@ -338,13 +338,7 @@ def draw_given(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
         xyz = places(view)[given == kind][:, chosen]
         if len(xyz):
             axes.plot(
-                *(xyz[:, 0], xyz[:, 1], marker),
-                color="black",
-                mfc="none",
-                ms=8,
-                ls="none",
-                label=words(name),
-                zorder=5,
+                *(xyz[:, 0], xyz[:, 1], marker), color="black", mfc="none", ms=8, ls="none", label=words(name), zorder=5
             )
 
 
@@ -530,10 +524,7 @@ def _finish(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=4)
     title = view.summary["title"] or words("Network")
     axes.set_title(
-        f"{title} – {words('datum')}: {datum_name(view.summary['datum'], words)}",
-        fontsize=9,
-        loc="left",
-        pad=18,
+        f"{title} – {words('datum')}: {datum_name(view.summary['datum'], words)}", fontsize=9, loc="left", pad=18
     ).set_in_layout(False)  # it may be wider than the network, which keeps its size
 
 
@@ -673,11 +664,7 @@ def _image(axes: Axes, rows: pl.DataFrame, area: Window, scale: float) -> None:
         x, y = (np.column_stack([xy[chosen, k], tips[chosen, k], gap[:, 0]]).ravel() for k in (0, 1))
         axes.plot(x, y, color=colour, lw=width)
         axes.plot(
-            xy[chosen, 0],
-            xy[chosen, 1],
-            "x" if colour == RED else ".",
-            color=colour,
-            ms=6 if colour == RED else 2,
+            xy[chosen, 0], xy[chosen, 1], "x" if colour == RED else ".", color=colour, ms=6 if colour == RED else 2
         )
     corners = [area.x[k] for k in (0, 1, 1, 0, 0)], [area.y[k] for k in (0, 0, 1, 1, 0)]
     axes.plot(*corners, color=GREY, lw=0.8, ls="-" if area.known else ":")

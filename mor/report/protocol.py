@@ -111,10 +111,7 @@ def figures(view: View, protocol: str) -> list[Figures]:
         "redundancy": (summary["redundancy"], sum(part.freedom for part in procedure.parts)),
         "observations": (used.height, procedure.observations),
         "distance meters with a free offset": (len(offsets), int(procedure.type == "distance")),
-        "standard deviations of observations": (
-            sum(one["sigma"].n_unique() for one in rows),
-            len(procedure.parts),
-        ),
+        "standard deviations of observations": (sum(one["sigma"].n_unique() for one in rows), len(procedure.parts)),
     }
     problems = [
         Message(f"no full procedure of {protocol}: found {found} {name}, expected {expected}")

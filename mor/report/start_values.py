@@ -358,9 +358,7 @@ def _tied(join: Join, words: Words) -> str:
         return words("nothing: it stays in its axes")
     tie = join.tie
     said = words(
-        "redundancy {redundancy}, misfit {misfit} %",
-        redundancy=tie.redundancy,
-        misfit=short(100.0 * tie.misfit, 2),
+        "redundancy {redundancy}, misfit {misfit} %", redundancy=tie.redundancy, misfit=short(100.0 * tie.misfit, 2)
     )
     if tie.open:
         said += "; " + words("{count:movement stays open|movements stay open}", count=tie.open)
@@ -376,18 +374,7 @@ def _values(rows: Sequence[StartValue], words: Words) -> list[str]:
     lines = [_line(row, words) for row in rows[:SHOWN] if row.status != "missing"]
     if not lines:
         return []
-    headers = [
-        "thing",
-        "id",
-        "value",
-        "status",
-        "part",
-        "observations",
-        "misfit [sigma]",
-        "sigma",
-        "unit",
-        "how",
-    ]
+    headers = ["thing", "id", "value", "status", "part", "observations", "misfit [sigma]", "sigma", "unit", "how"]
     parts = [heading(words("Values")), table(headers, lines, 4, words, True)]
     if len(rows) > SHOWN:
         parts.append(words("{count} more are in the JSON report.", count=len(rows) - SHOWN))

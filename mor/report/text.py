@@ -101,11 +101,7 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
     lines += contradictions(verdict_rows(solved), words)
     flagged = sum(int(flags.sum()) for flags in quality.flagged)
     lines.append(
-        words(
-            "{count:observation|observations} with |w| > {limit}.",
-            count=flagged,
-            limit=fixed(quality.critical, 2),
-        )
+        words("{count:observation|observations} with |w| > {limit}.", count=flagged, limit=fixed(quality.critical, 2))
         if flagged
         else words("No observation is flagged.")
     )

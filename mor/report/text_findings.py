@@ -67,10 +67,7 @@ def hypothesis_section(solved: Solved, words: Words = ENGLISH) -> str:
 
 def scored(rows: list[dict[str, Any]], words: Words = ENGLISH, note: str = "") -> str:
     """Possible causes by score tests, the best first."""
-    lines = [
-        heading(words("Possible causes")),
-        note or words("These are score tests at the solution, not verified."),
-    ]
+    lines = [heading(words("Possible causes")), note or words("These are score tests at the solution, not verified.")]
     for number, row in enumerate(rows, 1):
         lines += [f"{number}. {sentence(row, words)}", f"   {decrease(row, words)}"]
         lines.append("   " + words("to try it: {line}", line=row["line"]))

@@ -108,10 +108,7 @@ def section_of(checks: list[dict[str, Any]], unit: str, words: Words) -> str:
     if not rows:
         return ""
     headers = ["checks", "component", "unit", "n", "mean", "rms", "largest", "beyond test"]
-    lines = [
-        heading(words("Checks, not used in the adjustment (adjusted - known)")),
-        table(headers, rows, 3, words),
-    ]
+    lines = [heading(words("Checks, not used in the adjustment (adjusted - known)")), table(headers, rows, 3, words)]
     error = largest_length_error(checks)
     if error is not None:
         lines.append(
@@ -136,11 +133,7 @@ def ellipse_section(solved: Solved, words: Words = ENGLISH) -> str:
     if len(free_points(solved)) == 0 or dimensions == "z":
         return ""
     rows = ellipse_table(solved).to_dicts()
-    lines = [
-        heading(words("Error ellipses")),
-        _explained(solved, words),
-        plan(rows, solved.network.project, words),
-    ]
+    lines = [heading(words("Error ellipses")), _explained(solved, words), plan(rows, solved.network.project, words)]
     if dimensions == "xyz":
         lines += ["", _space(solved, rows, words)]
     return "\n".join(lines)
@@ -343,10 +336,7 @@ def point_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     unit = solved.network.project.units.length
     d = DIGITS[unit]
     datum = datum_name(solved.adjustment.problem.datum.name, words)
-    lines = [
-        heading(words("Points (datum: {datum})", datum=datum)),
-        listed_points(frame.head(shown), unit, words),
-    ]
+    lines = [heading(words("Points (datum: {datum})", datum=datum)), listed_points(frame.head(shown), unit, words)]
     if frame.height > shown:
         lines.append(words("{count:more point is|more points are} in the table of points.", count=frame.height - shown))
     if solved.quality is not None:
