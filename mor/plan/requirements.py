@@ -27,7 +27,6 @@ from mor.units import LENGTH
 # numbers and external reliability do not depend on the datum.
 
 _Given = TypeVar("_Given", RequiredSigma, RequiredReliability)
-_COORDINATES = {"x": "x", "y": "y", "z": "z", "xy": "xy", "xyz": "xyz"}
 _ROUND_OFF = 1e-9
 """Part of a limit that a value may be beyond it."""
 
@@ -129,7 +128,7 @@ def _precision(network: Network, wanted: RequiredSigma, problems: list[Message])
         problems.append(Message(f"require: all of {', '.join(wanted.points)} are fixed", network.file))
     source = np.argmax(np.abs(network.edge.matrix), axis=0)
     found = []
-    for key in (*_COORDINATES, "ellipsoid"):
+    for key in ("x", "y", "z", "xy", "xyz", "ellipsoid"):
         text = getattr(wanted, key)
         if text is None:
             continue
@@ -140,7 +139,7 @@ def _precision(network: Network, wanted: RequiredSigma, problems: list[Message])
         except UnitError as error:
             problems.append(Message(f"require: sigma: {key}: {error}", network.file))
             continue
-        components = tuple(int(source["xyz".index(axis)]) for axis in _COORDINATES.get(key, ""))
+        components = tuple(int(source["xyz".index(axis)]) for axis in (key if key != "ellipsoid" else ""))
         names = tuple(things.ids[k] for k in numbers)
         found.append(RequiredPrecision(key, tuple(wanted.points), names, positions[numbers], components, limit))
     return found

@@ -68,15 +68,9 @@ def read_cameras(reading: Reading) -> None:
         eccentricities.append(_eccentricity(reading, name, camera))
         readouts.append(_readout(reading, name, camera, scale))
         read_scanner(reading, name, camera, scale)
-    reading.shop.things["camera"] = entities(
-        ids,
-        {
-            "interior": np.array(blocks, dtype=np.int64),
-            "model": np.array(models, dtype=np.int64),
-            "eccentricity": np.array(eccentricities, dtype=np.int64),
-            "readout": np.array(readouts, dtype=np.int64),
-        },
-    )
+    parts = {"interior": blocks, "model": models, "eccentricity": eccentricities, "readout": readouts}
+    arrays = {part: np.array(numbers, dtype=np.int64) for part, numbers in parts.items()}
+    reading.shop.things["camera"] = entities(ids, arrays)
 
 
 def _r0_is_good(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> bool:

@@ -65,6 +65,7 @@ from mor.report.verdict import (
     ill_determined,
     in_common,
     said_conventions,
+    tests_in_words,
     uncontrolled_in_words,
     uncontrolled_sentence,
 )
@@ -216,14 +217,8 @@ def next_steps(data: PageData) -> list[str]:
     if accepted and "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():
         worst = data.points.sort("ellipsoid_a", descending=True, nulls_last=True).row(0, named=True)
         unit, factor = small_unit(view.length, worst["ellipsoid_a"])
-        steps.append(
-            say(
-                "Point {point} is the least precise one (semi-axis {size} {unit}): observe it more often.",
-                point=worst["id"],
-                size=f"{worst['ellipsoid_a'] * factor:.3g}",
-                unit=unit,
-            )
-        )
+        said = "Point {point} is the least precise one (semi-axis {size} {unit}): observe it more often."
+        steps.append(say(said, point=worst["id"], size=f"{worst['ellipsoid_a'] * factor:.3g}", unit=unit))
     steps.append(say("mor design adjusted.yaml --rank shows the effect of each additional observation."))
     steps.append(say("mor report prints the report to sign (--pdf)."))
     return steps[:3]
@@ -469,15 +464,7 @@ def _groups(data: PageData) -> Statement | None:
         return None
     found = contradictions(tested, say)
     if not found and tested["tests"]:
-        found = [
-            say(
-                "{count:test|tests} of groups; all together reject by mistake with {level}, each with {each} (Sidak).",
-                count=tested["tests"],
-                level=f"{tested['level_of_groups']:g}",
-                each=f"{tested['level_of_each_group']:.2g}",
-            ),
-            say("None of them rejects."),
-        ]
+        found = [tests_in_words(tested, say), say("None of them rejects.")]
     found += said_conventions(tested, say)
     state = BAD if tested["rejected"] else GOOD if tested["tests"] else PLAIN
     return Statement(state, say("Tests of groups"), " ".join(found), "groups") if found else None
@@ -519,13 +506,8 @@ def _controlled(data: PageData) -> Statement | None:
         return None
     low = used.filter(pl.col("r") < _LOW_R).height
     free, found = data.view.summary.get("uncontrolled") or 0, data.view.reliability
-    words = say(
-        "Mean redundancy number {mean}; {low} of {all:observation|observations} have r < {limit}.",
-        mean=f"{float(used['r'].to_numpy().mean()):.2f}",
-        low=low,
-        all=used.height,
-        limit=f"{_LOW_R:g}",
-    )
+    said = "Mean redundancy number {mean}; {low} of {all:observation|observations} have r < {limit}."
+    words = say(said, mean=f"{float(used['r'].to_numpy().mean()):.2f}", low=low, all=used.height, limit=f"{_LOW_R:g}")
     if found is not None:
         lines = uncontrolled_in_words({**found, "observations": []}, say)[:1]
         lines += [f"{uncontrolled_sentence(row, say)}." for row in found["observations"][:_NAMED]]
@@ -544,13 +526,8 @@ def _checks(data: PageData) -> Statement | None:
         f"{row['group']} {row['component']}: {say('rms')} {row['rms']:.3g} {row['unit']} ({int(row['count'])})"
         for row in checks
     )
-    words = say(
-        "{parts}. Largest deviation {largest} {unit}; {beyond} beyond their test.",
-        parts=parts,
-        largest=f"{worst['largest']:.3g}",
-        unit=worst["unit"],
-        beyond=beyond,
-    )
+    said = "{parts}. Largest deviation {largest} {unit}; {beyond} beyond their test."
+    words = say(said, parts=parts, largest=f"{worst['largest']:.3g}", unit=worst["unit"], beyond=beyond)
     return Statement(DOUBT if beyond else GOOD, say("Checks"), words, "control")
 
 

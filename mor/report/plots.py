@@ -395,14 +395,18 @@ def network(view: View, words: Words = ENGLISH) -> Figure:
         gap = np.full((len(start), 1), np.nan)
         x, y = (np.column_stack([start[:, [k]], end[:, [k]], gap]).ravel() for k in (0, 1))
         axes.plot(x, y, color=GREY, lw=0.3, alpha=0.5, label=words("rays"), zorder=1)
+    _draw_network(view, axes, chosen, words)
+    _finish(view, axes, chosen, words)
+    draw_names(view, axes, chosen)
+    return figure
+
+
+def _draw_network(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     draw_sights(view, axes, chosen, words)
     draw_paths(view, axes, chosen, words)
     _frames(view, axes, chosen, words)
     _points(view, axes, chosen, words)
     draw_given(view, axes, chosen, words)
-    _finish(view, axes, chosen, words)
-    draw_names(view, axes, chosen)
-    return figure
 
 
 CONFIDENCE = {"1": (1.0, "1σ"), "95": (2.4477, "95 %")}
@@ -430,11 +434,7 @@ def ellipses(
     figure = sheet(*size)
     heights = not (view.points.select("sx", "sy").fill_null(0.0).to_numpy() > 0.0).any()
     axes, chosen = _prepared(view, figure, upright=heights)
-    draw_sights(view, axes, chosen, words)
-    draw_paths(view, axes, chosen, words)
-    _frames(view, axes, chosen, words)
-    _points(view, axes, chosen, words)
-    draw_given(view, axes, chosen, words)
+    _draw_network(view, axes, chosen, words)
     covariance = covariances(view.points)[:, chosen][:, :, chosen]
     axis = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
     frame = network_frame(view)

@@ -166,13 +166,10 @@ def _rows_of(group: ObservationGroup, found: Source, alone: bool) -> IntArray:
     left: dict[tuple[object, ...], list[int]] = {}
     for row, key in reversed(list(enumerate(zip(found.lines.tolist(), *named, strict=True)))):
         left.setdefault(key, []).append(row)
-    own = zip(group.lines.tolist(), *(_as_given(names.texts().to_list()) for names in group.references), strict=True)
+    # of a point at a time the table has the name of the point
+    given = ([name.partition(AT)[0] for name in names.texts()] for names in group.references)
+    own = zip(group.lines.tolist(), *given, strict=True)
     return np.array([left[key].pop() for key in own], dtype=np.int64)
-
-
-def _as_given(names: list[str]) -> list[str]:
-    """Names of rows as their table has them: of a point at a time that of the point."""
-    return [name.partition(AT)[0] for name in names]
 
 
 def _is_of(group: ObservationGroup, entry: Observations) -> bool:
@@ -488,12 +485,11 @@ def _coverage(truth: Truth, tally: Tally, words: Words) -> str:
         ]
         for u in order
     ]
-    said = words(
-        "The adjustment says ±{k} sigma. Chance moves an end of an interval by about {noise} sigma "
-        "(one standard deviation).",
-        k=f"{k:.3f}",
-        noise=f"{interval_noise(len(tally.drawn)):.3f}",
+    sentence = (
+        "The adjustment says ±{k} sigma. Chance moves an end of an interval by about {noise} sigma (one standard "
+        "deviation)."
     )
+    said = words(sentence, k=f"{k:.3f}", noise=f"{interval_noise(len(tally.drawn)):.3f}")
     title = words("95 % coverage intervals of (x - true) / sigma (GUM Supplement 1, JCGM 101:2008)")
     headers = ["unknown", "from", "to", "largest difference"]
     return "\n".join([heading(title), table(headers, rows, 1, words), said])

@@ -88,15 +88,11 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         lines.append(words("Global test accepted at the level {level}.", level=f"{test.level:g}"))
     else:
         size = words("larger") if test.statistic > test.upper else words("smaller")
-        lines.append(
-            words(
-                "Global test REJECTED at the level {level}: residuals are {size} than the a-priori sigmas say "
-                "(sigma0 ratio {ratio}).",
-                level=f"{test.level:g}",
-                size=size,
-                ratio=fixed(quality.sigma0, 3),
-            )
+        sentence = (
+            "Global test REJECTED at the level {level}: residuals are {size} than the a-priori sigmas say (sigma0 "
+            "ratio {ratio})."
         )
+        lines.append(words(sentence, level=f"{test.level:g}", size=size, ratio=fixed(quality.sigma0, 3)))
     lines += ill_determined(verdict_rows(solved), solved.network.project.units.length, words)
     lines += contradictions(verdict_rows(solved), words)
     flagged = sum(int(flags.sum()) for flags in quality.flagged)
@@ -170,12 +166,8 @@ def _advice(solved: Solved, words: Words) -> list[str]:
 
 
 def _limits(test: dict[str, float], words: Words) -> str:
-    return words(
-        "accepted between {lower} and {upper} (chi-squared, level {level})",
-        lower=fixed(test["lower"], 3),
-        upper=fixed(test["upper"], 3),
-        level=f"{test['level']:g}",
-    )
+    said = "accepted between {lower} and {upper} (chi-squared, level {level})"
+    return words(said, lower=fixed(test["lower"], 3), upper=fixed(test["upper"], 3), level=f"{test['level']:g}")
 
 
 # ---- The summary on the terminal: accepted or not, what is worst, how good points and cameras are, on one screen.

@@ -110,13 +110,8 @@ def diagnosed(data: dict[str, Any], words: Words = ENGLISH) -> str:
     if data["offered"]:
         lines.append(words("None is applied. Look at the measurements before you change anything."))
     if data["untried"]:
-        lines.append(
-            words(
-                "{count:hypothesis was|hypotheses were} not tried because the time limit was "
-                "reached; --limit raises it.",
-                count=data["untried"],
-            )
-        )
+        said = "{count:hypothesis was|hypotheses were} not tried because the time limit was reached; --limit raises it."
+        lines.append(words(said, count=data["untried"]))
     return "\n".join(lines)
 
 
@@ -261,12 +256,8 @@ def reliability_section(solved: Solved, words: Words = ENGLISH, shown: int = SHO
 
 def _sentence(row: dict[str, Any], unit: str, words: Words) -> str:
     if row["point"] is not None and row["movement"] is None:
-        return words(
-            "{place}: w = {w}, r = {r}: it is controlled too weakly to say anything about an error in it",
-            place=in_words(row, words),
-            w=fixed(row["w"], 2),
-            r=short(row["r"], 2),
-        )
+        sentence = "{place}: w = {w}, r = {r}: it is controlled too weakly to say anything about an error in it"
+        return words(sentence, place=in_words(row, words), w=fixed(row["w"], 2), r=short(row["r"], 2))
     said = words(
         "{place}: w = {w}, r = {r}, estimated error {error} {unit}, smallest detectable {nabla}",
         place=in_words(row, words),
@@ -300,16 +291,8 @@ def _fixed_points(solved: Solved, unit: str, words: Words, shown: int) -> list[s
     lines = [words("The observations contradict these fixed coordinates (level {level}):", level=f"{alpha:.3g}")]
     for row in moved[:shown]:
         where = ", ".join(f"{name} {words.number(fixed(x, d))}" for name, x in zip("XYZ", row["movement"], strict=True))
-        lines.append(
-            words(
-                "  {id}: moved by {where} {unit}? T = {test}, p = {p}",
-                id=row["id"],
-                where=where,
-                unit=unit,
-                test=short(row["test"], 4),
-                p=f"{row['p']:.2g}",
-            )
-        )
+        said = "  {id}: moved by {where} {unit}? T = {test}, p = {p}"
+        lines.append(words(said, id=row["id"], where=where, unit=unit, test=short(row["test"], 4), p=f"{row['p']:.2g}"))
     return lines
 
 
@@ -426,13 +409,8 @@ def sentences_of_things(things: Sequence[UndeterminedObject], words: Words = ENG
     far = [thing for thing in things if thing.treatment == "at infinity"]
     lines = []
     if left:
-        lines.append(
-            words(
-                "{count:object is|objects are} LEFT OUT because nothing determines them: {names} (undetermined.csv).",
-                count=len(left),
-                names=_names(left, words),
-            )
-        )
+        said = "{count:object is|objects are} LEFT OUT because nothing determines them: {names} (undetermined.csv)."
+        lines.append(words(said, count=len(left), names=_names(left, words)))
     if far:
         lines.append(words("At infinity, with a direction only: {names} (undetermined.csv).", names=_names(far, words)))
     return lines

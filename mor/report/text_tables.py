@@ -111,13 +111,8 @@ def section_of(checks: list[dict[str, Any]], unit: str, words: Words) -> str:
     lines = [heading(words("Checks, not used in the adjustment (adjusted - known)")), table(headers, rows, 3, words)]
     error = largest_length_error(checks)
     if error is not None:
-        lines.append(
-            words(
-                "Largest length measurement error (in the manner of VDI/VDE 2634): {error} {unit}",
-                error=short(error, 4),
-                unit=unit,
-            )
-        )
+        said = "Largest length measurement error (in the manner of VDI/VDE 2634): {error} {unit}"
+        lines.append(words(said, error=short(error, 4), unit=unit))
     return "\n".join(lines)
 
 
@@ -183,11 +178,8 @@ def _explained(solved: Solved, words: Words) -> str:
     estimated = solved.network.project.settings.sigma == "aposteriori" and quality.redundancy > 0
     redundancy = float(quality.redundancy) if estimated else None
     factors = [f"{confidence_factor(k, redundancy):.2f}" for k in (2, 3)]
-    return words(
-        "Semi-axes at 1 sigma; times {plan} the ellipse holds the point with 95 %, times {space} the ellipsoid.",
-        plan=words.number(factors[0]),
-        space=words.number(factors[1]),
-    )
+    said = "Semi-axes at 1 sigma; times {plan} the ellipse holds the point with 95 %, times {space} the ellipsoid."
+    return words(said, plan=words.number(factors[0]), space=words.number(factors[1]))
 
 
 # ---- Planes, lines and right angles.
@@ -503,13 +495,11 @@ def statements(solved: Solved, words: Words) -> list[str]:
             )
         )
     if found.unlisted:
-        lines.append(
-            words(
-                "Movements of {count:point|points} with coordinates of each epoch are not computed here; "
-                "mor compare --between computes them for two epochs.",
-                count=found.unlisted,
-            )
+        said = (
+            "Movements of {count:point|points} with coordinates of each epoch are not computed here; mor compare "
+            "--between computes them for two epochs."
         )
+        lines.append(words(said, count=found.unlisted))
     return lines
 
 
@@ -606,14 +596,11 @@ def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
         more = words("{count:more point is|more points are} in the table of places.", count=frame.height - shown)
         lines.append(more)
     latitude, longitude = np.degrees([world.horizon.latitude, world.horizon.longitude])
-    lines.append(
-        words(
-            "sigma: east, north, up in the horizon of each point. X, Y, Z elsewhere in this report are east, north, up "
-            "in the horizon of the middle of the network, latitude {latitude}°, longitude {longitude}°, height 0.",
-            latitude=words.number(f"{latitude:.4f}"),
-            longitude=words.number(f"{longitude:.4f}"),
-        )
+    said = (
+        "sigma: east, north, up in the horizon of each point. X, Y, Z elsewhere in this report are east, north, up in "
+        "the horizon of the middle of the network, latitude {latitude}°, longitude {longitude}°, height 0."
     )
+    lines.append(words(said, latitude=words.number(f"{latitude:.4f}"), longitude=words.number(f"{longitude:.4f}")))
     return "\n".join(lines)
 
 

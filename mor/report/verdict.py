@@ -362,15 +362,7 @@ def section_of(data: dict[str, Any] | None, words: Words, shown: int = SHOWN) ->
     if data is None or not (data["tests"] or said_conventions(data, words)):
         return ""
     lines = [heading(words("Tests of groups"))]
-    if data["tests"]:
-        lines.append(
-            words(
-                "{count:test|tests} of groups; all together reject by mistake with {level}, each with {each} (Sidak).",
-                count=data["tests"],
-                level=f"{data['level_of_groups']:g}",
-                each=f"{data['level_of_each_group']:.2g}",
-            )
-        )
+    lines += [tests_in_words(data, words)] if data["tests"] else []
     lines += said_conventions(data, words)
     rejected = [row for row in data["groups"] if row["rejected"]]
     rows = rejected + [row for row in data["groups"] if not row["rejected"] and row["of"] == "group"]
@@ -385,6 +377,13 @@ def section_of(data: dict[str, Any] | None, words: Words, shown: int = SHOWN) ->
     if len(rows) > shown:
         lines.append(words("and {count} more in results.json", count=len(rows) - shown))
     return "\n".join(lines)
+
+
+def tests_in_words(data: dict[str, Any], words: Words) -> str:
+    """State how many groups are tested, and at which levels."""
+    said = "{count:test|tests} of groups; all together reject by mistake with {level}, each with {each} (Sidak)."
+    each = f"{data['level_of_each_group']:.2g}"
+    return words(said, count=data["tests"], level=f"{data['level_of_groups']:g}", each=each)
 
 
 def contradictions(data: dict[str, Any] | None, words: Words) -> list[str]:
@@ -479,20 +478,17 @@ def _explained(row: dict[str, Any], words: Words) -> str:
     if effect is None and row["sigma_factor"] < 1.0:
         return words("{thing}: residuals are smaller than its sigma says.", thing=thing)
     if effect is None and row["flagged"]:
-        return words(
+        said = (
             "{thing}: no common offset or scale explains it; {count:flagged observation makes|flagged observations "
-            "make} {share} % of its vTPv.",
-            thing=thing,
-            count=row["flagged"],
-            share=f"{100.0 * min(row['share_of_flagged'], 1.0):.0f}",
+            "make} {share} % of its vTPv."
         )
+        return words(said, thing=thing, count=row["flagged"], share=f"{100.0 * min(row['share_of_flagged'], 1.0):.0f}")
     if effect is None:
-        return words(
+        said = (
             "{thing}: no single observation and no common offset or scale explains it; its sigma would have to be "
-            "{factor} times as large.",
-            thing=thing,
-            factor=short(row["sigma_factor"], 3),
+            "{factor} times as large."
         )
+        return words(said, thing=thing, factor=short(row["sigma_factor"], 3))
     factor, unit = (1e6, "ppm") if effect["kind"] == "scale" else (1.0, effect["unit"])
     sentence = (
         "A common {kind} of {size} +- {sigma} {unit} in {component} of {group} would explain it: vTPv falls by {gain}, "
@@ -518,13 +514,11 @@ def said_conventions(data: dict[str, Any], words: Words) -> list[str]:
     """Return the values that no observation determines."""
     found, lines = data["conventions"], []
     if found["movements"]:
-        lines.append(
-            words(
-                "Chosen by the datum and not measured: {movements}. Standard deviations of coordinates refer to this "
-                "choice.",
-                movements=", ".join(words.listed(name) for name in found["movements"]),
-            )
+        said = (
+            "Chosen by the datum and not measured: {movements}. Standard deviations of coordinates refer to this "
+            "choice."
         )
+        lines.append(words(said, movements=", ".join(words.listed(name) for name in found["movements"])))
     if found["scale"]:
         lines.append(words("The scale is arbitrary: no observation contains a length."))
     if found["fixed_coordinates_uncontrolled"]:

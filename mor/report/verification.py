@@ -125,11 +125,8 @@ def _processor() -> str:
 def verdict(data: dict[str, Any], words: Words) -> str:
     """In one sentence: whether all checks have passed."""
     if not data["failed"]:
-        return words(
-            "All {count} checks passed; {compared} numbers were compared.",
-            count=data["count"],
-            compared=data["compared"],
-        )
+        said = "All {count} checks passed; {compared} numbers were compared."
+        return words(said, count=data["count"], compared=data["compared"])
     return words("{failed} of {count} checks FAILED.", failed=data["failed"], count=data["count"])
 
 
