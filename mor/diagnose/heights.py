@@ -317,8 +317,7 @@ def _redundancy(solution: Adjustment, number: int, group: ObservationGroup, rows
     for k in range(len(rows)):
         free = part.columns[k] >= 0
         np.add.at(coupling[:, k], part.columns[k][free], part.jacobian[k, 0][free] / group.sigma[rows[k], 0])
-    found: FloatArray = 1.0 - np.einsum("uk,uk->k", coupling, solution.inverse.solve(coupling))
-    return found
+    return np.asarray(1.0 - np.einsum("uk,uk->k", coupling, solution.inverse.solve(coupling)))
 
 
 # ---- The curvature of the earth, where a project with parallel verticals was measured over distances at which it

@@ -202,8 +202,7 @@ def _candidates(
 def _slot_columns(
     group: ObservationGroup, values: Values, rows: IntArray, slot: int, components: Sequence[int]
 ) -> FloatArray:
-    found: FloatArray = np.nan_to_num(evaluated(group, values, rows).jacobians[slot][:, :, list(components)])
-    return found
+    return np.asarray(np.nan_to_num(evaluated(group, values, rows).jacobians[slot][:, :, list(components)]))
 
 
 def _instruments(problem: Problem, values: Values, number: int, group: ObservationGroup) -> Iterator[_Candidate]:

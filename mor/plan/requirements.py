@@ -171,8 +171,7 @@ def sigmas(requirement: RequiredPrecision, covariance: FloatArray) -> FloatArray
         variance = np.diagonal(covariance, axis1=1, axis2=2)[:, list(requirement.components)].max(axis=1)
     else:
         variance = rotations.eigvalsh(covariance)[:, -1] if len(covariance) else np.zeros(0)
-    found: FloatArray = np.sqrt(np.maximum(variance, 0.0))
-    return found
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def _judged_control(requirement: RequiredControl, quality: Quality) -> RequirementResult:

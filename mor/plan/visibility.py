@@ -65,8 +65,7 @@ def placed(reading: Reading, coordinates: FloatArray) -> FloatArray:
         N = world.geoid_at(np.full(len(coordinates), -1), world.to_object(coordinates, N))
         if np.isnan(N).any():
             raise ValueError(NO_GEOID)
-    there: FloatArray = world.to_object(coordinates, N) @ reading.edge.matrix
-    return there
+    return np.asarray(world.to_object(coordinates, N) @ reading.edge.matrix)
 
 
 # ---- Names of a plan: which targets, images, stations and points patterns stand for, and where these are.

@@ -65,8 +65,7 @@ class ImageScale(NamedTuple):
         if not self.corner:
             return xy * self.factor(unit)
         centre = np.array(self.centre) * self.factor(PIXEL)
-        centred: FloatArray = (xy * self.factor(unit) - centre) * np.array([1.0, -1.0])
-        return centred
+        return np.asarray((xy * self.factor(unit) - centre) * np.array([1.0, -1.0]))
 
 
 def image_scale(camera: Camera) -> ImageScale:

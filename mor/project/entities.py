@@ -173,8 +173,7 @@ class Workshop:
     def source(self, kind: str) -> IntArray:
         """(n,) number of the table that each block of a kind comes from, −1 where it comes from none."""
         first = np.array([counts[kind] for _, counts in self.sources], dtype=np.int64)
-        source: IntArray = np.searchsorted(first, np.arange(len(self.stores[kind].ids)), side="right") - 1
-        return source
+        return np.asarray(np.searchsorted(first, np.arange(len(self.stores[kind].ids)), side="right") - 1)
 
     def neutral(self, kind: str) -> int:
         """The block of zeros of a kind, for what has none of its own; added where nothing has asked for it yet."""

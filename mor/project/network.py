@@ -259,8 +259,7 @@ class _Inside(NamedTuple):
 
     def carried(self, given: FloatArray) -> FloatArray:
         """Covariances (n, n) in internal units and axes."""
-        carried: FloatArray = given[np.ix_(self.order, self.order)] * np.outer(self.factor, self.factor)
-        return carried
+        return np.asarray(given[np.ix_(self.order, self.order)] * np.outer(self.factor, self.factor))
 
 
 def _inside(groups: list[ReadGroup], where: IntArray, rows: IntArray, components: IntArray) -> _Inside:
@@ -669,8 +668,7 @@ def _mark(reading: Reading, mask: BoolArray, by_components: Mapping[Any, list[st
 def _internal_row(reading: Reading, components: str) -> BoolArray:
     """(3,) the internal components behind components of the project, e.g. ``"xy"``."""
     source = np.argmax(np.abs(reading.edge.matrix), axis=1)
-    chosen: BoolArray = np.array([name in components for name in "xyz"])[source]
-    return chosen
+    return np.asarray(np.array([name in components for name in "xyz"])[source])
 
 
 def _datum_points(reading: Reading, name: str) -> IntArray:

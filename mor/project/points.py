@@ -155,8 +155,7 @@ def _told(reading: Reading, statuses: Statuses) -> BoolArray:
     if reading.project.world is not None:
         return np.zeros(statuses.free.shape, dtype=bool)  # start values are all that places on the earth have
     absent = [c not in reading.project.settings.dimensions for c in "xyz"]
-    told: BoolArray = (~statuses.free | np.isfinite(statuses.sigma)) & ~np.array(absent)
-    return told
+    return np.asarray((~statuses.free | np.isfinite(statuses.sigma)) & ~np.array(absent))
 
 
 def _of_rows(statuses: Statuses, told: BoolArray, rows: IntArray) -> Statuses:

@@ -61,8 +61,7 @@ class Subgrid(NamedTuple):
         up, left = (place - [i, j])[:, :, None]
         lower = self.nodes[i, j] * (1.0 - left) + self.nodes[i, j + 1] * left
         upper = self.nodes[i + 1, j] * (1.0 - left) + self.nodes[i + 1, j + 1] * left
-        values: FloatArray = np.where(inside[:, None], lower * (1.0 - up) + upper * up, np.nan)
-        return values
+        return np.asarray(np.where(inside[:, None], lower * (1.0 - up) + upper * up, np.nan))
 
 
 _EDGE = 1e-6
@@ -278,8 +277,7 @@ class ReferenceSystem:
             east = (longitude - area.west + _MARGIN) % 360.0
         width = (area.east - area.west) % 360.0 or 360.0
         north = (latitude >= area.south - _MARGIN) & (latitude <= area.north + _MARGIN)
-        outside: BoolArray = ~(north & (east <= width + 2.0 * _MARGIN))
-        return outside
+        return np.asarray(~(north & (east <= width + 2.0 * _MARGIN)))
 
 
 _MARGIN = 2.0
@@ -375,8 +373,7 @@ class EarthModel:
 
     def inside(self) -> FloatArray:
         """Coordinates (3,) in the system of the origin of the object system, at height 0: a place for what has none."""
-        there: FloatArray = self.from_object(np.zeros((1, 3)), np.zeros(1))[0]
-        return there
+        return np.asarray(self.from_object(np.zeros((1, 3)), np.zeros(1))[0])
 
     def in_metres(self, coordinates: FloatArray) -> FloatArray:
         """Coordinates (n, 3) in the system with their lengths (not their angles) in metres."""
@@ -396,8 +393,7 @@ class EarthModel:
         there = np.hstack([east_north, np.zeros((len(east_north), 1))])
         by_local = self.grid(self.to_object(there, np.zeros(len(there))))
         # Grid north keeps east as it is: it leads along (e, n) with ∂E/∂e e + ∂E/∂n n = 0.
-        clockwise: FloatArray = np.arctan2(-by_local[:, 0, 1], by_local[:, 0, 0])
-        return clockwise
+        return np.asarray(np.arctan2(-by_local[:, 0, 1], by_local[:, 0, 0]))
 
     def from_object(self, position: FloatArray, geoid: FloatArray) -> FloatArray:
         """Coordinates (n, 3) in the system of object coordinates (n, 3); the way back of :meth:`to_object`."""
@@ -410,8 +406,7 @@ class EarthModel:
 
 def _scaled(system: ReferenceSystem, coordinates: FloatArray, factor: float) -> FloatArray:
     lengths = [1.0 if name in ("latitude", "longitude") else factor for name in system.coordinates]
-    scaled: FloatArray = coordinates * np.array(lengths)
-    return scaled
+    return np.asarray(coordinates * np.array(lengths))
 
 
 _NEAR = 10.0

@@ -530,8 +530,7 @@ class Air(NamedTuple):
 def vapour_pressure(temperature: FloatArray, humidity: FloatArray) -> FloatArray:
     """Partial pressure of water vapour, hPa, at t (°C) and the relative humidity (%), by Magnus' formula."""
     saturated = 6.1078 * np.exp(17.269 * temperature / (237.3 + temperature))
-    pressure: FloatArray = 0.01 * humidity * saturated
-    return pressure
+    return np.asarray(0.01 * humidity * saturated)
 
 
 def dispersion_constant(wavelength: float) -> float:
@@ -542,8 +541,7 @@ def dispersion_constant(wavelength: float) -> float:
 def first_velocity_correction(air: Air, C: float, D: float) -> FloatArray:
     """(n,) correction per unit of length."""
     absolute = _ZERO + air.temperature
-    correction: FloatArray = 1e-6 * (C - D * air.pressure / absolute + 11.27 * air.vapour / absolute)
-    return correction
+    return np.asarray(1e-6 * (C - D * air.pressure / absolute + 11.27 * air.vapour / absolute))
 
 
 def air_columns(edge: Edge) -> list[Column]:

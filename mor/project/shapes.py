@@ -206,8 +206,7 @@ def _moved(fit: FittedShape, step: FloatArray, free: Freedom) -> FittedShape:
 
 def _distances(type_: str, q: FloatArray, fit: FittedShape) -> FloatArray:
     blocks = [np.broadcast_to(part, (len(q), *part.shape)) for part in (fit.origin, *fit[:1], *fit[2:])]
-    values: FloatArray = SHAPE_TYPES[type_].equation([*blocks, q], np.zeros((len(q), 0))).values.ravel()
-    return values
+    return np.asarray(SHAPE_TYPES[type_].equation([*blocks, q], np.zeros((len(q), 0))).values.ravel())
 
 
 def _squares(type_: str, q: FloatArray, fit: FittedShape) -> float:

@@ -729,8 +729,7 @@ def clocks_of_rows(
 
 
 def _rows_of(scale: ImageScale, y: FloatArray) -> FloatArray:
-    rows: FloatArray = scale.centre[1] - y / scale.pixel
-    return rows
+    return np.asarray(scale.centre[1] - y / scale.pixel)
 
 
 def _scanned(

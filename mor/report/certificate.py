@@ -157,8 +157,7 @@ def _origin(camera: dict[str, Any]) -> FloatArray:
     if not _is_corner(camera) or _counts_from_corner(camera):
         return np.zeros(2)
     size = camera["format"]
-    middle: FloatArray = np.array([size["width"], size["height"]]) * size["pixel"] / 2.0
-    return middle
+    return np.asarray(np.array([size["width"], size["height"]]) * size["pixel"] / 2.0)
 
 
 def _corner(camera: dict[str, Any]) -> float | None:

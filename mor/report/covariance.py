@@ -224,8 +224,7 @@ def _outwards(solved: Solved, kind: str, number: int) -> FloatArray:
     if moves_by_angles(network.blocks["rotation"])[number]:
         return np.eye(3) / ANGLE_UNITS[angle_unit(solved)]
     D = _turned(solved, number)
-    turn: FloatArray = angles_by_tangent(angles_from_rotation(D))[0] / ANGLE_UNITS[angle_unit(solved)]
-    return turn
+    return np.asarray(angles_by_tangent(angles_from_rotation(D))[0] / ANGLE_UNITS[angle_unit(solved)])
 
 
 def _turned(solved: Solved, number: int) -> FloatArray:

@@ -170,8 +170,7 @@ def flags(rows: AssessedRows) -> IntArray:
     number = np.where(rows.uncontrolled, FLAGS.index("uncontrolled"), 0)
     number[rows.flagged] = FLAGS.index("gross")
     number[group.left_out] = FLAGS.index("check" if rows.is_check else "excluded")
-    said_there: IntArray = number[:, ends_of_group(group).source]
-    return said_there
+    return np.asarray(number[:, ends_of_group(group).source])
 
 
 # ---- The residual table in long form: one row for every observation, units and all.

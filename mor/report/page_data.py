@@ -438,8 +438,7 @@ def covariances(table: pl.DataFrame) -> FloatArray:
     matrix = np.tile(np.eye(3), (points.height, 1, 1))
     for name, (i, j) in {"rxy": (0, 1), "rxz": (0, 2), "ryz": (1, 2)}.items():
         matrix[:, i, j] = matrix[:, j, i] = points[name].to_numpy()
-    covariance: FloatArray = matrix * sigma[:, :, None] * sigma[:, None, :]
-    return covariance
+    return np.asarray(matrix * sigma[:, :, None] * sigma[:, None, :])
 
 
 def directions_of_semi_axes(view: View) -> pl.DataFrame:

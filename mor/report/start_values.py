@@ -202,8 +202,7 @@ def _outwards(
 def in_project_axes(network: Network, xyz: FloatArray) -> FloatArray:
     """Coordinates (n, 3) in the axes of the project; what is not known of one does not spread to the others."""
     M = network.edge.matrix
-    turned: FloatArray = xyz[:, np.argmax(np.abs(M), axis=0)] * M.sum(axis=0)
-    return turned
+    return np.asarray(xyz[:, np.argmax(np.abs(M), axis=0)] * M.sum(axis=0))
 
 
 def _sigma_outwards(network: Network, kind: str, sigma: FloatArray) -> FloatArray:

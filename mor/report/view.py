@@ -469,5 +469,4 @@ def _covariance(camera: dict[str, Any], terms: list[int], free: list[str]) -> Fl
         return np.zeros((len(free), len(free)))
     sigma = np.array([camera["components"][name]["sigma"] for name in free])
     correlation = np.array(matrix)[np.ix_(terms, terms)]
-    covariance: FloatArray = correlation * np.outer(sigma, sigma)
-    return covariance
+    return np.asarray(correlation * np.outer(sigma, sigma))
