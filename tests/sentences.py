@@ -10,8 +10,13 @@ from pathlib import Path
 
 _PLACE = re.compile(r"\{[^{}]*\}")
 _WORD = re.compile(r"(?<![\w.<\[{/%\\-])[A-Za-zσ]?[a-zü]{2,}(?![\w=(\[/])")
+_COLUMNS = re.compile(r"\w(?:\{\})?:\.\S+[fg]\b")
+"""Names of columns with the form of their numbers, as :func:`mor.report.layout.cells` takes them."""
 _FIELDS = re.compile(r"\{\w*(?:![rs])?(?::[^{} ][^{}]*)?\}")
-_SAID_ELSEWHERE = ("words", "say", "phase", "header", "listed", "compile", "option", "command", "argument")
+_SAID_ELSEWHERE = (
+    *("words", "say", "phase", "header", "listed", "compile", "option", "command", "argument"),
+    *("cells", "_cells", "split"),
+)
 """Calls whose texts are looked up as they stand (other tests look at them), or are no texts."""
 _OF_THE_PROGRAM = ("RuntimeError", "TypeError", "AssertionError", "NotImplementedError", "AttributeError")
 
@@ -29,7 +34,13 @@ def is_sentence(text: str) -> bool:
     """Whether a text has two words, or one beside a place for a value."""
     plain = _PLACE.sub(" ", text.replace("{{", "").replace("}}", ""))
     words = _WORD.findall(plain)
-    return "<" not in plain and len(words) + bool(_PLACE.search(text)) >= 2 and " " in text and bool(words)
+    return (
+        not _COLUMNS.search(text)
+        and "<" not in plain
+        and len(words) + bool(_PLACE.search(text)) >= 2
+        and " " in text
+        and bool(words)
+    )
 
 
 def template(node: ast.AST) -> str | None:

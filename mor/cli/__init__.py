@@ -123,16 +123,12 @@ def run(arguments: Sequence[str] | None = None) -> int:
         click.echo(f"{place}{told(words, language)}", err=True)
         return ExitCode.INPUT
     except MemoryError as error:
-        tell(_out_of_memory(error), language)
+        what = f" ({error})" if str(error) else ""
+        tell(f"not enough memory{what}; nothing was written. {OUT_OF_MEMORY}", language)
         return ExitCode.MEMORY
     except Exception as error:  # noqa: BLE001 - the last resort: one line, and how to see more
         return _internal(error, language)
     return int(result) if isinstance(result, int) else ExitCode.DONE
-
-
-def _out_of_memory(error: MemoryError) -> str:
-    what = f" ({error})" if str(error) else ""
-    return f"not enough memory{what}; nothing was written. {OUT_OF_MEMORY}"
 
 
 OUT_OF_MEMORY = (

@@ -18,6 +18,7 @@ from mor.cli.options import (
     format_option,
     kernels_option,
     only_project,
+    output_option,
     quiet_option,
 )
 from mor.errors import ExitCode, NoStartValuesError
@@ -86,14 +87,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
 
 @click.command(name="adjust")
 @click.argument("project", type=InputPath(), default=".")
-@click.option(
-    "-o",
-    "--output",
-    metavar="FOLDER",
-    type=OutputPath(),
-    show_default="PROJECT.results",
-    help="Folder for the results.",
-)
+@output_option("Folder for the results.", "PROJECT.results")
 @click.option("-f", "--force", is_flag=True, help="Replace existing results of other input or options.")
 @format_option
 @click.option(
@@ -101,9 +95,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
 )
 @click.option("--strict", is_flag=True, help="Exit with 1 if the global test rejects or an observation is flagged.")
 @click.option(
-    "--snoop",
-    is_flag=True,
-    help="Data snooping: exclude flagged observations one by one until none is flagged.",
+    "--snoop", is_flag=True, help="Data snooping: exclude flagged observations one by one until none is flagged."
 )
 @language_option("report.txt, report.html and the terminal")
 @click.option("--full", is_flag=True, help="List all points and all observations in report.txt.")
@@ -150,10 +142,7 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
 @kernels_option
 @quiet_option
 @click.option(
-    "-v",
-    "--verbose",
-    is_flag=True,
-    help="Print the phases and their times, all notes, the groups and every iteration.",
+    "-v", "--verbose", is_flag=True, help="Print the phases and their times, all notes, the groups and every iteration."
 )
 def command(**given: Any) -> int:
     """Adjust PROJECT and write reports, results and tables.

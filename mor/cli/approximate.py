@@ -16,6 +16,7 @@ from mor.cli.options import (
     format_option,
     kernels_option,
     only_project,
+    output_option,
     quiet_option,
 )
 from mor.errors import counted
@@ -27,14 +28,7 @@ if TYPE_CHECKING:
 
 @click.command(name="approximate")
 @click.argument("project", type=InputPath())
-@click.option(
-    "-o",
-    "--output",
-    metavar="FOLDER",
-    type=OutputPath(),
-    show_default="PROJECT.start",
-    help="Folder for the project with start values.",
-)
+@output_option("Folder for the project with start values.", "PROJECT.start")
 @force_option
 @format_option
 @click.option(

@@ -13,11 +13,11 @@ import click
 from mor.cli.console import language_option, tell
 from mor.cli.options import (
     InputPath,
-    OutputPath,
     cluster_option,
     jobs_here,
     jobs_option,
     kernels_option,
+    output_option,
     quiet_option,
 )
 from mor.errors import ExitCode, InputError, Message
@@ -32,14 +32,8 @@ _TABLES = ("batch.txt", "batch.json", "batch.html", "junit.xml")
 
 @click.command(name="batch")
 @click.argument("projects", nargs=-1, required=True)
-@click.option(
-    "-o",
-    "--output",
-    metavar="FOLDER",
-    type=OutputPath(),
-    default="batch.results",
-    show_default=True,
-    help="Folder for the tables, with a subfolder of results for each project.",
+@output_option(
+    "Folder for the tables, with a subfolder of results for each project.", show_default=True, default="batch.results"
 )
 @jobs_option("Number of processes that share the projects.")
 @cluster_option

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli.console import language_option, tell
-from mor.cli.options import InputPath, OutputPath, coverage_option
+from mor.cli.options import InputPath, coverage_option, output_option
 
 if TYPE_CHECKING:
     from mor.output_files import Content
@@ -20,13 +20,10 @@ FORMS = ("opencv", "metashape", "colmap", "aicon", "photomodeler")
 @click.command(name="certificate")
 @click.argument("results", type=InputPath())
 @click.argument("camera")
-@click.option(
-    "-o",
-    "--output",
+@output_option(
+    "File to write: .html, .txt or .pdf, or the calibration of --to.",
+    "certificate_CAMERA.html in RESULTS",
     metavar="FILE",
-    type=OutputPath(),
-    show_default="certificate_CAMERA.html in RESULTS",
-    help="File to write: .html, .txt or .pdf, or the calibration of --to.",
 )
 @click.option("--to", "form", type=click.Choice(FORMS), help="Write the calibration for another program instead.")
 @click.option(
@@ -37,11 +34,7 @@ FORMS = ("opencv", "metashape", "colmap", "aicon", "photomodeler")
     help="Write a digital calibration certificate (DCC 3.2.0) as XML, with the administrative data of this YAML file.",
 )
 @click.option(
-    "--paper",
-    type=click.Choice(["A4", "Letter"]),
-    default="A4",
-    show_default=True,
-    help="Paper size of a PDF.",
+    "--paper", type=click.Choice(["A4", "Letter"]), default="A4", show_default=True, help="Paper size of a PDF."
 )
 @coverage_option
 @click.option("-f", "--force", is_flag=True, help="Replace an existing file.")

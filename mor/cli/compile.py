@@ -44,7 +44,8 @@ def command(quiet: bool) -> int:
         steps = [
             partial(_adjusted, sample, Path(folder) / f"{sample.name} {n}", options)
             for sample in sample_projects()
-            for n, options in enumerate(_OPTIONS)
+            # Of the adjustments that call all kernels between them.
+            for n, options in enumerate((("--no-html",), ("--no-html", "--snoop")))
         ]
         more = say.phase("compiling", len(steps))
         try:
@@ -54,10 +55,6 @@ def command(quiet: bool) -> int:
     if not quiet:
         tell(f"kernels in {kept}")
     return ExitCode.DONE
-
-
-_OPTIONS = (("--no-html",), ("--no-html", "--snoop"))
-"""Of the adjustments that call all kernels between them."""
 
 
 def _adjusted(sample: Path, folder: Path, options: tuple[str, ...]) -> None:

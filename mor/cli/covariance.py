@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli.console import language_of_command
-from mor.cli.options import InputPath, OutputPath, coverage_option
+from mor.cli.options import InputPath, coverage_option, output_option
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,11 +25,7 @@ def joined(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -
 @click.command(name="covariance")
 @click.argument("results", type=InputPath())
 @click.option(
-    "--points",
-    metavar="A,B,…",
-    multiple=True,
-    callback=joined,
-    help="All coordinates of these points together.",
+    "--points", metavar="A,B,…", multiple=True, callback=joined, help="All coordinates of these points together."
 )
 @click.option(
     "--images",
@@ -66,14 +62,7 @@ def joined(ctx: click.Context, param: click.Parameter, value: tuple[str, ...]) -
     show_default="that of the results",
     help='Datum, as in the project file: free, or "free: [1, 2]".',
 )
-@click.option(
-    "-o",
-    "--output",
-    metavar="FILE",
-    type=OutputPath(),
-    required=True,
-    help="File to write: .npz, .csv or .mtx (Matrix Market).",
-)
+@output_option("File to write: .npz, .csv or .mtx (Matrix Market).", metavar="FILE", required=True)
 @coverage_option
 @click.option("-f", "--force", is_flag=True, help="Replace an existing file.")
 def command(

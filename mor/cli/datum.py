@@ -7,19 +7,13 @@ from pathlib import Path
 import click
 
 from mor.cli.console import language_option
-from mor.cli.options import InputPath, OutputPath
+from mor.cli.options import InputPath, output_option
 
 
 @click.command(name="datum")
 @click.argument("results", type=InputPath())
 @click.option("--to", "target", metavar="DATUM", required=True, help="The other datum, as in the project file.")
-@click.option(
-    "-o",
-    "--output",
-    metavar="FOLDER",
-    type=OutputPath(),
-    help="Folder for all results in that datum; by default the points are printed as CSV.",
-)
+@output_option("Folder for all results in that datum; by default the points are printed as CSV.")
 @click.option("-f", "--force", is_flag=True, help="Replace existing results.")
 @language_option("report.txt and report.html")
 def command(results: Path, target: str, output: Path | None, force: bool, lang: str) -> None:

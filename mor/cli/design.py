@@ -10,11 +10,11 @@ import click
 from mor.cli.console import language_option
 from mor.cli.options import (
     InputPath,
-    OutputPath,
     force_option,
     format_option,
     kernels_option,
     only_project,
+    output_option,
     quiet_option,
 )
 from mor.errors import ExitCode
@@ -25,14 +25,7 @@ if TYPE_CHECKING:
 
 @click.command(name="design")
 @click.argument("project", type=InputPath())
-@click.option(
-    "-o",
-    "--output",
-    metavar="FOLDER",
-    type=OutputPath(),
-    show_default="PROJECT.design",
-    help="Folder for the plan.",
-)
+@output_option("Folder for the plan.", "PROJECT.design")
 @force_option
 @format_option
 @click.option("--rank", is_flag=True, help="Rank planned observations and candidates by their contribution.")

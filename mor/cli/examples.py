@@ -8,19 +8,12 @@ from pathlib import Path
 import click
 
 from mor.cli.console import tell
-from mor.cli.options import OutputPath
+from mor.cli.options import output_option
 
 
 @click.command(name="examples")
 @click.argument("name", required=False)
-@click.option(
-    "-o",
-    "--output",
-    metavar="FOLDER",
-    type=OutputPath(),
-    show_default="NAME",
-    help="Folder for the copy; it must be new or empty.",
-)
+@output_option("Folder for the copy; it must be new or empty.", "NAME")
 def command(name: str | None, output: Path | None) -> None:
     """List the sample projects, or copy the one named NAME.
 
@@ -83,9 +76,7 @@ def copy_sample(name: str, target: Path) -> None:
             words = "this exists and is not an empty folder; choose another one with -o"
             raise InputError([Message(words, str(target))])
         write_files(
-            {target / name: (sample / name).read_bytes() for name in _names(sample, ignored)},
-            False,
-            makes_folders=True,
+            {target / name: (sample / name).read_bytes() for name in _names(sample, ignored)}, False, makes_folders=True
         )
 
 

@@ -22,11 +22,7 @@ if TYPE_CHECKING:
 )
 @click.option("--length", metavar="UNIT", default="m", show_default=True, help="Unit of lengths: m, mm, ft and more.")
 @click.option(
-    "--angle",
-    metavar="UNIT",
-    default="gon",
-    show_default=True,
-    help="Unit of angles: gon, deg, rad and more.",
+    "--angle", metavar="UNIT", default="gon", show_default=True, help="Unit of angles: gon, deg, rad and more."
 )
 @click.option("--camera", metavar="NAME", default="camera", show_default=True, help="Name of the camera.")
 @click.option("-c", "--constant", metavar="NUMBER", type=float, help="Camera constant, mm.")

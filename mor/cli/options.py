@@ -36,8 +36,6 @@ class InputPath(_NamedPath):
 
     def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
         """The path, noted as an input."""
-        from mor.input_files import note_input
-
         path = super().convert(value, param, ctx)
         note_input(path)
         return path
@@ -50,6 +48,7 @@ class OutputPath(_NamedPath):
     """
 
 
+F = TypeVar("F", bound=Callable[..., object])
 _UNITS = {"": 1.0, "b": 1.0, "kb": 1e3, "mb": 1e6, "gb": 1e9, "tb": 1e12, "mib": 2.0**20, "gib": 2.0**30}
 
 
@@ -86,6 +85,15 @@ coverage_option = click.option(
     type=click.FloatRange(min=0.0, min_open=True),
     help="State expanded uncertainties U = K sigma as well, with their coverage probability (GUM), e.g. 2.",
 )
+
+
+def output_option(words: str, shown: str | None = None, metavar: str = "FOLDER", **more: Any) -> Callable[[F], F]:
+    """``--output`` of a command, with what is written there and where that is by default."""
+    return click.option(
+        "-o", "--output", metavar=metavar, type=OutputPath(), help=words, **{"show_default": shown, **more}
+    )
+
+
 force_option = click.option("-f", "--force", is_flag=True, help="Replace existing files.")
 kernels_option = click.option(
     "--kernels",
@@ -148,19 +156,11 @@ _HEAD = 1 << 16
 
 # ---- ``--jobs`` and ``--cluster``: who shares what is to be done many times.
 
-F = TypeVar("F", bound=Callable[..., object])
-
 
 def jobs_option(words: str) -> Callable[[F], F]:
     """The option, with what the processes do; by default as many as there are processors."""
-    return click.option(
-        "--jobs",
-        metavar="N",
-        default=None,
-        show_default="all processors",
-        type=click.IntRange(min=1),
-        help=words,
-    )
+    processes = click.IntRange(min=1)
+    return click.option("--jobs", metavar="N", show_default="all processors", type=processes, help=words)
 
 
 cluster_option = click.option(

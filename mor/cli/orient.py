@@ -114,10 +114,7 @@ def relative_command(
     help="σ of that distance.",
 )  # fmt: skip
 @click.option(
-    "--off",
-    metavar="ID",
-    multiple=True,
-    help="A point off the plane; by default such points are searched for.",
+    "--off", metavar="ID", multiple=True, help="A point off the plane; by default such points are searched for."
 )
 @click.option("--wall", is_flag=True, help="The plane is a wall; the default is a level plane.")
 @_LANGUAGE
@@ -150,14 +147,7 @@ def planar_command(
     """
     from mor.errors import ExitCode
     from mor.report.language import words_of_orientation
-    from mor.report.orientation import (
-        ObjectSystem,
-        is_known,
-        planar,
-        planar_data,
-        planar_text,
-        read_homologous,
-    )
+    from mor.report.orientation import ObjectSystem, is_known, planar, planar_data, planar_text, read_homologous
     from mor.report.output_folder import to_json
 
     if length is not None and (length[0] == length[1] or not 0.0 < length[2] < inf):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import click
 
 from mor.cli.console import language_option
-from mor.cli.options import InputPath, OutputPath
+from mor.cli.options import InputPath, output_option
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -22,14 +22,7 @@ KINDS = ("network", "ellipses", "residuals", "camera", "histogram", "overlap")
 @click.command(name="plot")
 @click.argument("kind", metavar="KIND", type=click.Choice(KINDS))
 @click.argument("source", type=InputPath())
-@click.option(
-    "-o",
-    "--output",
-    metavar="FILE",
-    type=OutputPath(),
-    required=True,
-    help="File to write: .svg, .png or .pdf.",
-)
+@output_option("File to write: .svg, .png or .pdf.", metavar="FILE", required=True)
 @click.option(
     "--of",
     "name",

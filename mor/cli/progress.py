@@ -39,13 +39,8 @@ def iteration_line(step: Iteration, words: Words = ENGLISH) -> str:
         if step.sigma0 is not None
         else f"vTPv {words.number(f'{step.objective:.6g}')}"
     )
-    return words(
-        "iteration {number}: {sigma0}, largest change {change} sigma, {step}",
-        number=step.number,
-        sigma0=sigma0,
-        change=f"{step.largest_change:.3g}",
-        step=_step(step, words),
-    )
+    said = "iteration {number}: {sigma0}, largest change {change} sigma, {step}"
+    return words(said, number=step.number, sigma0=sigma0, change=f"{step.largest_change:.3g}", step=_step(step, words))
 
 
 def iteration_table(steps: Sequence[Iteration], title: str, most: int | None = MOST, words: Words = ENGLISH) -> Table:
@@ -196,11 +191,7 @@ class Progress:
 
 @contextmanager
 def progress(
-    quiet: bool,
-    verbose: bool,
-    events: EventFile | None = None,
-    words: Words = ENGLISH,
-    most_notes: int | None = None,
+    quiet: bool, verbose: bool, events: EventFile | None = None, words: Words = ENGLISH, most_notes: int | None = None
 ) -> Iterator[Progress]:
     """Progress of one command; a live line only on a terminal."""
     said = Progress(quiet, verbose, events=events, words=words, most_notes=most_notes)

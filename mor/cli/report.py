@@ -7,26 +7,19 @@ from pathlib import Path
 import click
 
 from mor.cli.console import language_option
-from mor.cli.options import InputPath, OutputPath
+from mor.cli.options import InputPath, output_option
 
 
 @click.command(name="report")
 @click.argument("results", type=InputPath())
 @click.option("--pdf", is_flag=True, help="Print the report as PDF.")
 @click.option(
-    "--paper",
-    type=click.Choice(["A4", "Letter"]),
-    default="A4",
-    show_default=True,
-    help="Paper size of the PDF.",
+    "--paper", type=click.Choice(["A4", "Letter"]), default="A4", show_default=True, help="Paper size of the PDF."
 )
-@click.option(
-    "-o",
-    "--output",
+@output_option(
+    "File to write. A protocol ends in .txt, .html or .json.",
+    "report.pdf, report.html or protocol.txt in RESULTS",
     metavar="FILE",
-    type=OutputPath(),
-    show_default="report.pdf, report.html or protocol.txt in RESULTS",
-    help="File to write. A protocol ends in .txt, .html or .json.",
 )
 @click.option("-f", "--force", is_flag=True, help="Replace an existing file.")
 @click.option(

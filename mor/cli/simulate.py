@@ -13,7 +13,6 @@ import click
 from mor.cli.console import language_option, tell, tell_note
 from mor.cli.options import (
     InputPath,
-    OutputPath,
     cluster_option,
     force_option,
     format_option,
@@ -21,6 +20,7 @@ from mor.cli.options import (
     jobs_option,
     kernels_option,
     only_project,
+    output_option,
     quiet_option,
 )
 from mor.errors import ExitCode
@@ -35,32 +35,18 @@ if TYPE_CHECKING:
 
 @click.command(name="simulate")
 @click.argument("project", type=InputPath())
-@click.option(
-    "-o",
-    "--output",
-    metavar="FOLDER",
-    type=OutputPath(),
-    show_default="PROJECT.simulated; PROJECT.montecarlo with --runs",
-    help="Folder for the simulated project, or for the report of many runs.",
+@output_option(
+    "Folder for the simulated project, or for the report of many runs.",
+    "PROJECT.simulated; PROJECT.montecarlo with --runs",
 )
 @force_option
 @format_option
 @click.option(
-    "--seed",
-    metavar="N",
-    default=1,
-    show_default=True,
-    type=click.IntRange(min=0),
-    help="Seed of the random numbers.",
+    "--seed", metavar="N", default=1, show_default=True, type=click.IntRange(min=0), help="Seed of the random numbers."
 )
 @click.option("--noise-free", is_flag=True, help="Draw no random errors; only planted ones remain.")
 @click.option(
-    "--gross",
-    default=0,
-    show_default=True,
-    metavar="N",
-    type=click.IntRange(min=0),
-    help="Plant N gross errors.",
+    "--gross", default=0, show_default=True, metavar="N", type=click.IntRange(min=0), help="Plant N gross errors."
 )
 @click.option(
     "--size",
@@ -163,14 +149,7 @@ def command(
 
 
 def _one(
-    project: Path,
-    output: Path | None,
-    force: bool,
-    form: str,
-    seed: int,
-    noise_free: bool,
-    wishes: Wishes,
-    quiet: bool,
+    project: Path, output: Path | None, force: bool, form: str, seed: int, noise_free: bool, wishes: Wishes, quiet: bool
 ) -> int:
     from mor.api.simulation import USUAL_FILES, simulated
     from mor.errors import screenful

@@ -7,19 +7,13 @@ from pathlib import Path
 import click
 
 from mor.cli.console import language_option
-from mor.cli.options import OutputPath, force_option, quiet_option
+from mor.cli.options import force_option, output_option, quiet_option
 
 FILES = ("verification.txt", "verification.html", "verification.json")
 
 
 @click.command(name="verify")
-@click.option(
-    "-o",
-    "--output",
-    metavar="FOLDER",
-    type=OutputPath(),
-    help="Folder for the full report: text, page and JSON.",
-)
+@output_option("Folder for the full report: text, page and JSON.")
 @force_option
 @click.option("--json", "as_json", is_flag=True, help="Print JSON instead of text.")
 @language_option("the page and the messages")

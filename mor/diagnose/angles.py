@@ -39,8 +39,6 @@ from mor.units import ANGLE_UNITS
 
 _BAD = 0.5
 """Part of the rows of a station that do not fit, from which on its circle is looked at."""
-_STATIONS = 3
-"""Stations of a group that are looked at, the worst first."""
 _UNITS = ("gon", "deg", "rad")
 
 
@@ -114,7 +112,8 @@ def _sets(situation: Situation, number: int, group: ObservationGroup) -> Iterato
     worst = sorted((name for name in shares if shares[name] >= _BAD), key=lambda name: -shares[name])
     causes = ("circle sense", "circle unit", "elevation for zenith")
     scored = [name for one in situation.scored if one.cause in causes for name in one.things if name in shares]
-    for name in dict.fromkeys([*scored, *worst[:_STATIONS]]) if len(names) > 1 else []:
+    # Stations of a group that are looked at, the worst first.
+    for name in dict.fromkeys([*scored, *worst[:3]]) if len(names) > 1 else []:
         yield (name, group.name), np.flatnonzero(stations == name)
 
 
@@ -305,12 +304,8 @@ def _opposite(column: int, angles: FloatArray) -> FloatArray:
 # stations is also judged with the two points exchanged in all other rows: if few sights go to them, the
 # points follow their instruments.
 
-_FRAMES = 12
-"""Stations or images that are looked at, those first of which most rows do not fit."""
 ALL = -1
 """Stands for all tables."""
-_GAIN = 20.0
-"""Decrease of the cost that is worth an adjustment."""
 
 
 def frame_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -322,10 +317,7 @@ def frame_hypotheses(situation: Situation) -> list[Hypothesis]:
     worst = _worst(situation, "image", names)
     pairs = [pair for pair in combinations(worst, 2) if _alike(network, pair)]
     best = _best(situation, [(pair, ALL) for pair in pairs], "image")
-    return [
-        *_stations_of_frame(situation),
-        *(_exchanged_images(situation, pair, len(pairs)) for pair, _ in best),
-    ]
+    return [*_stations_of_frame(situation), *(_exchanged_images(situation, pair, len(pairs)) for pair, _ in best)]
 
 
 def scored_frame_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -452,7 +444,8 @@ def _worst(situation: Situation, of: str, names: list[str]) -> list[str]:
             for row in np.flatnonzero(bad.any(axis=1)).tolist():
                 if column[row] in count:
                     count[column[row]] += 1
-    return sorted((name for name in names if count[name]), key=lambda name: -count[name])[:_FRAMES]
+    # Stations or images that are looked at, those first of which most rows do not fit.
+    return sorted((name for name in names if count[name]), key=lambda name: -count[name])[:12]
 
 
 _Pair = tuple[tuple[str, str], int]
@@ -470,7 +463,8 @@ def _best(situation: Situation, pairs: list[_Pair], of: str) -> list[_Pair]:
             places.append(_exchanged_values(situation.values, _kind(network, of), blocks))
         changed = exchanged_frames(network, pair, of, only)
         gains[pair, only] = now - min(_cost(situation, changed, values) for values in places)
-    order = sorted((p for p in pairs if gains[p] > _GAIN), key=lambda p: -gains[p])
+    # Decrease of the cost that is worth an adjustment.
+    order = sorted((p for p in pairs if gains[p] > 20.0), key=lambda p: -gains[p])
     return order[:4]
 
 

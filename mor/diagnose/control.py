@@ -158,10 +158,6 @@ def _other_kind(network: Network, number: int) -> Hypothesis:
 
 _PAIRS = 6
 """Exchanges that are tried, of all pairs."""
-_SUSPECTED = 12
-"""Control points whose sights are put to each other's places: those they fit worst at their own."""
-_POINTS = 60
-"""Control points up to which all pairs are looked through."""
 
 
 class ControlPoints(NamedTuple):
@@ -321,7 +317,8 @@ def _exchanges(situation: Situation, control: ControlPoints) -> list[Hypothesis]
         return []
     best = _scored(situation, control)
     best += [pair for pair in _sighted_exchanged(situation, control) if pair not in best]
-    if count <= _POINTS:
+    # Control points up to which all pairs are looked through.
+    if count <= 60:
         adjusted = _without_control(situation, control)
         sums = {pair: _misfit(situation, control, adjusted, pair) for pair in combinations(range(count), 2)}
         best += [pair for pair in sorted(sums, key=lambda pair: sums[pair])[:_PAIRS] if pair not in best]
@@ -357,7 +354,8 @@ def _sighted_exchanged(situation: Situation, control: ControlPoints) -> list[tup
     problem, values = situation.make(situation.network, situation.start, situation.values), situation.values
     points, given = control.points.tolist(), control.given
     own = [float(costs_at_places(problem, values, p, given[[k]])[0]) for k, p in enumerate(points)]
-    worst = np.argsort(-np.array(own), kind="stable")[:_SUSPECTED].tolist()
+    # Control points whose sights are put to each other's places: those they fit worst at their own.
+    worst = np.argsort(-np.array(own), kind="stable")[:12].tolist()
     there = {k: costs_at_places(problem, values, points[k], given[worst]) for k in worst}
     drops = {}
     for (m, one), (n, other) in combinations(enumerate(worst), 2):
@@ -400,9 +398,6 @@ def _exchange(situation: Situation, control: ControlPoints, pair: tuple[int, int
 # ---- Standard deviations in another unit: those that no instrument has, and those a thousand times off the residuals.
 
 _FACTORS = (1e3, 1e-3, 1e6, 1e-6)
-_NEAR = 4.0
-"""Factor within which residuals that are too large agree with a unit; those too small have no other reason."""
-_SIGMAS_AT_LEAST = 5
 _FACTOR_OF_UNITS = 1e3
 
 
@@ -415,7 +410,7 @@ def sigma_hypotheses(situation: Situation) -> list[Hypothesis]:
         (number, group, int(np.count_nonzero(group.mask & ~group.left_out)))
         for number, group in enumerate(situation.network.groups)
     ]
-    groups = [one for one in groups if one[2] >= _SIGMAS_AT_LEAST]
+    groups = [one for one in groups if one[2] >= 5]
     found = []
     for number, group, count in groups:
         beyond = beyond_any_instrument(situation.network, group)
@@ -448,7 +443,8 @@ def _near_to_units(situation: Situation, number: int, count: int) -> Iterator[Hy
     used = group.mask & ~group.left_out
     scales = list(_scales(situation, number, group, used))
     for factor in _FACTORS:
-        near = _NEAR if factor > 1.0 else np.sqrt(_FACTOR_OF_UNITS)
+        # Factor within which residuals that are too large agree with a unit; those too small have no other reason.
+        near = 4.0 if factor > 1.0 else np.sqrt(_FACTOR_OF_UNITS)
         if any(1.0 / near < scale / factor < near for scale in scales):
             yield _hypothesis(situation, number, group.name, factor, count)
 

@@ -44,12 +44,6 @@ from mor.types import FloatArray, IntArray
 
 _TRIED = 8
 """Heights that are tried: those that promise most."""
-_PROMISED = 20.0
-"""Reduction of vᵀPv that is worth an adjustment: less would not be offered."""
-_MOST = 400
-"""Heights that are looked at."""
-_ENTRIES = 20_000_000
-"""Numbers that their test may take."""
 
 
 class HeightRows(NamedTuple):
@@ -64,17 +58,20 @@ def height_hypotheses(situation: Situation) -> list[Hypothesis]:
     """The heights that promise most."""
     if not situation.settled or not situation.begun or "height" not in situation.network.blocks:
         return []
-    sights = list(height_sights(situation.network))[:_MOST]
+    # Heights that are looked at.
+    sights = list(height_sights(situation.network))[:400]
     if not sights:
         return []
     try:
         all_of_them = situation.linearised
     except (InputError, NotFiniteError):
         return []
-    sights = sights[: _ENTRIES // max(all_of_them.problem.index.count, 1)]
+    # Numbers that their test may take.
+    sights = sights[: 20_000_000 // max(all_of_them.problem.index.count, 1)]
     promised = _reductions(all_of_them, sights)
     best = np.argsort(-promised, kind="stable")[:_TRIED]
-    return [_hypothesis(situation, sights[k], len(sights)) for k in best if promised[k] > _PROMISED]
+    # Reduction of vᵀPv that is worth an adjustment: less would not be offered.
+    return [_hypothesis(situation, sights[k], len(sights)) for k in best if promised[k] > 20.0]
 
 
 def implausible_height_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -154,13 +151,7 @@ def height_sights(network: Network) -> Iterator[HeightRows]:
                 _collect(sets, keys, number, fixed, slot)
             else:
                 _collect(sets, [("target height", (t,)) for t in to], number, fixed, slot)
-                _collect(
-                    sets,
-                    [("target height", (t, a)) for a, t in zip(at, to, strict=True)],
-                    number,
-                    fixed,
-                    slot,
-                )
+                _collect(sets, [("target height", (t, a)) for a, t in zip(at, to, strict=True)], number, fixed, slot)
     for (cause, things), rows in sets.items():
         yield HeightRows(cause, tuple(str(t) for t in things), tuple(rows))
 
@@ -202,7 +193,7 @@ def _reductions(here: Adjustment, sights: list[HeightRows]) -> FloatArray:
 def _hypothesis(situation: Situation, sights: HeightRows, candidates: int, begin: float | None = None) -> Hypothesis:
     network = situation.network
     number = len(network.blocks["height"].ids)
-    given = _given(network, sights) if begin is None else begin
+    given = given_height(network, sights) if begin is None else begin
 
     def change(changed: Network) -> Network:
         changed, own = with_unknown(changed, "height", np.array([given]), np.array([True]))
@@ -235,7 +226,8 @@ def _edits(network: Network, sights: HeightRows) -> tuple[Edit, ...]:
     return tuple(edit for edits in found for edit in edits)
 
 
-def _given(network: Network, sights: HeightRows) -> float:
+def given_height(network: Network, sights: HeightRows) -> float:
+    """Return the height that the rows of a hypothesis were read with."""
     group, rows, slot = sights.rows[0]
     return float(network.start["height"][network.groups[group].blocks[slot][rows[0]], 0])
 
@@ -282,10 +274,6 @@ def _other_sign(situation: Situation, cause: str, number: int, rows: list[int]) 
     )
 
 
-_FITS = 0.1
-"""Part of its misclosure that is left of a vector with the other sign, at most: the others are not right yet."""
-
-
 def _reversed_vectors(situation: Situation) -> Iterator[Hypothesis]:
     """Vectors that fit with the other sign, all of a table together; those that score tests name, if they name any."""
     scored = [place for one in situation.scored if one.cause == "vector sign" for place in one.rows]
@@ -295,7 +283,8 @@ def _reversed_vectors(situation: Situation) -> Iterator[Hypothesis]:
         misclosure = np.nan_to_num(misclosures(group, situation.values))
         other = misclosure - 2.0 * np.nan_to_num(group.observed)
         now, then = np.linalg.norm(misclosure, axis=1), np.linalg.norm(other, axis=1)
-        rows = np.flatnonzero((then < _FITS * now) & situation.misfitting[number].any(axis=1))
+        # Part of its misclosure that is left of a vector with the other sign, at most: the others are not right yet.
+        rows = np.flatnonzero((then < 0.1 * now) & situation.misfitting[number].any(axis=1))
         if scored:
             rows = np.array(sorted(row for k, row in scored if k == number), dtype=np.int64)
         if not len(rows):
@@ -328,8 +317,7 @@ def _redundancy(solution: Adjustment, number: int, group: ObservationGroup, rows
     for k in range(len(rows)):
         free = part.columns[k] >= 0
         np.add.at(coupling[:, k], part.columns[k][free], part.jacobian[k, 0][free] / group.sigma[rows[k], 0])
-    found: FloatArray = 1.0 - np.einsum("uk,uk->k", coupling, solution.inverse.solve(coupling))
-    return found
+    return np.asarray(1.0 - np.einsum("uk,uk->k", coupling, solution.inverse.solve(coupling)))
 
 
 # ---- The curvature of the earth, where a project with parallel verticals was measured over distances at which it

@@ -653,8 +653,7 @@ class Situation:
         """Rows of a group with an observation that does not fit beside the others, the worst first."""
         largest = self.sizes[group].max(axis=1, initial=0.0)
         order = np.argsort(-largest, kind="stable")[:most]
-        worst: IntArray = order[largest[order] > self.limit]
-        return worst
+        return np.asarray(order[largest[order] > self.limit])
 
     @cached_property
     def limit(self) -> float:

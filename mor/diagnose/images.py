@@ -31,10 +31,6 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 Change = Callable[[FloatArray], FloatArray]
 
-_BAD = 0.5
-"""Part of the rays of an image that do not fit, from which on it is looked at."""
-_CLEAR = 14.0
-"""Σ ln by which the start values have to speak for other signs: odds of a million to one, if they were that good."""
 _IMAGES = 6
 """Images that are looked at, the worst first."""
 _MIRRORS = {"image flipped": ((1.0, -1.0), "y"), "image turned": ((-1.0, -1.0), "x, y")}
@@ -127,7 +123,8 @@ def _of_images(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis]
             before = bad.get(name, (0, 0))
             bad[name] = before[0] + int(rows_bad[rows].sum()), before[1] + len(rows)
     shares = {name: wrong / count for name, (wrong, count) in bad.items() if count >= 3}
-    worst = sorted((n for n in shares if shares[n] >= _BAD), key=lambda n: -shares[n])
+    # Part of the rays of an image that do not fit, from which on it is looked at.
+    worst = sorted((n for n in shares if shares[n] >= 0.5), key=lambda n: -shares[n])
     named = [names for names in (worst, _against_start_values(situation, parts)) if 2 * len(names) <= len(parts)]
     for name in dict.fromkeys(name for names in reversed(named) for name in names[:_IMAGES]):
         for cause, (signs, axes) in _MIRRORS.items():
@@ -143,7 +140,8 @@ def _against_start_values(situation: Situation, parts: Mapping[str, Sequence[tup
             for signs in ((1.0, 1.0), *(signs for signs, _ in _MIRRORS.values()))
         )
         gains[name] = plain - min(others)
-    clear = [name for name, gain in gains.items() if gain > _CLEAR]
+    # Σ ln by which the start values have to speak for other signs: odds of a million to one, if they were that good.
+    clear = [name for name, gain in gains.items() if gain > 14.0]
     return sorted(clear, key=lambda name: -gains[name])
 
 

@@ -109,14 +109,7 @@ def matches(network: Network, values: Values, number: int, row: int) -> Iterator
                 if sizes[k] <= max(_AS_GOOD, 0.05 * now) and sizes[k] < 0.3 * now:
                     right = {slot: int(own[k]) for slot, own in variants[int(chosen[k])].items()}
                     yield Match(
-                        number,
-                        row,
-                        reference.name,
-                        names,
-                        things.ids[k],
-                        right,
-                        len(things.ids),
-                        now - sizes[k],
+                        number, row, reference.name, names, things.ids[k], right, len(things.ids), now - sizes[k]
                     )
 
 
@@ -228,9 +221,6 @@ def _where(group: ObservationGroup, row: int) -> str:
 
 _LEAST, _MOST = 4, 12
 """Sights of a station: of fewer any exchange fits, of more the others keep its pose right."""
-_BAD = 2
-"""Sights that do not fit: an exchange makes two."""
-_STATIONS = 2
 _ITERATIONS, _HALVED, _SETTLED = 12, 6, 1e-3
 
 
@@ -274,8 +264,9 @@ def _spoiled(situation: Situation) -> list[str]:
         whole.update(names)
         wrong.update(names[row] for row in np.flatnonzero(situation.misfitting[number].any(axis=1)))
     shares = {n: wrong[n] / whole[n] for n in whole if _LEAST <= whole[n] <= _MOST}
-    spoiled = [n for n in shares if wrong[n] >= _BAD]
-    return sorted(spoiled, key=lambda n: -shares[n])[:_STATIONS]
+    # Sights that do not fit: an exchange makes two.
+    spoiled = [n for n in shares if wrong[n] >= 2]
+    return sorted(spoiled, key=lambda n: -shares[n])[:2]
 
 
 def _alone(problem: Problem, situation: Situation, name: str) -> _Alone:

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from mor.diagnose.control import DISTANCE, HORIZONTAL_DISTANCE, other_kind
-from mor.diagnose.heights import HeightRows, height_sights
+from mor.diagnose.heights import HeightRows, given_height, height_sights
 from mor.diagnose.images import PRINCIPAL_POINT
 from mor.diagnose.names import ROWS, Match, matches, with_the_same_names, wrong_name
 from mor.model import rotations
@@ -48,18 +48,10 @@ LEVEL = 1e-3
 OFFERED = 3
 _ENTRIES = 20_000_000
 """Numbers (unknowns times parameters) that are held at a time."""
-_FEW_ROWS = 1000
-"""Rows of a possible cause that are handed on."""
-_ALMOST = 0.9
-"""Part of what the best explains that is almost as much."""
-_UNIT_CAUSES = ("table unit", "circle unit")
-"""Causes of which one for each table is enough."""
 _PAIRS = 12
 """Flagged rows of a station or image of which all pairs are looked at, the worst first."""
 _NAMES = 20_000
 """Names that are tried for the rows of a table in small networks; in large ones as many as there are observations."""
-_LEFT_OVER = 0.02
-"""Part of the gain of mistakes of one kind below which another one explains second-order terms of the others."""
 _JOINED = 12
 """Mistakes of one kind that are joined to one cause; if there are as many, the cause is another one."""
 
@@ -144,10 +136,6 @@ def score_tests_with_suspects(
     return _explaining(of_all, network, doubtful, masks) or score_tests(_after_step(of_all), network, doubtful)
 
 
-_LEFT = 0.01
-"""Part of the squares of misclosures that a mistake may leave: their size then falls to a tenth."""
-
-
 def _explaining(
     quality: Quality, network: Network, doubtful: Sequence[BoolArray], suspects: Sequence[BoolArray]
 ) -> tuple[ScoredHypothesis, ...]:
@@ -164,7 +152,8 @@ def _explaining(
             before += float(np.sum(((plain / sigma)[used]) ** 2))
             after += float(np.sum((((plain - change[:, :, 0]) / sigma)[used]) ** 2))
             rows += int(np.count_nonzero(suspects[number][own]))
-        if after <= _LEFT * before and 2 * rows > sum(int(np.count_nonzero(mask)) for mask in suspects):
+        # Part of the squares of misclosures that a mistake may leave: their size then falls to a tenth.
+        if after <= 0.01 * before and 2 * rows > sum(int(np.count_nonzero(mask)) for mask in suspects):
             gain = before - after
             p = log_p_chi2(np.array([gain]), np.ones(1))
             cost = cost_of_choice(problem.observations, count, 0, 0.0)
@@ -213,8 +202,7 @@ def _candidates(
 def _slot_columns(
     group: ObservationGroup, values: Values, rows: IntArray, slot: int, components: Sequence[int]
 ) -> FloatArray:
-    found: FloatArray = np.nan_to_num(evaluated(group, values, rows).jacobians[slot][:, :, list(components)])
-    return found
+    return np.asarray(np.nan_to_num(evaluated(group, values, rows).jacobians[slot][:, :, list(components)]))
 
 
 def _instruments(problem: Problem, values: Values, number: int, group: ObservationGroup) -> Iterator[_Candidate]:
@@ -240,12 +228,7 @@ def _instruments(problem: Problem, values: Values, number: int, group: Observati
 
 
 def _interiors(
-    problem: Problem,
-    network: Network,
-    values: Values,
-    number: int,
-    group: ObservationGroup,
-    flagged: BoolArray,
+    problem: Problem, network: Network, values: Values, number: int, group: ObservationGroup, flagged: BoolArray
 ) -> Iterator[_Candidate]:
     """Camera constant and principal point of a camera; the camera constant of single images."""
     slots = [k for k, slot in enumerate(group.type.slots) if slot.part == "interior"]
@@ -407,7 +390,8 @@ def _read_otherwise(
             for name in dict.fromkeys(stations.tolist()):
                 own = stations == name
                 angles = moved[own, column]
-                some = angles[:: max(len(angles) // _OF_MANY, 1)]
+                # Angles of a set that are compared with each other.
+                some = angles[:: max(len(angles) // 500, 1)]
                 near = np.abs(wrap(some[:, None] - some[None, :])).sum(axis=1)
                 moved[own, column] -= float(some[int(np.argmin(near))])
         moved[:, column] = wrap(moved[:, column])
@@ -468,10 +452,6 @@ def _turned_circles(values: Values, number: int, group: ObservationGroup, flagge
 
 _MOST_TURNED = 12
 """Places of a set at which the circle may have been turned, those with the largest steps of the misclosures."""
-
-
-_OF_MANY = 500
-"""Angles of a set that are compared with each other."""
 
 
 def _exchanges(
@@ -609,13 +589,7 @@ def _heights(problem: Problem, network: Network, values: Values, quality: Qualit
             (number, rows, _slot_columns(problem.groups[number], values, rows, slot, [0]))
             for number, rows, slot in one.rows
         )
-        yield _Candidate(
-            one.cause,
-            one.things,
-            _line_of(one),
-            parts,
-            amount=("height", _given(network, one)),
-        )
+        yield _Candidate(one.cause, one.things, _line_of(one), parts, amount=("height", given_height(network, one)))
     beyond = beyond_reach(network)
     usual = {**values, "height": np.where(beyond[:, None], usual_height(network), values["height"])}
     for one in height_sights(network) if beyond.any() else ():
@@ -636,11 +610,6 @@ def _instead(
         group = problem.groups[number]
         change = evaluated(group, usual, rows).values - evaluated(group, values, rows).values
         yield number, rows, np.nan_to_num(np.where(group.type.wraps, wrap(change), change))[:, :, None]
-
-
-def _given(network: Network, one: HeightRows) -> float:
-    number, rows, slot = one.rows[0]
-    return float(network.start["height"][network.groups[number].blocks[slot][rows[0]], 0])
 
 
 def _antennas(problem: Problem, network: Network, values: Values, adjusted: Sequence[int]) -> Iterator[_Candidate]:
@@ -697,11 +666,7 @@ def _control(
             change = group.observed[[one, other]] - group.observed[[other, one]]
             cause, of, names = "control exchanged", "points", (ids[points[one]], ids[points[other]])
             if points[one] in image_at and points[other] in image_at:
-                cause, of, names = (
-                    "images exchanged",
-                    "images",
-                    (image_at[points[one]], image_at[points[other]]),
-                )
+                cause, of, names = ("images exchanged", "images", (image_at[points[one]], image_at[points[other]]))
             yield _Candidate(
                 cause,
                 names,
@@ -866,8 +831,7 @@ def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
 def _single(quality: Quality) -> tuple[float, float]:
     """Gain and length of the worst single observation; the gain less its round-off."""
     largest = max(
-        (float(np.nanmax(np.abs(one.at(slice(None)).test), initial=0.0)) for one in quality.reliability),
-        default=0.0,
+        (float(np.nanmax(np.abs(one.at(slice(None)).test), initial=0.0)) for one in quality.reliability), default=0.0
     )
     observations = quality.adjustment.problem.observations
     length = largest**2 - cost_of_choice(observations, observations, 1, 0.0)
@@ -886,7 +850,8 @@ def _sigmas(quality: Quality) -> Iterator[_Scored]:
         r = float(np.nansum(quality.groups[k].r))
         omega = float(np.nansum(quality.groups[k].v * quality.groups[k].weighted))
         factor = factor_of_group(quality, k)
-        if r < _LEAST_REDUNDANCY or omega <= r or factor is None or not fits_factor(quality, k, factor):
+        # Redundancy of a table from which on its σ is judged.
+        if r < 5.0 or omega <= r or factor is None or not fits_factor(quality, k, factor):
             continue
         q = omega / r
         likelihood = r * (q - 1.0 - float(np.log(q)))
@@ -902,9 +867,6 @@ def _sigmas(quality: Quality) -> Iterator[_Scored]:
         p = log_p_chi2(np.array([likelihood]), np.array([1.0]))
         yield _Scored(one, np.array([np.sqrt(q)]), omega - r, likelihood - cost, float(p[0]), 1)
 
-
-_LEAST_REDUNDANCY = 5.0
-"""Redundancy of a table from which on its σ is judged."""
 
 _TOGETHER = ("levelling sign", "vector sign", "face", "camera of images", "antenna height", "control moved")
 """Causes of which several may have come together: the same person, the same day."""
@@ -950,7 +912,8 @@ def _greedy(quality: Quality, some: Sequence[_Candidate], count: int) -> list[_S
             scores[k] = _score(quality, some[k], g[mine], M[mine, mine], columns.squares[mine], count)
         best = max(left, key=lambda k: _told_apart(one.length) if (one := scores[k]) is not None else -np.inf)
         one, own = scores[best], columns.slices[best]
-        if one is None or one.length <= 0.0 or one.gain < _LEFT_OVER * sum(other.gain for other in chosen):
+        # Part of the gain of mistakes of one kind below which another one explains second-order terms of the others.
+        if one is None or one.length <= 0.0 or one.gain < 0.02 * sum(other.gain for other in chosen):
             break
         chosen.append(one)
         left.remove(best)
@@ -974,7 +937,8 @@ def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
     best = max((one.length for one in good), default=0.0)
 
     def rank(one: _Scored) -> tuple[bool, float, float]:
-        alike = one.length >= _ALMOST * best
+        # Part of what the best explains that is almost as much.
+        alike = one.length >= 0.9 * best
         return not alike, float(one.freedom) if alike else 0.0, -_told_apart(one.length)
 
     for one in sorted(good, key=rank):
@@ -982,7 +946,11 @@ def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
             one.candidate.cause == other.candidate.cause
             and (
                 set(one.candidate.things) <= set(other.candidate.things)
-                or (one.candidate.cause in _UNIT_CAUSES and one.candidate.things[0] == other.candidate.things[0])
+                # Causes of which one for each table is enough.
+                or (
+                    one.candidate.cause in ("table unit", "circle unit")
+                    and one.candidate.things[0] == other.candidate.things[0]
+                )
             )
             for other in found
         )
@@ -1005,5 +973,6 @@ def _cause(network: Network, one: _Scored) -> ScoredHypothesis:
         one.freedom,
         float(one.log_p / np.log(10.0)),
         amount,
-        tuple(rows) if len(rows) <= _FEW_ROWS else (),
+        # Rows of a possible cause that are handed on.
+        tuple(rows) if len(rows) <= 1000 else (),
     )

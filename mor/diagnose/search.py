@@ -84,12 +84,6 @@ _RIVAL = 0.5
 """Part of what a hypothesis that explains everything promised, or gained, below which another one is no rival to it."""
 _MIRRORED = ("circle sense", "image flipped", "axes exchanged")
 """Causes that are one another's mirror image: where one explains everything the others may."""
-_ALIKE = 0.1
-"""vᵀPv that differ by less tell nothing: likelihoods are the same to a twentieth."""
-_A_PART = 0.1
-"""Part of what is too much in vᵀPv that a mistake explains, at least."""
-_OF_A_POINT = 3
-"""Parameters of a mistake in one point."""
 _BY_CHANCE = float(-2.0 * np.log(LEVEL))
 """By how much chance may make a description shorter, in units of χ²."""
 Family = Callable[[Situation], list[Hypothesis]]
@@ -108,12 +102,7 @@ OF_SIGMAS: tuple[Family, ...] = (sigma_hypotheses,)
 BEYOND_REACH: tuple[Family, ...] = (implausible_height_hypotheses, implausible_zenith_hypotheses)
 """Families of values that nobody has: they are tried first, even if nothing else is known."""
 OF_THE_EARTH: tuple[Family, ...] = (curvature_hypotheses,)
-OF_A_WHOLE: tuple[Family, ...] = (
-    control_hypotheses,
-    circle_hypotheses,
-    image_hypotheses,
-    table_unit_hypotheses,
-)
+OF_A_WHOLE: tuple[Family, ...] = (control_hypotheses, circle_hypotheses, image_hypotheses, table_unit_hypotheses)
 """Families that change all of a group, an image or a station: asked only where as much does not fit."""
 
 
@@ -327,7 +316,8 @@ def _in_order(situation: Situation, good: list[SolvedHypothesis]) -> list[Solved
 
 
 def _are_alike(one: NetworkFit, other: NetworkFit) -> bool:
-    return one.freedom == other.freedom and abs(one.omega - other.omega) < _ALIKE
+    # vᵀPv that differ by less tell nothing: likelihoods are the same to a twentieth.
+    return one.freedom == other.freedom and abs(one.omega - other.omega) < 0.1
 
 
 def nothing_is_left(fit: NetworkFit) -> bool:
@@ -341,7 +331,8 @@ def _explains(hypothesis: Hypothesis, fit: NetworkFit) -> bool:
 
     With large σ nothing is ever left, and several points that moved may be one mistake in all of them.
     """
-    one = not hypothesis.cause.startswith("sigma") and hypothesis.parameters <= _OF_A_POINT
+    # Parameters of a mistake in one point.
+    one = not hypothesis.cause.startswith("sigma") and hypothesis.parameters <= 3
     return one and nothing_is_left(fit)
 
 
@@ -418,7 +409,8 @@ def causes_without_start(
 def _nearer(fit: NetworkFit, before: Before) -> bool:
     """True where vᵀPv falls by more than chance does and by a part of it, or rises towards its degrees of freedom."""
     if fit.omega <= before.compared:
-        least = max(_BY_CHANCE, _A_PART * (before.compared - before.freedom))
+        # Part of what is too much in vᵀPv that a mistake explains, at least.
+        least = max(_BY_CHANCE, 0.1 * (before.compared - before.freedom))
         return bool(before.compared - fit.omega > least)
     ratios = np.array([fit.omega / max(fit.freedom, 1), before.compared / max(before.freedom, 1)])
     after, now = np.abs(np.log(np.maximum(ratios, 1e-300)))
@@ -447,16 +439,8 @@ def _where_most_fit(plain: Adjustment, solution: Adjustment | None, led: Values 
     return reintersected(problem, best, sizes_of(problem.groups, best))
 
 
-_AS_EXPECTED = 2.0
-"""vᵀPv over its degrees of freedom up to which no other beginning is tried."""
-
-
 def tried(
-    situation: Situation,
-    hypothesis: Hypothesis,
-    afresh: bool = True,
-    spoken_for: bool = False,
-    scored: bool = False,
+    situation: Situation, hypothesis: Hypothesis, afresh: bool = True, spoken_for: bool = False, scored: bool = False
 ) -> NetworkFit | None:
     """Fit of the network with the change; nothing if its adjustment does not converge.
 
@@ -478,18 +462,14 @@ def tried(
         fit = fit_of(situation.make(network, values, values), values, defect, situation.count, cost)
         if best is None or fit.length < best.length:
             best = fit
-        if best.omega <= _AS_EXPECTED * best.freedom:
+        # vᵀPv over its degrees of freedom up to which no other beginning is tried.
+        if best.omega <= 2.0 * best.freedom:
             break
     return best
 
 
 def _beginnings(
-    situation: Situation,
-    network: Network,
-    hypothesis: Hypothesis,
-    afresh: bool,
-    spoken_for: bool,
-    scored: bool = False,
+    situation: Situation, network: Network, hypothesis: Hypothesis, afresh: bool, spoken_for: bool, scored: bool = False
 ) -> Iterator[Values]:
     """Start values: the solution that speaks for it, those that most observations fit, new ones if it is not local.
 
@@ -573,10 +553,6 @@ def _longer(values: FloatArray, start: FloatArray) -> FloatArray:
     return values if len(values) == len(start) else np.concatenate([values, start[len(values) :]])
 
 
-_FITS = 2.0
-"""ln of how much less likely it is that an observation is wrong where it fits."""
-
-
 def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArray:
     """(k,) what hypotheses promise; 0 where start values and residuals say nothing of it."""
     network = situation.network
@@ -590,7 +566,8 @@ def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArr
         for old, new, bad in groups:
             if old is not new:
                 count += int(np.count_nonzero(old.mask & (old.observed != new.observed) & ~bad))
-        own = (hypothesis.stretch if told else 0.0) - _FITS * count
+        # ln of how much less likely it is that an observation is wrong where it fits.
+        own = (hypothesis.stretch if told else 0.0) - 2.0 * count
         follow = changed.start is not network.start  # start values that were observed fit in any unit
         promised.append(now - _misfit(changed) + (0.0 if follow else own))
     return np.array(promised)

@@ -138,11 +138,7 @@ def _padded(
     others[point, within], padded[point, within] = other, coupling
     order = np.lexsort((others[:, 0], count)) if most else np.argsort(count)  # neighbours meet the same cofactors
     parts = [order[first : first + _POINTS] for first in range(0, len(order), _POINTS)]
-    return (
-        others,
-        inverse @ padded.transpose(0, 2, 1),
-        tuple((some, int(count[some].max())) for some in parts),
-    )
+    return (others, inverse @ padded.transpose(0, 2, 1), tuple((some, int(count[some].max())) for some in parts))
 
 
 # ---- Candidates of large blocks, ranked without the cofactors of everything.
@@ -162,7 +158,6 @@ _WEAKEST = 40
 """Observations whose redundancy numbers are followed, whatever is required."""
 _AT_A_TIME = 1_000
 _SOLVED = 48
-_NULL = 1e-6
 
 
 class Wide(NamedTuple):
@@ -354,7 +349,7 @@ def _estimable(null: FloatArray, J: FloatArray, columns: IntArray) -> BoolArray:
         return np.ones(len(J), dtype=bool)
     image = np.abs(np.einsum("cjk,ckd->cjd", J, null[columns]))
     size = np.einsum("cjk,ckd->cjd", np.abs(J), np.abs(null[columns]))
-    return np.asarray((image <= _NULL * np.maximum(size, 1e-300)).all(axis=(1, 2)))
+    return np.asarray((image <= 1e-6 * np.maximum(size, 1e-300)).all(axis=(1, 2)))
 
 
 def _own_cofactors(quality: Quality, wide: Wide, J: FloatArray, columns: IntArray) -> FloatArray:
@@ -401,13 +396,6 @@ def _through_points(
 # ---- Which planned observations can be spared, which candidates bring most, and a plan made of the best, one by one.
 #
 # Every figure is that of the plan with this one change, adjusted again, to round-off (``requirements.py``).
-
-_CELLS = 20_000_000
-"""Numbers that are worked on together."""
-_GONE_OVER = 30
-"""Choices up to which a greedy plan is gone over once more."""
-_GAINS = 1e-12
-"""Part of the mean variance that a candidate has to take away to be worth a measurement."""
 
 
 class Ranked(NamedTuple):
@@ -469,7 +457,8 @@ def greedy(interest: Interest, wanted: RowLimits, most: int) -> list[GreedyStep]
     """
     left = [unit for unit in interest.units if unit.is_candidate]
     steps = list(_one_by_one(interest, wanted, left, most))
-    if wanted.is_empty or not steps or steps[-1].ranked.shortfall > REACHED or len(steps) > _GONE_OVER:
+    # Choices up to which a greedy plan is gone over once more.
+    if wanted.is_empty or not steps or steps[-1].ranked.shortfall > REACHED or len(steps) > 30:
         return steps
     chosen = _fewer(interest, wanted, [step.ranked.unit for step in steps], left)
     return list(_one_by_one(interest, wanted, chosen, most)) if len(chosen) < len(steps) else steps
@@ -521,11 +510,7 @@ def _fewer(interest: Interest, wanted: RowLimits, chosen: Sequence[Unit], candid
 
 
 def _one_that_will_do(
-    interest: Interest,
-    wanted: RowLimits,
-    rest: Sequence[Unit],
-    out: Sequence[Unit],
-    candidates: Sequence[Unit],
+    interest: Interest, wanted: RowLimits, rest: Sequence[Unit], out: Sequence[Unit], candidates: Sequence[Unit]
 ) -> list[Unit]:
     """The candidate that takes the place of others with fewer measurements; nothing where there is none."""
     cost = sum(unit.cost for unit in out)
@@ -544,7 +529,8 @@ def _best(now: Ranked, found: Sequence[Ranked]) -> Ranked | None:
         return found[int(np.argmax([_rounded(value) for value in gain]))]
     gain = [(now.precision - one.precision) / one.unit.cost for one in found]
     best = found[int(np.argmax([_rounded(value) for value in gain]))]
-    return best if max(gain) > _GAINS * now.precision else None
+    # Part of the mean variance that a candidate has to take away to be worth a measurement.
+    return best if max(gain) > 1e-12 * now.precision else None
 
 
 def added(interest: Interest, unit: Unit) -> Interest:
@@ -574,7 +560,8 @@ def _scored(interest: Interest, wanted: RowLimits, units: Sequence[Unit], sign: 
     sizes = np.array([unit.cost for unit in units])
     for size in np.unique(sizes).tolist():
         here = np.flatnonzero(sizes == size)
-        at_a_time = max(1, _CELLS // (len(interest.cofactors) * size))
+        # Numbers that are worked on together.
+        at_a_time = max(1, 20_000_000 // (len(interest.cofactors) * size))
         for first in range(0, len(here), at_a_time):
             some = here[first : first + at_a_time].tolist()
             chosen = [units[k] for k in some]

@@ -27,7 +27,6 @@ from mor.units import LENGTH
 # numbers and external reliability do not depend on the datum.
 
 _Given = TypeVar("_Given", RequiredSigma, RequiredReliability)
-_COORDINATES = {"x": "x", "y": "y", "z": "z", "xy": "xy", "xyz": "xyz"}
 _ROUND_OFF = 1e-9
 """Part of a limit that a value may be beyond it."""
 
@@ -129,7 +128,7 @@ def _precision(network: Network, wanted: RequiredSigma, problems: list[Message])
         problems.append(Message(f"require: all of {', '.join(wanted.points)} are fixed", network.file))
     source = np.argmax(np.abs(network.edge.matrix), axis=0)
     found = []
-    for key in (*_COORDINATES, "ellipsoid"):
+    for key in ("x", "y", "z", "xy", "xyz", "ellipsoid"):
         text = getattr(wanted, key)
         if text is None:
             continue
@@ -140,7 +139,7 @@ def _precision(network: Network, wanted: RequiredSigma, problems: list[Message])
         except UnitError as error:
             problems.append(Message(f"require: sigma: {key}: {error}", network.file))
             continue
-        components = tuple(int(source["xyz".index(axis)]) for axis in _COORDINATES.get(key, ""))
+        components = tuple(int(source["xyz".index(axis)]) for axis in (key if key != "ellipsoid" else ""))
         names = tuple(things.ids[k] for k in numbers)
         found.append(RequiredPrecision(key, tuple(wanted.points), names, positions[numbers], components, limit))
     return found
@@ -172,8 +171,7 @@ def sigmas(requirement: RequiredPrecision, covariance: FloatArray) -> FloatArray
         variance = np.diagonal(covariance, axis1=1, axis2=2)[:, list(requirement.components)].max(axis=1)
     else:
         variance = rotations.eigvalsh(covariance)[:, -1] if len(covariance) else np.zeros(0)
-    found: FloatArray = np.sqrt(np.maximum(variance, 0.0))
-    return found
+    return np.asarray(np.sqrt(np.maximum(variance, 0.0)))
 
 
 def _judged_control(requirement: RequiredControl, quality: Quality) -> RequirementResult:
@@ -212,8 +210,6 @@ def _judged_control(requirement: RequiredControl, quality: Quality) -> Requireme
 
 MOST_ROWS = 8_000
 """Rows that are looked at together: their cofactors are half a gigabyte."""
-_NULL = 1e-6
-"""Part of a row along a free movement of the network from which on it would change the datum."""
 
 
 class Unit(NamedTuple):
@@ -395,7 +391,8 @@ def _changes_datum(rows: MatrixRows, unit: Unit, null: FloatArray) -> bool:
         return False
     own = rows.at(unit.rows)
     size = np.maximum(np.abs(own) @ np.abs(null), 1e-300)
-    return bool((np.abs(own @ null) > _NULL * size).any())
+    # Part of a row along a free movement of the network from which on it would change the datum.
+    return bool((np.abs(own @ null) > 1e-6 * size).any())
 
 
 def datum_rows(quality: Quality, blocks: IntArray, first: int) -> tuple[FloatArray, IntArray]:
@@ -435,10 +432,6 @@ def coordinates_at(quality: Quality, blocks: IntArray, first: int) -> tuple[IntA
 
 REACHED = 1e-9
 """Shortfall that is round-off."""
-_BEYOND = 1e12
-"""Variance of a candidate's value, by that of its measurement, beyond which it says nothing: it is no such sight."""
-_SPARED = 1e-9
-"""Smallest eigenvalue of R below which something would be undetermined without the observations."""
 
 
 class RowLimits(NamedTuple):
@@ -508,19 +501,13 @@ def wanted_of(required: Sequence[Requirement], interest: Interest, quality: Qual
 
 def least_redundancies(required: Sequence[Requirement], quality: Quality, names: Sequence[str]) -> FloatArray:
     """(g,) required redundancy numbers of the observations of groups of these names; 0 where there are none."""
-    least = np.zeros(len(names))
+    least, delta = np.zeros(len(names)), quality.noncentrality
     for one in required:
         if isinstance(one, RequiredControl):
-            r = _least_r(one, quality)
+            r = one.limit if one.of == "r" else delta / (delta + one.limit**2)
             here = [k for k, name in enumerate(names) if any(fnmatchcase(name, p) for p in one.pattern)]
             least[here] = np.maximum(least[here], r)
     return least
-
-
-def _least_r(one: RequiredControl, quality: Quality) -> float:
-    if one.of == "r":
-        return one.limit
-    return quality.noncentrality / (quality.noncentrality + one.limit**2)
 
 
 def redundancies(interest: Interest, diagonal: FloatArray, K: FloatArray) -> FloatArray:
@@ -539,7 +526,9 @@ def solvable(R: FloatArray) -> BoolArray:
     """
     finite = np.asarray(np.isfinite(R).all(axis=(1, 2)))
     values = rotations.eigvalsh(np.where(finite[:, None, None], R, np.eye(R.shape[1])))
-    return np.asarray(finite & (values[:, 0] > _SPARED) & (values[:, -1] < _BEYOND))
+    # Variance of a candidate's value, by that of its measurement, beyond which it says nothing: it is no such sight.
+    # Smallest eigenvalue of R below which something would be undetermined without the observations.
+    return np.asarray(finite & (values[:, 0] > 1e-9) & (values[:, -1] < 1e12))
 
 
 def outcomes(interest: Interest, wanted: RowLimits, units: Sequence[Unit], sign: float) -> PlanMeasures:

@@ -275,8 +275,6 @@ def with_planted(
 # same way, with what was observed as l, which is 0 otherwise. Constancy and smoothness of trajectories say
 # how a flight usually is, and not where it goes: the path stays as it is planned.
 
-_CLOSE = 1e-6
-"""Parts of σ that may be left of an error."""
 _OF_STRIPS = {OBSERVED_PARAMETERS[kind.key].key for kind in (POSITION_SHIFT, ATTITUDE_SHIFT)}
 _WRITTEN = {kind.key for kind in OBSERVED_PARAMETERS.values()} - _OF_STRIPS
 _STEADY = {kind.key for kind in STEADINESS}
@@ -316,7 +314,8 @@ def place_with_errors(problem: Problem, place: Values, errors: Sequence[FloatArr
             misclosures.append((group.observed - errors[k] - computed)[mask])
             sizes.append(group.sigma[mask])
         wanted, sigma = np.concatenate(misclosures), np.concatenate(sizes)
-        if np.abs(wanted / sigma).max() < _CLOSE:
+        # Parts of σ that may be left of an error.
+        if np.abs(wanted / sigma).max() < 1e-6:
             break
         A = np.concatenate(jacobians)
         used = np.asarray((A != 0.0).any(axis=0))
@@ -482,20 +481,7 @@ def empty_tally(truth: Truth) -> Tally:
     u, p = truth.problem.index.count, len(truth.points)
     zero, two, drawn = np.zeros(()), np.zeros(2), np.zeros((0, u if u <= MOST_DRAWN else 0))
     return Tally(
-        zero,
-        zero,
-        np.zeros(u),
-        np.zeros(u),
-        np.zeros(p),
-        np.zeros(p),
-        two,
-        zero,
-        zero,
-        two,
-        zero,
-        zero,
-        zero,
-        drawn,
+        zero, zero, np.zeros(u), np.zeros(u), np.zeros(p), np.zeros(p), two, zero, zero, two, zero, zero, zero, drawn
     )
 
 
@@ -547,12 +533,7 @@ def _counted(truth: Truth, tally: Tally, adjustment: Adjustment, noisy: Problem)
 
 
 def _with_power(
-    truth: Truth,
-    tally: Tally,
-    noisy: Problem,
-    observed: list[FloatArray],
-    generator: np.random.Generator,
-    solve: Solve,
+    truth: Truth, tally: Tally, noisy: Problem, observed: list[FloatArray], generator: np.random.Generator, solve: Solve
 ) -> Tally:
     """The tally with an error of the size ∇ in one observation, drawn among all that have a test."""
     ends = np.cumsum([np.count_nonzero(mask) for mask in truth.testable])
@@ -688,14 +669,11 @@ def coverage_intervals(tally: Tally) -> FloatArray | None:
     None if fewer than 40 runs have a solution, or if there are too many unknowns to keep every run.
     """
     count, q = len(tally.drawn), int(CONFIDENCE * len(tally.drawn) + 0.5)
-    if count < _LEAST_DRAWN or not tally.drawn.shape[1]:
+    if count < 40 or not tally.drawn.shape[1]:
         return None
     low = (count - q + 1) // 2
     ordered = np.sort(tally.drawn, axis=0)
     return np.stack([ordered[low - 1], ordered[low + q - 1]], axis=1)
-
-
-_LEAST_DRAWN = 40
 
 
 def interval_noise(runs: int) -> float:

@@ -65,8 +65,7 @@ def placed(reading: Reading, coordinates: FloatArray) -> FloatArray:
         N = world.geoid_at(np.full(len(coordinates), -1), world.to_object(coordinates, N))
         if np.isnan(N).any():
             raise ValueError(NO_GEOID)
-    there: FloatArray = world.to_object(coordinates, N) @ reading.edge.matrix
-    return there
+    return np.asarray(world.to_object(coordinates, N) @ reading.edge.matrix)
 
 
 # ---- Names of a plan: which targets, images, stations and points patterns stand for, and where these are.
@@ -100,12 +99,7 @@ def targets_named(
 
 
 def named(
-    patterns: Sequence[str],
-    names: Sequence[str],
-    what: str,
-    place: TableLocation,
-    key: str,
-    problems: list[Message],
+    patterns: Sequence[str], names: Sequence[str], what: str, place: TableLocation, key: str, problems: list[Message]
 ) -> list[int]:
     """Numbers of the names that patterns stand for; one that stands for nothing is a mistake at its place."""
     wrong: list[Message] = []
@@ -274,12 +268,7 @@ def _read_normals(
 
 
 def _put(
-    normals: FloatArray,
-    chosen: IntArray,
-    values: FloatArray,
-    reading: Reading,
-    place: TableLocation,
-    targets: Targets,
+    normals: FloatArray, chosen: IntArray, values: FloatArray, reading: Reading, place: TableLocation, targets: Targets
 ) -> None:
     """Write normals (k, 3) of any length, axes of the project; on the earth east, north, up of their points."""
     length = np.linalg.norm(values, axis=1)
@@ -335,10 +324,6 @@ def outcomes(
 
 # ---- Where sights begin, and what an image has on its format.
 
-_ROUNDS = 60
-"""Steps in which the measured coordinates of models that correct these come to rest."""
-_SETTLED = 1e-9
-"""Part of the format by which they may still move then."""
 _ON_THE_WAY = 16
 """Directions between the axis of a camera and a sight at which the image has to move outwards."""
 
@@ -399,12 +384,14 @@ class PlannedImage(NamedTuple):
         found = self.model.project(star, interior, constants, measured).xy
         if not self.model.corrects_measured:
             return found
-        for _ in range(_ROUNDS):
+        # Steps in which the measured coordinates of models that correct these come to rest.
+        for _ in range(60):
             measured, found = found, self.model.project(star, interior, constants, found).xy
             moved = np.abs(found - measured)
             if not (moved > 0.0).any():
                 break
-        settled = np.all(moved <= _SETTLED * (self.high - self.low), axis=1)
+        # Part of the format by which they may still move then.
+        settled = np.all(moved <= 1e-9 * (self.high - self.low), axis=1)
         return np.where(np.asarray(settled)[:, None], found, np.nan)
 
     def _outwards(self, star: FloatArray) -> BoolArray:
@@ -587,12 +574,7 @@ def _seen(
 
 
 def _sights(
-    scene: VisibilityScene,
-    viewpoints: Sequence[Viewpoint],
-    chosen: IntArray,
-    limits: Limits,
-    height: float,
-    once: bool,
+    scene: VisibilityScene, viewpoints: Sequence[Viewpoint], chosen: IntArray, limits: Limits, height: float, once: bool
 ) -> tuple[IntArray, IntArray, tuple[int, ...]]:
     """Numbers of the viewpoints and of the targets of all sights that are seen, and counts of all by their reason.
 

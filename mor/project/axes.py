@@ -10,17 +10,7 @@ import numpy as np
 from mor.model.observation_types import External, ObservationType
 from mor.project.schema import Axes, Camera, Units
 from mor.types import LARGEST, FloatArray
-from mor.units import (
-    ANGLE,
-    ANGLE_UNITS,
-    LENGTH_UNITS,
-    NUMBER_UNITS,
-    PIXEL,
-    SECOND,
-    TIME_UNITS,
-    Quantity,
-    parse_dms,
-)
+from mor.units import ANGLE, ANGLE_UNITS, LENGTH_UNITS, NUMBER_UNITS, PIXEL, SECOND, TIME_UNITS, Quantity, parse_dms
 
 # ---- The edge: units and axes of the project on the way in and out.
 #
@@ -32,13 +22,6 @@ _SEXAGESIMAL = re.compile(r"^[-+−]?\d+(?:\s*[-°:]\s*|\s+)\d")
 """How an angle d-m-s begins, in all its spellings; no number with a unit does."""
 _COMPASS = {"e": (1.0, 0.0), "w": (-1.0, 0.0), "n": (0.0, 1.0), "s": (0.0, -1.0)}
 _AZIMUTH = {"north": 0.0, "east": 0.5 * np.pi, "south": np.pi, "west": 1.5 * np.pi}
-
-_FROM_THE_CORNER = ("opencv", "fisheye")
-"""Models whose principal point counts from the upper left corner where the image coordinates do."""
-
-
-_SQUARE = 2
-"""Of the time in accelerations."""
 
 
 class UnitError(ValueError):
@@ -82,8 +65,7 @@ class ImageScale(NamedTuple):
         if not self.corner:
             return xy * self.factor(unit)
         centre = np.array(self.centre) * self.factor(PIXEL)
-        centred: FloatArray = (xy * self.factor(unit) - centre) * np.array([1.0, -1.0])
-        return centred
+        return np.asarray((xy * self.factor(unit) - centre) * np.array([1.0, -1.0]))
 
 
 def image_scale(camera: Camera) -> ImageScale:
@@ -99,7 +81,8 @@ def image_scale(camera: Camera) -> ImageScale:
             raise UnitError(f"{name}: found {value:g}, expected a number above 0")
     size = _pixel_size(camera.image.pixel, camera.unit)
     pixel = 1.0 if camera.unit == PIXEL else size / (LENGTH_UNITS[camera.unit] / LENGTH_UNITS["mm"])
-    centre = (0.0, 0.0) if camera.lens in _FROM_THE_CORNER else (width / 2.0, height / 2.0)
+    # Models whose principal point counts from the upper left corner where the image coordinates do.
+    centre = (0.0, 0.0) if camera.lens in ("opencv", "fisheye") else (width / 2.0, height / 2.0)
     return ImageScale(camera.unit, pixel, size, centre, camera.coordinates == "corner")
 
 
@@ -192,7 +175,8 @@ class Edge(NamedTuple):
     def _of_time(self, quantity: Quantity, unit: str) -> float:
         """Internal units per given unit of a time, or of a length or an angle per time: ``ms``, ``m/s^2``."""
         above, _, below = unit.partition("/")
-        squared = quantity.time == -_SQUARE
+        # Of the time in accelerations.
+        squared = quantity.time == -2
         stripped = below.removesuffix("2").removesuffix("^") if squared and below.endswith("2") else ""
         time = above if quantity.time > 0 else stripped if squared else below
         expected = self.default_unit(quantity)

@@ -89,12 +89,8 @@ def _any(told: pl.DataFrame) -> bool:
 
 KeyPath: TypeAlias = tuple[str | int, ...]
 
-_DEEPEST = 20
-"""Levels of nesting; no project needs half of them."""
 _TOO_DEEP = "this is nested too deeply, or refers to itself"
 _VALUES = "MOR_MAX_VALUES"
-_REPEATED = 10
-"""Share of the values that aliases may repeat, as its denominator."""
 _LETTERS = 100
 """Letters that a repeated value may have, on average at that limit."""
 
@@ -220,7 +216,8 @@ class _YamlReader:
         if self.values > self.most:
             words = f"found more than {self.most} values, with all that is repeated by aliases; put long tables into"
             raise self._error(f"{words} files of their own, or {raise_it(_VALUES)}", self.unfolding or _line(event))
-        if len(path) > _DEEPEST:
+        # Levels of nesting; no project needs half of them.
+        if len(path) > 20:
             raise self._error(_TOO_DEEP, _line(event))
         if isinstance(event, yaml.AliasEvent):
             return self._unfolded(event, path)
@@ -246,7 +243,8 @@ class _YamlReader:
         """Count what an alias repeats; what takes microseconds to read may take hours to make a network of."""
         self.repeated += len(events)
         self.letters += sum(len(event.value) for event in events if isinstance(event, yaml.ScalarEvent))
-        most = self.most // _REPEATED
+        # Share of the values that aliases may repeat, as its denominator.
+        most = self.most // 10
         if self.repeated > 2 * most or self.letters > _LETTERS * most:
             words = (
                 f"aliases (*name) repeat more than {most} values, or {_LETTERS * most} letters; "
@@ -321,36 +319,12 @@ def _skip(event: yaml.Event, events: Iterator[yaml.Event]) -> None:
 
 IDENTIFIERS = frozenset(
     (
-        *(
-            "id",
-            "camera",
-            "position",
-            "point",
-            "leader",
-            "pair",
-            "set",
-            "of",
-            "from",
-            "to",
-            "at",
-            "station",
-            "image",
-        ),
+        *("id", "camera", "position", "point", "leader", "pair", "set", "of", "from", "to", "at", "station", "image"),
         *("system", "frame", "component", "shared_height", "shared_eccentricity"),
     )
 )
 """Columns of names, which stay texts whatever they look like."""
-_TEXTS = IDENTIFIERS | {
-    "title",
-    "name",
-    "group",
-    "file",
-    "columns",
-    "instrument",
-    "cluster",
-    "points",
-    "other",
-}
+_TEXTS = IDENTIFIERS | {"title", "name", "group", "file", "columns", "instrument", "cluster", "points", "other"}
 _YAML_NUMBER = re.compile(r"[-+]?(0|[1-9]\d*)(\.\d+)?([eE][-+]?\d+)?")
 
 
@@ -365,8 +339,6 @@ def yaml_text(data: dict[str, Any], width: int) -> str:
 _ROWS = "\ue000"
 """Stands for the rows of a table until they are put in its place: a letter that means nothing."""
 _STANDS = re.compile(rf"^( *)(- )?rows: {_ROWS} (\d+)$", re.MULTILINE)
-_FEW = 20
-"""Rows up to which a table is written as everything else."""
 _SIMPLE = re.compile(r"[A-Za-z_][A-Za-z0-9_]*")
 _WHOLE = re.compile(r"0|[1-9][0-9]*")
 _WORDS = frozenset(("y", "n", "yes", "no", "on", "off", "true", "false", "null"))
@@ -375,7 +347,8 @@ _WORDS = frozenset(("y", "n", "yes", "no", "on", "off", "true", "false", "null")
 
 def _simple_rows(rows: list[list[Any]], width: int) -> list[str] | None:
     """Long tables of numbers and plain names as lines, the same that YAML's writer makes; ``None`` for all others."""
-    if len(rows) <= _FEW:
+    # Rows up to which a table is written as everything else.
+    if len(rows) <= 20:
         return None
     lines = []
     for row in rows:
@@ -482,10 +455,7 @@ def matrix_text(rows: Sequence[Sequence[float | str]]) -> str:
 
 
 def project_files(
-    data: dict[str, Any],
-    source: Path,
-    target: Path,
-    frames: Mapping[str, pl.DataFrame] = MappingProxyType({}),
+    data: dict[str, Any], source: Path, target: Path, frames: Mapping[str, pl.DataFrame] = MappingProxyType({})
 ) -> dict[Path, str]:
     """Texts by path: the project file ``target``, and its tables.
 

@@ -89,8 +89,6 @@ def needs_convergence(type_: ObservationType) -> bool:
 
 _CLOSE = 1e-7
 """Metres to which a polynomial is the projection, and ellipsoids are the same."""
-_LEAST = 100_000.0
-"""Metres around a network that belong to its area, for points without given places; else its own extent."""
 
 
 class PlaneError(ValueError):
@@ -106,7 +104,8 @@ def plane_of(
     :class:`PlaneError`.
     """
     low, high = world.extent if extent is None else extent
-    margin = np.maximum(high - low, _LEAST / world.metres)
+    # Metres around a network that belong to its area, for points without given places; else its own extent.
+    margin = np.maximum(high - low, 100_000.0 / world.metres)
     middle, half = 0.5 * (low + high), 0.5 * (high - low) + margin
     for degree in (6, 10, 15, 21):
         nodes = chebyshev.chebpts1(degree + 4)
@@ -241,17 +240,14 @@ def _radius(reading: Reading, section: Curvature) -> float | None:
         if section.radius is None:
             return EARTH_RADIUS / metres
         radius = reading.edge.number(section.radius, LENGTH)
-        if radius * metres < _SMALLEST:
+        # Metres; a smaller radius is a mistake in the unit.
+        if radius * metres < 1e6:
             raise UnitError(f"found {radius * metres / 1e3:.6g} km, expected that of the earth, some 6371 km")
         return radius
     except UnitError as error:
         key = "latitude" if section.latitude is not None else "radius"
         reading.problems.append(place.problem(f"curvature: {key}: {error}", key))
         return None
-
-
-_SMALLEST = 1e6
-"""Metres; a smaller radius is a mistake in the unit."""
 
 
 def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] | None:
@@ -283,14 +279,7 @@ def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] 
 # comes to an end. An inner constraint in its place would have to be a condition of its own, beside the
 # defect.
 
-_LEVELLED = {
-    "directions",
-    "zenith_directions",
-    "zenith_angle",
-    "vertical_direction",
-    "angle",
-    "horizontal_distance",
-}
+_LEVELLED = {"directions", "zenith_directions", "zenith_angle", "vertical_direction", "angle", "horizontal_distance"}
 _HEIGHTS = {"height_difference", "ellipsoidal_height_difference", "ellipsoidal_height", "orthometric_height"}
 _TURNED = {
     "gnss_vector",
@@ -301,7 +290,6 @@ _TURNED = {
     "navigation_attitude",
 }
 _PLACED = {"control", "gnss_position", "geodetic_position", "projected_position"}
-_FRAMES = ("station", "image", "system")
 _KAPPA = 2
 _LIES = (
     "datum: on the earth levelled instruments and heights neither determine the position of the network nor leave it "
@@ -353,5 +341,9 @@ def _turn_is_held(reading: Reading, groups: Sequence[ObservationGroup]) -> bool:
     if any(group.type.key == "observed/rotation" and group.mask[:, _KAPPA].any() for group in groups):
         return True
     free = reading.shop.store("rotation").all_free()
-    rotations = [reading.shop.things[space].parts["rotation"] for space in _FRAMES if space in reading.shop.things]
+    rotations = [
+        reading.shop.things[space].parts["rotation"]
+        for space in ("station", "image", "system")
+        if space in reading.shop.things
+    ]
     return any(bool((~free[blocks[blocks >= 0], _KAPPA]).any()) for blocks in rotations)

@@ -173,8 +173,7 @@ class Workshop:
     def source(self, kind: str) -> IntArray:
         """(n,) number of the table that each block of a kind comes from, −1 where it comes from none."""
         first = np.array([counts[kind] for _, counts in self.sources], dtype=np.int64)
-        source: IntArray = np.searchsorted(first, np.arange(len(self.stores[kind].ids)), side="right") - 1
-        return source
+        return np.asarray(np.searchsorted(first, np.arange(len(self.stores[kind].ids)), side="right") - 1)
 
     def neutral(self, kind: str) -> int:
         """The block of zeros of a kind, for what has none of its own; added where nothing has asked for it yet."""
@@ -217,8 +216,7 @@ def said_thing(kind: str, block: str) -> str:
 
 
 _DECLARED_AS = dict.fromkeys(
-    ("distance meter", "refraction", "gnss frame", "position shift", "attitude shift", "time offset"),
-    "instrument",
+    ("distance meter", "refraction", "gnss frame", "position shift", "attitude shift", "time offset"), "instrument"
 )
 
 
@@ -337,19 +335,18 @@ def _settle(store: BlockStore, members: list[tuple[Node, float]], full: float) -
 
 # ---- Times as people write them, in years.
 
-_YEAR = re.compile(r"[12]\d{3}(\.\d+)?")
-_MONTH = re.compile(r"[12]\d{3}-\d{2}")
-
 
 def decimal_year(text: str) -> float:
     """Year and part of that year behind 2015-05-12, 2015-05-12T14:30, 2015-05 (its first day) or 2015.36.
 
     Raises ``ValueError`` with what was found and what was expected.
     """
-    if _YEAR.fullmatch(text):
+    if re.fullmatch(r"[12]\d{3}(\.\d+)?", text):
         return float(text)
     try:
-        moment = datetime.fromisoformat(f"{text}-01" if _MONTH.fullmatch(text) else text).replace(tzinfo=None)
+        moment = datetime.fromisoformat(f"{text}-01" if re.fullmatch(r"[12]\d{3}-\d{2}", text) else text).replace(
+            tzinfo=None
+        )
     except ValueError:
         words = f"found {text!r}, expected a date such as 2015-05-12, or a year such as 2015.36"
         raise ValueError(words) from None

@@ -68,15 +68,9 @@ def read_cameras(reading: Reading) -> None:
         eccentricities.append(_eccentricity(reading, name, camera))
         readouts.append(_readout(reading, name, camera, scale))
         read_scanner(reading, name, camera, scale)
-    reading.shop.things["camera"] = entities(
-        ids,
-        {
-            "interior": np.array(blocks, dtype=np.int64),
-            "model": np.array(models, dtype=np.int64),
-            "eccentricity": np.array(eccentricities, dtype=np.int64),
-            "readout": np.array(readouts, dtype=np.int64),
-        },
-    )
+    parts = {"interior": blocks, "model": models, "eccentricity": eccentricities, "readout": readouts}
+    arrays = {part: np.array(numbers, dtype=np.int64) for part, numbers in parts.items()}
+    reading.shop.things["camera"] = entities(ids, arrays)
 
 
 def _r0_is_good(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> bool:
@@ -158,12 +152,7 @@ def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:
         return 0
     path: KeyPath = ("cameras", name, "eccentricity")
     statuses = settings(
-        dict(camera.eccentricity),
-        ECCENTRICITY.components,
-        reading.edge,
-        reading.at(*path),
-        path,
-        reading.problems,
+        dict(camera.eccentricity), ECCENTRICITY.components, reading.edge, reading.at(*path), path, reading.problems
     )
     return int(reading.shop.store("eccentricity").add([f"camera {name}"], *statuses)[0])
 
@@ -315,14 +304,7 @@ def read_images(reading: Reading) -> None:
 
 
 _MOTION = (IMAGE_VELOCITY, ROTATION_RATE)
-_POSE = (
-    *POINT.names,
-    *ROTATION.names,
-    *HEIGHT.names,
-    *ECCENTRICITY.names,
-    *IMAGE_VELOCITY.names,
-    *ROTATION_RATE.names,
-)
+_POSE = (*POINT.names, *ROTATION.names, *HEIGHT.names, *ECCENTRICITY.names, *IMAGE_VELOCITY.names, *ROTATION_RATE.names)
 _SHARED = ("position", *(shared_column(kind) for kind in (HEIGHT, ECCENTRICITY, *_MOTION)))
 _IMAGE_PARTS = (
     "position",

@@ -83,7 +83,10 @@ def read_motions(reading: Reading) -> None:
         if table.model == "steps":
             steps += _steps(reading, table, rows, moving, table_label("motions", number, table))
         elif table.model == "epochs":
-            _own_epochs(reading, rows, moving)
+            for row, point in enumerate(moving):
+                if point.own_epochs or point.steps or point.motions:
+                    _tell_twice(reading, rows, row, _MOVES_ALREADY.format(repr(point.name)))
+                point.own_epochs = True
         else:
             _add_motion(reading, table, rows, moving)
     _take_steps(reading, steps)
@@ -140,13 +143,6 @@ def _point(reading: Reading, rows: Rows, row: int) -> MovingPoint | None:
 
 def _tell_twice(reading: Reading, rows: Rows, row: int, words: str) -> None:
     reading.problems.append(Message(words, rows.file, int(rows.lines[row])))
-
-
-def _own_epochs(reading: Reading, rows: Rows, moving: list[MovingPoint]) -> None:
-    for row, point in enumerate(moving):
-        if point.own_epochs or point.steps or point.motions:
-            _tell_twice(reading, rows, row, _MOVES_ALREADY.format(repr(point.name)))
-        point.own_epochs = True
 
 
 def _add_motion(reading: Reading, table: MotionEntry, rows: Rows, moving: list[MovingPoint]) -> None:

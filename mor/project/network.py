@@ -62,9 +62,6 @@ from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
 
 # ---- One file of observations in two places of a project: its observations would count twice.
 
-_NOT_NAMING = {"epoch", "time"}
-"""Common values that do not say between what was observed."""
-
 
 def refuse_files_named_twice(reading: Reading) -> None:
     """Add a mistake for each entry of ``observations`` or ``checks`` that reads the same values of a file again.
@@ -109,7 +106,8 @@ def _read(entry: Observations) -> tuple[object, ...]:
     common = {
         (name, value)
         for name, value in entry.values.items()
-        if not name.startswith("sigma") and name not in _NOT_NAMING
+        # Common values that do not say between what was observed.
+        if not name.startswith("sigma") and name not in {"epoch", "time"}
     }
     return tuple(sorted(renamed)), tuple(sorted(common))
 
@@ -261,8 +259,7 @@ class _Inside(NamedTuple):
 
     def carried(self, given: FloatArray) -> FloatArray:
         """Covariances (n, n) in internal units and axes."""
-        carried: FloatArray = given[np.ix_(self.order, self.order)] * np.outer(self.factor, self.factor)
-        return carried
+        return np.asarray(given[np.ix_(self.order, self.order)] * np.outer(self.factor, self.factor))
 
 
 def _inside(groups: list[ReadGroup], where: IntArray, rows: IntArray, components: IntArray) -> _Inside:
@@ -475,11 +472,7 @@ _READERS = {
 
 
 def read_things(
-    project: ProjectFile,
-    document: Document,
-    folder: Path,
-    read: TableWatcher = ignore_table,
-    planned: bool = False,
+    project: ProjectFile, document: Document, folder: Path, read: TableWatcher = ignore_table, planned: bool = False
 ) -> Reading:
     """Points, images, stations and all else that a project names, before any observation; with all mistakes found."""
     edge = Edge(project.units, project.axes)
@@ -497,11 +490,7 @@ def read_things(
 
 
 def build_network(
-    project: ProjectFile,
-    document: Document,
-    folder: Path,
-    read: TableWatcher = ignore_table,
-    planned: bool = False,
+    project: ProjectFile, document: Document, folder: Path, read: TableWatcher = ignore_table, planned: bool = False
 ) -> Network:
     """The network of a project. Raises :class:`InputError` with every mistake found.
 
@@ -560,7 +549,9 @@ def _network(
     stores = {key: store for key, store in reading.shop.stores.items() if store.ids}
     observed = {key: store.all_values() for key, store in stores.items()}
     start = {
-        key: _representation(store.kind.is_rotation, store.start_values(observed[key])) for key, store in stores.items()
+        key: rotation_from_angles(given) if store.kind.is_rotation else given
+        for key, store in stores.items()
+        for given in (store.start_values(observed[key]),)
     }
     return Network(
         project=project,
@@ -610,10 +601,6 @@ def _in_order(
     order = sorted(range(len(entries)), key=lambda k: entries[k][0])
     where = np.argsort(np.array(order, dtype=np.int64), kind="stable")
     return [entries[k][1] for k in order], where
-
-
-def _representation(is_rotation: bool, values: FloatArray) -> FloatArray:
-    return rotation_from_angles(values) if is_rotation else values
 
 
 def _said_outside(reading: Reading, group: ObservationGroup) -> ObservationGroup:
@@ -681,8 +668,7 @@ def _mark(reading: Reading, mask: BoolArray, by_components: Mapping[Any, list[st
 def _internal_row(reading: Reading, components: str) -> BoolArray:
     """(3,) the internal components behind components of the project, e.g. ``"xy"``."""
     source = np.argmax(np.abs(reading.edge.matrix), axis=1)
-    chosen: BoolArray = np.array([name in components for name in "xyz"])[source]
-    return chosen
+    return np.asarray(np.array([name in components for name in "xyz"])[source])
 
 
 def _datum_points(reading: Reading, name: str) -> IntArray:
@@ -765,11 +751,7 @@ def with_blocks_held(network: Network, marked: Marked, things: Sequence[Undeterm
 
 
 def with_points_at_infinity(
-    network: Network,
-    start: Values,
-    points: IntArray,
-    directions: FloatArray,
-    things: Sequence[UndeterminedObject],
+    network: Network, start: Values, points: IntArray, directions: FloatArray, things: Sequence[UndeterminedObject]
 ) -> tuple[Network, dict[str, FloatArray]]:
     """The network with the rays to ``points`` (k,) as rays to directions, and its start values.
 

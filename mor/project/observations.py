@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import combinations_with_replacement
 from typing import TypeVar
 
 import numpy as np
@@ -32,14 +33,7 @@ from mor.model.parameters import READOUT
 from mor.model.shapes import RELATION_TYPES
 from mor.model.trajectory import CUBIC, on_trajectory
 from mor.project.axes import ImageScale, UnitError, beyond, edge_transform, external, external_image, split
-from mor.project.earth import (
-    PLANE,
-    convergence_of_rows,
-    known_at,
-    needs_convergence,
-    needs_place,
-    place_of_observed,
-)
+from mor.project.earth import PLANE, convergence_of_rows, known_at, needs_convergence, needs_place, place_of_observed
 from mor.project.entities import Reading, Scanner
 from mor.project.images import phase_constants
 from mor.project.motion import EPOCH, at_their_epochs, row_epochs
@@ -243,12 +237,7 @@ def _read_out_later(reading: Reading, readout: int, constants: FloatArray) -> Fl
 
 
 def _all_timed(
-    reading: Reading,
-    camera: Camera,
-    scanner: Scanner | None,
-    observed: FloatArray,
-    rows: Rows,
-    chosen: IntArray,
+    reading: Reading, camera: Camera, scanner: Scanner | None, observed: FloatArray, rows: Rows, chosen: IntArray
 ) -> bool:
     """False if a row has no coordinate along the readout, or of a line scanner lacks one; each is told."""
     missing = np.zeros(rows.count, dtype=bool)
@@ -363,7 +352,9 @@ def read_groups(reading: Reading, of_features: bool = False) -> list[ReadGroup]:
         if reading.planned:
             rows = planned_rows(rows, measured, reading, group_name(entry, number))
         if needs_convergence(type_):
-            in_plane = _with_convergence(reading, type_, rows, place)
+            from mor.project.earth import with_convergence_at_images  # most projects need nothing of it
+
+            in_plane = with_convergence_at_images(reading, type_, rows, place)
             if in_plane is None:
                 continue
             type_ = in_plane
@@ -387,14 +378,6 @@ def _in_projection(
     from mor.project.earth import in_its_projection  # most projects need nothing of it
 
     return in_its_projection(reading, entry, place)
-
-
-def _with_convergence(
-    reading: Reading, type_: ObservationType, rows: Rows, place: TableLocation
-) -> ObservationType | None:
-    from mor.project.earth import with_convergence_at_images  # most projects need nothing of it
-
-    return with_convergence_at_images(reading, type_, rows, place)
 
 
 def _unknown_type(reading: Reading, name: str) -> str:
@@ -441,7 +424,8 @@ def observation_columns(type_: ObservationType, reading: Reading) -> list[Column
     if raw is None:
         columns.append(Column(CLUSTER))
     if len(type_.components) == 3:
-        columns += [_covariance_column(a, b, reading) for a, b in _upper(type_.components)]
+        pairs = combinations_with_replacement(type_.components, 2)
+        columns += [_covariance_column(a, b, reading) for a, b in pairs]
     return columns
 
 
@@ -458,12 +442,6 @@ def _of_lines(reading: Reading, rows: Rows) -> FloatArray:
     return np.sqrt(np.where(np.isnan(kilometres), 1.0, kilometres))[:, None]
 
 
-def _upper(components: Sequence[Component]) -> Iterable[tuple[Component, Component]]:
-    for i, a in enumerate(components):
-        for b in components[i:]:
-            yield a, b
-
-
 def _covariance_column(a: Component, b: Component, reading: Reading) -> Column:
     def parse(text: str, unit: str) -> float:
         number, own = split(text)
@@ -478,12 +456,7 @@ def _covariance_column(a: Component, b: Component, reading: Reading) -> Column:
 
 
 def _plain_group(
-    reading: Reading,
-    entry: Observations,
-    number: int,
-    type_: ObservationType,
-    rows: Rows,
-    place: TableLocation,
+    reading: Reading, entry: Observations, number: int, type_: ObservationType, rows: Rows, place: TableLocation
 ) -> ReadGroup | None:
     named = {reference.name: resolve(reading, reference, rows) for reference in type_.references}
     different = check_different(type_, rows, reading.problems)
@@ -576,8 +549,7 @@ def _sigma_factor(reading: Reading, entry: Observations, component: Component) -
 def _turn(values: FloatArray, transform: FloatArray) -> FloatArray:
     """Rows times a signed permutation, NaN staying where it is carried to."""
     source = np.argmax(np.abs(transform), axis=1)
-    turned: FloatArray = values[:, source] * transform[np.arange(len(transform)), source]
-    return turned
+    return np.asarray(values[:, source] * transform[np.arange(len(transform)), source])
 
 
 def _sigma(rows: Rows, type_: ObservationType) -> FloatArray:

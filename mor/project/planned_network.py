@@ -32,11 +32,8 @@ from mor.types import FloatArray, IntArray
 
 _PARTS = 4
 """Of an interval between knots, at whose ends it is asked on which side of the line a point lies."""
-_HALVINGS = 40
-"""Of such a part; what is left is far below the last digit of a time."""
 _AT_A_TIME = 256
 """Points whose crossings are looked for together."""
-_MOST_TOLD = 10
 
 
 def is_scanned(group: ObservationGroup) -> bool:
@@ -55,7 +52,8 @@ def rescanned(network: Network, group: ObservationGroup, place: Mapping[str, Flo
     for number in np.unique(image.numbers).tolist():
         mine = np.flatnonzero(image.numbers == number)
         name = image.known[number]
-        trajectory, lines = _flown(network, name), network.lines[name]
+        flown = network.things["image"].part(name, TRAJECTORY)
+        trajectory, lines = list(network.trajectories.values())[flown], network.lines[name]
         sight = _Sight(group, place, trajectory, mine)
         times[mine] = _crossings(sight, lines)
         rows = _rows_at(lines, times[mine])
@@ -68,11 +66,6 @@ def rescanned(network: Network, group: ObservationGroup, place: Mapping[str, Flo
         knots[:, mine] = trajectory.blocks(clock)
     _tell_lost(group, times)
     return replace(group, constants=constants, blocks=(*knots, *group.blocks[len(knots) :]))
-
-
-def _flown(network: Network, image: str) -> Trajectory:
-    number = network.things["image"].part(image, TRAJECTORY)
-    return list(network.trajectories.values())[number]
 
 
 def _rows_at(lines: RowTimes, times: FloatArray) -> FloatArray:
@@ -101,11 +94,7 @@ class _Sight:
     def aside(self, pose: TrajectoryPoses, rows: IntArray) -> FloatArray:
         """(n,) y of points less that of the line, seen from a pose each; NaN behind the camera."""
         frame = into_frame(
-            pose.position,
-            pose.rotation,
-            self.height[rows],
-            self.point[rows],
-            eccentricity=self.eccentricity[rows],
+            pose.position, pose.rotation, self.height[rows], self.point[rows], eccentricity=self.eccentricity[rows]
         )
         measured, own = self.constants[rows, :2], self.constants[rows, 2:]
         with np.errstate(all="ignore"):
@@ -152,7 +141,8 @@ def _crossings(sight: _Sight, lines: RowTimes) -> FloatArray:
 
 def _halved(sight: _Sight, rows: IntArray, low: FloatArray, high: FloatArray) -> FloatArray:
     before = np.sign(sight.aside(sight.poses(low), rows))
-    for _ in range(_HALVINGS):
+    # Of such a part; what is left is far below the last digit of a time.
+    for _ in range(40):
         middle = 0.5 * (low + high)
         same = np.sign(sight.aside(sight.poses(middle), rows)) == before
         low, high = np.where(same, middle, low), np.where(same, high, middle)
@@ -164,9 +154,7 @@ def _tell_lost(group: ObservationGroup, times: FloatArray) -> None:
     lost = np.flatnonzero(np.isnan(times))
     image, point = group.references
     words = "point {0!r} does not cross the line of image {1!r} where it is planned"
-    told = [
-        Message(words.format(point[k], image[k]), group.file, int(group.lines[k])) for k in lost[:_MOST_TOLD].tolist()
-    ]
+    told = [Message(words.format(point[k], image[k]), group.file, int(group.lines[k])) for k in lost[:10].tolist()]
     if told:
         raise InputError(told)
 

@@ -155,8 +155,7 @@ def _told(reading: Reading, statuses: Statuses) -> BoolArray:
     if reading.project.world is not None:
         return np.zeros(statuses.free.shape, dtype=bool)  # start values are all that places on the earth have
     absent = [c not in reading.project.settings.dimensions for c in "xyz"]
-    told: BoolArray = (~statuses.free | np.isfinite(statuses.sigma)) & ~np.array(absent)
-    return told
+    return np.asarray((~statuses.free | np.isfinite(statuses.sigma)) & ~np.array(absent))
 
 
 def _of_rows(statuses: Statuses, told: BoolArray, rows: IntArray) -> Statuses:
@@ -171,13 +170,7 @@ def _stacked(parts: Sequence[Statuses]) -> Statuses:
 
 
 def _check_shared(
-    reading: Reading,
-    rows: Rows,
-    column: str,
-    statuses: Statuses,
-    told: BoolArray,
-    chosen: IntArray,
-    blocks: IntArray,
+    reading: Reading, rows: Rows, column: str, statuses: Statuses, told: BoolArray, chosen: IntArray, blocks: IntArray
 ) -> None:
     """Tell rows (k,) that fix or observe a coordinate of their position (k,) otherwise than it is."""
     if not told[chosen].any():
@@ -190,10 +183,7 @@ def _check_shared(
     wrong[chosen] = (told[chosen] & other).any(axis=1)
     names = rows.text(column)
     tell_rows(
-        reading.problems,
-        wrong,
-        rows,
-        lambda row: f"{column}: {names[row]!r} has another value or σ in its first row",
+        reading.problems, wrong, rows, lambda row: f"{column}: {names[row]!r} has another value or σ in its first row"
     )
 
 
@@ -280,12 +270,7 @@ def check_unique(what: str, names: list[str], rows: Rows, seen: list[NameColumn]
     for table in seen:
         again |= here.is_in(table.names.implode()).to_numpy()
     seen.append(NameColumn(here, rows))
-    tell_rows(
-        problems,
-        again,
-        rows,
-        lambda row: f"{what} {names[row]!r} is given twice ({_first(seen, names[row])})",
-    )
+    tell_rows(problems, again, rows, lambda row: f"{what} {names[row]!r} is given twice ({_first(seen, names[row])})")
 
 
 def _first(seen: list[NameColumn], name: str) -> str:
@@ -525,11 +510,7 @@ def _orthometric(reading: Reading, section: WorldSection, system: ReferenceSyste
 
 
 def _world(
-    reading: Reading,
-    section: WorldSection,
-    system: ReferenceSystem,
-    tables: Sequence[PointTable],
-    orthometric: bool,
+    reading: Reading, section: WorldSection, system: ReferenceSystem, tables: Sequence[PointTable], orthometric: bool
 ) -> EarthModel | None:
     """The world with geoid heights and deflections of all points; the object system in the middle of the known ones."""
     metres = reading.edge.metres
@@ -635,12 +616,7 @@ def _add(reading: Reading, world: EarthModel, tables: Sequence[PointTable]) -> N
 
 
 def _control(
-    reading: Reading,
-    world: EarthModel,
-    table: PointTable,
-    blocks: IntArray,
-    given: FloatArray,
-    rows: BoolArray,
+    reading: Reading, world: EarthModel, table: PointTable, blocks: IntArray, given: FloatArray, rows: BoolArray
 ) -> ObservationGroup:
     type_ = control(world.horizon)
     sigma = table.sigma[rows]
@@ -710,12 +686,8 @@ def _read_points_table(
     names = rows.text("id")
     check_unique("point", names, rows, seen, reading.problems)
     statuses = component_rows(rows, POINT.components, table.fixed, reading.problems, rows.number("sigma"))
-    return names, _add_point(reading, names, statuses)
-
-
-def _add_point(reading: Reading, names: Sequence[str], statuses: Statuses) -> IntArray:
     statuses = in_dimensions(statuses, reading)
-    return reading.shop.store("point").add(names, *inwards(reading.edge, statuses))
+    return names, reading.shop.store("point").add(names, *inwards(reading.edge, statuses))
 
 
 def add_free_points(reading: Reading, names: Sequence[str]) -> None:

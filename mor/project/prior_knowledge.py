@@ -10,21 +10,10 @@ import numpy as np
 
 from mor.errors import Message, counted, nearest
 from mor.model.contract import names_of, one_name
-from mor.model.observation_types import (
-    OBSERVED_DIFFERENCES,
-    OBSERVED_PARAMETERS,
-    PLAIN_TYPES,
-    ObservationGroup,
-)
+from mor.model.observation_types import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup
 from mor.model.parameters import INTERIORS, KINDS, MOTIONS, SHAPE, BlockKind
 from mor.model.rotations import angles_from_rotation, rotate, rotation_from_angles
-from mor.model.shapes import (
-    PERPENDICULAR,
-    PERPENDICULAR_TURNS,
-    PERPENDICULAR_TYPES,
-    RELATION_TYPES,
-    SHAPE_TYPES,
-)
+from mor.model.shapes import PERPENDICULAR, PERPENDICULAR_TURNS, PERPENDICULAR_TYPES, RELATION_TYPES, SHAPE_TYPES
 from mor.project.axes import SMALLEST_SIGMA, ImageScale, UnitError
 from mor.project.entities import (
     BlockStore,
@@ -136,10 +125,7 @@ def variant_groups(reading: Reading, variants: dict[str, dict[int, float]]) -> l
                 observed=observed,
                 sigma=sigma,
                 constants=np.zeros((len(mine), 0)),
-                references=(
-                    one_name(f"camera {name}", len(mine)),
-                    names_of([f"image {images.ids[i]}" for i in mine]),
-                ),
+                references=(one_name(f"camera {name}", len(mine)), names_of([f"image {images.ids[i]}" for i in mine])),
                 image_unit=reading.scales[name].unit,
             )
         )
@@ -150,7 +136,6 @@ def variant_groups(reading: Reading, variants: dict[str, dict[int, float]]) -> l
 
 NEEDED = {"plane": 4, "line": 3, "right angle": 3}
 """Points from which on a feature says something about the object."""
-_TURNS = 5
 _BESIDE = 0.01
 """Distance from a line, in parts of the extent, from which on a point is beside it."""
 
@@ -167,12 +152,7 @@ class _System(NamedTuple):
     """Block of E where the rotation is E D_A of another feature."""
 
 
-RELATIONS: dict[str, tuple[int, ...]] = {
-    "parallel": (),
-    "perpendicular": (),
-    "coaxial": (0, 1),
-    "coplanar": (2,),
-}
+RELATIONS: dict[str, tuple[int, ...]] = {"parallel": (), "perpendicular": (), "coaxial": (0, 1), "coplanar": (2,)}
 """Exact relations, and components of the offset that two features then share."""
 
 
@@ -274,11 +254,9 @@ def _wrong_keys(feature: Feature, place: TableLocation, systems: dict[str, _Syst
             problems.append(place.problem(f"{key}: no feature {name!r} stands above this one", key))
         elif systems[name].type not in _CAN_GIVE[key]:
             type_ = systems[name].type
-            problems.append(
-                place.problem(f"{key}: the {type_} {name!r} has no plane", key)
-                if key == "coplanar"
-                else place.problem(f"{key}: the {type_} {name!r} has no axis", key)
-            )
+            plane = f"{key}: the {type_} {name!r} has no plane"
+            axis = f"{key}: the {type_} {name!r} has no axis"
+            problems.append(place.problem(plane if key == "coplanar" else axis, key))
         elif key == "perpendicular" and systems[name].turn >= 0:
             words = f"perpendicular: {name!r} is itself perpendicular to another feature"
             problems.append(place.problem(words, key))
@@ -315,12 +293,7 @@ def _needed(feature: Feature) -> int:
 
 
 def _on_shape(
-    reading: Reading,
-    feature: Feature,
-    number: int,
-    points: IntArray,
-    sigma: float,
-    systems: dict[str, _System],
+    reading: Reading, feature: Feature, number: int, points: IntArray, sigma: float, systems: dict[str, _System]
 ) -> ObservationGroup:
     """Distances from a circle, sphere, cylinder, cone or torus, observed as zero.
 
@@ -369,12 +342,7 @@ def _on_shape(
 
 
 def _observed_zero(
-    reading: Reading,
-    feature: Feature,
-    first: IntArray,
-    other: IntArray,
-    sigma: float,
-    systems: dict[str, _System],
+    reading: Reading, feature: Feature, first: IntArray, other: IntArray, sigma: float, systems: dict[str, _System]
 ) -> ObservationGroup:
     """The local system of a feature, and zeros for the coordinates its points have in it.
 
@@ -410,10 +378,7 @@ def _observed_zero(
     return ObservationGroup(
         name=label,
         type=reading.types["local"],
-        blocks=(
-            *(np.full(count, one) for one in (system.position, system.rotation, 0, system.offset)),
-            members,
-        ),
+        blocks=(*(np.full(count, one) for one in (system.position, system.rotation, 0, system.offset)), members),
         observed=observed,
         sigma=np.where(np.isfinite(observed), sigma, np.nan),
         constants=np.zeros((count, 0)),
@@ -527,7 +492,7 @@ def _start(coordinates: FloatArray, first: IntArray, other: IntArray, type_: str
     if len(points) < 3:
         return np.eye(3), np.zeros(3)
     centre = points.mean(axis=0)
-    axes = _upright(np.linalg.svd(points - centre)[2])
+    axes = upright(np.linalg.svd(points - centre)[2])
     if type_ == "line":
         return np.stack([axes[1], np.cross(axes[0], axes[1]), axes[0]]), centre
     normal = axes[2]
@@ -542,7 +507,7 @@ def _start(coordinates: FloatArray, first: IntArray, other: IntArray, type_: str
 def _right_angle(D: FloatArray, first: FloatArray, second: FloatArray) -> FloatArray:
     """Rotation whose z plane fits the first points best and at once its x plane the second (Gauss-Newton)."""
     one, other = first - first.mean(axis=0), second - second.mean(axis=0)
-    for _ in range(_TURNS):
+    for _ in range(5):
         q, p = one @ D.T, other @ D.T
         by_z = np.stack([-q[:, 1], q[:, 0], np.zeros(len(q))], axis=1)
         by_x = np.stack([np.zeros(len(p)), -p[:, 2], p[:, 1]], axis=1)
@@ -559,25 +524,20 @@ def _second_normal(points: FloatArray, normal: FloatArray) -> FloatArray:
     _, _, axes = np.linalg.svd(flat)
     along = axes[0] - normal * (axes[0] @ normal)
     x = np.cross(along, normal)
-    unit: FloatArray = _upright((x / np.linalg.norm(x))[None])[0]
-    return unit
+    return np.asarray(upright((x / np.linalg.norm(x))[None])[0])
 
 
-def _upright(directions: FloatArray) -> FloatArray:
+def upright(directions: FloatArray) -> FloatArray:
     """Directions (n, 3), each or its opposite, so that the largest component is positive: signs are nobody's choice."""
     largest = np.take_along_axis(directions, np.argmax(np.abs(directions), axis=1)[:, None], axis=1)
-    upright: FloatArray = directions * np.sign(largest)
-    return upright
+    return np.asarray(directions * np.sign(largest))
 
 
 # ---- What no adjustment can be computed with: σ beyond all numbers, nothing free, a datum without coordinates.
 
 
 def check_feasible(
-    reading: Reading,
-    groups: Iterable[ObservationGroup],
-    carries_datum: bool,
-    left_out: Sequence[Message] = (),
+    reading: Reading, groups: Iterable[ObservationGroup], carries_datum: bool, left_out: Sequence[Message] = ()
 ) -> None:
     """Tell what cannot be adjusted; ``carries_datum`` is false where the datum names no coordinates.
 
@@ -628,15 +588,7 @@ def _check_sigma(reading: Reading, group: ObservationGroup) -> None:
 
 PARTS = {
     "camera": ("interior", "eccentricity", "readout"),
-    "image": (
-        "position",
-        "rotation",
-        "height",
-        "interior",
-        "eccentricity",
-        "image velocity",
-        "rotation rate",
-    ),
+    "image": ("position", "rotation", "height", "interior", "eccentricity", "image velocity", "rotation rate"),
     "station": ("position", "rotation", "height"),
     "system": ("position", "rotation", "scale", "offset"),
     "pair": ("base", "rotation"),
@@ -769,16 +721,16 @@ def _find(reading: Reading, name: str, component: str) -> _BlockComponent:
     for part in PARTS[space]:
         if part not in things.parts:
             continue  # nothing moves in this project
-        camera = _camera(reading, space, bare) if part == "interior" else None
+        camera = None
+        if part == "interior":
+            cameras = reading.shop.things["camera"]
+            camera = bare if space == "camera" else cameras.ids[things.part(bare, "camera")]
         kind = _kind_of_part(reading, part, camera)
         known += kind.names
         if component in kind.names:
             block, k = things.part(bare, part), kind.names.index(component)
-            if (
-                block < 0
-                or (block == 0 and kind.key in _WITH_NEUTRAL)
-                or (reading.shop.neutral_blocks.get(kind.key) == block)
-            ):
+            neutral = (block == 0 and kind.key in _WITH_NEUTRAL) or reading.shop.neutral_blocks.get(kind.key) == block
+            if block < 0 or neutral:
                 raise ValueError(f"{name} has no {component} of its own: give it one where it is declared")
             scale = reading.scales[camera] if camera is not None else None
             return _BlockComponent(kind.key, block, *_internal(reading, space, kind, k), scale)
@@ -795,11 +747,6 @@ def _internal(reading: Reading, space: str, kind: BlockKind, component: int) -> 
     if kind.is_rotation and space != "pair" and not np.array_equal(M, np.eye(3)):
         raise ValueError("observed ω, φ, κ need axes: {xy: en}")
     return component, 1.0
-
-
-def _camera(reading: Reading, space: str, name: str) -> str:
-    cameras = reading.shop.things["camera"]
-    return name if space == "camera" else cameras.ids[reading.shop.things["image"].part(name, "camera")]
 
 
 def _kind_of_part(reading: Reading, part: str, camera: str | None) -> BlockKind:

@@ -30,10 +30,6 @@ if TYPE_CHECKING:
 RECORD = 16
 _RECORDS = 11
 _UNITS = {"SECONDS": 1.0 / 3600.0, "MINUTES": 1.0 / 60.0, "DEGREES": 1.0}
-_HIGHEST = 200.0
-"""Geoid heights are within 110 m of the ellipsoid: a larger value stands for a node without one."""
-_MOST_STEPS = 1e6
-"""Steps along a side: no file has as many."""
 ARCSEC = np.pi / (180.0 * 3600.0)
 
 
@@ -65,8 +61,7 @@ class Subgrid(NamedTuple):
         up, left = (place - [i, j])[:, :, None]
         lower = self.nodes[i, j] * (1.0 - left) + self.nodes[i, j + 1] * left
         upper = self.nodes[i + 1, j] * (1.0 - left) + self.nodes[i + 1, j + 1] * left
-        values: FloatArray = np.where(inside[:, None], lower * (1.0 - up) + upper * up, np.nan)
-        return values
+        return np.asarray(np.where(inside[:, None], lower * (1.0 - up) + upper * up, np.nan))
 
 
 _EDGE = 1e-6
@@ -106,7 +101,8 @@ def _subgrid(content: bytes, start: int, order: str, unit: float) -> tuple[Subgr
         raise GridError("its limits are not numbers, or its steps (LAT_INC, LONG_INC) not above 0")
     with np.errstate(over="ignore"):
         sizes = np.array([north - south, west - east]) / [step, step_west]
-    if not (np.abs(sizes) < _MOST_STEPS).all():
+    # Steps along a side: no file has as many.
+    if not (np.abs(sizes) < 1e6).all():
         raise GridError("its limits and steps (LAT_INC, LONG_INC) make more nodes than a file can have")
     rows, columns = (round(float(size)) + 1 for size in sizes)
     if rows < 2 or columns < 2 or rows * columns != count:
@@ -117,7 +113,8 @@ def _subgrid(content: bytes, start: int, order: str, unit: float) -> tuple[Subgr
     nodes = np.frombuffer(content, order + "f4", 4 * count, first).reshape(rows, columns, 4)
     with np.errstate(invalid="ignore"):  # what stands for no value may be no number
         values = nodes[:, :, :3] * np.array([1.0, ARCSEC, ARCSEC])
-    values[np.abs(nodes[:, :, 0]) > _HIGHEST] = np.nan
+    # Geoid heights are within 110 m of the ellipsoid: a larger value stands for a node without one.
+    values[np.abs(nodes[:, :, 0]) > 200.0] = np.nan
     return Subgrid(south * unit, -east * unit, (step * unit, step_west * unit), values), behind
 
 
@@ -280,8 +277,7 @@ class ReferenceSystem:
             east = (longitude - area.west + _MARGIN) % 360.0
         width = (area.east - area.west) % 360.0 or 360.0
         north = (latitude >= area.south - _MARGIN) & (latitude <= area.north + _MARGIN)
-        outside: BoolArray = ~(north & (east <= width + 2.0 * _MARGIN))
-        return outside
+        return np.asarray(~(north & (east <= width + 2.0 * _MARGIN)))
 
 
 _MARGIN = 2.0
@@ -377,8 +373,7 @@ class EarthModel:
 
     def inside(self) -> FloatArray:
         """Coordinates (3,) in the system of the origin of the object system, at height 0: a place for what has none."""
-        there: FloatArray = self.from_object(np.zeros((1, 3)), np.zeros(1))[0]
-        return there
+        return np.asarray(self.from_object(np.zeros((1, 3)), np.zeros(1))[0])
 
     def in_metres(self, coordinates: FloatArray) -> FloatArray:
         """Coordinates (n, 3) in the system with their lengths (not their angles) in metres."""
@@ -398,8 +393,7 @@ class EarthModel:
         there = np.hstack([east_north, np.zeros((len(east_north), 1))])
         by_local = self.grid(self.to_object(there, np.zeros(len(there))))
         # Grid north keeps east as it is: it leads along (e, n) with ∂E/∂e e + ∂E/∂n n = 0.
-        clockwise: FloatArray = np.arctan2(-by_local[:, 0, 1], by_local[:, 0, 0])
-        return clockwise
+        return np.asarray(np.arctan2(-by_local[:, 0, 1], by_local[:, 0, 0]))
 
     def from_object(self, position: FloatArray, geoid: FloatArray) -> FloatArray:
         """Coordinates (n, 3) in the system of object coordinates (n, 3); the way back of :meth:`to_object`."""
@@ -412,8 +406,7 @@ class EarthModel:
 
 def _scaled(system: ReferenceSystem, coordinates: FloatArray, factor: float) -> FloatArray:
     lengths = [1.0 if name in ("latitude", "longitude") else factor for name in system.coordinates]
-    scaled: FloatArray = coordinates * np.array(lengths)
-    return scaled
+    return np.asarray(coordinates * np.array(lengths))
 
 
 _NEAR = 10.0

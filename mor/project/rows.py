@@ -157,7 +157,8 @@ def declare(reading: Reading, rows: Rows, column: str, spaces: Sequence[str]) ->
 
     Not of names with a prefix (``image:B1``): those say what they name.
     """
-    if not may_declare(reading):
+    wanted = reading.project.settings.undeclared_points == "free"
+    if not wanted or reading.section != "observations" or "point" in reading.broken:
         return
     taken = [reading.shop.things[space].numbers for space in spaces]
     names = (name for name in rows.names(column).known if not any(name in there for there in taken))
@@ -169,12 +170,6 @@ def declare(reading: Reading, rows: Rows, column: str, spaces: Sequence[str]) ->
     for name in new:
         reading.undeclared[name] = (rows.file, int(rows.lines[first[name]]))
     add_free_points(reading, new)
-
-
-def may_declare(reading: Reading) -> bool:
-    """Return True if the project wants free points for names that nothing has."""
-    wanted = reading.project.settings.undeclared_points == "free"
-    return wanted and reading.section == "observations" and "point" not in reading.broken
 
 
 def check_undeclared(reading: Reading, groups: Sequence[ObservationGroup]) -> None:
@@ -313,7 +308,8 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
         if not reading.broken.intersection(reference.among):
             ids = [name for things in spaces.values() for name in things.ids]
             _tell_unknown(reading, reference.name, rows, names, open_, ids)
-            if "point" in reference.among and np.count_nonzero(open_) >= _SEVERAL:
+            # Unknown names of a table that look like points which were left out on purpose.
+            if "point" in reference.among and np.count_nonzero(open_) >= 3:
                 words = "points that no table contains are unknowns with settings: {undeclared_points: free}"
                 hint = reading.at("settings").problem(words)
                 if hint not in reading.problems:
@@ -361,20 +357,12 @@ def _tell_unknown(
     numbers, first = np.unique(names.numbers, return_index=True)
     wrong = np.zeros(rows.count, dtype=bool)
     wrong[first[unknown[numbers]]] = True
-    guessed = set(np.flatnonzero(wrong)[:_GUESSED].tolist())
+    # Unknown names for which the nearest one is looked for among very many.
+    guessed = set(np.flatnonzero(wrong)[:5].tolist())
     few = len(ids) <= MANY_NAMES
     tell_rows(
-        reading.problems,
-        wrong,
-        rows,
-        lambda row: unknown_name(what, names[row], ids if few or row in guessed else ()),
+        reading.problems, wrong, rows, lambda row: unknown_name(what, names[row], ids if few or row in guessed else ())
     )
-
-
-_SEVERAL = 3
-"""Unknown names of a table that look like points which were left out on purpose."""
-_GUESSED = 5
-"""Unknown names for which the nearest one is looked for among very many."""
 
 
 def _stations_on_points(reading: Reading, names: Names, rows: Rows) -> Names:
@@ -542,8 +530,7 @@ class Air(NamedTuple):
 def vapour_pressure(temperature: FloatArray, humidity: FloatArray) -> FloatArray:
     """Partial pressure of water vapour, hPa, at t (°C) and the relative humidity (%), by Magnus' formula."""
     saturated = 6.1078 * np.exp(17.269 * temperature / (237.3 + temperature))
-    pressure: FloatArray = 0.01 * humidity * saturated
-    return pressure
+    return np.asarray(0.01 * humidity * saturated)
 
 
 def dispersion_constant(wavelength: float) -> float:
@@ -554,8 +541,7 @@ def dispersion_constant(wavelength: float) -> float:
 def first_velocity_correction(air: Air, C: float, D: float) -> FloatArray:
     """(n,) correction per unit of length."""
     absolute = _ZERO + air.temperature
-    correction: FloatArray = 1e-6 * (C - D * air.pressure / absolute + 11.27 * air.vapour / absolute)
-    return correction
+    return np.asarray(1e-6 * (C - D * air.pressure / absolute + 11.27 * air.vapour / absolute))
 
 
 def air_columns(edge: Edge) -> list[Column]:
@@ -581,9 +567,7 @@ def corrected(reading: Reading, entry: Observations, rows: Rows, given: FloatArr
     if constants is None or len(reading.problems) > before:
         return given
     vapour = np.where(
-        np.isfinite(found[VAPOUR]),
-        found[VAPOUR],
-        np.nan_to_num(vapour_pressure(found[TEMPERATURE], found[HUMIDITY])),
+        np.isfinite(found[VAPOUR]), found[VAPOUR], np.nan_to_num(vapour_pressure(found[TEMPERATURE], found[HUMIDITY]))
     )
     correction = first_velocity_correction(Air(found[TEMPERATURE], found[PRESSURE], vapour), *constants)
     return given * (1.0 + correction[:, None])

@@ -7,15 +7,7 @@ import re
 from dataclasses import replace
 from typing import Annotated, Any, Literal, TypeVar, get_args
 
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    ConfigDict,
-    Field,
-    StringConstraints,
-    ValidationError,
-    model_validator,
-)
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, StringConstraints, ValidationError, model_validator
 from pydantic_core import ErrorDetails
 
 from mor.errors import InputError, Message, nearest
@@ -52,6 +44,16 @@ def one_sign(sign: str) -> str:
     return sign
 
 
+def optional(description: str, **limits: Any) -> Any:
+    """A key that need not be there: ``None`` by default."""
+    return Field(None, description=description, **limits)
+
+
+def several(description: str, of: type[list[Any]] | type[dict[str, Any]] = list) -> Any:
+    """A key with any number of entries: none by default."""
+    return Field(default_factory=of, description=description)
+
+
 Model = TypeVar("Model", bound=BaseModel)
 
 
@@ -75,31 +77,21 @@ _SAID = {"file": "a file", "direction": "a direction", "surface": "a surface"}
 class TableEntry(Strict):
     """Rows, here or in a file beside the project."""
 
-    name: Text | None = Field(default=None, description="Name in reports; default the file or the type")
-    file: Text | None = Field(
-        default=None,
-        description="CSV (may be .gz), Parquet or spreadsheet (.xlsx, .ods), relative to the project file",
+    name: Text | None = optional("Name in reports; default the file or the type")
+    file: Text | None = optional("CSV (may be .gz), Parquet or spreadsheet (.xlsx, .ods), relative to the project file")
+    rows: list[list[str | None]] | None = optional("Rows in place, in the order of columns")
+    columns: list[Text | None] | dict[str, Text | None] | None = optional(
+        "A list declares the columns of rows or of a file without header (null skips one); "
+        "a mapping renames columns of a file with header (null skips one)"
     )
-    rows: list[list[str | None]] | None = Field(default=None, description="Rows in place, in the order of columns")
-    columns: list[Text | None] | dict[str, Text | None] | None = Field(
-        default=None,
-        description="A list declares the columns of rows or of a file without header (null skips one); "
-        "a mapping renames columns of a file with header (null skips one)",
-    )
-    values: dict[str, Text] = Field(default_factory=dict, description="Columns with the same value in every row")
-    units: Text | dict[str, Text] = Field(default_factory=dict, description="Units by column, or one for all")
+    values: dict[str, Text] = several("Columns with the same value in every row", of=dict)
+    units: Text | dict[str, Text] = several("Units by column, or one for all", of=dict)
     delimiter: (
-        Annotated[
-            str,
-            StringConstraints(strip_whitespace=False, min_length=1, max_length=1),
-            AfterValidator(one_sign),
-        ]
+        Annotated[str, StringConstraints(strip_whitespace=False, min_length=1, max_length=1), AfterValidator(one_sign)]
         | None
-    ) = Field(default=None, description="Between columns of a CSV file; a blank stands for any number of blanks")
-    decimal: Literal[".", ","] = Field(default=".", description="Decimal sign of the numbers in the file")
-    sheet: Text | None = Field(
-        default=None, description="Sheet of a spreadsheet; needed if several sheets hold something"
-    )
+    ) = optional("Between columns of a CSV file; a blank stands for any number of blanks")
+    decimal: Literal[".", ","] = Field(".", description="Decimal sign of the numbers in the file")
+    sheet: Text | None = optional("Sheet of a spreadsheet; needed if several sheets hold something")
 
     @model_validator(mode="after")
     def _one_source(self) -> TableEntry:
@@ -146,22 +138,18 @@ class World(Strict):
     crs: Text = Field(
         description="Coordinate reference system of the points: EPSG code (EPSG:25832, compound EPSG:25832+7837) or WKT"
     )
-    heights: Literal["ellipsoidal", "orthometric"] | None = Field(
-        default=None,
-        description="What heights of points are above: the ellipsoid or the geoid; where crs does not say it",
+    heights: Literal["ellipsoidal", "orthometric"] | None = optional(
+        "What heights of points are above: the ellipsoid or the geoid; where crs does not say it"
     )
-    geoid: Text | None = Field(
-        default=None,
-        description="Grid of geoid heights (GTX, GeoTIFF, GSB) for points without a value in their column geoid",
+    geoid: Text | None = optional(
+        "Grid of geoid heights (GTX, GeoTIFF, GSB) for points without a value in their column geoid"
     )
-    deflections: Text | DeflectionGrids | None = Field(
-        default=None,
-        description="Grid of deflections of the vertical for points without values in their columns: a GSB file with "
-        "geoid heights and deflections, or one grid each for north and east",
+    deflections: Text | DeflectionGrids | None = optional(
+        "Grid of deflections of the vertical for points without values in their columns: a GSB file with "
+        "geoid heights and deflections, or one grid each for north and east"
     )
-    origin: Origin | None = Field(
-        default=None,
-        description="Origin of the object system; by itself it is the middle of the points, rounded to 0.0001°",
+    origin: Origin | None = optional(
+        "Origin of the object system; by itself it is the middle of the points, rounded to 0.0001°"
     )
 
 
@@ -176,14 +164,12 @@ class SphereOrigin(Strict):
 class Curvature(Strict):
     """The sphere under a local network; true alone is the mean radius of the earth, 6371 km."""
 
-    radius: Measure | None = Field(default=None, description="Radius, e.g. 6381 km; default 6371 km")
-    latitude: Measure | None = Field(
-        default=None,
-        description="In place of the radius: latitude, whose Gaussian mean radius on GRS80 is taken (48 deg)",
+    radius: Measure | None = optional("Radius, e.g. 6381 km; default 6371 km")
+    latitude: Measure | None = optional(
+        "In place of the radius: latitude, whose Gaussian mean radius on GRS80 is taken (48 deg)"
     )
-    origin: SphereOrigin | None = Field(
-        default=None,
-        description="Origin of the sphere; by itself the median of the given coordinates, rounded to a metre",
+    origin: SphereOrigin | None = optional(
+        "Origin of the sphere; by itself the median of the given coordinates, rounded to a metre"
     )
 
 
@@ -195,10 +181,8 @@ _Component = Literal["vx", "vy", "vz", "sin_x", "sin_y", "sin_z", "cos_x", "cos_
 class Epochs(Strict):
     """What the times of observations are counted from."""
 
-    reference: Text | None = Field(
-        default=None,
-        description="Time at which points with a velocity have their coordinates: 2015-05-12 or 2015.36; "
-        "default the first epoch",
+    reference: Text | None = optional(
+        "Time at which points with a velocity have their coordinates: 2015-05-12 or 2015.36; default the first epoch"
     )
 
 
@@ -209,10 +193,8 @@ class MotionEntry(TableEntry):
         description="velocity: vx, vy, vz in a year; seasonal: an annual oscillation sin_x … cos_z; "
         "steps: dx, dy, dz at a time; epochs: coordinates of its own in every epoch"
     )
-    points: list[Name] | None = Field(
-        default=None, description="In place of a table: names, groups of points, or patterns such as D*"
-    )
-    fixed: list[_Component] = Field(default_factory=list, description="Components held as they are")
+    points: list[Name] | None = optional("In place of a table: names, groups of points, or patterns such as D*")
+    fixed: list[_Component] = several("Components held as they are")
 
     @property
     def sources(self) -> dict[str, object]:
@@ -233,17 +215,14 @@ class RequiredSigma(Strict):
     """Largest standard deviations that points may have."""
 
     points: list[Name] = Field(
-        default=["*"],
-        description="Names, groups of points, or patterns of names: P* is all that begin with P",
+        ["*"], description="Names, groups of points, or patterns of names: P* is all that begin with P"
     )
-    x: Measure | None = Field(default=None, description="Largest σ of x")
-    y: Measure | None = Field(default=None, description="Largest σ of y")
-    z: Measure | None = Field(default=None, description="Largest σ of z")
-    xy: Measure | None = Field(default=None, description="Largest σ of x, and of y")
-    xyz: Measure | None = Field(default=None, description="Largest σ of x, of y and of z")
-    ellipsoid: Measure | None = Field(
-        default=None, description="Longest semi-axis of the error ellipsoid: no direction has a larger σ"
-    )
+    x: Measure | None = optional("Largest σ of x")
+    y: Measure | None = optional("Largest σ of y")
+    z: Measure | None = optional("Largest σ of z")
+    xy: Measure | None = optional("Largest σ of x, and of y")
+    xyz: Measure | None = optional("Largest σ of x, of y and of z")
+    ellipsoid: Measure | None = optional("Longest semi-axis of the error ellipsoid: no direction has a larger σ")
 
     @model_validator(mode="after")
     def _something(self) -> RequiredSigma:
@@ -255,13 +234,9 @@ class RequiredSigma(Strict):
 class RequiredReliability(Strict):
     """How well observations must control each other."""
 
-    groups: list[Name] = Field(default=["*"], description="Names of groups of observations, or patterns of them")
-    r: float | None = Field(default=None, gt=0.0, lt=1.0, description="Least redundancy number")
-    external: float | None = Field(
-        default=None,
-        gt=0.0,
-        description="Largest external reliability δ̄0: effect of an undetected error, in σ",
-    )
+    groups: list[Name] = Field(["*"], description="Names of groups of observations, or patterns of them")
+    r: float | None = optional("Least redundancy number", gt=0.0, lt=1.0)
+    external: float | None = optional("Largest external reliability δ̄0: effect of an undetected error, in σ", gt=0.0)
 
     @model_validator(mode="after")
     def _something(self) -> RequiredReliability:
@@ -273,36 +248,30 @@ class RequiredReliability(Strict):
 class Require(Strict):
     """What a plan has to reach: mor design says whether it does."""
 
-    sigma: RequiredSigma | list[RequiredSigma] = Field(
-        default_factory=list, description="Largest σ of points, a priori, in the datum of the project"
-    )
-    reliability: RequiredReliability | list[RequiredReliability] = Field(
-        default_factory=list, description="Least redundancy numbers, largest external reliability"
+    sigma: RequiredSigma | list[RequiredSigma] = several("Largest σ of points, a priori, in the datum of the project")
+    reliability: RequiredReliability | list[RequiredReliability] = several(
+        "Least redundancy numbers, largest external reliability"
     )
 
 
 class Without(Strict):
     """What a variant leaves out: every observation that refers to one of these; names or patterns."""
 
-    points: list[Name] = Field(default_factory=list, description="Points")
-    images: list[Name] = Field(default_factory=list, description="Images")
-    stations: list[Name] = Field(default_factory=list, description="Stations of theodolites, and their sets")
-    groups: list[Name] = Field(default_factory=list, description="Groups of observations, by their names")
+    points: list[Name] = several("Points")
+    images: list[Name] = several("Images")
+    stations: list[Name] = several("Stations of theodolites, and their sets")
+    groups: list[Name] = several("Groups of observations, by their names")
 
 
 class Variant(Strict):
     """What would be if: the project with something left out, with other σ, or with more observations."""
 
-    without: Without = Field(default=Without.model_construct(), description="What is left out")
-    factor: dict[Name, Annotated[float, Field(gt=0.0, le=1e50)]] = Field(
-        default_factory=dict, description="Factors on the σ of groups of observations, by names or patterns"
+    without: Without = Field(Without.model_construct(), description="What is left out")
+    factor: dict[Name, Annotated[float, Field(gt=0.0, le=1e50)]] = several(
+        "Factors on the σ of groups of observations, by names or patterns", of=dict
     )
-    candidates: list[Name] = Field(
-        default_factory=list, description="Tables of candidates that take part, by names or patterns"
-    )
-    cameras: dict[Name, dict[str, Any]] = Field(
-        default_factory=dict, description="Keys of cameras that differ: another lens"
-    )
+    candidates: list[Name] = several("Tables of candidates that take part, by names or patterns")
+    cameras: dict[Name, dict[str, Any]] = several("Keys of cameras that differ: another lens", of=dict)
 
 
 # ---- What a project file says of who sees what: surfaces in the way, normals of targets, limits of sights.
@@ -313,15 +282,13 @@ _Place = Name | Annotated[list[Measure], Field(min_length=3, max_length=3)]
 class Surface(Strict):
     """Something that no sight goes through: a plane polygon, or the faces of a mesh."""
 
-    name: Name | None = Field(default=None, description="Its name, for normals that are its own")
-    polygon: Annotated[list[_Place], Field(min_length=3)] | None = Field(
-        default=None, description="Its corners in turn: names of points, or coordinates [x, y, z]"
+    name: Name | None = optional("Its name, for normals that are its own")
+    polygon: Annotated[list[_Place], Field(min_length=3)] | None = optional(
+        "Its corners in turn: names of points, or coordinates [x, y, z]"
     )
-    file: Text | None = Field(
-        default=None, description="A mesh in the coordinates of the project: PLY or OBJ; may be .gz"
-    )
-    unit: Literal["m", "dm", "cm", "mm", "um", "km", "ft", "us-ft", "in"] | None = Field(
-        default=None, description="Unit of the coordinates of the file; default that of the project"
+    file: Text | None = optional("A mesh in the coordinates of the project: PLY or OBJ; may be .gz")
+    unit: Literal["m", "dm", "cm", "mm", "um", "km", "ft", "us-ft", "in"] | None = optional(
+        "Unit of the coordinates of the file; default that of the project"
     )
 
     @model_validator(mode="after")
@@ -336,14 +303,11 @@ class Surface(Strict):
 class Normals(TableEntry):
     """Normals of targets, which point to where they can be seen from: a table id, nx, ny, nz, or one for many."""
 
-    points: list[Name] = Field(
-        default_factory=list,
-        description="Names, groups of points, or patterns, that direction or surface is for",
+    points: list[Name] = several("Names, groups of points, or patterns, that direction or surface is for")
+    direction: Annotated[list[float], Field(min_length=3, max_length=3)] | None = optional(
+        "Their common normal [nx, ny, nz], of any length"
     )
-    direction: Annotated[list[float], Field(min_length=3, max_length=3)] | None = Field(
-        default=None, description="Their common normal [nx, ny, nz], of any length"
-    )
-    surface: Name | None = Field(default=None, description="The surface they are on: each has the normal of its face")
+    surface: Name | None = optional("The surface they are on: each has the normal of its face")
 
     @property
     def sources(self) -> dict[str, object]:
@@ -360,12 +324,10 @@ class Normals(TableEntry):
 class Visibility(Strict):
     """What stands in the way of sights, and where targets look."""
 
-    surfaces: list[Surface] = Field(default_factory=list, description="What no sight goes through")
-    normals: list[Normals] = Field(
-        default_factory=list, description="Normals of targets; of a point that is named twice the last one"
-    )
+    surfaces: list[Surface] = several("What no sight goes through")
+    normals: list[Normals] = several("Normals of targets; of a point that is named twice the last one")
     clearance: Measure = Field(
-        default="1 mm",
+        "1 mm",
         description="A surface whose plane is as close to either end of a sight is not in its way: targets are on it",
     )
 
@@ -374,25 +336,17 @@ class Visible(Strict):
     """Everything that can be seen is observed: the limits of it."""
 
     at: list[Name] = Field(
-        default=["*"],
-        description="Where sights begin: images, stations, systems or points, by the type; names or patterns",
+        ["*"], description="Where sights begin: images, stations, systems or points, by the type; names or patterns"
     )
-    to: list[Name] = Field(default=["*"], description="Targets: names, groups of points, or patterns")
-    nearest: Measure | None = Field(default=None, description="Shortest sight")
-    farthest: Measure | None = Field(default=None, description="Longest sight")
+    to: list[Name] = Field(["*"], description="Targets: names, groups of points, or patterns")
+    nearest: Measure | None = optional("Shortest sight")
+    farthest: Measure | None = optional("Longest sight")
     incidence: Measure = Field(
-        default="100 gon",
-        description="Largest angle between the normal of a target and the sight to it, where it has a normal",
+        "100 gon", description="Largest angle between the normal of a target and the sight to it, where it has a normal"
     )
-    border: Measure | None = Field(
-        default=None, description="Margin of the image format that is left empty, image unit"
-    )
-    steepest: Measure | None = Field(
-        default=None, description="Largest angle of a sight of an instrument above or below the horizon"
-    )
-    both_ways: bool = Field(
-        default=False, description="Between points: each pair from either end, not only from the first one"
-    )
+    border: Measure | None = optional("Margin of the image format that is left empty, image unit")
+    steepest: Measure | None = optional("Largest angle of a sight of an instrument above or below the horizon")
+    both_ways: bool = Field(False, description="Between points: each pair from either end, not only from the first one")
 
 
 # ---- What a project file says of values with a status, and of the instruments that groups of observations share.
@@ -401,11 +355,11 @@ class Visible(Strict):
 class Value(Strict):
     """A component with its status: exactly one of free, fixed, observed."""
 
-    free: Measure | None = Field(default=None, description="Unknown, starting at this value")
-    fixed: Measure | None = Field(default=None, description="Constant")
-    observed: Measure | None = Field(default=None, description="Unknown, observed with sigma")
-    sigma: Measure | None = Field(default=None, description="σ of an observed value; 0 means fixed")
-    start: Measure | None = Field(default=None, description="Start value, where it differs from the observed one")
+    free: Measure | None = optional("Unknown, starting at this value")
+    fixed: Measure | None = optional("Constant")
+    observed: Measure | None = optional("Unknown, observed with sigma")
+    sigma: Measure | None = optional("σ of an observed value; 0 means fixed")
+    start: Measure | None = optional("Start value, where it differs from the observed one")
 
     @model_validator(mode="after")
     def _one_status(self) -> Value:
@@ -425,8 +379,8 @@ class Atmosphere(Strict):
     """What an instrument takes the velocity of light to be: the first velocity correction from columns of the air."""
 
     C: float = Field(description="Reference refractivity (n - 1) · 10⁶ of the instrument")
-    D: float | None = Field(default=None, description="Constant of its carrier wavelength, K/hPa · 10⁶")
-    wavelength: Measure | None = Field(default=None, description="Its carrier wavelength in place of D: 0.658 um")
+    D: float | None = optional("Constant of its carrier wavelength, K/hPa · 10⁶")
+    wavelength: Measure | None = optional("Its carrier wavelength in place of D: 0.658 um")
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Atmosphere:
@@ -438,47 +392,38 @@ class Atmosphere(Strict):
 class Instrument(Strict):
     """Parameters that a group of distances or vertical angles shares; a plain number is fixed."""
 
-    scale: Setting | None = Field(default=None, description="Distance scale m, s_obs = (s - a)/m")
-    offset: Setting | None = Field(default=None, description="Zero offset a")
-    refraction: Setting | None = Field(default=None, description="Refraction coefficient k")
-    atmosphere: Atmosphere | None = Field(
-        default=None,
-        description="C, and D or wavelength: distances with columns temperature (°C), pressure (hPa), humidity (%) or "
-        "vapour_pressure (hPa) get their first velocity correction",
+    scale: Setting | None = optional("Distance scale m, s_obs = (s - a)/m")
+    offset: Setting | None = optional("Zero offset a")
+    refraction: Setting | None = optional("Refraction coefficient k")
+    atmosphere: Atmosphere | None = optional(
+        "C, and D or wavelength: distances with columns temperature (°C), pressure (hPa), humidity (%) or "
+        "vapour_pressure (hPa) get their first velocity correction"
     )
-    frame: dict[str, Setting] = Field(
-        default_factory=dict,
-        description="shift_x, shift_y, shift_z, turn_x, turn_y, turn_z and scale of the frame of a GNSS solution "
+    frame: dict[str, Setting] = several(
+        "shift_x, shift_y, shift_z, turn_x, turn_y, turn_z and scale of the frame of a GNSS solution "
         "against that of the points, geocentric axes, about the middle of the network",
+        of=dict,
     )
-    lever_arm: dict[str, Setting] = Field(
-        default_factory=dict, description="rx, ry, rz from the trajectory to the antenna, its own axes"
+    lever_arm: dict[str, Setting] = several("rx, ry, rz from the trajectory to the antenna, its own axes", of=dict)
+    boresight: dict[str, Setting] = several(
+        "omega, phi, kappa from the axes of the trajectory to those of an inertial system", of=dict
     )
-    boresight: dict[str, Setting] = Field(
-        default_factory=dict,
-        description="omega, phi, kappa from the axes of the trajectory to those of an inertial system",
+    position: dict[str, Setting] = several(
+        "shift_x, shift_y, shift_z, drift_x, drift_y, drift_z of positions, of each strip its own", of=dict
     )
-    position: dict[str, Setting] = Field(
-        default_factory=dict,
-        description="shift_x, shift_y, shift_z, drift_x, drift_y, drift_z of positions, of each strip its own",
+    attitude: dict[str, Setting] = several(
+        "turn_x, turn_y, turn_z, turn_drift_x, turn_drift_y, turn_drift_z of attitudes, of each strip its own", of=dict
     )
-    attitude: dict[str, Setting] = Field(
-        default_factory=dict,
-        description="turn_x, turn_y, turn_z, turn_drift_x, turn_drift_y, turn_drift_z of attitudes, of each strip "
-        "its own",
-    )
-    time_offset: Setting | None = Field(
-        default=None, description="What is to be added to the times of the instrument, e.g. 20 ms"
-    )
+    time_offset: Setting | None = optional("What is to be added to the times of the instrument, e.g. 20 ms")
 
 
 class Centring(Strict):
     """Set-up errors of instrument and target, added to the σ of an observation as far as they act on it."""
 
-    instrument: Measure = Field(default="0", description="σ of its horizontal position, in either coordinate")
-    target: Measure = Field(default="0", description="The same of the target")
-    instrument_height: Measure = Field(default="0", description="σ of the measured height of the instrument")
-    target_height: Measure = Field(default="0", description="σ of the measured height of the target")
+    instrument: Measure = Field("0", description="σ of its horizontal position, in either coordinate")
+    target: Measure = Field("0", description="The same of the target")
+    instrument_height: Measure = Field("0", description="σ of the measured height of the instrument")
+    target_height: Measure = Field("0", description="σ of the measured height of the target")
 
 
 # ---- What a project file says of trajectories: their knots, how poses lie between them, how steady they are.
@@ -487,41 +432,33 @@ class Centring(Strict):
 class Steadiness(Strict):
     """σ of differences of neighbouring knots, which are observed as 0."""
 
-    position: Measure | None = Field(default=None, description="σ of x, y, z each, e.g. 0.5 m/s^2")
-    attitude: Measure | None = Field(default=None, description="σ about each axis, e.g. 0.1 deg/s^2")
+    position: Measure | None = optional("σ of x, y, z each, e.g. 0.5 m/s^2")
+    attitude: Measure | None = optional("σ about each axis, e.g. 0.1 deg/s^2")
 
 
 class TrajectoryEntry(TableEntry):
     """Knots of trajectories: trajectory, time, x, y, z, omega, phi, kappa; sigma columns make components observed."""
 
-    fixed: list[Literal["x", "y", "z", "omega", "phi", "kappa"]] = Field(
-        default_factory=list, description="Components held as they are"
+    fixed: list[Literal["x", "y", "z", "omega", "phi", "kappa"]] = several("Components held as they are")
+    interpolation: Literal["linear", "cubic"] = Field("linear", description="Between two knots, or through four")
+    spacing: Measure | None = optional(
+        "Rows are no knots: there is one every so many seconds, free, starting between the rows"
     )
-    interpolation: Literal["linear", "cubic"] = Field(
-        default="linear", description="Between two knots, or through four"
-    )
-    spacing: Measure | None = Field(
-        default=None,
-        description="Rows are no knots: there is one every so many seconds, free, starting between the rows",
-    )
-    gap: Measure | None = Field(
-        default=None,
-        description="Knots (or rows) further apart than this belong to different stretches; nothing is in between",
+    gap: Measure | None = optional(
+        "Knots (or rows) further apart than this belong to different stretches; nothing is in between"
     )
     constancy: Steadiness = Field(
-        default=Steadiness.model_construct(),
-        description="σ of velocity and rate of rotation between knots, observed as 0",
+        Steadiness.model_construct(), description="σ of velocity and rate of rotation between knots, observed as 0"
     )
     smoothness: Steadiness = Field(
-        default=Steadiness.model_construct(),
-        description="σ of acceleration and change of the rate of rotation, observed as 0",
+        Steadiness.model_construct(), description="σ of acceleration and change of the rate of rotation, observed as 0"
     )
 
 
 class LineTimes(TableEntry):
     """Times of the lines of scanners, where their rate is not steady: image, row, time; in between they are linear."""
 
-    name: Text | None = Field(default=None, description="Name in messages; default the file")
+    name: Text | None = optional("Name in messages; default the file")
 
 
 # ---- The project file as a model: every key there is, its type and what it means. The JSON Schema is made from it.
@@ -531,22 +468,22 @@ class Units(Strict):
     """Units of all values that carry none of their own."""
 
     length: Literal["m", "dm", "cm", "mm", "um", "km", "ft", "us-ft", "in"] = Field(
-        default="m", description="Unit of lengths and coordinates"
+        "m", description="Unit of lengths and coordinates"
     )
-    angle: Literal["gon", "deg", "dms", "rad", "mrad", "mgon"] = Field(default="gon", description="Unit of angles")
+    angle: Literal["gon", "deg", "dms", "rad", "mrad", "mgon"] = Field("gon", description="Unit of angles")
 
 
 class Axes(Strict):
     """Axes of the object system: compass directions of x and y, and how horizontal angles and bearings count."""
 
     xy: Literal["en", "nw", "ws", "se", "ne", "sw", "es", "wn"] = Field(
-        default="en", description="Directions of the x and y axes: en is x east, y north"
+        "en", description="Directions of the x and y axes: en is x east, y north"
     )
     angles: Literal["clockwise", "counterclockwise"] = Field(
-        default="clockwise", description="How directions, horizontal angles and bearings count"
+        "clockwise", description="How directions, horizontal angles and bearings count"
     )
     bearings_from: Literal["north", "east", "south", "west"] = Field(
-        default="north", description="Where bearings and orientations count from"
+        "north", description="Where bearings and orientations count from"
     )
 
 
@@ -555,7 +492,7 @@ class ImageFormat(Strict):
 
     width: Measure = Field(description="Image width in px")
     height: Measure = Field(description="Image height in px")
-    pixel: Measure | None = Field(default=None, description="Size of one, e.g. 4.14 um; px need none")
+    pixel: Measure | None = optional("Size of one, e.g. 4.14 um; px need none")
 
 
 class Camera(Strict):
@@ -574,55 +511,40 @@ class Camera(Strict):
         "rad-tan-thin-prism-fisheye",
         "fov",
         "panorama",
-    ] = Field(default="mor", alias="model", description="Camera model: how distortion is described")
-    medium: Literal["flat-port", "dome-port"] | None = Field(
-        default=None,
-        description="Port of an underwater housing; its parameters belong to interior: tilt_x, tilt_y, distance, or "
-        "centre_x, centre_y, centre_z, radius; glass, n_air, n_glass, n_water",
+    ] = Field("mor", description="Camera model: how distortion is described", alias="model")
+    medium: Literal["flat-port", "dome-port"] | None = optional(
+        "Port of an underwater housing; its parameters belong to interior: tilt_x, tilt_y, distance, or "
+        "centre_x, centre_y, centre_z, radius; glass, n_air, n_glass, n_water"
     )
-    unit: Literal["mm", "um", "px", "m"] = Field(default="mm", description="Unit of interior orientation and residuals")
-    image: ImageFormat | None = Field(default=None, description="Size of image and pixel")
+    unit: Literal["mm", "um", "px", "m"] = Field("mm", description="Unit of interior orientation and residuals")
+    image: ImageFormat | None = optional("Size of image and pixel")
     coordinates: Literal["centred", "corner"] = Field(
-        default="centred",
+        "centred",
         description="centred: origin in the image centre, y up; corner: origin in the upper left corner, y down",
     )
-    r0: Measure | None = Field(default=None, description="Second zero crossing of the radial distortion (model mor)")
-    interior: dict[str, Setting] = Field(
-        description="c, xh, yh and distortion; a plain number is fixed", default_factory=dict
+    r0: Measure | None = optional("Second zero crossing of the radial distortion (model mor)")
+    interior: dict[str, Setting] = several("c, xh, yh and distortion; a plain number is fixed", of=dict)
+    focal_length: Measure | None = optional("As in EXIF, e.g. 28 mm: a start value of c where interior gives none")
+    focal_length_35mm: float | None = optional(
+        "35 mm equivalent as in EXIF; needs image; a start value of c as well", gt=0.0
     )
-    focal_length: Measure | None = Field(
-        default=None, description="As in EXIF, e.g. 28 mm: a start value of c where interior gives none"
+    eccentricity: dict[str, Setting] = several(
+        "rx, ry, rz from the projection centre to the rotation centre, image axes", of=dict
     )
-    focal_length_35mm: float | None = Field(
-        default=None,
-        gt=0.0,
-        description="35 mm equivalent as in EXIF; needs image; a start value of c as well",
-    )
-    eccentricity: dict[str, Setting] = Field(
-        default_factory=dict,
-        description="rx, ry, rz from the projection centre to the rotation centre, image axes",
-    )
-    readout: Setting | None = Field(
-        default=None,
-        description="Time from the first row to the last of a rolling shutter, e.g. 30 ms; a plain number is fixed, "
-        "0 (the default) is a global shutter",
+    readout: Setting | None = optional(
+        "Time from the first row to the last of a rolling shutter, e.g. 30 ms; a plain number is fixed, "
+        "0 (the default) is a global shutter"
     )
     readout_direction: Literal["down", "up", "right", "left"] = Field(
-        default="down",
-        description="Where the readout goes in the image: down is from the top row to the bottom",
+        "down", description="Where the readout goes in the image: down is from the top row to the bottom"
     )
-    line_time: Measure | None = Field(
-        default=None,
-        description="Of a line scanner: time from one line to the next, with its unit, e.g. 2 ms; a row of the image "
-        "is a line, and x counts along it",
+    line_time: Measure | None = optional(
+        "Of a line scanner: time from one line to the next, with its unit, e.g. 2 ms; a row of the image "
+        "is a line, and x counts along it"
     )
-    line: Measure | None = Field(
-        default=None,
-        description="y of the line of a scanner in the axes of the camera, e.g. 9.1 mm; default 0",
-    )
-    image_variant: list[Text] | dict[str, Measure | None] = Field(
-        default_factory=list,
-        description="Components that every image has of its own, with the σ of their difference from the camera's",
+    line: Measure | None = optional("y of the line of a scanner in the axes of the camera, e.g. 9.1 mm; default 0")
+    image_variant: list[Text] | dict[str, Measure | None] = several(
+        "Components that every image has of its own, with the σ of their difference from the camera's"
     )
 
     @property
@@ -640,8 +562,8 @@ class Camera(Strict):
 class Points(TableEntry):
     """Points: id, x, y, z; sigma columns make components observed."""
 
-    fixed: list[Literal["x", "y", "z"]] = Field(default_factory=list, description="Components held as they are")
-    group: Text | None = Field(default=None, description="Name of this class of points, to refer to in the datum")
+    fixed: list[Literal["x", "y", "z"]] = several("Components held as they are")
+    group: Text | None = optional("Name of this class of points, to refer to in the datum")
 
 
 _POSE = Literal["x", "y", "z", "omega", "phi", "kappa"]
@@ -653,10 +575,9 @@ _SET_UP = Literal["height", "rx", "ry", "rz", "vx", "vy", "vz", "rate_x", "rate_
 class Images(TableEntry):
     """Images: id, camera, x, y, z, omega, phi, kappa; sigma columns make components observed."""
 
-    fixed: list[_POSE | _SET_UP] = Field(default_factory=list, description="Components held as they are")
-    free: list[_SET_UP] = Field(
-        default_factory=list,
-        description="Height, eccentricity and motion, constants without a σ, that are unknowns in this table",
+    fixed: list[_POSE | _SET_UP] = several("Components held as they are")
+    free: list[_SET_UP] = several(
+        "Height, eccentricity and motion, constants without a σ, that are unknowns in this table"
     )
 
 
@@ -664,24 +585,17 @@ class Stations(TableEntry):
     """Theodolite stations or sets: id, point, height, set-up orientation."""
 
     level: Literal["fixed", "free"] | Measure = Field(
-        default="fixed", description="fixed: exactly levelled; a σ: level observed; free: full orientation"
+        "fixed", description="fixed: exactly levelled; a σ: level observed; free: full orientation"
     )
-    fixed: list[_POSE | Literal["height"]] = Field(default_factory=list, description="Components held as they are")
-    free: list[Literal["height"]] = Field(
-        default_factory=list,
-        description="[height]: instrument heights, constants without a σ, are unknowns here",
-    )
+    fixed: list[_POSE | Literal["height"]] = several("Components held as they are")
+    free: list[Literal["height"]] = several("[height]: instrument heights, constants without a σ, are unknowns here")
 
 
 class Systems(TableEntry):
     """Local systems: id, x, y, z, omega, phi, kappa, scale; rx, ry, rz, the local coordinates of the origin."""
 
-    fixed: list[_POSE | Literal["scale", "rx", "ry", "rz"]] = Field(
-        default_factory=list, description="Components held as they are"
-    )
-    free: list[Literal["rx", "ry", "rz"]] = Field(
-        default_factory=list, description="Offsets, constants without a σ, that are unknowns in this table"
-    )
+    fixed: list[_POSE | Literal["scale", "rx", "ry", "rz"]] = several("Components held as they are")
+    free: list[Literal["rx", "ry", "rz"]] = several("Offsets, constants without a σ, that are unknowns in this table")
 
 
 class Feature(Strict):
@@ -692,60 +606,41 @@ class Feature(Strict):
     )
     id: Name = Field(description="Its name")
     points: list[Name] = Field(description="Points on it, or on the first plane of a right angle")
-    other: list[Name] = Field(default_factory=list, description="Points on the second plane of a right angle")
+    other: list[Name] = several("Points on the second plane of a right angle")
     sigma: Measure = Field(description="σ of the distances of the points from it")
-    radius: Setting | None = Field(
-        default=None, description="Radius; of a torus that of its centre line; an unknown if not given"
+    radius: Setting | None = optional("Radius; of a torus that of its centre line; an unknown if not given")
+    minor_radius: Setting | None = optional("Radius of the tube of a torus; an unknown if not given")
+    semi_angle: Setting | None = optional("Angle between axis and surface of a cone; an unknown if not given")
+    parallel: Name | None = optional("Feature above whose axis or normal is exactly parallel to the axis of this one")
+    perpendicular: Name | None = optional(
+        "Feature above whose axis or normal is exactly perpendicular to the axis of this one"
     )
-    minor_radius: Setting | None = Field(
-        default=None, description="Radius of the tube of a torus; an unknown if not given"
-    )
-    semi_angle: Setting | None = Field(
-        default=None, description="Angle between axis and surface of a cone; an unknown if not given"
-    )
-    parallel: Name | None = Field(
-        default=None,
-        description="Feature above whose axis or normal is exactly parallel to the axis of this one",
-    )
-    perpendicular: Name | None = Field(
-        default=None,
-        description="Feature above whose axis or normal is exactly perpendicular to the axis of this one",
-    )
-    coaxial: Name | None = Field(default=None, description="Feature above that has exactly the same axis as this one")
-    coplanar: Name | None = Field(
-        default=None, description="Feature above whose plane this circle or torus lies in, exactly"
-    )
+    coaxial: Name | None = optional("Feature above that has exactly the same axis as this one")
+    coplanar: Name | None = optional("Feature above whose plane this circle or torus lies in, exactly")
 
 
 class Pairs(TableEntry):
     """Relative orientations of stereo pairs: id, bx, by, bz, omega, phi, kappa."""
 
-    fixed: list[Literal["bx", "by", "bz", "omega", "phi", "kappa"]] = Field(
-        default_factory=list, description="Components held as they are"
-    )
+    fixed: list[Literal["bx", "by", "bz", "omega", "phi", "kappa"]] = several("Components held as they are")
 
 
 class Observations(TableEntry):
     """A group of observations of one type."""
 
     type: Text = Field(description="Type of the observations: image, distance, directions and more")
-    instrument: Name | None = Field(default=None, description="Name of the instrument they were measured with")
-    ppm: float = Field(default=0.0, ge=0.0, le=1e50, description="σ² = σ² + (ppm · 10⁻⁶ · distance)²")
-    centring: Centring | None = Field(default=None, description="Errors of the set-up of instrument and target")
-    factor: float = Field(default=1.0, gt=0.0, le=1e50, description="Factor on every σ of this group")
-    covariance: Text | list[list[float]] | None = Field(
-        default=None,
-        description="Full covariance matrix over the observations of this group, or a CSV file with it",
+    instrument: Name | None = optional("Name of the instrument they were measured with")
+    ppm: float = Field(0.0, description="σ² = σ² + (ppm · 10⁻⁶ · distance)²", ge=0.0, le=1e50)
+    centring: Centring | None = optional("Errors of the set-up of instrument and target")
+    factor: float = Field(1.0, description="Factor on every σ of this group", gt=0.0, le=1e50)
+    covariance: Text | list[list[float]] | None = optional(
+        "Full covariance matrix over the observations of this group, or a CSV file with it"
     )
-    cluster: Text | None = Field(default=None, description="Groups of one cluster name share one covariance matrix")
-    projection: Text | None = Field(
-        default=None,
-        description="Projection that projected_bearing refers to, where it is not that of world: EPSG code or WKT",
+    cluster: Text | None = optional("Groups of one cluster name share one covariance matrix")
+    projection: Text | None = optional(
+        "Projection that projected_bearing refers to, where it is not that of world: EPSG code or WKT"
     )
-    visible: Visible | None = Field(
-        default=None,
-        description="In place of a file or rows, for plans: everything that can be seen is observed",
-    )
+    visible: Visible | None = optional("In place of a file or rows, for plans: everything that can be seen is observed")
 
     @property
     def sources(self) -> dict[str, object]:
@@ -757,21 +652,18 @@ class Datum(Strict):
     """Datum of a free or partly free network."""
 
     free: Literal["all"] | list[Name] | dict[Literal["x", "y", "z", "xy", "xz", "yz", "xyz"], list[Name]] = Field(
-        default="all",
+        "all",
         description="Points (or groups of points) whose coordinates carry the datum; "
         "by components where they differ: {xy: [1, 2], z: [3]}",
     )
-    minimal: dict[Literal["x", "y", "z", "xy", "xz", "yz", "xyz"], Name | list[Name]] | None = Field(
-        default=None,
-        description="As many coordinates as the network has free movements, held at their start values: "
-        "{xyz: A, xy: B, z: C}",
+    minimal: dict[Literal["x", "y", "z", "xy", "xz", "yz", "xyz"], Name | list[Name]] | None = optional(
+        "As many coordinates as the network has free movements, held at their start values: {xyz: A, xy: B, z: C}"
     )
     components: list[Literal["x", "y", "z"]] = Field(
-        default=["x", "y", "z"], description="Components that carry it, where free names none"
+        ["x", "y", "z"], description="Components that carry it, where free names none"
     )
     movements: Literal["adjusted", "reference"] = Field(
-        default="adjusted",
-        description="Coordinates at which shifts, rotations and scale of the inner constraints are taken",
+        "adjusted", description="Coordinates at which shifts, rotations and scale of the inner constraints are taken"
     )
 
     @model_validator(mode="after")
@@ -784,45 +676,36 @@ class Datum(Strict):
 class Settings(Strict):
     """How to solve and to test."""
 
-    max_iterations: int = Field(default=50, ge=1, description="Most iterations without progress; twice as many in all")
-    sigma0: float = Field(
-        default=1.0, gt=0.0, le=1e50, description="A-priori standard deviation of unit weight, as reported"
-    )
+    max_iterations: int = Field(50, description="Most iterations without progress; twice as many in all", ge=1)
+    sigma0: float = Field(1.0, description="A-priori standard deviation of unit weight, as reported", gt=0.0, le=1e50)
     undeclared_points: Literal["mistake", "free"] = Field(
-        default="mistake",
-        description="Points that observations name and no table of points has: a mistake, or free points",
+        "mistake", description="Points that observations name and no table of points has: a mistake, or free points"
     )
-    dimensions: Literal["xyz", "xy", "z"] = Field(default="xyz", description="Coordinates that are estimated")
+    dimensions: Literal["xyz", "xy", "z"] = Field("xyz", description="Coordinates that are estimated")
     undetermined: Literal["refuse", "leave_out"] = Field(
-        default="refuse",
+        "refuse",
         description="What becomes of things that nothing determines: they stop the adjustment, or are left out of it. "
         "Points at infinity take part with their direction, or are left out as well",
     )
-    snooping_level: float = Field(default=0.001, gt=0.0, lt=1.0, description="α0 of the test of single observations")
-    familywise_level: float | None = Field(
-        default=None,
-        gt=0.0,
-        lt=1.0,
-        description="Level of the tests of all observations together (Šidák); it takes the place of snooping_level",
+    snooping_level: float = Field(0.001, description="α0 of the test of single observations", gt=0.0, lt=1.0)
+    familywise_level: float | None = optional(
+        "Level of the tests of all observations together (Šidák); it takes the place of snooping_level", gt=0.0, lt=1.0
     )
-    power: float = Field(default=0.8, gt=0.0, lt=1.0, description="β0, power of that test")
-    global_level: float = Field(default=0.05, gt=0.0, lt=1.0, description="Level of global and group tests")
-    least_redundancy: float = Field(default=0.01, gt=0.0, lt=1.0, description="Least r that is a control")
+    power: float = Field(0.8, description="β0, power of that test", gt=0.0, lt=1.0)
+    global_level: float = Field(0.05, description="Level of global and group tests", gt=0.0, lt=1.0)
+    least_redundancy: float = Field(0.01, description="Least r that is a control", gt=0.0, lt=1.0)
     sigma: Literal["aposteriori", "apriori"] = Field(
-        default="aposteriori", description="Which σ0 the reported standard deviations are multiplied with"
+        "aposteriori", description="Which σ0 the reported standard deviations are multiplied with"
     )
-    snooping: bool = Field(
-        default=False, description="Take flagged observations out one by one until nothing else is flagged"
-    )
-    robust: Literal["l1", "danish"] | None = Field(
-        default=None, description="Robust solution to compare with, and to start data snooping from"
+    snooping: bool = Field(False, description="Take flagged observations out one by one until nothing else is flagged")
+    robust: Literal["l1", "danish"] | None = optional(
+        "Robust solution to compare with, and to start data snooping from"
     )
     variance_components: Literal["report", "iterate"] = Field(
-        default="report",
-        description="Estimated factors of the σ of each group: reported, or taken into the weights",
+        "report", description="Estimated factors of the σ of each group: reported, or taken into the weights"
     )
     variance_method: Literal["simplified", "helmert"] = Field(
-        default="simplified",
+        "simplified",
         description="How they are estimated: each group by itself (Förstner), or by Helmert's full system, which tells "
         "groups apart that mix, up to 3 000 unknowns",
     )
@@ -831,12 +714,11 @@ class Settings(Strict):
 class Report(Strict):
     """Who and what stands on the reports; nothing of it changes a result."""
 
-    operator: Text | None = Field(default=None, description="Who measured or adjusted")
-    client: Text | None = Field(default=None, description="Whom it was done for")
-    remarks: str | None = Field(default=None, description="Anything else, of several lines where wanted")
-    relative: list[tuple[Name, Name]] = Field(
-        default_factory=list,
-        description="Pairs of points whose distance, with σ, and relative error ellipse are reported",
+    operator: Text | None = optional("Who measured or adjusted")
+    client: Text | None = optional("Whom it was done for")
+    remarks: str | None = optional("Anything else, of several lines where wanted")
+    relative: list[tuple[Name, Name]] = several(
+        "Pairs of points whose distance, with σ, and relative error ellipse are reported"
     )
 
 
@@ -846,68 +728,47 @@ class ProjectFile(Strict):
     model_config = ConfigDict(title="Project")
 
     mor: Literal["1"] = Field(description="Version of the project file")
-    title: str = Field(default="", description="Heads the reports")
-    date: Text | None = Field(
-        default=None,
-        description="When the observations were made: a day, or a span of days; stands on the reports",
-    )
+    title: str = Field("", description="Heads the reports")
+    date: Text | None = optional("When the observations were made: a day, or a span of days; stands on the reports")
     report: Report = Field(
-        default=Report.model_construct(), description="Operator, client and remarks that stand on the reports"
+        Report.model_construct(), description="Operator, client and remarks that stand on the reports"
     )
-    units: Units = Field(
-        default=Units.model_construct(), description="Units of all values that carry none of their own"
-    )
-    axes: Axes = Field(
-        default=Axes.model_construct(), description="Axes of the object system, senses and zeros of angles"
-    )
-    world: World | None = Field(
-        default=None,
-        description="Where on the earth the network is; without it its system is a plane of its own",
-    )
+    units: Units = Field(Units.model_construct(), description="Units of all values that carry none of their own")
+    axes: Axes = Field(Axes.model_construct(), description="Axes of the object system, senses and zeros of angles")
+    world: World | None = optional("Where on the earth the network is; without it its system is a plane of its own")
     curvature: bool | Curvature = Field(
-        default=False,
+        False,
         description="true: heights are above a sphere with the radius of the earth, and verticals differ from place to "
         "place; false: verticals are parallel. Not with world, where they are those of the ellipsoid",
     )
-    cameras: dict[Name, Camera] = Field(default_factory=dict, description="Cameras by name")
-    trajectories: list[TrajectoryEntry] = Field(
-        default_factory=list, description="Tables of knots: poses as a function of time"
+    cameras: dict[Name, Camera] = several("Cameras by name", of=dict)
+    trajectories: list[TrajectoryEntry] = several("Tables of knots: poses as a function of time")
+    images: list[Images] = several("Tables of images")
+    line_times: list[LineTimes] = several("Tables of the times of lines of scanners: image, row, time")
+    pairs: list[Pairs] = several("Tables of relative orientations of stereo images")
+    points: list[Points] = several("Tables of points")
+    stations: list[Stations] = several("Tables of theodolite stations")
+    systems: list[Systems] = several("Tables of local systems")
+    features: list[Feature] = several("Planes, lines, right angles and other shapes that points lie on")
+    epochs: Epochs = Field(Epochs.model_construct(), description="Times of what is measured at several of them")
+    motions: list[MotionEntry] = several("How points move between epochs")
+    instruments: dict[Name, Instrument] = several("Instruments by name", of=dict)
+    observations: list[Observations] = several("Tables of observations")
+    checks: list[Observations] = several(
+        "Observations kept out of the adjustment: check points (type coordinates), check distances"
     )
-    images: list[Images] = Field(default_factory=list, description="Tables of images")
-    line_times: list[LineTimes] = Field(
-        default_factory=list, description="Tables of the times of lines of scanners: image, row, time"
+    candidates: list[Observations] = several(
+        "Observations that a plan might have besides; mor design ranks them, no adjustment has them"
     )
-    pairs: list[Pairs] = Field(default_factory=list, description="Tables of relative orientations of stereo images")
-    points: list[Points] = Field(default_factory=list, description="Tables of points")
-    stations: list[Stations] = Field(default_factory=list, description="Tables of theodolite stations")
-    systems: list[Systems] = Field(default_factory=list, description="Tables of local systems")
-    features: list[Feature] = Field(
-        default_factory=list, description="Planes, lines, right angles and other shapes that points lie on"
-    )
-    epochs: Epochs = Field(default=Epochs.model_construct(), description="Times of what is measured at several of them")
-    motions: list[MotionEntry] = Field(default_factory=list, description="How points move between epochs")
-    instruments: dict[Name, Instrument] = Field(default_factory=dict, description="Instruments by name")
-    observations: list[Observations] = Field(default_factory=list, description="Tables of observations")
-    checks: list[Observations] = Field(
-        default_factory=list,
-        description="Observations kept out of the adjustment: check points (type coordinates), check distances",
-    )
-    candidates: list[Observations] = Field(
-        default_factory=list,
-        description="Observations that a plan might have besides; mor design ranks them, no adjustment has them",
-    )
-    require: Require = Field(default=Require.model_construct(), description="What a plan has to reach, for mor design")
-    variants: dict[Name, Variant] = Field(
-        default_factory=dict, description="What-if variants of a plan, which mor design puts side by side"
-    )
+    require: Require = Field(Require.model_construct(), description="What a plan has to reach, for mor design")
+    variants: dict[Name, Variant] = several("What-if variants of a plan, which mor design puts side by side", of=dict)
     visibility: Visibility = Field(
-        default=Visibility.model_construct(),
-        description="What stands in the way of sights, and where targets look, for plans",
+        Visibility.model_construct(), description="What stands in the way of sights, and where targets look, for plans"
     )
     datum: Literal["fixed", "free"] | Datum = Field(
-        default="fixed", description="What holds the coordinates where the observations leave them free"
+        "fixed", description="What holds the coordinates where the observations leave them free"
     )
-    settings: Settings = Field(default=Settings.model_construct(), description="How to solve and to test")
+    settings: Settings = Field(Settings.model_construct(), description="How to solve and to test")
 
 
 # ---- JSON Schema of the project file.
@@ -920,11 +781,7 @@ def project_schema() -> str:
     """
     lenient = _lenient(ProjectFile.model_json_schema())
     assert isinstance(lenient, dict)
-    schema = {
-        "$schema": "https://json-schema.org/draft/2020-12/schema",
-        "$id": "urn:mor:schema:project:1",
-        **lenient,
-    }
+    schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": "urn:mor:schema:project:1", **lenient}
     return json.dumps(schema, indent=2, ensure_ascii=False) + "\n"
 
 

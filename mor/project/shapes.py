@@ -52,8 +52,6 @@ _AGREEING, _SAME = 5, 1e-3
 """Refined fits that must lead to the same, smallest Σ v² to try no other, and the relative difference allowed."""
 _RADII = {"torus": (1.0, 2.0)}
 """Factors of the radius of the circle through the points: in a thick torus this circle follows the tube."""
-_MOST = 400
-"""Points that a fit takes; of more, evenly chosen ones."""
 
 
 class Held(NamedTuple):
@@ -88,7 +86,8 @@ def fit_shape(type_: str, points: FloatArray, shape: FloatArray, held: Held | No
     points = points[np.isfinite(points).all(axis=1)]
     if len(points) < 3:
         return None
-    points = points[np.linspace(0, len(points) - 1, min(len(points), _MOST)).astype(int)]
+    # Points that a fit takes; of more, evenly chosen ones.
+    points = points[np.linspace(0, len(points) - 1, min(len(points), 400)).astype(int)]
     origin = held.origin if held is not None else None
     centre = points.mean(axis=0) if origin is None else origin
     size = float(np.abs(points - centre).max())
@@ -201,17 +200,13 @@ def _moved(fit: FittedShape, step: FloatArray, free: Freedom) -> FittedShape:
     whole = np.zeros(9)
     whole[np.concatenate(free)] = step
     return FittedShape(
-        rotate(fit.rotation[None], whole[None, 3:6])[0],
-        fit.origin,
-        fit.offset + whole[:3],
-        fit.shape + whole[6:],
+        rotate(fit.rotation[None], whole[None, 3:6])[0], fit.origin, fit.offset + whole[:3], fit.shape + whole[6:]
     )
 
 
 def _distances(type_: str, q: FloatArray, fit: FittedShape) -> FloatArray:
     blocks = [np.broadcast_to(part, (len(q), *part.shape)) for part in (fit.origin, *fit[:1], *fit[2:])]
-    values: FloatArray = SHAPE_TYPES[type_].equation([*blocks, q], np.zeros((len(q), 0))).values.ravel()
-    return values
+    return np.asarray(SHAPE_TYPES[type_].equation([*blocks, q], np.zeros((len(q), 0))).values.ravel())
 
 
 def _squares(type_: str, q: FloatArray, fit: FittedShape) -> float:

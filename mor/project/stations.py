@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,7 +26,7 @@ from mor.project.entities import Reading, SetUp, entities, unknown_name
 from mor.project.motion import EPOCH, remember_epochs
 from mor.project.points import NameColumn, check_unique, position_columns, positions, rotations
 from mor.project.rows import set_name
-from mor.project.schema import Instrument, Stations, Systems
+from mor.project.schema import Instrument, Stations, Systems, TableEntry
 from mor.project.tables import (
     Column,
     Rows,
@@ -62,24 +62,14 @@ def heights(reading: Reading, rows: Rows, labels: list[str], fixed: Collection[s
 
 
 def eccentricities(
-    reading: Reading,
-    rows: Rows,
-    labels: list[str],
-    fixed: Collection[str],
-    free: Collection[str],
-    otherwise: IntArray,
+    reading: Reading, rows: Rows, labels: list[str], fixed: Collection[str], free: Collection[str], otherwise: IntArray
 ) -> IntArray:
     """Block of eccentricity or local offset of every row: its own, one that it shares, or another (n,)."""
     return _set_ups(reading, ECCENTRICITY, rows, labels, fixed, free, otherwise)
 
 
 def motions(
-    reading: Reading,
-    rows: Rows,
-    labels: list[str],
-    fixed: Collection[str],
-    free: Collection[str],
-    moving: BoolArray,
+    reading: Reading, rows: Rows, labels: list[str], fixed: Collection[str], free: Collection[str], moving: BoolArray
 ) -> tuple[IntArray, IntArray]:
     """Blocks of velocity and rate of rotation of every row, −1 where it does not count: not ``moving`` (n,)."""
     found = []
@@ -206,16 +196,22 @@ def _said(reading: Reading, kind: BlockKind, rows: Rows, fixed: Collection[str],
 
 def read_stations(reading: Reading) -> None:
     """Theodolite stations: a position (usually a point), a height, a rotation with its level."""
+    _read_frames(reading, "station", reading.project.stations, ("position", "height", "rotation"), _read_stations_table)
+
+
+def _read_frames(
+    reading: Reading, space: str, tables: Sequence[TableEntry], parts: Sequence[str], read: Callable[..., None]
+) -> None:
+    """Read tables of stations or systems one after another, and put the parts of their frames together."""
     ids: list[str] = []
-    collected: dict[str, list[IntArray]] = {"position": [], "height": [], "rotation": []}
+    collected: dict[str, list[IntArray]] = {part: [] for part in parts}
     seen: list[NameColumn] = []
-    for k, table in enumerate(reading.project.stations):
-        reading.begin("stations", k, table)
-        _read_stations_table(reading, table, reading.at("stations", k), ids, collected, seen)
+    for k, table in enumerate(tables):
+        reading.begin(f"{space}s", k, table)
+        read(reading, table, reading.at(f"{space}s", k), ids, collected, seen)
     none = [np.zeros(0, dtype=np.int64)]
-    reading.shop.things["station"] = entities(
-        ids, {part: np.concatenate(arrays or none) for part, arrays in collected.items()}
-    )
+    arrays = {part: np.concatenate(found or none) for part, found in collected.items()}
+    reading.shop.things[space] = entities(ids, arrays)
 
 
 def station_columns(reading: Reading) -> list[Column]:
@@ -296,16 +292,8 @@ def _places(
 
 def read_systems(reading: Reading) -> None:
     """Local systems: origin, rotation, scale, offset."""
-    ids: list[str] = []
-    collected: dict[str, list[IntArray]] = {"position": [], "rotation": [], "scale": [], "offset": []}
-    seen: list[NameColumn] = []
-    for k, table in enumerate(reading.project.systems):
-        reading.begin("systems", k, table)
-        _read_systems_table(reading, table, reading.at("systems", k), ids, collected, seen)
-    none = [np.zeros(0, dtype=np.int64)]
-    reading.shop.things["system"] = entities(
-        ids, {part: np.concatenate(arrays or none) for part, arrays in collected.items()}
-    )
+    parts = ("position", "rotation", "scale", "offset")
+    _read_frames(reading, "system", reading.project.systems, parts, _read_systems_table)
 
 
 def _read_systems_table(
@@ -355,18 +343,14 @@ def read_instruments(reading: Reading) -> None:
         reading.shop.begin(f"instrument {name}")
         meters.append(_instrument(reading, name, instrument, "distance meter", ("scale", "offset")))
         refractions.append(_instrument(reading, name, instrument, "refraction", ("refraction",)))
-        frames.append(_frame(reading, name, instrument))
+        path = ("instruments", name, "frame")
+        given = dict(instrument.frame)
+        frames.append(_add(reading, name, GNSS_FRAME.key, given, path) if given else 0)
         for part, blocks in along.items():
             blocks.append(_along(reading, name, instrument, part))
-    reading.shop.things["instrument"] = entities(
-        ids,
-        {
-            "distance meter": np.array(meters, dtype=np.int64),
-            "refraction": np.array(refractions, dtype=np.int64),
-            GNSS_FRAME.key: np.array(frames, dtype=np.int64),
-            **{part: np.array(blocks, dtype=np.int64) for part, blocks in along.items()},
-        },
-    )
+    parts = {"distance meter": meters, "refraction": refractions, GNSS_FRAME.key: frames, **along}
+    arrays = {part: np.array(blocks, dtype=np.int64) for part, blocks in parts.items()}
+    reading.shop.things["instrument"] = entities(ids, arrays)
 
 
 _ALONG = {"lever arm": ECCENTRICITY, "boresight": ROTATION, TIME_OFFSET.key: TIME_OFFSET}
@@ -391,12 +375,6 @@ def _instrument(reading: Reading, name: str, instrument: Instrument, kind: str, 
     if not given:
         return 0
     return _add(reading, name, kind, given, ("instruments", name))
-
-
-def _frame(reading: Reading, name: str, instrument: Instrument) -> int:
-    if not instrument.frame:
-        return 0
-    return _add(reading, name, GNSS_FRAME.key, dict(instrument.frame), ("instruments", name, "frame"))
 
 
 def _add(reading: Reading, name: str, kind: str, given: dict[str, Any], path: KeyPath) -> int:

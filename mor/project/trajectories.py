@@ -115,7 +115,7 @@ def read_line_times(reading: Reading) -> None:
             words = f"image {name!r}: rows and times of its lines must ascend"
             tell_rows(reading.problems, step <= 0.0, own, words)
             said = ""
-            if len(lines.rows) < _TWO:
+            if len(lines.rows) < 2:
                 said = f"image {name!r} has one line with a time, expected two at least"
             elif name in reading.lines:
                 said = f"the times of the lines of image {name!r} are given in two tables"
@@ -138,9 +138,6 @@ def row_times(lines: RowTimes, rows: FloatArray) -> tuple[FloatArray, FloatArray
     rate = np.diff(lines.times)[place] / np.diff(lines.rows)[place]
     inside = (rows >= lines.rows[0]) & (rows <= lines.rows[-1]) | lines.steady
     return lines.times[place] + rate * (rows - lines.rows[place]), rate, np.asarray(inside)
-
-
-_TWO = 2
 
 
 # ---- Knots of the trajectories of a project: from tables, or at a spacing between the rows of tables.
@@ -261,10 +258,7 @@ def _check_rows(reading: Reading, name: str, rows: Rows, time: FloatArray) -> No
     tell_rows(problems, step == 0.0, rows, lambda row: f"trajectory {name!r}: {said_time(time[row])} is given twice")
     words = "trajectory {0!r}: {1} comes after {2}; expected times in ascending order"
     tell_rows(
-        problems,
-        step < 0.0,
-        rows,
-        lambda row: words.format(name, said_time(time[row]), said_time(time[row - 1])),
+        problems, step < 0.0, rows, lambda row: words.format(name, said_time(time[row]), said_time(time[row - 1]))
     )
     if len(time) < LINEAR:
         words = f"trajectory {name!r} has one row; a trajectory needs two knots, four for cubic interpolation"
@@ -424,15 +418,9 @@ def clocks(
         found = trajectory.clock(times[mine], None if later is None else later[mine])
         for part, own in zip(whole, found, strict=True):
             part[mine] = own
-        positions[mine], rotations[mine] = (
-            trajectory.positions[found.knots],
-            trajectory.rotations[found.knots],
-        )
+        positions[mine], rotations[mine] = (trajectory.positions[found.knots], trajectory.rotations[found.knots])
     tell_rows(
-        reading.problems,
-        ~whole.inside,
-        rows,
-        lambda row: reading.trajectories[names[row]].outside(float(times[row])),
+        reading.problems, ~whole.inside, rows, lambda row: reading.trajectories[names[row]].outside(float(times[row]))
     )
     return (whole, positions, rotations) if whole.inside.all() else None
 
@@ -712,12 +700,7 @@ class RowClocks(NamedTuple):
 
 
 def clocks_of_rows(
-    reading: Reading,
-    rows: Rows,
-    image: Names,
-    y: FloatArray,
-    scanner: ImageScale | None,
-    later: FloatArray | None,
+    reading: Reading, rows: Rows, image: Names, y: FloatArray, scanner: ImageScale | None, later: FloatArray | None
 ) -> RowClocks | None:
     """Clocks of rows (n,) that name images on trajectories of one kind; ``None`` if one is outside, which is told.
 
@@ -746,8 +729,7 @@ def clocks_of_rows(
 
 
 def _rows_of(scale: ImageScale, y: FloatArray) -> FloatArray:
-    rows: FloatArray = scale.centre[1] - y / scale.pixel
-    return rows
+    return np.asarray(scale.centre[1] - y / scale.pixel)
 
 
 def _scanned(

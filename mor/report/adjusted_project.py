@@ -59,12 +59,7 @@ def angle_unit(placed: Placed) -> str:
 
 
 def _component_columns(
-    placed: Placed,
-    kind: str,
-    numbers: IntArray,
-    names: Sequence[str],
-    values: FloatArray,
-    per_unit: float = 1.0,
+    placed: Placed, kind: str, numbers: IntArray, names: Sequence[str], values: FloatArray, per_unit: float = 1.0
 ) -> dict[str, FloatArray]:
     """Value, σ and start columns: fixed σ = 0, observed with the observed value and its start, free with its start."""
     network = placed.network
@@ -172,9 +167,7 @@ class Unknown(NamedTuple):
     def beside(self, other: Unknown) -> Unknown:
         """The components of both."""
         return Unknown(
-            self.names + other.names,
-            np.hstack([self.free, other.free]),
-            np.hstack([self.barred, other.barred]),
+            self.names + other.names, np.hstack([self.free, other.free]), np.hstack([self.barred, other.barred])
         )
 
     def of_table(self, rows: IntArray | slice) -> list[str]:

@@ -180,11 +180,7 @@ def junit_xml(rows: Sequence[BatchRow], words: Words) -> str:
     for row in rows:
         folder, _, name = row.name.rpartition("/")
         case = ElementTree.SubElement(
-            suite,
-            "testcase",
-            classname=escaped(folder or "mor"),
-            name=escaped(name),
-            time=f"{row.seconds:.3f}",
+            suite, "testcase", classname=escaped(folder or "mor"), name=escaped(name), time=f"{row.seconds:.3f}"
         )
         if row.fails:
             kind = "error" if row in errors else "failure"

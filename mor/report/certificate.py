@@ -13,7 +13,7 @@ from mor.model.cameras import CAMERA_MODELS
 from mor.model.parameters import INTERIORS
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import (
-    LINE,
+    aligned,
     correlation_table,
     coverage_words,
     digits_worth,
@@ -23,10 +23,11 @@ from mor.report.layout import (
     persons,
     round_length,
     short,
+    signature,
     small_unit,
     table,
+    titled,
 )
-from mor.report.layout import WIDTH as COLUMNS_WIDTH
 from mor.report.page import asset, environment, meaning, raised, running_heads
 from mor.report.page_data import image_points
 from mor.report.view import RadialCurve, View, radial_curve
@@ -156,8 +157,7 @@ def _origin(camera: dict[str, Any]) -> FloatArray:
     if not _is_corner(camera) or _counts_from_corner(camera):
         return np.zeros(2)
     size = camera["format"]
-    middle: FloatArray = np.array([size["width"], size["height"]]) * size["pixel"] / 2.0
-    return middle
+    return np.asarray(np.array([size["width"], size["height"]]) * size["pixel"] / 2.0)
 
 
 def _corner(camera: dict[str, Any]) -> float | None:
@@ -190,10 +190,7 @@ def curve_drawing(one: Certificate, words: Words = ENGLISH) -> Markup:
     def level(values: FloatArray) -> FloatArray:
         return np.asarray(HEIGHT - _BOTTOM - scale * (values - low))
 
-    band = [
-        *zip(x, level(shift + beside), strict=True),
-        *zip(x[::-1], level((shift - beside)[::-1]), strict=True),
-    ]
+    band = [*zip(x, level(shift + beside), strict=True), *zip(x[::-1], level((shift - beside)[::-1]), strict=True)]
     end = _LEFT + (WIDTH - _LEFT - _RIGHT) * min(one.covered / float(radius[-1]), 1.0)
     parts = [
         *_levels(low, high, level, words),
@@ -201,12 +198,7 @@ def curve_drawing(one: Certificate, words: Words = ENGLISH) -> Markup:
         f'<polygon class="band" points="{_points(band)}"/>',
         f'<polyline class="curve" points="{_points(list(zip(x, level(shift), strict=True)))}"/>',
         f'<line class="covered" x1="{end:.1f}" y1="{_TOP}" x2="{end:.1f}" y2="{HEIGHT - _BOTTOM}"/>',
-        _text(
-            WIDTH - _RIGHT,
-            HEIGHT - 6,
-            words("distance from the principal point [{unit}]", unit=one.unit),
-            "end",
-        ),
+        _text(WIDTH - _RIGHT, HEIGHT - 6, words("distance from the principal point [{unit}]", unit=one.unit), "end"),
         _text(_LEFT - 30, _TOP - 10, words("distortion [{unit}]", unit=unit), "start"),
     ]
     label = escape(words("Radial distortion, mean over all directions"))
@@ -274,38 +266,23 @@ def certificate_text(one: Certificate, words: Words = ENGLISH) -> str:
     """Return the certificate as text, at most 100 characters wide."""
     title = words("Calibration of camera {id}", id=one.camera["id"])
     facts = [*_facts(one, words), *_validity(one, words)]
-    width = max(len(name) for name, _ in facts)
     names, matrix = one.camera["correlations"]["components"], one.camera["correlations"]["matrix"]
     rows = [[*cells, "" if inside else words("extrapolated")] for cells, inside in _distortion(one)]
     small = one.small[0]
-    headers = [
-        f"radius [{one.unit}]",
-        f"distortion [{small}]",
-        f"sigma [{small}]",
-        *_expanded(one, f" [{small}]"),
-        "",
+    headers = [f"radius [{one.unit}]", f"distortion [{small}]", f"sigma [{small}]", *_expanded(one, f" [{small}]"), ""]
+    columns = ["value", "sigma", *_expanded(one), "significance", "status"]
+    parameters = [
+        [row["name"], row["meaning"], one.units[row["name"]], *(row[key] for key in columns)]
+        for row in _parameters(one, words)
     ]
-    parts = [
-        "\n".join(
-            [
-                title,
-                "=" * min(len(title), COLUMNS_WIDTH),
-                *(f"{name.ljust(width)}  {text}" for name, text in facts),
-            ]
-        ),
-        "\n".join([heading(words("Parameters")), _parameter_table(one, words)]),
-        "\n".join(
-            [
-                heading(words("Radial distortion, mean over all directions")),
-                table(headers, rows, 0, words, last_left=True),
-            ]
-        ),
-    ]
+    of_parameters = ["component", "", "unit", "value", "sigma", *_expanded(one), "value/sigma", "status"]
+    lines = [*titled(title), *aligned(facts)]
+    lines += ["", heading(words("Parameters")), table(of_parameters, parameters, 3, words)]
+    lines += ["", heading(words("Radial distortion, mean over all directions"))]
+    lines.append(table(headers, rows, 0, words, last_left=True))
     if matrix is not None and len(names) > 1:
-        parts.append("\n".join([heading(words("Correlations [1]")), correlation_table(names, matrix, words)]))
-    signed = f"{words('place and date').ljust(len(LINE))}    {words('signature')}"
-    parts.append(f"\n{LINE}    {LINE}\n{signed}")
-    return paragraphs("\n\n".join(parts)) + "\n"
+        lines += ["", heading(words("Correlations [1]")), correlation_table(names, matrix, words)]
+    return paragraphs("\n".join([*lines, "", *signature(words)])) + "\n"
 
 
 def _facts(one: Certificate, words: Words) -> list[tuple[str, str]]:
@@ -317,10 +294,7 @@ def _facts(one: Certificate, words: Words) -> list[tuple[str, str]]:
     return [
         (words("project"), view.summary["title"] or "–"),
         *persons(view.identity, words),
-        (
-            words("camera"),
-            words("{id}, model {model}", id=camera["id"], model=camera["model"]) + _r0(one, words),
-        ),
+        (words("camera"), words("{id}, model {model}", id=camera["id"], model=camera["model"]) + _r0(one, words)),
         (words("image format"), _format(camera, words)),
         (
             words("observations"),
@@ -358,33 +332,23 @@ def _format(camera: dict[str, Any], words: Words) -> str:
     return f"{size['width']:g} × {size['height']:g} px{pixel}"
 
 
-def _validity(one: Certificate, words: Words) -> list[tuple[str, str]]:
-    return [*_valid(one, words), *_uncertainty(one, words)]
-
-
-def _uncertainty(one: Certificate, words: Words) -> list[tuple[str, str]]:
-    if one.coverage is None:
-        return []
-    return [(words("expanded uncertainty"), coverage_words(one.coverage, freedom(one.view.summary), words))]
-
-
 def freedom(summary: dict[str, Any]) -> float:
     """Degrees of freedom of the σ0 that standard deviations refer to; infinite a priori."""
     sigma0 = summary["sigma0"]
     return float(summary["redundancy"]) if sigma0["used_for_sigma"] != sigma0["apriori"] else np.inf
 
 
-def _valid(one: Certificate, words: Words) -> list[tuple[str, str]]:
+def _validity(one: Certificate, words: Words) -> list[tuple[str, str]]:
     said = words("up to {radius} {unit} from the principal point", radius=short(one.covered, 4), unit=one.unit)
-    if one.corner is None:
-        return [(words("valid"), said)]
-    said += words(
-        "; the farthest corner is at {corner} {unit} ({share} % of it)",
-        corner=short(one.corner, 4),
-        unit=one.unit,
-        share=f"{100.0 * min(one.covered / one.corner, 1.0):.0f}",
-    )
-    return [(words("valid"), said)]
+    if one.corner is not None:
+        share = f"{100.0 * min(one.covered / one.corner, 1.0):.0f}"
+        corner = "; the farthest corner is at {corner} {unit} ({share} % of it)"
+        said += words(corner, corner=short(one.corner, 4), unit=one.unit, share=share)
+    rows = [(words("valid"), said)]
+    if one.coverage is not None:
+        said = coverage_words(one.coverage, freedom(one.view.summary), words)
+        rows.append((words("expanded uncertainty"), said))
+    return rows
 
 
 def _times(sigma: float | None, factor: float | None) -> float | None:
@@ -411,26 +375,13 @@ def _expanded(one: Certificate, unit: str = "") -> list[str]:
     return [f"U{unit}"] if one.coverage is not None else []
 
 
-def _parameter_table(one: Certificate, words: Words) -> str:
-    columns = ["value", "sigma", *_expanded(one), "significance", "status"]
-    rows = [
-        [row["name"], row["meaning"], one.units[row["name"]], *(row[key] for key in columns)]
-        for row in _parameters(one, words)
-    ]
-    headers = ["component", "", "unit", "value", "sigma", *_expanded(one), "value/sigma", "status"]
-    return table(headers, rows, 3, words)
-
-
 def _distortion(one: Certificate) -> list[tuple[list[str], bool]]:
     """Radius, distortion, σ and U, and whether points were measured so far out."""
     factor, places = one.small[1], _decimals(one)
     rows = zip(one.table.radius, one.table.shift * factor, one.table.sigma * factor, strict=True)
     beside = [1.0] if one.coverage is None else [1.0, one.coverage]
     return [
-        (
-            [short(r, 5), fixed(s + 0.0, places), *(fixed(k * e, places) for k in beside)],
-            bool(r <= one.covered),
-        )
+        ([short(r, 5), fixed(s + 0.0, places), *(fixed(k * e, places) for k in beside)], bool(r <= one.covered))
         for r, s, e in rows
     ]
 

@@ -50,10 +50,7 @@ class Labelled(NamedTuple):
 
 
 def covariance_of_names(
-    solved: Solved,
-    points: Sequence[str] = (),
-    images: Sequence[str] = (),
-    cameras: Sequence[str] | None = None,
+    solved: Solved, points: Sequence[str] = (), images: Sequence[str] = (), cameras: Sequence[str] | None = None
 ) -> Labelled:
     """Return the joint covariance of coordinates of points, poses of images and interior orientations.
 
@@ -227,8 +224,7 @@ def _outwards(solved: Solved, kind: str, number: int) -> FloatArray:
     if moves_by_angles(network.blocks["rotation"])[number]:
         return np.eye(3) / ANGLE_UNITS[angle_unit(solved)]
     D = _turned(solved, number)
-    turn: FloatArray = angles_by_tangent(angles_from_rotation(D))[0] / ANGLE_UNITS[angle_unit(solved)]
-    return turn
+    return np.asarray(angles_by_tangent(angles_from_rotation(D))[0] / ANGLE_UNITS[angle_unit(solved)])
 
 
 def _turned(solved: Solved, number: int) -> FloatArray:
@@ -278,21 +274,7 @@ def relative_rows(solved: Solved, pairs: Sequence[tuple[str, str]]) -> list[list
 
 
 POINT_BLOCK_HEADER = ("id", "xx", "xy", "xz", "yy", "yz", "zz")
-RELATIVE_HEADER = (
-    "from",
-    "to",
-    "dx",
-    "dy",
-    "dz",
-    "sdx",
-    "sdy",
-    "sdz",
-    "distance",
-    "sdistance",
-    "a",
-    "b",
-    "c",
-)
+RELATIVE_HEADER = ("from", "to", "dx", "dy", "dz", "sdx", "sdy", "sdz", "distance", "sdistance", "a", "b", "c")
 
 
 def write_rows(path: Path, header: Sequence[str], rows: Sequence[Sequence[object]]) -> None:

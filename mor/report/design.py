@@ -30,15 +30,16 @@ from mor.plan.requirements import (
 from mor.project.network import Network
 from mor.quality.plausibility import count_outside_the_format
 from mor.quality.reliability_map import detectable
+from mor.quality.singularity import enumerated
 from mor.quality.solution import Solved
 from mor.report import layout, text_findings, text_tables
 from mor.report import verdict as words_of_reliability
 from mor.report.estimates import image_table, point_table, station_table
 from mor.report.identity import RunIdentity, identity_of
-from mor.report.language import Words, datum_name
+from mor.report.language import Words
 from mor.report.layout import (
     DIGITS,
-    fixed,
+    cells,
     heading,
     paragraphs,
     placed,
@@ -48,7 +49,6 @@ from mor.report.layout import (
     small_unit,
     table,
 )
-from mor.report.layout import WIDTH as COLUMNS_WIDTH
 from mor.report.movements import widest_view
 from mor.report.observations import named_places, observation_table
 from mor.report.output_folder import Reservation, write_folder
@@ -56,7 +56,8 @@ from mor.report.page import asset, environment, running_heads
 from mor.report.page_data import drawn_axes
 from mor.report.results import table_writer
 from mor.report.summary import summary
-from mor.report.units import ends_of_group
+from mor.report.text import counts, redundancy
+from mor.report.units import ends_of_group, number_or_none
 from mor.report.verdict import reliability_rows
 from mor.types import FloatArray, IntArray
 
@@ -285,10 +286,11 @@ def variants_drawing(rows: Sequence[Mapping[str, Any]], unit: str, words: Words)
     parts, y = [], 10.0
     for number, row in enumerate(rows):
         name = words.listed(row["name"]) if number == 0 else row["name"]
+        said_name = name if len(name) <= 30 else f"{name[:29]}…"
         verdict = "none" if row["redundancy"] is None else "good" if row["fulfilled"] else "bad"
         judged = verdict if row["require"] or verdict == "none" else "none"
         parts.append(
-            f'<text class="name {judged}" x="{_NAMES - 10}" y="{y + 2 * _BAR + 4:.0f}">{escape(_cut(name))}</text>'
+            f'<text class="name {judged}" x="{_NAMES - 10}" y="{y + 2 * _BAR + 4:.0f}">{escape(said_name)}</text>'
         )
         bars = [*((f"s{k[-1].upper()}", row[k], largest, unit, k[-1]) for k in keys)]
         bars.append(("min r", row["smallest_r"], best, "", "r"))
@@ -309,22 +311,14 @@ def variants_drawing(rows: Sequence[Mapping[str, Any]], unit: str, words: Words)
     )
 
 
-def _cut(name: str) -> str:
-    return name if len(name) <= 30 else f"{name[:29]}…"
-
-
 # ---- The ranking of a plan as a table, and its first lines in words.
 
 SHOWN = 10
 """Observations of each kind that the text names."""
 _SCHEMA = {
     **dict.fromkeys(("kind", "type", "group", "at", "from", "to"), pl.String),
-    "rank": pl.Int64,
-    "measurements": pl.Int64,
-    "shortfall": pl.Float64,
-    "rms_sigma": pl.Float64,
-    "largest_sigma_ratio": pl.Float64,
-    "smallest_r": pl.Float64,
+    **dict.fromkeys(("rank", "measurements"), pl.Int64),
+    **dict.fromkeys(("shortfall", "rms_sigma", "largest_sigma_ratio", "smallest_r"), pl.Float64),
     "possible": pl.Boolean,
 }
 
@@ -335,8 +329,8 @@ def now_row(now: PlanMeasures, network: Network) -> dict[str, Any]:
         "shortfall": float(now.shortfall[0]),
         "rms_sigma": float(np.sqrt(now.precision[0])),
         "rms_sigma_unit": _unit(now, network) or "limit",
-        "largest_sigma_ratio": _number(float(now.largest_ratio[0])),
-        "smallest_r": _number(float(now.smallest_r[0])),
+        "largest_sigma_ratio": number_or_none(now.largest_ratio[0]),
+        "smallest_r": number_or_none(now.smallest_r[0]),
     }
 
 
@@ -368,12 +362,8 @@ def _row(
     if key not in texts:
         texts[key] = {name: column.texts() for name, column in named_places(group).items()}
     places = [texts[key][name][unit.row] if name in texts[key] else "" for name in ("at", "from", "to")]
-    numbers = (
-        one.shortfall,
-        float(np.sqrt(max(one.precision, 0.0))),
-        _number(one.largest_ratio),
-        _number(one.smallest_r),
-    )
+    ratio, r = number_or_none(one.largest_ratio), number_or_none(one.smallest_r)
+    numbers = (one.shortfall, float(np.sqrt(max(one.precision, 0.0))), ratio, r)
     said = numbers if one.possible else (None,) * len(numbers)
     return (kind, group.type.name, group.name, *places, rank, measurements, *said, one.possible)
 
@@ -381,10 +371,6 @@ def _row(
 def _unit(now: PlanMeasures, network: Network) -> str:
     """Length unit of the mean σ; empty if σ are required, for then it is in parts of their limits."""
     return "" if np.isfinite(now.largest_ratio[0]) else network.project.units.length
-
-
-def _number(value: float) -> float | None:
-    return value if np.isfinite(value) else None
 
 
 def ranking_text(frame: pl.DataFrame, now: PlanMeasures, network: Network, unestimable: int, words: Words) -> str:
@@ -413,24 +399,13 @@ def ranking_text(frame: pl.DataFrame, now: PlanMeasures, network: Network, unest
         shown = some if kind == "greedy" else some.head(SHOWN)
         if some.height:
             rms = _rms(now, network)
+            columns = "measurements shortfall:.4g rms_sigma:.5g largest_sigma_ratio:.4g smallest_r:.4g"
             rows = [
-                [
-                    row["type"],
-                    " ".join(row[key] for key in ("at", "from", "to") if row[key]),
-                    str(row["measurements"]),
-                    short(row["shortfall"], 4),
-                    short(row["rms_sigma"], 5),
-                    short(row["largest_sigma_ratio"], 4),
-                    short(row["smallest_r"], 4),
-                ]
+                [row["type"], " ".join(row[key] for key in ("at", "from", "to") if row[key]), *cells(row, columns)]
                 for row in shown.to_dicts()
             ]
             headers = ["type", "between", "n", "shortfall", "worst / limit", "smallest r"]
-            lines += [
-                "",
-                f"{words(title)}:",
-                table([*headers[:4], rms, *headers[4:]], rows, 2, words, margin=2),
-            ]
+            lines += ["", f"{words(title)}:", table([*headers[:4], rms, *headers[4:]], rows, 2, words, margin=2)]
     lost = frame.filter(~pl.col("possible") & (pl.col("kind") == "spare")).height
     if lost:
         said = "{count:observation|observations} cannot be spared: something would be undetermined."
@@ -470,11 +445,7 @@ WHAT = {
 
 
 def design_text(
-    solved: Solved,
-    judged: Sequence[RequirementResult],
-    words: Words,
-    of: RunIdentity,
-    more: Sequence[str] = (),
+    solved: Solved, judged: Sequence[RequirementResult], words: Words, of: RunIdentity, more: Sequence[str] = ()
 ) -> str:
     """The report of a plan: the verdict on what is required first, ``more`` sections, then what can be expected."""
     about = identity_of(solved.network.project, of)
@@ -486,19 +457,8 @@ def design_text(
         text_findings.listed(solved, words),
     ]
     if solved.quality is not None:
-        rows = [
-            [
-                row["name"],
-                row["type"],
-                str(row["observations"]),
-                fixed(row["redundancy"], 2),
-                fixed(row["smallest_r"], 4),
-                short(row["nabla"], 3),
-                row["unit"],
-                short(row["largest_external"], 3),
-            ]
-            for row in group_rows(solved)
-        ]
+        columns = "name type observations redundancy:.2f smallest_r:.4f nabla:.3g unit largest_external:.3g"
+        rows = [cells(row, columns) for row in group_rows(solved)]
         headers = ["group", "type", "n", "sum r", "smallest r [1]", "nabla", "unit", "external [1]"]
         sections += [
             words_of_reliability.section_of_reliability(solved, words),
@@ -516,21 +476,18 @@ def design_text(
 
 def verdict(solved: Solved, judged: Sequence[RequirementResult], words: Words) -> list[str]:
     """State whether the plan can be adjusted and meets its requirements, and its visibility limits."""
+    failing = sum(not one.met for one in judged)
+    if solved.quality is None:
+        lines = [words("THE PLAN HAS NO SOLUTION: {reason}.", reason=words.told(solved.adjustment.reason))]
+    elif not judged:
+        lines = [words("The project file has no requirements (require: …).")]
+    elif not failing:
+        lines = [words("It meets all requirements ({count}).", count=len(judged))]
+    else:
+        lines = [words("IT DOES NOT MEET {count} of {all} requirements.", count=failing, all=len(judged))]
     outside = count_outside_the_format(solved.network)
     said = "{count:planned image point lies|planned image points lie} outside the format of the camera."
-    return [*_verdict(solved, judged, words), *([words(said, count=outside)] if outside else [])]
-
-
-def _verdict(solved: Solved, judged: Sequence[RequirementResult], words: Words) -> list[str]:
-    if solved.quality is None:
-        reason = words.told(solved.adjustment.reason)
-        return [words("THE PLAN HAS NO SOLUTION: {reason}.", reason=reason)]
-    failing = [one for one in judged if not one.met]
-    if not judged:
-        return [words("The project file has no requirements (require: …).")]
-    if not failing:
-        return [words("It meets all requirements ({count}).", count=len(judged))]
-    return [words("IT DOES NOT MEET {count} of {all} requirements.", count=len(failing), all=len(judged))]
+    return [*lines, *([words(said, count=outside)] if outside else [])]
 
 
 def head(
@@ -540,26 +497,10 @@ def head(
     data = summary(solved)
     title = data["title"] or words("Adjustment")
     plan = words("PLAN: nothing has been measured; σ are expected values, a priori.")
-    lines = [title, "=" * min(len(title), COLUMNS_WIDTH), "", plan, *verdict(solved, judged, words), ""]
-    movements = ", ".join(words.listed(name) for name in data["movements"])
-    rows = [
-        ("observations n", str(data["observations"])),
-        ("unknowns u", str(data["unknowns"])),
-        ("datum defect d", f"{data['defect']}" + (f" ({movements})" if movements else "")),
-        ("datum", datum_name(data["datum"], words)),
-    ]
-    if solved.quality is not None:
-        redundancy = words(
-            "{redundancy} (sum of redundancy numbers {total})",
-            redundancy=data["redundancy"],
-            total=f"{data['redundancy_sum']:.6f}",
-        )
-        rows.append(("redundancy n - u + d", redundancy))
+    rows = counts(data, words) + ([redundancy(data, words)] if solved.quality is not None else [])
     rows.append(("units", words("lengths {length}, angles {angle}", **data["units"])))
     said = [*persons, *((words(name), value) for name, value in rows)]
-    width = max(len(name) for name, _ in said)
-    lines += [f"{name.ljust(width)}  {value}" for name, value in said]
-    return "\n".join(lines)
+    return "\n".join([*layout.titled(title), "", plan, *verdict(solved, judged, words), "", *layout.aligned(said)])
 
 
 def requirement_section(solved: Solved, judged: Sequence[RequirementResult], words: Words) -> str:
@@ -572,10 +513,7 @@ def requirement_section(solved: Solved, judged: Sequence[RequirementResult], wor
 
 def _sentence(row: dict[str, Any], words: Words) -> str:
     """A requirement in a line: the verdict, the limit, the worst, where it is, how many fail."""
-    unit = "" if row["unit"] == "1" else f" {row['unit']}"
-    limit, worst = (
-        words.number("∞" if value is None else short(value, 4)) + unit for value in (row["limit"], row["worst"])
-    )
+    limit, worst = _limit_and_worst(row, words)
     return words(
         "{verdict}: {what}, {id}: {sign} {limit}; worst {worst} ({place}); {failing} of {count} fail",
         verdict=words("reached") if row["met"] else words("NOT REACHED"),
@@ -590,28 +528,24 @@ def _sentence(row: dict[str, Any], words: Words) -> str:
     )
 
 
+def _limit_and_worst(row: dict[str, Any], words: Words) -> list[str]:
+    unit = "" if row["unit"] == "1" else f" {row['unit']}"
+    return [words.number("∞" if v is None else short(v, 4)) + unit for v in (row["limit"], row["worst"])]
+
+
 def _images(solved: Solved, words: Words) -> str:
     frame = image_table(solved)
     if frame.height == 0:
         return ""
     unit = solved.network.project.units.length
-    d = DIGITS[unit]
-    rows = [
-        [
-            row["id"],
-            row["camera"],
-            *(fixed(row[name], d) for name in ("x", "y", "z", "sx", "sy", "sz")),
-            str(row["points"]),
-        ]
-        for row in frame.to_dicts()
-    ]
+    numbers = " ".join(f"{name}:.{DIGITS[unit]}f" for name in ("x", "y", "z", "sx", "sy", "sz"))
+    rows = [cells(row, f"id camera {numbers} points") for row in frame.to_dicts()]
     headers = ["image", "camera", *(f"{name} [{unit}]" for name in ("X0", "Y0", "Z0", "sX0", "sY0", "sZ0"))]
     return "\n".join([heading(words("Images")), table([*headers, "points"], rows, 2, words)])
 
 
 # ---- Variants of a plan side by side.
 
-_NAMED = 8
 Named = tuple[str, Solved, Sequence[RequirementResult]]
 
 
@@ -645,28 +579,17 @@ def variant_row(name: str, solved: Solved, judged: Sequence[RequirementResult]) 
 
 def variant_text(rows: Sequence[dict[str, Any]], unit: str, words: Words) -> str:
     """One line for each variant, the plan itself first."""
-    digits = DIGITS[unit] + 1
-    cells = [
-        [
-            words.listed(row["name"]) if row is rows[0] else row["name"],
-            str(row["observations"]),
-            "-" if row["redundancy"] is None else str(row["redundancy"]),
-            *(fixed(row[f"rms_s{axis}"], digits) for axis in "xyz"),
-            short(row["smallest_r"], 3),
-            _reached(row, words),
-        ]
-        for row in rows
-    ]
+    numbers = " ".join(f"rms_s{axis}:.{DIGITS[unit] + 1}f" for axis in "xyz")
+    columns = f"observations redundancy {numbers} smallest_r:.3g"
+    names = [words.listed(rows[0]["name"]), *(row["name"] for row in rows[1:])]
+    lines_of = [[name, *cells(row, columns), _reached(row, words)] for name, row in zip(names, rows, strict=True)]
     headers = ["variant", "n", "redundancy", *(f"rms s{a} [{unit}]" for a in "XYZ"), "smallest r", "required"]
-    lines = [heading(words("Variants")), table(headers, cells, 1, words, last_left=True)]
+    lines = [heading(words("Variants")), table(headers, lines_of, 1, words, last_left=True)]
     for row in rows:
         if row["left_out"]:
             told = [f"{words.listed(kind)} {name}" for kind, name in row["left_out"]]
-            names = ", ".join(told[:_NAMED])
-            if len(told) > _NAMED:
-                names = words("{names} and {count} more", names=names, count=len(told) - _NAMED)
             said = "{id}: nothing determines {names} any more; left out."
-            lines.append(words(said, id=row["name"], names=names))
+            lines.append(words(said, id=row["name"], names=enumerated(told, 8, words)))
         if row["outside_format"]:
             said = "{id}: {count:image point lies|image points lie} outside the format of the camera."
             lines.append(words(said, id=row["name"], count=row["outside_format"]))
@@ -686,8 +609,6 @@ def _reached(row: dict[str, Any], words: Words) -> str:
 
 
 # ---- Visibility: how many sights there are, and what keeps the others from being made.
-
-_VISIBLE_NAMED = 12
 
 
 def visible_rows(sighted: Sequence[Sighted]) -> list[dict[str, Any]]:
@@ -721,14 +642,8 @@ def visible_section(sighted: Sequence[Sighted], words: Words) -> str:
             (one.once, "{id}: {count:target is|targets are} seen from one place only: {names}."),
         ):
             if names:
-                lines.append(words(said, id=one.name, count=len(names), names=_listed(names, words)))
+                lines.append(words(said, id=one.name, count=len(names), names=enumerated(names, 12, words)))
     return "\n".join(lines)
-
-
-def _listed(names: Sequence[str], words: Words) -> str:
-    said = ", ".join(names[:_VISIBLE_NAMED])
-    more = len(names) - _VISIBLE_NAMED
-    return words("{names} and {count} more", names=said, count=more) if more > 0 else said
 
 
 # ---- The files of a plan.
@@ -816,8 +731,7 @@ def design_page(
 
 def _requirement(one: RequirementResult, solved: Solved, words: Words) -> dict[str, Any]:
     row = requirement_row(one, solved)
-    unit = "" if row["unit"] == "1" else f" {row['unit']}"
-    limit, worst = (words.number("∞" if v is None else short(v, 4)) + unit for v in (row["limit"], row["worst"]))
+    limit, worst = _limit_and_worst(row, words)
     return {
         "what": words(WHAT[row["of"]]),
         "of": ", ".join(row["pattern"]),
@@ -878,11 +792,9 @@ def _unit_row(network: Network, number: int, unit: Unit, solved: Solved) -> dict
 
 
 def _point_rows(solved: Solved, words: Words) -> list[dict[str, Any]]:
-    table, decimals = point_table(solved), _decimals(solved)
-    return [
-        {"id": row["id"], "sigma": [words.number(fixed(row[key], decimals)) for key in _SIGMAS]}
-        for row in table.iter_rows(named=True)
-    ]
+    form = " ".join(f"{name}:.{_decimals(solved)}f" for name in _SIGMAS)
+    rows = point_table(solved).to_dicts()
+    return [{"id": row["id"], "sigma": [*map(words.number, cells(row, form))]} for row in rows]
 
 
 def _decimals(solved: Solved) -> int:
@@ -891,11 +803,7 @@ def _decimals(solved: Solved) -> int:
 
 
 def _payload(
-    found: Switching,
-    drawing: NetworkDrawing,
-    judged: Sequence[RequirementResult],
-    solved: Solved,
-    words: Words,
+    found: Switching, drawing: NetworkDrawing, judged: Sequence[RequirementResult], solved: Solved, words: Words
 ) -> str:
     """Rows, cofactors and what is required, for the script: numbers exactly as they are."""
     quality, network = solved.quality, solved.network

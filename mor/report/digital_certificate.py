@@ -138,17 +138,14 @@ def _plain(value: float) -> str:
     return np.format_float_positional(value, trim="0")
 
 
-_BASES = {"mm": r"\milli\metre", "m": r"\metre", "px": ""}
-"""Units in D-SI; a number of pixels has the unit one."""
-
-
 def _power(unit: str) -> tuple[str, int]:
     """Base and exponent of a unit such as ``1/mm^2``."""
     found = re.fullmatch(r"(1/)?([a-z]+)(?:\^(\d+))?", unit)
     if found is None:
         return "", 0
     below, base, exponent = found.groups()
-    return _BASES[base], int(exponent or 1) * (-1 if below else 1)
+    # Units in D-SI; a number of pixels has the unit one.
+    return {"mm": r"\milli\metre", "m": r"\metre", "px": ""}[base], int(exponent or 1) * (-1 if below else 1)
 
 
 def si_unit(*units: str) -> str:
@@ -179,10 +176,7 @@ def digital_certificate(one: Certificate, admin: Administration, words: Words) -
         ElementTree.register_namespace(prefix, uri)
     root = Element(
         f"{{{_DCC}}}digitalCalibrationCertificate",
-        {
-            "schemaVersion": SCHEMA,
-            f"{{{_PREFIXES['xsi']}}}schemaLocation": f"{_DCC} {_DCC}/v{SCHEMA}/dcc.xsd",
-        },
+        {"schemaVersion": SCHEMA, f"{{{_PREFIXES['xsi']}}}schemaLocation": f"{_DCC} {_DCC}/v{SCHEMA}/dcc.xsd"},
     )
     _administrative(_add(root, "dcc:administrativeData"), admin, words.language)
     _results(_add(_add(root, "dcc:measurementResults"), "dcc:measurementResult"), one, words)
@@ -263,15 +257,8 @@ def _results(parent: Element, one: Certificate, words: Words) -> None:
         _parameters(_quantity(data, words("Parameters"), language), one, free, words)
     for name in (name for name in rows if name not in free):
         status = words.listed(rows[name]["status"])
-        real = _add(_quantity(data, f"{name}: {words(meaning('', name))} ({status})", language), "si:real")
-        _given(
-            real,
-            [
-                ("si:label", name),
-                ("si:value", _number(rows[name]["value"])),
-                ("si:unit", si_unit(one.units[name])),
-            ],
-        )
+        quantity = _quantity(data, f"{name}: {words(meaning('', name))} ({status})", language)
+        _real(quantity, rows[name]["value"], one.units[name], name)
     if camera["r0"] is not None:
         _real(_quantity(data, "r0", language), camera["r0"], one.unit)
     _distortion(_add(_result(results, words("Radial distortion"), language), "dcc:list"), one, words)
@@ -302,12 +289,17 @@ def _quantity(parent: Element, name: str, language: str) -> Element:
     return found
 
 
-def _real(parent: Element, value: float, unit: str) -> None:
-    _given(_add(parent, "si:real"), [("si:value", _number(value)), ("si:unit", si_unit(unit))])
+def _real(parent: Element, value: float, unit: str, label: str | None = None) -> Element:
+    real = _add(parent, "si:real")
+    _given(real, [("si:label", label), ("si:value", _number(value)), ("si:unit", si_unit(unit))])
+    return real
 
 
-def _distribution(nu: float) -> str:
-    return "normal" if np.isinf(nu) else f"Student t, {nu:.0f} degrees of freedom"
+def _coverage(parent: Element, factor: float, probability: float, nu: float) -> None:
+    """Coverage factor and probability, and the distribution with so many degrees of freedom."""
+    name = "normal" if np.isinf(nu) else f"Student t, {nu:.0f} degrees of freedom"
+    pairs = [("si:coverageFactor", _plain(factor)), ("si:coverageProbability", _plain(probability))]
+    _given(parent, [*pairs, ("si:distribution", name)])
 
 
 def _parameters(parent: Element, one: Certificate, free: Sequence[str], words: Words) -> None:
@@ -315,24 +307,10 @@ def _parameters(parent: Element, one: Certificate, free: Sequence[str], words: W
     rows, factor, nu = one.camera["components"], one.coverage or 2.0, freedom(one.view.summary)
     found = _add(_add(parent, "si:list"), "si:realList")
     for name in free:
-        real = _add(found, "si:real")
-        _given(
-            real,
-            [
-                ("si:label", f"{name}: {words(meaning('', name))}"),
-                ("si:value", _number(rows[name]["value"])),
-                ("si:unit", si_unit(one.units[name])),
-            ],
-        )
-        _given(
-            _add(real, "si:expandedUnc"),
-            [
-                ("si:uncertainty", _number(factor * rows[name]["sigma"])),
-                ("si:coverageFactor", _plain(factor)),
-                ("si:coverageProbability", _plain(coverage_probability(factor, nu))),
-                ("si:distribution", _distribution(nu)),
-            ],
-        )
+        real = _real(found, rows[name]["value"], one.units[name], f"{name}: {words(meaning('', name))}")
+        expanded = _add(real, "si:expandedUnc")
+        _add(expanded, "si:uncertainty", _number(factor * rows[name]["sigma"]))
+        _coverage(expanded, factor, coverage_probability(factor, nu), nu)
     covariance = covariance_of(one, free)
     if covariance is None:
         return
@@ -343,20 +321,9 @@ def _parameters(parent: Element, one: Certificate, free: Sequence[str], words: W
         for value, other in zip(column, free, strict=True):
             unit = si_unit(one.units[name], one.units[other])
             _given(_add(cells, "si:covariance"), [("si:value", _number(value)), ("si:unit", unit)])
-    p = len(free)
-    square = chdtri(p, 1.0 - _REGION) if np.isinf(nu) else p * fdtri(p, nu, _REGION)
-    _given(
-        region,
-        [
-            ("si:coverageFactor", _plain(float(np.sqrt(square)))),
-            ("si:coverageProbability", _plain(_REGION)),
-            ("si:distribution", _distribution(nu)),
-        ],
-    )
-
-
-_REGION = 0.95
-"""Coverage probability of the ellipsoid of all components."""
+    p, probability = len(free), 0.95  # of the ellipsoid of all components
+    square = chdtri(p, 1.0 - probability) if np.isinf(nu) else p * fdtri(p, nu, probability)
+    _coverage(region, float(np.sqrt(square)), probability, nu)
 
 
 def covariance_of(one: Certificate, free: Sequence[str]) -> FloatArray | None:
@@ -366,8 +333,7 @@ def covariance_of(one: Certificate, free: Sequence[str]) -> FloatArray | None:
         return None
     chosen = [found["components"].index(name) for name in free]
     sigma = np.array([one.camera["components"][name]["sigma"] for name in free])
-    covariance: FloatArray = np.array(found["matrix"])[np.ix_(chosen, chosen)] * np.outer(sigma, sigma)
-    return covariance
+    return np.asarray(np.array(found["matrix"])[np.ix_(chosen, chosen)] * np.outer(sigma, sigma))
 
 
 def _distortion(parent: Element, one: Certificate, words: Words) -> None:

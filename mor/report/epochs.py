@@ -114,22 +114,28 @@ def comparison_page(
         environment()
         .get_template("epochs.html.j2")
         .render(
-            title=title,
-            headline=words("{count:point has|points have} moved, of {all}", count=moved, all=table.height)
-            if moved
-            else words("Nothing has moved"),
-            state="bad" if moved else "good",
+            **_head(title, moved, table.height, epochs[1].identity, words),
             verdict=verdict,
             facts=_facts(epochs, words),
             rows=[_cells(row, DIGITS[found.unit], known, words) for row in rows],
             unit=found.unit,
             drawing=movement_drawing(found, words),
             identity=epochs[1].identity,
-            say=words,
-            style=Markup(asset("page.css") + asset("certificate.css") + asset("epochs.css")),
-            running=running_heads(title, epochs[1].identity, words),
         )
     )
+
+
+def _head(title: str, moved: int, count: int, identity: dict[str, Any], words: Words) -> dict[str, Any]:
+    """What both pages begin with: title, headline, and the look of the page."""
+    said = words("{count:point has|points have} moved, of {all}", count=moved, all=count)
+    return {
+        "title": title,
+        "headline": said if moved else words("Nothing has moved"),
+        "state": "bad" if moved else "good",
+        "say": words,
+        "style": Markup(asset("page.css") + asset("certificate.css") + asset("epochs.css")),
+        "running": running_heads(title, identity, words),
+    }
 
 
 def _facts(epochs: tuple[EpochResults, EpochResults], words: Words) -> list[tuple[str, str, str]]:
@@ -223,11 +229,7 @@ def movements_page(solved: Solved, of: RunIdentity, words: Words) -> str:
         environment()
         .get_template("movements.html.j2")
         .render(
-            title=title,
-            headline=words("{count:point has|points have} moved, of {all}", count=moved, all=last.height)
-            if moved
-            else words("Nothing has moved"),
-            state="bad" if moved else "good",
+            **_head(title, moved, last.height, identity, words),
             statements=statements(solved, words),
             drawing=movement_drawing(
                 moved_points(point_table(solved), last, project.axes.xy, project.units.length), words
@@ -238,9 +240,6 @@ def movements_page(solved: Solved, of: RunIdentity, words: Words) -> str:
             shown=MOST_SERIES,
             parameters=listed_parameters(solved, words, MOST_ROWS),
             movements=listed_movements(frame, project.units.length, words, MOST_ROWS),
-            say=words,
-            style=Markup(asset("page.css") + asset("certificate.css") + asset("epochs.css")),
-            running=running_heads(title, identity, words),
         )
     )
 

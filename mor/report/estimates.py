@@ -17,7 +17,7 @@ from mor.model.parameters import INTERIORS, SHAPE
 from mor.model.rotations import cross_matrix
 from mor.model.shapes import SHAPE_TYPES
 from mor.project.axes import Edge, split
-from mor.project.prior_knowledge import feature_label
+from mor.project.prior_knowledge import feature_label, upright
 from mor.project.reference_system import EarthModel
 from mor.project.schema import Axes, Feature
 from mor.project.shapes import FREEDOM
@@ -375,8 +375,12 @@ def group_table(solved: Solved) -> pl.DataFrame:
                 "largest_w": _largest(solved.quality.reliability[number], ~group.left_out),
                 "excluded": int(np.count_nonzero(group.left_out)),
                 "flagged": int(np.count_nonzero(solved.quality.flagged[number])),
-                **_component(solved, number),
             }
+            if solved.treatment is not None:  # the factor on the σ as estimated, and as used where it was iterated
+                factors = solved.treatment.components
+                known = np.isfinite(factors.sigma[number])
+                row["sigma_factor"] = number_or_none(factors.factors[number]) if known else None
+                row["sigma_of_factor"] = number_or_none(factors.sigma[number])
         rows.append(row)
     return pl.DataFrame(rows)
 
@@ -386,24 +390,7 @@ def variance_components(solved: Solved) -> dict[str, Any] | None:
     if solved.treatment is None:
         return None
     found = solved.treatment.components
-    return {
-        "method": found.method,
-        "iterated": found.iterated,
-        "settled": found.settled,
-        "rounds": found.rounds,
-    }
-
-
-def _component(solved: Solved, number: int) -> dict[str, Any]:
-    """Factor on the σ of a group, as estimated (and, where it was iterated, as used)."""
-    treatment = solved.treatment
-    if treatment is None:
-        return {}
-    estimated = treatment.components
-    return {
-        "sigma_factor": number_or_none(estimated.factors[number]) if np.isfinite(estimated.sigma[number]) else None,
-        "sigma_of_factor": number_or_none(estimated.sigma[number]),
-    }
+    return {"method": found.method, "iterated": found.iterated, "settled": found.settled, "rounds": found.rounds}
 
 
 def _largest(tests: Reliability, inside: BoolArray) -> float | None:
@@ -438,10 +425,7 @@ def _image_poses(solved: Solved) -> dict[str, FloatArray]:
 
 
 def _pose(solved: Solved, positions: IntArray, attitudes: IntArray) -> dict[str, Any]:
-    return {
-        **_with_sigma(points(solved, positions), XYZ),
-        **_with_sigma(rotations(solved, attitudes), ANGLES),
-    }
+    return {**_with_sigma(points(solved, positions), XYZ), **_with_sigma(rotations(solved, attitudes), ANGLES)}
 
 
 def _with_sigma(estimate: Estimate, names: tuple[str, ...]) -> dict[str, FloatArray]:
@@ -454,8 +438,7 @@ def _ellipsoid_axes(estimate: Estimate) -> FloatArray:
     if estimate.covariance is None or len(estimate.values) == 0:
         return np.full((3, len(estimate.values)), np.nan)
     eigenvalues = np.linalg.eigvalsh(np.nan_to_num(estimate.covariance))
-    axes: FloatArray = np.sqrt(np.maximum(eigenvalues[:, ::-1], 0.0)).T
-    return axes
+    return np.asarray(np.sqrt(np.maximum(eigenvalues[:, ::-1], 0.0)).T)
 
 
 def _correlations_of_axes(estimate: Estimate) -> dict[str, FloatArray]:
@@ -521,15 +504,9 @@ def _frame(columns: dict[str, Any]) -> pl.DataFrame:
 # ---- Table of undetermined unknowns, with reason and treatment.
 
 SCHEMA = {
-    "kind": pl.String,
-    "id": pl.String,
-    "reason": pl.String,
-    "treatment": pl.String,
+    **dict.fromkeys(("kind", "id", "reason", "treatment"), pl.String),
     "observations": pl.Int64,
-    "dx": pl.Float64,
-    "dy": pl.Float64,
-    "dz": pl.Float64,
-    "sigma": pl.Float64,
+    **dict.fromkeys(("dx", "dy", "dz", "sigma"), pl.Float64),
 }
 FILE = "undetermined.csv"
 
@@ -577,20 +554,8 @@ def _row(thing: UndeterminedObject) -> dict[str, Any]:
 # ---- Planes, lines and other shapes as they came out: where they lie, and how well their points fit.
 
 FEATURE_SCHEMA: dict[str, type[pl.DataType]] = {
-    "id": pl.String,
-    "type": pl.String,
-    "part": pl.String,
-    "dx": pl.Float64,
-    "dy": pl.Float64,
-    "dz": pl.Float64,
-    "sd": pl.Float64,
-    "distance": pl.Float64,
-    "x": pl.Float64,
-    "y": pl.Float64,
-    "z": pl.Float64,
-    "sx": pl.Float64,
-    "sy": pl.Float64,
-    "sz": pl.Float64,
+    **dict.fromkeys(("id", "type", "part"), pl.String),
+    **dict.fromkeys(("dx", "dy", "dz", "sd", "distance", "x", "y", "z", "sx", "sy", "sz"), pl.Float64),
     **{f"{s}{size}": pl.Float64 for size in SHAPE.names for s in ("", "s")},
     "points": pl.Int64,
     "rms": pl.Float64,
@@ -641,20 +606,14 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
             held, away = 1.0 - axis if feature.type in _LINES else np.ones(3), off[chosen][:, :2]
         on = on * (1.0 - held)
         place = ((on - offset) @ D + values["point"][origin]) @ M
-        direction = None if feature.type == "sphere" else _upright(axis @ D @ M)
+        direction = None if feature.type == "sphere" else upright((axis @ D @ M)[None])[0]
         sd, sigma = _feature_sigma(solved, system, (D, turn), on - offset, axis, held)
         rows.append(
             {
                 "id": feature.id,
                 "type": feature.type,
                 "part": part,
-                **dict(
-                    zip(
-                        ("dx", "dy", "dz"),
-                        (None,) * 3 if direction is None else direction.tolist(),
-                        strict=True,
-                    )
-                ),
+                **dict(zip(("dx", "dy", "dz"), (None,) * 3 if direction is None else direction.tolist(), strict=True)),
                 "sd": None if direction is None else sd,
                 "distance": float(direction @ place)
                 if direction is not None and feature.type in ("plane", "right angle")
@@ -713,12 +672,6 @@ def _parts(feature: Feature, count: int) -> list[tuple[str, FloatArray, np.ndarr
     return [("", _Z, first)]
 
 
-def _upright(direction: FloatArray) -> FloatArray:
-    """The direction or its opposite: that whose largest component is positive."""
-    upright: FloatArray = direction * np.sign(direction[np.argmax(np.abs(direction))])
-    return upright
-
-
 # ---- Trajectories in the result: every knot with its pose and σ, misalignments of inertial systems.
 
 POSE = ("x", "y", "z", "omega", "phi", "kappa")
@@ -738,9 +691,7 @@ def knot_table(solved: Solved) -> pl.DataFrame:
         "time": np.concatenate([t.times for t in trajectories]),
         "stretch": np.concatenate([t.stretch + 1 for t in trajectories]),
     }
-    for part, names in ((positions, POSE[:3]), (attitudes, POSE[3:])):
-        columns |= {name: part.values[:, k] for k, name in enumerate(names)}
-        columns |= {f"s{name}": part.sigma[:, k] for k, name in enumerate(names)}
+    columns |= _with_sigma(positions, XYZ) | _with_sigma(attitudes, ANGLES)
     return pl.DataFrame(columns).with_columns(pl.col(pl.Float64).fill_nan(None))
 
 
@@ -875,5 +826,4 @@ def _sigma(solved: Solved, world: EarthModel, positions: FloatArray) -> FloatArr
     axes = world.horizon.local_axes(positions)
     covariance = solved.quality.cofactors["point"][numbers] * solved.quality.sigma_factor**2
     variances = np.einsum("nij,njk,nik->ni", axes, covariance, axes)
-    sigma: FloatArray = np.sqrt(np.maximum(variances, 0.0))
-    return sigma
+    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))

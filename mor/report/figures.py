@@ -37,8 +37,6 @@ from mor.units import LENGTH_UNITS
 CONFIDENCE = 0.95
 _BESIDE = float(ndtri(0.5 + CONFIDENCE / 2.0))
 _AROUND = float(np.sqrt(chdtri(2, 1.0 - CONFIDENCE)))
-_FEWEST = 3
-"""Residuals a cell must hold for its mean to be drawn."""
 
 
 def camera_figures(data: PageData) -> list[dict[str, Figure]]:
@@ -75,10 +73,7 @@ def camera_window(camera: dict[str, Any], measured: Window | None, unit: str) ->
         return None
     factor = LENGTH_UNITS.get(unit, 1.0) / LENGTH_UNITS.get(str(camera["unit"]), 1.0)
     return Window(
-        (measured.x[0] * factor, measured.x[1] * factor),
-        (measured.y[0] * factor, measured.y[1] * factor),
-        False,
-        False,
+        (measured.x[0] * factor, measured.x[1] * factor), (measured.y[0] * factor, measured.y[1] * factor), False, False
     )
 
 
@@ -164,17 +159,15 @@ def mean_residuals(data: PageData, camera: dict[str, Any]) -> Figure | None:
     count = np.bincount(number, minlength=(len(edges[0]) - 1) * (len(edges[1]) - 1))
     mean = np.column_stack([np.bincount(number, v[:, k], len(count)) / np.maximum(count, 1) for k in (0, 1)])
     middle = np.stack(np.meshgrid(*(0.5 * (e[1:] + e[:-1]) for e in edges), indexing="ij"), axis=-1).reshape(-1, 2)
-    kept = count >= _FEWEST
+    # Residuals a cell must hold for its mean to be drawn.
+    kept = count >= 3
     if not kept.any():
         return None
     size = float(np.hypot(*mean[kept].T).max(initial=0.0))
     scale = round_length(float(edges[0][1] - edges[0][0]) / size) if size > 0.0 else 1.0
     unit = str(rays["unit"][0])
     traces = _vectors(
-        middle[kept],
-        middle[kept] + scale * mean[kept],
-        data.words("mean v × {scale}", scale=f"{scale:g}"),
-        RED,
+        middle[kept], middle[kept] + scale * mean[kept], data.words("mean v × {scale}", scale=f"{scale:g}"), RED
     )
     return _image_chart(traces, unit, area, _scale_bar(size, scale, unit, area))
 
@@ -263,10 +256,6 @@ def correlations(camera: dict[str, Any]) -> Figure:
 
 # ---- The overlap map: how many images measured points in each cell, in the view in which the points are widest.
 
-_MOST_CELLS = 80
-"""Cells along the longer side, at most."""
-_IN_A_CELL = 4
-"""Points a cell has on average, where they lie evenly."""
 RAY_CLASSES = ((1, 1), (2, 2), (3, 3), (4, 5), (6, 9), (10, None))
 """Numbers of rays that are told apart in a picture: two rays check each other across their common plane alone."""
 
@@ -298,7 +287,9 @@ def overlap(view: View, rays: RayPairs) -> Overlap | None:
     low, size = (plane[measured].min(axis=0), np.ptp(plane[measured], axis=0)) if len(point) else np.zeros((2, 2))
     if not (size > 0.0).all():
         return None
-    step = max(float(np.sqrt(_IN_A_CELL * size.prod() / len(measured))), float(size.max()) / _MOST_CELLS)
+    # Cells along the longer side, at most.
+    # Points a cell has on average, where they lie evenly.
+    step = max(float(np.sqrt(4 * size.prod() / len(measured))), float(size.max()) / 80)
     cells = np.floor(size / step).astype(np.int64) + 1
     first = low + 0.5 * (size - (cells - 1) * step)
     column, row = (np.rint((plane[point] - first) / step).astype(np.int64).clip(0, cells - 1)).T
@@ -334,7 +325,6 @@ def overlap_map(found: Overlap | None) -> dict[str, Any] | None:
 
 # ---- Charts of the tests: w against the normal distribution, redundancy, rays, angles.
 
-_BARS = 60
 _MOST_FRAMES = 400
 
 
@@ -387,7 +377,7 @@ def histogram(values: FloatArray, x: str, y: str, colour: str = BLUE, whole: boo
     there = values[np.isfinite(values)]
     if whole:
         last = int(there.max(initial=1))
-        step = max(1, last // _BARS)
+        step = max(1, last // 60)
         edges = np.arange(-0.5, last + step + 0.5, step)
     else:
         high = float(there.max(initial=top)) or 1.0
@@ -412,12 +402,7 @@ def redundancy_of_frames(data: PageData) -> Figure | None:
         parts.append((words("images"), data.images.select("id", "mean_r"), BLUE, "circle"))
     if data.sets.height:
         parts.append(
-            (
-                words("sets and groups"),
-                data.sets.select(pl.col("set").alias("id"), "mean_r"),
-                ORANGE,
-                "diamond",
-            )
+            (words("sets and groups"), data.sets.select(pl.col("set").alias("id"), "mean_r"), ORANGE, "diamond")
         )
     traces = [
         {
@@ -444,11 +429,7 @@ def test_figures(data: PageData) -> dict[str, Figure]:
     figures = {
         "w": normal_histogram(tested, data.view.critical, words),
         "r": histogram(
-            used["r"].drop_nulls().to_numpy(),
-            words("redundancy number r [1]"),
-            words("observations"),
-            GREEN,
-            top=1.0,
+            used["r"].drop_nulls().to_numpy(), words("redundancy number r [1]"), words("observations"), GREEN, top=1.0
         ),
     }
     by_frame = redundancy_of_frames(data)

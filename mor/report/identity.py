@@ -75,11 +75,7 @@ def _date(files: Iterable[ReadFile]) -> str | None:
 def note_rows(notes: Iterable[Message], folder: Path) -> list[dict[str, Any]]:
     """The notes in their order: ``message``, ``file`` (counted from the folder of the project), ``line``; 0: none."""
     return [
-        {
-            "message": note.message,
-            "file": said_file(Path(note.file), folder) if note.file else "",
-            "line": note.line,
-        }
+        {"message": note.message, "file": said_file(Path(note.file), folder) if note.file else "", "line": note.line}
         for note in notes
     ]
 

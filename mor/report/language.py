@@ -34,10 +34,6 @@ WORD = "w"
 """Marks a place whose single word is looked up, too: {:w}."""
 NAMES = "n"
 """Marks a place whose value stays as it is: {:n}."""
-_CONJUNCTION = 3
-"""Letters of *and*, *or*, *of*, which alone are no sentence."""
-_DEEPEST = 6
-"""Clauses within clauses."""
 
 
 class _TemplatePart(NamedTuple):
@@ -116,7 +112,8 @@ class Sentences:
 
     def say(self, text: str) -> str:
         """The text in the other language; as it is where nothing is known of it."""
-        return self._said(text, _DEEPEST)
+        # Clauses within clauses.
+        return self._said(text, 6)
 
     def recognised(self, text: str) -> Sentence | None:
         """The sentence that a text with values is taken for."""
@@ -133,7 +130,8 @@ class Sentences:
             return self.catalogue[text]
         for sentence, values in self._candidates(text) if depth else ():
             said = self._filled(sentence, values, depth - 1)
-            if sentence.letters > _CONJUNCTION or (said != text and self._all_known(sentence, values, depth - 1)):
+            # Letters of *and*, *or*, *of*, which alone are no sentence.
+            if sentence.letters > 3 or (said != text and self._all_known(sentence, values, depth - 1)):
                 return said
         return text
 
@@ -320,12 +318,7 @@ def terms(language: str = "en") -> tuple[Term, ...]:
     entries = _read("terms.yaml")
     said = {entry["names"][0]: entry for entry in entries} if language == "en" else _read("de_terms.yaml")
     return tuple(
-        Term(
-            tuple(entry["names"]),
-            entry["de"],
-            said[entry["names"][0]]["text"],
-            said[entry["names"][0]].get("do", ""),
-        )
+        Term(tuple(entry["names"]), entry["de"], said[entry["names"][0]]["text"], said[entry["names"][0]].get("do", ""))
         for entry in entries
     )
 

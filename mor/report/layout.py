@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import textwrap
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -21,8 +21,6 @@ _GAPS = ("  ", " ")
 """What stands between columns: the second where the first is too wide."""
 _OF_UNIT = "\u2007["
 """A unit that stays with its quantity; figure spaces stand in no report."""
-_NARROWEST = 12
-"""Signs down to which a column of texts is narrowed before the table is cut into blocks."""
 
 
 def drawn(headers: Sequence[str], rows: Sequence[Sequence[str]], left: Collection[int], margin: int = 0) -> str:
@@ -65,7 +63,8 @@ def _narrowed(widths: list[int], left: Collection[int], page: int) -> list[int]:
     texts = [k for k in range(len(widths)) if k in left]
     while texts and _total(widths) > page:
         widest = max(texts, key=lambda k: widths[k])
-        if widths[widest] <= _NARROWEST:
+        # Signs down to which a column of texts is narrowed before the table is cut into blocks.
+        if widths[widest] <= 12:
             break
         widths[widest] -= 1
     return widths
@@ -146,6 +145,17 @@ def heading(title: str) -> str:
     return f"{title}\n{'-' * min(len(title), WIDTH)}"
 
 
+def titled(title: str) -> list[str]:
+    """The title of a report, underlined."""
+    return [title, "=" * min(len(title), WIDTH)]
+
+
+def aligned(facts: Sequence[tuple[str, str]]) -> list[str]:
+    """Names and texts in two columns."""
+    width = max(len(name) for name, _ in facts)
+    return [f"{name.ljust(width)}  {text}" for name, text in facts]
+
+
 ALL = 1_000_000_000
 """Rows of a section of which nothing is left out."""
 LISTED = ("status", "flag", "action", "kind")
@@ -202,6 +212,28 @@ def sigma_decimals(sigmas: FloatArray, digits: int = 2) -> int:
 def short(value: float | None, digits: int = 6) -> str:
     """A number with significant digits; a dash where there is none."""
     return "-" if value is None or not math.isfinite(value) else f"{value:.{digits}g}"
+
+
+def cells(row: Mapping[str, Any], columns: str, dash: str = "-", minus: str = "-") -> list[str]:
+    """Cells of a record by the names of its columns: ``name`` as it is, ``name:.3f`` and ``name:.4g`` as a number.
+
+    A dash stands where there is none; zero with fixed decimals has no sign.
+    """
+    said = []
+    for column in columns.split():
+        name, _, form = column.partition(":")
+        value = row[name]
+        if value is None or (form and not math.isfinite(value)):
+            said.append(dash)
+        else:
+            way = f"z{form}" if form.endswith("f") else form
+            said.append(format(value, way).replace("-", minus) if form else str(value))
+    return said
+
+
+def probability(value: float | None) -> str:
+    """A probability with four decimals, for pages and paper."""
+    return "–" if value is None else "< 0.0001" if value < 1e-4 else f"{value:.4f}"
 
 
 def coverage_words(factor: float, freedom: float, words: Words) -> str:
@@ -296,18 +328,11 @@ def persons(identity: dict[str, Any], words: Words = ENGLISH) -> list[tuple[str,
 
 
 def section(
-    identity: dict[str, Any],
-    words: Words = ENGLISH,
-    notes: Sequence[dict[str, Any]] = (),
-    shown: int = MOST_TOLD,
+    identity: dict[str, Any], words: Words = ENGLISH, notes: Sequence[dict[str, Any]] = (), shown: int = MOST_TOLD
 ) -> str:
     """Program, options, input files with their SHA-256, what was noted of them, and the place for the signature."""
-    rows = [
-        (words("program"), identity["program"]),
-        (words("options"), " ".join(identity["options"]) or words("none")),
-    ]
-    width = max(len(name) for name, _ in rows)
-    lines = [heading(words("About this report")), *(f"{name.ljust(width)}  {text}" for name, text in rows)]
+    rows = [(words("program"), identity["program"]), (words("options"), " ".join(identity["options"]) or words("none"))]
+    lines = [heading(words("About this report")), *aligned(rows)]
     if identity["inputs"]:
         lines += ["", words("Read from ({count:file|files}), with SHA-256:", count=len(identity["inputs"]))]
     for file in identity["inputs"]:
@@ -318,13 +343,12 @@ def section(
     if len(notes) > shown:
         more = len(notes) - shown
         lines.append(words("{count:more note is|more notes are} in results.json.", count=more))
-    lines += [
-        "",
-        "",
-        f"{LINE}    {LINE}",
-        f"{words('place and date').ljust(len(LINE))}    {words('signature')}",
-    ]
-    return "\n".join(lines)
+    return "\n".join([*lines, "", *signature(words)])
+
+
+def signature(words: Words) -> list[str]:
+    """The lines to sign on."""
+    return ["", f"{LINE}    {LINE}", f"{words('place and date').ljust(len(LINE))}    {words('signature')}"]
 
 
 def _note(row: dict[str, Any], words: Words) -> str:
@@ -379,12 +403,6 @@ def small_unit(unit: str, size: float) -> tuple[str, float]:
 
 # ---- The frame of a figure: the bulk of the places. Places far away stand at its edge, with their distance.
 
-_FAR = 10.0
-"""Median distances from the median place beyond which a place does not widen the frame."""
-_FLATTEST = 0.05
-"""Height of a frame in parts of its width, at least."""
-_ROUNDING = 1e-6
-
 
 def frame_of(places: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     """Least and largest coordinates of the bulk of places (n, k), or None if no place is far away."""
@@ -392,7 +410,8 @@ def frame_of(places: FloatArray) -> tuple[FloatArray, FloatArray] | None:
     if not len(known):
         return None
     distance = np.linalg.norm(known - np.median(known, axis=0), axis=1)
-    bulk = known[distance <= _FAR * np.median(distance)]
+    # Median distances from the median place beyond which a place does not widen the frame.
+    bulk = known[distance <= 10.0 * np.median(distance)]
     if len(bulk) in (0, len(known)) or not np.ptp(bulk, axis=0).any():
         return None
     return bulk.min(axis=0), bulk.max(axis=0)
@@ -404,9 +423,10 @@ def at_edge(xy: FloatArray, low: FloatArray, high: FloatArray) -> tuple[FloatArr
     The way goes along the line to the middle of the frame.
     """
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
-    half = np.maximum(half, _FLATTEST * half.max())
+    # Height of a frame in parts of its width, at least.
+    half = np.maximum(half, 0.05 * half.max())
     times = np.max(np.abs(xy - middle) / half, axis=1)[:, None]
-    edge = np.where(times > 1.0 + _ROUNDING, middle + (xy - middle) / np.maximum(times, 1.0), xy)
+    edge = np.where(times > 1.0 + 1e-6, middle + (xy - middle) / np.maximum(times, 1.0), xy)
     return edge, np.linalg.norm(xy - edge, axis=1)
 
 

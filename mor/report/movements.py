@@ -25,7 +25,6 @@ _LETTER, _LINE = 6.6, 13.0
 """Width of a letter and height of a line of a label."""
 _AROUND = float(np.sqrt(chdtri(2, 0.05)))
 """Semi-axes of an ellipse of 95 % in units of those of 1σ."""
-_MOST_LABELS = 400
 _TIP = (
     '<defs><marker id="tip" viewBox="0 0 8 8" refX="6" refY="4" markerWidth="4.5" markerHeight="4.5" orient="auto">'
     '<path class="tip" d="M0 0 8 4 0 8z"/></marker></defs>'
@@ -136,7 +135,7 @@ def _vector(start: FloatArray, end: FloatArray, moved: bool) -> str:
 
 def _labels(found: PointMovements, xy: FloatArray, tips: FloatArray, height: float) -> list[str]:
     """Names, those of moved points first, each where nothing else is; none where there is no such place."""
-    order = np.argsort(~found.moved, kind="stable")[:_MOST_LABELS].tolist()
+    order = np.argsort(~found.moved, kind="stable")[:400].tolist()
     size = np.array([(_LETTER * len(found.names[k]), _LINE) for k in order]).reshape(-1, 2)
     edge = np.array([0.0, 0.0, DRAWING_WIDTH, height - _LEGEND])
     others = np.concatenate([np.delete(xy, order, axis=0), tips[found.moved]])

@@ -36,15 +36,7 @@ from mor.quality.test_statistics import (
     normalised_residuals,
 )
 from mor.report.layout import component_of
-from mor.report.units import (
-    ends_of_group,
-    once,
-    said_differences,
-    said_numbers,
-    said_signs,
-    said_sizes,
-    said_values,
-)
+from mor.report.units import ends_of_group, once, said_differences, said_numbers, said_signs, said_sizes, said_values
 from mor.solve.problem import misclosures
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray
 
@@ -114,24 +106,10 @@ class AssessedGroups(NamedTuple):
 # ---- Columns of the residual table that say how an observation was tested, and how reliable it is.
 
 TESTED = {
-    "r": pl.Float64,
-    "w": pl.Float64,
-    "normalised": pl.Float64,
-    "tau": pl.Float64,
-    "p": pl.Float64,
-    "t2": pl.Float64,
-    "p_t": pl.Float64,
-    "error": pl.Float64,
-    "nabla": pl.Float64,
-    "external": pl.Float64,
-    "influence": pl.Float64,
-    "joint": pl.Float64,
-    "joint_freedom": pl.Float64,
-    "p_joint": pl.Float64,
+    **dict.fromkeys(("r", "w", "normalised", "tau", "p", "t2", "p_t", "error", "nabla", "external"), pl.Float64),
+    **dict.fromkeys(("influence", "joint", "joint_freedom", "p_joint"), pl.Float64),
     "flag": pl.String,
 }
-
-
 FLAGS = ("", "uncontrolled", "gross", "excluded", "check")
 
 
@@ -163,8 +141,13 @@ def tested_columns(rows: AssessedRows) -> dict[str, Callable[[], FloatArray]]:
     def joint() -> FloatArray:
         return np.where(np.isfinite(freedom_of_several()), one.joint, np.nan)
 
+    def p_joint() -> FloatArray:
+        known = np.isfinite(joint()).any()
+        return np.exp(log_p_chi2(joint(), freedom_of_several())) if known else joint()
+
+    variance = group.given_sigma**2
     return {
-        "r": lambda: said_numbers(group, np.where(out, _as_if_inside(group, one.q_adjusted), one.r)),
+        "r": lambda: said_numbers(group, np.where(out, variance / (variance + one.q_adjusted), one.r)),
         "w": lambda: said_signs(group, rows.test),
         "normalised": lambda: said_signs(group, w()),
         "tau": lambda: said_signs(group, np.where(out, np.nan, w()) / sigma0),
@@ -177,17 +160,8 @@ def tested_columns(rows: AssessedRows) -> dict[str, Callable[[], FloatArray]]:
         "influence": lambda: said_signs(group, tests.influence),
         "joint": lambda: said_numbers(group, joint()),
         "joint_freedom": lambda: said_numbers(group, freedom_of_several()),
-        "p_joint": lambda: said_numbers(group, _p_joint(joint(), freedom_of_several())),
+        "p_joint": lambda: said_numbers(group, p_joint()),
     }
-
-
-def _p_joint(joint: FloatArray, freedom: FloatArray) -> FloatArray:
-    return np.exp(log_p_chi2(joint, freedom)) if np.isfinite(joint).any() else joint
-
-
-def _as_if_inside(group: ObservationGroup, q: FloatArray) -> FloatArray:
-    variance = group.given_sigma**2
-    return np.asarray(variance / (variance + q))
 
 
 def flags(rows: AssessedRows) -> IntArray:
@@ -196,29 +170,16 @@ def flags(rows: AssessedRows) -> IntArray:
     number = np.where(rows.uncontrolled, FLAGS.index("uncontrolled"), 0)
     number[rows.flagged] = FLAGS.index("gross")
     number[group.left_out] = FLAGS.index("check" if rows.is_check else "excluded")
-    said_there: IntArray = number[:, ends_of_group(group).source]
-    return said_there
+    return np.asarray(number[:, ends_of_group(group).source])
 
 
 # ---- The residual table in long form: one row for every observation, units and all.
 
 SCHEMA = {
-    "type": pl.String,
-    "group": pl.String,
-    "at": pl.String,
-    "from": pl.String,
-    "to": pl.String,
-    "component": pl.String,
-    "unit": pl.String,
-    "observed": pl.Float64,
-    "adjusted": pl.Float64,
-    "v": pl.Float64,
-    "sigma": pl.Float64,
-    "sigma_adjusted": pl.Float64,
+    **dict.fromkeys(("type", "group", "at", "from", "to", "component", "unit"), pl.String),
+    **dict.fromkeys(("observed", "adjusted", "v", "sigma", "sigma_adjusted"), pl.Float64),
     **TESTED,
 }
-
-
 SHOWN = (
     *("type", "group", "at", "from", "to", "component", "unit", "observed", "adjusted", "v", "sigma"),
     *("r", "w", "error", "nabla", "external", "influence", "flag"),
@@ -259,12 +220,13 @@ def _numbers(rows: AssessedRows) -> dict[str, Callable[[], FloatArray]]:
     """Functions that compute each numeric column, (k, m), in the units and axes of the project."""
     group, one = rows.group, rows.one
     observed = said_values(group, group.observed)
+    factor = rows.whole.sigma_factor if rows.whole is not None else np.nan
     return {
         "observed": lambda: observed,
         "adjusted": lambda: observed + said_differences(group, one.v),
         "v": lambda: said_differences(group, one.v),
         "sigma": lambda: said_sizes(group, group.given_sigma),
-        "sigma_adjusted": lambda: said_sizes(group, _sigma_adjusted(rows)),
+        "sigma_adjusted": lambda: said_sizes(group, factor * np.sqrt(np.maximum(one.q_adjusted, 0.0))),
         **tested_columns(rows),
     }
 
@@ -275,12 +237,6 @@ def named_places(group: ObservationGroup) -> dict[str, Names]:
         return dict(zip(("at", "from", "to"), group.references, strict=True))
     nobody = one_name("", group.count)
     return dict(zip(("from", "to"), (*group.references, nobody), strict=False))
-
-
-def _sigma_adjusted(rows: AssessedRows) -> FloatArray:
-    factor = rows.whole.sigma_factor if rows.whole is not None else np.nan
-    sigma: FloatArray = factor * np.sqrt(np.maximum(rows.one.q_adjusted, 0.0))
-    return sigma
 
 
 # ---- The worst observations, found in arrays: only their rows become rows of a table.
@@ -375,10 +331,7 @@ def owners_of_rows(solved: Solved, group: ObservationGroup) -> Iterator[tuple[st
 @once
 def _control(solved: Solved) -> dict[str, dict[str, FloatArray]]:
     """Both columns of all point blocks and of all images."""
-    counts = {
-        "point": len(solved.network.blocks["point"].ids),
-        "image": len(solved.network.things["image"].ids),
-    }
+    counts = {"point": len(solved.network.blocks["point"].ids), "image": len(solved.network.things["image"].ids)}
     quality = solved.quality
     if quality is None:
         nothing = {key: np.full(count, np.nan) for key, count in counts.items()}

@@ -13,7 +13,8 @@ from mor.errors import InputError, Message, nearest
 from mor.input_files import read_bytes
 from mor.model.rotations import angles_by_tangent, angles_from_rotation
 from mor.report.language import ENGLISH, Words
-from mor.report.layout import fixed, heading, short, table
+from mor.report.layout import cells, fixed, heading, short, table
+from mor.report.units import number_or_none
 from mor.start.bundle import Bundle, image_bundle
 from mor.start.image_pair import RobustOrientation, robust_relative_orientation
 from mor.start.plane_object import (
@@ -117,11 +118,7 @@ def check_names(measured: HomologousPoints, names: tuple[str, ...]) -> None:
 def bundles(measured: HomologousPoints, constants: FloatArray, sigma: float) -> list[Bundle]:
     """One bundle for each image, with its camera constant; image coordinates relative to the principal point."""
     rays = np.concatenate(
-        [
-            measured.coordinates,
-            np.broadcast_to(-constants[None, :, None], (*measured.coordinates.shape[:2], 1)),
-        ],
-        axis=2,
+        [measured.coordinates, np.broadcast_to(-constants[None, :, None], (*measured.coordinates.shape[:2], 1))], axis=2
     )
     rays[np.isnan(measured.coordinates).any(axis=2)] = np.nan
     return [image_bundle(rays[:, image], sigma) for image in range(rays.shape[1])]
@@ -130,11 +127,6 @@ def bundles(measured: HomologousPoints, constants: FloatArray, sigma: float) -> 
 # ---- Arrays as plain data, and small tables of what has a σ.
 
 ANGLES = ("omega", "phi", "kappa")
-
-
-def number_or_none(value: Any) -> float | None:
-    """A number, or nothing if there is none."""
-    return float(value) if np.isfinite(value) else None
 
 
 def numbers(array: FloatArray) -> Any:
@@ -346,19 +338,14 @@ def relative(measured: HomologousPoints, constants: FloatArray, sigma: float) ->
         for one, pair in zip(known, pairs, strict=True)
     )
     all_of_them = joined(pairs, images, used) if hang_together else Joined(pairs, None, None, 0)
-    auxiliary = [
-        _auxiliary(pair, images[k].take(both), images[k + 1].take(both))
-        for k, (pair, both) in enumerate(zip(all_of_them.pairs, common, strict=True))
-    ]
+    auxiliary: list[Auxiliary | None] = [None] * len(pairs)
+    for k, (pair, both) in enumerate(zip(all_of_them.pairs, common, strict=True)):
+        if is_orientation_known(pair):
+            a, b = (image.take(both).take(pair.agreeing) for image in images[k : k + 2])
+            auxiliary[k] = auxiliary_of(a, b, pair.orientation)
     return Oriented(
         all_of_them.pairs, auxiliary, common, used, all_of_them.chain, all_of_them.model, all_of_them.rivals
     )
-
-
-def _auxiliary(pair: RobustOrientation, a: Bundle, b: Bundle) -> Auxiliary | None:
-    if not is_orientation_known(pair):
-        return None
-    return auxiliary_of(a.take(pair.agreeing), b.take(pair.agreeing), pair.orientation)
 
 
 def is_orientation_known(pair: RobustOrientation) -> bool:
@@ -426,13 +413,7 @@ def _pair(
 
 
 def _rinner(auxiliary: Auxiliary) -> dict[str, Any]:
-    parts = (
-        auxiliary.linear,
-        auxiliary.corrections,
-        auxiliary.compatible,
-        auxiliary.adjusted,
-        auxiliary.sigma,
-    )
+    parts = (auxiliary.linear, auxiliary.corrections, auxiliary.compatible, auxiliary.adjusted, auxiliary.sigma)
     names = ("linear", "correction", "compatible", "adjusted", "sigma")
     columns = [part.ravel() for part in parts]
     return {
@@ -525,22 +506,14 @@ def _text_of_pair(pair: dict[str, Any], many: bool, words: Words) -> str:
     title = [heading(words("Images {first} and {second}", first=first, second=second))] if many else []
     lines = [*title, words("Relative orientation: {words}", words=_outcome(pair, words))]
     lines.append(words("object: {geometry}", geometry=words.listed(pair["geometry"])))
-    lines.append(
-        words(
-            "{used} of {points} points used, sigma0 {sigma0} [1]",
-            used=pair["used"],
-            points=pair["points"],
-            sigma0=short(pair["sigma0"], 4),
-        )
-    )
+    said = "{used} of {points} points used, sigma0 {sigma0} [1]"
+    lines.append(words(said, used=pair["used"], points=pair["points"], sigma0=short(pair["sigma0"], 4)))
     if 10 * pair["used"] < 9 * pair["points"] and pair["usable"]:
-        lines.append(
-            words(
-                "{count:point does|points do} not agree: many wrong pairs may be caused by a wrong camera constant, "
-                "image coordinates that do not refer to the principal point, or mismatched identities.",
-                count=pair["points"] - pair["used"],
-            )
+        said = (
+            "{count:point does|points do} not agree: many wrong pairs may be caused by a wrong camera constant, image "
+            "coordinates that do not refer to the principal point, or mismatched identities."
         )
+        lines.append(words(said, count=pair["points"] - pair["used"]))
     lines += _planes(pair, words)
     if pair["usable"]:
         lines += [
@@ -567,13 +540,10 @@ def _text_of_pair(pair: dict[str, Any], many: bool, words: Words) -> str:
     elif pair["angles"]["omega"] is not None:
         lines += ["", _parameters(pair, words)]
     if pair["alternatives"]:
-        lines.append(
-            words(
-                "{count:other orientation fits|other orientations fit} about as well; "
-                "another image decides between them.",
-                count=len(pair["alternatives"]),
-            )
+        said = (
+            "{count:other orientation fits|other orientations fit} about as well; another image decides between them."
         )
+        lines.append(words(said, count=len(pair["alternatives"])))
     return "\n".join(lines)
 
 
@@ -629,10 +599,7 @@ def _text_of_rinner(pair: dict[str, Any], words: Words) -> list[str]:
     rows = [[row["ik"], *(fixed(row[name], SHOWN + 1) for name in names)] for row in found["ik"]]
     lines.append(table(["ik", *names], rows, words=words))
     rows = [
-        [
-            row["condition"],
-            *("-" if row[name] is None else f"{row[name]:.1e}" for name in ("linear", "adjusted")),
-        ]
+        [row["condition"], *("-" if row[name] is None else f"{row[name]:.1e}" for name in ("linear", "adjusted"))]
         for row in found["conditions"]
     ]
     return [*lines, table(["condition", "misclosure, linear", "misclosure, adjusted"], rows, words=words)]
@@ -647,33 +614,21 @@ def _text_of_model(data: dict[str, Any], words: Words) -> str:
         return no_scale if known else apart if len(data["pairs"]) > 1 else ""
     unit = data["angles"]["unit"]
     system = "object system" if model["system"] == "object" else "axes of the first image"
-    lines = [
-        heading(words("Model")),
-        words("{system}, unit of length: the first base", system=words.listed(system)),
-    ]
+    lines = [heading(words("Model")), words("{system}, unit of length: the first base", system=words.listed(system))]
     counts = [str(count) for count in model["scale_points"] if count is not None]
     if counts:
-        lines.append(
-            words(
-                "points that carried the scale from pair to pair: {counts}; all images adjusted together",
-                counts=", ".join(counts),
-            )
-        )
-    lines.append(
-        words(
-            "sigma0 {sigma0} [1], redundancy {redundancy}",
-            sigma0=short(model["sigma0"], 4),
-            redundancy=model["redundancy"],
-        )
-    )
+        said = "points that carried the scale from pair to pair: {counts}; all images adjusted together"
+        lines.append(words(said, counts=", ".join(counts)))
+    said = "sigma0 {sigma0} [1], redundancy {redundancy}"
+    lines.append(words(said, sigma0=short(model["sigma0"], 4), redundancy=model["redundancy"]))
     if len(data["pairs"]) > 1 and any(pair["alternatives"] for pair in data["pairs"]):
         lines.append(_decided(model["rivals"], words))
     headers = ["image", *_headed(("X0", "Y0", "Z0"), "1"), *_headed(("omega", "phi", "kappa"), unit)]
     keys = ("x", "y", "z", "omega", "phi", "kappa")
-    rows = [[str(one["image"]), *_valued(one, keys)] for one in model["images"]]
+    rows = [[str(one["image"]), *_valued(one, keys, SHOWN)] for one in model["images"]]
     lines += ["", table(headers, rows, words=words), ""]
     rows = [
-        [one["id"], *_valued(one, keys[:3]), ("" if one["remark"] is None else words.listed(one["remark"]))]
+        [one["id"], *_valued(one, keys[:3], SHOWN), ("" if one["remark"] is None else words.listed(one["remark"]))]
         for one in model["points"]
     ]
     lines.append(table(["point", *_headed(("X", "Y", "Z"), "1"), "remark"], rows, words=words))
@@ -694,8 +649,8 @@ def _headed(names: tuple[str, ...], unit: str) -> list[str]:
     return [header for name in names for header in (f"{name} [{unit}]", "sigma")]
 
 
-def _valued(row: dict[str, Any], keys: tuple[str, ...]) -> list[str]:
-    return [cell for key in keys for cell in (fixed(row[key], SHOWN), fixed(row[f"s{key}"], SHOWN))]
+def _valued(row: dict[str, Any], keys: tuple[str, ...], digits: int) -> list[str]:
+    return cells(row, " ".join(f"{name}:.{digits}f" for key in keys for name in (key, f"s{key}")))
 
 
 # ---- A plane object for reading, every admissible solution.
@@ -743,28 +698,22 @@ def planar_text(data: dict[str, Any], words: Words = ENGLISH) -> str:
 def _text_of_solution(solution: dict[str, Any], words: Words) -> list[str]:
     unit = solution["angle_unit"]
     points = [
-        [
-            p["id"],
-            *_text_of_value(p, ("x", "y", "z"), 5),
-            "" if p["place"] == "plane" else words.listed(p["place"]),
-        ]
+        [p["id"], *_valued(p, ("x", "y", "z"), 5), "" if p["place"] == "plane" else words.listed(p["place"])]
         for p in solution["points"]
     ]
     images = [
-        [str(k), *_text_of_value(i, ("x", "y", "z", "omega", "phi", "kappa"), 5)]
+        [str(k), *_valued(i, ("x", "y", "z", "omega", "phi", "kappa"), 5)]
         for k, i in enumerate(solution["images"], start=1)
     ]
     length = words.listed("length")
-    lengths = [cell for name in ("X", "Y", "Z") for cell in (f"{name} [{length}]", "sigma")]
-    centres = [cell for name in ("X0", "Y0", "Z0") for cell in (f"{name} [{length}]", "sigma")]
-    turns = [cell for name in ("omega", "phi", "kappa") for cell in (f"{name} [{unit}]", "sigma")]
     results = [
         [words.listed(r["kind"]), r["of"], said, fixed(r["value"], 5), fixed(r["sigma"], 5)]
         for r in solution["results"]
         for said in [words.listed({"angle": unit, OVER_CONSTANT: "length / c"}.get(r["kind"], "length"))]
     ]
-    lines = [table(["point", *lengths, "remark"], points, words=words), ""]
-    lines += [table(["image", *centres, *turns], images, words=words), ""]
+    lines = [table(["point", *_headed(("X", "Y", "Z"), length), "remark"], points, words=words), ""]
+    headers = ["image", *_headed(("X0", "Y0", "Z0"), length), *_headed(("omega", "phi", "kappa"), unit)]
+    lines += [table(headers, images, words=words), ""]
     lines.append(table(["result", "of", "unit", "value", "sigma"], results, left=3, words=words))
     shown = [k for k, r in enumerate(solution["results"]) if r["kind"] != OVER_CONSTANT]
     matrix = [[solution["correlation"][i][j] for j in shown] for i in shown]
@@ -772,7 +721,3 @@ def _text_of_solution(solution: dict[str, Any], words: Words) -> list[str]:
         names = [f"{words.listed(solution['results'][k]['kind'])} {solution['results'][k]['of']}" for k in shown]
         lines += ["", correlation_table(names, matrix, words)]
     return lines
-
-
-def _text_of_value(row: dict[str, Any], keys: tuple[str, ...], digits: int) -> list[str]:
-    return [cell for key in keys for cell in (fixed(row[key], digits), fixed(row[f"s{key}"], digits))]

@@ -36,11 +36,7 @@ from mor.output_files import (
 
 def to_json(data: dict[str, Any]) -> str:
     """JSON text: same data, same bytes."""
-    return _text(data) + "\n"
-
-
-def _text(data: Any) -> str:
-    return json.dumps(data, ensure_ascii=False, indent=1, allow_nan=False)
+    return json.dumps(data, ensure_ascii=False, indent=1, allow_nan=False) + "\n"
 
 
 # ---- A folder for results, reserved for one run and exchanged as a whole: there always is a complete result, old

@@ -24,7 +24,17 @@ from mor.model.parameters import INTERIORS
 from mor.quality.solution import Solved
 from mor.report.figures import camera_figures, overlap, overlap_map, test_figures
 from mor.report.language import ENGLISH, Words
-from mor.report.layout import DIGITS, component_of, fixed, in_words, persons, row_in_words, short, small_unit
+from mor.report.layout import (
+    DIGITS,
+    component_of,
+    fixed,
+    in_words,
+    persons,
+    probability,
+    row_in_words,
+    short,
+    small_unit,
+)
 from mor.report.movements import moved_points, movement_drawing
 from mor.report.page_data import (
     MOST_ROWS,
@@ -42,6 +52,7 @@ from mor.report.summary import failure, summary
 from mor.report.text import verdict
 from mor.report.text_findings import (
     decrease,
+    emptied,
     mostly_out_in_words,
     sentence,
     sentences,
@@ -54,6 +65,7 @@ from mor.report.verdict import (
     ill_determined,
     in_common,
     said_conventions,
+    tests_in_words,
     uncontrolled_in_words,
     uncontrolled_sentence,
 )
@@ -83,10 +95,11 @@ _LONGEST = 600.0
 def running_heads(title: str, identity: dict[str, Any], words: Words = ENGLISH) -> Markup:
     """Style sheet of what stands above and below every printed page: project, program, date, number of the page."""
     right = " · ".join(part for part in (identity["date"], identity["program"]) if part)
+    head = title if len(title) <= 70 else f"{title[:69]}…"
     of = _css_text(words("page"))
     return Markup(
         "@page { "
-        f"@top-left {{ content: {_css_text(_cut(title))}; {_SMALL} }} "
+        f"@top-left {{ content: {_css_text(head)}; {_SMALL} }} "
         f"@top-right {{ content: {_css_text(right)}; {_SMALL} }} "
         f'@bottom-right {{ content: {of} " " counter(page) " / " counter(pages); {_SMALL} }} '
         "}"
@@ -94,11 +107,6 @@ def running_heads(title: str, identity: dict[str, Any], words: Words = ENGLISH) 
 
 
 _SMALL = 'font: 8pt system-ui, "Segoe UI", "DejaVu Sans", sans-serif; color: #444; white-space: nowrap;'
-_LONGEST_HEAD = 70
-
-
-def _cut(title: str) -> str:
-    return title if len(title) <= _LONGEST_HEAD else f"{title[: _LONGEST_HEAD - 1]}…"
 
 
 def _css_text(text: str) -> str:
@@ -151,8 +159,6 @@ def _run(program: str, sheet: Path, made: Path, profile: Path) -> str:
 
 _NAMED = 3
 """Observations without control that are named."""
-_MOST_NOTES = 200
-"""Notes that are listed."""
 
 
 def used_in_words(data: PageData) -> str:
@@ -202,10 +208,7 @@ def next_steps(data: PageData) -> list[str]:
     if not accepted:
         ratio = f"{view.summary['sigma0']['ratio_of_sigmas']:.2f}"
         steps.append(
-            say(
-                "Check the σ of the observations: the residuals are {ratio} times as large as these say.",
-                ratio=ratio,
-            )
+            say("Check the σ of the observations: the residuals are {ratio} times as large as these say.", ratio=ratio)
         )
     free = (view.reliability or {}).get("observations", [])
     if free:
@@ -214,14 +217,8 @@ def next_steps(data: PageData) -> list[str]:
     if accepted and "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():
         worst = data.points.sort("ellipsoid_a", descending=True, nulls_last=True).row(0, named=True)
         unit, factor = small_unit(view.length, worst["ellipsoid_a"])
-        steps.append(
-            say(
-                "Point {point} is the least precise one (semi-axis {size} {unit}): observe it more often.",
-                point=worst["id"],
-                size=f"{worst['ellipsoid_a'] * factor:.3g}",
-                unit=unit,
-            )
-        )
+        said = "Point {point} is the least precise one (semi-axis {size} {unit}): observe it more often."
+        steps.append(say(said, point=worst["id"], size=f"{worst['ellipsoid_a'] * factor:.3g}", unit=unit))
     steps.append(say("mor design adjusted.yaml --rank shows the effect of each additional observation."))
     steps.append(say("mor report prints the report to sign (--pdf)."))
     return steps[:3]
@@ -230,11 +227,9 @@ def next_steps(data: PageData) -> list[str]:
 def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, Any]:
     """The first notes with their places, in the language of the page, and how many more there are."""
     notes = [
-        {
-            "place": f"{row['file']}:{row['line']}" if row["line"] else row["file"],
-            "message": words.told(row["message"]),
-        }
-        for row in rows[:_MOST_NOTES]
+        {"place": f"{row['file']}:{row['line']}" if row["line"] else row["file"], "message": words.told(row["message"])}
+        # Notes that are listed.
+        for row in rows[:200]
     ]
     return {"notes": notes, "notes_left": len(rows) - len(notes)}
 
@@ -244,7 +239,6 @@ def listed_notes(rows: Sequence[Mapping[str, Any]], words: Words) -> dict[str, A
 GOOD, DOUBT, BAD, PLAIN = "good", "doubt", "bad", "plain"
 _NARROW = {"gon": 10.0, "deg": 9.0}
 _LOW_R = 0.1
-_STRONG = 0.95
 _NEGATIVE = re.compile(r"(?<![\w-])-(?=\d)|(?<=e)-(?=\d)")
 """Hyphens that are minus signs."""
 
@@ -297,7 +291,8 @@ def agreement(data: PageData) -> Statement:
         if test["accepted"]
         else say("The global test rejects the adjustment.")
     )
-    words = " ".join([*left_out, tested, *contradicted, flagged, *shared, *_emptied(data), *_mostly_out(data)])
+    gone = [*emptied(view.groups.to_dicts(), say), *_mostly_out(data)]
+    words = " ".join([*left_out, tested, *contradicted, flagged, *shared, *gone])
     if left_out or contradicted or not test["accepted"]:
         smaller = test["statistic"] < test["lower"] and not (left_out or contradicted)
         return Statement(DOUBT if smaller else BAD, say("not accepted"), words)
@@ -316,10 +311,7 @@ def determination(data: PageData) -> Statement:
     words = [*open_, *things]
     if loose:
         words.append(
-            say(
-                "{count:observation is|observations are} uncontrolled: an error there would hardly show.",
-                count=loose,
-            )
+            say("{count:observation is|observations are} uncontrolled: an error there would hardly show.", count=loose)
         )
     if found is None:
         return Statement(PLAIN, say("not judged"), " ".join(words))
@@ -354,10 +346,9 @@ def headline(data: PageData) -> Statement:
     left_out = sentences(data.view.suspects, say)
     if left_out:
         return Statement(BAD, say("Not accepted"), " ".join([*left_out, *shared]))
-    emptied = [*_emptied(data), *_mostly_out(data)]
     things = tuple(_thing(row) for row in summary.get("undeterminable", []))
-    emptied += sentences_of_things(things, say)
-    flagged = " ".join([_flagged(summary["flagged"], say), *shared, *emptied])
+    gone = [*emptied(data.view.groups.to_dicts(), say), *_mostly_out(data), *sentences_of_things(things, say)]
+    flagged = " ".join([_flagged(summary["flagged"], say), *shared, *gone])
     contradicted = contradictions(data.view.verdict, say)
     open_ = ill_determined(data.view.verdict, summary["units"]["length"], say)
     whole = not open_ or bool((data.view.verdict or {})["determined"]["as_a_whole"])
@@ -373,10 +364,7 @@ def headline(data: PageData) -> Statement:
         )
         words = " ".join([words, *contradicted, flagged])
         return Statement(BAD if larger else DOUBT, say("Not accepted"), words)
-    words = say(
-        "The adjustment converged after {count:iteration|iterations}, the global test accepts it.",
-        count=count,
-    )
+    words = say("The adjustment converged after {count:iteration|iterations}, the global test accepts it.", count=count)
     if contradicted:
         return Statement(BAD, say("Not accepted"), " ".join([words, *contradicted, flagged]))
     if not whole:
@@ -387,32 +375,23 @@ def headline(data: PageData) -> Statement:
     if loose:
         title = say("Accepted, {count:observation|observations} uncontrolled", count=loose)
         return Statement(DOUBT, title, f"{words} {flagged}")
-    if summary["flagged"] or emptied:
+    if summary["flagged"] or gone:
         return Statement(DOUBT, say("Accepted, with observations to look at"), f"{words} {flagged}")
     return Statement(GOOD, say("Accepted"), f"{words} {flagged}")
 
 
 def _rests_on(data: PageData) -> list[Statement]:
     """Datum, what was used of what was read, what would help: no judgement, but asked of every adjustment."""
-    say = data.words
+    say, other = data.words, epoch_in_words(data)
+    ready = data.view.summary["global_test"]["accepted"] and headline(data).state != BAD
+    if not ready:
+        first = say("Not yet: this adjustment is not accepted, so movements would be tested with wrong σ.")
+        other = f"{first} {other}"
     return [
-        Statement(
-            PLAIN,
-            say("Datum"),
-            data.words("{datum}. Coordinates and σ refer to it.", datum=data.datum),
-            "key-figures",
-        ),
-        _another_epoch(data),
+        Statement(PLAIN, say("Datum"), say("{datum}. Coordinates and σ refer to it.", datum=data.datum), "key-figures"),
+        Statement(PLAIN if ready else DOUBT, say("Another epoch"), other),
         Statement(PLAIN, say("Input"), used_in_words(data), "files"),
     ]
-
-
-def _another_epoch(data: PageData) -> Statement:
-    say, accepted = data.words, data.view.summary["global_test"]["accepted"]
-    if accepted and headline(data).state != BAD:
-        return Statement(PLAIN, say("Another epoch"), epoch_in_words(data))
-    first = say("Not yet: this adjustment is not accepted, so movements would be tested with wrong σ.")
-    return Statement(DOUBT, say("Another epoch"), f"{first} {epoch_in_words(data)}")
 
 
 def _causes(data: PageData) -> list[Statement]:
@@ -434,19 +413,6 @@ def _causes(data: PageData) -> list[Statement]:
 
 def _thing(row: dict[str, Any]) -> UndeterminedObject:
     return UndeterminedObject(row["kind"], row["id"], row["reason"], row["treatment"], row["observations"])
-
-
-def _emptied(data: PageData) -> list[str]:
-    """Groups of which nothing takes part any more: what tests accept then says nothing about them."""
-    return [
-        data.words(
-            "Nothing is left of {group}: all its observations were excluded ({count}).",
-            count=row["excluded"],
-            group=row["name"],
-        )
-        for row in data.view.groups.to_dicts()
-        if row["observations"] == 0 and row["excluded"] > 0
-    ]
 
 
 def _mostly_out(data: PageData) -> list[str]:
@@ -498,15 +464,7 @@ def _groups(data: PageData) -> Statement | None:
         return None
     found = contradictions(tested, say)
     if not found and tested["tests"]:
-        found = [
-            say(
-                "{count:test|tests} of groups; all together reject by mistake with {level}, each with {each} (Sidak).",
-                count=tested["tests"],
-                level=f"{tested['level_of_groups']:g}",
-                each=f"{tested['level_of_each_group']:.2g}",
-            ),
-            say("None of them rejects."),
-        ]
+        found = [tests_in_words(tested, say), say("None of them rejects.")]
     found += said_conventions(tested, say)
     state = BAD if tested["rejected"] else GOOD if tested["tests"] else PLAIN
     return Statement(state, say("Tests of groups"), " ".join(found), "groups") if found else None
@@ -548,22 +506,14 @@ def _controlled(data: PageData) -> Statement | None:
         return None
     low = used.filter(pl.col("r") < _LOW_R).height
     free, found = data.view.summary.get("uncontrolled") or 0, data.view.reliability
-    words = say(
-        "Mean redundancy number {mean}; {low} of {all:observation|observations} have r < {limit}.",
-        mean=f"{float(used['r'].to_numpy().mean()):.2f}",
-        low=low,
-        all=used.height,
-        limit=f"{_LOW_R:g}",
-    )
+    said = "Mean redundancy number {mean}; {low} of {all:observation|observations} have r < {limit}."
+    words = say(said, mean=f"{float(used['r'].to_numpy().mean()):.2f}", low=low, all=used.height, limit=f"{_LOW_R:g}")
     if found is not None:
-        words = " ".join([words, *_uncontrolled(found, say)])
+        lines = uncontrolled_in_words({**found, "observations": []}, say)[:1]
+        lines += [f"{uncontrolled_sentence(row, say)}." for row in found["observations"][:_NAMED]]
+        words = " ".join([words, *lines])
     state = DOUBT if low > 0.05 * used.height or free else GOOD
     return Statement(state, say("Reliability"), words, "tests")
-
-
-def _uncontrolled(found: dict[str, Any], say: Words) -> list[str]:
-    lines = uncontrolled_in_words({**found, "observations": []}, say)[:1]
-    return lines + [f"{uncontrolled_sentence(row, say)}." for row in found["observations"][:_NAMED]]
 
 
 def _checks(data: PageData) -> Statement | None:
@@ -576,13 +526,8 @@ def _checks(data: PageData) -> Statement | None:
         f"{row['group']} {row['component']}: {say('rms')} {row['rms']:.3g} {row['unit']} ({int(row['count'])})"
         for row in checks
     )
-    words = say(
-        "{parts}. Largest deviation {largest} {unit}; {beyond} beyond their test.",
-        parts=parts,
-        largest=f"{worst['largest']:.3g}",
-        unit=worst["unit"],
-        beyond=beyond,
-    )
+    said = "{parts}. Largest deviation {largest} {unit}; {beyond} beyond their test."
+    words = say(said, parts=parts, largest=f"{worst['largest']:.3g}", unit=worst["unit"], beyond=beyond)
     return Statement(DOUBT if beyond else GOOD, say("Checks"), words, "control")
 
 
@@ -636,41 +581,22 @@ def _camera(camera: dict[str, Any], say: Words) -> Statement:
         )
     ]
     words = f"{value}."
-    strong = _strongest(names, matrix)
-    if strong is not None:
-        words += " " + say(
-            "Largest correlation {size} between {one} and {other}.",
-            size=f"{strong[2]:.2f}",
-            one=strong[0],
-            other=strong[1],
-        )
+    strong = 0.0
+    if matrix is not None and len(names) > 1:
+        lower = np.tril(np.array(matrix), -1)
+        i, j = np.unravel_index(int(np.argmax(np.abs(lower))), lower.shape)
+        strong, said = float(lower[i, j]), "Largest correlation {size} between {one} and {other}."
+        words += " " + say(said, size=f"{strong:.2f}", one=names[j], other=names[i])
     words += " " + say("Not significant: {names}.", names=", ".join(weak)) if weak else ""
-    doubt = weak or (strong is not None and abs(strong[2]) > _STRONG)
+    doubt = weak or abs(strong) > 0.95
     return Statement(DOUBT if doubt else GOOD, say("Camera {id}", id=camera["id"]), words, "cameras")
-
-
-def _strongest(names: list[str], matrix: list[list[float]] | None) -> tuple[str, str, float] | None:
-    if matrix is None or len(names) < 2:
-        return None
-    lower = np.tril(np.array(matrix), -1)
-    i, j = np.unravel_index(int(np.argmax(np.abs(lower))), lower.shape)
-    return names[j], names[i], float(lower[i, j])
 
 
 # ---- The page: verdict, network, images, cameras, tests, tables, in one file that needs nothing else.
 
 SCRIPTS = (
-    "data.js",
-    "theme.js",
-    "table.js",
-    "sketch.js",
-    "network.js",
-    "labels.js",
-    "overlays.js",
-    "images.js",
-    "multiples.js",
-    "overlap.js",
-    "main.js",
+    *("data.js", "theme.js", "table.js", "sketch.js", "network.js", "labels.js", "overlays.js"),
+    *("images.js", "multiples.js", "overlap.js", "main.js"),
 )
 MOST_LISTED = 200
 """Rows of the tables that are written out (control points)."""
@@ -741,7 +667,7 @@ def environment() -> Environment:
     environment.filters |= {
         "short": _short,
         "fixed": _fixed,
-        "probability": _probability,
+        "probability": probability,
         "coordinate": _coordinate,
         "row_in_words": row_in_words,
     }
@@ -764,10 +690,7 @@ def _content(data: PageData) -> dict[str, Any]:
         "persons": persons(view.identity, data.words),
         "headline": headline(data),
         "statements": statements(data),
-        "parts": [
-            (data.words("Agreement"), agreement(data)),
-            (data.words("Determination"), determination(data)),
-        ],
+        "parts": [(data.words("Agreement"), agreement(data)), (data.words("Determination"), determination(data))],
         "steps": next_steps(data),
         "cameras": cameras_of_page(view),
         "groups": view.groups.to_dicts(),
@@ -843,25 +766,17 @@ def sigma_words(data: PageData) -> str:
 
 def cameras_of_page(view: View) -> list[dict[str, Any]]:
     """Return the cameras, each with a row for every component of its interior orientation."""
-    return [_camera_of_page(camera, view.summary["units"]["length"]) for camera in view.cameras]
-
-
-def _camera_of_page(camera: dict[str, Any], length: str) -> dict[str, Any]:
-    quantities = {c.name: c.quantity for c in INTERIORS[camera["model"]].components}
-    rows = []
-    for name, component in camera["components"].items():
-        t = abs(component["value"]) / component["sigma"] if component["sigma"] else None
-        rows.append(
-            {
-                "name": name,
-                "meaning": meaning(camera["model"], name),
-                "unit": raised(quantities[name].unit(length, "rad", camera["unit"])),
-                **component,
-                "t": t,
-                "p": float(2.0 * ndtr(-t)) if t is not None else None,
-            }
-        )
-    return {**camera, "rows": rows}
+    cameras, length = [], view.summary["units"]["length"]
+    for camera in view.cameras:
+        quantities, rows = {c.name: c.quantity for c in INTERIORS[camera["model"]].components}, []
+        for name, component in camera["components"].items():
+            unit = raised(quantities[name].unit(length, "rad", camera["unit"]))
+            t = abs(component["value"]) / component["sigma"] if component["sigma"] else None
+            p = float(2.0 * ndtr(-t)) if t is not None else None
+            of = {"name": name, "meaning": meaning(camera["model"], name), "unit": unit}
+            rows.append({**of, **component, "t": t, "p": p})
+        cameras.append({**camera, "rows": rows})
+    return cameras
 
 
 def raised(unit: str) -> str:
@@ -876,10 +791,6 @@ def _short(value: float | None, digits: int = 4) -> str:
 
 def _coordinate(value: float | None, unit: str) -> str:
     return _fixed(value, DIGITS[unit]) if unit in DIGITS else _short(value, 9)
-
-
-def _probability(value: float | None) -> str:
-    return "–" if value is None else "< 0.0001" if value < 1e-4 else f"{value:.4f}"
 
 
 def _fixed(value: float | None, digits: int) -> str:

@@ -258,7 +258,6 @@ def angle_unit_of_rays(view: View) -> str:
 
 # ---- Data of the network figure besides rays: sights by kind, given points, relative ellipses, external reliability.
 
-MOST_SIGHTS = 20_000
 _SHARE = 0.06
 """Share of the extent that large vectors are drawn with."""
 
@@ -303,7 +302,7 @@ def sights(view: View) -> pl.DataFrame:
         pairs.select("kind", pl.col("a").cast(pl.Int32), pl.col("b").cast(pl.Int32))
         .unique(maintain_order=True)
         .group_by("kind", maintain_order=True)
-        .head(MOST_SIGHTS)
+        .head(20_000)
     )
     seen = places.filter(pl.col("name").is_in(view.rays["to"].unique().implode()))["number"].cast(pl.Int32)
     both = pl.col("a").is_in(seen.implode()) & pl.col("b").is_in(seen.implode())
@@ -362,8 +361,6 @@ def with_given(view: View, points: pl.DataFrame) -> pl.DataFrame:
 # Missing numbers are NaN.
 
 _MANTISSA = {"f4": 23, "f8": 52}
-_LEVEL = 4
-"""Twice as fast as 6, and the page is two per cent longer."""
 
 
 class Packer:
@@ -415,7 +412,8 @@ class Packer:
 
 def compressed(data: bytes) -> str:
     """Bytes compressed (zlib) as base64."""
-    return base64.b64encode(zlib.compress(data, _LEVEL)).decode("ascii")
+    # Twice as fast as 6, and the page is two per cent longer.
+    return base64.b64encode(zlib.compress(data, 4)).decode("ascii")
 
 
 def _shorter(numbers: np.ndarray, bits: int = 15) -> np.ndarray:
@@ -429,8 +427,6 @@ def _shorter(numbers: np.ndarray, bits: int = 15) -> np.ndarray:
 
 # ---- Error ellipsoids of the table of points: covariances, and where their semi-axes point to.
 
-_FLAT = 1e-6
-"""Part of the longest semi-axis below which an ellipsoid has no extent along another, which then has no direction."""
 DIRECTIONS = tuple(f"ellipsoid_{which}_{axis}" for axis in "abc" for which in ("azimuth", "elevation"))
 """Columns of the directions, a semi-axis after the other."""
 
@@ -442,8 +438,7 @@ def covariances(table: pl.DataFrame) -> FloatArray:
     matrix = np.tile(np.eye(3), (points.height, 1, 1))
     for name, (i, j) in {"rxy": (0, 1), "rxz": (0, 2), "ryz": (1, 2)}.items():
         matrix[:, i, j] = matrix[:, j, i] = points[name].to_numpy()
-    covariance: FloatArray = matrix * sigma[:, :, None] * sigma[:, None, :]
-    return covariance
+    return np.asarray(matrix * sigma[:, :, None] * sigma[:, None, :])
 
 
 def directions_of_semi_axes(view: View) -> pl.DataFrame:
@@ -456,7 +451,8 @@ def directions_of_semi_axes(view: View) -> pl.DataFrame:
     unit = edge.units.angle
     inside = edge.matrix @ covariances(view.points) @ edge.matrix.T
     space = error_ellipsoids(np.nan_to_num(inside))
-    there = space.axes > _FLAT * space.axes[:, :1]
+    # Part of the longest semi-axis below which an ellipsoid has no extent along another, which then has no direction.
+    there = space.axes > 1e-6 * space.axes[:, :1]
     columns = {}
     for k, axis in enumerate("abc"):
         parts = (bearings_of(edge, unit, space.azimuths[:, k]), space.elevations[:, k] / ANGLE_UNITS[unit])
@@ -505,8 +501,6 @@ RESIDUAL_COLUMNS = (
     *("type", "group", "at", "from", "to", "component", "unit", "observed", "v", "sigma"),
     *("r", "w", "error", "nabla", "external", "influence", "flag"),
 )
-MOST_ELLIPSES = 20_000
-"""Points whose ellipses in plan, and directions of ellipsoids, the page lists."""
 _EXACT = ("x", "y", "z", "observed", "omega", "phi", "kappa", "orientation")
 
 
@@ -536,7 +530,8 @@ def payload(data: PageData, figures: dict[str, Any], overlap: dict[str, Any] | N
 def _points(data: PageData) -> pl.DataFrame:
     """Columns of points; of very many, plane ellipses are in the file beside the page alone."""
     points = _columns(with_given(data.view, data.points), POINT_COLUMNS)
-    if points.height > MOST_ELLIPSES:
+    # Points whose ellipses in plan, and directions of ellipsoids, the page lists.
+    if points.height > 20_000:
         return points.drop(name for name in points.columns if name.startswith("ellipse_"))
     return points.hstack(directions_of_semi_axes(data.view)) if points.height else points
 
@@ -612,12 +607,7 @@ def drawn_axes(xy: str) -> dict[str, Any]:
     right = "x" if xy[0] in "ew" else "y"
     up = "y" if right == "x" else "x"
     letters = dict(zip("xy", xy, strict=True))
-    return {
-        "right": right,
-        "up": up,
-        "right_reversed": letters[right] == "w",
-        "up_reversed": letters[up] == "s",
-    }
+    return {"right": right, "up": up, "right_reversed": letters[right] == "w", "up_reversed": letters[up] == "s"}
 
 
 # ---- The chart library the page carries: plotly.js (MIT licence), which building the package puts beside the other

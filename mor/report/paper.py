@@ -2,45 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from io import BytesIO
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import polars as pl
 import yaml
 
 from mor.errors import InputError, Message, escaped, shortened
 from mor.report.language import ENGLISH, Words
-from mor.report.layout import DIGITS, in_words, persons, sigma_decimals, small_unit
+from mor.report.layout import DIGITS, cells, in_words, persons, probability, sigma_decimals, small_unit
 from mor.report.page import agreement, cameras_of_page, determination, judgements, sigma_words
 from mor.report.page_data import PageData, checked_coordinates, control_table, deviations, page_data
 from mor.report.plots import ellipses, spell_out, style
 from mor.report.verdict import said_conventions, uncontrolled_in_words
 from mor.report.view import View
 
-APPENDICES = ("residuals", "images", "covariances")
 MOST_POINTS = 150
 """Points that are listed; of more, the least precise ones."""
 MOST_ROWS = 40
 """Rows of every other table."""
-_LONGEST_NAME = 36
-_SIZE = 7.75
-_SMALLEST = 5.0
-"""Sizes of the letters of tables, points."""
 _SERIF = {"": "DejaVuSans.ttf", "-Bold": "DejaVuSans-Bold.ttf", "-Mono": "DejaVuSansMono.ttf"}
 _WIDTH, _HEIGHT, _DOTS = 7.5, 4.1, 200
 """Size of the figure in inches, and its dots per inch."""
-
-
-class Grid(NamedTuple):
-    """A table: headings, rows of finished cells, and how many columns on the left are text."""
-
-    headers: Sequence[str]
-    rows: Sequence[Sequence[str]]
-    left: int = 1
-    bold: frozenset[int] = frozenset()
-    """Numbers of the rows that are set in bold type."""
 
 
 class Writer:
@@ -99,32 +84,45 @@ class Writer:
             allowOrphans=0,
         )
 
-    def table(self, grid: Grid) -> None:
-        """Add a table. Cells are wrapped between words only; a table that is too wide gets smaller letters."""
+    def table(
+        self,
+        headers: Iterable[str],
+        rows: Sequence[Sequence[str]],
+        left: int = 1,
+        bold: Collection[int] = (),
+        most: int | None = None,
+    ) -> None:
+        """Add a table of finished cells: ``left`` columns of texts, and the numbers of the rows in bold type.
+
+        Cells are wrapped between words only; a table that is too wide gets smaller letters. Of more than ``most`` rows
+        the rest is counted.
+        """
         from reportlab.lib.colors import HexColor
         from reportlab.pdfbase.pdfmetrics import stringWidth
         from reportlab.platypus import LongTable, Paragraph, Spacer
 
-        if not grid.rows:
+        if not rows:
             return
-        columns = [k for k in range(len(grid.headers)) if any(row[k] for row in grid.rows)]
-        left = sum(k < grid.left for k in columns)
-        lines = [[_cell(row[k]) for k in columns] for row in (grid.headers, *grid.rows)]
+        head, shown = list(headers), rows[:most]
+        columns = [k for k in range(len(head)) if any(row[k] for row in shown)]
+        left = sum(k < left for k in columns)
+        lines = [[_cell(row[k]) for k in columns] for row in (head, *shown)]
         for line in lines[1:]:
             line[left:] = [text.replace(" ", "\u00a0") for text in line[left:]]
-        size, gap = _SIZE, 7.0
+        size, gap = 7.75, 7.0
         while True:
             whole, least = (
                 [max(column) for column in zip(*rows, strict=True)] for rows in _extents(lines, size, stringWidth)
             )
             room = self.width - gap * len(columns)
-            if sum(least) <= room or size <= _SMALLEST:
+            # Sizes of the letters of tables, points.
+            if sum(least) <= room or size <= 5.0:
                 break
             size -= 0.25
         widths = _shared(whole, least, room)
         cells: list[list[Any]] = []
         for number, line in enumerate(lines):
-            font = "mor-Bold" if number == 0 or number - 1 in grid.bold else "mor"
+            font = "mor-Bold" if number == 0 or number - 1 in bold else "mor"
             row: list[Any] = []
             for k, text in enumerate(line):
                 if stringWidth(text, font, size) <= widths[k] + 0.1:
@@ -148,24 +146,20 @@ class Writer:
             ("BOTTOMPADDING", (0, 0), (-1, -1), 1.2),
             ("LINEBELOW", (0, 0), (-1, 0), 0.6, HexColor("#444444")),
             ("LINEBELOW", (0, 1), (-1, -1), 0.2, HexColor("#cccccc")),
-            *(("FONT", (0, k + 1), (-1, k + 1), "mor-Bold", size, 1.2 * size) for k in grid.bold),
+            *(("FONT", (0, k + 1), (-1, k + 1), "mor-Bold", size, 1.2 * size) for k in bold),
         ]
         if left == 0:
             commands.pop(2)
         drawn.setStyle(commands)
         self._story += [drawn, Spacer(1.0, 5.0)]
+        if len(shown) < len(rows):
+            self.note(self.words("{count:more is|more are} in the results.", count=len(rows) - len(shown)))
 
     def facts(self, rows: Iterable[tuple[str, str]]) -> None:
         """Add a table of names and values without a heading."""
         from reportlab.platypus import Paragraph, Table
 
-        cells = [
-            [
-                Paragraph(_marked(name), self._look("mor", 8.0)),
-                Paragraph(_marked(text), self._look("mor", 8.0)),
-            ]
-            for name, text in rows
-        ]
+        cells = [[Paragraph(_marked(text), self._look("mor", 8.0)) for text in row] for row in rows]
         if cells:
             table = Table(cells, [0.3 * self.width, 0.7 * self.width], hAlign="LEFT")
             table.setStyle(
@@ -288,7 +282,7 @@ def _marked(text: str) -> str:
 
 def _cell(text: str) -> str:
     """A cell: names too long for any column are shortened, so that no word needs to be broken."""
-    return " ".join(shortened(word, _LONGEST_NAME + 28) for word in escaped(text).split(" ") if word)
+    return " ".join(shortened(word, 36 + 28) for word in escaped(text).split(" ") if word)
 
 
 def _extents(
@@ -313,7 +307,7 @@ def _shared(whole: Sequence[float], least: Sequence[float], room: float) -> list
 
 def report_on_paper(view: View, folder: Path, appendices: Sequence[str], paper: str, words: Words = ENGLISH) -> Writer:
     """Return the report of results that stand in ``folder``. Raises :class:`InputError` for an unknown appendix."""
-    known = there(view)
+    known = _appendices(view)
     for name in appendices:
         if name not in known:
             raise InputError([Message(f"no appendix {name!r} of these results (known: {', '.join(known)})")])
@@ -321,21 +315,11 @@ def report_on_paper(view: View, folder: Path, appendices: Sequence[str], paper: 
     right = " · ".join(part for part in (view.identity["date"], view.identity["program"]) if part)
     to, data = Writer(title, paper, words, right), page_data(view, words)
     to.heading(title, 1)
-    for section in (
-        _identity,
-        _verdict,
-        _figure,
-        _adjusted,
-        _datum,
-        _cameras,
-        _control,
-        _movements,
-        _weakest,
-        _flagged,
-        _points,
-    ):
-        section(to, data, folder)
-    _inputs(to, data)
+    for section in (_identity, _verdict, _figure, _adjusted):
+        section(to, data)
+    _datum(to, data, folder)
+    for section in (_cameras, _control, _movements, _weakest, _flagged, _points, _inputs):
+        section(to, data)
     to.signature()
     for name in appendices:
         to.new_page()
@@ -344,66 +328,43 @@ def report_on_paper(view: View, folder: Path, appendices: Sequence[str], paper: 
     return to
 
 
-def there(view: View) -> list[str]:
+def _appendices(view: View) -> list[str]:
     """Names of the appendices that the results have something for."""
     found = {
         "residuals": view.residuals.height,
         "images": view.images.height,
         "covariances": "rxy" in view.points.columns and view.points.height,
     }
-    return [name for name in APPENDICES if found[name]]
+    return [name for name, count in found.items() if count]
 
 
-def _identity(to: Writer, data: PageData, folder: Path) -> None:
+def _identity(to: Writer, data: PageData) -> None:
     say, view = data.words, data.view
     units = view.summary["units"]
-    to.facts(
-        [
-            *persons(view.identity, say),
-            (say("program"), view.identity["program"]),
-            (say("options"), " ".join(view.identity["options"]) or say("none")),
-            (
-                say("units"),
-                say("lengths in {length}, angles in {angle}", **units) + "; " + say("residual v = adjusted − observed"),
-            ),
-        ]
-    )
+    said = say("lengths in {length}, angles in {angle}", **units) + "; " + say("residual v = adjusted − observed")
+    rows = [*persons(view.identity, say), (say("program"), view.identity["program"])]
+    rows += [(say("options"), " ".join(view.identity["options"]) or say("none")), (say("units"), said)]
+    to.facts(rows)
 
 
-def _verdict(to: Writer, data: PageData, folder: Path) -> None:
+def _verdict(to: Writer, data: PageData) -> None:
     say, summary = data.words, data.view.summary
     to.heading(say("Verdict"))
     for name, part in ((say("Agreement"), agreement(data)), (say("Determination"), determination(data))):
         to.text(f"{name}: {part.title}", bold=True)
         to.text(part.words)
     test, sigma0 = summary["global_test"], summary["sigma0"]
-    rows = [
-        (say("observations n"), str(summary["observations"])),
-        (say("unknowns u"), str(summary["unknowns"])),
-        (say("datum defect d"), f"{summary['defect']}"),
-        (say("redundancy n − u + d"), str(summary["redundancy"])),
-        (say("σ0 a priori [1]"), f"{sigma0['apriori']:.6g}"),
-        (
-            say("σ0 a posteriori [1]"),
-            f"{sigma0['aposteriori']:.6g}" if sigma0["aposteriori"] is not None else "–",
-        ),
-        ("vᵀPv", f"{test['statistic']:.1f} ({test['lower']:.1f} … {test['upper']:.1f})"),
-    ]
-    to.facts(rows)
+    names = ["observations n", "unknowns u", "datum defect d", "redundancy n − u + d"]
+    names += ["σ0 a priori [1]", "σ0 a posteriori [1]", "vᵀPv"]
+    values = _cells(summary, "observations unknowns defect redundancy") + _cells(sigma0, "apriori:.6g aposteriori:.6g")
+    values.append(f"{test['statistic']:.1f} ({test['lower']:.1f} … {test['upper']:.1f})")
+    to.facts(zip(map(say, names), values, strict=True))
     to.heading(say("Judgements"), 3)
-    to.table(
-        Grid(
-            (say("judged"), say("result")),
-            [(one.title, f"{_SIGNS[one.state]} {one.words}") for one in judgements(data)],
-            2,
-        )
-    )
+    signs = {"good": "✓", "doubt": "!", "bad": "✗", "plain": "·"}
+    to.table(map(say, ("judged", "result")), [(x.title, f"{signs[x.state]} {x.words}") for x in judgements(data)], 2)
 
 
-_SIGNS = {"good": "✓", "doubt": "!", "bad": "✗", "plain": "·"}
-
-
-def _figure(to: Writer, data: PageData, folder: Path) -> None:
+def _figure(to: Writer, data: PageData) -> None:
     if not data.view.points.height:
         return
     to.heading(data.words("Network"), room=to.width * _HEIGHT / _WIDTH + 35.0)
@@ -411,7 +372,7 @@ def _figure(to: Writer, data: PageData, folder: Path) -> None:
         to.picture(ellipses(data.view, data.words, size=(_WIDTH, _HEIGHT), effects=False))
 
 
-def _adjusted(to: Writer, data: PageData, folder: Path) -> None:
+def _adjusted(to: Writer, data: PageData) -> None:
     """Groups with their σ a priori, where these come from, and what became of them."""
     say, view = data.words, data.view
     to.heading(say("Summary of the adjustment"))
@@ -427,49 +388,28 @@ def _adjusted(to: Writer, data: PageData, folder: Path) -> None:
         .group_by("group", "type", "component", "unit", maintain_order=True)
         .agg(pl.len().alias("n"), pl.col("sigma").min().alias("low"), pl.col("sigma").max().alias("high"))
     )
-    rows = [
-        (
-            row["group"],
-            row["type"],
-            row["component"],
-            _given_as(row, say),
-            row["unit"],
-            str(row["n"]),
-            _range(row),
-        )
-        for row in sigmas.head(MOST_ROWS).to_dicts()
-    ]
+    rows = []
+    for row in sigmas.to_dicts():
+        low, high = f"{row['low']:.3g}", f"{row['high']:.3g}"
+        how = "" if row["n"] == 1 else say("one value for all") if low == high else say("one for each observation")
+        said = low if low == high else f"{low} … {high}"
+        rows.append((*_cells(row, "group type component"), how, *_cells(row, "unit n"), said))
     to.heading(say("Standard deviations a priori"), 3)
-    to.table(Grid((say("group"), say("type"), say("component"), say("given as"), say("unit"), "n", "σ"), rows, 5))
-    _more(to, sigmas.height)
+    headers = ("group", "type", "component", "given as", "unit", "n", "σ")
+    to.table(map(say, headers), rows, 5, most=MOST_ROWS)
     judged = {
         (row["name"], row["observations"]): row
         for row in (view.verdict or {}).get("groups", [])
         if row["of"] == "group"
     }
-    groups = view.groups.to_dicts()
-    rejected = {key for key, row in judged.items() if row["rejected"]}
-    table = []
-    for row in groups[:MOST_ROWS]:
-        test = judged.get((row["name"], row["observations"]))
-        result = (
-            "–"
-            if test is None
-            else f"{say('rejected') if test['rejected'] else say('accepted')} (p\u00a0=\u00a0{test['p']:.2g})"
-        )
-        table.append(
-            (
-                row["name"],
-                row["type"],
-                result,
-                str(row["observations"]),
-                _fixed(row["redundancy"], 1),
-                _fixed(row["sigma0"], 3),
-                _fixed(row["largest_w"], 2),
-                str(row["flagged"]),
-            )
-        )
-    bold = frozenset(k for k, row in enumerate(groups[:MOST_ROWS]) if (row["name"], row["observations"]) in rejected)
+    table, bold = [], []
+    for k, row in enumerate(view.groups.to_dicts()):
+        test, result = judged.get((row["name"], row["observations"])), "–"
+        if test is not None:
+            result = f"{say('rejected') if test['rejected'] else say('accepted')} (p\u00a0=\u00a0{test['p']:.2g})"
+            bold += [k] if test["rejected"] and k < MOST_ROWS else []
+        numbers = _cells(row, "observations redundancy:.1f sigma0:.3f largest_w:.2f flagged")
+        table.append((row["name"], row["type"], result, *numbers))
     components = view.summary.get("variance_components") or {}
     to.note(
         say("The standard deviations are variance components estimated from the residuals.")
@@ -477,36 +417,8 @@ def _adjusted(to: Writer, data: PageData, folder: Path) -> None:
         else say("The project gives these standard deviations; the tests of the groups judge them.")
     )
     to.heading(say("Observation groups"), 3)
-    to.table(
-        Grid(
-            (
-                say("group"),
-                say("type"),
-                say("test"),
-                "n",
-                "Σ r",
-                say("σ0 of the group [1]"),
-                say("largest |w| [1]"),
-                say("flagged"),
-            ),
-            table,
-            3,
-            bold,
-        )
-    )
-    _more(to, len(groups))
-
-
-def _range(row: dict[str, Any]) -> str:
-    low, high = f"{row['low']:.3g}", f"{row['high']:.3g}"
-    return low if low == high else f"{low} … {high}"
-
-
-def _given_as(row: dict[str, Any], say: Words) -> str:
-    """Whether one σ holds for the group or each observation has its own."""
-    if row["n"] == 1:
-        return ""
-    return say("one for each observation") if "…" in _range(row) else say("one value for all")
+    columns = ("group", "type", "test", "n", "Σ r", "σ0 of the group [1]", "largest |w| [1]", "flagged")
+    to.table(map(say, columns), table, 3, bold, MOST_ROWS)
 
 
 def _datum(to: Writer, data: PageData, folder: Path) -> None:
@@ -520,14 +432,11 @@ def _datum(to: Writer, data: PageData, folder: Path) -> None:
     declared = _declared_datum(folder)
     if declared:
         to.text(say("The project declares: {datum}", datum=declared))
-    held = [
-        (row["point"], say("observed"), row["component"].upper(), f"{row['sigma']:.3g} {row['unit']}")
-        for row in control_table(view).to_dicts()
-        if row["sigma"]
-    ]
     rows: dict[tuple[str, str, str], list[str]] = {}
-    for point, how, component, sigma in held:
-        rows.setdefault((point, how, sigma), []).append(component)
+    for row in control_table(view).to_dicts():
+        if row["sigma"]:
+            key = (row["point"], say("observed"), f"{row['sigma']:.3g} {row['unit']}")
+            rows.setdefault(key, []).append(row["component"].upper())
     if "status" in view.points.columns:
         for row in view.points.filter(pl.col("status").is_in(["fixed", "partly fixed"])).to_dicts():
             rows[(str(row["id"]), say("fixed"), "–")] = [axis.upper() for axis in "xyz" if not row[f"s{axis}"]]
@@ -536,8 +445,7 @@ def _datum(to: Writer, data: PageData, folder: Path) -> None:
     ]
     if listed:
         to.text(say("These coordinates hold the datum:"))
-    to.table(Grid((say("point"), say("components"), say("held as"), say("σ given")), listed[:MOST_ROWS], 3))
-    _more(to, len(listed))
+    to.table(map(say, ("point", "components", "held as", "σ given")), listed, 3, most=MOST_ROWS)
 
 
 def _declared_datum(folder: Path) -> str:
@@ -552,7 +460,7 @@ def _declared_datum(folder: Path) -> str:
     )
 
 
-def _cameras(to: Writer, data: PageData, folder: Path) -> None:
+def _cameras(to: Writer, data: PageData) -> None:
     say = data.words
     if not data.view.cameras:
         return
@@ -560,29 +468,15 @@ def _cameras(to: Writer, data: PageData, folder: Path) -> None:
     for camera in cameras_of_page(data.view):
         to.heading(say("Camera {id} – model {model}", id=camera["id"], model=camera["model"]), 3)
         rows = [
-            (
-                row["name"],
-                say(row["meaning"]) if row["meaning"] else "",
-                say(row["status"]),
-                row["unit"],
-                _short(row["value"], 8),
-                _short(row["sigma"], 3),
-                _fixed(row["t"], 1),
-                _p(row["p"]),
-            )
+            (row["name"], say(row["meaning"]) if row["meaning"] else "", say(row["status"]),
+             *_cells(row, "unit value:.8g sigma:.3g t:.1f"), probability(row["p"]))
             for row in camera["rows"]
             if row["sigma"] or row["value"]
-        ]
-        to.table(
-            Grid(
-                (say("name"), say("meaning"), say("status"), say("unit"), say("value"), "σ", "|t|", "p"),
-                rows,
-                4,
-            )
-        )
+        ]  # fmt: skip
+        to.table(map(say, ("name", "meaning", "status", "unit", "value", "σ", "|t|", "p")), rows, 4)
 
 
-def _control(to: Writer, data: PageData, folder: Path) -> None:
+def _control(to: Writer, data: PageData) -> None:
     say, view, control = data.words, data.view, control_table(data.view)
     parts = [
         (kind, row)
@@ -595,74 +489,22 @@ def _control(to: Writer, data: PageData, folder: Path) -> None:
     if not (parts or control.height or view.checks):
         return
     to.heading(say("Control and checks"))
-    to.table(
-        Grid(
-            (say("points"), say("component"), say("unit"), "n", say("mean"), say("rms"), say("largest")),
-            [
-                (
-                    say(kind),
-                    row["component"],
-                    row["unit"],
-                    str(row["count"]),
-                    _in(row["unit"], row["mean"]),
-                    _in(row["unit"], row["rms"]),
-                    _in(row["unit"], row["largest"]),
-                )
-                for kind, row in parts
-            ],
-            3,
-        )
-    )
+    sizes = ("component", "unit", "n", "mean", "rms", "largest")
+    to.table(map(say, ("points", *sizes)), [(say(kind), *_deviation(row)) for kind, row in parts], 3)
     rows = [(row["point"], row["component"].upper(), *_residual(row, say)) for row in control.to_dicts()]
-    to.table(
-        Grid(
-            (
-                say("point"),
-                say("component"),
-                say("flag"),
-                say("unit"),
-                say("given"),
-                "v",
-                "σ",
-                "r [1]",
-                "w [1]",
-            ),
-            rows[:MOST_ROWS],
-            4,
-        )
-    )
-    _more(to, len(rows))
-    to.table(
-        Grid(
-            (
-                say("checks"),
-                say("component"),
-                say("unit"),
-                "n",
-                say("mean"),
-                say("rms"),
-                say("largest"),
-                say("beyond test"),
-            ),
-            [
-                (
-                    row["group"],
-                    row["component"],
-                    row["unit"],
-                    _fixed(row["count"], 0),
-                    _in(row["unit"], row["mean"]),
-                    _in(row["unit"], row["rms"]),
-                    _in(row["unit"], row["largest"]),
-                    _fixed(row["exceeding"], 0),
-                )
-                for row in view.checks[:MOST_ROWS]
-            ],
-            3,
-        )
-    )
+    headers = ("point", "component", "flag", "unit", "given", "v", "σ", "r [1]", "w [1]")
+    to.table(map(say, headers), rows, 4, most=MOST_ROWS)
+    checks = [(row["group"], *_deviation(row), *_cells(row, "exceeding:.0f")) for row in view.checks[:MOST_ROWS]]
+    to.table(map(say, ("checks", *sizes, "beyond test")), checks, 3)
 
 
-def _movements(to: Writer, data: PageData, folder: Path) -> None:
+def _deviation(row: dict[str, Any]) -> list[str]:
+    """Component, unit, count, mean, root mean square and largest of deviations."""
+    form = f".{DIGITS[row['unit']]}f" if row["unit"] in DIGITS else ".3g"
+    return _cells(row, f"component unit count:.0f mean:{form} rms:{form} largest:{form}")
+
+
+def _movements(to: Writer, data: PageData) -> None:
     """Movements of every point from its first to its last epoch, those that moved most significantly first."""
     say, frame = data.words, data.view.movements
     if not frame.height:
@@ -673,33 +515,23 @@ def _movements(to: Writer, data: PageData, folder: Path) -> None:
     places = sigma_decimals(last.select("sx", "sy", "sz").drop_nulls().to_numpy().ravel() * factor)
     to.heading(say("Movements from the first to the last epoch"))
     to.text(say("{count:point has|points have} moved, of {all}", count=int(last["moved"].sum()), all=last.height) + ".")
-    rows = last.head(MOST_ROWS).to_dicts()
-    cells = [
+    sized = last.with_columns(pl.col("x", "y", "z", "sx", "sy", "sz") * factor)
+    rows = [
         (
-            row["point"],
-            row["from"],
-            row["to"],
+            *_cells(row, "point from to"),
             say("moved") if row["moved"] else "–",
-            *(_fixed(row[f"{s}{axis}"], places, factor) for s in ("", "s") for axis in "xyz"),
-            _fixed(row["test"], 2),
-            _p(row["p"]),
+            *_cells(row, " ".join(f"{name}:.{places}f" for name in ("x", "y", "z", "sx", "sy", "sz"))),
+            *_cells(row, "test:.2f"),
+            probability(row["p"]),
         )
-        for row in rows
+        for row in sized.to_dicts()
     ]
-    headers = (
-        say("point"),
-        say("from"),
-        say("to"),
-        say("result"),
-        *(f"{s}{axis} [{unit}]" for s in ("Δ", "σΔ") for axis in "XYZ"),
-        say("test"),
-        "p",
-    )
-    to.table(Grid(headers, cells, 4, frozenset(k for k, row in enumerate(rows) if row["moved"])))
-    _more(to, last.height)
+    axes = (f"{s}{axis} [{unit}]" for s in ("Δ", "σΔ") for axis in "XYZ")
+    moved = [k for k, row in enumerate(last["moved"][:MOST_ROWS]) if row]
+    to.table(map(say, ("point", "from", "to", "result", *axes, "test", "p")), rows, 4, moved, MOST_ROWS)
 
 
-def _weakest(to: Writer, data: PageData, folder: Path) -> None:
+def _weakest(to: Writer, data: PageData) -> None:
     """The least precise points, and observations and points that are controlled least."""
     say, view = data.words, data.view
     to.heading(say("Weakest spots"))
@@ -710,137 +542,64 @@ def _weakest(to: Writer, data: PageData, folder: Path) -> None:
             .head(5)
         )
         unit, factor = small_unit(view.length, worst["ellipsoid_a"][0])
+        worst = worst.with_columns(pl.col("ellipsoid_a") * factor)
         to.heading(say("Least precise points"), 3)
-        to.table(
-            Grid(
-                (say("point"), f"{say('ellipsoid a')} [{unit}]", say("rays"), say("others")),
-                [
-                    (
-                        str(row["id"]),
-                        f"{row['ellipsoid_a'] * factor:.3g}",
-                        str(row["rays"]),
-                        str(row["others"]),
-                    )
-                    for row in worst.to_dicts()
-                ],
-                1,
-            )
-        )
+        rows = [_cells(row, "id ellipsoid_a:.3g rays others") for row in worst.to_dicts()]
+        to.table((say("point"), f"{say('ellipsoid a')} [{unit}]", say("rays"), say("others")), rows)
     if view.reliability is None:
         return
     for line in uncontrolled_in_words(view.reliability, say):
         to.text(line)
-    rows = [
-        (
-            say(kind),
-            row["id"],
-            in_words(row["weakest"], say),
-            row["weakest"]["unit"],
-            f"{row['smallest_r']:.2f}",
-            _short(row["nabla"], 3),
-            _short(row["shift"], 3),
-        )
-        for key, kind in (("points", "point"), ("images", "image"), ("stations", "station"))
-        for row in sorted(view.reliability[key], key=lambda row: float(row["smallest_r"]))[:4]
-    ]
+    controlled = []
+    for key, kind in (("points", "point"), ("images", "image"), ("stations", "station")):
+        for row in sorted(view.reliability[key], key=lambda row: float(row["smallest_r"]))[:4]:
+            names = (say(kind), row["id"], in_words(row["weakest"], say), row["weakest"]["unit"])
+            controlled.append((*names, *_cells(row, "smallest_r:.2f nabla:.3g shift:.3g")))
     to.heading(say("Least controlled"), 3)
-    to.table(
-        Grid(
-            (
-                say("weakest"),
-                "id",
-                say("observation"),
-                say("unit"),
-                say("smallest r"),
-                "∇",
-                f"{say('effect')} [{view.length}]",
-            ),
-            rows,
-            4,
-        )
-    )
+    numbers = ("observation", "unit", "smallest r", "∇", f"{say('effect')} [{view.length}]")
+    to.table((say("weakest"), "id", *map(say, numbers)), controlled, 4)
 
 
-def _flagged(to: Writer, data: PageData, folder: Path) -> None:
+def _flagged(to: Writer, data: PageData) -> None:
     say, gross = data.words, data.view.gross_errors
     flagged = [row for row in gross.get("suspicious", []) if row["flagged"]]
     out = data.view.residuals.filter(pl.col("flag") == "excluded")
     to.heading(say("Flagged observations"))
     if not flagged and not out.height:
         to.text(say("No observation is flagged."))
-    rows = [
-        (
-            in_words(row, say),
-            row["unit"],
-            _fixed(row["w"], 2),
-            _fixed(row["r"], 3),
-            _short(row["error"], 3),
-            _short(row["nabla"], 3),
-        )
-        for row in flagged
-    ]
-    to.table(
-        Grid(
-            (
-                say("observation"),
-                say("unit"),
-                "w [1]",
-                "r [1]",
-                say("estimated error"),
-                say("∇ smallest detectable"),
-            ),
-            rows[:MOST_ROWS],
-            2,
-        )
-    )
-    _more(to, len(rows))
+    rows = [(in_words(row, say), *_cells(row, "unit w:.2f r:.3f error:.3g nabla:.3g")) for row in flagged]
+    headers = ("observation", "unit", "w [1]", "r [1]", "estimated error", "∇ smallest detectable")
+    to.table(map(say, headers), rows, 2, most=MOST_ROWS)
     if out.height:
         to.heading(say("Excluded from the adjustment"), 3)
-        to.table(_observations(out.head(MOST_ROWS), say))
-        _more(to, out.height)
+        _observations(to, out, say, MOST_ROWS)
 
 
-def _points(to: Writer, data: PageData, folder: Path) -> None:
+def _points(to: Writer, data: PageData) -> None:
     say, view, points = data.words, data.view, data.points
     if not points.height:
         return
     to.heading(say("Points"))
     if points.height > MOST_POINTS:
-        to.text(
-            say(
-                "The {count} least precise of {all} points; the table of points has all of them.",
-                count=MOST_POINTS,
-                all=points.height,
-            )
-        )
+        said = "The {count} least precise of {all} points; the table of points has all of them."
+        to.text(say(said, count=MOST_POINTS, all=points.height))
         points = points.sort("ellipsoid_a", descending=True, nulls_last=True, maintain_order=True).head(MOST_POINTS)
     sigma = points.select("sx", "sy", "sz").drop_nulls().to_numpy().ravel()
     places = sigma_decimals(sigma[sigma > 0.0]) if (sigma > 0.0).any() else 4
     unit, factor = small_unit(view.length, float(sigma.max(initial=0.0)) or 1.0)
     fine = sigma_decimals(sigma[sigma > 0.0] * factor) if (sigma > 0.0).any() else 2
+    small = ("sx", "sy", "sz", "ellipse_a", "ellipse_b")
+    points = points.with_columns(pl.lit(None).alias(name) for name in {*small, "ellipse_azimuth"} - {*points.columns})
+    points = points.with_columns(pl.col(small) * factor, (pl.col("rays") + pl.col("others")).alias("n"))
+    numbers = " ".join([*(f"{axis}:.{places}f" for axis in "xyz"), *(f"{name}:.{fine}f" for name in small)])
     rows = [
-        (
-            str(row["id"]),
-            say(row["status"]),
-            *(_fixed(row[axis], places) for axis in "xyz"),
-            *(_fixed(row[f"s{axis}"], fine, factor) for axis in "xyz"),
-            *(_fixed(row.get(f"ellipse_{name}"), fine, factor) for name in "ab"),
-            _fixed(row.get("ellipse_azimuth"), 1),
-            str(row["rays"] + row["others"]),
-        )
+        (str(row["id"]), say(row["status"]), *_cells(row, f"{numbers} ellipse_azimuth:.1f n"))
         for row in points.to_dicts()
     ]
-    headers = (
-        say("point"),
-        say("status"),
-        *(f"{axis} [{view.length}]" for axis in "XYZ"),
-        *(f"σ{axis} [{unit}]" for axis in "XYZ"),
-        f"a [{unit}]",
-        f"b [{unit}]",
-        f"{say('azimuth of a')} [{view.summary['units']['angle']}]",
-        "n",
-    )
-    to.table(Grid(headers, rows, 2))
+    headers = ("point", "status", *(f"{axis} [{view.length}]" for axis in "XYZ"))
+    sigmas = (f"{name} [{unit}]" for name in ("σX", "σY", "σZ", "a", "b"))
+    azimuth = f"{say('azimuth of a')} [{view.summary['units']['angle']}]"
+    to.table((*map(say, headers), *sigmas, azimuth, "n"), rows, 2)
     to.note(
         f"{sigma_words(data)}. "
         + say("a, b: semi-axes of the standard ellipse in plan; n: rays and other observations of the point.")
@@ -852,64 +611,31 @@ def _inputs(to: Writer, data: PageData) -> None:
     files = view.identity["inputs"]
     together = 13.0 * (len(files) + 2 * len(view.notes)) + 150.0
     to.heading(say("Inputs"), room=min(together, 0.5 * to.size[1]))
-    to.table(
-        Grid(
-            (say("file"), say("SHA-256"), say("bytes")),
-            [(file["file"], file["sha256"], str(file["bytes"])) for file in files[:MOST_ROWS]],
-            2,
-        )
-    )
-    _more(to, len(files))
+    to.table(map(say, ("file", "SHA-256", "bytes")), [_cells(f, "file sha256 bytes") for f in files], 2, most=MOST_ROWS)
     if view.notes:
         to.heading(say("Notes on what was read"), 3)
         rows = [
             (f"{row['file']}:{row['line']}" if row["line"] else row["file"] or "", say.told(row["message"]))
-            for row in view.notes[:MOST_ROWS]
+            for row in view.notes
         ]
-        to.table(Grid((say("file"), say("note")), rows, 2))
-        _more(to, len(view.notes))
-
-
-def _more(to: Writer, count: int) -> None:
-    if count > MOST_ROWS:
-        to.note(to.words("{count:more is|more are} in the results.", count=count - MOST_ROWS))
+        to.table(map(say, ("file", "note")), rows, 2, most=MOST_ROWS)
 
 
 # ---- Appendices.
 
 
 def _residuals(to: Writer, data: PageData) -> None:
-    to.table(_observations(data.view.residuals, data.words))
+    _observations(to, data.view.residuals, data.words)
 
 
-def _observations(frame: pl.DataFrame, say: Words) -> Grid:
-    rows = [
-        (
-            row["type"],
-            " – ".join(part for part in (row["at"], row["from"], row["to"]) if part),
-            row["component"],
-            *_residual(row, say),
-        )
-        for row in frame.iter_rows(named=True)
-    ]
-    bold = frozenset(k for k, flag in enumerate(frame["flag"]) if flag)
-    return Grid(
-        (
-            say("type"),
-            say("between"),
-            say("component"),
-            say("flag"),
-            say("unit"),
-            say("observed"),
-            "v",
-            "σ",
-            "r",
-            "w",
-        ),
-        rows,
-        5,
-        bold,
-    )
+def _observations(to: Writer, frame: pl.DataFrame, say: Words, most: int | None = None) -> None:
+    rows = []
+    for row in frame.iter_rows(named=True):
+        ends = " – ".join(part for part in (row["at"], row["from"], row["to"]) if part)
+        rows.append((row["type"], ends, row["component"], *_residual(row, say)))
+    bold = [k for k, flag in enumerate(frame["flag"][:most]) if flag]
+    headers = ("type", "between", "component", "flag", "unit", "observed", "v", "σ", "r", "w")
+    to.table(map(say, headers), rows, 5, bold, most)
 
 
 def _images(to: Writer, data: PageData) -> None:
@@ -919,106 +645,32 @@ def _images(to: Writer, data: PageData) -> None:
         sigma_decimals(view.images.select(names).drop_nulls().to_numpy().ravel())
         for names in (["sx", "sy", "sz"], ["somega", "sphi", "skappa"])
     )
-    names = (
-        *(("xyz"[k], f"{'XYZ'[k]} [{view.length}]", place) for k in range(3)),
-        *((("omega", "phi", "kappa")[k], f"{'ωφκ'[k]} [{angle}]", turn) for k in range(3)),
-    )
-    rows = [
-        (
-            str(row["id"]),
-            row["camera"],
-            *(_fixed(row[f"{s}{name}"], places) for s in ("", "s") for name, _, places in names),
-            str(row["points"]),
-        )
-        for row in data.images.to_dicts()
-    ]
-    to.table(
-        Grid(
-            (
-                say("image"),
-                say("camera"),
-                *(f"{s}{title}" for s in ("", "σ ") for _, title, _ in names),
-                say("points"),
-            ),
-            rows,
-            2,
-        )
-    )
+    digits = dict.fromkeys("xyz", place) | dict.fromkeys(("omega", "phi", "kappa"), turn)
+    numbers = " ".join(f"{s}{name}:.{count}f" for s in ("", "s") for name, count in digits.items())
+    rows = [_cells(row, f"id camera {numbers} points") for row in data.images.to_dicts()]
+    units = {axis: angle if axis in "ωφκ" else view.length for axis in "XYZωφκ"}
+    headers = (f"{s}{axis} [{unit}]" for s in ("", "σ ") for axis, unit in units.items())
+    to.table(map(say, ("image", "camera", *headers, "points")), rows, 2)
 
 
 def _covariances(to: Writer, data: PageData) -> None:
     say, view = data.words, data.view
     to.text(say("Standard deviations and correlations of the coordinates of each point."))
-    rows = [
-        (
-            str(row["id"]),
-            *(_short(row[f"s{axis}"], 4) for axis in "xyz"),
-            *(_fixed(row[name], 4) for name in ("rxy", "rxz", "ryz")),
-        )
-        for row in view.points.to_dicts()
-    ]
-    to.table(
-        Grid(
-            (say("point"), *(f"σ{axis} [{view.length}]" for axis in "XYZ"), "r(XY)", "r(XZ)", "r(YZ)"),
-            rows,
-            1,
-        )
-    )
-    pairs = [
-        (
-            row["from"],
-            row["to"],
-            _short(row["distance"], 9),
-            _short(row["sdistance"], 3),
-            _short(row["a"], 3),
-            _short(row["b"], 3),
-        )
-        for row in view.relative
-    ]
-    if pairs:
+    rows = [_cells(row, "id sx:.4g sy:.4g sz:.4g rxy:.4f rxz:.4f ryz:.4f") for row in view.points.to_dicts()]
+    to.table((say("point"), *(f"σ{axis} [{view.length}]" for axis in "XYZ"), "r(XY)", "r(XZ)", "r(YZ)"), rows)
+    if view.relative:
         to.heading(say("Distances and relative error ellipses"), 3)
-        to.table(
-            Grid(
-                (
-                    say("from"),
-                    say("to"),
-                    *(f"{name} [{view.length}]" for name in (say("distance"), "σ", "a", "b")),
-                ),
-                pairs,
-                2,
-            )
-        )
+        lengths = (f"{name} [{view.length}]" for name in (say("distance"), "σ", "a", "b"))
+        pairs = [_cells(row, "from to distance:.9g sdistance:.3g a:.3g b:.3g") for row in view.relative]
+        to.table((say("from"), say("to"), *lengths), pairs, 2)
 
 
-def _residual(row: dict[str, Any], say: Words) -> tuple[str, ...]:
-    return (
-        say.listed(row["flag"]),
-        row["unit"],
-        _short(row["observed"], 9),
-        _short(row["v"], 3),
-        _short(row["sigma"], 3),
-        _fixed(row["r"], 3),
-        _fixed(row["w"], 2),
-    )
+def _residual(row: dict[str, Any], say: Words) -> list[str]:
+    return [say.listed(row["flag"]), *_cells(row, "unit observed:.9g v:.3g sigma:.3g r:.3f w:.2f")]
 
 
-def _fixed(value: float | None, digits: int, factor: float = 1.0) -> str:
-    """A number with so many decimals; zero has no sign."""
-    if value is None:
-        return "–"
-    return f"{round(value * factor, digits) + 0.0:.{digits}f}".replace("-", "−")
-
-
-def _short(value: float | None, digits: int) -> str:
-    return "–" if value is None else f"{value:.{digits}g}".replace("-", "−")
-
-
-def _p(value: float | None) -> str:
-    return "–" if value is None else "< 0.0001" if value < 1e-4 else f"{value:.4f}"
-
-
-def _in(unit: str, value: float | None) -> str:
-    return _fixed(value, DIGITS[unit]) if unit in DIGITS else _short(value, 3)
+def _cells(row: dict[str, Any], columns: str) -> list[str]:
+    return cells(row, columns, "–", "−")
 
 
 def text_on_paper(text: str, paper: str, words: Words = ENGLISH) -> Writer:

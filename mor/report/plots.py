@@ -66,8 +66,6 @@ _STYLE: dict[str, Any] = {
     "legend.frameon": False,
     "savefig.dpi": 150,
 }
-_LONGEST = 100
-"""Letters of a line of text: what a sheet is wide enough for."""
 _NO_DATE: dict[str, dict[str, Any]] = {
     "svg": {"Date": None, "Creator": "mor"},
     "pdf": {"CreationDate": None, "ModDate": None, "Creator": "mor", "Producer": "mor"},
@@ -132,7 +130,8 @@ def spell_out(figure: Figure) -> None:
 
     for text in cast("list[Text]", figure.findobj(Text)):
         lines = escaped(text.get_text()).split("\n")
-        text.set_text("\n".join(shortened(line, _LONGEST) for line in lines))
+        # Letters of a line of text: what a sheet is wide enough for.
+        text.set_text("\n".join(shortened(line, 100) for line in lines))
 
 
 # ---- A camera: radial distortion with its band of confidence, and the correlations of its components.
@@ -230,10 +229,6 @@ def histogram(view: View, words: Words = ENGLISH) -> Figure:
 
 _SIZE = 7.0
 """Size of the letters, points."""
-_MOST = 1000
-"""Names beyond which none is drawn: hardly any would have room."""
-_LABELS_LONGEST = 30
-"""Letters of a name."""
 
 
 def draw_names(view: View, axes: Axes, chosen: list[int]) -> None:
@@ -242,7 +237,8 @@ def draw_names(view: View, axes: Axes, chosen: list[int]) -> None:
     Places are worked out for the size the picture has in inches, whatever it is written as.
     """
     names, xy = _candidates(view, chosen)
-    if not names or len(names) > _MOST:
+    # Names beyond which none is drawn: hardly any would have room.
+    if not names or len(names) > 1000:
         return
     from matplotlib.patheffects import withStroke
 
@@ -277,7 +273,8 @@ def _candidates(view: View, chosen: list[int]) -> tuple[list[str], FloatArray]:
             ranked += [(rank, str(name)) for name in frame["id"]]
             parts.append(frame.select("x", "y", "z").to_numpy())
     xyz = np.concatenate(parts).astype(float)
-    xy, names = xyz[:, chosen], [shortened(escaped(name), _LABELS_LONGEST) for _, name in ranked]
+    # Letters of a name.
+    xy, names = xyz[:, chosen], [shortened(escaped(name), 30) for _, name in ranked]
     bulk = network_frame(view)
     if bulk is not None:
         low, high = bulk
@@ -307,8 +304,6 @@ _KINDS = {
     "scale": ("scale bars", BLUE, "-", 2.5),
 }
 """Heading, colour, line and width of each kind of sight."""
-_OVERLAYS_MOST = 5000
-"""Sights of a kind that a picture can show."""
 _GIVEN = {"control": ("control points", "^"), "check": ("check points", "s")}
 
 
@@ -319,7 +314,8 @@ def draw_sights(view: View, axes: Axes, chosen: list[int], words: Words) -> None
     xyz = np.concatenate([places(view), stations])[:, chosen]
     for kind, (name, colour, line, width) in _KINDS.items():
         pairs = found.filter(found["kind"] == kind).select("a", "b").to_numpy()
-        if 0 < len(pairs) <= _OVERLAYS_MOST:
+        # Sights of a kind that a picture can show.
+        if 0 < len(pairs) <= 5000:
             x, y = _lines(xyz[pairs[:, 0]], xyz[pairs[:, 1]])
             axes.plot(x, y, line, color=colour, lw=width, label=words(name), zorder=1.5)
 
@@ -342,13 +338,7 @@ def draw_given(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
         xyz = places(view)[given == kind][:, chosen]
         if len(xyz):
             axes.plot(
-                *(xyz[:, 0], xyz[:, 1], marker),
-                color="black",
-                mfc="none",
-                ms=8,
-                ls="none",
-                label=words(name),
-                zorder=5,
+                *(xyz[:, 0], xyz[:, 1], marker), color="black", mfc="none", ms=8, ls="none", label=words(name), zorder=5
             )
 
 
@@ -394,27 +384,29 @@ def _lines(start: FloatArray, end: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 # ---- The network in plan (or elevation): points, images, stations, rays, and error ellipses where they are asked for.
 
-_MOST_RAYS = 5000
-
 
 def network(view: View, words: Words = ENGLISH) -> Figure:
     """Points, images, stations and rays in the plane in which the points extend most."""
     figure = sheet()
     axes, chosen = _prepared(view, figure)
     rays = rays_of(view)
-    if 0 < len(rays.frame) <= _MOST_RAYS:
+    if 0 < len(rays.frame) <= 5000:
         start, end = centres(view)[rays.frame][:, chosen], places(view)[rays.point][:, chosen]
         gap = np.full((len(start), 1), np.nan)
         x, y = (np.column_stack([start[:, [k]], end[:, [k]], gap]).ravel() for k in (0, 1))
         axes.plot(x, y, color=GREY, lw=0.3, alpha=0.5, label=words("rays"), zorder=1)
+    _draw_network(view, axes, chosen, words)
+    _finish(view, axes, chosen, words)
+    draw_names(view, axes, chosen)
+    return figure
+
+
+def _draw_network(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     draw_sights(view, axes, chosen, words)
     draw_paths(view, axes, chosen, words)
     _frames(view, axes, chosen, words)
     _points(view, axes, chosen, words)
     draw_given(view, axes, chosen, words)
-    _finish(view, axes, chosen, words)
-    draw_names(view, axes, chosen)
-    return figure
 
 
 CONFIDENCE = {"1": (1.0, "1σ"), "95": (2.4477, "95 %")}
@@ -442,11 +434,7 @@ def ellipses(
     figure = sheet(*size)
     heights = not (view.points.select("sx", "sy").fill_null(0.0).to_numpy() > 0.0).any()
     axes, chosen = _prepared(view, figure, upright=heights)
-    draw_sights(view, axes, chosen, words)
-    draw_paths(view, axes, chosen, words)
-    _frames(view, axes, chosen, words)
-    _points(view, axes, chosen, words)
-    draw_given(view, axes, chosen, words)
+    _draw_network(view, axes, chosen, words)
     covariance = covariances(view.points)[:, chosen][:, :, chosen]
     axis = np.sqrt(np.maximum(np.linalg.eigvalsh(covariance)[:, -1], 0.0))
     frame = network_frame(view)
@@ -536,10 +524,7 @@ def _finish(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=4)
     title = view.summary["title"] or words("Network")
     axes.set_title(
-        f"{title} – {words('datum')}: {datum_name(view.summary['datum'], words)}",
-        fontsize=9,
-        loc="left",
-        pad=18,
+        f"{title} – {words('datum')}: {datum_name(view.summary['datum'], words)}", fontsize=9, loc="left", pad=18
     ).set_in_layout(False)  # it may be wider than the network, which keeps its size
 
 
@@ -679,11 +664,7 @@ def _image(axes: Axes, rows: pl.DataFrame, area: Window, scale: float) -> None:
         x, y = (np.column_stack([xy[chosen, k], tips[chosen, k], gap[:, 0]]).ravel() for k in (0, 1))
         axes.plot(x, y, color=colour, lw=width)
         axes.plot(
-            xy[chosen, 0],
-            xy[chosen, 1],
-            "x" if colour == RED else ".",
-            color=colour,
-            ms=6 if colour == RED else 2,
+            xy[chosen, 0], xy[chosen, 1], "x" if colour == RED else ".", color=colour, ms=6 if colour == RED else 2
         )
     corners = [area.x[k] for k in (0, 1, 1, 0, 0)], [area.y[k] for k in (0, 0, 1, 1, 0)]
     axes.plot(*corners, color=GREY, lw=0.8, ls="-" if area.known else ":")

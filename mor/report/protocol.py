@@ -14,7 +14,7 @@ from scipy.special import chdtri, fdtri, stdtrit
 
 from mor.errors import InputError, Message, nearest
 from mor.report.language import Words
-from mor.report.layout import LINE, WIDTH, fixed, heading, paragraphs, persons, short, table
+from mor.report.layout import LINE, aligned, fixed, heading, paragraphs, persons, short, signature, table, titled
 from mor.report.verification import page_facts, page_table, plain_page
 from mor.report.view import View
 from mor.units import ANGLE_UNITS, LENGTH_UNITS
@@ -111,10 +111,7 @@ def figures(view: View, protocol: str) -> list[Figures]:
         "redundancy": (summary["redundancy"], sum(part.freedom for part in procedure.parts)),
         "observations": (used.height, procedure.observations),
         "distance meters with a free offset": (len(offsets), int(procedure.type == "distance")),
-        "standard deviations of observations": (
-            sum(one["sigma"].n_unique() for one in rows),
-            len(procedure.parts),
-        ),
+        "standard deviations of observations": (sum(one["sigma"].n_unique() for one in rows), len(procedure.parts)),
     }
     problems = [
         Message(f"no full procedure of {protocol}: found {found} {name}, expected {expected}")
@@ -221,7 +218,10 @@ def protocol(
     if standard == VDI and against is not None:
         raise InputError([Message("--against goes with the protocols of ISO 17123")])
     parts: list[dict[str, Any]] = []
+    largest = None  # length measurement error, in mm
     if permissible is not None:
+        errors = [abs(float(c["largest"])) for c in view.checks if c["type"] == c["component"] == "distance"]
+        largest = max(errors) * LENGTH_UNITS[view.length] * 1e3
         tests, title = length_tests(view, permissible), VDI_TITLE
     else:
         found, title = figures(view, standard), PROCEDURES[standard].title
@@ -238,16 +238,10 @@ def protocol(
         "identity": view.identity,
         "parts": parts,
         "permissible": None if permissible is None else dict(zip("AK", permissible, strict=True)),
-        "largest_error": None if permissible is None else _largest_error(view),
+        "largest_error": largest,
         "tests": [test._asdict() | {"passed": test.passed} for test in tests],
         "passed": all(test.passed for test in tests),
     }
-
-
-def _largest_error(view: View) -> float:
-    """Largest length measurement error, in mm."""
-    rows = [row for row in view.checks if row["type"] == row["component"] == "distance"]
-    return max(abs(float(row["largest"])) for row in rows) * LENGTH_UNITS[view.length] * 1e3
 
 
 def _facts(data: dict[str, Any], words: Words) -> list[tuple[str, str]]:
@@ -292,30 +286,15 @@ def _tests(data: dict[str, Any], words: Words) -> tuple[str, list[list[str]]]:
                 words("accepted") if test["passed"] else words("rejected"),
             ]
         )
-    title = "Lines: the error nearest to its limit" if data["permissible"] is not None else _CONFIDENCE
-    return words(title), rows
-
-
-_CONFIDENCE = "Statistical tests, confidence level 95 %"
+    statistical = "Statistical tests, confidence level 95 %"
+    return words("Lines: the error nearest to its limit" if data["permissible"] is not None else statistical), rows
 
 
 def protocol_text(data: dict[str, Any], words: Words) -> str:
     """Return the protocol as text."""
-    facts, title, (title_of_tests, rows) = _facts(data, words), words(data["title"]), _tests(data, words)
-    width = max(len(name) for name, _ in facts)
-    signed = f"{words('place and date').ljust(len(LINE))}    {words('signature')}"
-    lines = [
-        title,
-        "=" * min(len(title), WIDTH),
-        *(f"{name.ljust(width)}  {text}" for name, text in facts),
-        "",
-        heading(title_of_tests),
-        table(_HEADERS, rows, 2, words, last_left=True),
-        "",
-        "",
-        f"{LINE}    {LINE}",
-        signed,
-    ]
+    title_of_tests, rows = _tests(data, words)
+    lines = [*titled(words(data["title"])), *aligned(_facts(data, words)), "", heading(title_of_tests)]
+    lines += [table(_HEADERS, rows, 2, words, last_left=True), "", *signature(words)]
     return paragraphs("\n".join(lines)) + "\n"
 
 

@@ -411,10 +411,7 @@ def _starts(solved: Solved, document: Document, source: Path, folder: Path) -> d
     def writer(name: str) -> Writer:
         return lambda path: table_writer(frames.pop(name))(path)
 
-    return {
-        "adjusted.yaml": lambda path: write_content(path, text),
-        **{name: writer(name) for name in frames},
-    }
+    return {"adjusted.yaml": lambda path: write_content(path, text), **{name: writer(name) for name in frames}}
 
 
 def _tables(solved: Solved, choice: Choice) -> dict[str, tuple[str, Writer]]:

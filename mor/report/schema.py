@@ -7,6 +7,8 @@ from typing import Annotated, Literal
 
 from pydantic import BaseModel, ConfigDict, Field
 
+from mor.project.schema import optional, several
+
 # ---- The parts of ``results.json`` as models: what is estimated, and what is said of its quality.
 
 Number = float | None
@@ -39,15 +41,15 @@ class Note(OpenModel):
 class Identity(OpenModel):
     """Identity of the results: program, operator, client, input files."""
 
-    program: str = Field(default="", description="Program and version")
-    project_version: str = Field(default="1", description="Version of the project file, its key mor")
-    measured: str | None = Field(default=None, description="date of the project: when the observations were made")
-    operator: str | None = Field(default=None, description="report: {operator} of the project")
-    client: str | None = Field(default=None, description="report: {client} of the project")
-    remarks: str | None = Field(default=None, description="report: {remarks} of the project")
-    date: str | None = Field(default=None, description="Day of the newest input file (UTC), or of SOURCE_DATE_EPOCH")
-    options: list[str] = Field(default_factory=list, description="Options that numbers depend on")
-    inputs: list[Input] = Field(default_factory=list, description="Files that were read, in that order")
+    program: str = Field("", description="Program and version")
+    project_version: str = Field("1", description="Version of the project file, its key mor")
+    measured: str | None = optional("date of the project: when the observations were made")
+    operator: str | None = optional("report: {operator} of the project")
+    client: str | None = optional("report: {client} of the project")
+    remarks: str | None = optional("report: {remarks} of the project")
+    date: str | None = optional("Day of the newest input file (UTC), or of SOURCE_DATE_EPOCH")
+    options: list[str] = several("Options that numbers depend on")
+    inputs: list[Input] = several("Files that were read, in that order")
 
 
 class Units(OpenModel):
@@ -109,7 +111,7 @@ class Component(OpenModel):
     value: float = Field(description="Its value")
     sigma: Number = Field(description="Its standard deviation")
     status: Literal["free", "fixed"] = Field(description="Whether it is an unknown")
-    t: Number = Field(default=None, description="|value| / σ, the test of its significance")
+    t: Number = optional("|value| / σ, the test of its significance")
 
 
 class Position(OpenModel):
@@ -164,23 +166,20 @@ class Image(Posed):
     rms: Number = Field(description="Root mean square of its residuals, in the unit they were measured in")
     mean_r: Number = Field(description="Mean redundancy number of its image coordinates")
     largest_w: Number = Field(description="Largest |w| of its image coordinates")
-    vx: Number = Field(
-        default=None,
-        description="Velocity while it is read out, axes of the image, unit of lengths per second",
-    )
-    vy: Number = Field(default=None, description="The same along y")
-    vz: Number = Field(default=None, description="The same along z")
-    svx: Number = Field(default=None, description="σ of vx, 0 where it is fixed")
-    svy: Number = Field(default=None, description="σ of vy")
-    svz: Number = Field(default=None, description="σ of vz")
-    rate_x: Number = Field(default=None, description="Rate of rotation about x, unit of angles per second")
-    rate_y: Number = Field(default=None, description="The same about y")
-    rate_z: Number = Field(default=None, description="The same about z")
-    srate_x: Number = Field(default=None, description="σ of rate_x, 0 where it is fixed")
-    srate_y: Number = Field(default=None, description="σ of rate_y")
-    srate_z: Number = Field(default=None, description="σ of rate_z")
-    interior: dict[str, Component] | None = Field(
-        default=None, description="Components of the interior orientation that the image has of its own"
+    vx: Number = optional("Velocity while it is read out, axes of the image, unit of lengths per second")
+    vy: Number = optional("The same along y")
+    vz: Number = optional("The same along z")
+    svx: Number = optional("σ of vx, 0 where it is fixed")
+    svy: Number = optional("σ of vy")
+    svz: Number = optional("σ of vz")
+    rate_x: Number = optional("Rate of rotation about x, unit of angles per second")
+    rate_y: Number = optional("The same about y")
+    rate_z: Number = optional("The same about z")
+    srate_x: Number = optional("σ of rate_x, 0 where it is fixed")
+    srate_y: Number = optional("σ of rate_y")
+    srate_z: Number = optional("σ of rate_z")
+    interior: dict[str, Component] | None = optional(
+        "Components of the interior orientation that the image has of its own"
     )
 
 
@@ -289,18 +288,15 @@ class Group(OpenModel):
     name: str = Field(description="Table, camera or instrument it comes from")
     type: str = Field(description="Type of its observations as a project names it")
     observations: int = Field(description="Number of observations that took part")
-    redundancy: Number = Field(default=None, description="Sum of their redundancy numbers")
-    vtpv: Number = Field(
-        default=None,
-        description="Its part of vᵀPv; may be negative where observations are correlated across groups",
-    )
-    sigma0: Number = Field(default=None, description="√(vtpv/redundancy); null where there is none")
-    mean_r: Number = Field(default=None, description="Mean redundancy number")
-    largest_w: Number = Field(default=None, description="Largest |w|")
-    excluded: int | None = Field(default=None, description="Number of observations taken out")
-    flagged: int | None = Field(default=None, description="Number of observations beyond the critical value")
-    sigma_factor: Number = Field(default=None, description="Estimated factor on the σ of the group")
-    sigma_of_factor: Number = Field(default=None, description="Standard deviation of that factor")
+    redundancy: Number = optional("Sum of their redundancy numbers")
+    vtpv: Number = optional("Its part of vᵀPv; may be negative where observations are correlated across groups")
+    sigma0: Number = optional("√(vtpv/redundancy); null where there is none")
+    mean_r: Number = optional("Mean redundancy number")
+    largest_w: Number = optional("Largest |w|")
+    excluded: int | None = optional("Number of observations taken out")
+    flagged: int | None = optional("Number of observations beyond the critical value")
+    sigma_factor: Number = optional("Estimated factor on the σ of the group")
+    sigma_of_factor: Number = optional("Standard deviation of that factor")
 
 
 class VarianceComponents(OpenModel):
@@ -334,9 +330,7 @@ class Relative(OpenModel):
     a: float = Field(description="Larger semi-axis of the relative standard error ellipse in plan")
     b: float = Field(description="Smaller semi-axis")
     azimuth: float = Field(description="Bearing of the larger one, unit of angles, within half a circle")
-    direction: list[float] = Field(
-        default_factory=list, description="The same as a unit vector in plan, x and y of the project"
-    )
+    direction: list[float] = several("The same as a unit vector in plan, x and y of the project")
     sdz: float = Field(description="σ of the difference of heights")
 
 
@@ -443,7 +437,7 @@ class Snooping(OpenModel):
     """Data snooping."""
 
     clean: bool = Field(description="True where nothing is flagged at the end")
-    mostly_out: list[MostlyOut] = Field(default=[], description="Things of which more than half was taken out")
+    mostly_out: list[MostlyOut] = Field([], description="Things of which more than half was taken out")
     sigma0_before: float = Field(description="σ0 of the adjustment with all observations")
     steps: list[SnoopingStep] = Field(description="What was taken out and put back, in order")
 
@@ -473,20 +467,20 @@ class InCommon(OpenModel):
 class GrossErrors(OpenModel):
     """Tests of single observations; empty without a solution."""
 
-    beta0: Number = Field(default=None, description="Power of the test of single observations")
-    noncentrality: Number = Field(default=None, description="δ0² of the smallest detectable errors")
-    familywise_level: Number = Field(default=None, description="Level of all tests together, where it was asked for")
-    global_level_of_b_method: Number = Field(
-        default=None, description="Level of the global test that the level of single tests fits to (B-method)"
+    beta0: Number = optional("Power of the test of single observations")
+    noncentrality: Number = optional("δ0² of the smallest detectable errors")
+    familywise_level: Number = optional("Level of all tests together, where it was asked for")
+    global_level_of_b_method: Number = optional(
+        "Level of the global test that the level of single tests fits to (B-method)"
     )
     suspicious: list[Suspicious] = Field(
-        default=[], description="Observations with the largest |w|, and what errors in them do"
+        [], description="Observations with the largest |w|, and what errors in them do"
     )
     in_common: list[InCommon] = Field(
-        default=[], description="What more of the flagged observations refer to than chance explains"
+        [], description="What more of the flagged observations refer to than chance explains"
     )
-    snooping: Snooping | None = Field(default=None, description="Data snooping, where it was asked for")
-    robust: Robust | None = Field(default=None, description="Robust solution, where it was asked for")
+    snooping: Snooping | None = optional("Data snooping, where it was asked for")
+    robust: Robust | None = optional("Robust solution, where it was asked for")
 
 
 class Suspect(Place):
@@ -589,18 +583,18 @@ class Motion(OpenModel):
     point: str = Field(description="Its name")
     parameter: Literal["velocity", "annual oscillation", "step"] = Field(description="What it is")
     time: str = Field(description="Of a step")
-    x: Number = Field(default=None, description="x, length unit; of velocities in a year")
-    sx: Number = Field(default=None, description="σ of x")
-    y: Number = Field(default=None, description="y, length unit; of velocities in a year")
-    sy: Number = Field(default=None, description="σ of y")
-    z: Number = Field(default=None, description="z, length unit; of velocities in a year")
-    sz: Number = Field(default=None, description="σ of z")
-    cos_x: Number = Field(default=None, description="cosine x, length unit; of velocities in a year")
-    scos_x: Number = Field(default=None, description="σ of cosine x")
-    cos_y: Number = Field(default=None, description="cosine y, length unit; of velocities in a year")
-    scos_y: Number = Field(default=None, description="σ of cosine y")
-    cos_z: Number = Field(default=None, description="cosine z, length unit; of velocities in a year")
-    scos_z: Number = Field(default=None, description="σ of cosine z")
+    x: Number = optional("x, length unit; of velocities in a year")
+    sx: Number = optional("σ of x")
+    y: Number = optional("y, length unit; of velocities in a year")
+    sy: Number = optional("σ of y")
+    z: Number = optional("z, length unit; of velocities in a year")
+    sz: Number = optional("σ of z")
+    cos_x: Number = optional("cosine x, length unit; of velocities in a year")
+    scos_x: Number = optional("σ of cosine x")
+    cos_y: Number = optional("cosine y, length unit; of velocities in a year")
+    scos_y: Number = optional("σ of cosine y")
+    cos_z: Number = optional("cosine z, length unit; of velocities in a year")
+    scos_z: Number = optional("σ of cosine z")
     freedom: int = Field(description="Degrees of freedom of the test")
     test: Number = Field(description="Test value, mean square")
     p: Number = Field(description="Its probability without any movement")
@@ -819,54 +813,44 @@ class Results(OpenModel):
     schema_version: Literal[2] = Field(description="Version of its keys")
     program: str = Field(description="Program and version")
     title: str = Field(description="Title of the project")
-    identity: Identity = Field(default=Identity(), description="What the results are of")
-    notes: list[Note] = Field(default_factory=list, description="What was noted before the adjustment")
+    identity: Identity = Field(Identity(), description="What the results are of")
+    notes: list[Note] = several("What was noted before the adjustment")
     units: Units = Field(description="Units of all values that say none of their own")
     axes: Axes = Field(description="Axes and senses of the project")
     outcome: Literal["converged", "not converged", "diverged", "singular"] = Field(
         description="How the adjustment ended"
     )
     reason: str = Field(description="The same in words")
-    solution: bool = Field(default=True, description="false: all values are those of the last iteration")
+    solution: bool = Field(True, description="false: all values are those of the last iteration")
     iterations: int = Field(description="Number of iterations")
     observations: int = Field(description="n")
     unknowns: int = Field(description="u")
     defect: int = Field(description="d, number of movements the observations leave open")
     movements: list[str] = Field(description="These movements in words")
     undetermined: list[Direction] = Field(description="Not determined inside the network")
-    undeterminable: list[Undeterminable] = Field(
-        default_factory=list, description="Things that nothing determines, and what was done about them"
-    )
-    hardly_determined: list[str] = Field(default_factory=list, description="What is determined, but hardly, in words")
+    undeterminable: list[Undeterminable] = several("Things that nothing determines, and what was done about them")
+    hardly_determined: list[str] = several("What is determined, but hardly, in words")
     datum: str = Field(description="In words")
     redundancy: int | None = Field(description="n - u + d, without what is kept out")
     redundancy_sum: Number = Field(description="Sum of all redundancy numbers, equal to redundancy")
     sigma0: Sigma0 | None = Field(description="Standard deviation of unit weight")
     global_test: GlobalTest | None = Field(description="Test of all residuals together")
-    verdict: Verdict | None = Field(
-        default=None, description="The tests of the whole and of its groups; null without a solution"
-    )
-    reliability: ReliabilityMap | None = Field(
-        default=None, description="Where errors would hide; null without redundancy"
-    )
-    critical_w: Number = Field(default=None, description="Limit of |w|")
-    snooping_level: Number = Field(default=None, description="α0, level of the test of single observations")
+    verdict: Verdict | None = optional("The tests of the whole and of its groups; null without a solution")
+    reliability: ReliabilityMap | None = optional("Where errors would hide; null without redundancy")
+    critical_w: Number = optional("Limit of |w|")
+    snooping_level: Number = optional("α0, level of the test of single observations")
     flagged: int | None = Field(description="Number of observations beyond the limit")
-    uncontrolled: int | None = Field(
-        default=None, description="Number of observations with r below settings.least_redundancy"
-    )
+    uncontrolled: int | None = optional("Number of observations with r below settings.least_redundancy")
     iteration_log: list[Step] = Field(description="The iterations")
     kernels: Literal["numpy", "numba"] = Field(
-        default="numpy", description="What did the work: plain NumPy, or kernels compiled by Numba"
+        "numpy", description="What did the work: plain NumPy, or kernels compiled by Numba"
     )
     points: list[Point] | None = Field(description="null beyond 10 000: read the table")
     images: list[Image] | None = Field(description="null beyond 10 000: read the table")
-    motions: list[Motion] = Field(default=[], description="What moves points")
-    epochs: list[Epoch] = Field(default=[], description="Times of the observations, in their order")
-    trajectories: list[Knot] | None = Field(
-        default=[], description="Knots of trajectories; null beyond 10 000: read the table"
-    )
-    boresights: list[Boresight] = Field(default=[], description="Misalignments of inertial systems that were estimated")
+    motions: list[Motion] = Field([], description="What moves points")
+    epochs: list[Epoch] = Field([], description="Times of the observations, in their order")
+    trajectories: list[Knot] | None = Field([], description="Knots of trajectories; null beyond 10 000: read the table")
+    boresights: list[Boresight] = Field([], description="Misalignments of inertial systems that were estimated")
     cameras: list[Camera] = Field(description="Interior orientations")
     stations: list[Station] = Field(description="Theodolite stations and further sets of directions")
     systems: list[System] = Field(description="Local systems")
@@ -874,46 +858,26 @@ class Results(OpenModel):
     features: list[Feature] = Field(description="Planes, lines, right angles and other shapes")
     others: list[Other] = Field(description="Unknowns of instruments, heights, eccentricities and offsets")
     groups: list[Group] = Field(description="Groups of observations, in the order of the input")
-    variance_components: VarianceComponents | None = Field(
-        default=None, description="How the factors of the σ of the groups were estimated"
-    )
+    variance_components: VarianceComponents | None = optional("How the factors of the σ of the groups were estimated")
     gross_errors: GrossErrors = Field(description="Tests of single observations")
-    suspects: Suspects | None = Field(
-        default=None, description="What was left out because all observations together have no solution"
-    )
+    suspects: Suspects | None = optional("What was left out because all observations together have no solution")
     possible_causes: list[PossibleCause] = Field(
-        default=[],
-        description="Mistakes that would explain what is rejected, by score tests, the best first; not verified",
+        [], description="Mistakes that would explain what is rejected, by score tests, the best first; not verified"
     )
     fixed_points: list[FixedPoint] = Field(description="Tests of the coordinates held fixed")
     relative: list[Relative] = Field(
-        default=[],
-        description="Distances and relative error ellipses of the pairs that report: {relative: …} names",
+        [], description="Distances and relative error ellipses of the pairs that report: {relative: …} names"
     )
     checks: list[Check] = Field(description="Observations kept out to check by")
-    failure: Failure | None = Field(
-        default=None, description="Where there is no solution: what does not come to rest, what fits worst"
-    )
+    failure: Failure | None = optional("Where there is no solution: what does not come to rest, what fits worst")
     tables: dict[str, str] = Field(description="Names of the tables beside results.json")
     files: list[str] = Field(
-        default=[],
-        description="Names of all files of this run in its folder; nothing else there is ever replaced",
+        [], description="Names of all files of this run in its folder; nothing else there is ever replaced"
     )
     residuals: list[Residual] | None = Field(description="null beyond 10 000: read the table")
 
 
 def results_schema() -> str:
     """JSON Schema (2020-12) of ``results.json`` as text."""
-    schema = Results.model_json_schema(by_alias=True)
-    return (
-        json.dumps(
-            {
-                "$schema": "https://json-schema.org/draft/2020-12/schema",
-                "$id": "urn:mor:schema:results:2",
-                **schema,
-            },
-            indent=2,
-            ensure_ascii=False,
-        )
-        + "\n"
-    )
+    head = {"$schema": "https://json-schema.org/draft/2020-12/schema", "$id": "urn:mor:schema:results:2"}
+    return json.dumps({**head, **Results.model_json_schema(by_alias=True)}, indent=2, ensure_ascii=False) + "\n"

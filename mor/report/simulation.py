@@ -15,16 +15,7 @@ import polars as pl
 from mor import __version__
 from mor.errors import escaped
 from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, is_image_point
-from mor.model.parameters import (
-    ECCENTRICITY,
-    GNSS_FRAME,
-    INTERIORS,
-    KINDS,
-    READOUT,
-    ROTATION,
-    TIME_OFFSET,
-    Values,
-)
+from mor.model.parameters import ECCENTRICITY, GNSS_FRAME, INTERIORS, KINDS, READOUT, ROTATION, TIME_OFFSET, Values
 from mor.model.rotations import angles_from_rotation
 from mor.plan.simulation import (
     CONFIDENCE,
@@ -48,7 +39,7 @@ from mor.report import layout
 from mor.report.adjusted_project import Given, Placed, adjusted_project, grids_moved
 from mor.report.identity import RunIdentity, identity_of
 from mor.report.language import Words
-from mor.report.layout import WIDTH, heading, paragraphs, short, table
+from mor.report.layout import heading, paragraphs, short, table
 from mor.report.observations import named_places
 from mor.report.units import ends_of_group, said_differences, said_values
 from mor.types import FloatArray, IntArray
@@ -175,13 +166,10 @@ def _rows_of(group: ObservationGroup, found: Source, alone: bool) -> IntArray:
     left: dict[tuple[object, ...], list[int]] = {}
     for row, key in reversed(list(enumerate(zip(found.lines.tolist(), *named, strict=True)))):
         left.setdefault(key, []).append(row)
-    own = zip(group.lines.tolist(), *(_as_given(names.texts().to_list()) for names in group.references), strict=True)
+    # of a point at a time the table has the name of the point
+    given = ([name.partition(AT)[0] for name in names.texts()] for names in group.references)
+    own = zip(group.lines.tolist(), *given, strict=True)
     return np.array([left[key].pop() for key in own], dtype=np.int64)
-
-
-def _as_given(names: list[str]) -> list[str]:
-    """Names of rows as their table has them: of a point at a time that of the point."""
-    return [name.partition(AT)[0] for name in names]
 
 
 def _is_of(group: ObservationGroup, entry: Observations) -> bool:
@@ -331,19 +319,8 @@ def planted_table(network: Network, errors: Sequence[Planted]) -> pl.DataFrame:
             component, unit = group.type.components[k].name, out.external.units[k]
             amount = float(said_differences(group, internal)[0, k])
             ratio = abs(one.amount / float(group.sigma[one.row, one.component]))
-        rows.append(
-            (
-                one.kind,
-                group.name,
-                names.get("at", ""),
-                names["from"],
-                names["to"],
-                component,
-                amount,
-                unit,
-                ratio,
-            )
-        )
+        ends = (names.get("at", ""), names["from"], names["to"])
+        rows.append((one.kind, group.name, *ends, component, amount, unit, ratio))
     schema = {
         **dict.fromkeys(("kind", "group", "at", "from", "to", "component"), pl.String),
         "amount": pl.Float64,
@@ -431,8 +408,7 @@ def monte_carlo_text(
     title = network.project.title or words("Adjustment")
     begun = words("computed in every run") if starts else words("the true values")
     lines = [
-        title,
-        "=" * min(len(title), WIDTH),
+        *layout.titled(title),
         "",
         words(
             "MONTE CARLO: {runs} simulated measurements (seed {seed}; start values: {starts}).",
@@ -509,12 +485,11 @@ def _coverage(truth: Truth, tally: Tally, words: Words) -> str:
         ]
         for u in order
     ]
-    said = words(
-        "The adjustment says ±{k} sigma. Chance moves an end of an interval by about {noise} sigma "
-        "(one standard deviation).",
-        k=f"{k:.3f}",
-        noise=f"{interval_noise(len(tally.drawn)):.3f}",
+    sentence = (
+        "The adjustment says ±{k} sigma. Chance moves an end of an interval by about {noise} sigma (one standard "
+        "deviation)."
     )
+    said = words(sentence, k=f"{k:.3f}", noise=f"{interval_noise(len(tally.drawn)):.3f}")
     title = words("95 % coverage intervals of (x - true) / sigma (GUM Supplement 1, JCGM 101:2008)")
     headers = ["unknown", "from", "to", "largest difference"]
     return "\n".join([heading(title), table(headers, rows, 1, words), said])

@@ -13,9 +13,10 @@ from mor.project.entities import said_thing
 from mor.project.network import Network
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import BLUE, GREEN, GREY, ORANGE, PURPLE, RED, heading, short, table
-from mor.report.orientation import number_or_none, numbers
+from mor.report.orientation import numbers
 from mor.report.page_data import drawn_axes
 from mor.report.plots import sheet
+from mor.report.units import number_or_none
 from mor.solve.inverse import Local, local_precision
 from mor.solve.problem import Problem
 from mor.start.part import Approximation, Join, Phrase, rule
@@ -201,8 +202,7 @@ def _outwards(
 def in_project_axes(network: Network, xyz: FloatArray) -> FloatArray:
     """Coordinates (n, 3) in the axes of the project; what is not known of one does not spread to the others."""
     M = network.edge.matrix
-    turned: FloatArray = xyz[:, np.argmax(np.abs(M), axis=0)] * M.sum(axis=0)
-    return turned
+    return np.asarray(xyz[:, np.argmax(np.abs(M), axis=0)] * M.sum(axis=0))
 
 
 def _sigma_outwards(network: Network, kind: str, sigma: FloatArray) -> FloatArray:
@@ -357,9 +357,7 @@ def _tied(join: Join, words: Words) -> str:
         return words("nothing: it stays in its axes")
     tie = join.tie
     said = words(
-        "redundancy {redundancy}, misfit {misfit} %",
-        redundancy=tie.redundancy,
-        misfit=short(100.0 * tie.misfit, 2),
+        "redundancy {redundancy}, misfit {misfit} %", redundancy=tie.redundancy, misfit=short(100.0 * tie.misfit, 2)
     )
     if tie.open:
         said += "; " + words("{count:movement stays open|movements stay open}", count=tie.open)
@@ -375,18 +373,7 @@ def _values(rows: Sequence[StartValue], words: Words) -> list[str]:
     lines = [_line(row, words) for row in rows[:SHOWN] if row.status != "missing"]
     if not lines:
         return []
-    headers = [
-        "thing",
-        "id",
-        "value",
-        "status",
-        "part",
-        "observations",
-        "misfit [sigma]",
-        "sigma",
-        "unit",
-        "how",
-    ]
+    headers = ["thing", "id", "value", "status", "part", "observations", "misfit [sigma]", "sigma", "unit", "how"]
     parts = [heading(words("Values")), table(headers, lines, 4, words, True)]
     if len(rows) > SHOWN:
         parts.append(words("{count} more are in the JSON report.", count=len(rows) - SHOWN))
@@ -439,9 +426,6 @@ def _missing(approximation: Approximation, words: Words) -> str:
 # ---- The plan of what start values were found for: each part in a colour of its own.
 
 _COLOURS = (BLUE, ORANGE, GREEN, RED, PURPLE)
-_MOST_PARTS = 12
-"""Parts that are drawn, of more the largest."""
-_MOST_LABELS = 40
 
 
 def parts(network: Network, approximation: Approximation, words: Words = ENGLISH) -> Figure:
@@ -496,7 +480,8 @@ def _start_values_homes(approximation: Approximation, count: int) -> IntArray:
 def _drawn(home: IntArray) -> list[tuple[int, str]]:
     """Parts and their colours, at most so many as can be told apart: those with most in them."""
     numbers, counts = np.unique(home, return_counts=True)
-    most = sorted(numbers[np.argsort(-counts, kind="stable")][:_MOST_PARTS].tolist())
+    # Parts that are drawn, of more the largest.
+    most = sorted(numbers[np.argsort(-counts, kind="stable")][:12].tolist())
     return [(int(number), _COLOURS[k % len(_COLOURS)]) for k, number in enumerate(most)]
 
 
@@ -511,6 +496,6 @@ def _labels(network: Network, axes: Axes, xyz: FloatArray, chosen: list[int]) ->
         for space in ("point", "image", "station")
         for name, block in zip(network.things[space].ids, network.things[space].parts["position"], strict=True)
     ]
-    for name, place in named if len(named) <= _MOST_LABELS else ():
+    for name, place in named if len(named) <= 40 else ():
         if np.isfinite(place).all():
             axes.annotate(str(name), place, (3, 3), textcoords="offset points", fontsize=7)

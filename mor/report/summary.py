@@ -18,7 +18,7 @@ from mor.report.estimates import undeterminable_rows
 from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.observations import SCHEMA as OBSERVATIONS_SCHEMA
 from mor.report.observations import AssessedGroups, table_of
-from mor.report.units import angle_unit, angle_unit_of
+from mor.report.units import angle_unit, angle_unit_of, number_or_none
 from mor.solve.datum import BY_CURVATURE
 from mor.units import ANGLE_UNITS
 
@@ -105,19 +105,13 @@ def statistics(solved: Solved) -> dict[str, Any]:
 
 # ---- Report of a failed adjustment: unknowns that do not settle, and the worst residuals.
 
-OSCILLATES = 0.5
-"""Part of the way that was taken back from which on an unknown moves to and fro."""
-
-
-WORST_MISFITS = 100
-"""Observations that are told where there is no solution."""
-
 
 def failure(solved: Solved) -> dict[str, Any] | None:
     """Return the unknowns that do not settle and the worst residuals of a failed adjustment."""
     if solved.quality is not None:
         return None
-    worst = worst_misfits(solved, WORST_MISFITS).to_dicts()
+    # Observations that are told where there is no solution.
+    worst = worst_misfits(solved, 100).to_dicts()
     return {
         "notice": "NOT A SOLUTION: all values are those of the last iteration",
         "moving": moving_rows(solved),
@@ -147,15 +141,12 @@ def moving_rows(solved: Solved) -> list[dict[str, Any]]:
                     angle,
                     next((scale.unit for scale in solved.network.scales.values()), "mm"),
                 ),
-                "steps": [_number(step / factor) for step in steps],
-                "way": ("wanted" if len(steps) == 1 else "to and fro" if float(back) > OSCILLATES else "away"),
+                "steps": [number_or_none(step / factor) for step in steps],
+                # Part of the way that was taken back from which on an unknown moves to and fro.
+                "way": ("wanted" if len(steps) == 1 else "to and fro" if float(back) > 0.5 else "away"),
             }
         )
     return rows
-
-
-def _number(value: float) -> float | None:
-    return float(value) if np.isfinite(value) else None
 
 
 def worst_misfits(solved: Solved, count: int) -> pl.DataFrame:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 
@@ -13,11 +14,10 @@ from mor.report import verdict as words_of_reliability
 from mor.report.estimates import group_table, interior_rows, point_table
 from mor.report.identity import RunIdentity, identity_of, note_rows
 from mor.report.language import ENGLISH, Words, datum_name
-from mor.report.layout import ALL, fixed, in_words, paragraphs, short, table
-from mor.report.layout import WIDTH as COLUMNS_WIDTH
+from mor.report.layout import ALL, cells, fixed, in_words, paragraphs, short, table
 from mor.report.observations import check_rows, gross_errors, place, possible_causes, suspects
 from mor.report.summary import summary
-from mor.report.text_findings import first_sentence, sentences, sentences_of_things, undetermined_section
+from mor.report.text_findings import emptied, first_sentence, sentences, sentences_of_things, undetermined_section
 from mor.report.verdict import contradictions, ill_determined, in_common, reliability_rows, verdict_rows
 from mor.solve.iterate import STANDS_STILL, Outcome
 
@@ -31,30 +31,13 @@ def section(solved: Solved, words: Words = ENGLISH, persons: Sequence[tuple[str,
     """Verdict and key figures, with ``persons``: who, for whom and when."""
     data = summary(solved)
     title = data["title"] or words("Adjustment")
-    lines = [title, "=" * min(len(title), COLUMNS_WIDTH), "", *verdict(solved, words), ""]
-    movements = ", ".join(words.listed(name) for name in data["movements"])
-    rows = [
-        ("observations n", str(data["observations"])),
-        ("unknowns u", str(data["unknowns"])),
-        ("datum defect d", f"{data['defect']}" + (f" ({movements})" if movements else "")),
-        ("datum", datum_name(data["datum"], words)),
-        ("iterations", str(data["iterations"])),
-    ]
+    rows = [*counts(data, words), ("iterations", str(data["iterations"]))]
     if solved.quality is not None:
         test, sigma0 = data["global_test"], data["sigma0"]
-        quality = solved.quality
-        posterior = quality is not None and quality.sigma_factor != 1.0
-        which = "a posteriori" if posterior else "a priori"
+        which = "a posteriori" if solved.quality.sigma_factor != 1.0 else "a priori"
         datum = datum_name(solved.adjustment.problem.datum.name, words)
         rows += [
-            (
-                "redundancy n - u + d",
-                words(
-                    "{redundancy} (sum of redundancy numbers {total})",
-                    redundancy=data["redundancy"],
-                    total=f"{data['redundancy_sum']:.6f}",
-                ),
-            ),
+            redundancy(data, words),
             ("sigma0 a priori", words.number(short(sigma0["apriori"]))),
             ("sigma0 a posteriori", words.number(short(sigma0["aposteriori"], 7))),
             ("vTPv", f"{words.number(fixed(test['statistic'], 3))}, {_limits(test, words)}"),
@@ -65,10 +48,26 @@ def section(solved: Solved, words: Words = ENGLISH, persons: Sequence[tuple[str,
             ("units", words("lengths {length}, angles {angle}", **data["units"])),
             ("residuals", words("v = adjusted - observed")),
         ]
-    rows = [*persons, *((words(name), value) for name, value in rows)]
-    width = max(len(name) for name, _ in rows)
-    lines += [f"{name.ljust(width)}  {value}" for name, value in rows]
-    return "\n".join(lines)
+    said = [*persons, *((words(name), value) for name, value in rows)]
+    return "\n".join([*layout.titled(title), "", *verdict(solved, words), "", *layout.aligned(said)])
+
+
+def counts(data: dict[str, Any], words: Words) -> list[tuple[str, str]]:
+    """Names and texts of the counts and the datum of a summary."""
+    movements = ", ".join(words.listed(name) for name in data["movements"])
+    return [
+        ("observations n", str(data["observations"])),
+        ("unknowns u", str(data["unknowns"])),
+        ("datum defect d", f"{data['defect']}" + (f" ({movements})" if movements else "")),
+        ("datum", datum_name(data["datum"], words)),
+    ]
+
+
+def redundancy(data: dict[str, Any], words: Words) -> tuple[str, str]:
+    """Name and text of the redundancy of a summary."""
+    total = f"{data['redundancy_sum']:.6f}"
+    said = words("{redundancy} (sum of redundancy numbers {total})", redundancy=data["redundancy"], total=total)
+    return "redundancy n - u + d", said
 
 
 def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
@@ -89,43 +88,24 @@ def verdict(solved: Solved, words: Words = ENGLISH) -> list[str]:
         lines.append(words("Global test accepted at the level {level}.", level=f"{test.level:g}"))
     else:
         size = words("larger") if test.statistic > test.upper else words("smaller")
-        lines.append(
-            words(
-                "Global test REJECTED at the level {level}: residuals are {size} than the a-priori sigmas say "
-                "(sigma0 ratio {ratio}).",
-                level=f"{test.level:g}",
-                size=size,
-                ratio=fixed(quality.sigma0, 3),
-            )
+        sentence = (
+            "Global test REJECTED at the level {level}: residuals are {size} than the a-priori sigmas say (sigma0 "
+            "ratio {ratio})."
         )
+        lines.append(words(sentence, level=f"{test.level:g}", size=size, ratio=fixed(quality.sigma0, 3)))
     lines += ill_determined(verdict_rows(solved), solved.network.project.units.length, words)
     lines += contradictions(verdict_rows(solved), words)
     flagged = sum(int(flags.sum()) for flags in quality.flagged)
     lines.append(
-        words(
-            "{count:observation|observations} with |w| > {limit}.",
-            count=flagged,
-            limit=fixed(quality.critical, 2),
-        )
+        words("{count:observation|observations} with |w| > {limit}.", count=flagged, limit=fixed(quality.critical, 2))
         if flagged
         else words("No observation is flagged.")
     )
     lines += first_sentence(possible_causes(solved), words)
     lines += in_common(gross_errors(solved).get("in_common", []), words)
     lines += sentences_of_things(solved.network.undeterminable, words)
-    return [
-        *lines,
-        *(_uncontrolled(solved, words) if test.redundancy else []),
-        *[
-            words(
-                "Nothing is left of {group}: all its observations were excluded ({count}).",
-                count=row["excluded"],
-                group=row["name"],
-            )
-            for row in group_table(solved).to_dicts()
-            if row["observations"] == 0 and row["excluded"] > 0
-        ],
-    ]
+    lines += _uncontrolled(solved, words) if test.redundancy else []
+    return [*lines, *emptied(group_table(solved).to_dicts(), words)]
 
 
 def _uncontrolled(solved: Solved, words: Words) -> list[str]:
@@ -186,12 +166,8 @@ def _advice(solved: Solved, words: Words) -> list[str]:
 
 
 def _limits(test: dict[str, float], words: Words) -> str:
-    return words(
-        "accepted between {lower} and {upper} (chi-squared, level {level})",
-        lower=fixed(test["lower"], 3),
-        upper=fixed(test["upper"], 3),
-        level=f"{test['level']:g}",
-    )
+    said = "accepted between {lower} and {upper} (chi-squared, level {level})"
+    return words(said, lower=fixed(test["lower"], 3), upper=fixed(test["upper"], 3), level=f"{test['level']:g}")
 
 
 # ---- The summary on the terminal: accepted or not, what is worst, how good points and cameras are, on one screen.
@@ -285,8 +261,6 @@ def _worst(solved: Solved, words: Words) -> list[str]:
 
 def _points(solved: Solved, words: Words) -> list[str]:
     frame = point_table(solved)
-    if frame.height == 0:
-        return []
     free = frame.select("id", "sx", "sy", "sz", "ellipsoid_a").filter(frame["status"].is_in(["free", "partly fixed"]))
     if free.height == 0:
         return []
@@ -322,17 +296,8 @@ def _cameras(solved: Solved, words: Words) -> list[str]:
 
 def _groups(solved: Solved, words: Words) -> list[str]:
     groups = group_table(solved).to_dicts()
-    rows = [
-        [
-            row["name"][:36],
-            str(row["observations"]),
-            fixed(row["redundancy"], 1),
-            fixed(row["sigma0"], 3),
-            fixed(row["largest_w"], 2),
-            str(row["flagged"]),
-        ]
-        for row in groups[:GROUPS]
-    ]
+    columns = "observations redundancy:.1f sigma0:.3f largest_w:.2f flagged"
+    rows = [[row["name"][:36], *cells(row, columns)] for row in groups[:GROUPS]]
     headers = ["group", "n", "sum r", "sigma0 [1]", "largest |w| [1]", "flagged"]
     lines = ["", *table(headers, rows, words=words).splitlines()]
     if len(groups) > GROUPS:

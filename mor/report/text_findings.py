@@ -7,10 +7,10 @@ from typing import Any
 
 from mor.errors import UndeterminedObject
 from mor.quality.determinability import OF_THE_START
-from mor.quality.singularity import explain_singularity, turned_about, weakness
+from mor.quality.singularity import enumerated, explain_singularity, turned_about, weakness
 from mor.quality.solution import Solved
 from mor.report.language import ENGLISH, Words
-from mor.report.layout import DIGITS, fixed, heading, in_words, short, table
+from mor.report.layout import DIGITS, cells, fixed, heading, in_words, short, table
 from mor.report.observations import fixed_point_rows, gross_errors, possible_causes, suspects
 from mor.report.summary import moving_rows, summary, worst_misfits
 from mor.solve.iterate import Outcome
@@ -58,25 +58,20 @@ SENTENCES = {
 def hypothesis_section(solved: Solved, words: Words = ENGLISH) -> str:
     """The possible causes, the best first, with a line to try each of them."""
     rows = possible_causes(solved)
-    return scored(rows, words, words(NOT_VERIFIED)) if rows else ""
+    note = words(
+        "These are score tests at the solution, not verified: run mor diagnose. "
+        "Look at the measurements before you change anything."
+    )
+    return scored(rows, words, note) if rows else ""
 
 
 def scored(rows: list[dict[str, Any]], words: Words = ENGLISH, note: str = "") -> str:
     """Possible causes by score tests, the best first."""
-    lines = [
-        heading(words("Possible causes")),
-        note or words("These are score tests at the solution, not verified."),
-    ]
+    lines = [heading(words("Possible causes")), note or words("These are score tests at the solution, not verified.")]
     for number, row in enumerate(rows, 1):
         lines += [f"{number}. {sentence(row, words)}", f"   {decrease(row, words)}"]
         lines.append("   " + words("to try it: {line}", line=row["line"]))
     return "\n".join(lines)
-
-
-NOT_VERIFIED = (
-    "These are score tests at the solution, not verified: run mor diagnose. "
-    "Look at the measurements before you change anything."
-)
 
 
 def first_sentence(rows: list[dict[str, Any]], words: Words = ENGLISH) -> list[str]:
@@ -106,16 +101,8 @@ def diagnosed(data: dict[str, Any], words: Words = ENGLISH) -> str:
         lines.append(words("No hypothesis explains the observations."))
     for number, row in enumerate(data["offered"], 1):
         lines.append(f"{number}. {sentence(row, words)}")
-        lines.append(
-            "   "
-            + (
-                words(
-                    "vTPv {after} ({freedom:degree|degrees} of freedom)",
-                    after=words.number(short(row["vtpv_after"], 5)),
-                    freedom=row["freedom_after"],
-                )
-            )
-        )
+        after, freedom = words.number(short(row["vtpv_after"], 5)), row["freedom_after"]
+        lines.append("   " + words("vTPv {after} ({freedom:degree|degrees} of freedom)", after=after, freedom=freedom))
         if row["like_the_first"]:
             lines.append("   " + words("The observations cannot tell this from 1."))
         lines.append("   " + words("to try it: {line}", line=row["line"]))
@@ -123,13 +110,8 @@ def diagnosed(data: dict[str, Any], words: Words = ENGLISH) -> str:
     if data["offered"]:
         lines.append(words("None is applied. Look at the measurements before you change anything."))
     if data["untried"]:
-        lines.append(
-            words(
-                "{count:hypothesis was|hypotheses were} not tried because the time limit was "
-                "reached; --limit raises it.",
-                count=data["untried"],
-            )
-        )
+        said = "{count:hypothesis was|hypotheses were} not tried because the time limit was reached; --limit raises it."
+        lines.append(words(said, count=data["untried"]))
     return "\n".join(lines)
 
 
@@ -186,9 +168,8 @@ def suspect_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) 
     lines = [
         heading(words("Left out: suspects of gross errors")),
         words(
-            "Found with weights that fall to zero (gradually, down to 3 sigma). This "
-            "report is the plain adjustment of all "
-            "other observations; data snooping (--snoop) starts from it and puts back observations that fit."
+            "Found with weights that fall to zero (gradually, down to 3 sigma). This report is the plain adjustment of "
+            "all other observations; data snooping (--snoop) starts from it and puts back observations that fit."
         ),
         table(["observation", "|v| [sigma]"], rows, 1, words),
     ]
@@ -227,6 +208,13 @@ def sentences(data: dict[str, Any] | None, words: Words = ENGLISH) -> list[str]:
             place=place,
         ),
     ]
+
+
+def emptied(groups: Sequence[dict[str, Any]], words: Words) -> list[str]:
+    """Groups of which nothing takes part any more: what tests accept then says nothing about them."""
+    said = "Nothing is left of {group}: all its observations were excluded ({count})."
+    gone = [row for row in groups if row["observations"] == 0 and row["excluded"] > 0]
+    return [words(said, count=row["excluded"], group=row["name"]) for row in gone]
 
 
 # ---- Gross errors in words: suspicious observations, what was excluded, the robust comparison.
@@ -268,12 +256,8 @@ def reliability_section(solved: Solved, words: Words = ENGLISH, shown: int = SHO
 
 def _sentence(row: dict[str, Any], unit: str, words: Words) -> str:
     if row["point"] is not None and row["movement"] is None:
-        return words(
-            "{place}: w = {w}, r = {r}: it is controlled too weakly to say anything about an error in it",
-            place=in_words(row, words),
-            w=fixed(row["w"], 2),
-            r=short(row["r"], 2),
-        )
+        sentence = "{place}: w = {w}, r = {r}: it is controlled too weakly to say anything about an error in it"
+        return words(sentence, place=in_words(row, words), w=fixed(row["w"], 2), r=short(row["r"], 2))
     said = words(
         "{place}: w = {w}, r = {r}, estimated error {error} {unit}, smallest detectable {nabla}",
         place=in_words(row, words),
@@ -307,16 +291,8 @@ def _fixed_points(solved: Solved, unit: str, words: Words, shown: int) -> list[s
     lines = [words("The observations contradict these fixed coordinates (level {level}):", level=f"{alpha:.3g}")]
     for row in moved[:shown]:
         where = ", ".join(f"{name} {words.number(fixed(x, d))}" for name, x in zip("XYZ", row["movement"], strict=True))
-        lines.append(
-            words(
-                "  {id}: moved by {where} {unit}? T = {test}, p = {p}",
-                id=row["id"],
-                where=where,
-                unit=unit,
-                test=short(row["test"], 4),
-                p=f"{row['p']:.2g}",
-            )
-        )
+        said = "  {id}: moved by {where} {unit}? T = {test}, p = {p}"
+        lines.append(words(said, id=row["id"], where=where, unit=unit, test=short(row["test"], 4), p=f"{row['p']:.2g}"))
     return lines
 
 
@@ -345,27 +321,16 @@ def mostly_out_in_words(rows: list[dict[str, Any]], words: Words, shown: int) ->
     """One sentence on everything of which most observations were taken out, by name the first ones."""
     if not rows:
         return []
-    named = ", ".join(
-        words(
-            "{thing} {id} ({out} of {count})",
-            thing=words(row["of"]),
-            id=row["id"],
-            out=row["excluded"],
-            count=row["observations"],
-        )
-        for row in rows[:shown]
-    )
-    left = len(rows) - shown
-    if left > 0:
-        named = words("{names} and {count} more", names=named, count=left)
-    return [
-        words(
-            "Most observations of {things} were excluded: check whether the whole is "
-            "wrong (name, given values, a moved "
-            "instrument) rather than each observation.",
-            things=named,
-        )
+    said = "{thing} {id} ({out} of {count})"
+    named = [
+        words(said, thing=words(row["of"]), id=row["id"], out=row["excluded"], count=row["observations"])
+        for row in rows
     ]
+    advice = (
+        "Most observations of {things} were excluded: check whether the whole is wrong (name, given values, a moved "
+        "instrument) rather than each observation."
+    )
+    return [words(advice, things=enumerated(named, shown, words))]
 
 
 def robust_in_words(data: dict[str, Any] | None, unit: str, words: Words, shown: int = SHOWN_RELIABILITY) -> list[str]:
@@ -394,7 +359,6 @@ def robust_in_words(data: dict[str, Any] | None, unit: str, words: Words, shown:
 
 SHOWN_UNDETERMINED = 1000
 """Things a text report lists; the table beside it has all."""
-_NAMED = 5
 
 
 def undetermined_section(solved: Solved, words: Words = ENGLISH) -> str:
@@ -445,22 +409,15 @@ def sentences_of_things(things: Sequence[UndeterminedObject], words: Words = ENG
     far = [thing for thing in things if thing.treatment == "at infinity"]
     lines = []
     if left:
-        lines.append(
-            words(
-                "{count:object is|objects are} LEFT OUT because nothing determines them: {names} (undetermined.csv).",
-                count=len(left),
-                names=_names(left, words),
-            )
-        )
+        said = "{count:object is|objects are} LEFT OUT because nothing determines them: {names} (undetermined.csv)."
+        lines.append(words(said, count=len(left), names=_names(left, words)))
     if far:
         lines.append(words("At infinity, with a direction only: {names} (undetermined.csv).", names=_names(far, words)))
     return lines
 
 
 def _names(things: Sequence[UndeterminedObject], words: Words) -> str:
-    listed = ", ".join(f"{words.listed(thing.kind)} {thing.name}" for thing in things[:_NAMED])
-    more = len(things) - _NAMED
-    return words("{names} and {count} more", names=listed, count=more) if more > 0 else listed
+    return enumerated([f"{words.listed(thing.kind)} {thing.name}" for thing in things], 5, words)
 
 
 # ---- The report where there is no solution: the iterations, what does not come to rest, what fits worst.
@@ -480,16 +437,8 @@ def unsettled_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN
 
 
 def _iterations(solved: Solved, words: Words) -> str:
-    rows = [
-        [
-            str(step.number),
-            short(step.objective, 7),
-            short(step.sigma0, 5),
-            short(step.largest_change, 3),
-            short(step.damping, 3),
-        ]
-        for step in solved.adjustment.iterations
-    ]
+    columns = "number objective:.7g sigma0:.5g largest_change:.3g damping:.3g"
+    rows = [cells({**step._asdict(), "sigma0": step.sigma0}, columns) for step in solved.adjustment.iterations]
     if not rows:
         return ""
     headers = ["no.", "vTPv [1]", "sigma0 ratio [1]", "largest change [sigma]", "damping"]
@@ -514,19 +463,10 @@ def _moving(solved: Solved, words: Words) -> str:
 
 
 def _worst(solved: Solved, words: Words, shown: int) -> str:
-    rows = [
-        [
-            row["type"],
-            " ".join(part for part in (row["at"], row["from"], row["to"]) if part),
-            row["component"],
-            row["unit"],
-            short(row["observed"], 9),
-            short(row["v"], 4),
-            short(row["sigma"], 3),
-            fixed(row["misfit"], 1),
-        ]
-        for row in worst_misfits(solved, shown).to_dicts()
-    ]
+    rows = []
+    for row in worst_misfits(solved, shown).to_dicts():
+        numbers = cells(row, "component unit observed:.9g v:.4g sigma:.3g misfit:.1f")
+        rows.append([row["type"], " ".join(part for part in (row["at"], row["from"], row["to"]) if part), *numbers])
     if not rows:
         return ""
     headers = ["type", "between", "component", "unit", "observed", "v", "sigma", "|v|/sigma"]

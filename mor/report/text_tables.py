@@ -42,6 +42,7 @@ from mor.report.language import ENGLISH, Words, datum_name
 from mor.report.layout import (
     ANGLE_DIGITS,
     DIGITS,
+    cells,
     correlation_table,
     digits_worth,
     fixed,
@@ -103,33 +104,15 @@ def check_section(solved: Solved, words: Words = ENGLISH) -> str:
 
 def section_of(checks: list[dict[str, Any]], unit: str, words: Words) -> str:
     """The same of checks as :func:`mor.report.observations.check_rows` has them, and a unit of lengths."""
-    rows = [
-        [
-            row["group"],
-            row["component"],
-            row["unit"],
-            str(row["count"]),
-            *(short(row[key], 4) for key in ("mean", "rms", "largest")),
-            str(row["exceeding"]),
-        ]
-        for row in checks
-    ]
+    rows = [cells(row, "group component unit count mean:.4g rms:.4g largest:.4g exceeding") for row in checks]
     if not rows:
         return ""
     headers = ["checks", "component", "unit", "n", "mean", "rms", "largest", "beyond test"]
-    lines = [
-        heading(words("Checks, not used in the adjustment (adjusted - known)")),
-        table(headers, rows, 3, words),
-    ]
+    lines = [heading(words("Checks, not used in the adjustment (adjusted - known)")), table(headers, rows, 3, words)]
     error = largest_length_error(checks)
     if error is not None:
-        lines.append(
-            words(
-                "Largest length measurement error (in the manner of VDI/VDE 2634): {error} {unit}",
-                error=short(error, 4),
-                unit=unit,
-            )
-        )
+        said = "Largest length measurement error (in the manner of VDI/VDE 2634): {error} {unit}"
+        lines.append(words(said, error=short(error, 4), unit=unit))
     return "\n".join(lines)
 
 
@@ -145,11 +128,7 @@ def ellipse_section(solved: Solved, words: Words = ENGLISH) -> str:
     if len(free_points(solved)) == 0 or dimensions == "z":
         return ""
     rows = ellipse_table(solved).to_dicts()
-    lines = [
-        heading(words("Error ellipses")),
-        _explained(solved, words),
-        plan(rows, solved.network.project, words),
-    ]
+    lines = [heading(words("Error ellipses")), _explained(solved, words), plan(rows, solved.network.project, words)]
     if dimensions == "xyz":
         lines += ["", _space(solved, rows, words)]
     return "\n".join(lines)
@@ -160,32 +139,16 @@ def plan(rows: Sequence[Mapping[str, Any]], project: ProjectFile, words: Words) 
     length, angle = project.units.length, angle_unit_of(project)
     headers = ["point", f"a [{length}]", f"b [{length}]", f"azimuth of a [{angle}]"]
     d = DIGITS[length]
-    cells = [[row["id"], fixed(row["a"], d), fixed(row["b"], d), fixed(row["azimuth"], 1)] for row in rows]
-    return table(headers, cells, words=words)
+    return table(headers, [cells(row, f"id a:.{d}f b:.{d}f azimuth:.1f") for row in rows], words=words)
 
 
 def _space(solved: Solved, rows: list[dict[str, Any]], words: Words) -> str:
     length, angle = solved.network.project.units.length, angle_unit(solved)
-    headers = [
-        "point",
-        *("axis 1", "azimuth 1", "elevation 1"),
-        *("axis 2", "azimuth 2", "elevation 2"),
-        *("axis 3", "azimuth 3", "elevation 3"),
-    ]
-    d = DIGITS[length]
-    cells = [
-        [
-            row["id"],
-            *(
-                fixed(row[f"{name}{k}"], digits)
-                for k in (1, 2, 3)
-                for name, digits in (("axis", d), ("azimuth", 1), ("elevation", 1))
-            ),
-        ]
-        for row in rows
-    ]
+    headers = ["point", "axis 1", "azimuth 1", "elevation 1", "axis 2", "azimuth 2", "elevation 2"]
+    headers += ["axis 3", "azimuth 3", "elevation 3"]
+    numbers = " ".join(f"axis{k}:.{DIGITS[length]}f azimuth{k}:.1f elevation{k}:.1f" for k in (1, 2, 3))
     units = words("Ellipsoids: axes in {length}, azimuths and elevations in {angle}.", length=length, angle=angle)
-    return f"{units}\n{table(headers, cells, words=words)}"
+    return f"{units}\n{table(headers, [cells(row, f'id {numbers}') for row in rows], words=words)}"
 
 
 def relative(solved: Solved, words: Words = ENGLISH, neighbours: bool = False) -> str:
@@ -201,16 +164,8 @@ def relative(solved: Solved, words: Words = ENGLISH, neighbours: bool = False) -
         *("from", "to", f"distance [{length}]", f"sdistance [{length}]"),
         *(f"a [{length}]", f"b [{length}]", f"azimuth [{angle}]", f"sdz [{length}]"),
     ]
-    lines = [
-        [
-            row["from"],
-            row["to"],
-            *(fixed(row[name], d) for name in ("distance", "sdistance", "a", "b")),
-            fixed(row["azimuth"], 1),
-            fixed(row["sdz"], d),
-        ]
-        for row in rows
-    ]
+    columns = f"from to distance:.{d}f sdistance:.{d}f a:.{d}f b:.{d}f azimuth:.1f sdz:.{d}f"
+    lines = [cells(row, columns) for row in rows]
     title = words("Distances and relative error ellipses")
     which = words("Every point with its nearest neighbour.") if neighbours else ""
     said = [heading(title), which, table(headers, lines, 2, words)]
@@ -223,11 +178,8 @@ def _explained(solved: Solved, words: Words) -> str:
     estimated = solved.network.project.settings.sigma == "aposteriori" and quality.redundancy > 0
     redundancy = float(quality.redundancy) if estimated else None
     factors = [f"{confidence_factor(k, redundancy):.2f}" for k in (2, 3)]
-    return words(
-        "Semi-axes at 1 sigma; times {plan} the ellipse holds the point with 95 %, times {space} the ellipsoid.",
-        plan=words.number(factors[0]),
-        space=words.number(factors[1]),
-    )
+    said = "Semi-axes at 1 sigma; times {plan} the ellipse holds the point with 95 %, times {space} the ellipsoid."
+    return words(said, plan=words.number(factors[0]), space=words.number(factors[1]))
 
 
 # ---- Planes, lines and right angles.
@@ -244,10 +196,9 @@ def feature_section(solved: Solved, words: Words = ENGLISH) -> str:
     for row in frame.to_dicts():
         name = f"{words.listed(row['type'])} {row['id']}"
         name += f", {words.listed(row['part'])}" if row["part"] else ""
-        direction = [fixed(row[key], 7) for key in ("dx", "dy", "dz")]
-        places.append([name, *direction, *(fixed(row[key], d) for key in ("distance", "x", "y", "z"))])
-        lengths = [fixed(row[key], d) for key in ("sx", "sy", "sz", "rms", "form")]
-        sigmas.append([name, fixed(row["sd"], ANGLE_DIGITS[angle]), *lengths])
+        places.append([name, *cells(row, f"dx:.7f dy:.7f dz:.7f distance:.{d}f x:.{d}f y:.{d}f z:.{d}f")])
+        numbers = f"sd:.{ANGLE_DIGITS[angle]}f sx:.{d}f sy:.{d}f sz:.{d}f rms:.{d}f form:.{d}f"
+        sigmas.append([name, *cells(row, numbers)])
     headers = ["feature", *(f"{n} [1]" for n in ("dX", "dY", "dZ"))]
     headers += [f"{name} [{unit}]" for name in ("distance", "X", "Y", "Z")]
     units = {"sd": angle, **dict.fromkeys(("sX", "sY", "sZ", "rms", "form"), unit)}
@@ -267,30 +218,12 @@ def group_section(solved: Solved, words: Words = ENGLISH) -> str:
     """One line for each group."""
     if solved.quality is None:
         return ""
-    rows = [
-        [
-            row["name"],
-            row["type"],
-            str(row["observations"]),
-            fixed(row["redundancy"], 3),
-            fixed(row["vtpv"], 3),
-            fixed(row["sigma0"], 4),
-            str(row["flagged"]),
-        ]
-        for row in group_table(solved).to_dicts()
-    ]
+    groups = group_table(solved).to_dicts()
+    columns = "name type observations redundancy:.3f vtpv:.3f sigma0:.4f flagged"
     headers = ["group", "type", "n", "sum r", "vTPv", "sigma0 [1]", "flagged"]
-    lines = [
-        heading(words("Observation groups")),
-        table(headers, rows, 2, words),
-        *components_in_words(
-            variance_components(solved),
-            group_table(solved).to_dicts(),
-            solved.network.project.settings,
-            words,
-        ),
-    ]
-    return "\n".join(lines)
+    factors = components_in_words(variance_components(solved), groups, solved.network.project.settings, words)
+    rows = [cells(row, columns) for row in groups]
+    return "\n".join([heading(words("Observation groups")), table(headers, rows, 2, words), *factors])
 
 
 def components_in_words(
@@ -328,34 +261,15 @@ def listed(frame: pl.DataFrame, project: ProjectFile, scales: Mapping[str, Image
     unit, angle = project.units.length, angle_unit_of(project)
     d, a = DIGITS[unit], ANGLE_DIGITS[angle]
     units = {name: scale.coordinate_unit for name, scale in scales.items()}
-    positions, attitudes = [], []
-    for row in frame.to_dicts():
-        sigmas = [fixed(row[f"s{name}"], d) for name in "xyz"]
-        values = [fixed(row[name], d) for name in "xyz"]
-        positions.append(
-            [
-                row["id"],
-                row["camera"],
-                *values,
-                *sigmas,
-                str(row["points"]),
-                fixed(row["rms"], 5),
-                units[row["camera"]],
-            ]
-        )
-        angles = [fixed(row[name], a) for name in ("omega", "phi", "kappa")]
-        attitudes.append([row["id"], *angles, *(fixed(row[f"s{n}"], a) for n in ("omega", "phi", "kappa"))])
-    headers = [
-        "image",
-        "camera",
-        *(f"{n} [{unit}]" for n in ("X0", "Y0", "Z0", "sX0", "sY0", "sZ0")),
-        "points",
-    ]
-    angle_headers = ["omega", "phi", "kappa", "somega", "sphi", "skappa"]
+    rows, turns = frame.to_dicts(), ("omega", "phi", "kappa", "somega", "sphi", "skappa")
+    place = " ".join(f"{name}:.{d}f" for name in ("x", "y", "z", "sx", "sy", "sz"))
+    positions = [[*cells(row, f"id camera {place} points rms:.5f"), units[row["camera"]]] for row in rows]
+    turned = " ".join(f"{name}:.{a}f" for name in turns)
+    headers = ["image", "camera", *(f"{n} [{unit}]" for n in ("X0", "Y0", "Z0", "sX0", "sY0", "sZ0")), "points"]
     return [
         table([*headers, "rms v", "unit"], positions, 2, words, last_left=True),
         "",
-        table(["image", *(f"{name} [{angle}]" for name in angle_headers)], attitudes, words=words),
+        table(["image", *(f"{n} [{angle}]" for n in turns)], [cells(r, f"id {turned}") for r in rows], words=words),
         *(["", motions] if (motions := _motions(frame, unit, angle, words)) else []),
     ]
 
@@ -393,16 +307,7 @@ def section_of_others(solved: Solved, words: Words = ENGLISH) -> str:
         quantities = {c.name: c.quantity for c in KINDS[other["kind"]].components}
         for name, component in other["components"].items():
             unit = quantities[name].unit(units.length, angle_unit(solved), image_unit)
-            rows.append(
-                [
-                    other["kind"],
-                    other["id"],
-                    name,
-                    unit,
-                    short(component["value"], 9),
-                    short(component["sigma"], 4),
-                ]
-            )
+            rows.append([other["kind"], other["id"], name, unit, *cells(component, "value:.9g sigma:.4g")])
     if not rows:
         return ""
     headers = ["kind", "block", "component", "unit", "value", "sigma"]
@@ -423,10 +328,7 @@ def point_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     unit = solved.network.project.units.length
     d = DIGITS[unit]
     datum = datum_name(solved.adjustment.problem.datum.name, words)
-    lines = [
-        heading(words("Points (datum: {datum})", datum=datum)),
-        listed_points(frame.head(shown), unit, words),
-    ]
+    lines = [heading(words("Points (datum: {datum})", datum=datum)), listed_points(frame.head(shown), unit, words)]
     if frame.height > shown:
         lines.append(words("{count:more point is|more points are} in the table of points.", count=frame.height - shown))
     if solved.quality is not None:
@@ -442,11 +344,8 @@ def point_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
 
 def listed_points(frame: pl.DataFrame, unit: str, words: Words) -> str:
     """The rows of a table of points, lengths in a unit."""
-    d = DIGITS[unit]
-    rows = []
-    for row in frame.to_dicts():
-        coordinates = [fixed(row[name], d) for name in ("x", "y", "z", "sx", "sy", "sz", "ellipsoid_a")]
-        rows.append([row["id"], *coordinates, str(row["rays"]), str(row["others"]), row["status"]])
+    numbers = " ".join(f"{name}:.{DIGITS[unit]}f" for name in ("x", "y", "z", "sx", "sy", "sz", "ellipsoid_a"))
+    rows = [cells(row, f"id {numbers} rays others status") for row in frame.to_dicts()]
     names = ("X", "Y", "Z", "sX", "sY", "sZ", "ellipsoid a")
     headers = ["point", *(f"{name} [{unit}]" for name in names), "rays", "others", "status"]
     return table(headers, rows, words=words)
@@ -485,31 +384,17 @@ def listed_residuals(solved: Solved, words: Words = ENGLISH) -> str:
     return "\n".join([heading(words("All observations")), rows_of(observation_table(solved), words)])
 
 
-_ROUND_OFF = 1e-9
-"""Residuals below this share of their σ are round-off, which differs from machine to machine."""
-
-
-def _without_round_off(v: float | None, sigma: float | None) -> float | None:
-    return 0.0 if v is not None and sigma and abs(v) < _ROUND_OFF * sigma else v
-
-
 def rows_of(frame: pl.DataFrame, words: Words) -> str:
-    """Rows of the table of residuals."""
-    rows = [
-        [
-            row["type"],
-            " ".join(part for part in (row["at"], row["from"], row["to"]) if part),
-            row["component"],
-            row["unit"],
-            short(row["observed"], 9),
-            short(_without_round_off(row["v"], row["sigma"]), 4),
-            short(row["sigma"], 3),
-            fixed(row["r"], 3),
-            fixed(row["w"], 2),
-            row["flag"],
-        ]
-        for row in frame.to_dicts()
-    ]
+    """Rows of the table of residuals.
+
+    Residuals below 1e-9 of their σ are round-off, which differs from machine to machine: they are written as 0.
+    """
+    rows = []
+    for row in frame.to_dicts():
+        v, sigma = row["v"], row["sigma"]
+        row["v"] = 0.0 if v is not None and sigma and abs(v) < 1e-9 * sigma else v
+        numbers = cells(row, "component unit observed:.9g v:.4g sigma:.3g r:.3f w:.2f flag")
+        rows.append([row["type"], " ".join(part for part in (row["at"], row["from"], row["to"]) if part), *numbers])
     headers = ["type", "between", "component", "unit", "observed", "v", "sigma", "r [1]", "w [1]", "flag"]
     return table(headers, rows, 4, words)
 
@@ -519,52 +404,31 @@ def rows_of(frame: pl.DataFrame, words: Words) -> str:
 
 def station_section(solved: Solved, words: Words = ENGLISH) -> str:
     """One table for each kind that occurs."""
-    parts = [
-        _frames(
-            words,
-            solved,
-            "Theodolite stations",
-            station_table(solved),
-            ("x", "y", "z", "orientation", "height"),
-        ),
-        _frames(
-            words,
-            solved,
-            "Local systems",
-            system_table(solved),
-            ("x", "y", "z", "omega", "phi", "kappa", "scale"),
-        ),
-        _frames(words, solved, "Stereo pairs", pair_table(solved), ("bx", "by", "bz", "omega", "phi", "kappa")),
-    ]
-    return "\n\n".join(part for part in parts if part)
-
-
-def _frames(words: Words, solved: Solved, title: str, frame: pl.DataFrame, names: tuple[str, ...]) -> str:
-    if frame.height == 0:
-        return ""
+    parts = []
     unit, angle = solved.network.project.units.length, angle_unit(solved)
-    angles = {"omega", "phi", "kappa", "orientation"}
-    headers, rows = ["id"], [[str(name)] for name in frame["id"]]
-    for name in names:
-        for column in (name, f"s{name}"):
-            if column not in frame.columns:
-                continue
-            unit_here = angle if name in angles else "1" if name == "scale" else unit
-            headers.append(f"{column} [{unit_here}]")
-            for row, value in zip(rows, frame[column], strict=True):
-                row.append(
-                    short(value, 9)
-                    if name == "scale"
-                    else fixed(value, ANGLE_DIGITS[angle] if name in angles else DIGITS[unit])
-                )
-    return f"{heading(words(title))}\n{table(headers, rows, words=words)}"
+    units = dict.fromkeys(("omega", "phi", "kappa", "orientation"), (angle, f".{ANGLE_DIGITS[angle]}f"))
+    units["scale"] = ("1", ".9g")
+    for title, frame, names in (
+        ("Theodolite stations", station_table(solved), ("x", "y", "z", "orientation", "height")),
+        ("Local systems", system_table(solved), ("x", "y", "z", "omega", "phi", "kappa", "scale")),
+        ("Stereo pairs", pair_table(solved), ("bx", "by", "bz", "omega", "phi", "kappa")),
+    ):
+        if frame.height:
+            said: dict[str, tuple[str, str]] = {}
+            for name in names:
+                form = units.get(name, (unit, f".{DIGITS[unit]}f"))
+                said |= {column: form for column in (name, f"s{name}") if column in frame.columns}
+            headers = ["id", *(f"{name} [{of}]" for name, (of, _) in said.items())]
+            columns = " ".join(["id", *(f"{name}:{form}" for name, (_, form) in said.items())])
+            rows = [cells(row, columns) for row in frame.to_dicts()]
+            parts.append(f"{heading(words(title))}\n{table(headers, rows, words=words)}")
+    return "\n\n".join(parts)
 
 
 # ---- Movements of points: what moves them, with tests, and how far each has moved from its first to its last epoch.
 
 SHOWN_MOTIONS = 200
 """Rows of each table that a text report lists; the tables beside it have all."""
-_LEAST_P = 1e-4
 
 
 class Listed(NamedTuple):
@@ -631,34 +495,18 @@ def statements(solved: Solved, words: Words) -> list[str]:
             )
         )
     if found.unlisted:
-        lines.append(
-            words(
-                "Movements of {count:point|points} with coordinates of each epoch are not computed here; "
-                "mor compare --between computes them for two epochs.",
-                count=found.unlisted,
-            )
+        said = (
+            "Movements of {count:point|points} with coordinates of each epoch are not computed here; mor compare "
+            "--between computes them for two epochs."
         )
+        lines.append(words(said, count=found.unlisted))
     return lines
 
 
 def listed_parameters(solved: Solved, words: Words, shown: int) -> Listed:
     """A line for each velocity and step, two for an annual oscillation."""
     frame = motion_table(solved)
-    headers = [
-        "point",
-        "parameter",
-        "unit",
-        "X",
-        "Y",
-        "Z",
-        "sX",
-        "sY",
-        "sZ",
-        "test [1]",
-        "p",
-        "nabla",
-        "verdict",
-    ]
+    headers = ["point", "parameter", "unit", "X", "Y", "Z", "sX", "sY", "sZ", "test [1]", "p", "nabla", "verdict"]
     if frame.height == 0:
         return Listed(headers, [], 3, "")
     said, factor = _unit(solved.network.project.units.length, frame)
@@ -716,7 +564,7 @@ def _cells(row: dict[str, Any], part: str, factor: float) -> list[str]:
 
 
 def _p(value: float | None) -> str:
-    return "-" if value is None else "<0.0001" if value < _LEAST_P else fixed(value, 4)
+    return "-" if value is None else "<0.0001" if value < 1e-4 else fixed(value, 4)
 
 
 # ---- Points of a network on the earth: coordinates in its reference system, heights, σ east, north, up.
@@ -748,30 +596,20 @@ def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
         more = words("{count:more point is|more points are} in the table of places.", count=frame.height - shown)
         lines.append(more)
     latitude, longitude = np.degrees([world.horizon.latitude, world.horizon.longitude])
-    lines.append(
-        words(
-            "sigma: east, north, up in the horizon of each point. X, Y, Z elsewhere in this report are east, north, up "
-            "in the horizon of the middle of the network, latitude {latitude}°, longitude {longitude}°, height 0.",
-            latitude=words.number(f"{latitude:.4f}"),
-            longitude=words.number(f"{longitude:.4f}"),
-        )
+    said = (
+        "sigma: east, north, up in the horizon of each point. X, Y, Z elsewhere in this report are east, north, up in "
+        "the horizon of the middle of the network, latitude {latitude}°, longitude {longitude}°, height 0."
     )
+    lines.append(words(said, latitude=words.number(f"{latitude:.4f}"), longitude=words.number(f"{longitude:.4f}")))
     return "\n".join(lines)
 
 
 def _said(name: str) -> str:
-    return {
-        "ellipsoidal_height": "h",
-        "orthometric_height": "H",
-        "seast": "sE",
-        "snorth": "sN",
-        "sup": "sU",
-    }.get(name, name)
+    said = {"ellipsoidal_height": "h", "orthometric_height": "H", "seast": "sE", "snorth": "sN", "sup": "sU"}
+    return said.get(name, name)
 
 
 # ---- Trajectories: how they are interpolated, their knots with σ, misalignments of inertial systems.
-
-_TIME_DIGITS = 3
 
 
 def trajectory_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN_RESIDUALS) -> str:
@@ -798,34 +636,19 @@ def trajectory_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOW
     frame = knot_table(solved)
     lines += ["", *_knots(frame.head(shown), solved, words)]
     if frame.height > shown:
-        lines.append(
-            words(
-                "The first {shown} of {count} knots; trajectories.csv has all.",
-                shown=shown,
-                count=frame.height,
-            )
-        )
+        said = "The first {shown} of {count} knots; trajectories.csv has all."
+        lines.append(words(said, shown=shown, count=frame.height))
     return "\n".join([*lines, *_boresights(solved, words)])
 
 
 def _knots(frame: pl.DataFrame, solved: Solved, words: Words) -> list[str]:
     unit, angle = solved.network.project.units.length, angle_unit(solved)
-    digits = {name: DIGITS[unit] if name in "xyz" else ANGLE_DIGITS[angle] for name in POSE}
     tables = []
-    for names, of in ((POSE[:3], unit), (POSE[3:], angle)):
+    for names, of, digits in ((POSE[:3], unit, DIGITS[unit]), (POSE[3:], angle, ANGLE_DIGITS[angle])):
         columns = [*names, *(f"s{name}" for name in names)]
-        rows = [
-            [
-                row["trajectory"],
-                fixed(row["time"], _TIME_DIGITS),
-                *(fixed(row[name], digits[name.removeprefix("s")]) for name in columns),
-            ]
-            for row in frame.to_dicts()
-        ]
-        tables += [
-            table(["trajectory", "time [s]", *(f"{c} [{of}]" for c in columns)], rows, words=words),
-            "",
-        ]
+        numbers = " ".join(f"{name}:.{digits}f" for name in columns)
+        rows = [cells(row, f"trajectory time:.3f {numbers}") for row in frame.to_dicts()]
+        tables += [table(["trajectory", "time [s]", *(f"{c} [{of}]" for c in columns)], rows, words=words), ""]
     return tables[:-1]
 
 
@@ -835,6 +658,7 @@ def _boresights(solved: Solved, words: Words) -> list[str]:
         return []
     angle = angle_unit(solved)
     columns = [*POSE[3:], *(f"s{name}" for name in POSE[3:])]
-    body = [[row["instrument"], *(fixed(row[name], ANGLE_DIGITS[angle]) for name in columns)] for row in rows]
+    numbers = " ".join(f"{name}:.{ANGLE_DIGITS[angle]}f" for name in columns)
+    body = [cells(row, f"instrument {numbers}") for row in rows]
     title = words("Misalignment of inertial systems (boresight):")
     return ["", title, table(["instrument", *(f"{c} [{angle}]" for c in columns)], body, words=words)]

@@ -109,8 +109,7 @@ def _covariance(solved: Solved, kind: str, numbers: IntArray) -> FloatArray | No
     quality = solved.quality
     if quality is None:
         return None
-    covariance: FloatArray = quality.cofactors[kind][numbers] * quality.sigma_factor**2
-    return covariance
+    return np.asarray(quality.cofactors[kind][numbers] * quality.sigma_factor**2)
 
 
 def _sigma(covariance: FloatArray | None, shape: tuple[int, ...]) -> FloatArray:

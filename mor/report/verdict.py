@@ -27,12 +27,12 @@ from mor.quality.reliability_map import (
     uncontrolled,
     uncontrolled_count,
 )
+from mor.quality.singularity import enumerated
 from mor.quality.solution import LARGEST_SIGMA, Determination, Explained, Solved
 from mor.report.language import ENGLISH, Words
-from mor.report.layout import fixed, heading, in_words, short, table
+from mor.report.layout import cells, heading, in_words, short, table
 from mor.report.observations import place
 from mor.report.units import ends_of_group, once, said_differences, said_sizes
-from mor.types import BoolArray, IntArray
 
 # ---- External reliability as vectors: where an error that stays unseen moves each point.
 #
@@ -41,10 +41,6 @@ from mor.types import BoolArray, IntArray
 # for and no better, moves the point by the vector, in the datum of the adjustment.
 
 FILE = "external_reliability.csv"
-MOST_EFFECTS = 500
-"""Points that have a vector; of more, those with the smallest redundancy numbers."""
-_ROOM = 300_000
-"""Numbers of the reduced system that are worked out: in large networks fewer points have a vector."""
 PARTS = ("dx", "dy", "dz")
 SCHEMA: dict[str, type[pl.DataType]] = {
     "point": pl.String,
@@ -66,7 +62,9 @@ def external_reliability(solved: Solved) -> pl.DataFrame:
         return pl.DataFrame(schema=SCHEMA)
     blocks = solved.network.things["point"].parts["position"]
     free = np.asarray((quality.adjustment.problem.index.columns["point"][blocks] >= 0).any(axis=1))
-    most = min(MOST_EFFECTS, max(1, _ROOM // max(1, len(quality.adjustment.plan.kept))))
+    # Points that have a vector; of more, those with the smallest redundancy numbers.
+    # Numbers of the reduced system that are worked out: in large networks fewer points have a vector.
+    most = min(500, max(1, 300_000 // max(1, len(quality.adjustment.plan.kept))))
     order = seen.worst(len(seen.names))
     chosen = order[free[order] & (seen.smallest_r[order] >= HARDLY_CONTROLLED)][:most].tolist()
     nabla = detectable(quality, seen.weakest[chosen])
@@ -87,8 +85,6 @@ def external_reliability(solved: Solved) -> pl.DataFrame:
 # ---- The verdict as plain data: tests of groups, what would explain those that reject, what is chosen and not
 # measured.
 
-MOST_GROUPS = 10_000
-"""Tests that are listed; of more only those that reject."""
 NAMED = 5
 """Ill-determined points that are named."""
 
@@ -104,7 +100,8 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
     if solved.possible_causes and solved.possible_causes[0].cause == "curvature":
         explanations = [one for one in explanations if not _is_like_curvature(one["effect"])]
     tests, found = judged.tests, judged.determined
-    listed = tests.tests if len(tests.tests) <= MOST_GROUPS else tuple(tests.rejected)
+    # Tests that are listed; of more only those that reject.
+    listed = tests.tests if len(tests.tests) <= 10_000 else tuple(tests.rejected)
     uncontrolled, movements = uncontrolled_count(solved.quality), solved.adjustment.defect.movements
     return {
         "accepted": accepted,
@@ -217,8 +214,6 @@ def _effect(solved: Solved, effect: GroupEffect, suffices: bool) -> dict[str, An
 
 MOST = 1_000
 """Points, images, stations or sets that are listed; of more the weakest."""
-RELIABILITY_MAP_NAMED = 200
-"""Uncontrolled observations that are listed with what they carry."""
 CURED = 12
 """Weak spots for which a further observation is looked for."""
 KINDS = {"point": "points", "image": "images", "station": "stations", "set": "sets"}
@@ -240,15 +235,12 @@ def reliability_rows(solved: Solved) -> dict[str, Any] | None:
     # (p,) number of unknown coordinates of each point.
     blocks = solved.network.things["point"].parts["position"]
     unknown = np.asarray(np.count_nonzero(solved.adjustment.problem.index.columns["point"][blocks] >= 0, axis=1))
-    rows["points_barely_determined"] = int(np.count_nonzero(barely_determined(unknown, found["point"].observations)))
+    named = found["point"].observations
+    barely = (named > 0) & (unknown > 0) & (named <= unknown + 1)  # at most one observation more than unknowns
+    rows["points_barely_determined"] = int(np.count_nonzero(barely))
     for kind, key in KINDS.items():
         rows[key] = _things(solved, found[kind]) if kind in found else []
     return rows
-
-
-def barely_determined(unknown: IntArray, observations: IntArray) -> BoolArray:
-    """Points with at most one observation more than they have unknown coordinates, of whatever kind."""
-    return (observations > 0) & (unknown > 0) & (observations <= unknown + 1)
 
 
 def _uncontrolled(quality: Quality) -> tuple[int, list[ObservationComponent]]:
@@ -263,7 +255,8 @@ def _uncontrolled(quality: Quality) -> tuple[int, list[ObservationComponent]]:
     if not found:
         return 0, []
     r, *entries = np.concatenate(found, axis=1)
-    first = np.lexsort((*reversed(entries), r))[:RELIABILITY_MAP_NAMED]
+    # Uncontrolled observations that are listed with what they carry.
+    first = np.lexsort((*reversed(entries), r))[:200]
     named = np.stack(entries, axis=1)[first].astype(np.int64).tolist()
     return len(r), [ObservationComponent(*entry) for entry in named]
 
@@ -369,33 +362,28 @@ def section_of(data: dict[str, Any] | None, words: Words, shown: int = SHOWN) ->
     if data is None or not (data["tests"] or said_conventions(data, words)):
         return ""
     lines = [heading(words("Tests of groups"))]
-    if data["tests"]:
-        lines.append(
-            words(
-                "{count:test|tests} of groups; all together reject by mistake with {level}, each with {each} (Sidak).",
-                count=data["tests"],
-                level=f"{data['level_of_groups']:g}",
-                each=f"{data['level_of_each_group']:.2g}",
-            )
-        )
+    lines += [tests_in_words(data, words)] if data["tests"] else []
     lines += said_conventions(data, words)
     rejected = [row for row in data["groups"] if row["rejected"]]
     rows = rejected + [row for row in data["groups"] if not row["rejected"] and row["of"] == "group"]
     if rows:
-        lines.append(table(_HEADERS, [_cells(row, words) for row in rows[:shown]], 3, words))
+        headers = ["tested", "name", "status", "n", "sum r", "vTPv", "factor of sigma [1]", "p"]
+        numbers = "observations redundancy:.2f vtpv:.2f sigma_factor:.3f p:.2g"
+        lines_of = [
+            [words(row["of"]), row["name"], "rejected" if row["rejected"] else "accepted", *cells(row, numbers)]
+            for row in rows[:shown]
+        ]
+        lines.append(table(headers, lines_of, 3, words))
     if len(rows) > shown:
         lines.append(words("and {count} more in results.json", count=len(rows) - shown))
     return "\n".join(lines)
 
 
-_HEADERS = ("tested", "name", "status", "n", "sum r", "vTPv", "factor of sigma [1]", "p")
-
-
-def _cells(row: dict[str, Any], words: Words) -> list[str]:
-    said = "rejected" if row["rejected"] else "accepted"
-    numbers = [str(row["observations"]), fixed(row["redundancy"], 2), fixed(row["vtpv"], 2)]
-    factor = fixed(row["sigma_factor"], 3)
-    return [words(row["of"]), row["name"], said, *numbers, factor, f"{row['p']:.2g}"]
+def tests_in_words(data: dict[str, Any], words: Words) -> str:
+    """State how many groups are tested, and at which levels."""
+    said = "{count:test|tests} of groups; all together reject by mistake with {level}, each with {each} (Sidak)."
+    each = f"{data['level_of_each_group']:.2g}"
+    return words(said, count=data["tests"], level=f"{data['level_of_groups']:g}", each=each)
 
 
 def contradictions(data: dict[str, Any] | None, words: Words) -> list[str]:
@@ -438,22 +426,10 @@ def in_common(rows: Sequence[dict[str, Any]], words: Words) -> list[str]:
     """Return a sentence that names what flagged observations have in common; nothing if they have nothing."""
     if not rows:
         return []
-    said = [
-        words(
-            "{thing} ({flagged} of its {count:row|rows})",
-            thing=_thing(row, words),
-            flagged=row["flagged"],
-            count=row["rows"],
-        )
-        for row in rows
-    ]
-    return [
-        words(
-            "The flagged observations ({count:row|rows}) have in common: {names}.",
-            count=rows[0]["all_flagged"],
-            names=", ".join(said),
-        )
-    ]
+    one = "{thing} ({flagged} of its {count:row|rows})"
+    names = ", ".join(words(one, thing=_thing(row, words), flagged=row["flagged"], count=row["rows"]) for row in rows)
+    said = "The flagged observations ({count:row|rows}) have in common: {names}."
+    return [words(said, count=rows[0]["all_flagged"], names=names)]
 
 
 def ill_determined(data: dict[str, Any] | None, unit: str, words: Words) -> list[str]:
@@ -480,23 +456,16 @@ def ill_determined(data: dict[str, Any] | None, unit: str, words: Words) -> list
             row["id"] if row["kind"] == "point" else f"{words(row['kind'])} {row['id']}" for row in found["worst"]
         ),
     }
-    if found["as_a_whole"]:
-        return [
-            words(
-                "ILL-DETERMINED: {count} of {all:point|points} with a standard deviation of more than {percent} % of "
-                "the size of the network ({size} {unit}), the largest {sigma} {unit}: {names}. Observe them from "
-                "more stations, or fix or observe their coordinates.",
-                **numbers,
-            )
-        ]
-    return [
-        words(
-            "NOT DETERMINED: {count} of {all:point|points} with a standard deviation of more than {percent} % of the "
-            "size of the network ({size} {unit}), the largest {sigma} {unit}: {names}. Fix or observe coordinates, or "
-            "measure what ties the points to known ones.",
-            **numbers,
-        )
-    ]
+    said = (
+        "ILL-DETERMINED: {count} of {all:point|points} with a standard deviation of more than {percent} % of "
+        "the size of the network ({size} {unit}), the largest {sigma} {unit}: {names}. Observe them from "
+        "more stations, or fix or observe their coordinates."
+        if found["as_a_whole"]
+        else "NOT DETERMINED: {count} of {all:point|points} with a standard deviation of more than {percent} % of the "
+        "size of the network ({size} {unit}), the largest {sigma} {unit}: {names}. Fix or observe coordinates, or "
+        "measure what ties the points to known ones."
+    )
+    return [words(said, **numbers)]
 
 
 def _thing(row: dict[str, Any], words: Words) -> str:
@@ -509,21 +478,18 @@ def _explained(row: dict[str, Any], words: Words) -> str:
     if effect is None and row["sigma_factor"] < 1.0:
         return words("{thing}: residuals are smaller than its sigma says.", thing=thing)
     if effect is None and row["flagged"]:
-        return words(
+        said = (
             "{thing}: no common offset or scale explains it; {count:flagged observation makes|flagged observations "
-            "make} {share} % of its vTPv.",
-            thing=thing,
-            count=row["flagged"],
-            share=f"{100.0 * min(row['share_of_flagged'], 1.0):.0f}",
+            "make} {share} % of its vTPv."
         )
+        return words(said, thing=thing, count=row["flagged"], share=f"{100.0 * min(row['share_of_flagged'], 1.0):.0f}")
     if effect is None:
-        return words(
+        said = (
             "{thing}: no single observation and no common offset or scale explains it; its sigma would have to be "
-            "{factor} times as large.",
-            thing=thing,
-            factor=short(row["sigma_factor"], 3),
+            "{factor} times as large."
         )
-    size, unit = _size(effect)
+        return words(said, thing=thing, factor=short(row["sigma_factor"], 3))
+    factor, unit = (1e6, "ppm") if effect["kind"] == "scale" else (1.0, effect["unit"])
     sentence = (
         "A common {kind} of {size} +- {sigma} {unit} in {component} of {group} would explain it: vTPv falls by {gain}, "
         "the factor of its sigma to {left}. Nothing was changed."
@@ -534,8 +500,8 @@ def _explained(row: dict[str, Any], words: Words) -> str:
     return words(
         sentence,
         kind=words(effect["kind"]),
-        size=size[0],
-        sigma=size[1],
+        size=short(factor * effect["size"], 4),
+        sigma=short(factor * effect["sigma"], 2),
         unit=unit,
         component=effect["component"],
         group=effect["group"],
@@ -544,24 +510,15 @@ def _explained(row: dict[str, Any], words: Words) -> str:
     )
 
 
-def _size(effect: dict[str, Any]) -> tuple[tuple[str, str], str]:
-    """Size and σ of an effect, and their unit: of a scale parts in a million."""
-    per_million = effect["kind"] == "scale"
-    factor, unit = (1e6, "ppm") if per_million else (1.0, effect["unit"])
-    return (short(factor * effect["size"], 4), short(factor * effect["sigma"], 2)), unit
-
-
 def said_conventions(data: dict[str, Any], words: Words) -> list[str]:
     """Return the values that no observation determines."""
     found, lines = data["conventions"], []
     if found["movements"]:
-        lines.append(
-            words(
-                "Chosen by the datum and not measured: {movements}. Standard deviations of coordinates refer to this "
-                "choice.",
-                movements=", ".join(words.listed(name) for name in found["movements"]),
-            )
+        said = (
+            "Chosen by the datum and not measured: {movements}. Standard deviations of coordinates refer to this "
+            "choice."
         )
+        lines.append(words(said, movements=", ".join(words.listed(name) for name in found["movements"])))
     if found["scale"]:
         lines.append(words("The scale is arbitrary: no observation contains a length."))
     if found["fixed_coordinates_uncontrolled"]:
@@ -573,12 +530,8 @@ def said_conventions(data: dict[str, Any], words: Words) -> list[str]:
 
 WORDS_OF_RELIABILITY_NAMED = 10
 """Uncontrolled observations that are spoken of one by one."""
-POINTS = 4
-"""Points that are named."""
 WEAKEST = 4
 """Points, images, stations and sets, each, that the table has."""
-_KINDS = {"points": "point", "images": "image", "stations": "station", "sets": "set"}
-_HEADERS_OF_RELIABILITY = ("weakest", "id", "observation", "n", "smallest r [1]", "nabla", "unit")
 
 
 def section_of_reliability(
@@ -590,21 +543,16 @@ def section_of_reliability(
     if data is None:
         return ""
     lines = [heading(words("Reliability")), *uncontrolled_in_words(data, words, named)]
-    rows = [
-        [words(kind), *_cells_of_reliability(row, words)]
-        for key, kind in _KINDS.items()
-        for row in sorted(data[key], key=lambda row: round(float(row["smallest_r"]), 9))[:weakest]
-    ]
+    rows = []
+    for kind, key in KINDS.items():
+        for row in sorted(data[key], key=lambda row: round(float(row["smallest_r"]), 9))[:weakest]:
+            spot = {**row, "smallest_r": round(row["smallest_r"], 7), "unit": row["weakest"]["unit"]}
+            numbers = cells(spot, "observations smallest_r:.2g nabla:.3g unit shift:.3g")
+            rows.append([words(kind), row["id"], in_words(row["weakest"], words), *numbers])
     if rows:
-        headers = [*_HEADERS_OF_RELIABILITY, f"shift at most [{unit}]"]
+        headers = ["weakest", "id", "observation", "n", "smallest r [1]", "nabla", "unit", f"shift at most [{unit}]"]
         lines.append(table(headers, rows, 3, words, margin=2))
     return "\n".join(lines)
-
-
-def _cells_of_reliability(row: dict[str, Any], words: Words) -> list[str]:
-    numbers = [str(row["observations"]), short(round(row["smallest_r"], 7), 2), short(row["nabla"], 3)]
-    weakest = row["weakest"]
-    return [row["id"], in_words(weakest, words), *numbers, weakest["unit"], short(row["shift"], 3)]
 
 
 def uncontrolled_in_words(data: dict[str, Any], words: Words, named: int = WORDS_OF_RELIABILITY_NAMED) -> list[str]:
@@ -629,11 +577,7 @@ def uncontrolled_sentence(row: dict[str, Any], words: Words) -> str:
     """An uncontrolled observation: what rests on it, and what would control it."""
     said = words("{place}: r = {r}", place=in_words(row, words), r=short(round(row["r"], 7), 2))
     if row["carries"]:
-        names = ", ".join(row["carries"][:POINTS])
-        left = len(row["carries"]) - POINTS
-        if left > 0:
-            names = words("{names} and {count} more", names=names, count=left)
-        said += words("; supports {names}", names=names)
+        said += words("; supports {names}", names=enumerated(row["carries"], 4, words))
     cure = row["cure"]
     if cure is None:
         return said

@@ -19,7 +19,7 @@ from mor import __version__
 from mor.errors import escaped
 from mor.report.identity import EPOCH
 from mor.report.language import Words
-from mor.report.layout import table
+from mor.report.layout import aligned, cells, short, table
 
 SCHEMA = "mor-verification"
 SCHEMA_VERSION = 1
@@ -125,11 +125,8 @@ def _processor() -> str:
 def verdict(data: dict[str, Any], words: Words) -> str:
     """In one sentence: whether all checks have passed."""
     if not data["failed"]:
-        return words(
-            "All {count} checks passed; {compared} numbers were compared.",
-            count=data["count"],
-            compared=data["compared"],
-        )
+        said = "All {count} checks passed; {compared} numbers were compared."
+        return words(said, count=data["count"], compared=data["compared"])
     return words("{failed} of {count} checks FAILED.", failed=data["failed"], count=data["count"])
 
 
@@ -151,7 +148,7 @@ def _groups(data: dict[str, Any], words: Words) -> list[list[str]]:
         failed = sum(not row["passed"] for row in checks)
         largest = None if None in shares else max(shares)
         numbers = (len(checks), sum(row["numbers"] for row in checks), failed)
-        rows.append([words.listed(name), *map(str, numbers), _short(largest, 2)])
+        rows.append([words.listed(name), *map(str, numbers), short(largest, 2)])
     return rows
 
 
@@ -160,27 +157,13 @@ _HEADERS = ("quantity", "numbers", "reference", "found", "difference", "limit", 
 
 
 def _row(row: dict[str, Any], words: Words) -> list[str]:
-    return [
-        words.listed(row["quantity"]),
-        str(row["numbers"]),
-        _short(row["reference"], 12),
-        _short(row["found"], 12),
-        _short(row["difference"], 2),
-        _short(row["limit"], 2),
-        row["place"],
-        words("passed") if row["passed"] else words("FAILED"),
-    ]
-
-
-def _short(value: float | None, digits: int) -> str:
-    return "-" if value is None else f"{value:.{digits}g}"
+    said = cells(row, "numbers reference:.12g found:.12g difference:.2g limit:.2g place")
+    return [words.listed(row["quantity"]), *said, words("passed") if row["passed"] else words("FAILED")]
 
 
 def verification_text(data: dict[str, Any], words: Words, everything: bool = True) -> str:
     """The report as text: a summary, and all checks or those that failed."""
-    head = _head(data, words)
-    width = max(len(name) for name, _ in head)
-    lines = [words("Verification of this installation"), "", *(f"{n.ljust(width)}  {v}" for n, v in head), ""]
+    lines = [words("Verification of this installation"), "", *aligned(_head(data, words)), ""]
     lines += [table(_GROUP_HEADERS, _groups(data, words), 1, words), ""]
     shown = [row for row in data["checks"] if everything or not row["passed"]]
     for (name, source), rows in groupby(shown, key=lambda row: (row["name"], row["source"])):
@@ -192,12 +175,7 @@ def verification_text(data: dict[str, Any], words: Words, everything: bool = Tru
             )
             lines += [f"  {result}  {quantity} ({count}): {', '.join(said)}{f' ({place})' if place else ''}"]
         lines += [""]
-    return escaped_lines([*lines, verdict(data, words)])
-
-
-def escaped_lines(lines: Iterable[str]) -> str:
-    """Lines of a text without control characters."""
-    return "\n".join(escaped(line) for text in lines for line in text.split("\n")) + "\n"
+    return "\n".join(escaped(line) for text in [*lines, verdict(data, words)] for line in text.split("\n")) + "\n"
 
 
 _STYLE = """

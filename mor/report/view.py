@@ -234,10 +234,9 @@ def _table(data: dict[str, Any], key: str, folder: Path) -> pl.DataFrame:
     """Points or images, which stand in ``results.json`` or, where they are many, beside it."""
     if data[key] is not None:
         return _frame(data[key])
-    return _read(folder / data["tables"].get(key, f"{key}.csv"), key, dict.fromkeys(_TEXTS, pl.String))
-
-
-_TEXTS = ("id", "camera", "status")
+    return _read(
+        folder / data["tables"].get(key, f"{key}.csv"), key, dict.fromkeys(("id", "camera", "status"), pl.String)
+    )
 
 
 def _read(path: Path, what: str, kinds: dict[str, type[pl.DataType]]) -> pl.DataFrame:
@@ -277,9 +276,6 @@ def projection_centres(solved: Solved) -> FloatArray:
 
 
 # ---- The geometry of rays: who sees what, at which angles rays meet, how much of each image is measured.
-
-_CHUNK = 2_000_000
-"""Pairs of rays looked at together."""
 
 
 class RayPairs(NamedTuple):
@@ -348,7 +344,8 @@ def intersection_angles(rays: RayPairs, start: FloatArray, end: FloatArray) -> F
     numbers, first, count = np.unique(owner, return_index=True, return_counts=True)
     for k in np.unique(count[count > 1]):
         chosen = np.flatnonzero(count == k)
-        for part in np.array_split(chosen, max(1, len(chosen) * k * k // _CHUNK)):
+        # Pairs of rays looked at together.
+        for part in np.array_split(chosen, max(1, len(chosen) * k * k // 2_000_000)):
             bundle = along[first[part, None] + np.arange(k)]
             cosine = np.abs(bundle @ np.swapaxes(bundle, 1, 2)).reshape(len(part), -1).min(axis=1)
             result[numbers[part]] = np.arccos(np.clip(cosine, 0.0, 1.0))
@@ -472,5 +469,4 @@ def _covariance(camera: dict[str, Any], terms: list[int], free: list[str]) -> Fl
         return np.zeros((len(free), len(free)))
     sigma = np.array([camera["components"][name]["sigma"] for name in free])
     correlation = np.array(matrix)[np.ix_(terms, terms)]
-    covariance: FloatArray = correlation * np.outer(sigma, sigma)
-    return covariance
+    return np.asarray(correlation * np.outer(sigma, sigma))

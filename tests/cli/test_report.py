@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from mor.report.language import words_of_page
-from mor.report.paper import Grid, Writer, _shared, report_on_paper
+from mor.report.paper import Writer, _shared, report_on_paper
 from mor.report.view import view_of_folder
 from tests.scenarios.small_projects import LEVELLING, mor, write
 
@@ -77,9 +77,13 @@ def test_a_report_one_signs(sample: str, most: int, tmp_path: Path, monkeypatch:
             original(self, text, *given, **named)  # type: ignore[operator]
 
         monkeypatch.setattr(Writer, name, kept)
-    tables: list[Grid] = []
+    tables: list[list[list[str]]] = []
     table = Writer.table
-    monkeypatch.setattr(Writer, "table", lambda self, grid: (tables.append(grid), table(self, grid))[1])
+    monkeypatch.setattr(
+        Writer,
+        "table",
+        lambda self, head, rows, *more, **named: (tables.append(rows), table(self, head, rows, *more, **named))[1],
+    )
     target = tmp_path / "report.pdf"
     report_on_paper(view_of_folder(folder), folder, (), "A4", words).write(target)
     assert 4 <= pages(target)[0] <= most
@@ -94,7 +98,7 @@ def test_a_report_one_signs(sample: str, most: int, tmp_path: Path, monkeypatch:
         "Inputs",
     }
     assert sections <= set(said)
-    cells = [cell for grid in tables for row in grid.rows for cell in row]
+    cells = [cell for rows in tables for row in rows for cell in row]
     assert not [text for text in [*said, *cells] if re.search(r"\bmor [a-z]+\b(?!\s*0)", text) and "model" not in text]
 
 
