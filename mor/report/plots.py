@@ -521,7 +521,7 @@ def _finish(view: View, axes: Axes, chosen: list[int], words: Words) -> None:
     if frame is not None:
         low, high = frame
         _mark_outside(view, axes, low[chosen], high[chosen], chosen, words)
-    axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=4)
+    axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower left", ncols=3)
     title = view.summary["title"] or words("Network")
     axes.set_title(
         f"{title} – {words('datum')}: {datum_name(view.summary['datum'], words)}", fontsize=9, loc="left", pad=18
