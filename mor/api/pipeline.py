@@ -335,7 +335,7 @@ def _from_start_values(network: Network, watch: Watcher | None, plainly: bool = 
         with one_thread():
             whole, start = determinable_start(network)
         means = Means(
-            lambda some, values: make_problem(some, values, values),
+            _problem_at,
             (lambda some, values: Attempt(_plainly(some, values, watch)))
             if plainly
             else (lambda some, values: _attempt(some, values, watch)),
@@ -361,6 +361,10 @@ def _from_start_values(network: Network, watch: Watcher | None, plainly: bool = 
         marked = {kind: lost_blocks(blocks, kind, attempt.suspects.lost) for kind, blocks in network.blocks.items()}
         network = with_blocks_held(network, marked, things)
     return _Adjusted(whole, start, network, attempt)
+
+
+def _problem_at(network: Network, values: Mapping[str, FloatArray]) -> Problem:
+    return make_problem(network, values, values)
 
 
 def _attempt(network: Network, start: Mapping[str, FloatArray], watch: Watcher | None) -> Attempt:
@@ -404,7 +408,7 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
     if not sound.outcome.is_solution:
         rest = None
         if sound.reason == BEYOND_USE and settings.undetermined == "leave_out":
-            rest = without_moved(network, sound, sound.values, lambda some, values: make_problem(some, values, values))
+            rest = without_moved(network, sound, sound.values, _problem_at)
         if rest is None:
             return Solved(network, sound, None, None, suspects)
         return _assessed(adjusted._replace(network=rest, attempt=_attempt(rest, sound.values, None)), assessing)
