@@ -261,11 +261,7 @@ def times_as_long(network: Network) -> int:
     return max(1, int(rays @ rays / max(8.0 * rays.sum(), 1.0)))
 
 
-def diagnose_network(
-    network: Network,
-    go_on: GoOn,
-    watch: Watcher | None = None,
-) -> tuple[Solved | None, Diagnosis]:
+def diagnose_network(network: Network, go_on: GoOn, watch: Watcher | None = None) -> tuple[Solved | None, Diagnosis]:
     """Adjust a network, and search for mistakes if it has no solution or its solution is rejected.
 
     ``go_on`` is called before each trial and ends the search if it returns False. There is no adjustment if start

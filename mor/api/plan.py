@@ -113,10 +113,7 @@ def solve_plan(network: Network) -> Solved:
         return Attempt(adjust(problem, start, SolverSettings(settings.max_iterations)))
 
     means = Means(
-        lambda some, start: make_problem(some, start, start),
-        solve,
-        solve,
-        critical_value(settings.snooping_level),
+        lambda some, start: make_problem(some, start, start), solve, solve, critical_value(settings.snooping_level)
     )
     with chosen_by_size(network.observations), mistakes_in(network.file), np.errstate(all="ignore"):
         network, attempt = adjust_determinable(network, network.start, means)

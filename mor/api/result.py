@@ -361,11 +361,7 @@ class Result:
         return text_report(self.solved, words_of(language), self._identity)
 
     def protocol(
-        self,
-        standard: str,
-        *,
-        against: Result | None = None,
-        permissible: tuple[float, float] | None = None,
+        self, standard: str, *, against: Result | None = None, permissible: tuple[float, float] | None = None
     ) -> dict[str, Any]:
         """Return the protocol of a test (``iso17123-4``, …) as plain data, like ``mor report --protocol``.
 
@@ -493,17 +489,7 @@ _LENGTHS = (
     "ellipse_a",
     "ellipse_b",
 )
-_ANGLES = (
-    "omega",
-    "phi",
-    "kappa",
-    "somega",
-    "sphi",
-    "skappa",
-    "orientation",
-    "sorientation",
-    "ellipse_azimuth",
-)
+_ANGLES = ("omega", "phi", "kappa", "somega", "sphi", "skappa", "orientation", "sorientation", "ellipse_azimuth")
 
 
 # ---- From a project to its result.

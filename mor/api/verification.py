@@ -33,14 +33,7 @@ from mor.project.network import Network
 from mor.quality.assessment import Quality, assess, joint_cofactors
 from mor.quality.precision import angle_cofactors
 from mor.quality.solution import Solved
-from mor.quality.test_statistics import (
-    chi2_level,
-    critical_value,
-    global_test,
-    log_p_f,
-    log_p_student,
-    noncentrality,
-)
+from mor.quality.test_statistics import chi2_level, critical_value, global_test, log_p_f, log_p_student, noncentrality
 from mor.report.observations import observation_table
 from mor.report.verification import ReferenceCheck
 from mor.solve.iterate import SolverSettings, adjust
@@ -48,12 +41,7 @@ from mor.solve.problem import DatumDefinition, Problem
 from mor.start.bundle import image_bundle
 from mor.start.image_pair import robust_relative_orientation
 from mor.start.killian import solutions_of_homography, solve_quadrilateral
-from mor.start.relative_orientation import (
-    adjust_coplanarity,
-    coplanarity_rows,
-    four_candidates,
-    homogeneous_unknowns,
-)
+from mor.start.relative_orientation import adjust_coplanarity, coplanarity_rows, four_candidates, homogeneous_unknowns
 from mor.start.resection import resect
 from mor.types import FloatArray
 from mor.units import NUMBER, Component
@@ -359,8 +347,7 @@ def network_checks(path: Path, about: About, solved: Solved | None = None) -> It
         own = tolerance if name == "points" else expected["published"]["tolerance"]
         part, least = (own["sigma"], 1e-12) if name == "points" else (0.0, own["sigma"])
         yield from about.check(
-            f"coordinates{kind}",
-            ((at, value, row["value"], own["coordinate"]) for at, value, _, row in found),
+            f"coordinates{kind}", ((at, value, row["value"], own["coordinate"]) for at, value, _, row in found)
         )
         yield from about.check(
             f"σ of coordinates{kind}",
@@ -410,15 +397,7 @@ def _near(angle: float, reference: float) -> float:
     return float(reference + (angle - reference + 180.0) % 360.0 - 180.0)
 
 
-_RELATIVE = {
-    "s": 1e-12,
-    "w": 1e-6,
-    "mdb": 0.0,
-    "error": 1e-13,
-    "influence": 1e-13,
-    "t_prio": 1e-12,
-    "t_post": 1e-12,
-}
+_RELATIVE = {"s": 1e-12, "w": 1e-6, "mdb": 0.0, "error": 1e-13, "influence": 1e-13, "t_prio": 1e-12, "t_post": 1e-12}
 """Columns whose tolerance is relative, and the least difference that is allowed."""
 _QUANTITIES = {
     "v": "residuals",
@@ -508,11 +487,7 @@ def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
     if kind == "distance":
         sigma, errors, unknowns = 0.002, 0.003 * wave, 2
         rows = [f"[M, T{k}, {_RADIUS + e!r}, {sigma}]" for k, e in enumerate(errors.tolist())]
-        lines = [
-            "  - type: distance",
-            "    columns: [from, to, distance, sigma]",
-            f"    rows: [{', '.join(rows)}]",
-        ]
+        lines = ["  - type: distance", "    columns: [from, to, distance, sigma]", f"    rows: [{', '.join(rows)}]"]
         variance = 2.0 * sigma**2 / _SIDES
     else:
         sigma, errors, unknowns = 1e-5, 2e-5 * wave, 3
@@ -740,12 +715,7 @@ def _quantiles(about: About) -> Iterator[ReferenceCheck]:
     yield from about.check(
         "ln p of F with 2 and f degrees of freedom",
         (
-            (
-                f"F = {F}, f = {f:g}",
-                float(log_p_f(np.array([F]), 2.0, f)[0]),
-                -0.5 * f * np.log1p(2.0 * F / f),
-                1e-9,
-            )
+            (f"F = {F}, f = {f:g}", float(log_p_f(np.array([F]), 2.0, f)[0]), -0.5 * f * np.log1p(2.0 * F / f), 1e-9)
             for F, f in ratios
         ),
     )
@@ -764,11 +734,7 @@ def _student_2(t: float) -> float:
 
 
 _CLOSED_FORMS: tuple[tuple[str, str, Callable[[About], Iterable[ReferenceCheck]]], ...] = (
-    (
-        "distances to the corners of a regular polygon",
-        "σ² = 2 σ_s² / n, r = 1 − 2/n",
-        partial(_polygon, "distance"),
-    ),
+    ("distances to the corners of a regular polygon", "σ² = 2 σ_s² / n, r = 1 − 2/n", partial(_polygon, "distance")),
     (
         "directions to the corners of a regular polygon",
         "σ² = 2 R² σ_r² / n, r = 1 − 3/n",
@@ -867,11 +833,7 @@ def _dewitt(example: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
 
 
 def _resection(example: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
-    xy, points, result = (
-        np.array(example["image_xy_mm"]),
-        np.array(example["object_XYZ_m"]),
-        example["result"],
-    )
+    xy, points, result = (np.array(example["image_xy_mm"]), np.array(example["object_XYZ_m"]), example["result"])
     rays = np.column_stack([xy, np.full(len(xy), -example["f_mm"])])
     found = resect(image_bundle(rays, 0.003), points)
     yield from about.check("projection centre", _numbers("X0", found.position, np.array(result["X0_m"]), 1e-5))
@@ -942,10 +904,7 @@ def _by_threads(network: Network, count: int) -> dict[str, FloatArray]:
 
 def _processes(path: Path, about: About) -> Iterator[ReferenceCheck]:
     """Simulated measurements of a network, shared between two processes, and all in this one."""
-    with (
-        TemporaryDirectory(prefix="mor", ignore_cleanup_errors=True) as folder,
-        ThreadPoolExecutor(2) as pool,
-    ):
+    with TemporaryDirectory(prefix="mor", ignore_cleanup_errors=True) as folder, ThreadPoolExecutor(2) as pool:
         chunks = [(0, CHUNK), (CHUNK, CHUNK)]
         shared = [Task((str(path.resolve()), str(first), str(count)), Path(f"{first}.log")) for first, count in chunks]
         begin = partial(done_alone, _write_tally, folder=Path(folder))

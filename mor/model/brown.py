@@ -41,10 +41,7 @@ def _correct(interior: FloatArray, measured: FloatArray, by_coefficients: FloatA
     distortion = distort(x, y, interior[:, 3:8], 0.0, by_coefficients)
     xx, yy = 1.0 + distortion.xx, 1.0 + distortion.yy
     by_measured = PlaneDerivatives(
-        xx=xx * (1.0 + b1),
-        xy=xx * b2 + distortion.xy,
-        yx=distortion.xy * (1.0 + b1),
-        yy=distortion.xy * b2 + yy,
+        xx=xx * (1.0 + b1), xy=xx * b2 + distortion.xy, yx=distortion.xy * (1.0 + b1), yy=distortion.xy * b2 + yy
     )
     by_affine_x = np.column_stack((xx, distortion.xy))
     return _Correction(x + distortion.dx, y + distortion.dy, by_measured, by_affine_x, (x_reduced, y_reduced))

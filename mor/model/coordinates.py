@@ -48,13 +48,7 @@ def local_equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Compu
     identity = np.broadcast_to(np.eye(3), rotation.shape)
     return Computed(
         scale * turned + offset,
-        (
-            -to_point,
-            by_rotation(identity * scale[:, :, None], turned),
-            turned[:, :, None],
-            identity,
-            to_point,
-        ),
+        (-to_point, by_rotation(identity * scale[:, :, None], turned), turned[:, :, None], identity, to_point),
     )
 
 

@@ -157,9 +157,7 @@ def mean_sea_level_distance(horizon: Horizon) -> ObservationType:
 
 
 def _type(
-    key: str,
-    length: Callable[[FloatArray, FloatArray, FloatArray], Reduced],
-    constants: tuple[Component, ...] = (),
+    key: str, length: Callable[[FloatArray, FloatArray, FloatArray], Reduced], constants: tuple[Component, ...] = ()
 ) -> ObservationType:
     return ObservationType(
         key=key,
@@ -631,14 +629,7 @@ def navigation_attitude(horizon: Horizon) -> ObservationType:
 def rotation_from_navigation(angles: FloatArray) -> FloatArray:
     """D′ (n, 3, 3) of roll, pitch, yaw (n, 3), radians."""
     roll, pitch, yaw = angles.T
-    sr, cr, sp, cp, sy, cy = (
-        np.sin(roll),
-        np.cos(roll),
-        np.sin(pitch),
-        np.cos(pitch),
-        np.sin(yaw),
-        np.cos(yaw),
-    )
+    sr, cr, sp, cp, sy, cy = (np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch), np.sin(yaw), np.cos(yaw))
     right = np.stack([sr * sp * sy + cr * cy, sr * sp * cy - cr * sy, -sr * cp], axis=1)
     forward = np.stack([cp * sy, cp * cy, sp], axis=1)
     up = np.stack([sr * cy - cr * sp * sy, -sr * sy - cr * sp * cy, cr * cp], axis=1)

@@ -51,8 +51,7 @@ def image_coordinates(model: CameraModel, pair: tuple[Slot, ...] = ()) -> Observ
             by_star = projection.by_star @ relative[0]
             by_pair = [by_rotation(projection.by_star, own.lever), -by_star]
         return Computed(
-            projection.xy,
-            (*_by_frame(by_star, frame), *by_pair, projection.by_interior, by_point(by_star, frame)),
+            projection.xy, (*_by_frame(by_star, frame), *by_pair, projection.by_interior, by_point(by_star, frame))
         )
 
     interior = Slot(interior_key(model.key), "image", "interior")

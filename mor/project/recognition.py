@@ -226,10 +226,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {},
     ),
-    "traverse": (
-        {"point": f"{_FROM}|{_POINT}|id|corner", "bearing": _BEARING, "distance": _BEARING_DISTANCE},
-        {},
-    ),
+    "traverse": ({"point": f"{_FROM}|{_POINT}|id|corner", "bearing": _BEARING, "distance": _BEARING_DISTANCE}, {}),
     "traverse by angles": (
         {
             "point": f"{_FROM}|{_POINT}|id|corner",
@@ -268,19 +265,13 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {"unit": "units|einheit|unidad|unite"},
     ),
-    "images": (
-        {"id": f"id|{_IMAGE}", "omega": "", "phi": "", "kappa": ""},
-        {**_POINTS, **_STATED, "camera": "kamera"},
-    ),
+    "images": ({"id": f"id|{_IMAGE}", "omega": "", "phi": "", "kappa": ""}, {**_POINTS, **_STATED, "camera": "kamera"}),
     "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
     "stations": ({"id": f"id|{_FROM}", "orientation": "orientierung"}, {"point": _POINT, "height": "ih|hi"}),
     "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
     "points": ({"id": f"id|{_POINT}|station|target", **_POINTS}, _STATED),
     "images with positions": ({"id": _IMAGE, **_POINTS}, _STATED),
-    "points in the plane": (
-        {"id": f"id|{_POINT}|station|target", "x": _POINTS["x"], "y": _POINTS["y"]},
-        _STATED,
-    ),
+    "points in the plane": ({"id": f"id|{_POINT}|station|target", "x": _POINTS["x"], "y": _POINTS["y"]}, _STATED),
     "points with heights": (
         {"id": f"id|{_POINT}", "z": _POINTS["z"]},
         {"sigma_z": _STATED["sigma_z"], "sigma": _STATED["sigma"]},

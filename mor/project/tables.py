@@ -15,17 +15,7 @@ import numpy.typing as npt
 import polars as pl
 
 from mor.errors import InputError, Message, counted, nearest
-from mor.input_files import (
-    TABLE,
-    as_utf8,
-    check_regular,
-    check_size,
-    is_folder,
-    limit,
-    note_file,
-    raise_it,
-    read_bytes,
-)
+from mor.input_files import TABLE, as_utf8, check_regular, check_size, is_folder, limit, note_file, raise_it, read_bytes
 from mor.model.contract import Names, coded
 from mor.project.axes import Edge, ImageScale, UnitError, beyond
 from mor.project.document import Document, KeyPath, plain_column
@@ -512,11 +502,7 @@ def _check_common_unit(
 
 
 def _check_columns(
-    names: list[str],
-    table: TableEntry,
-    columns: Sequence[Column],
-    place: TableLocation,
-    problems: list[Message],
+    names: list[str], table: TableEntry, columns: Sequence[Column], place: TableLocation, problems: list[Message]
 ) -> None:
     twice = sorted({name for name in names if names.count(name) > 1})
     problems += [place.problem(f"column {name!r} is given twice") for name in twice]
@@ -595,12 +581,7 @@ def _identifiers(column: Column, cells: pl.Series, source: Source, problems: lis
 
 
 def _numbers(
-    column: Column,
-    cells: pl.Series,
-    table: TableEntry,
-    source: Source,
-    place: TableLocation,
-    problems: list[Message],
+    column: Column, cells: pl.Series, table: TableEntry, source: Source, place: TableLocation, problems: list[Message]
 ) -> FloatArray:
     unit = _unit_of(table, column)
     assert column.parse is not None

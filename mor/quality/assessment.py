@@ -374,8 +374,5 @@ def relative_ellipsoid(quality: Quality, first: int, second: int) -> RelativeEll
     eigenvalues, vectors = rotations.eigh(0.5 * (covariance + covariance.T))
     points = quality.adjustment.values["point"]
     return RelativeEllipsoid(
-        points[second] - points[first],
-        covariance,
-        np.sqrt(np.maximum(eigenvalues[::-1], 0.0)),
-        vectors[:, ::-1].T,
+        points[second] - points[first], covariance, np.sqrt(np.maximum(eigenvalues[::-1], 0.0)), vectors[:, ::-1].T
     )

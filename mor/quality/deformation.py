@@ -468,10 +468,7 @@ def compared(solved: Solved, first: int, second: int) -> tuple[tuple[str, ...], 
     for point in points:
         blocks = [point.at(e, t) for e, t in zip((first, second), times, strict=True)]
         motions = [point.motions.get(kind, 0) for kind in _KINDS]
-        own = [
-            *index.columns["point"][blocks],
-            *(index.columns[k][m] for k, m in zip(_KINDS, motions, strict=True)),
-        ]
+        own = [*index.columns["point"][blocks], *(index.columns[k][m] for k, m in zip(_KINDS, motions, strict=True))]
         columns.append(np.concatenate(own) if any(motions) else np.concatenate(own[:2]))
         rows.append(np.concatenate([[-1.0, 1.0], by if any(motions) else []]))
         moved = values["point"][blocks[1]] - values["point"][blocks[0]]
@@ -517,11 +514,7 @@ def over_points(network: Network, names: tuple[str, ...], coordinates: FloatArra
     reference = network.start["point"].copy()
     reference[blocks] = coordinates
     datum = network.datum._replace(
-        name="free, inner constraints over common points",
-        free=True,
-        mask=mask,
-        minimal=False,
-        reference=reference,
+        name="free, inner constraints over common points", free=True, mask=mask, minimal=False, reference=reference
     )
     return replace(network, datum=datum)
 
@@ -533,11 +526,7 @@ def blocks_of(network: Network, names: tuple[str, ...]) -> IntArray:
 
 
 def compare_epochs(
-    names: tuple[str, ...],
-    one: tuple[Quality, IntArray],
-    other: tuple[Quality, IntArray],
-    level: float,
-    known: bool,
+    names: tuple[str, ...], one: tuple[Quality, IntArray], other: tuple[Quality, IntArray], level: float, known: bool
 ) -> EpochComparison:
     """Congruence test of two assessed epochs in the datum over their common points; blocks (n,) by epoch."""
     first, second = one[0], other[0]

@@ -398,12 +398,7 @@ _TOGETHER = 512
 
 
 def with_free_poses(
-    network: Network,
-    reduced: Network,
-    adjustment: Adjustment,
-    values: Values,
-    far: RayPoints,
-    critical: float,
+    network: Network, reduced: Network, adjustment: Adjustment, values: Values, far: RayPoints, critical: float
 ) -> RayPoints:
     """Inverse distances and their σ as the whole adjustment tells them.
 
@@ -474,10 +469,7 @@ def _equations(
         block = np.array([reduced.directions[int(p)] for p in point])
         D = adjustment.values["rotation"][block]
         by_turn = distance[:, None, None] * (by_point @ np.swapaxes(D, 1, 2) @ TURNED_AXIS)
-        for jacobian, columns in (
-            (lines.jacobian, lines.columns),
-            (by_turn, index.columns["rotation"][block]),
-        ):
+        for jacobian, columns in ((lines.jacobian, lines.columns), (by_turn, index.columns["rotation"][block])):
             moved = np.einsum("nm,nmc->nc", weight * B, jacobian)
             free = columns >= 0
             np.add.at(through, (columns[free], np.broadcast_to(k[:, None], columns.shape)[free]), moved[free])
@@ -611,11 +603,7 @@ def _further_steps(adjustment: Adjustment) -> FloatArray:
                 turn = after.values[kind] @ np.swapaxes(values[kind], 1, 2)
                 # D' = (I − [δ]×) D to first order
                 change = 0.5 * np.stack(
-                    [
-                        turn[:, 1, 2] - turn[:, 2, 1],
-                        turn[:, 2, 0] - turn[:, 0, 2],
-                        turn[:, 0, 1] - turn[:, 1, 0],
-                    ],
+                    [turn[:, 1, 2] - turn[:, 2, 1], turn[:, 2, 0] - turn[:, 0, 2], turn[:, 0, 1] - turn[:, 1, 0]],
                     axis=1,
                 )
             else:

@@ -346,13 +346,7 @@ def _looks(group: ObservationGroup, touched: BoolArray) -> BoolArray:
 
 
 def movement_test(
-    point: int,
-    places: IntArray,
-    S: FloatArray,
-    own: FloatArray,
-    right: FloatArray,
-    redundancy: int,
-    omega: float,
+    point: int, places: IntArray, S: FloatArray, own: FloatArray, right: FloatArray, redundancy: int, omega: float
 ) -> FixedPointTest:
     """The test of a point whose coordinates stand at some places (3,) of the normal equations; −1 where not fixed."""
     here = np.flatnonzero(places >= 0)

@@ -21,23 +21,8 @@ from mor.solve.datum import STransformation
 from mor.solve.elimination import RayChunk, ray_chunks, ray_residuals, split
 from mor.solve.elimination import cofactors as ray_cofactors
 from mor.solve.iterate import Adjustment
-from mor.solve.normals import (
-    Plan,
-    RowClusters,
-    RowSet,
-    image_of_rays,
-    in_lanes,
-    point_of_ray,
-    reduced_columns,
-)
-from mor.solve.problem import (
-    AlikeClusters,
-    linearise,
-    linearised_parts,
-    misclosures,
-    rotation_tangents,
-    spread,
-)
+from mor.solve.normals import Plan, RowClusters, RowSet, image_of_rays, in_lanes, point_of_ray, reduced_columns
+from mor.solve.problem import AlikeClusters, linearise, linearised_parts, misclosures, rotation_tangents, spread
 from mor.solve.rays import RayPlan
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallestIntArray, SmallIntArray
 
@@ -181,8 +166,7 @@ def directions(adjustment: Adjustment, datum: STransformation) -> WeakDirections
     """Return the part missing in the cofactors of the factorisation, for the datum of the adjustment."""
     weak = adjustment.inverse.weak
     return WeakDirections(
-        np.concatenate([weak, -datum.null @ datum.binding], axis=1),
-        np.concatenate([weak, datum.through], axis=1),
+        np.concatenate([weak, -datum.null @ datum.binding], axis=1), np.concatenate([weak, datum.through], axis=1)
     )
 
 
@@ -659,10 +643,7 @@ def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
                     note_residuals(rows, here, weight, residual, v)
                 else:
                     v[rows] = np.divide(
-                        residual[here],
-                        weight[here],
-                        out=np.full((len(here), 2), np.nan),
-                        where=weight[here] > 0.0,
+                        residual[here], weight[here], out=np.full((len(here), 2), np.nan), where=weight[here] > 0.0
                     )
 
     in_lanes(rays, 0, of_lane)

@@ -13,12 +13,7 @@ from mor.model.observation_types import ObservationGroup, some_rows
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.assessment import Quality
-from mor.quality.external_reliability import (
-    NormalEquationSolver,
-    ObservationComponent,
-    gradient,
-    local_system,
-)
+from mor.quality.external_reliability import NormalEquationSolver, ObservationComponent, gradient, local_system
 from mor.quality.group_tests import Partition, partitions
 from mor.quality.redundancy import OF_IMAGES, Reliability
 from mor.quality.test_statistics import ROWS_AT_A_TIME, in_pieces
