@@ -488,10 +488,9 @@ def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Messag
                 for reference, names in zip(group.type.references, group.references, strict=True)
             )
             words = f"{group.type.name}, {names}: no value or no derivative at the start values"
-            line = int(group.lines[row]) if len(group.lines) > row else 0
             angles = all(slot.kind == ROTATION.key for slot in group.type.slots)
             asked = f"{words}; is phi ±100 gon there?" if angles else f"{words}; do two of its points coincide there?"
-            mistakes.append(Message(asked, group.file, line))
+            mistakes.append(group.message(row, asked))
     return mistakes or [Message("observations have no value or no derivative at the last iteration")]
 
 

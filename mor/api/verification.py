@@ -261,8 +261,7 @@ def observations(solved: Solved) -> list[AdjustedObservation]:
             names = tuple(reference[i] for reference in group.references)
             values = (observed[i, k], v[i, k], r[i, k], np.sqrt(max(q[i, k], 0.0)), w_given[i, k])
             component = group.type.components[k].name
-            line = int(group.lines[i]) if len(group.lines) else 0
-            rows.append(AdjustedObservation(line, group.type.key, component, names, *map(float, values)))
+            rows.append(AdjustedObservation(group.line(i), group.type.key, component, names, *map(float, values)))
     return sorted(rows, key=lambda row: row.line)
 
 

@@ -113,10 +113,10 @@ def _by_cluster(group: ObservationTable, content: Content, number: int) -> Itera
     if entry.covariance is None:
         yield group
         return
-    problems: list[Message] = []
-    given = rows_of_covariance(entry, content.place("observations", number), problems)
+    place = content.place("observations", number)
+    given = rows_of_covariance(entry, place)
     if given is None:
-        raise InputError(problems)
+        raise InputError(place.problems)
     if CLUSTER not in group.rows.texts:
         yield replace(group, covariance=np.array(given, dtype=float))
         return

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import polars as pl
 
+from mor.errors import Message
 from mor.model.parameters import Values
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.units import ANGLE, Component
@@ -260,6 +261,14 @@ class ObservationGroup:
     def count(self) -> int:
         """Number of rows n, each of up to m observations."""
         return len(self.observed)
+
+    def message(self, row: int, words: str) -> Message:
+        """A message about a row, with its file and line where it has them."""
+        return Message(words, self.file, self.line(row))
+
+    def line(self, row: int) -> int:
+        """Line of a row in its file, 0 where it comes from none."""
+        return int(self.lines[row]) if len(self.lines) > row else 0
 
     @property
     def mask(self) -> BoolArray:

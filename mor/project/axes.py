@@ -246,8 +246,7 @@ def external_image(scale: ImageScale) -> External:
     if not scale.corner:
         return External(np.eye(2), np.zeros(2), np.full(2, factor), (unit, unit))
     flip = np.diag([1.0, -1.0])
-    centre = np.array(scale.centre) * scale.factor("px")
-    return External(flip, -flip @ centre, np.full(2, factor), (unit, unit))
+    return External(flip, -flip @ (np.array(scale.centre) * scale.factor("px")), np.full(2, factor), (unit, unit))
 
 
 def external(type_: ObservationType, edge: Edge, scale: ImageScale | None = None) -> External:

@@ -27,7 +27,7 @@ from mor.project.motion import EPOCH, remember_epochs
 from mor.project.points import NameColumn, check_unique, position_columns, positions, rotations
 from mor.project.schema import Camera, Images, Setting, Value
 from mor.project.stations import eccentricities, heights, motions, set_up_columns, shared_column
-from mor.project.tables import Column, Rows, TableLocation, component_columns, read_table, settings, tell_rows
+from mor.project.tables import Column, Rows, TableLocation, component_columns, read_table, settings
 from mor.project.trajectories import (
     TRAJECTORY,
     check_line_times,
@@ -57,7 +57,7 @@ def read_cameras(reading: Reading) -> None:
         try:
             scale = image_scale(camera)
         except UnitError as error:
-            reading.problems.append(at.problem(str(error), "image"))
+            at.tell(str(error), "image")
             continue
         if not _r0_is_good(reading, name, camera, scale):
             continue
@@ -77,10 +77,10 @@ def _r0_is_good(reading: Reading, name: str, camera: Camera, scale: ImageScale) 
     try:
         r0 = reading.edge.number(camera.r0 or "0", IMAGE, "", scale)
     except UnitError as error:
-        reading.problems.append(reading.at("cameras", name).problem(f"r0: {error}", "r0"))
+        reading.at("cameras", name).tell(f"r0: {error}", "r0")
         return False
     if r0 < 0.0:
-        reading.problems.append(reading.at("cameras", name).problem("r0: expected a radius, 0 or more", "r0"))
+        reading.at("cameras", name).tell("r0: expected a radius, 0 or more", "r0")
     return r0 >= 0.0
 
 
@@ -90,15 +90,13 @@ def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) ->
     place = reading.at(*path)
     given = {**_first_guess(reading, name, camera, scale), **camera.interior}
     before = len(reading.problems)
-    statuses = settings(given, model.components, reading.edge, place, path, reading.problems, scale)
+    statuses = settings(given, model.components, reading.edge, place, scale)
     values = statuses.values
     if values[0, 0] <= 0.0 and model.components[0].name in given and len(reading.problems) == before:
-        reading.problems.append(
-            place.problem(f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0")
-        )
+        place.tell(f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0")
     if camera.medium and len(reading.problems) == before:
         found = dict(zip((c.name for c in model.components), values[0].tolist(), strict=True))
-        reading.problems += [place.problem(words) for words in _impossible(camera.medium, found)]
+        reading.problems.extend(place.problem(words) for words in _impossible(camera.medium, found))
     return int(reading.shop.store(f"interior/{camera.model}").add([name], *statuses)[0])
 
 
@@ -126,7 +124,7 @@ def _first_guess(reading: Reading, name: str, camera: Camera, scale: ImageScale)
     try:
         guess, words = _guessed_constant(camera, scale)
     except UnitError as error:
-        reading.problems.append(at.problem(f"interior: {names[0]} (camera constant) is required; {error}"))
+        at.tell(f"interior: {names[0]} (camera constant) is required; {error}")
         return {}
     reading.notes.append(at.problem(f"camera {name}: {names[0]} = {guess:.6g} {scale.unit}, free, {words}"))
     return {constant: Value(free=repr(guess)) for constant in names}
@@ -150,10 +148,8 @@ def _guessed_constant(camera: Camera, scale: ImageScale) -> tuple[float, str]:
 def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:
     if not camera.eccentricity:
         return 0
-    path: KeyPath = ("cameras", name, "eccentricity")
-    statuses = settings(
-        dict(camera.eccentricity), ECCENTRICITY.components, reading.edge, reading.at(*path), path, reading.problems
-    )
+    place = reading.at("cameras", name, "eccentricity")
+    statuses = settings(dict(camera.eccentricity), ECCENTRICITY.components, reading.edge, place)
     return int(reading.shop.store("eccentricity").add([f"camera {name}"], *statuses)[0])
 
 
@@ -161,21 +157,20 @@ def _readout(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> 
     """Block of the readout time, −1 where all rows are exposed at once: none given, or exactly 0."""
     if camera.readout is None:
         return -1
-    at, path = reading.at("cameras", name), ("cameras", name)
+    at = reading.at("cameras", name)
     before = len(reading.problems)
-    given = {READOUT.key: camera.readout}
-    statuses = settings(given, READOUT.components, reading.edge, at, path, reading.problems)
+    statuses = settings({READOUT.key: camera.readout}, READOUT.components, reading.edge, at)
     if len(reading.problems) > before:
         return -1
     value, free = float(statuses.values[0, 0]), bool(statuses.free[0, 0])
     if value < 0.0:
         words = f"readout: found {value:g} s, expected 0 or more; readout_direction says where it goes"
-        reading.problems.append(at.problem(words, "readout"))
+        at.tell(words, "readout")
     if value == 0.0 and not free:
         return -1
     if np.isnan(scale.pixel) or camera.image is None:
         words = "readout needs image: {width, height, pixel}: the row of a point is its time"
-        reading.problems.append(at.problem(words, "readout"))
+        at.tell(words, "readout")
         return -1
     return int(reading.shop.store(READOUT.key).add([f"camera {name}"], *statuses)[0])
 
@@ -201,14 +196,13 @@ def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, floa
     for component, text in given.items():
         at = reading.at("cameras", name, "image_variant")
         if component not in kind.names:
-            words = unknown_name("component", component, kind.names)
-            reading.problems.append(at.problem(words))
+            at.tell(unknown_name("component", component, kind.names))
             continue
         k = kind.names.index(component)
         try:
             sigma = _variant_sigma(reading, text, kind.components[k], reading.scales[name])
         except UnitError as error:
-            reading.problems.append(at.problem(f"{component}: {error}"))
+            at.tell(f"{component}: {error}")
             continue
         if sigma != 0.0:  # no difference at all: every image has the component of the camera
             result[k] = sigma
@@ -333,14 +327,14 @@ def _read_images_table(
     leaders: list[tuple[int, str, str, str, int]],
 ) -> None:
     edge, shop = reading.edge, reading.shop
-    rows = read_table(table, image_columns(reading), place, reading.problems)
+    rows = read_table(table, image_columns(reading), place)
     if rows is None:
         return
     names = rows.text("id")
-    check_unique("image", names, rows, seen, reading.problems)
+    check_unique("image", names, rows, seen)
     remember_epochs(reading, "image", names, rows)
     if not edge.right_handed:
-        reading.problems.append(place.problem(f"images need right-handed axes; {edge.axes.xy} is left-handed"))
+        place.tell(f"images need right-handed axes; {edge.axes.xy} is left-handed")
         return
     cameras = _camera_numbers(reading, rows)
     if cameras is None:
@@ -379,14 +373,13 @@ def _read_images_table(
 
 def image_columns(reading: Reading) -> list[Column]:
     """Return the columns that a table of images may have."""
-    edge = reading.edge
     return [
         Column("id", required=True),
         Column("camera", required=True),
         *(Column(name) for name in ("position", "leader", "pair")),
         EPOCH,
         *trajectory_columns(reading),
-        *component_columns((*POINT.components, *ROTATION.components), edge),
+        *component_columns((*POINT.components, *ROTATION.components), reading.edge),
         *position_columns(reading),
         *set_up_columns(reading, HEIGHT),
         *set_up_columns(reading, ECCENTRICITY),
@@ -404,11 +397,10 @@ def _own_poses(
     """
     names = rows.text("id")
     follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
-    for i in np.flatnonzero(follows):
+    for i in np.flatnonzero(follows).tolist():
         given = any(np.isfinite(rows.number(name)[i]) for name in _POSE)
         if given or any(rows.text(name)[i] for name in _SHARED):
-            words = f"image {names[i]!r} follows another one: it has no position or attitude of its own"
-            reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
+            rows.tell(i, f"image {names[i]!r} follows another one: it has no position or attitude of its own")
     position, rotation, height = (np.full(len(names), -1, dtype=np.int64) for _ in range(3))
     eccentricity = eccentricity.copy()
     labels = [f"image {name}" for name in names]
@@ -440,7 +432,7 @@ def _motions(
     follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
     moving = (readout >= 0) & ~follows & ~on_trajectory
     words = "image {0!r} follows another one; a stereo follower with a readout time is not supported"
-    tell_rows(reading.problems, (readout >= 0) & follows, rows, lambda row: words.format(names[row]))
+    rows.tell_where((readout >= 0) & follows, lambda row: words.format(names[row]))
     still = np.flatnonzero(readout < 0)
     given = [c for kind in _MOTION for c in kind.names if np.isfinite(rows.number(c)[still]).any()]
     if given or (len(still) and any(c in table.free for kind in _MOTION for c in kind.names)):

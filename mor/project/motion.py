@@ -42,7 +42,6 @@ from mor.project.tables import (
     component_rows,
     number_column,
     read_table,
-    tell_rows,
 )
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import LENGTH, Component
@@ -61,7 +60,7 @@ def read_motions(reading: Reading) -> None:
         try:
             decimal_year(project.epochs.reference)
         except ValueError as error:
-            reading.problems.append(reading.at("epochs").problem(f"reference: {error}", "reference"))
+            reading.at("epochs").tell(f"reference: {error}", "reference")
     if not project.motions:
         return
     nothing = np.zeros(len(reading.shop.things["point"].ids), dtype=np.int64)
@@ -71,8 +70,7 @@ def read_motions(reading: Reading) -> None:
     steps: list[_Step] = []
     for number, table in enumerate(project.motions):
         reading.begin("motions", number, table)
-        place = reading.at("motions", number)
-        rows = _rows(reading, table, place)
+        rows = _rows(reading, table, reading.at("motions", number))
         reading.motion.tables.append((table.model, rows.text("id") if rows is not None else []))
         if rows is None:
             continue
@@ -105,10 +103,9 @@ def _rows(reading: Reading, table: MotionEntry, place: TableLocation) -> Rows | 
     known = [component.name for component in components]
     wrong = [name for name in table.fixed if name not in known]
     if wrong:
-        words = f"model {table.model} has no component {wrong[0]!r} (known: {', '.join(known)})"
-        reading.problems.append(place.problem(words, "fixed"))
+        place.tell(f"model {table.model} has no component {wrong[0]!r} (known: {', '.join(known)})", "fixed")
         return None
-    return read_table(table, columns, place, reading.problems)
+    return read_table(table, columns, place)
 
 
 def _named(reading: Reading, patterns: list[str], place: TableLocation) -> list[str]:
@@ -125,7 +122,7 @@ def _named(reading: Reading, patterns: list[str], place: TableLocation) -> list[
         else:
             here = [name for name in own if fnmatchcase(name, pattern)]
         if not here and "point" not in reading.broken:
-            reading.problems.append(place.problem(unknown_name("point", pattern, points.ids), "points"))
+            place.tell(unknown_name("point", pattern, points.ids), "points")
         found |= dict.fromkeys(here)
     return list(found)
 
@@ -134,15 +131,14 @@ def _point(reading: Reading, rows: Rows, row: int) -> MovingPoint | None:
     name, points = rows.series("id")[row], reading.shop.things["point"]
     if name not in points.numbers:
         if "point" not in reading.broken:
-            words = unknown_name("point", name, points.ids)
-            reading.problems.append(Message(words, rows.file, int(rows.lines[row])))
+            rows.tell(row, unknown_name("point", name, points.ids))
         return None
     block = points.part(name, "position")
     return reading.motion.points.setdefault(block, MovingPoint(name, [], block))
 
 
 def _tell_twice(reading: Reading, rows: Rows, row: int, words: str) -> None:
-    reading.problems.append(Message(words, rows.file, int(rows.lines[row])))
+    rows.tell(row, words)
 
 
 def _add_motion(reading: Reading, table: MotionEntry, rows: Rows, moving: list[MovingPoint]) -> None:
@@ -152,7 +148,7 @@ def _add_motion(reading: Reading, table: MotionEntry, rows: Rows, moving: list[M
         for component in kind.names:
             rows.numbers[component] = np.nan_to_num(rows.number(component))
         own = [name for name in table.fixed if name in kind.names]
-        statuses = component_rows(rows, kind.components, own, reading.problems, rows.number("sigma"))
+        statuses = component_rows(rows, kind.components, own, rows.number("sigma"))
         statuses = in_dimensions(statuses, reading)
         blocks = reading.shop.store(kind.key).add(names, *inwards(reading.edge, statuses))
         points = reading.shop.things["point"]
@@ -187,7 +183,7 @@ class _Step(NamedTuple):
 def _steps(reading: Reading, table: MotionEntry, rows: Rows, moving: list[MovingPoint], group: str) -> list[_Step]:
     for component in STEP:
         rows.numbers[component.name] = np.nan_to_num(rows.number(component.name))
-    statuses = component_rows(rows, STEP, table.fixed, reading.problems, rows.number("sigma"))
+    statuses = component_rows(rows, STEP, table.fixed, rows.number("sigma"))
     statuses = inwards(reading.edge, in_dimensions(statuses, reading))
     steps = []
     for row, point in enumerate(moving):
@@ -231,7 +227,7 @@ def _take_steps(reading: Reading, steps: list[_Step]) -> None:
     try:
         settle_equalities(reading.shop.store("point"), [tie for tie in ties if not absent[tie.component]])
     except ContradictionError as error:
-        reading.problems.append(reading.at("motions").problem(f"steps: {error}"))
+        reading.at("motions").tell(f"steps: {error}")
     reading.motion_groups += [_observed_steps(reading, name, found) for name, found in observed.items()]
 
 
@@ -289,8 +285,7 @@ def epochs_of_rows(reading: Reading, rows: Rows) -> IntArray:
         try:
             numbers[k] = reading.motion.epoch(text)
         except ValueError as error:
-            row = int(np.argmax(names.numbers == k))
-            reading.problems.append(Message(f"epoch: {error}", rows.file, int(rows.lines[row])))
+            rows.tell(int(np.argmax(names.numbers == k)), f"epoch: {error}")
     return numbers[names.numbers]
 
 
@@ -313,7 +308,7 @@ def row_epochs(reading: Reading, rows: Rows, references: tuple[Reference, ...], 
         of_name = np.array([_epoch_of(reading, reference, name) for name in named.known], dtype=np.int64)
         found = of_name[named.numbers] if len(of_name) else epochs
         differ = (found != NONE) & (epochs != NONE) & (found != epochs)
-        tell_rows(reading.problems, differ, rows, _Differing(reading.motion, named, found, epochs).words)
+        rows.tell_where(differ, _Differing(reading.motion, named, found, epochs).words)
         epochs = np.where(epochs == NONE, found, epochs)
     return epochs
 
@@ -422,8 +417,7 @@ def _called_by_epoch(reading: Reading, group: ObservationGroup, blocks: list[Int
     for reference, names in zip(group.type.references, group.references, strict=True):
         for k, slot in enumerate(group.type.slots):
             if slot.kind == "point" and slot.of == reference.name and "point" in reference.among:
-                own = np.asarray(group.blocks[k], dtype=np.int64)
-                names = _renamed(reading, names, own, blocks[k])
+                names = _renamed(reading, names, np.asarray(group.blocks[k], dtype=np.int64), blocks[k])
         called.append(names)
     return tuple(called)
 
@@ -480,8 +474,7 @@ def _all_have_epochs(reading: Reading, group: ObservationGroup, positions: list[
         words = (
             f"point {name!r} moves, and this row has no epoch: give the row, or its image or station, a column epoch"
         )
-        line = int(group.lines[row]) if len(group.lines) > row else 0
-        reading.problems.append(Message(words, group.file, line))
+        reading.problems.append(group.message(row, words))
     return False
 
 
@@ -534,15 +527,13 @@ def _add_epochs(reading: Reading, pairs: IntArray, group: ObservationGroup, rows
         if reading.section != "observations":
             row = int(rows[int(np.argmax(which.ravel() == 0))])
             words = f"point {point.name!r} was not observed in the epoch {motion.labels[epoch]}"
-            line = int(group.lines[row]) if len(group.lines) > row else 0
-            reading.problems.append(Message(words, group.file, line))
+            reading.problems.append(group.message(row, words))
             continue
         new.append((block, epoch))
     if not new:
         return
     labels = [f"{motion.points[block].name}{AT}{motion.labels[epoch]}" for block, epoch in new]
-    before = np.array([block for block, _ in new], dtype=np.int64)
-    added = block_at(reading, labels, before, np.zeros((len(new), 3)))
+    added = block_at(reading, labels, np.array([block for block, _ in new], dtype=np.int64), np.zeros((len(new), 3)))
     for (block, epoch), own in zip(new, added.tolist(), strict=True):
         motion.points[block].by_epoch[epoch] = own
         motion.stands_for[own] = block

@@ -91,7 +91,7 @@ def refuse_files_named_twice(reading: Reading) -> None:
                     f"file {entry.file!r} is read already in line {seen[key]}, as {entry.type}: its observations "
                     "would count twice; remove one of the two"
                 )
-                reading.problems.append(place.problem(words, "file"))
+                place.tell(words, "file")
             else:
                 seen[key] = line
 
@@ -156,7 +156,7 @@ def _by_row(reading: Reading, groups: list[ReadGroup], number: int) -> list[Corr
     for i, (components, covariance) in enumerate(zip(observed, turned, strict=True)):
         words = "" if flawless else _not_positive_definite(covariance)
         if words:
-            reading.problems.append(Message(words, group.group.file, int(group.group.lines[i])))
+            reading.problems.append(group.group.message(i, words))
             continue
         size = len(components)
         result.append(Correlation(np.full(size, number), np.full(size, i), components, covariance))
@@ -167,7 +167,7 @@ def _by_cluster(reading: Reading, groups: list[ReadGroup], number: int) -> list[
     """A matrix for the rows of each cluster: the rows of a covariance are those of its own cluster alone."""
     found = groups[number]
     place = reading.at("observations", found.entry)
-    given = rows_of_covariance(reading.project.observations[found.entry], place, reading.problems)
+    given = rows_of_covariance(reading.project.observations[found.entry], place)
     assert found.clusters is not None
     if given is None:
         return []
@@ -176,7 +176,7 @@ def _by_cluster(reading: Reading, groups: list[ReadGroup], number: int) -> list[
     names = [found.clusters[int(rows[own[0]])] for own in members]
     wrong = wrong_rows(given, members, names)
     if wrong:
-        reading.problems.append(place.problem(wrong, "covariance"))
+        place.tell(wrong, "covariance")
         return []
     turned = [
         _inside(groups, where[own], rows[own], components[own]).carried(
@@ -188,7 +188,7 @@ def _by_cluster(reading: Reading, groups: list[ReadGroup], number: int) -> list[
     for name, own, covariance in zip(names, members, turned, strict=True):
         words = "" if flawless else _not_positive_definite(covariance)
         if words:
-            reading.problems.append(place.problem(f"cluster {name!r}: {words}", "covariance"))
+            place.tell(f"cluster {name!r}: {words}", "covariance")
         result.append(Correlation(where[own], rows[own], components[own], covariance))
     return result
 
@@ -223,9 +223,7 @@ def _over_groups(reading: Reading, groups: list[ReadGroup], members: list[int]) 
     with_matrix = [k for k, entry in enumerate(entries) if entry.covariance is not None]
     place = reading.at("observations", groups[members[0]].entry)
     if len(with_matrix) != 1:
-        reading.problems.append(
-            place.problem("exactly one group of a cluster must give its covariance matrix", "cluster")
-        )
+        place.tell("exactly one group of a cluster must give its covariance matrix", "cluster")
         return []
     place = reading.at("observations", groups[members[with_matrix[0]]].entry)
     given = _matrix(reading, entries[with_matrix[0]], place)
@@ -234,12 +232,12 @@ def _over_groups(reading: Reading, groups: list[ReadGroup], members: list[int]) 
     size = len(rows)
     if given.shape != (size, size):
         shape = " × ".join(map(str, given.shape))
-        reading.problems.append(place.problem(f"covariance: found {shape}, expected {size} × {size}", "covariance"))
+        place.tell(f"covariance: found {shape}, expected {size} × {size}", "covariance")
         return []
     covariance = _inside(groups, where, rows, components).carried(given)
     words = _not_positive_definite(covariance)
     if words:
-        reading.problems.append(place.problem(words, "covariance"))
+        place.tell(words, "covariance")
         return []
     return [Correlation(where, rows, components, covariance)]
 
@@ -279,29 +277,27 @@ def _inside(groups: list[ReadGroup], where: IntArray, rows: IntArray, components
 
 
 def _matrix(reading: Reading, entry: Observations, place: TableLocation) -> FloatArray | None:
-    rows = rows_of_covariance(entry, place, reading.problems)
+    rows = rows_of_covariance(entry, place)
     if rows is None:
         return None
     if len({len(row) for row in rows}) > 1:
-        reading.problems.append(place.problem("covariance: rows of different length", "covariance"))
+        place.tell("covariance: rows of different length", "covariance")
         return None
     return np.array(rows, dtype=float)
 
 
-def rows_of_covariance(
-    entry: Observations, place: TableLocation, problems: list[Message]
-) -> Sequence[Sequence[float]] | None:
-    """Rows of the matrix of a table, from the project or a file; ``None`` if ``problems`` were added instead."""
+def rows_of_covariance(entry: Observations, place: TableLocation) -> Sequence[Sequence[float]] | None:
+    """Rows of the matrix of a table, from the project or a file; ``None`` if mistakes were told instead."""
     if not isinstance(entry.covariance, str):
         return entry.covariance or []
     path = place.folder / entry.covariance
     if not path.is_file():
-        problems.append(place.problem(f"covariance: file {entry.covariance!r} does not exist", "covariance"))
+        place.tell(f"covariance: file {entry.covariance!r} does not exist", "covariance")
         return None
     try:
         return _rows_of_file(path)
     except InputError as error:
-        problems.extend(error.problems)
+        place.problems.extend(error.problems)
         return None
 
 
@@ -476,7 +472,7 @@ def read_things(
 ) -> Reading:
     """Points, images, stations and all else that a project names, before any observation; with all mistakes found."""
     edge = Edge(project.units, project.axes)
-    reading = Reading(project, TableLocation(document, (), folder), edge, workshop(), [], read, planned=planned)
+    reading = Reading(project, TableLocation(document, (), folder), edge, workshop(), read, planned=planned)
     for space, reader in _READERS.items():
         before = len(reading.problems)
         reader(reading)
@@ -653,9 +649,9 @@ def _check_pairs(reading: Reading) -> None:
     for number, pair in enumerate(reading.project.report.relative if "point" not in reading.broken else ()):
         place = reading.at("report", "relative", number)
         unknown = [name for name in pair if name not in points.numbers]
-        reading.problems += [place.problem(unknown_name("point", name, points.ids)) for name in unknown]
+        reading.problems.extend(place.problem(unknown_name("point", name, points.ids)) for name in unknown)
         if pair[0] == pair[1]:
-            reading.problems.append(place.problem("a pair of one point; expected two"))
+            place.tell("a pair of one point; expected two")
 
 
 def _mark(reading: Reading, mask: BoolArray, by_components: Mapping[Any, list[str]]) -> None:
@@ -680,7 +676,7 @@ def _datum_points(reading: Reading, name: str) -> IntArray:
     known = [*points.ids, *reading.groups]
     if "point" in reading.broken:
         return np.zeros(0, dtype=np.int64)
-    reading.problems.append(reading.at("datum").problem(unknown_name("datum point", name, known)))
+    reading.at("datum").tell(unknown_name("datum point", name, known))
     return np.zeros(0, dtype=np.int64)
 
 
@@ -861,6 +857,5 @@ def _remaining(correlations: Sequence[Correlation], kept: Sequence[BoolArray]) -
             continue
         groups, rows = cluster.groups[stays], cluster.rows[stays]
         rows = np.array([renumbered[g][r] for g, r in zip(groups, rows, strict=True)], dtype=np.int64)
-        part = cluster.covariance[np.ix_(stays, stays)]
-        result.append(Correlation(groups, rows, cluster.components[stays], part))
+        result.append(Correlation(groups, rows, cluster.components[stays], cluster.covariance[np.ix_(stays, stays)]))
     return tuple(result)

@@ -56,7 +56,7 @@ from mor.project.rows import (
     without_required,
 )
 from mor.project.schema import Camera, Observations
-from mor.project.tables import Column, Rows, TableLocation, number_column, read_table, tell_rows
+from mor.project.tables import Column, Rows, TableLocation, number_column, read_table
 from mor.project.trajectories import (
     NAVIGATION,
     TRAJECTORY,
@@ -112,10 +112,8 @@ def image_groups(
     if (image.numbers < 0).any() or (point.numbers < 0).any():
         return []
     epochs = row_epochs(reading, rows, IMAGE_TYPES["mor"].references, (image, point))
-    trajectory = images.parts[TRAJECTORY]
-    order = np.array([0, *(found.order for found in reading.trajectories.values())])[trajectory + 1]
-    follows = images.parts["relative rotation"] >= 0
-    kinds = (images.parts["camera"] * 2 + follows) * (CUBIC + 1) + order
+    order = np.array([0, *(found.order for found in reading.trajectories.values())])[images.parts[TRAJECTORY] + 1]
+    kinds = (images.parts["camera"] * 2 + (images.parts["relative rotation"] >= 0)) * (CUBIC + 1) + order
     keys = kinds.astype(np.int32)[image.numbers]
     result = []
     for key in np.unique(keys):
@@ -148,14 +146,13 @@ def _image_group(
     scanner = reading.scanners.get(camera_name)
     moves = bool(images.parts["readout"][first] >= 0) and not follows
     if scanner is not None and follows:
-        words = f"image {image[0]!r} is of a line scanner; it cannot follow another one"
-        reading.problems.append(place.problem(words))
+        place.tell(f"image {image[0]!r} is of a line scanner; it cannot follow another one")
     if scanner is not None and (follows or not timed):
         return None  # its own mistake is told already
     try:
         observed, sigma, factors = _image_values(entry, rows, chosen, scale)
     except UnitError as error:
-        reading.problems.append(place.problem(str(error), "units"))
+        place.tell(str(error), "units")
         return None
     if (moves or scanner is not None) and not _all_timed(reading, camera, scanner, observed, rows, chosen):
         return None
@@ -187,7 +184,7 @@ def _image_group(
         lines=kept(rows.lines[chosen]),
         file=rows.file,
     )
-    if not sigma_is_good(group, rows, chosen, reading.problems):
+    if not sigma_is_good(group, rows, chosen):
         return None
     return ReadGroup(group, number, chosen, np.eye(2), factors)
 
@@ -247,7 +244,7 @@ def _all_timed(
     else:
         missing[chosen] = np.isnan(observed[:, int(camera.readout_direction in ("down", "up"))])
         words = "no row (or column) was measured along the readout of the camera: the point has no time"
-    tell_rows(reading.problems, missing, rows, words)
+    rows.tell_where(missing, words)
     return not missing.any()
 
 
@@ -262,8 +259,7 @@ def _constants(
         known = np.array([*(r0 for _ in model.constants), *phase_constants(moving, scale)])
         return np.concatenate([np.nan_to_num(observed), np.tile(known, (len(observed), 1))], axis=1)
     if model.corrects_measured:
-        own = np.full((len(observed), len(model.constants)), r0)
-        return np.concatenate([observed, own], axis=1)
+        return np.concatenate([observed, np.full((len(observed), len(model.constants)), r0)], axis=1)
     row = np.array([0.0, 0.0, *(r0 for _ in model.constants)])
     return np.broadcast_to(row, (len(observed), len(row)))
 
@@ -285,8 +281,7 @@ def _image_values(
     entry: Observations, rows: Rows, chosen: IntArray, scale: ImageScale
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     def unit(name: str) -> str:
-        given = entry.units if isinstance(entry.units, str) else entry.units.get(name, "")
-        return given or scale.coordinate_unit
+        return (entry.units if isinstance(entry.units, str) else entry.units.get(name, "")) or scale.coordinate_unit
 
     if unit("x") != unit("y"):
         raise UnitError("x and y must have the same unit")
@@ -296,8 +291,7 @@ def _image_values(
         [own_or_common(rows.number(f"sigma_{c}")[chosen] * scale.factor(unit(f"sigma_{c}")), common) for c in "xy"],
         axis=1,
     )
-    factors = np.full(2, scale.factor(unit("sigma")))
-    return scale.inwards(xy, unit("x")), sigma, factors
+    return scale.inwards(xy, unit("x")), sigma, np.full(2, scale.factor(unit("sigma")))
 
 
 # ---- Observation groups of a project: columns, names, units, σ and correlations, the same way for every type.
@@ -320,17 +314,17 @@ def read_groups(reading: Reading, of_features: bool = False) -> list[ReadGroup]:
             continue
         if entry.type != "image" and entry.type not in NAVIGATION and entry.type not in reading.types:
             if reading.project.world is None or reading.world is not None or entry.type not in EARTH_TYPES:
-                reading.problems.append(place.problem(_unknown_type(reading, entry.type), "type"))
+                place.tell(_unknown_type(reading, entry.type), "type")
             continue
         if entry.type in NAVIGATION:
             columns = navigation_columns(entry.type, reading.edge)
-            rows = read_table(entry, columns, place, reading.problems)
+            rows = read_table(entry, columns, place)
             result += navigation_groups(reading, entry, number, rows, place) if rows is not None else []
             reading.watch(entry.file)
             continue
         if entry.visible is not None:
             if not reading.planned or reading.section == "checks":
-                reading.problems.append(place.problem(_NOT_PLANNED, "visible"))
+                place.tell(_NOT_PLANNED, "visible")
             continue
         type_ = IMAGE_TYPES["mor"] if entry.type == "image" else reading.types[entry.type]
         if is_open(type_) or entry.projection is not None:
@@ -339,14 +333,14 @@ def read_groups(reading: Reading, of_features: bool = False) -> list[ReadGroup]:
                 continue
             type_ = found
         if entry.ppm and not (type_.distances is not None and any(c.quantity.length == 1 for c in type_.components)):
-            reading.problems.append(place.problem(_NO_LENGTH.format(entry.type), "ppm"))
+            place.tell(_NO_LENGTH.format(entry.type), "ppm")
         if entry.type == "image":
             entry = units_of_values(entry)
         measured = [component.name for component in type_.components]
         columns = observation_columns(type_, reading)
         if reading.planned:
             columns = without_required(columns, measured)
-        rows = read_table(entry, columns, place, reading.problems)
+        rows = read_table(entry, columns, place)
         if rows is None:
             continue
         if reading.planned:
@@ -372,8 +366,7 @@ def _in_projection(
 ) -> ObservationType | None:
     """The type in the projection that it refers to; ``None`` if there is a mistake in that."""
     if not is_open(type_):
-        words = f"projection: {entry.type} refers to none; expected it with projected_bearing"
-        reading.problems.append(place.problem(words, "projection"))
+        place.tell(f"projection: {entry.type} refers to none; expected it with projected_bearing", "projection")
         return None
     from mor.project.earth import in_its_projection  # most projects need nothing of it
 
@@ -403,8 +396,7 @@ def observation_columns(type_: ObservationType, reading: Reading) -> list[Column
         )
         name = f"sigma_{component.name}"
         columns.append(raw(name) if raw else number_column(name, component.quantity, edge))
-    common = raw("sigma") if raw else number_column("sigma", type_.components[0].quantity, edge)
-    columns.append(common)
+    columns.append(raw("sigma") if raw else number_column("sigma", type_.components[0].quantity, edge))
     for slot in type_.slots:
         if slot.part == "height" and slot.of != "image":
             columns.append(number_column(f"{slot.of}_height", LENGTH, edge))
@@ -437,7 +429,7 @@ _LINE = "length"
 def _of_lines(reading: Reading, rows: Rows) -> FloatArray:
     """(n, 1) factors of σ, √(length / 1 km); 1 where no length is given."""
     length = rows.number(_LINE)
-    tell_rows(reading.problems, length <= 0.0, rows, "found a length of 0 or less, expected one above 0")
+    rows.tell_where(length <= 0.0, "found a length of 0 or less, expected one above 0")
     kilometres = np.where(length > 0.0, length, np.nan) * reading.edge.metres / 1000.0
     return np.sqrt(np.where(np.isnan(kilometres), 1.0, kilometres))[:, None]
 
@@ -459,7 +451,7 @@ def _plain_group(
     reading: Reading, entry: Observations, number: int, type_: ObservationType, rows: Rows, place: TableLocation
 ) -> ReadGroup | None:
     named = {reference.name: resolve(reading, reference, rows) for reference in type_.references}
-    different = check_different(type_, rows, reading.problems)
+    different = check_different(type_, rows)
     instrument = instrument_blocks(reading, entry, place)
     if not different or not instrument or not all(found.blocks for found in named.values()):
         return None
@@ -482,8 +474,7 @@ def _plain_group(
     transform, offset = edge_transform(type_, reading.edge)
     for k, component in enumerate(type_.components):
         if component.name == "distance":
-            words = "found a negative distance, expected one above 0"
-            tell_rows(reading.problems, given[:, k] < 0.0, rows, words)
+            rows.tell_where(given[:, k] < 0.0, "found a negative distance, expected one above 0")
     sigma = _sigma(rows, type_)
     if type_.key in _LEVELLED:
         sigma = sigma * _of_lines(reading, rows)
@@ -502,26 +493,24 @@ def _plain_group(
         file=rows.file,
     )
     everything, clusters = np.arange(rows.count), _clusters(entry, rows, place, reading)
-    tell_rows(reading.problems, ~np.asarray(group.mask.any(axis=1)), rows, "nothing is observed in this row")
+    rows.tell_where(~np.asarray(group.mask.any(axis=1)), "nothing is observed in this row")
     correlated = entry.covariance is not None or entry.cluster is not None or _has_covariances(rows)
     if correlated:
         group = replace(group, sigma=np.where(group.mask & np.isnan(group.sigma), 1.0, group.sigma))
-    elif not sigma_is_good(group, rows, everything, reading.problems):
+    elif not sigma_is_good(group, rows, everything):
         return None
     factors = np.array([_sigma_factor(reading, entry, c) for c in type_.components])
     epochs = row_epochs(reading, rows, type_.references, group.references)
-    own = covariance_of_rows(rows, type_)
-    return ReadGroup(group, number, everything, transform, factors, own, clusters, epochs)
+    return ReadGroup(group, number, everything, transform, factors, covariance_of_rows(rows, type_), clusters, epochs)
 
 
 def _clusters(entry: Observations, rows: Rows, place: TableLocation, reading: Reading) -> Names | None:
     if CLUSTER not in rows.texts:
         return None
     if entry.covariance is None or entry.cluster is not None:
-        words = "column cluster: it needs the covariances of this table (key covariance), and no key cluster"
-        reading.problems.append(place.problem(words))
+        place.tell("column cluster: it needs the covariances of this table (key covariance), and no key cluster")
         return None
-    tell_rows(reading.problems, (rows.series(CLUSTER) == "").to_numpy(), rows, "cluster is empty")
+    rows.tell_where((rows.series(CLUSTER) == "").to_numpy(), "cluster is empty")
     return rows.names(CLUSTER)
 
 
@@ -620,7 +609,7 @@ def _centring(reading: Reading, entry: Observations, place: TableLocation) -> Se
     try:
         return SetUpSigmas(*(reading.edge.number(text, LENGTH) for text in texts))
     except UnitError as error:
-        reading.problems.append(place.problem(f"centring: {error}", "centring"))
+        place.tell(f"centring: {error}", "centring")
         return SetUpSigmas()
 
 
@@ -678,7 +667,7 @@ def candidate_groups(reading: Reading) -> tuple[ObservationGroup, ...]:
     for number, entry in enumerate(reading.project.candidates):
         if entry.covariance is not None or entry.cluster is not None:
             words = "candidates are uncorrelated; give each a σ"
-            reading.problems.append(reading.at("candidates", number).problem(words))
+            reading.at("candidates", number).tell(words)
     project = reading.project.model_copy(update={"observations": reading.project.candidates})
     apart = replace(reading, project=project, section="candidates", planned=True, unmeasured=[])
     known = len(reading.problems)
@@ -686,7 +675,7 @@ def candidate_groups(reading: Reading) -> tuple[ObservationGroup, ...]:
     for found in groups:
         if found.covariances is not None:
             words = "candidates are uncorrelated; give each a σ, not covariances"
-            reading.problems.append(reading.at("candidates", found.entry).problem(words))
+            reading.at("candidates", found.entry).tell(words)
     return tuple(found.group for found in groups)
 
 
@@ -721,7 +710,6 @@ def _refuse_unobserved(reading: Reading, groups: list[ObservationGroup], checks:
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
             if slot.kind != "point":
                 continue
-            for row in np.flatnonzero(free[blocks] & ~seen[blocks]):
+            for row in np.flatnonzero(free[blocks] & ~seen[blocks]).tolist():
                 words = f"point {points.ids[blocks[row]]!r} is a check point, but nothing determines it"
-                line = int(group.lines[row]) if len(group.lines) else 0
-                reading.problems.append(Message(words, group.file, line))
+                reading.problems.append(group.message(row, words))

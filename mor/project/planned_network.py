@@ -154,7 +154,7 @@ def _tell_lost(group: ObservationGroup, times: FloatArray) -> None:
     lost = np.flatnonzero(np.isnan(times))
     image, point = group.references
     words = "point {0!r} does not cross the line of image {1!r} where it is planned"
-    told = [Message(words.format(point[k], image[k]), group.file, int(group.lines[k])) for k in lost[:10].tolist()]
+    told = [group.message(k, words.format(point[k], image[k])) for k in lost[:10].tolist()]
     if told:
         raise InputError(told)
 
@@ -198,8 +198,7 @@ def poses_of(images: Entities, flights: Flights, values: Mapping[str, FloatArray
         mine = np.flatnonzero(images.parts[TRAJECTORY] == number)
         if not len(mine):
             continue
-        times = np.array([flights.image_times[images.ids[i]] for i in mine])
-        clock = trajectory.clock(times)
+        clock = trajectory.clock(np.array([flights.image_times[images.ids[i]] for i in mine]))
         positions, rotations = trajectory.positions[clock.knots], trajectory.rotations[clock.knots]
         weights = clock.constants[:, 1:].reshape(len(mine), trajectory.order, trajectory.order)
         pose = pose_at(values["point"][positions], values["rotation"][rotations], weights, clock.constants[:, 0])
@@ -328,12 +327,10 @@ def _known(network: Network, world: EarthModel, group: ObservationGroup, points:
         lost = np.isnan(N)
         if lost.any():
             row = int(np.argmax(lost))
-            names, line = group.references[0].texts(), int(group.lines[row]) if len(group.lines) else 0
-            words = f"{names[row]!r}: {MEANT}"
-            raise InputError([Message(words, group.file or network.file, line)])
+            name = group.references[0][row]
+            raise InputError([Message(f"{name!r}: {MEANT}", group.file or network.file, group.line(row))])
     said = world.from_object(position, N)
-    grid = world.grid(position).reshape(-1, 4)
-    return replace(group, constants=np.concatenate([position, grid, said], axis=1))
+    return replace(group, constants=np.concatenate([position, world.grid(position).reshape(-1, 4), said], axis=1))
 
 
 def with_control_moved(network: Network) -> Network:

@@ -79,10 +79,10 @@ def level_groups(reading: Reading) -> list[ObservationGroup]:
         try:
             sigma = reading.edge.number(table.level, ANGLE)
         except UnitError as error:
-            reading.problems.append(place.problem(str(error), "level"))
+            place.tell(str(error), "level")
             continue
         if sigma <= 0.0:
-            reading.problems.append(place.problem("level: expected a σ > 0, or fixed", "level"))
+            place.tell("level: expected a σ > 0, or fixed", "level")
             continue
         names = [n for n in reading.table_ids.get(("stations", number), []) if n not in reading.unoriented]
         if not names:
@@ -204,29 +204,26 @@ def _feature_group(
 ) -> ObservationGroup | None:
     place = reading.at("features", number)
     points = reading.shop.things["point"]
-    problems: list[Message] = []
+    before = len(reading.problems)
     for name in (*feature.points, *feature.other):
         if name not in points.numbers:
-            problems.append(place.problem(unknown_name("point", name, points.ids), "points"))
+            place.tell(unknown_name("point", name, points.ids), "points")
     if feature.id in systems:
-        problems.append(place.problem(f"id: there are two features {feature.id!r}", "id"))
-    problems += _wrong_keys(feature, place, systems)
+        place.tell(f"id: there are two features {feature.id!r}", "id")
+    _check_keys(feature, place, systems)
     needed = NEEDED[feature.type] if feature.type in NEEDED else _needed(feature)
     if len(set(feature.points)) < needed:
         words = f"a {feature.type} observes nothing with {len(set(feature.points))} points; it needs {needed} or more"
-        problems.append(place.problem(words, "points"))
+        place.tell(words, "points")
     if (feature.type == "right angle") != bool(feature.other):
-        problems.append(
-            place.problem("other: the points on the second plane belong to a right angle, which needs them")
-        )
+        place.tell("other: the points on the second plane belong to a right angle, which needs them")
     try:
         sigma = reading.edge.number(feature.sigma, LENGTH)
         if sigma <= 0.0:
-            problems.append(place.problem("sigma: expected a σ > 0", "sigma"))
+            place.tell("sigma: expected a σ > 0", "sigma")
     except UnitError as error:
-        problems.append(place.problem(f"sigma: {error}", "sigma"))
-    reading.problems.extend(problems)
-    if problems:
+        place.tell(f"sigma: {error}", "sigma")
+    if len(reading.problems) > before:
         return None
     first = np.array([points.part(name, "position") for name in feature.points], dtype=np.int64)
     other = np.array([points.part(name, "position") for name in feature.other], dtype=np.int64)
@@ -235,32 +232,30 @@ def _feature_group(
     return _observed_zero(reading, feature, first, other, sigma, systems)
 
 
-def _wrong_keys(feature: Feature, place: TableLocation, systems: dict[str, _System]) -> list[Message]:
-    """Sizes that a feature does not have, and features that its axis cannot come from."""
-    problems = []
+def _check_keys(feature: Feature, place: TableLocation, systems: dict[str, _System]) -> None:
+    """Tell sizes that a feature does not have, and features that its axis cannot come from."""
     free = FREEDOM[feature.type].shape if feature.type in FREEDOM else np.zeros(SHAPE.size, dtype=bool)
     for name, has in zip(SHAPE.names, free.tolist(), strict=True):
         if getattr(feature, name) is not None and not has:
-            problems.append(place.problem(f"{name}: a {feature.type} has none", name))
+            place.tell(f"{name}: a {feature.type} has none", name)
     given = [key for key in RELATIONS if getattr(feature, key) is not None]
     if len(given) > 1:
         words = "give only one of parallel, perpendicular, coaxial and coplanar"
-        problems.append(place.problem(words, given[1]))
+        place.tell(words, given[1])
     for key in given:
         name = getattr(feature, key)
         if feature.type not in _CAN_HAVE[key]:
-            problems.append(place.problem(f"{key}: a {feature.type} cannot have it", key))
+            place.tell(f"{key}: a {feature.type} cannot have it", key)
         if name not in systems:
-            problems.append(place.problem(f"{key}: no feature {name!r} stands above this one", key))
+            place.tell(f"{key}: no feature {name!r} stands above this one", key)
         elif systems[name].type not in _CAN_GIVE[key]:
             type_ = systems[name].type
             plane = f"{key}: the {type_} {name!r} has no plane"
             axis = f"{key}: the {type_} {name!r} has no axis"
-            problems.append(place.problem(plane if key == "coplanar" else axis, key))
+            place.tell(plane if key == "coplanar" else axis, key)
         elif key == "perpendicular" and systems[name].turn >= 0:
             words = f"perpendicular: {name!r} is itself perpendicular to another feature"
-            problems.append(place.problem(words, key))
-    return problems
+            place.tell(words, key)
 
 
 _ROUND = ("circle", "cylinder", "cone", "torus")
@@ -302,8 +297,7 @@ def _on_shape(
     shop, label, free = reading.shop, feature_label(feature), FREEDOM[feature.type]
     shop.begin(label)
     given = {name: one for name in SHAPE.names if (one := getattr(feature, name)) is not None}
-    place = reading.at("features", number)
-    size = settings(given, SHAPE.components, reading.edge, place, ("features", number), reading.problems)
+    size = settings(given, SHAPE.components, reading.edge, reading.at("features", number))
     open_ = free.shape & np.array([name not in given for name in SHAPE.names])
     size.values[0, open_], size.free[0, open_] = np.nan, True
     known = np.where(np.isnan(size.start), size.values, size.start)[0]
@@ -557,9 +551,9 @@ def check_feasible(
                 )
             elif bare:
                 words = f"there are no observations, only points; mor convert lists what was not read ({notes})"
-        reading.problems.append(reading.at("observations").problem(words))
+        reading.at("observations").tell(words)
     elif not reading.shop.store("point").ids:
-        reading.problems.append(reading.at("points").problem("there are no points, images or stations"))
+        reading.at("points").tell("there are no points, images or stations")
     for group in groups:
         _check_sigma(reading, group)
     if groups and not any(store.all_free().any() for store in reading.shop.stores.values() if store.ids):
@@ -568,10 +562,10 @@ def check_feasible(
             reading.notes.append(reading.at("points").problem(words))
         else:
             words = "there is nothing to adjust: all coordinates and parameters are fixed or not estimated"
-            reading.problems.append(reading.at("points").problem(words))
+            reading.at("points").tell(words)
     if not carries_datum:
         none = "" if reading.shop.things["point"].ids else ": there are no points"
-        reading.problems.append(reading.at("datum").problem(f"datum: names no coordinates{none}"))
+        reading.at("datum").tell(f"datum: names no coordinates{none}")
 
 
 def _check_sigma(reading: Reading, group: ObservationGroup) -> None:
@@ -580,8 +574,7 @@ def _check_sigma(reading: Reading, group: ObservationGroup) -> None:
     for row in np.flatnonzero(wrong.any(axis=1))[:MOST_TOLD].tolist():
         found = group.sigma[row][wrong[row]][0]
         words = f"{group.name}: found σ = {found:g}, expected one from {SMALLEST_SIGMA:g} to {LARGEST:g}"
-        line = int(group.lines[row]) if len(group.lines) > row else 0
-        reading.problems.append(Message(words, group.file or reading.document.file, line))
+        reading.problems.append(Message(words, group.file or reading.document.file, group.line(row)))
 
 
 # ---- Observation groups of types ``parameter`` and ``difference``: any component of any block, row by row.
@@ -646,7 +639,7 @@ def parameter_groups(reading: Reading) -> list[tuple[int, ObservationGroup]]:
         ]
         if reading.planned:
             columns = without_required(columns, ["value"])
-        rows = read_table(entry, columns, reading.at("observations", number), reading.problems)
+        rows = read_table(entry, columns, reading.at("observations", number))
         if rows is not None:
             found = _parameter_rows(reading, entry, rows, names, said)
             groups += [(number, replace(group, name=group_name(entry, number))) for group in found]
@@ -668,7 +661,7 @@ def _parameter_rows(
         except _UnknownThingError:
             continue
         except ValueError as error:
-            reading.problems.append(Message(str(error), rows.file, int(rows.lines[i])))
+            rows.tell(i, str(error))
             continue
         said.append(_Row(places[0].kind, known, rows, names))
         if known.sigma == 0.0:
@@ -701,8 +694,7 @@ def _known(reading: Reading, entry: Observations, rows: Rows, i: int, places: li
     if given["sigma"] < 0.0:
         raise ValueError(f"sigma: found {rows.series('sigma')[i]}, expected a σ ≥ 0")
     blocks = tuple(place.block for place in places)
-    sigma = given["sigma"] * entry.factor
-    return _Known(i, blocks, place.component, given["value"] * place.sign, sigma)
+    return _Known(i, blocks, place.component, given["value"] * place.sign, given["sigma"] * entry.factor)
 
 
 def _find(reading: Reading, name: str, component: str) -> _BlockComponent:
@@ -734,8 +726,7 @@ def _find(reading: Reading, name: str, component: str) -> _BlockComponent:
                 raise ValueError(f"{name} has no {component} of its own: give it one where it is declared")
             scale = reading.scales[camera] if camera is not None else None
             return _BlockComponent(kind.key, block, *_internal(reading, space, kind, k), scale)
-    words = f"{name} has no component {component!r}{nearest(component, known)} (known: {', '.join(known)})"
-    raise ValueError(words)
+    raise ValueError(f"{name} has no component {component!r}{nearest(component, known)} (known: {', '.join(known)})")
 
 
 def _internal(reading: Reading, space: str, kind: BlockKind, component: int) -> tuple[int, float]:
@@ -770,8 +761,8 @@ class _Row(NamedTuple):
     rows: Rows
     names: tuple[str, ...]
 
-    def problem(self, words: str) -> Message:
-        return Message(words, self.rows.file, int(self.rows.lines[self.known.row]))
+    def tell(self, words: str) -> None:
+        self.rows.tell(self.known.row, words)
 
 
 def _take_exactly(reading: Reading, exact: list[_Row]) -> None:
@@ -789,7 +780,7 @@ def _take_exactly(reading: Reading, exact: list[_Row]) -> None:
             settle_equalities(reading.shop.store(kind), ties)
         except ContradictionError as error:
             row = tied[error.number] if error.number is not None else (tied or here)[0]
-            reading.problems.append(row.problem(f"σ = 0: {error}"))
+            row.tell(f"σ = 0: {error}")
 
 
 def _refuse_constant(reading: Reading, row: _Row) -> None:
@@ -799,11 +790,10 @@ def _refuse_constant(reading: Reading, row: _Row) -> None:
         return
     names = " and ".join(row.rows.series(name)[known.row] for name in row.names)
     verb = "is" if len(row.names) == 1 else "are"
-    words = (
+    row.tell(
         f"{row.rows.series('component')[known.row]} of {names} {verb} fixed: observing it has no effect; make it "
         "free where it is declared, or give its value and σ there"
     )
-    reading.problems.append(row.problem(words))
 
 
 def _parameter_group(kind: str, unit: str, found: list[_Known], rows: Rows, names: tuple[str, ...]) -> ObservationGroup:

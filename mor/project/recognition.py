@@ -936,8 +936,7 @@ def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...],
         above = tuple(cell.strip() for cell in next(csv.reader([comment], delimiter=delimiter), ()))
         return delimiter, tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row), above, encoding
     except csv.Error as error:
-        words = f"this is not a table: {error}; is a quote not closed?"
-        raise InputError([Message(words, str(path))]) from None
+        raise InputError([Message(f"this is not a table: {error}; is a quote not closed?", str(path))]) from None
 
 
 def _rows(lines: list[str], delimiter: str) -> list[list[str]]:

@@ -18,7 +18,7 @@ from mor.project.axes import Edge, UnitError
 from mor.project.entities import Reading, entities, unknown_name
 from mor.project.points import add_free_points
 from mor.project.schema import Observations
-from mor.project.tables import MOST_TOLD, Column, Rows, TableLocation, number_column, tell_rows
+from mor.project.tables import MOST_TOLD, Column, Rows, TableLocation, number_column
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import LENGTH, NUMBER
 
@@ -62,8 +62,7 @@ def drop_unused_orientations(reading: Reading, groups: Sequence[ObservationGroup
     for name, number in zip(stations.ids, stations.parts["rotation"], strict=True):
         if int(number) not in used:
             reading.unoriented.add(name)
-            values = np.nan_to_num(store.all_values()[number])
-            for component, value in enumerate(values):
+            for component, value in enumerate(np.nan_to_num(store.all_values()[number])):
                 store.hold(int(number), component, float(value))
 
 
@@ -99,16 +98,15 @@ def own_or_common(own: FloatArray, common: FloatArray) -> FloatArray:
     return np.where(np.isnan(own), common, own)
 
 
-def sigma_is_good(group: ObservationGroup, rows: Rows, chosen: IntArray, problems: list[Message]) -> bool:
+def sigma_is_good(group: ObservationGroup, rows: Rows, chosen: IntArray) -> bool:
     """False if an observation has no σ > 0; every such row is told, once for all where none has any."""
     bad = group.mask & ~(group.sigma > 0.0)
     if bad.any() and np.isnan(group.sigma[group.mask]).all():
         matrix = "; or covariances" if len(group.type.components) == 3 else ""
-        words = f"no σ: give a column sigma, or values: {{sigma: …}} for all rows{matrix}"
-        problems.append(Message(words, rows.file, int(rows.lines[chosen[0]])))
+        rows.tell(chosen[0], f"no σ: give a column sigma, or values: {{sigma: …}} for all rows{matrix}")
         return False
     wrong = replace(rows, lines=rows.lines[chosen])
-    tell_rows(problems, np.asarray(bad.any(axis=1)), wrong, lambda row: _wrong_sigma(group.sigma[row][bad[row]][0]))
+    wrong.tell_where(np.asarray(bad.any(axis=1)), lambda row: _wrong_sigma(group.sigma[row][bad[row]][0]))
     return not bad.any()
 
 
@@ -165,8 +163,7 @@ def declare(reading: Reading, rows: Rows, column: str, spaces: Sequence[str]) ->
     new = [name for name in dict.fromkeys(names) if name and ":" not in name]
     if not new:
         return
-    cells = rows.text(column)
-    first = {name: row for row, name in reversed(list(enumerate(cells)))}
+    first = {name: row for row, name in reversed(list(enumerate(rows.text(column))))}
     for name in new:
         reading.undeclared[name] = (rows.file, int(rows.lines[first[name]]))
     add_free_points(reading, new)
@@ -263,8 +260,7 @@ def instrument_blocks(reading: Reading, entry: Observations, place: TableLocatio
         return {part: 0 if part in _NEUTRAL else -1 for part in instruments.parts}
     if entry.instrument not in instruments.numbers:
         if "instrument" not in reading.broken:
-            words = unknown_name("instrument", entry.instrument, instruments.ids)
-            reading.problems.append(place.problem(words, "instrument"))
+            place.tell(unknown_name("instrument", entry.instrument, instruments.ids), "instrument")
         return {}
     return {part: instruments.part(entry.instrument, part) for part in instruments.parts}
 
@@ -338,7 +334,7 @@ def _refuse_followers(reading: Reading, resolved: Resolved, rows: Rows) -> None:
         return
     wrong = (resolved.blocks["base"] >= 0) & ~resolved.at_centre
     words = "image {0!r} follows another one and is not a position of its own; centre:{0} is its projection centre"
-    tell_rows(reading.problems, wrong, rows, lambda row: words.format(resolved.names[row]))
+    rows.tell_where(wrong, lambda row: words.format(resolved.names[row]))
 
 
 def _refuse_timed(reading: Reading, resolved: Resolved, rows: Rows) -> None:
@@ -347,7 +343,7 @@ def _refuse_timed(reading: Reading, resolved: Resolved, rows: Rows) -> None:
     if timed is None or not (timed >= 0).any():
         return
     words = "image {0!r} is on a trajectory: its projection centre cannot be named here (image coordinates can)"
-    tell_rows(reading.problems, timed >= 0, rows, lambda row: words.format(resolved.names[row]))
+    rows.tell_where(timed >= 0, lambda row: words.format(resolved.names[row]))
 
 
 def _tell_unknown(
@@ -360,9 +356,7 @@ def _tell_unknown(
     # Unknown names for which the nearest one is looked for among very many.
     guessed = set(np.flatnonzero(wrong)[:5].tolist())
     few = len(ids) <= MANY_NAMES
-    tell_rows(
-        reading.problems, wrong, rows, lambda row: unknown_name(what, names[row], ids if few or row in guessed else ())
-    )
+    rows.tell_where(wrong, lambda row: unknown_name(what, names[row], ids if few or row in guessed else ()))
 
 
 def _stations_on_points(reading: Reading, names: Names, rows: Rows) -> Names:
@@ -397,7 +391,7 @@ def _stations_on_points(reading: Reading, names: Names, rows: Rows) -> Names:
     return Names(places[numbers], tuple(set_name(*stand) for stand in stands))
 
 
-def check_different(type_: ObservationType, rows: Rows, problems: list[Message]) -> bool:
+def check_different(type_: ObservationType, rows: Rows) -> bool:
     """False if an observation lies between a place and itself, or an angle has two equal targets."""
     names = [reference.name for reference in type_.references if reference.name not in ("system", "frame")]
     good = True
@@ -405,7 +399,7 @@ def check_different(type_: ObservationType, rows: Rows, problems: list[Message])
         for b in names[i + 1 :]:
             cells = rows.series(a)
             same = (cells == rows.series(b)).to_numpy()
-            tell_rows(problems, same, rows, partial(_same_words, f"{a} and {b}", type_.key, cells))
+            rows.tell_where(same, partial(_same_words, f"{a} and {b}", type_.key, cells))
             good = good and not same.any()
     return good
 
@@ -419,8 +413,7 @@ def named_things(reading: Reading, space: str, column: str, rows: Rows) -> Names
     if space == "point":
         declare(reading, rows, column, ("point",))
     things = reading.shop.things[space]
-    cells = rows.series(column)
-    found = places(cells, pl.Series(things.ids, dtype=pl.String))
+    found = places(rows.series(column), pl.Series(things.ids, dtype=pl.String))
     if (found < 0).any() and space not in reading.broken:
         named = rows.names(column)
         known = np.ones(len(named.known), dtype=bool)
@@ -558,12 +551,12 @@ def corrected(reading: Reading, entry: Observations, rows: Rows, given: FloatArr
     before = len(reading.problems)
     for name, (least, most, unit) in _LIMITS.items():
         words = f"{name}: expected a value between {least:g} and {most:g} {unit}"
-        tell_rows(reading.problems, (found[name] < least) | (found[name] > most), rows, words)
+        rows.tell_where((found[name] < least) | (found[name] > most), words)
     lost = np.isnan(found[TEMPERATURE]) | np.isnan(found[PRESSURE])
     words = "a distance with a column of the air needs both temperature and pressure"
-    tell_rows(reading.problems, lost, rows, words)
+    rows.tell_where(lost, words)
     both = np.isfinite(found[HUMIDITY]) & np.isfinite(found[VAPOUR])
-    tell_rows(reading.problems, both, rows, "give either humidity or vapour_pressure")
+    rows.tell_where(both, "give either humidity or vapour_pressure")
     if constants is None or len(reading.problems) > before:
         return given
     vapour = np.where(
@@ -579,7 +572,7 @@ def _constants(reading: Reading, entry: Observations, place: TableLocation) -> t
     instrument = reading.project.instruments.get(name) if name is not None else None
     if instrument is None or instrument.atmosphere is None:
         words = "temperature, pressure: the instrument has no atmosphere: {C: 286.34, D: 80.67} or {C, wavelength}"
-        reading.problems.append(place.problem(words, "instrument"))
+        place.tell(words, "instrument")
         return None
     said = instrument.atmosphere
     if said.wavelength is None:
@@ -588,11 +581,11 @@ def _constants(reading: Reading, entry: Observations, place: TableLocation) -> t
     try:
         length = reading.edge.number(said.wavelength, LENGTH) * reading.edge.metres * 1e6
     except UnitError as error:
-        reading.problems.append(reading.at("instruments", str(name), "atmosphere").problem(f"wavelength: {error}"))
+        reading.at("instruments", str(name), "atmosphere").tell(f"wavelength: {error}")
         return None
     if not _SHORTEST <= length <= _LONGEST:
         words = f"wavelength: found {said.wavelength}, expected one of light, as 0.658 um"
-        reading.problems.append(reading.at("instruments", str(name), "atmosphere").problem(words))
+        reading.at("instruments", str(name), "atmosphere").tell(words)
         return None
     return said.C, dispersion_constant(length)
 
@@ -642,5 +635,4 @@ def refuse_fixed(reading: Reading, groups: Iterable[ObservationGroup]) -> None:
                 f"{names} of {of} {'is' if len(said) == 1 else 'are'} fixed: observing it has no effect; make it "
                 "free where it is declared, or give its value and σ there"
             )
-            line = int(group.lines[row]) if len(group.lines) > row else 0
-            reading.problems.append(Message(words, group.file or reading.document.file, line))
+            reading.problems.append(Message(words, group.file or reading.document.file, group.line(row)))

@@ -183,8 +183,7 @@ def _refined(type_: str, q: FloatArray, guesses: list[list[FittedShape]], free: 
         def distances(step: FloatArray) -> FloatArray:
             return _distances(type_, q, _moved(fit, step, free))
 
-        found = least_squares(distances, np.zeros(free.unknowns), x_scale="jac", max_nfev=_STEPS)
-        return _moved(fit, found.x, free)
+        return _moved(fit, least_squares(distances, np.zeros(free.unknowns), x_scale="jac", max_nfev=_STEPS).x, free)
 
     fits: list[tuple[float, FittedShape]] = []
     ordered = [sorted(some, key=lambda guess: _squares(type_, q, guess))[:_REFINED] for some in guesses]

@@ -41,17 +41,12 @@ def sigmas(network: Network) -> list[FloatArray]:
     return found
 
 
-def line_of(group: ObservationGroup, row: int) -> int:
-    """Line of a row in its file, 0 where it comes from none."""
-    return int(group.lines[row]) if len(group.lines) > row else 0
-
-
 def noted(group: ObservationGroup, rows: IntArray, said: Callable[[int], str]) -> Iterator[Message]:
     """A note for each of the first rows, and how many more there are."""
     for row in rows[:MOST].tolist():
-        yield Message(said(row), group.file, line_of(group, row))
+        yield group.message(row, said(row))
     if len(rows) > MOST:
-        yield Message(f"and {len(rows) - MOST} more of this kind", group.file, line_of(group, int(rows[MOST])))
+        yield group.message(int(rows[MOST]), f"and {len(rows) - MOST} more of this kind")
 
 
 # ---- Angles of more than a full circle: no instrument shows one, so a table of such is in another unit.
@@ -80,7 +75,7 @@ def _component(group: ObservationGroup, component: int) -> Iterator[Message]:
             f"{group.type.name}, {name}: {np.count_nonzero(beyond)} of {of} angles are larger than a full circle; "
             "check their unit"
         )
-        yield Message(said, group.file, line_of(group, int(np.argmax(beyond))))
+        yield group.message(int(np.argmax(beyond)), said)
 
 
 # ---- Distances, height differences and vectors against the coordinates that are given to start from.
@@ -128,7 +123,7 @@ def _of_table(group: ObservationGroup, difference: FloatArray, sigma: FloatArray
                 f"{group.type.name}: the observations are {np.exp(ratio):.3g} times as large as computed from the "
                 "given coordinates; check their unit"
             )
-            yield Message(words, group.file, line_of(group, int(np.argmax(used))))
+            yield group.message(int(np.argmax(used)), words)
             return
     noise = np.maximum(np.median(size[used]), np.linalg.norm(np.nan_to_num(sigma), axis=1))
     beyond = used & (size > _TIMES * noise) & (size > _SIGMAS * np.linalg.norm(np.nan_to_num(sigma), axis=1))
@@ -216,7 +211,7 @@ def _again(group: ObservationGroup, before: dict[int, int]):  # type: ignore[no-
     image, point = group.references
 
     def said(row: int) -> str:
-        line = line_of(group, before[row])
+        line = group.line(before[row])
         return f"image {image[row]} has point {point[row]} twice" + (f", in line {line}, too" if line else "")
 
     return said
@@ -451,12 +446,12 @@ def _note(network: Network, lines: list[_Line], loop: list[tuple[int, float]], t
     ids = network.blocks["point"].ids
     own = [lines[k] for k, _ in loop if lines[k].group is not None]
     names = " - ".join(dict.fromkeys(ids[end] for line in own for end in (line.start, line.end)))
-    places = ", ".join(str(line_of(line.group, line.row)) for line in own if line.group is not None)
+    places = ", ".join(str(line.group.line(line.row)) for line in own if line.group is not None)
     closing = own[0]
     unit = network.project.units.length
     where = f"; its lines: {places}" if len(own) > 1 and places.strip("0, ") else ""
     words = f"levelling {names}: the loop has a misclosure of {total:.4g} {unit} ({size:.0f} sigma){where}"
-    file, line = (closing.group.file, line_of(closing.group, closing.row)) if closing.group else ("", 0)
+    file, line = (closing.group.file, closing.group.line(closing.row)) if closing.group else ("", 0)
     return Message(words, file, line)
 
 
@@ -561,7 +556,7 @@ def _chances(observed: FloatArray, sigma: FloatArray, rows: IntArray) -> FloatAr
 def _note_on_repeated_rows(
     one: ObservationGroup, other: ObservationGroup, first: IntArray, second: IntArray
 ) -> Message:
-    where = line_of(one, int(first[0])), line_of(other, int(second[0]))
+    where = one.line(int(first[0])), other.line(int(second[0]))
     observations = int(np.count_nonzero(other.mask[second]))
     return Message(
         f"{len(second)} of {other.count} rows repeat rows of {one.file} with the same value and sigma (line "
@@ -668,7 +663,7 @@ def _all_near(group: ObservationGroup, component: int, suspicious: float) -> tup
     if len(here) < _FEWEST_SET_UPS:
         return 0, 0
     near = np.abs(wrap(2.0 * (group.observed[here, component] - suspicious))) / 2.0 < _NEAR
-    return (len(here), line_of(group, int(here[0]))) if near.all() else (0, 0)
+    return (len(here), group.line(int(here[0]))) if near.all() else (0, 0)
 
 
 # ---- Standard deviations that no instrument has: against the circle, the length or the image they belong to.
@@ -696,7 +691,7 @@ def implausible_sigmas(network: Network) -> Iterator[Message]:
                     f"{group.type.name}, {name}: the standard deviation is {words} than that "
                     f"of any instrument; check its unit"
                 )
-                yield Message(said, group.file, line_of(group, row))
+                yield group.message(row, said)
 
 
 def beyond_any_instrument(network: Network, group: ObservationGroup) -> int:
@@ -770,7 +765,7 @@ def unsupported_poses(network: Network) -> Iterator[Message]:
                 f"image {group.references[0].known[k]}: its start pose shows none of its {count[k]} points that have "
                 "start coordinates"
             )
-            yield Message(words, group.file, line_of(group, row))
+            yield group.message(row, words)
 
 
 def _settled(network: Network, group: ObservationGroup) -> BoolArray:
@@ -863,7 +858,7 @@ def neglected_curvature(network: Network, values: Values) -> Message | None:
         f"{metres:.4g} m is off by {_two_digits(across)} mm ({_two_digits(effect.in_sigma)} sigma), more than any "
         "other; curvature: true models it"
     )
-    return Message(words, group.file, line_of(group, row))
+    return group.message(row, words)
 
 
 def _two_digits(value: float) -> str:

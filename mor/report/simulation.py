@@ -206,7 +206,7 @@ def _wrapped(group: ObservationGroup, component: int, given: FloatArray) -> Floa
 def _raw(document: Document, source: Path, section: str, number: int, entry: Observations) -> Source:
     """The table of an entry as it stands there; it has been read before, so that it has no mistakes."""
     at = TableLocation(document, (section, number), source)
-    found = from_rows(entry, at, []) if entry.rows is not None else from_file(entry, {}, at, [])
+    found = from_rows(entry, at) if entry.rows is not None else from_file(entry, {}, at)
     assert found is not None
     return found
 
