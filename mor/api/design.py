@@ -123,8 +123,7 @@ def _of_large_block(solved: Solved, required: Sequence[Requirement], blocks: Int
     assert quality is not None
     groups = solved.adjustment.problem.groups
     least = least_redundancies(required, quality, names)
-    weak = weak_observations(quality, least[: len(groups)])
-    wide = wide_interest(quality, blocks, weak, network.candidates)
+    wide = wide_interest(quality, blocks, weak_observations(quality, least[: len(groups)]), network.candidates)
     wanted = wanted_of(required, wide.interest, quality, names)
     now = present(wide.interest, wanted)
     found: list[Ranked] = []
@@ -220,8 +219,7 @@ def _without(network: Network, variant: Variant, at: str, problems: list[Message
     lost: dict[str, set[str]] = {}
     for key, space in _SPACES.items():
         things = network.things[space].ids
-        numbers = chosen_names(getattr(wanted, key), things, space, at, problems)
-        lost[space] = {things[k] for k in numbers}
+        lost[space] = {things[k] for k in chosen_names(getattr(wanted, key), things, space, at, problems)}
     lost["station"] |= {name for name, (station, _) in network.sets.items() if station in lost["station"]}
     out = [_lost_rows(group, lost) | (number in whole) for number, group in enumerate(network.groups)]
     groups = tuple(
@@ -279,8 +277,7 @@ class Design(NamedTuple):
         more: dict[str, Content] = {}
         if self.ranking is not None:
             more["ranking.csv"] = table_writer(self._ranking_table(self.ranking))
-        page = design_page(self.solved, self.judged, self.sighted, self._variant_rows(), words, of)
-        more["design.html"] = page
+        more["design.html"] = design_page(self.solved, self.judged, self.sighted, self._variant_rows(), words, of)
         write_design(self.solved, self.judged, text, self.json(of), more, place)
 
     def json(self, of: RunIdentity) -> str:
@@ -309,8 +306,7 @@ class Design(NamedTuple):
         """Sections on what is visible, on variants and on what observations are worth, where they were asked for."""
         sections = [visible_section(self.sighted, words)] if self.sighted else []
         if self.variants:
-            unit = self.solved.network.project.units.length
-            sections.append(variant_text(self._variant_rows(), unit, words))
+            sections.append(variant_text(self._variant_rows(), self.solved.network.project.units.length, words))
         if self.ranking is not None:
             frame = self._ranking_table(self.ranking)
             sections.append(

@@ -278,8 +278,7 @@ def diagnose_network(network: Network, go_on: GoOn, watch: Watcher | None = None
             from mor.diagnose.search import causes_without_start
 
             names = {thing.name for thing in error.things}
-            found = causes_without_start(network, names, make_problem, start_or_nothing, go_on)
-            return None, found
+            return None, causes_without_start(network, names, make_problem, start_or_nothing, go_on)
         solved = _assessed(adjusted, None)
         return with_poses(solved), _diagnosis(adjusted, solved, go_on)
 

@@ -109,8 +109,7 @@ def solve_plan(network: Network) -> Solved:
     settings = network.project.settings
 
     def solve(some: Network, start: Values) -> Attempt:
-        problem = make_problem(some, start, start)
-        return Attempt(adjust(problem, start, SolverSettings(settings.max_iterations)))
+        return Attempt(adjust(make_problem(some, start, start), start, SolverSettings(settings.max_iterations)))
 
     means = Means(
         lambda some, start: make_problem(some, start, start), solve, solve, critical_value(settings.snooping_level)

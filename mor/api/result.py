@@ -110,8 +110,7 @@ def reopen(path: Path) -> Project:
     """
     file = path / ADJUSTED if path.is_dir() else path
     if path.is_dir() and not file.is_file():
-        words = f"no {ADJUSTED} in this folder; expected the results of mor adjust"
-        raise InputError([Message(words, str(path))])
+        raise InputError([Message(f"no {ADJUSTED} in this folder; expected the results of mor adjust", str(path))])
     project = read(file)
     reference = path / REFERENCE
     if not path.is_dir() or not reference.is_file():
@@ -279,8 +278,7 @@ class Result:
             for camera in interior_rows(self._solution)
             for component in CAMERA_MODELS[camera["model"]].components
         ]
-        units = dict.fromkeys(("value", "sigma"), "unit")
-        return Table(pl.DataFrame(rows, infer_schema_length=None), units)
+        return Table(pl.DataFrame(rows, infer_schema_length=None), dict.fromkeys(("value", "sigma"), "unit"))
 
     @cached_property
     def features(self) -> Table:

@@ -222,9 +222,7 @@ def _without_free(network: Network) -> Mapping[str, FloatArray]:
     for kind in ("point", "rotation"):
         if kind not in start:
             continue
-        known = np.isfinite(network.sigma[kind])
-        loose = (network.blocks[kind].free & ~known).all(axis=1)
-        start[kind][loose] = np.nan
+        start[kind][(network.blocks[kind].free & ~np.isfinite(network.sigma[kind])).all(axis=1)] = np.nan
     return start
 
 

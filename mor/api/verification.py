@@ -467,8 +467,7 @@ _SIDES, _RADIUS = 8, 100.0
 
 
 def _solved(lines: Sequence[str]) -> Solved:
-    network = read_network(read_yaml("\n".join(lines), "verification"), Path())
-    solved = solve_network(network)
+    solved = solve_network(read_network(read_yaml("\n".join(lines), "verification"), Path()))
     if solved.quality is None:
         raise ValueError(f"{solved.adjustment.outcome.value}: {solved.adjustment.reason}")
     return solved

@@ -85,8 +85,7 @@ def command(
         from mor.report.view import view_of_folder
 
         who = administration(read_yaml(read_text(admin), str(admin)))
-        one = certificate(view_of_folder(results), camera, coverage)
-        content = digital_certificate(one, who, words_of_page(lang))
+        content = digital_certificate(certificate(view_of_folder(results), camera, coverage), who, words_of_page(lang))
     else:
         content = _certified(results, camera, target, paper, coverage, lang)
     write_file(target, content, force)
@@ -110,8 +109,7 @@ def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
 
     adjusted = results / "adjusted.yaml"
     if not adjusted.is_file():
-        words = "no adjusted.yaml in this folder; expected the results of mor adjust"
-        raise InputError([Message(words, str(results))])
+        raise InputError([Message("no adjusted.yaml in this folder; expected the results of mor adjust", str(results))])
     return write_calibration(read_document(adjusted), results, camera, form, target)
 
 

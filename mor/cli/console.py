@@ -30,8 +30,7 @@ def language_option(what: str) -> Callable[[Callable[..., Any]], Callable[..., A
 def add_language(command: click.Command) -> None:
     """``--lang`` for a command that writes nothing in a language: for its mistakes, notes and help alone."""
     if not any(_OPTION in parameter.opts for parameter in command.params):
-        what = "the messages"
-        command.params.append(click.Option([_OPTION], expose_value=False, **_settings(what)))
+        command.params.append(click.Option([_OPTION], expose_value=False, **_settings("the messages")))
 
 
 def _settings(what: str) -> dict[str, Any]:

@@ -159,8 +159,7 @@ _HEAD = 1 << 16
 
 def jobs_option(words: str) -> Callable[[F], F]:
     """The option, with what the processes do; by default as many as there are processors."""
-    processes = click.IntRange(min=1)
-    return click.option("--jobs", metavar="N", show_default="all processors", type=processes, help=words)
+    return click.option("--jobs", metavar="N", show_default="all processors", type=click.IntRange(min=1), help=words)
 
 
 cluster_option = click.option(

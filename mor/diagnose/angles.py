@@ -389,8 +389,7 @@ def _stations_of_frame(situation: Situation) -> list[Hypothesis]:
     network = situation.network
     if "station" not in network.things:
         return []
-    things = network.things["station"]
-    declared = [name for name in things.ids if name not in network.sets]
+    declared = [name for name in network.things["station"].ids if name not in network.sets]
     worst = _worst(situation, "station", declared)
     pairs = [
         pair
@@ -439,8 +438,7 @@ def _worst(situation: Situation, of: str, names: list[str]) -> list[str]:
     count = dict.fromkeys(names, 0)
     for group, bad in zip(situation.network.groups, situation.misfitting, strict=False):
         for slot in _slots(group, of)[:1]:
-            own = group.type.slots[slot].of
-            column = group.references[[r.name for r in group.type.references].index(own)]
+            column = group.references[[r.name for r in group.type.references].index(group.type.slots[slot].of)]
             for row in np.flatnonzero(bad.any(axis=1)).tolist():
                 if column[row] in count:
                     count[column[row]] += 1

@@ -117,8 +117,7 @@ def _common(network: Network, label: str, chosen: tuple[int, ...], name: str, se
     def change(changed: Network) -> Network:
         free = changed.blocks["distance meter"].free[meter].copy()
         free[component] = True
-        value = changed.start["distance meter"][meter]
-        changed, own = with_unknown(changed, "distance meter", value, free)
+        changed, own = with_unknown(changed, "distance meter", changed.start["distance meter"][meter], free)
         for k in chosen:
             group = changed.groups[k]
             blocks = (*group.blocks[:-1], np.full(group.count, own))
@@ -183,8 +182,7 @@ def exchange_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 def moved_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Return the control points that score tests say have moved, as free ones: alone, and all of a cause together."""
-    ids = situation.network.blocks["point"].ids
-    place = {name: k for k, name in enumerate(ids)}
+    place = {name: k for k, name in enumerate(situation.network.blocks["point"].ids)}
     found = []
     for one in situation.scored:
         if one.cause != "control moved":

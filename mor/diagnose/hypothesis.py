@@ -82,8 +82,7 @@ def key_edit(at: At, text: str) -> KeyEdit:
 def table_of(network: Network, number: int) -> At | None:
     """Return the path of the table of a group of observations, None if it comes from none."""
     name = network.groups[number].name
-    entries = network.project.observations
-    found = [k for k, entry in enumerate(entries) if group_name(entry, k) == name]
+    found = [k for k, entry in enumerate(network.project.observations) if group_name(entry, k) == name]
     return ("observations", found[0]) if len(found) == 1 else None
 
 

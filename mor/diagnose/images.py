@@ -162,8 +162,7 @@ def _of_cameras(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis
         mine = {images.ids[i] for i in np.flatnonzero(images.parts["camera"] == k)}
         parts = []
         for number in numbers:
-            names = network.groups[number].references[0]
-            rows = np.flatnonzero([n in mine for n in names])
+            rows = np.flatnonzero([n in mine for n in network.groups[number].references[0]])
             if len(rows):
                 parts.append((number, rows))
         if not parts:
@@ -203,8 +202,7 @@ def _mirrored_cells(
     for number, rows in parts:
         group = network.groups[number]
         for row in rows.tolist():
-            camera = cameras.ids[images.parts["camera"][images.numbers[group.references[0][row]]]]
-            scale = network.scales[camera]
+            scale = network.scales[cameras.ids[images.parts["camera"][images.numbers[group.references[0][row]]]]]
             for axis, name in enumerate("xy"):
                 if signs[axis] < 0.0:
                     whole = 2.0 * float(scale.centre[axis]) if scale.corner else 0.0
@@ -294,12 +292,11 @@ def _interior(situation: Situation, name: str, camera: int, cause: str, among: t
     def amount(values: Values) -> AddedParameter:
         return AddedParameter(names[held[0]], float(values[kind][block, held[0]]))
 
-    line = f"cameras, {name}: interior: {{{names[held[0]]}: {{free: …}}}}"
     yield Hypothesis(
         cause,
         (name,),
         change,
-        line,
+        f"cameras, {name}: interior: {{{names[held[0]]}: {{free: …}}}}",
         len(network.things["camera"].ids),
         parameters=sum(not _is_observed(network, kind, block, k) for k in held),
         edits=tuple(KeyEdit(("cameras", name, "interior", names[k]), _set_free) for k in held),

@@ -130,8 +130,7 @@ def score_tests_with_suspects(
     here = adjust(problem, quality.adjustment.values, SolverSettings(0))
     if here.outcome is Outcome.SINGULAR:
         return ()
-    pairs = zip(masks, quality.flagged, strict=True)
-    doubtful = [np.asarray((mask | flags).any(axis=1)) for mask, flags in pairs]
+    doubtful = [np.asarray((mask | flags).any(axis=1)) for mask, flags in zip(masks, quality.flagged, strict=True)]
     of_all = assess(here, quality.levels, aposteriori=False)
     return _explaining(of_all, network, doubtful, masks) or score_tests(_after_step(of_all), network, doubtful)
 
@@ -440,11 +439,10 @@ def _turned_circles(values: Values, number: int, group: ObservationGroup, flagge
             turned = rows[place:]
             unit = np.zeros((len(turned), group.observed.shape[1], 1))
             unit[:, column, 0] = 1.0
-            line = f"{_where(group, int(turned[0]))}: a set of its own from here on"
             yield _Candidate(
                 "orientation changed",
                 (name, group.references[1][int(turned[0])]),
-                line,
+                f"{_where(group, int(turned[0]))}: a set of its own from here on",
                 ((number, turned, unit),),
                 alike=len(rows),
             )

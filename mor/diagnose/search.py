@@ -562,8 +562,7 @@ def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArr
         changed = hypothesis.change(network)
         told = any(_told(changed, k) for k, g in enumerate(changed.groups) if g is not network.groups[k])
         count = 0
-        groups = zip(situation.network.groups, changed.groups, situation.misfitting, strict=False)
-        for old, new, bad in groups:
+        for old, new, bad in zip(situation.network.groups, changed.groups, situation.misfitting, strict=False):
             if old is not new:
                 count += int(np.count_nonzero(old.mask & (old.observed != new.observed) & ~bad))
         # ln of how much less likely it is that an observation is wrong where it fits.

@@ -389,8 +389,7 @@ def _through_points(
     others, back = wide.points.others[number], wide.points.back[number]
     crossing = wide.reduced[at[:, :, None], others[:, None, :]] @ back.transpose(0, 2, 1)
     cross = by_reduced @ crossing @ J_p.transpose(0, 2, 1)
-    spread = wide.spread[number]
-    return np.asarray(J_p @ spread @ J_p.transpose(0, 2, 1) - cross - cross.transpose(0, 2, 1))
+    return np.asarray(J_p @ wide.spread[number] @ J_p.transpose(0, 2, 1) - cross - cross.transpose(0, 2, 1))
 
 
 # ---- Which planned observations can be spared, which candidates bring most, and a plan made of the best, one by one.

@@ -71,10 +71,9 @@ def errors(problem: Problem, generator: np.random.Generator) -> tuple[FloatArray
     flat, unit = np.concatenate([e.ravel() for e in found]), np.concatenate([u.ravel() for u in drawn])
     for cluster in problem.clusters:
         flat[cluster.entries] = rotations.cholesky(cluster.covariance) @ unit[cluster.entries]
-    offsets = problem.offsets
     return tuple(
         flat[first : first + group.observed.size].reshape(group.observed.shape)
-        for first, group in zip(offsets, problem.groups, strict=False)
+        for first, group in zip(problem.offsets, problem.groups, strict=False)
     )
 
 

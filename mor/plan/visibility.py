@@ -413,8 +413,7 @@ class PlannedImage(NamedTuple):
 
 def image(reading: Reading, start: Start, number: int) -> PlannedImage:
     """An image of the project; NaN if it has no place."""
-    images = reading.shop.things["image"]
-    part = {name: int(blocks[number]) for name, blocks in images.parts.items()}
+    part = {name: int(blocks[number]) for name, blocks in reading.shop.things["image"].parts.items()}
     name = reading.shop.things["camera"].ids[part["camera"]]
     camera, scale = reading.project.cameras[name], reading.scales[name]
     model = CAMERA_MODELS[camera.model]

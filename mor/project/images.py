@@ -141,8 +141,7 @@ def _guessed_constant(camera: Camera, scale: ImageScale) -> tuple[float, str]:
     if camera.focal_length_35mm is not None:
         diagonal = float(np.hypot(width, height))
         return camera.focal_length_35mm * diagonal / DIAGONAL_35MM, "from focal_length_35mm"
-    words = f"a first guess: {GUESSED_CONSTANT:g} x the longer side of the image"
-    return GUESSED_CONSTANT * max(width, height), words
+    return GUESSED_CONSTANT * max(width, height), f"a first guess: {GUESSED_CONSTANT:g} x the longer side of the image"
 
 
 def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:

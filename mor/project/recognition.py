@@ -63,8 +63,7 @@ _SIGHT = {
 
 def _precisions(names: str) -> str:
     """Names of a standard deviation for names of a reading."""
-    words = ("sigma", "sig", "std", "stdev", "stddev", "err", "error")
-    pairs = product(names.split("|"), words)
+    pairs = product(names.split("|"), ("sigma", "sig", "std", "stdev", "stddev", "err", "error"))
     return "|".join(text for name, word in pairs for text in (f"{word}{name}", f"{name}{word}"))
 
 

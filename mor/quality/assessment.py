@@ -286,8 +286,7 @@ def _has_direction(quality: Quality, block: int, size: float, factor: float) -> 
 
     The adjustment has converged at a finite distance. The verdict names the point as not determined.
     """
-    problem = quality.adjustment.problem
-    for group in problem.groups:
+    for group in quality.adjustment.problem.groups:
         for k, numbers in enumerate(group.blocks):
             if group.type.slots[k].kind != "point" or not (numbers == block).any():
                 continue

@@ -484,8 +484,7 @@ def compared(solved: Solved, first: int, second: int) -> tuple[tuple[str, ...], 
                 if column >= 0:
                     C[3 * k + axis, np.searchsorted(used, column)] += factor
     q = C @ joint_cofactors(quality, used) @ C.T
-    null = quality.adjustment.defect.datum
-    return tuple(p.name for p in points), np.array(d).reshape(-1, 3), q, C @ null[used]
+    return tuple(p.name for p in points), np.array(d).reshape(-1, 3), q, C @ quality.adjustment.defect.datum[used]
 
 
 # ---- Two epochs of one network: the same points, brought into one datum, and their movements tested.
@@ -555,8 +554,7 @@ def compare_within(solved: Solved, first: int, second: int, level: float, known:
 
 def _movements(quality: Quality, columns: IntArray) -> FloatArray:
     """(3n, d) free movements of a network on some coordinates."""
-    null = quality.adjustment.defect.datum
-    return np.where((columns >= 0)[:, None], null[columns], 0.0)
+    return np.where((columns >= 0)[:, None], quality.adjustment.defect.datum[columns], 0.0)
 
 
 def _basis(generators: FloatArray) -> FloatArray:

@@ -547,9 +547,8 @@ def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustm
         turns = weak_turns(here.inverse.weak, here.problem, here.values)
         if not turns or turns[0].sigma <= NOTHING_KNOWN:
             return adjustment
-        iterations = adjustment.iterations
         return here._replace(
-            outcome=Outcome.SINGULAR, reason=A_WEAK_TURN, start=adjustment.start, iterations=iterations
+            outcome=Outcome.SINGULAR, reason=A_WEAK_TURN, start=adjustment.start, iterations=adjustment.iterations
         )
     if adjustment.outcome is not Outcome.SINGULAR or adjustment.reason not in (OPEN, UNSETTLED, NO_DATUM):
         return adjustment

@@ -62,8 +62,7 @@ def partitions(problem: Problem, network: Network) -> list[Partition]:
         told = of_image(group)
         if told is None:
             return None
-        camera = images.parts["camera"]
-        return told[0], np.where(told[1] >= 0, camera[np.maximum(told[1], 0)], NOBODY)
+        return told[0], np.where(told[1] >= 0, images.parts["camera"][np.maximum(told[1], 0)], NOBODY)
 
     found = [
         _by_group(groups),
@@ -506,8 +505,7 @@ def _largest(quality: Quality) -> float:
         rows = np.flatnonzero(flags.any(axis=1))
         if len(rows):
             largest = max(largest, float(np.abs(reliability.at(rows).test[flags[rows]]).max()))
-    count = quality.adjustment.problem.observations
-    return float(log_p_normal(np.array([largest]))[0] + np.log(max(count, 1)))
+    return float(log_p_normal(np.array([largest]))[0] + np.log(max(quality.adjustment.problem.observations, 1)))
 
 
 # ---- What flagged observations have in common: a point, image, camera, station, set, instrument or table.

@@ -152,8 +152,7 @@ def rays(network: Network) -> list[ObservationGroup]:
 def outside_the_format(network: Network) -> Iterator[Message]:
     """Image coordinates more than a pixel beyond the edge of the format that their camera gives."""
     for group, out in _outside(network):
-        words = "{}, outside the format of the camera"
-        yield from noted(group, np.flatnonzero(out), _ray(group, words))
+        yield from noted(group, np.flatnonzero(out), _ray(group, "{}, outside the format of the camera"))
 
 
 def count_outside_the_format(network: Network) -> int:

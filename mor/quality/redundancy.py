@@ -612,8 +612,7 @@ def _fill_rays(quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: 
         rows = chunk.row[place]
         if compilation.wanted():
             arrays = one.v, one.absorbed, one.carried, one.joint_of_row, one.freedom_of_row
-            by_point = chunk.rays.by_point
-            fill(rows, place, chunk.weight, white, shares, by_point, CONTROLLED, *arrays)
+            fill(rows, place, chunk.weight, white, shares, chunk.rays.by_point, CONTROLLED, *arrays)
         else:
             # (n, 2) 1/|∂x/∂X|, which makes of shares of rays what an error of 1 carries into their points.
             slope = np.sqrt(np.einsum("ncj,ncj->nc", chunk.rays.by_point, chunk.rays.by_point))
@@ -636,8 +635,7 @@ def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
     def of_lane(lane: RayPlan) -> None:
         for chunk, residual in ray_residuals(adjustment.problem, lane, values):
             weight = lane.measurements.of(chunk.rays).weight
-            group_of_ray = lane.group_of_frame[chunk.frames][lane.frame[chunk.rays]]
-            for number, here in _of_each_group(group_of_ray):
+            for number, here in _of_each_group(lane.group_of_frame[chunk.frames][lane.frame[chunk.rays]]):
                 rows, v = lane.row[chunk.rays][here], result[number].v
                 if compilation.wanted():
                     note_residuals(rows, here, weight, residual, v)

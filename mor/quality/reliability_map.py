@@ -106,8 +106,7 @@ def reliability_map(quality: Quality, network: Network) -> list[Controlled]:
 
 def _of_points(quality: Quality, names: tuple[str, ...], place: IntArray, axes: FloatArray) -> Controlled:
     def seen() -> Iterator[_RowClasses]:
-        groups = quality.adjustment.problem.groups
-        for number, group in enumerate(groups):
+        for number, group in enumerate(quality.adjustment.problem.groups):
             named = [
                 blocks
                 for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
@@ -420,8 +419,7 @@ class _Search:
 
 def _begun(quality: Quality, places: CandidatePlaces, entry: ObservationComponent, targets: list[int]) -> _Search:
     columns, values = gradient(quality.adjustment, entry)
-    group = quality.adjustment.problem.groups[entry.group]
-    sigma = float(group.sigma[entry.row, entry.component])
+    sigma = float(quality.adjustment.problem.groups[entry.group].sigma[entry.row, entry.component])
     r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
     again = (1.0 - r) ** 2 / (2.0 - r)
     repeated = CandidateObservation(entry.group, entry.row, -1, r + again)

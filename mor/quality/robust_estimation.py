@@ -159,8 +159,7 @@ def problem_on_the_sphere(problem: Problem, values: Values) -> Problem | None:
         kind: own._replace(free=np.zeros_like(own.free)) if kind.startswith(_INTERIOR) or kind in _MOTIONS else own
         for kind, own in problem.index.blocks.items()
     }
-    pairs = zip(groups, scaled.groups, strict=True)
-    turned = tuple(replace(group, sigma=own.sigma) for group, own in pairs)
+    turned = tuple(replace(group, sigma=own.sigma) for group, own in zip(groups, scaled.groups, strict=True))
     return replace(scaled, groups=turned, index=index_unknowns(blocks))
 
 
@@ -180,8 +179,7 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
     type_ = on_the_sphere(group.type)
     assert type_ is not None
     constants = np.concatenate([stereographic(rays), rays], axis=1)
-    pairs = zip(group.type.slots, group.blocks, strict=True)
-    blocks = tuple(numbers for slot, numbers in pairs if slot in type_.slots)
+    blocks = tuple(numbers for slot, numbers in zip(group.type.slots, group.blocks, strict=True) if slot in type_.slots)
     observed = np.where(used[:, None], np.zeros(2), np.nan)
     factor = np.repeat(np.where(used, 1.0 / np.where(used, scale, 1.0), 1.0)[:, None], 2, axis=1)
     return replace(group, type=type_, blocks=blocks, observed=observed, constants=constants), factor

@@ -372,8 +372,7 @@ class _AssessedAdjustment(NamedTuple):
         found = self._from(other.values, other.out)
         if found is None:
             return None
-        there = found.quality.adjustment.values
-        better = cost_at(self.problem, there) < cost_at(self.problem, values)
+        better = cost_at(self.problem, found.quality.adjustment.values) < cost_at(self.problem, values)
         others = tuple(mask & ~kept for mask, kept in zip(other.out, self._kept_out, strict=True))
         return (found, entries_of(others)) if better else None
 
@@ -530,8 +529,7 @@ def taken_out(snooping: SnoopingResult, also: Collection[tuple[str, str]] = ()) 
 def _counted(snooping: SnoopingResult, kind: str, count: int) -> tuple[IntArray, IntArray]:
     """(b,) rows of each block of a kind that were taken out, and that there were."""
     out, whole = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
-    groups = snooping.quality.adjustment.problem.groups
-    for kept_out, group in zip(snooping.kept_out, groups, strict=True):
+    for kept_out, group in zip(snooping.kept_out, snooping.quality.adjustment.problem.groups, strict=True):
         inside = (group.mask & ~kept_out).any(axis=1)
         gone = inside & (group.left_out & ~kept_out).any(axis=1)
         for slot, blocks in zip(group.type.slots, group.blocks, strict=True):

@@ -409,8 +409,7 @@ def _image_variant(placed: Placed) -> dict[str, FloatArray]:
         mine = np.flatnonzero(things.parts["camera"] == number)
         for component in cameras[name].image_variant:
             column = columns.setdefault(component, np.full(len(things.ids), np.nan))
-            values = placed.values[kind.key][things.parts["interior"][mine]]
-            column[mine] = values[:, kind.names.index(component)]
+            column[mine] = placed.values[kind.key][things.parts["interior"][mine]][:, kind.names.index(component)]
     return columns
 
 
@@ -528,8 +527,7 @@ def adjusted_project(placed: Placed, document: Document, source: Path, target: P
         if section in data:
             data[section] = [_moved(entry, document, source, target, tables) for entry in data[section] or []]
     if data.get("visibility"):
-        visibility = data["visibility"]
-        moved = dict(visibility)
+        moved = dict(data["visibility"])
         for key in ("surfaces", "normals"):
             if moved.get(key):
                 moved[key] = [
@@ -627,8 +625,7 @@ def _camera(placed: Placed, name: str, camera: dict[str, Any]) -> dict[str, Any]
     model = placed.network.project.cameras[name].model
     number = placed.network.things["camera"].part(name, "interior")
     kind = INTERIORS[model]
-    values = placed.values[kind.key][number]
-    camera["interior"] = _settings(camera.get("interior") or {}, kind.names, values)
+    camera["interior"] = _settings(camera.get("interior") or {}, kind.names, placed.values[kind.key][number])
     eccentricity = placed.network.things["camera"].part(name, "eccentricity")
     if eccentricity:
         row = placed.values["eccentricity"][eccentricity]
@@ -648,8 +645,7 @@ def _instrument(placed: Placed, name: str, instrument: dict[str, Any]) -> dict[s
     if result.get("frame"):
         number = placed.network.things["instrument"].part(name, GNSS_FRAME.key)
         turned = [component.quantity == ANGLE for component in GNSS_FRAME.components]
-        units = np.where(turned, ANGLE_UNITS[angle_unit(placed)], 1.0)
-        values = placed.values[GNSS_FRAME.key][number] / units
+        values = placed.values[GNSS_FRAME.key][number] / np.where(turned, ANGLE_UNITS[angle_unit(placed)], 1.0)
         result["frame"] = _settings(result["frame"], GNSS_FRAME.names, values)
     for key, part in (("lever_arm", "lever arm"), ("boresight", "boresight"), (_OFFSET, TIME_OFFSET.key)):
         number = placed.network.things["instrument"].part(name, part)

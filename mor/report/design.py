@@ -753,8 +753,7 @@ def _drawing(solved: Solved) -> NetworkDrawing:
     blocks = network.things["point"].parts["position"]
     covariances = M.T @ np.nan_to_num(quality.cofactors["point"][blocks]) @ M * quality.sigma_factor**2
     axes = drawn_axes(network.project.axes.xy)
-    known = np.isfinite(places).all(axis=1)
-    chosen = widest_view(places[known], "xy".index(axes["right"]))
+    chosen = widest_view(places[np.isfinite(places).all(axis=1)], "xy".index(axes["right"]))
     reversed_ = {axes["right"]: axes["right_reversed"], axes["up"]: axes["up_reversed"]}
     signs = [-1.0 if reversed_.get("xyz"[k], False) else 1.0 for k in chosen]
     others: dict[str, FloatArray] = {}

@@ -267,8 +267,7 @@ def _results(parent: Element, one: Certificate, words: Words) -> None:
     ratio = one.view.summary["sigma0"]["ratio_of_sigmas"]
     if ratio is not None:
         _real(_quantity(data, words("sigma0 a posteriori / a priori"), language), ratio, "1")
-    accepted = one.view.summary["global_test"]["accepted"]
-    verdict = words("accepted") if accepted else words("rejected")
+    verdict = words("accepted") if one.view.summary["global_test"]["accepted"] else words("rejected")
     _text(data, "dcc:text", f"{words('global test')}: {verdict}", language)
     _real(_quantity(data, words("redundancy"), language), one.view.summary["redundancy"], "1")
     valid = _add(_add(parent, "dcc:measurementMetaData"), "dcc:metaData", refType="basic_validityRange")

@@ -143,7 +143,6 @@ def _facts(epochs: tuple[EpochResults, EpochResults], words: Words) -> list[tupl
 
     def said(of: EpochResults) -> dict[str, str]:
         data, sigma0 = of.summary, of.summary["sigma0"]
-        test = data["global_test"]
         return {
             "results": of.place,
             "title": data["title"] or "–",
@@ -155,7 +154,7 @@ def _facts(epochs: tuple[EpochResults, EpochResults], words: Words) -> list[tupl
             "unknowns u": str(data["unknowns"]),
             "redundancy n − u + d": str(data["redundancy"]),
             "σ0 a posteriori / a priori": fixed(sigma0["ratio_of_sigmas"], 3),
-            "global test": words("accepted") if test["accepted"] else words("rejected"),
+            "global test": words("accepted") if data["global_test"]["accepted"] else words("rejected"),
         }
 
     first, second = map(said, epochs)

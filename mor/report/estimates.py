@@ -70,8 +70,7 @@ def free_points(solved: Solved) -> IntArray:
         return numbers[:0]
     free = solved.network.blocks["point"].free[numbers].any(axis=1)
     if "point" in solved.network.absent:
-        known = solved.network.absent["point"]
-        free &= ~np.isin(numbers, np.flatnonzero(known))
+        free &= ~np.isin(numbers, np.flatnonzero(solved.network.absent["point"]))
     return np.asarray(numbers[free])
 
 
@@ -415,8 +414,7 @@ def _image_poses(solved: Solved) -> dict[str, FloatArray]:
         q = of_images(solved.quality.followers, images, follows) * solved.quality.sigma_factor**2
     parts = (None, None) if q is None else (q[:, :3, :3], q[:, 3:, 3:])
     own = _with_sigma(said_places(solved, place, parts[0]), XYZ)
-    by_angles = np.zeros(len(follows), dtype=bool)
-    own |= _with_sigma(said_attitudes(solved, D, parts[1], by_angles), ANGLES)
+    own |= _with_sigma(said_attitudes(solved, D, parts[1], np.zeros(len(follows), dtype=bool)), ANGLES)
     absent = np.isnan(columns["x"][follows])
     for name, column in own.items():
         columns[name] = columns[name].copy()
@@ -680,8 +678,7 @@ POSE = ("x", "y", "z", "omega", "phi", "kappa")
 @once
 def knot_table(solved: Solved) -> pl.DataFrame:
     """One row for each knot: trajectory, time in seconds, stretch (from 1), pose with σ."""
-    network = solved.network
-    trajectories = network.trajectories.values()
+    trajectories = solved.network.trajectories.values()
     if not trajectories:
         return pl.DataFrame()
     positions = points(solved, np.concatenate([t.positions for t in trajectories]))
@@ -825,5 +822,4 @@ def _sigma(solved: Solved, world: EarthModel, positions: FloatArray) -> FloatArr
     numbers = solved.network.things["point"].parts["position"]
     axes = world.horizon.local_axes(positions)
     covariance = solved.quality.cofactors["point"][numbers] * solved.quality.sigma_factor**2
-    variances = np.einsum("nij,njk,nik->ni", axes, covariance, axes)
-    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
+    return np.asarray(np.sqrt(np.maximum(np.einsum("nij,njk,nik->ni", axes, covariance, axes), 0.0)))

@@ -280,8 +280,7 @@ def overlap(view: View, rays: RayPairs) -> Overlap | None:
     """
     axes = widest(view)
     plane = places(view)[:, axes]
-    placed = np.asarray(np.isfinite(plane).all(axis=1))
-    seen = (rays.frame < view.images.height) & placed[rays.point]
+    seen = (rays.frame < view.images.height) & np.asarray(np.isfinite(plane).all(axis=1))[rays.point]
     frame, point = rays.frame[seen], rays.point[seen]
     measured = np.flatnonzero(np.bincount(point))
     low, size = (plane[measured].min(axis=0), np.ptp(plane[measured], axis=0)) if len(point) else np.zeros((2, 2))

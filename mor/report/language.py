@@ -339,8 +339,7 @@ def find(wanted: str, language: str = "en") -> list[Term]:
     if found:
         return found
     known = [name for term in everything for name in (*term.names, term.german)]
-    words = f"unknown term {wanted!r}{nearest(wanted, known)}; mor explain lists them all"
-    raise InputError([Message(words)])
+    raise InputError([Message(f"unknown term {wanted!r}{nearest(wanted, known)}; mor explain lists them all")])
 
 
 def _read(name: str) -> Any:

@@ -380,8 +380,7 @@ def joined(start: FloatArray, end: FloatArray) -> tuple[list[float | None], list
     """x and y of separate lines from start to end (n, 2)."""
     gap = np.full((len(start), 1), np.nan)
     x = np.column_stack([start[:, 0], end[:, 0], gap]).ravel()
-    y = np.column_stack([start[:, 1], end[:, 1], gap]).ravel()
-    return numbers(x), numbers(y)
+    return numbers(x), numbers(np.column_stack([start[:, 1], end[:, 1], gap]).ravel())
 
 
 def round_length(value: float) -> float:

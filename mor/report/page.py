@@ -416,8 +416,7 @@ def _thing(row: dict[str, Any]) -> UndeterminedObject:
 
 
 def _mostly_out(data: PageData) -> list[str]:
-    snooping = data.view.gross_errors.get("snooping")
-    return mostly_out_in_words((snooping or {}).get("mostly_out", []), data.words, _NAMED)
+    return mostly_out_in_words((data.view.gross_errors.get("snooping") or {}).get("mostly_out", []), data.words, _NAMED)
 
 
 def _flagged(count: int, say: Words) -> str:
@@ -746,8 +745,7 @@ def _moved_points(data: PageData) -> dict[str, Any] | None:
 
 
 def _movement(view: View) -> dict[str, Any]:
-    rows = view.gross_errors.get("suspicious", [])
-    sizes = [abs(value) for row in rows for value in row["movement"] or ()]
+    sizes = [abs(value) for row in view.gross_errors.get("suspicious", []) for value in row["movement"] or ()]
     unit, factor = small_unit(view.length, max(sizes, default=1.0))
     return {"movement_unit": unit, "movement_factor": factor}
 

@@ -106,14 +106,12 @@ def image_points(view: View) -> pl.DataFrame:
 
 def windows(view: View, measured: pl.DataFrame) -> dict[str, Window]:
     """Window of each camera that took images."""
-    of_image = view.images.select(pl.col("id").alias("image"), "camera")
-    rays = measured.join(of_image, on="image", maintain_order="left")
+    rays = measured.join(view.images.select(pl.col("id").alias("image"), "camera"), on="image", maintain_order="left")
     result = {}
     for camera in view.cameras:
         mine = rays.filter(pl.col("camera") == camera["id"])
         if mine.height:
-            xy = mine.select("x", "y").to_numpy()
-            result[camera["id"]] = window(camera, str(mine["unit"][0]), xy)
+            result[camera["id"]] = window(camera, str(mine["unit"][0]), mine.select("x", "y").to_numpy())
     return result
 
 
@@ -382,8 +380,7 @@ class Packer:
         if values.dtype == pl.String or values.dtype == pl.Null:
             texts = values.cast(pl.String).fill_null("")
             known = texts.unique(maintain_order=True)
-            codes = np.arange(len(known), dtype=np.int32)
-            coded = texts.replace_strict(known, codes, return_dtype=pl.Int32)
+            coded = texts.replace_strict(known, np.arange(len(known), dtype=np.int32), return_dtype=pl.Int32)
             return {**self._whole(coded.to_numpy()), "t": known.to_list()}
         if values.dtype.is_integer():
             return self._whole(values.to_numpy())

@@ -277,12 +277,11 @@ def _tests(data: dict[str, Any], words: Words) -> tuple[str, list[list[str]]]:
     """Title and rows of the table of tests."""
     rows = []
     for test in data["tests"]:
-        numbers = (test["found"], test["low"], test["high"])
         rows.append(
             [
                 f"{test['letter']}) {_name(test['name'], test['part'], words)}",
                 test["unit"],
-                *("-" if v is None else words.number(short(v, 4)) for v in numbers),
+                *("-" if v is None else words.number(short(v, 4)) for v in (test["found"], test["low"], test["high"])),
                 words("accepted") if test["passed"] else words("rejected"),
             ]
         )

@@ -88,8 +88,7 @@ def simulated_project(
     if data.get("world"):
         data["world"] = grids_moved(data["world"], source, target)
     data.pop("visibility", None)  # it has been worked out; its meshes stay where they are
-    begun = replace(document, data=data)
-    text, starts = adjusted_project(Placed(network, place), begun, target, target)
+    text, starts = adjusted_project(Placed(network, place), replace(document, data=data), target, target)
     return text, {**starts, **tables}
 
 
@@ -97,8 +96,7 @@ def _where_it_stands(entry: dict[str, Any], source: Path, target: Path) -> dict[
     """A table of candidates, which nobody has measured, found from the new folder."""
     if not isinstance(entry.get("file"), str):
         return entry
-    file = Path(os.path.relpath(source / entry["file"], target)).as_posix()
-    return {"name": entry["file"], **entry, "file": file}
+    return {"name": entry["file"], **entry, "file": Path(os.path.relpath(source / entry["file"], target)).as_posix()}
 
 
 def _simulated(
@@ -168,8 +166,7 @@ def _rows_of(group: ObservationGroup, found: Source, alone: bool) -> IntArray:
         left.setdefault(key, []).append(row)
     # of a point at a time the table has the name of the point
     given = ([name.partition(AT)[0] for name in names.texts()] for names in group.references)
-    own = zip(group.lines.tolist(), *given, strict=True)
-    return np.array([left[key].pop() for key in own], dtype=np.int64)
+    return np.array([left[key].pop() for key in zip(group.lines.tolist(), *given, strict=True)], dtype=np.int64)
 
 
 def _is_of(group: ObservationGroup, entry: Observations) -> bool:
@@ -298,8 +295,7 @@ def truth_table(network: Network, place: Values) -> pl.DataFrame:
             said_of = angles_from_rotation(values @ edge.matrix if edge.turned else values) / ANGLE_UNITS[angle]
         for k, name in enumerate(blocks.ids):
             for component, value in zip(blocks.kind.components, said_of[k], strict=True):
-                unit = edge.default_unit(component.quantity)
-                rows.append((kind, name, component.name, float(value), unit))
+                rows.append((kind, name, component.name, float(value), edge.default_unit(component.quantity)))
     schema = ["kind", "id", "component", "value", "unit"]
     return pl.DataFrame(rows, schema=schema, orient="row")
 

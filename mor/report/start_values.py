@@ -71,8 +71,7 @@ def start_values(network: Network, approximation: Approximation, problem: Proble
     homes = _homes(approximation)
     rows = []
     for kind in sorted(network.blocks, key=_order):
-        blocks = network.blocks[kind]
-        for number in np.flatnonzero(blocks.free.any(axis=1)).tolist():
+        for number in np.flatnonzero(network.blocks[kind].free.any(axis=1)).tolist():
             rows.append(_row(network, approximation, kind, number, local[kind], homes.get((kind, number), 0)))
     return rows
 
@@ -195,8 +194,7 @@ def _outwards(
     if kind == "point":
         value = in_project_axes(network, value[None])[0]
     scale = network.scales.get(network.blocks[kind].ids[number].removeprefix("camera "))
-    units = tuple(edge.default_unit(component.quantity, scale) for component in KINDS[kind].components)
-    return names, value, units
+    return names, value, tuple(edge.default_unit(component.quantity, scale) for component in KINDS[kind].components)
 
 
 def in_project_axes(network: Network, xyz: FloatArray) -> FloatArray:

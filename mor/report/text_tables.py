@@ -593,8 +593,7 @@ def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     title = words("Points in {system} (datum: {datum})", system=world.system.name, datum=datum)
     lines = [heading(title), table(headers, rows, words=words)]
     if frame.height > shown:
-        more = words("{count:more point is|more points are} in the table of places.", count=frame.height - shown)
-        lines.append(more)
+        lines.append(words("{count:more point is|more points are} in the table of places.", count=frame.height - shown))
     latitude, longitude = np.degrees([world.horizon.latitude, world.horizon.longitude])
     said = (
         "sigma: east, north, up in the horizon of each point. X, Y, Z elsewhere in this report are east, north, up in "

@@ -55,8 +55,7 @@ def points(solved: Solved, numbers: IntArray) -> Estimate:
     """Coordinates of points in project axes, with their covariances in the datum of the adjustment."""
     if len(numbers) == 0:
         return Estimate(np.zeros((0, 3)), np.zeros((0, 3)), None)
-    values = solved.adjustment.values["point"][numbers]
-    estimate = said_places(solved, values, _covariance(solved, "point", numbers))
+    estimate = said_places(solved, solved.adjustment.values["point"][numbers], _covariance(solved, "point", numbers))
     return _present(solved, "point", numbers, estimate)
 
 
