@@ -27,12 +27,6 @@ def language_option(what: str) -> Callable[[Callable[..., Any]], Callable[..., A
     return click.option(_OPTION, **_settings(what))
 
 
-def add_language(command: click.Command) -> None:
-    """``--lang`` for a command that writes nothing in a language: for its mistakes, notes and help alone."""
-    if not any(_OPTION in parameter.opts for parameter in command.params):
-        command.params.append(click.Option([_OPTION], expose_value=False, **_settings("the messages")))
-
-
 def _settings(what: str) -> dict[str, Any]:
     return {
         "type": click.Choice(LANGUAGES),
@@ -150,7 +144,8 @@ def in_all_languages(command: click.Command) -> click.Command:
         for below in command.commands.values():
             in_all_languages(below)
     else:
-        add_language(command)
+        if not any(_OPTION in parameter.opts for parameter in command.params):
+            command.params.append(click.Option([_OPTION], expose_value=False, **_settings("the messages")))
     return command
 
 

@@ -107,7 +107,9 @@ class Progress:
         self.name = self.words.listed(name)
         self.begun.append((self.name, time.monotonic()))
         self.event("phase", name=name)
-        self._leave_iterations()
+        if self.status is not None and self.steps and self.verbose:
+            self.status.console.print(iteration_table(self.steps, self.words("adjusted"), most=None, words=self.words))
+        self.steps.clear()
         if self.status is not None:
             self.status.update(f"{self.name} …")
         elif self.verbose and not self.quiet:
@@ -177,11 +179,6 @@ class Progress:
             self.status.update(iteration_table(self.steps, f"{self.words('adjusting')} …", words=self.words))
         elif self.verbose and not self.quiet:
             click.echo(iteration_line(step, self.words), err=True)
-
-    def _leave_iterations(self) -> None:
-        if self.status is not None and self.steps and self.verbose:
-            self.status.console.print(iteration_table(self.steps, self.words("adjusted"), most=None, words=self.words))
-        self.steps.clear()
 
 
 @contextmanager

@@ -13,7 +13,6 @@ from mor.model.contract import (
     FROM_TO,
     POSITIONS,
     Computed,
-    Equation,
     ObservationType,
     Reference,
     Slot,
@@ -159,20 +158,6 @@ def mean_sea_level_distance(horizon: Horizon) -> ObservationType:
 def _type(
     key: str, length: Callable[[FloatArray, FloatArray, FloatArray], Reduced], constants: tuple[Component, ...] = ()
 ) -> ObservationType:
-    return ObservationType(
-        key=key,
-        drawn="distance",
-        components=(Component("distance", LENGTH),),
-        references=FROM_TO,
-        slots=_SLOTS,
-        equation=_metered(length),
-        constants=constants,
-        distances=("from", "to"),
-    )
-
-
-def _metered(length: Callable[[FloatArray, FloatArray, FloatArray], Reduced]) -> Equation:
-    """s_obs = (s − a)/m with scale m and zero offset a of the distance meter."""
 
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
         start, end, meter = blocks
@@ -183,7 +168,16 @@ def _metered(length: Callable[[FloatArray, FloatArray, FloatArray], Reduced]) ->
         by_meter = np.stack([-computed / scale, -1.0 / scale], axis=2)
         return Computed(computed, (*by_ends, by_meter))
 
-    return equation
+    return ObservationType(
+        key=key,
+        drawn="distance",
+        components=(Component("distance", LENGTH),),
+        references=FROM_TO,
+        slots=_SLOTS,
+        equation=equation,
+        constants=constants,
+        distances=("from", "to"),
+    )
 
 
 # ---- Control points on the earth: the shift of a position from where it was given, in east, north, up of the place.

@@ -521,7 +521,13 @@ def build_network(
     correlated = correlations(reading, read_in) if not problems else ()
     correlated = tuple(c._replace(groups=where[c.groups]) for c in correlated)
     datum = _datum(reading)
-    _check_pairs(reading)
+    points = reading.shop.things["point"]
+    for number, pair in enumerate(reading.project.report.relative if "point" not in reading.broken else ()):
+        place = reading.at("report", "relative", number)
+        unknown = [name for name in pair if name not in points.numbers]
+        reading.problems.extend(place.problem(unknown_name("point", name, points.ids)) for name in unknown)
+        if pair[0] == pair[1]:
+            place.tell("a pair of one point; expected two")
     if not problems:
         carries = bool(datum.mask.any()) or not datum.free
         check_feasible(reading, [*plain, *others], carries, document.notes)
@@ -642,16 +648,6 @@ def datum_name(datum: str | Datum) -> str:
         for components, names in by_components.items()
     ]
     return f"free, inner constraints over {' and '.join(parts)}"
-
-
-def _check_pairs(reading: Reading) -> None:
-    points = reading.shop.things["point"]
-    for number, pair in enumerate(reading.project.report.relative if "point" not in reading.broken else ()):
-        place = reading.at("report", "relative", number)
-        unknown = [name for name in pair if name not in points.numbers]
-        reading.problems.extend(place.problem(unknown_name("point", name, points.ids)) for name in unknown)
-        if pair[0] == pair[1]:
-            place.tell("a pair of one point; expected two")
 
 
 def _mark(reading: Reading, mask: BoolArray, by_components: Mapping[Any, list[str]]) -> None:

@@ -426,14 +426,6 @@ _LINE = "length"
 """Column with the length of a levelling line, whose σ is then that of 1 km."""
 
 
-def _of_lines(reading: Reading, rows: Rows) -> FloatArray:
-    """(n, 1) factors of σ, √(length / 1 km); 1 where no length is given."""
-    length = rows.number(_LINE)
-    rows.tell_where(length <= 0.0, "found a length of 0 or less, expected one above 0")
-    kilometres = np.where(length > 0.0, length, np.nan) * reading.edge.metres / 1000.0
-    return np.sqrt(np.where(np.isnan(kilometres), 1.0, kilometres))[:, None]
-
-
 def _covariance_column(a: Component, b: Component, reading: Reading) -> Column:
     def parse(text: str, unit: str) -> float:
         number, own = split(text)
@@ -477,7 +469,11 @@ def _plain_group(
             rows.tell_where(given[:, k] < 0.0, "found a negative distance, expected one above 0")
     sigma = _sigma(rows, type_)
     if type_.key in _LEVELLED:
-        sigma = sigma * _of_lines(reading, rows)
+        # (n, 1) factors of σ, √(length / 1 km); 1 where no length is given.
+        length = rows.number(_LINE)
+        rows.tell_where(length <= 0.0, "found a length of 0 or less, expected one above 0")
+        kilometres = np.where(length > 0.0, length, np.nan) * reading.edge.metres / 1000.0
+        sigma = sigma * np.sqrt(np.where(np.isnan(kilometres), 1.0, kilometres))[:, None]
     group = ObservationGroup(
         name=group_name(entry, number),
         type=type_,

@@ -378,7 +378,7 @@ class _Positions:
         """Velocity, oscillation and steps of a point."""
         motions = [point.motions.get(kind, 0) for kind in _KINDS]
         if any(motions):
-            joint = self._joint(self._first_block(point), motions)
+            joint = self._joint(_blocks(self.motion, point)[0], motions)
             values = [self.quality.adjustment.values[k][b] for k, b in zip(_KINDS, motions, strict=True)]
             if VELOCITY.key in point.motions:
                 into.add(point.name, "velocity", ("", ""), values[0], joint[3:6, 3:6])
@@ -443,9 +443,6 @@ class _Positions:
         q = joint_cofactors(self.quality, columns)
         values = self.quality.adjustment.values["point"]
         return values[after] - values[before], q[:3, :3] + q[3:, 3:] - q[:3, 3:] - q[3:, :3]
-
-    def _first_block(self, point: MovingPoint) -> int:
-        return _blocks(self.motion, point)[0]
 
     def _joint(self, block: int, motions: list[int]) -> FloatArray:
         """(12, 12) of coordinates, velocity, sine and cosine."""

@@ -418,7 +418,9 @@ def robust_estimate(quality: Quality, method: Method) -> RobustSolution:
     adjustment = quality.adjustment
     factors = factors_of(problem, adjustment.values, spread, "l1")
     settled = False
-    for stage in stages_of(method):
+    # The sum of absolute residuals comes first in all of them.
+    stages: tuple[Method, ...] = ("l1",) if method == "l1" else ("l1", "danish")
+    for stage in stages:
         settled = False
         for _ in range(ROUNDS):
             scaled = reweighted(problem, [1.0 / np.sqrt(f) for f in factors])
@@ -427,21 +429,11 @@ def robust_estimate(quality: Quality, method: Method) -> RobustSolution:
                 return RobustSolution(method, adjustment, factors, False)
             adjustment, before = found, factors
             factors = factors_of(problem, adjustment.values, spread, stage)
-            if change_of(factors, before) < SETTLED:
+            pairs = zip(factors, before, strict=True)
+            if max((float(np.abs(np.log(a / b)).max(initial=0.0)) for a, b in pairs), default=0.0) < SETTLED:
                 settled = True
                 break
     return RobustSolution(method, adjustment, factors, settled)
-
-
-def stages_of(method: Method) -> tuple[Method, ...]:
-    """Return the stages in their order: the sum of absolute residuals comes first in all of them."""
-    return ("l1",) if method == "l1" else ("l1", "danish")
-
-
-def change_of(factors: tuple[FloatArray, ...], before: tuple[FloatArray, ...]) -> float:
-    """Largest relative change of a factor, as a logarithm."""
-    pairs = zip(factors, before, strict=True)
-    return max((float(np.abs(np.log(a / b)).max(initial=0.0)) for a, b in pairs), default=0.0)
 
 
 def factors_of(

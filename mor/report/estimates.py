@@ -311,25 +311,21 @@ def interior_rows(solved: Solved) -> list[dict[str, Any]]:
     for name, camera in solved.network.project.cameras.items():
         kind = INTERIORS[camera.model].key
         number = cameras.part(name, "interior")
+        # Second zero crossing of the radial distortion in camera units, where the project gives one.
+        given = solved.network.project.cameras[name].r0
+        edge, scale = solved.network.edge, solved.network.scales[name]
         rows.append(
             {
                 "id": name,
                 "model": camera.model,
                 "unit": solved.network.scales[name].unit,
-                "r0": _zero_crossing(solved, name),
+                "r0": edge.number(given, IMAGE, "", scale) if given is not None else None,
                 "format": _format(solved, name),
                 "components": component_rows(solved, kind, number, CAMERA_MODELS[camera.model].components),
                 "correlations": _correlations(solved, kind, number),
             }
         )
     return rows
-
-
-def _zero_crossing(solved: Solved, name: str) -> float | None:
-    """Second zero crossing of the radial distortion in camera units, where the project gives one."""
-    given = solved.network.project.cameras[name].r0
-    edge, scale = solved.network.edge, solved.network.scales[name]
-    return edge.number(given, IMAGE, "", scale) if given is not None else None
 
 
 def _format(solved: Solved, name: str) -> dict[str, Any] | None:

@@ -181,14 +181,6 @@ def used_in_words(data: PageData) -> str:
     return " ".join(parts)
 
 
-def epoch_in_words(data: PageData) -> str:
-    """State how the result can be compared with another epoch."""
-    return data.words(
-        "mor compare OTHER THIS --epochs transforms both to the datum of their common points and tests the movements; "
-        "differences of coordinates in two datums are not movements."
-    )
-
-
 def next_steps(data: PageData) -> list[str]:
     """The three things to do next, the most urgent first."""
     view, say = data.view, data.words
@@ -382,7 +374,11 @@ def headline(data: PageData) -> Statement:
 
 def _rests_on(data: PageData) -> list[Statement]:
     """Datum, what was used of what was read, what would help: no judgement, but asked of every adjustment."""
-    say, other = data.words, epoch_in_words(data)
+    say = data.words
+    other = say(
+        "mor compare OTHER THIS --epochs transforms both to the datum of their common points and tests the movements; "
+        "differences of coordinates in two datums are not movements."
+    )
     ready = data.view.summary["global_test"]["accepted"] and headline(data).state != BAD
     if not ready:
         first = say("Not yet: this adjustment is not accepted, so movements would be tested with wrong σ.")

@@ -307,7 +307,12 @@ def _shared(whole: Sequence[float], least: Sequence[float], room: float) -> list
 
 def report_on_paper(view: View, folder: Path, appendices: Sequence[str], paper: str, words: Words = ENGLISH) -> Writer:
     """Return the report of results that stand in ``folder``. Raises :class:`InputError` for an unknown appendix."""
-    known = _appendices(view)
+    found = {
+        "residuals": view.residuals.height,
+        "images": view.images.height,
+        "covariances": "rxy" in view.points.columns and view.points.height,
+    }
+    known = [name for name, count in found.items() if count]
     for name in appendices:
         if name not in known:
             raise InputError([Message(f"no appendix {name!r} of these results (known: {', '.join(known)})")])
@@ -326,16 +331,6 @@ def report_on_paper(view: View, folder: Path, appendices: Sequence[str], paper: 
         to.heading(words("Appendix: {name}", name=words(name)))
         {"residuals": _residuals, "images": _images, "covariances": _covariances}[name](to, data)
     return to
-
-
-def _appendices(view: View) -> list[str]:
-    """Names of the appendices that the results have something for."""
-    found = {
-        "residuals": view.residuals.height,
-        "images": view.images.height,
-        "covariances": "rxy" in view.points.columns and view.points.height,
-    }
-    return [name for name, count in found.items() if count]
 
 
 def _identity(to: Writer, data: PageData) -> None:

@@ -329,7 +329,10 @@ def write_results(
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
     starts = _starts(solved, document, of.folder, place.folder) if solved.quality is not None else {}
-    starts |= _undeterminable(solved) | _external(solved, choice)
+    rows = undeterminable_rows(solved)
+    if rows:
+        starts[UNDETERMINABLE_FILE] = table_writer(undeterminable_table(rows))
+    starts |= _external(solved, choice)
     long = dict(tables.values())
     # The list is completed below, before anything of the reports is made.
     files: list[str] = []
@@ -352,12 +355,6 @@ def write_results(
 def write_undeterminable(things: Sequence[UndeterminedObject], place: Reservation) -> None:
     """Write a folder with nothing but the table of what has no start values, which are too many for a screen."""
     write_folder(place, {UNDETERMINABLE_FILE: table_writer(undeterminable_table(things))})
-
-
-def _undeterminable(solved: Solved) -> dict[str, Writer]:
-    """The table of what nothing determines, where there is any."""
-    rows = undeterminable_rows(solved)
-    return {UNDETERMINABLE_FILE: table_writer(undeterminable_table(rows))} if rows else {}
 
 
 def _external(solved: Solved, choice: Choice) -> dict[str, Writer]:

@@ -322,9 +322,11 @@ def _parts(approximation: Approximation, words: Words) -> str:
     lines = []
     for join in approximation.parts:
         images, stations = _frames(join, approximation)
+        names = ("vertical", "direction", "scale")
+        known = [words.listed(n) for n, k in zip(names, (join.levelled, join.oriented, join.scaled), strict=True) if k]
         lines.append(
             [
-                str(join.number), str(images), str(stations), str(len(join.points)), _knows(join, words),
+                str(join.number), str(images), str(stations), str(len(join.points)), ", ".join(known) or "-",
                 words.listed("object system") if join.into == 0 else str(join.into), _tied(join, words),
                 sentence(join.began, words),
             ]
@@ -342,12 +344,6 @@ def _frames(join: Join, approximation: Approximation) -> tuple[int, int]:
     names |= {approximation.sights[number].name for number in join.sights}
     images = sum(name.startswith("image ") for name in names)
     return images, len(names) - images
-
-
-def _knows(join: Join, words: Words) -> str:
-    names = ("vertical", "direction", "scale")
-    known = [words.listed(n) for n, k in zip(names, (join.levelled, join.oriented, join.scaled), strict=True) if k]
-    return ", ".join(known) or "-"
 
 
 def _tied(join: Join, words: Words) -> str:

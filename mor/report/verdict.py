@@ -18,7 +18,6 @@ from mor.quality.external_reliability import (
     point_movements,
 )
 from mor.quality.global_tests import GroupEffect
-from mor.quality.group_tests import GroupStatistic
 from mor.quality.reliability_map import (
     CandidateObservation,
     Controlled,
@@ -28,7 +27,7 @@ from mor.quality.reliability_map import (
     uncontrolled_count,
 )
 from mor.quality.singularity import enumerated
-from mor.quality.solution import LARGEST_SIGMA, Determination, Explained, Solved
+from mor.quality.solution import LARGEST_SIGMA, Determination, Solved
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import cells, heading, in_words, short, table
 from mor.report.observations import place
@@ -96,7 +95,17 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
     if solved.quality is None or judged is None:
         return None
     accepted = solved.accepted if solved.quality.redundancy > 0 else None
-    explanations = [_explanation(solved, one) for one in judged.explained]
+    explanations: list[dict[str, Any]] = [
+        {
+            "of": one.test.of,
+            "name": one.test.name,
+            "sigma_factor": one.test.factor,
+            "flagged": one.flagged,
+            "share_of_flagged": one.share_of_flagged,
+            "effect": _effect(solved, one.effect, one.suffices) if one.effect is not None else None,
+        }
+        for one in judged.explained
+    ]
     if solved.possible_causes and solved.possible_causes[0].cause == "curvature":
         explanations = [one for one in explanations if not _is_like_curvature(one["effect"])]
     tests, found = judged.tests, judged.determined
@@ -112,7 +121,21 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
         "tests": len(tests.tests),
         "rejected": len(tests.rejected),
         "all_alike": judged.all_alike,
-        "groups": [group_test_row(test) for test in listed],
+        "groups": [
+            {
+                "of": test.of,
+                "name": test.name,
+                "also": [{"of": of, "name": name} for of, name in test.also],
+                "observations": test.count,
+                "redundancy": test.redundancy,
+                "vtpv": test.omega,
+                "sigma_factor": test.factor,
+                "freedom": test.freedom,
+                "p": float(np.exp(test.log_p)),
+                "rejected": test.rejected,
+            }
+            for test in listed
+        ],
         "explanations": explanations,
         "conventions": {
             "movements": list(movements),
@@ -154,33 +177,6 @@ def _says(accepted: bool | None, uncontrolled: int, found: Determination | None)
     if found is not None and not found.everywhere:
         return "accepted, partly ill-determined"
     return "accepted, observations uncontrolled" if uncontrolled else "accepted"
-
-
-def group_test_row(test: GroupStatistic) -> dict[str, Any]:
-    """One test."""
-    return {
-        "of": test.of,
-        "name": test.name,
-        "also": [{"of": of, "name": name} for of, name in test.also],
-        "observations": test.count,
-        "redundancy": test.redundancy,
-        "vtpv": test.omega,
-        "sigma_factor": test.factor,
-        "freedom": test.freedom,
-        "p": float(np.exp(test.log_p)),
-        "rejected": test.rejected,
-    }
-
-
-def _explanation(solved: Solved, one: Explained) -> dict[str, Any]:
-    return {
-        "of": one.test.of,
-        "name": one.test.name,
-        "sigma_factor": one.test.factor,
-        "flagged": one.flagged,
-        "share_of_flagged": one.share_of_flagged,
-        "effect": _effect(solved, one.effect, one.suffices) if one.effect is not None else None,
-    }
 
 
 def _effect(solved: Solved, effect: GroupEffect, suffices: bool) -> dict[str, Any]:
