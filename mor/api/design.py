@@ -15,7 +15,7 @@ from mor.api.pipeline import read_document
 from mor.api.plan import at_its_place, read_plan, solve_plan
 from mor.errors import InputError, Message
 from mor.linalg.compilation import chosen_by_size
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup
 from mor.output_files import Content
 from mor.plan.ranking import (
     GreedyStep,

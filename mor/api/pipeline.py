@@ -15,8 +15,9 @@ from mor.errors import InputError, Message, NoStartValuesError, UndeterminedObje
 from mor.input_files import is_folder, note_input, read_text, standard_input
 from mor.linalg.cholesky import NotFiniteError, one_thread
 from mor.linalg.compilation import chosen_by_size
-from mor.model.contract import with_sigma_model
-from mor.model.observation_types import is_image_point, target_slot, without
+from mor.model.contract import with_sigma_model, without
+from mor.model.coordinates import target_slot
+from mor.model.images import is_image_point
 from mor.model.parameters import ROTATION, Values, all_known, index_unknowns, with_shared_components
 from mor.project.document import Document, read_yaml
 from mor.project.entities import TableWatcher, ignore_table, thing_of

@@ -25,7 +25,8 @@ from mor.diagnose.hypothesis import (
     with_observed,
     with_unknown,
 )
-from mor.model.observation_types import ObservationGroup, is_image_point, wrap
+from mor.model.contract import ObservationGroup, wrap
+from mor.model.images import is_image_point
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.project.rows import group_name

@@ -27,7 +27,9 @@ from mor.diagnose.hypothesis import (
     with_points,
     with_unknown,
 )
-from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, is_image_point
+from mor.model.contract import ObservationGroup
+from mor.model.images import is_image_point
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.outliers import by_sights_alone, costs_at_places

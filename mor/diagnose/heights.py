@@ -24,8 +24,9 @@ from mor.diagnose.hypothesis import (
 )
 from mor.errors import InputError
 from mor.linalg.cholesky import NotFiniteError
+from mor.model.contract import ObservationGroup
 from mor.model.curvature import on_sphere
-from mor.model.observation_types import PLAIN_TYPES, ObservationGroup
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.plausibility import NOTED, beyond_reach, largest_effect, sphere_under, usual_height

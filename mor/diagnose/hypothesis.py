@@ -17,7 +17,7 @@ import yaml
 from mor.errors import InputError
 from mor.input_files import read_text
 from mor.linalg.cholesky import NotFiniteError
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup
 from mor.model.parameters import Values
 from mor.project.document import Document
 from mor.project.network import Network

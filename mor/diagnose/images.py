@@ -22,7 +22,7 @@ from mor.diagnose.hypothesis import (
     with_group,
     with_observed,
 )
-from mor.model.observation_types import is_image_point
+from mor.model.images import is_image_point
 from mor.model.parameters import Values
 from mor.project.axes import ImageScale
 from mor.project.network import Network

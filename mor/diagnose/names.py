@@ -21,7 +21,7 @@ import numpy as np
 
 from mor.diagnose.hypothesis import SMALL, Hypothesis, Situation, cells, to, with_blocks, without_row
 from mor.model import rotations
-from mor.model.observation_types import ObservationGroup, some_rows, wrap
+from mor.model.contract import ObservationGroup, some_rows, wrap
 from mor.model.parameters import Values, index_unknowns, move
 from mor.project.network import Network
 from mor.quality.outliers import cost_of_residuals, sizes_of

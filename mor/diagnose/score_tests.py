@@ -24,8 +24,10 @@ from mor.diagnose.heights import HeightRows, given_height, height_sights
 from mor.diagnose.images import PRINCIPAL_POINT
 from mor.diagnose.names import ROWS, Match, matches, with_the_same_names, wrong_name
 from mor.model import rotations
+from mor.model.contract import ObservationGroup, wrap
 from mor.model.curvature import on_sphere
-from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, is_image_point, wrap
+from mor.model.images import is_image_point
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.assessment import Quality, assess

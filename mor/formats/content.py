@@ -12,7 +12,8 @@ import polars as pl
 
 from mor.errors import InputError, Message, counted
 from mor.model.cameras import CAMERA_MODELS
-from mor.model.observation_types import IMAGE_TYPES, PLAIN_TYPES
+from mor.model.images import IMAGE_TYPES
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import POINT, ROTATION
 from mor.project.axes import Edge, ImageScale, image_scale
 from mor.project.document import Document

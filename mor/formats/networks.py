@@ -11,7 +11,9 @@ import polars as pl
 
 from mor.errors import InputError, Message
 from mor.formats.content import Content, ContentTable
-from mor.model.observation_types import DEFLECTIONS, GEOID, PLAIN_TYPES, ObservationType
+from mor.model.contract import ObservationType
+from mor.model.geodetic import DEFLECTIONS, GEOID
+from mor.model.observation_types import PLAIN_TYPES
 from mor.project.network import Network, members_of, rows_of_covariance
 from mor.project.reference_system import EarthModel
 from mor.project.rows import CLUSTER

@@ -11,8 +11,7 @@ from scipy.sparse import csr_matrix, vstack
 
 from mor.errors import InputError, Message
 from mor.model import rotations
-from mor.model.contract import with_sigma_model
-from mor.model.observation_types import ObservationGroup, some_rows
+from mor.model.contract import ObservationGroup, some_rows, with_sigma_model
 from mor.plan.requirements import (
     REACHED,
     Interest,

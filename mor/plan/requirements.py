@@ -11,8 +11,7 @@ import numpy as np
 
 from mor.errors import InputError, Message, nearest
 from mor.model import rotations
-from mor.model.contract import with_sigma_model
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup, with_sigma_model
 from mor.project.axes import UnitError
 from mor.project.network import Network
 from mor.project.schema import RequiredReliability, RequiredSigma

@@ -14,9 +14,9 @@ from scipy.special import chdtri, fdtri, ndtri
 from mor.errors import InputError, Message, nearest
 from mor.model import rotations
 from mor.model.cameras import CAMERA_MODELS
+from mor.model.contract import ObservationGroup
 from mor.model.coordinates import OBSERVED_PARAMETERS
-from mor.model.images import is_read_out_along, shutter_on_trajectory
-from mor.model.observation_types import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, ObservationGroup
+from mor.model.images import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, is_read_out_along, shutter_on_trajectory
 from mor.model.parameters import ATTITUDE_SHIFT, POSITION_SHIFT, Values, move, moves_by_angles
 from mor.model.rotations import angles_from_rotation
 from mor.model.trajectory import CUBIC, LINEAR, STEADINESS, on_trajectory

@@ -13,7 +13,8 @@ import polars as pl
 
 from mor.errors import InputError, Message, counted, nearest
 from mor.model.cameras import CAMERA_MODELS, CameraModel
-from mor.model.observation_types import IMAGE_TYPES, ObservationType
+from mor.model.contract import ObservationType
+from mor.model.images import IMAGE_TYPES
 from mor.model.parameters import INTERIORS
 from mor.model.polygons import Triangles, face_normals, faces_of, hidden, triangles, triangulated
 from mor.model.rotations import rotation_from_angles

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.model.observation_types import External, ObservationType
+from mor.model.contract import External, ObservationType
 from mor.project.schema import Axes, Camera, Units
 from mor.types import LARGEST, FloatArray
 from mor.units import ANGLE, ANGLE_UNITS, LENGTH_UNITS, NUMBER_UNITS, PIXEL, SECOND, TIME_UNITS, Quantity, parse_dms

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from mor.model.contract import Names
+from mor.model.contract import Names, ObservationGroup, ObservationType
 from mor.model.curvature import on_sphere
 from mor.model.earth import EARTH_RADIUS, LocalSphere, gaussian_radius
-from mor.model.geodetic import CONVERGENCE, ProjectionPolynomial, projected_attitude, projected_bearing
-from mor.model.observation_types import GEOID, PLAIN_TYPES, ObservationGroup, ObservationType
+from mor.model.geodetic import CONVERGENCE, GEOID, ProjectionPolynomial, projected_attitude, projected_bearing
+from mor.model.observation_types import PLAIN_TYPES
 from mor.project.axes import UnitError
 from mor.project.entities import Reading
 from mor.project.reference_system import (

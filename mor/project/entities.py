@@ -13,9 +13,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from mor.errors import Message, nearest
+from mor.model.contract import ObservationGroup, ObservationType
 from mor.model.earth import LocalSphere
 from mor.model.motion import cubic_weights, linear_weights
-from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, ObservationType
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import KINDS, BlockKind, Blocks
 from mor.model.trajectory import CUBIC, LINEAR
 from mor.project.axes import Edge, ImageScale

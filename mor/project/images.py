@@ -9,7 +9,8 @@ import numpy as np
 
 from mor.errors import Message
 from mor.model.cameras import CAMERA_MODELS
-from mor.model.observation_types import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, ObservationGroup
+from mor.model.contract import ObservationGroup
+from mor.model.coordinates import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
 from mor.model.parameters import (
     ECCENTRICITY,
     HEIGHT,

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.errors import Message
-from mor.model.contract import Names, names_of
-from mor.model.observation_types import OBSERVED_DIFFERENCES, ObservationGroup, Reference, some_rows
+from mor.model.contract import Names, ObservationGroup, Reference, names_of, some_rows
+from mor.model.coordinates import OBSERVED_DIFFERENCES
 from mor.model.parameters import COSINE, MOTIONS, SINE, VELOCITY, BlockKind
 from mor.model.trajectory import basis, moving
 from mor.project.entities import (

@@ -11,16 +11,9 @@ import numpy as np
 
 from mor.errors import InputError, Message, UndeterminedObject, counted
 from mor.input_files import read_text
+from mor.model.contract import PERFECT_SET_UP, ObservationGroup, some_rows
+from mor.model.coordinates import AT_INFINITY, FREE_TURNS, at_infinity, target_slot
 from mor.model.earth import LocalSphere
-from mor.model.observation_types import (
-    AT_INFINITY,
-    FREE_TURNS,
-    PERFECT_SET_UP,
-    ObservationGroup,
-    at_infinity,
-    some_rows,
-    target_slot,
-)
 from mor.model.parameters import Blocks, Values
 from mor.model.rotations import rotation_from_angles
 from mor.project.axes import SMALLEST_SIGMA, Edge, ImageScale, external

@@ -12,23 +12,20 @@ import numpy as np
 from mor.errors import Message, nearest
 from mor.long_arrays import kept
 from mor.model.cameras import CAMERA_MODELS, CameraModel
-from mor.model.contract import Names
+from mor.model.contract import Names, ObservationGroup, ObservationType, SetUpSigmas, Slot
+from mor.model.coordinates import to_projection_centres
 from mor.model.curvature import on_sphere
-from mor.model.geodetic import EARTH_TYPES, NOT_ON_EARTH, is_open
-from mor.model.images import PHASE, line_scanner, phases, shutter_on_trajectory
-from mor.model.observation_types import (
+from mor.model.geodetic import EARTH_TYPES, GEOID, NOT_ON_EARTH, is_open
+from mor.model.images import (
     FOLLOWER_TYPES,
-    GEOID,
     IMAGE_TYPES,
     MOVING_TYPES,
-    PLAIN_TYPES,
-    PROJECTION_CENTRE_TYPES,
-    ObservationGroup,
-    ObservationType,
-    SetUpSigmas,
-    Slot,
-    to_projection_centres,
+    PHASE,
+    line_scanner,
+    phases,
+    shutter_on_trajectory,
 )
+from mor.model.observation_types import PLAIN_TYPES, PROJECTION_CENTRE_TYPES
 from mor.model.parameters import READOUT
 from mor.model.shapes import RELATION_TYPES
 from mor.model.trajectory import CUBIC, on_trajectory

@@ -10,10 +10,10 @@ import numpy as np
 
 from mor.errors import InputError, Message
 from mor.model.cameras import CAMERA_MODELS, CameraModel
+from mor.model.contract import ObservationGroup
 from mor.model.geodetic import Attitude, InPlane
 from mor.model.images import PHASE, READOUT_SLOT, ROW, SCANNER, is_read_out_along, phases
 from mor.model.motion import TrajectoryPoses, pose_at
-from mor.model.observation_types import ObservationGroup
 from mor.model.rotations import into_frame
 from mor.model.trajectory import knot_count
 from mor.project.earth import MEANT, PlaneError, needs_convergence, needs_place, plane_of

@@ -9,17 +9,9 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import polars as pl
 
-from mor.model.contract import names_of
+from mor.model.contract import ObservationGroup, names_of
 from mor.model.earth import Ellipsoid, Horizon
-from mor.model.observation_types import (
-    DEFLECTIONS,
-    GEOID,
-    ObservationGroup,
-    control,
-    earth_types,
-    projected_attitude,
-    projected_position,
-)
+from mor.model.geodetic import DEFLECTIONS, GEOID, control, earth_types, projected_attitude, projected_position
 from mor.model.parameters import POINT, ROTATION
 from mor.model.rotations import angles_from_rotation, rotation_from_angles
 from mor.project.axes import Edge, UnitError, external

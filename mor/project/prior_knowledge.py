@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.errors import Message, counted, nearest
-from mor.model.contract import names_of, one_name
-from mor.model.observation_types import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup
+from mor.model.contract import ObservationGroup, names_of, one_name
+from mor.model.coordinates import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import INTERIORS, KINDS, MOTIONS, SHAPE, BlockKind
 from mor.model.rotations import angles_from_rotation, rotate, rotation_from_angles
 from mor.model.shapes import PERPENDICULAR, PERPENDICULAR_TURNS, PERPENDICULAR_TYPES, RELATION_TYPES, SHAPE_TYPES

@@ -13,7 +13,7 @@ import numpy as np
 from mor.errors import InputError
 from mor.input_files import PROJECT, note_file, read_bytes
 from mor.model.earth import Ellipsoid, Horizon
-from mor.model.observation_types import DEFLECTIONS, GEOID
+from mor.model.geodetic import DEFLECTIONS, GEOID
 from mor.types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:

@@ -11,8 +11,8 @@ import numpy as np
 import polars as pl
 
 from mor.errors import MANY_NAMES, Message, counted
-from mor.model.contract import POSITIONS, Names, places
-from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, ObservationType, Reference
+from mor.model.contract import POSITIONS, Names, ObservationGroup, ObservationType, Reference, places
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.rotations import rotation_from_angles, tangent_of_angles
 from mor.project.axes import Edge, UnitError
 from mor.project.entities import Reading, entities, unknown_name

@@ -9,9 +9,8 @@ from typing import NamedTuple
 import numpy as np
 import polars as pl
 
-from mor.model.contract import Names, coded, names_of
+from mor.model.contract import Names, ObservationGroup, ObservationType, coded, names_of
 from mor.model.motion import linear_weights, pose_at
-from mor.model.observation_types import ObservationGroup, ObservationType
 from mor.model.parameters import (
     ATTITUDE_SHIFT,
     IMAGE_VELOCITY,

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.model import rotations
-from mor.model.observation_types import can_be_at_infinity, target_slot
+from mor.model.coordinates import can_be_at_infinity, target_slot
 from mor.model.parameters import move
 from mor.quality.precision import (
     FollowerCofactors,

@@ -12,7 +12,8 @@ from scipy.special import chdtri, erfc
 
 from mor.errors import NoStartValuesError, UndeterminedObject
 from mor.model import rotations
-from mor.model.observation_types import TURNED_AXIS, ObservationGroup, can_be_at_infinity, target_slot
+from mor.model.contract import ObservationGroup
+from mor.model.coordinates import TURNED_AXIS, can_be_at_infinity, target_slot
 from mor.model.parameters import Values
 from mor.project.entities import thing_of
 from mor.project.network import (

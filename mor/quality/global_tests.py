@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import kolmogorov, ndtr, ndtri
 
 from mor.model import rotations
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup
 from mor.model.parameters import Index, Values, index_unknowns
 from mor.quality.assessment import Quality
 from mor.quality.external_reliability import WhitenedRows

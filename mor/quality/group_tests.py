@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import betainc, gammainc
 
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup
 from mor.project.entities import Entities, thing_of
 from mor.project.network import Network
 from mor.quality.assessment import Quality

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.special import betaln, gammaln
 
 from mor.model import rotations
-from mor.model.images import is_on_the_sphere
-from mor.model.observation_types import Computed, ObservationGroup, is_image_point, wrap
+from mor.model.contract import Computed, ObservationGroup, wrap
+from mor.model.images import is_image_point, is_on_the_sphere
 from mor.model.parameters import ROTATION, Blocks, Values, index_unknowns
 from mor.quality.robust_estimation import (
     Graduated,

@@ -11,9 +11,9 @@ import numpy as np
 from scipy.special import bdtrc
 
 from mor.errors import Message
+from mor.model.contract import ObservationGroup, some_rows, wrap
 from mor.model.curvature import on_sphere
 from mor.model.earth import EARTH_RADIUS, LocalSphere
-from mor.model.observation_types import ObservationGroup, some_rows, wrap
 from mor.model.parameters import Values
 from mor.model.shapes import SHAPE_TYPES
 from mor.project.axes import split

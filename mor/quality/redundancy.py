@@ -14,8 +14,8 @@ from mor.linalg.block_matrix import BlockMatrix, row_cofactors
 from mor.linalg.compilation import compile_kernel
 from mor.linalg.selected_inverse import operations
 from mor.model import rotations
-from mor.model.contract import OUT
-from mor.model.observation_types import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, ObservationGroup
+from mor.model.contract import OUT, ObservationGroup
+from mor.model.images import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES
 from mor.quality.test_statistics import CONTROLLED, Correlated, ObservationQuality, in_pieces, joint_statistic
 from mor.solve.datum import STransformation
 from mor.solve.elimination import RayChunk, ray_chunks, ray_residuals, split

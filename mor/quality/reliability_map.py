@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.model import rotations
-from mor.model.observation_types import ObservationGroup, some_rows
+from mor.model.contract import ObservationGroup, some_rows
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.assessment import Quality

@@ -10,9 +10,8 @@ import numpy as np
 
 from mor.linalg.cholesky import NotFiniteError
 from mor.model.cameras import CAMERA_MODELS
-from mor.model.contract import OUT
-from mor.model.images import MOTION_SLOTS, image_scale, on_the_sphere, stereographic
-from mor.model.observation_types import ObservationGroup, is_image_point, without
+from mor.model.contract import OUT, ObservationGroup, without
+from mor.model.images import MOTION_SLOTS, image_scale, is_image_point, on_the_sphere, stereographic
 from mor.model.parameters import Values, index_unknowns, move
 from mor.quality.assessment import Quality
 from mor.solve.inverse import Factors, damped_step, normalised_misclosures, reweighted_plan

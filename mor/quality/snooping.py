@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.model.observation_types import is_image_point
+from mor.model.images import is_image_point
 from mor.model.parameters import Values
 from mor.quality.assessment import Levels, Quality, assess, is_complete
 from mor.quality.outliers import (

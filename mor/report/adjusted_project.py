@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 
 from mor.errors import UndeterminedObject
-from mor.model.observation_types import DEFLECTIONS, GEOID
+from mor.model.geodetic import DEFLECTIONS, GEOID
 from mor.model.parameters import (
     BASE,
     ECCENTRICITY,

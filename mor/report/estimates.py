@@ -12,7 +12,7 @@ import polars as pl
 from mor.errors import UndeterminedObject
 from mor.model.cameras import CAMERA_MODELS
 from mor.model.contract import places_of
-from mor.model.observation_types import is_image_point
+from mor.model.images import is_image_point
 from mor.model.parameters import INTERIORS, SHAPE
 from mor.model.rotations import cross_matrix
 from mor.model.shapes import SHAPE_TYPES

@@ -12,8 +12,8 @@ import numpy as np
 import polars as pl
 
 from mor.diagnose.hypothesis import Diagnosis, as_diff
-from mor.model.contract import Coded, Names, one_name, places_of
-from mor.model.observation_types import ObservationGroup, is_image_point, some_rows
+from mor.model.contract import Coded, Names, ObservationGroup, one_name, places_of, some_rows
+from mor.model.images import is_image_point
 from mor.project.document import Document
 from mor.project.network import Network
 from mor.quality.assessment import Quality

@@ -15,7 +15,8 @@ import polars as pl
 
 from mor.errors import InputError, Message
 from mor.model.earth import GRS80, Ellipsoid, Horizon
-from mor.model.observation_types import ALL_TYPES, earth_types
+from mor.model.geodetic import earth_types
+from mor.model.observation_types import ALL_TYPES
 from mor.project.axes import Edge
 from mor.project.schema import Axes, Units
 from mor.quality.precision import error_ellipsoids

@@ -14,7 +14,9 @@ import polars as pl
 
 from mor import __version__
 from mor.errors import escaped
-from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, is_image_point
+from mor.model.contract import ObservationGroup
+from mor.model.images import is_image_point
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import ECCENTRICITY, GNSS_FRAME, INTERIORS, KINDS, READOUT, ROTATION, TIME_OFFSET, Values
 from mor.model.rotations import angles_from_rotation
 from mor.plan.simulation import (

@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from mor.model.observation_types import External, ObservationGroup
+from mor.model.contract import External, ObservationGroup
 from mor.model.parameters import IMAGE_VELOCITY, INTERIORS, KINDS, ROTATION_RATE, moves_by_angles
 from mor.model.rotations import angles_from_rotation
 from mor.project.prior_knowledge import feature_label

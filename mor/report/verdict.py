@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup
 from mor.quality.assessment import Quality
 from mor.quality.external_reliability import (
     HARDLY_CONTROLLED,
