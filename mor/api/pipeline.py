@@ -472,9 +472,8 @@ def _moved_apart(problem: Problem, start: Mapping[str, FloatArray]) -> dict[str,
     there, points = beside(problem, start)["point"], start["point"].copy()
     for group in problem.groups:
         rows = undefined_rows(group, problem.index, start)
-        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == "point":
-                points[numbers[rows]] = there[numbers[rows]]
+        for numbers in group.blocks_of("point"):
+            points[numbers[rows]] = there[numbers[rows]]
     return {**start, "point": points}
 
 

@@ -231,7 +231,7 @@ def _hypothesis(
 
 def _stations(group: ObservationGroup, rows: IntArray) -> dict[str, IntArray]:
     found: dict[str, list[IntArray]] = {}
-    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+    for slot, blocks in group.blocks_by_slot:
         if slot.of == group.type.references[0].name and slot.part in ("position", "rotation"):
             found.setdefault(slot.kind, []).append(np.asarray(blocks[rows]))
     return {kind: np.unique(np.concatenate(blocks)) for kind, blocks in found.items()}

@@ -237,9 +237,8 @@ def control_tables(situation: Situation) -> list[ControlPoints]:
     held = ~blocks.free.any(axis=1) & np.isin(np.arange(len(ids)), own.parts["position"])
     seen = np.zeros(len(ids), dtype=bool)
     for group in network.groups:
-        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == "point":
-                seen[numbers] = True
+        for numbers in group.blocks_of("point"):
+            seen[numbers] = True
     fixed = np.flatnonzero(held & seen)
     if len(fixed):
         labels = {network.point_groups.get(int(p), "") for p in fixed} - {""}

@@ -175,7 +175,7 @@ def _reductions(here: Adjustment, sights: list[HeightRows]) -> FloatArray:
     for k, one in enumerate(sights):
         for number, rows, slot in one.rows:
             group = problem.groups[number]
-            blocks = [values[s.kind][b[rows]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
+            blocks = [values[s.kind][b[rows]] for s, b in group.blocks_by_slot]
             derivative = group.type.equation(blocks, group.constants[rows]).jacobians[slot][:, :, 0]
             weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
             b = np.nan_to_num(derivative) * weight

@@ -148,7 +148,7 @@ def _against_start_values(situation: Situation, parts: Mapping[str, Sequence[tup
 def _beside(network: Network, number: int, rows: IntArray, signs: tuple[float, float]) -> float:
     """Σ ln |v|/σ of some rays at the given start values, their coordinates with other signs."""
     group = network.groups[number]
-    blocks = [network.start[slot.kind][own[rows]] for slot, own in zip(group.type.slots, group.blocks, strict=True)]
+    blocks = [network.start[slot.kind][own[rows]] for slot, own in group.blocks_by_slot]
     with np.errstate(all="ignore"):
         computed = group.type.equation(blocks, group.constants[rows]).values
         sizes = np.abs(group.observed[rows] * np.array(signs) - computed) / group.given_sigma[rows]
@@ -218,7 +218,7 @@ def _poses(network: Network, parts: list[tuple[int, IntArray]]) -> dict[str, Int
     found: dict[str, list[IntArray]] = {}
     for number, rows in parts:
         group = network.groups[number]
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             if slot.of == "image" and slot.part in ("position", "rotation"):
                 found.setdefault(slot.kind, []).append(np.asarray(blocks[rows]))
     return {kind: np.unique(np.concatenate(blocks)) for kind, blocks in found.items()}

@@ -280,7 +280,7 @@ def _alone(problem: Problem, situation: Situation, name: str) -> _Alone:
         groups.append(some_rows(group, own))
         numbers.append(number)
         rows.append(own)
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             if slot.of == group.type.references[0].name and slot.part in ("position", "rotation"):
                 free[slot.kind][blocks[own]] = True
     held = {
@@ -306,7 +306,7 @@ def _exchanged(problem: Problem, number: int, pair: tuple[int, int]) -> Problem:
     target = group.type.references[1].name
     order = np.arange(group.count)
     order[list(pair)] = order[list(reversed(pair))]
-    slots = zip(group.type.slots, group.blocks, strict=True)
+    slots = group.blocks_by_slot
     blocks = tuple(own[order] if slot.of == target else own for slot, own in slots)
     groups = list(problem.groups)
     groups[number] = replace(group, blocks=blocks)

@@ -578,7 +578,7 @@ def _told(network: Network, number: int) -> bool:
     if any(slot.kind not in network.start for slot in group.type.slots):
         return False
     known = np.ones(group.count, dtype=bool)
-    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+    for slot, blocks in group.blocks_by_slot:
         start = network.start[slot.kind]
         given: BoolArray = np.asarray(np.isfinite(start.reshape(len(start), -1)).all(axis=1))
         known &= given[blocks]

@@ -262,6 +262,15 @@ class ObservationGroup:
         """Number of rows n, each of up to m observations."""
         return len(self.observed)
 
+    @property
+    def blocks_by_slot(self) -> list[tuple[Slot, AnyIntArray]]:
+        """Each slot of the type with the (n,) numbers of its blocks."""
+        return list(zip(self.type.slots, self.blocks, strict=True))
+
+    def blocks_of(self, kind: str) -> list[AnyIntArray]:
+        """(n,) numbers of the blocks of each slot of a kind."""
+        return [blocks for slot, blocks in self.blocks_by_slot if slot.kind == kind]
+
     def message(self, row: int, words: str) -> Message:
         """A message about a row, with its file and line where it has them."""
         return Message(words, self.file, self.line(row))
@@ -401,7 +410,7 @@ def with_sigma_model(group: ObservationGroup, values: Values) -> ObservationGrou
 
 
 def _centring_variance(group: ObservationGroup, values: Values) -> FloatArray:
-    blocks = [values[slot.kind][number] for slot, number in zip(group.type.slots, group.blocks, strict=True)]
+    blocks = [values[slot.kind][number] for slot, number in group.blocks_by_slot]
     jacobians = group.type.equation(blocks, group.constants).jacobians
     variance = np.zeros(group.observed.shape)
     for slot, jacobian in zip(group.type.slots, jacobians, strict=True):
@@ -419,7 +428,7 @@ def _distances(group: ObservationGroup, values: Values) -> FloatArray:
     positions = [
         values[slot.kind][number]
         for end in group.type.distances or ()
-        for slot, number in zip(group.type.slots, group.blocks, strict=True)
+        for slot, number in group.blocks_by_slot
         if slot.of == end and slot.part == "position"
     ]
     length: FloatArray = np.linalg.norm(positions[1] - positions[0], axis=1)

@@ -236,7 +236,7 @@ def read_out_at_once(group: ObservationGroup) -> ObservationGroup:
     if form != MOVING:
         return group
     frame = IMAGE_TYPES[key]
-    blocks = tuple(numbers for slot, numbers in zip(group.type.slots, group.blocks, strict=True) if slot in frame.slots)
+    blocks = tuple(numbers for slot, numbers in group.blocks_by_slot if slot in frame.slots)
     return replace(group, type=frame, blocks=blocks, constants=group.constants[:, : len(frame.constants)])
 
 

@@ -264,7 +264,7 @@ def _solutions(quality: Quality, M: csr_matrix, reduced: FloatArray, points: Eli
 
 
 def _points_of(group: ObservationGroup) -> IntArray:
-    found = [b for s, b in zip(group.type.slots, group.blocks, strict=True) if s.kind == "point"]
+    found = group.blocks_of("point")
     return np.concatenate([np.asarray(b, dtype=np.int64) for b in found] or [np.zeros(0, dtype=np.int64)])
 
 

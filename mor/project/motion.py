@@ -364,7 +364,7 @@ def _settle_first_epochs(reading: Reading, groups: list[ReadGroup]) -> None:
     motion = reading.motion
     free = np.array(sorted(b for b, point in motion.points.items() if point.own_epochs), dtype=np.int64)
     for found in groups if len(free) else ():
-        for slot, blocks in zip(found.group.type.slots, found.group.blocks, strict=True):
+        for slot, blocks in found.group.blocks_by_slot:
             if slot.kind != "point" or found.epochs is None:
                 continue
             rows = np.flatnonzero(np.isin(blocks, free) & (found.epochs != NONE))

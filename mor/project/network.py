@@ -685,7 +685,7 @@ def nothing_marked(network: Network) -> dict[str, BoolArray]:
 def touches(group: ObservationGroup, marked: Marked) -> BoolArray:
     """(n,) rows of a group that refer to a marked block."""
     touched = np.zeros(group.count, dtype=bool)
-    for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+    for slot, numbers in group.blocks_by_slot:
         touched |= marked[slot.kind][numbers]
     return touched
 
@@ -694,9 +694,8 @@ def rows_of_points(network: Network) -> IntArray:
     """(points,) rows of observations that refer to each point block."""
     rows = np.zeros(len(network.blocks["point"].ids), dtype=np.int64)
     for group in network.groups:
-        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == "point":
-                rows += np.bincount(numbers, minlength=len(rows))
+        for numbers in group.blocks_of("point"):
+            rows += np.bincount(numbers, minlength=len(rows))
     return rows
 
 
@@ -796,7 +795,7 @@ def _absent(network: Network, marked: Marked) -> dict[str, BoolArray]:
 def _seen_far(group: ObservationGroup, number: IntArray) -> ObservationGroup:
     """Rows to far points as rows to their directions, whose block numbers are ``number`` (points,)."""
     type_ = at_infinity(group.type)
-    own = dict(zip(group.type.slots, group.blocks, strict=True))
+    own = dict(group.blocks_by_slot)
     return replace(
         group,
         name=group.name + AT_INFINITY,

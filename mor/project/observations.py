@@ -695,14 +695,11 @@ def _refuse_unobserved(reading: Reading, groups: list[ObservationGroup], checks:
     points = reading.shop.store("point")
     seen = np.zeros(len(points.ids), dtype=bool)
     for group in groups:
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == "point":
-                seen[blocks] = True
+        for blocks in group.blocks_of("point"):
+            seen[blocks] = True
     free = np.asarray(points.all_free().any(axis=1))
     for group in checks:
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind != "point":
-                continue
+        for blocks in group.blocks_of("point"):
             for row in np.flatnonzero(free[blocks] & ~seen[blocks]).tolist():
                 words = f"point {points.ids[blocks[row]]!r} is a check point, but nothing determines it"
                 reading.problems.append(group.message(row, words))

@@ -83,7 +83,7 @@ class _Sight:
         self, group: ObservationGroup, place: Mapping[str, FloatArray], trajectory: Trajectory, mine: IntArray
     ) -> None:
         order = knot_count(group.type)
-        slots = list(zip(group.type.slots, group.blocks, strict=True))[2 * order :]
+        slots = list(group.blocks_by_slot)[2 * order :]
         self.height, self.eccentricity, self.interior, self.point = (
             place[slot.kind][blocks[mine]] for slot, blocks in slots
         )
@@ -283,7 +283,7 @@ def _over(world: EarthModel, group: ObservationGroup, points: FloatArray) -> Obs
     if not isinstance(equation, InPlane | Attitude) or equation.plane is None:
         return group
     plane = equation.plane
-    ends = [points[blocks] for slot, blocks in zip(group.type.slots, group.blocks, strict=True) if slot.kind == "point"]
+    ends = [points[blocks] for slot, blocks in group.blocks_by_slot if slot.kind == "point"]
     there = np.concatenate(ends)
     feet = world.horizon.foot(there[np.isfinite(there).all(axis=1)]).position[:, :2]
     if plane.holds(feet).all():

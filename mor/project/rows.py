@@ -54,7 +54,7 @@ def drop_unused_orientations(reading: Reading, groups: Sequence[ObservationGroup
     used = {
         int(number)
         for group in groups
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+        for slot, blocks in group.blocks_by_slot
         if slot.kind == "rotation"
         for number in np.unique(blocks)
     }
@@ -222,9 +222,8 @@ def told(slips: Sequence[Slip], count: int) -> tuple[list[Message], list[Message
 def _rows_of_points(groups: Sequence[ObservationGroup], count: int) -> np.ndarray:
     rows = np.zeros(count, dtype=np.int64)
     for group in groups:
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == "point":
-                rows += np.bincount(blocks, minlength=count)
+        for blocks in group.blocks_of("point"):
+            rows += np.bincount(blocks, minlength=count)
     return rows
 
 
@@ -610,7 +609,7 @@ def refuse_fixed(reading: Reading, groups: Iterable[ObservationGroup]) -> None:
             continue
         # (n, m) true for components that some unknown changes.
         places, tangents, free = [], [], []
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             store = reading.shop.store(slot.kind)
             values = np.nan_to_num(store.all_values()[blocks], nan=_ANYWHERE)
             free.append(store.all_free()[blocks])

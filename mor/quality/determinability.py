@@ -73,11 +73,7 @@ def connected_parts(network: Network, groups: Sequence[ObservationGroup]) -> tup
             links.append((np.zeros_like(held), held + start))
     links += [(ends[0], ends[1]) for ends in _on_trajectories(network, first["point"])]
     for group in groups:
-        nodes = [
-            numbers + first[slot.kind]
-            for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
-            if slot.kind in first
-        ]
+        nodes = [numbers + first[slot.kind] for slot, numbers in group.blocks_by_slot if slot.kind in first]
         links += [(nodes[0], other) for other in nodes[1:]]
     ends = [np.concatenate(side) for side in zip(*links, strict=True)] if links else [np.zeros(0, dtype=int)] * 2
     # Imported here: only networks that are not determined come to this.
@@ -455,9 +451,7 @@ def _equations(
         point = group.blocks[target_slot(group.type)][rows]
         k = number[point]
         # (n, m, 3) derivatives by the sighted point.
-        blocks = [
-            places[slot.kind][numbers[rows]] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
-        ]
+        blocks = [places[slot.kind][numbers[rows]] for slot, numbers in group.blocks_by_slot]
         computed = group.type.equation(blocks, group.constants[rows])
         by_point = computed.jacobians[target_slot(group.type)]
         away = far.directions[some[k]]

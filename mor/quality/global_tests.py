@@ -339,9 +339,8 @@ def _rows(plan: Plan, values: Values, extended: Index, places: IntArray):  # typ
 def _looks(group: ObservationGroup, touched: BoolArray) -> BoolArray:
     """(n,) rows of a group that refer to a touched point."""
     looks = np.zeros(group.count, dtype=bool)
-    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-        if slot.kind == "point":
-            looks |= touched[blocks]
+    for blocks in group.blocks_of("point"):
+        looks |= touched[blocks]
     return looks
 
 

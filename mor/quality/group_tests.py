@@ -141,7 +141,7 @@ def _by_instrument(instruments: Entities) -> _Teller:
     """Rows by the instrument whose scale, offset or refraction they refer to."""
 
     def tell(group: ObservationGroup) -> _Told | None:
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             if slot.of == "instrument" and slot.part in instruments.parts:
                 own = instruments.parts[slot.part]
                 classes = np.full(max(int(blocks.max(initial=0)), int(own.max(initial=0))) + 1, NOBODY)
@@ -592,7 +592,7 @@ def _memberships(quality: Quality, network: Network) -> Iterator[_Membership]:
 def _of_points(groups: Sequence[ObservationGroup], first: IntArray, ids: Sequence[str]) -> _Membership:
     rows, classes = [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
     for k, group in enumerate(groups):
-        points = [blocks for slot, blocks in zip(group.type.slots, group.blocks, strict=True) if slot.kind == "point"]
+        points = group.blocks_of("point")
         for i, blocks in enumerate(points):
             new = np.ones(group.count, dtype=bool)  # a row counts once for each point
             for before in points[:i]:

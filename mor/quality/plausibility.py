@@ -280,21 +280,21 @@ def _misclosures(network: Network, group: ObservationGroup, sigma: FloatArray) -
         return nothing
     turning = _turning_slot(group)
     known = np.ones(group.count, dtype=bool)
-    for k, (slot, blocks) in enumerate(zip(group.type.slots, group.blocks, strict=True)):
+    for k, (slot, blocks) in enumerate(group.blocks_by_slot):
         known &= _known(network, slot.kind, turning == k)[blocks]
     rows = np.flatnonzero(known)
     if not len(rows):
         return nothing
     some = some_rows(group, rows)
     values = {kind: np.where(np.isfinite(array), array, 0.0) for kind, array in network.start.items()}
-    here = [values[slot.kind][own] for slot, own in zip(some.type.slots, some.blocks, strict=True)]
+    here = [values[slot.kind][own] for slot, own in some.blocks_by_slot]
     if turning >= 0:
         here[turning] = np.broadcast_to(np.eye(3), here[turning].shape)
     computed = some.type.equation(here, some.constants)
     size = some.observed - computed.values
     size[:, group.type.wraps] = wrap(size[:, group.type.wraps])
     variance = sigma[rows] ** 2
-    for k, (slot, own) in enumerate(zip(some.type.slots, some.blocks, strict=True)):
+    for k, (slot, own) in enumerate(some.blocks_by_slot):
         if k != turning and slot.kind in network.sigma:
             given = np.where(network.blocks[slot.kind].free, np.nan_to_num(network.sigma[slot.kind]), 0.0)
             if given.shape[1] == computed.jacobians[k].shape[2]:
@@ -584,7 +584,7 @@ def implausible_heights(network: Network) -> Iterator[Message]:
     for group in network.groups:
         if not group.type.distances or group.type.between_marks:
             continue
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             names = [reference.name for reference in group.type.references]
             if slot.kind != "height" or slot.of not in names:
                 continue
@@ -781,7 +781,7 @@ def _settled(network: Network, group: ObservationGroup) -> BoolArray:
 def _usable(network: Network, group: ObservationGroup, rows: IntArray) -> BoolArray:
     """(k,) rays for which all start values are given."""
     usable: BoolArray = np.ones(len(rows), dtype=bool)
-    for slot, own in zip(group.type.slots, group.blocks, strict=True):
+    for slot, own in group.blocks_by_slot:
         start = network.start[slot.kind]
         given = np.asarray(np.isfinite(start.reshape(len(start), -1)).all(axis=1), dtype=bool)
         usable = usable & given[own[rows]]
@@ -793,7 +793,7 @@ def _support(network: Network, group: ObservationGroup, rows: IntArray) -> BoolA
     if not len(rows):
         return np.zeros(0, dtype=bool)
     some = some_rows(group, rows)
-    blocks = [network.start[slot.kind][own] for slot, own in zip(some.type.slots, some.blocks, strict=True)]
+    blocks = [network.start[slot.kind][own] for slot, own in some.blocks_by_slot]
     slots = {(slot.of, slot.part): k for k, slot in enumerate(group.type.slots)}
     sight = blocks[-1] - blocks[slots["image", "position"]]
     axis = blocks[slots["image", "rotation"]][:, 2]
@@ -868,7 +868,7 @@ def sphere_under(network: Network, values: Values) -> LocalSphere:
     """Return the sphere that ``curvature: true`` would have at these coordinates."""
     used = np.zeros(len(values["point"]), dtype=bool)
     for group in network.groups:
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             if slot.kind == "point" and slot.of != "system":
                 used[blocks] = True
     metres = network.edge.metres
@@ -896,7 +896,7 @@ def _in_group(
     component = _LOOKED_AT.get(group.type.key, 0 if group.type.key == "height_difference" and straight else -1)
     if component < 0 or not group.count:
         return None
-    blocks = [values[slot.kind][own] for slot, own in zip(group.type.slots, group.blocks, strict=True)]
+    blocks = [values[slot.kind][own] for slot, own in group.blocks_by_slot]
     places = [b for slot, b in zip(group.type.slots, blocks, strict=True) if slot.part == "position"]
     apart = places[1] - places[0]
     length = np.hypot(apart[:, 0], apart[:, 1])

@@ -222,7 +222,7 @@ def length_of_sight(adjustment: Adjustment, number: int, rows: IntArray) -> Floa
     group = adjustment.problem.groups[number]
     positions = [
         adjustment.values["point"][blocks[rows]]
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+        for slot, blocks in group.blocks_by_slot
         if slot.kind == "point" and slot.part == "position"
     ]
     angular = group.type.wraps

@@ -109,7 +109,7 @@ def _of_points(quality: Quality, names: tuple[str, ...], place: IntArray, axes: 
         for number, group in enumerate(quality.adjustment.problem.groups):
             named = [
                 blocks
-                for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+                for slot, blocks in group.blocks_by_slot
                 if slot.kind == "point" and slot.of not in ("image", "station", "system")
             ]
             for rows in _pieces(group.count):

@@ -108,16 +108,15 @@ def whole(problem: Problem) -> tuple[Parts, ...]:
 
 def frames_of(group: ObservationGroup) -> IntArray:
     """Return (n,) the frame of every row; −1 where there is none."""
-    frames = [blocks for slot, blocks in zip(group.type.slots, group.blocks, strict=True) if slot.kind == _FRAME]
+    frames = group.blocks_of(_FRAME)
     return np.asarray(frames[0], dtype=np.int64) if frames else np.full(group.count, -1)
 
 
 def _tied(group: ObservationGroup, given: BoolArray) -> IntArray:
     """(n,) 0 for rows at a point that is given, −1 for others."""
     tied = np.zeros(group.count, dtype=bool)
-    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-        if slot.kind == "point":
-            tied |= given[blocks]
+    for blocks in group.blocks_of("point"):
+        tied |= given[blocks]
     return np.where(tied, 0, -1)
 
 
@@ -166,9 +165,7 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
     """The group as directions, and radians per image unit (n, 2)."""
     model = CAMERA_MODELS[group.type.key.partition("/")[2]]
     interior, of = next(
-        (values[slot.kind], numbers)
-        for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
-        if slot.kind.startswith(_INTERIOR)
+        (values[slot.kind], numbers) for slot, numbers in group.blocks_by_slot if slot.kind.startswith(_INTERIOR)
     )
     whole: BoolArray = np.asarray(group.mask.all(axis=1))
     measured = np.where(whole[:, None], group.observed, 0.0)
@@ -178,7 +175,7 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
     type_ = on_the_sphere(group.type)
     assert type_ is not None
     constants = np.concatenate([stereographic(rays), rays], axis=1)
-    blocks = tuple(numbers for slot, numbers in zip(group.type.slots, group.blocks, strict=True) if slot in type_.slots)
+    blocks = tuple(numbers for slot, numbers in group.blocks_by_slot if slot in type_.slots)
     observed = np.where(used[:, None], np.zeros(2), np.nan)
     factor = np.repeat(np.where(used, 1.0 / np.where(used, scale, 1.0), 1.0)[:, None], 2, axis=1)
     return replace(group, type=type_, blocks=blocks, observed=observed, constants=constants), factor

@@ -188,7 +188,7 @@ def held_by_an_angle(solved: Solved, say: Translate = english) -> list[str]:
 def _points_seen(solved: Solved, rotation: int) -> IntArray:
     found = [np.zeros(0, dtype=np.int64)]
     for group in solved.adjustment.problem.groups:
-        slots = list(zip(group.type.slots, group.blocks, strict=True))
+        slots = list(group.blocks_by_slot)
         here = [blocks for slot, blocks in slots if slot.kind == "rotation" and slot.part == "rotation"]
         targets = [blocks for slot, blocks in slots if slot.kind == "point" and slot.of in ("point", "to")]
         if here and targets:
@@ -464,7 +464,7 @@ def _is_idle(solved: Solved, kind: str, block: str) -> bool:
     return thing_of(kind, block)[0] != "knot" and not any(
         bool((blocks.owner[numbers] == number).any())
         for group in solved.adjustment.problem.groups
-        for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
+        for slot, numbers in group.blocks_by_slot
         if slot.kind == kind
     )
 

@@ -111,7 +111,7 @@ def flagged_rows(quality: Quality) -> list[FlaggedRows]:
         together = is_image_point(group.type) & (free >= np.count_nonzero(active, axis=1))
         slots = tuple(
             _slot(problem, slot.kind, blocks[rows], counts[slot.kind])
-            for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+            for slot, blocks in group.blocks_by_slot
             if slot.kind in LOCAL
         )
         tests = quality.reliability[number].at(rows).test
@@ -127,7 +127,7 @@ def rows_of_blocks(problem: Problem) -> dict[str, IntArray]:
     }
     for group in problem.groups:
         taking_part = (group.mask & ~group.left_out).any(axis=1)
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             if slot.kind in counts:
                 counts[slot.kind] += np.bincount(blocks[taking_part], minlength=len(counts[slot.kind]))
     return counts
@@ -532,7 +532,7 @@ def _counted(snooping: SnoopingResult, kind: str, count: int) -> tuple[IntArray,
     for kept_out, group in zip(snooping.kept_out, snooping.quality.adjustment.problem.groups, strict=True):
         inside = (group.mask & ~kept_out).any(axis=1)
         gone = inside & (group.left_out & ~kept_out).any(axis=1)
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             if slot.kind == kind and (kind == "rotation" or slot.of not in ("image", "station", "system")):
                 out += np.bincount(blocks[gone], minlength=count)
                 whole += np.bincount(blocks[inside], minlength=count)
@@ -621,7 +621,7 @@ def _putting_back_fitting(quality: Quality, problem: Problem, masks: Masks, larg
         group = problem.groups[number]
         points = {
             int(blocks[row])
-            for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+            for slot, blocks in group.blocks_by_slot
             if slot.kind == "point" and (problem.index.columns["point"][blocks[row]] >= 0).any()
         }
         if taken.isdisjoint(points):

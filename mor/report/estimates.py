@@ -454,7 +454,7 @@ def _observations_of_points(solved: Solved) -> tuple[IntArray, IntArray]:
     rays, others = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
     for group in solved.adjustment.problem.groups:
         is_image = is_image_point(group.type)
-        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+        for slot, numbers in group.blocks_by_slot:
             if slot.kind == "point" and slot.of != "image":
                 target = rays if is_image else others
                 target += np.bincount(numbers, minlength=count)
@@ -576,7 +576,7 @@ def feature_table(solved: Solved) -> pl.DataFrame:
 def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
     label = feature_label(feature)
     group = next(g for g in solved.adjustment.problem.groups if g.name == label and len(g.type.slots) >= 5)
-    part_of = {slot.part: numbers for slot, numbers in zip(group.type.slots, group.blocks, strict=True)}
+    part_of = {slot.part: numbers for slot, numbers in group.blocks_by_slot}
     system: dict[str, int] = {part: int(part_of[part][0]) for part in ("rotation", "turn", "offset") if part in part_of}
     origin, points = int(group.blocks[0][0]), group.blocks[4]
     values, M = solved.adjustment.values, solved.network.edge.matrix
@@ -589,7 +589,7 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
         for name, size in component_rows(solved, SHAPE.key, int(part_of["shape"][0]), SHAPE.components).items():
             if FREEDOM[feature.type].shape[SHAPE.names.index(name)]:
                 sizes |= {name: size["value"], f"s{name}": size["sigma"]}
-        blocks = [values[slot.kind][numbers] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)]
+        blocks = [values[slot.kind][numbers] for slot, numbers in group.blocks_by_slot]
         off = group.type.equation(blocks, group.constants).values
     rows = []
     for part, axis, chosen in _parts(feature, len(points)):

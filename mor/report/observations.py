@@ -319,7 +319,7 @@ def control_of_images(solved: Solved) -> dict[str, FloatArray]:
 
 def owners_of_rows(solved: Solved, group: ObservationGroup) -> Iterator[tuple[str, AnyIntArray]]:
     """Points, or images, that the rows of a group count for: which of the two, and their numbers (n,)."""
-    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+    for slot, blocks in group.blocks_by_slot:
         if slot.kind == "point" and slot.of != "image":
             yield "point", blocks
     if is_image_point(group.type):

@@ -299,7 +299,7 @@ def _targets(solved: Solved, entry: ObservationComponent) -> list[int]:
     group, columns = problem.groups[entry.group], problem.index.columns["point"]
     blocks = [
         int(own[entry.row])
-        for slot, own in zip(group.type.slots, group.blocks, strict=True)
+        for slot, own in group.blocks_by_slot
         if slot.kind == "point" and slot.of not in ("image", "station", "system")
     ]
     return [block for block in dict.fromkeys(blocks) if (columns[block] >= 0).any()]
