@@ -212,7 +212,6 @@ def _with_factors(network: Network, variant: Variant, at: str, problems: list[Me
 
 
 def _without(network: Network, variant: Variant, at: str, problems: list[Message]) -> Network:
-    """Observations that refer to what is left out are no more there."""
     wanted = variant.without
     names = [group.name for group in network.groups]
     whole = set(chosen_names(wanted.groups, names, "group of observations", at, problems))
@@ -303,7 +302,6 @@ class Design(NamedTuple):
         return "\n\n".join(["\n".join(lines), *([required] if required else []), *self._more(words)])
 
     def _more(self, words: Words) -> list[str]:
-        """Sections on what is visible, on variants and on what observations are worth, where they were asked for."""
         sections = [visible_section(self.sighted, words)] if self.sighted else []
         if self.variants:
             sections.append(variant_text(self._variant_rows(), self.solved.network.project.units.length, words))

@@ -295,7 +295,6 @@ class _Adjusted(NamedTuple):
 
 
 def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
-    """Adjust a network as far as its observations determine it; if that fails, without start poses that are far off."""
     found = _from_start_values(network, watch)
     ended = found.attempt.adjustment
     if ended.outcome.is_solution or not ended.iterations:
@@ -389,7 +388,6 @@ def _plainly(network: Network, start: Mapping[str, FloatArray], watch: Watcher |
 
 
 def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> Solved:
-    """Assess an adjustment, and treat gross errors and weights as the project asks."""
     network, adjustment, suspects = adjusted.network, adjusted.attempt.adjustment, adjusted.attempt.suspects
     settings = network.project.settings
     if not adjustment.outcome.is_solution:
@@ -441,7 +439,6 @@ def _possible_causes(
 
 
 def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
-    """Adjust hypotheses about the mistakes in a network."""
     from mor.diagnose.search import RejectedAdjustment, causes
 
     attempt, quality = adjusted.attempt, solved.quality
@@ -460,7 +457,6 @@ def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
 
 
 def _start_from(adjusted: _Adjusted, values: Values) -> Mapping[str, FloatArray]:
-    """Values of the whole network: those of a solution, and the start values of what was left out of it."""
     found = {kind: values[kind][: len(own)].copy() for kind, own in adjusted.start.items()}
     names = {thing.name for thing in adjusted.network.undeterminable if thing.kind == "point"}
     left: BoolArray = np.array([name in names for name in adjusted.whole.blocks["point"].ids], dtype=bool)
@@ -478,7 +474,6 @@ def _moved_apart(problem: Problem, start: Mapping[str, FloatArray]) -> dict[str,
 
 
 def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Message]:
-    """The observations that cannot be computed at the start values; the first ones of each group."""
     mistakes = []
     for group in problem.groups:
         for row in undefined_rows(group, problem.index, start)[:MOST_TOLD].tolist():

@@ -76,7 +76,6 @@ class Table:
         return str(self.frame)
 
     def _repr_html_(self) -> str:
-        """Return the first rows, with units in the headings, for notebooks."""
         shown = self.frame.head(20)
         heads = "".join(f"<th>{escape(self._head(name))}</th>" for name in shown.columns)
         rows = "".join(
@@ -431,7 +430,6 @@ class Result:
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        """Return the summary, and a plan of the network if matplotlib is installed, for notebooks."""
         from mor.api.notebook import summary_and_network
 
         return summary_and_network(self.solved)

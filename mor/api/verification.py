@@ -392,7 +392,6 @@ def _image_checks(solved: Solved, expected: dict[str, Any], about: About, factor
 
 
 def _near(angle: float, reference: float) -> float:
-    """An angle in degrees, by whole circles near another one."""
     return float(reference + (angle - reference + 180.0) % 360.0 - 180.0)
 
 
@@ -628,7 +627,6 @@ def _brown(pose: Sequence[float], points: FloatArray) -> FloatArray:
 
 
 def _images(known: str, about: About) -> Iterator[ReferenceCheck]:
-    """Intersection with known cameras, or calibration and resection with known points."""
     shift = 0.01 * np.cos(np.arange(_CUBE.size)).reshape(_CUBE.shape)
     points = _CUBE if known == "points" else _CUBE + shift
     rows = [f"[P{k}, {', '.join(map(repr, row))}]" for k, row in enumerate(points.tolist())]
@@ -801,7 +799,6 @@ _START_VALUES: tuple[tuple[str, str, Callable[[About], Iterable[ReferenceCheck]]
 
 
 def _homography(example: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
-    """The published decomposition of a collineation is one of Killian's solutions."""
     K, published = np.array(example["K"]), example["published"]
     H = np.linalg.solve(K, np.array(example["H"]) @ K)
     axes = np.diag([1.0, -1.0, -1.0])
@@ -817,7 +814,6 @@ def _homography(example: dict[str, Any], about: About) -> Iterator[ReferenceChec
 
 
 def _dewitt(example: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
-    """Relative orientation of six points."""
     xy, result = np.array(example["observations_mm"]), example["result"]
     c = np.full((len(xy), 1), -example["f_mm"])
     a, b = image_bundle(np.hstack([xy[:, :2], c]), 1.0), image_bundle(np.hstack([xy[:, 2:], c]), 1.0)
@@ -857,7 +853,6 @@ _SHARED_POINTS = 25_000
 
 
 def _threads(about: About) -> Iterator[ReferenceCheck]:
-    """Two images of random points, adjusted by one thread and by two."""
     random = np.random.default_rng(46)
     points = random.uniform(-1.0, 1.0, (_SHARED_POINTS, 3))
     names = pl.Series(range(_SHARED_POINTS))
@@ -901,7 +896,6 @@ def _by_threads(network: Network, count: int) -> dict[str, FloatArray]:
 
 
 def _processes(path: Path, about: About) -> Iterator[ReferenceCheck]:
-    """Simulated measurements of a network, shared between two processes, and all in this one."""
     with TemporaryDirectory(prefix="mor", ignore_cleanup_errors=True) as folder, ThreadPoolExecutor(2) as pool:
         chunks = [(0, CHUNK), (CHUNK, CHUNK)]
         shared = [Task((str(path.resolve()), str(first), str(count)), Path(f"{first}.log")) for first, count in chunks]
@@ -919,7 +913,6 @@ def _processes(path: Path, about: About) -> Iterator[ReferenceCheck]:
 
 
 def _write_tally(path: str, first: str, count: str) -> int:
-    """Work out some runs in a process of their own, and write their tally into its folder."""
     with kernels_used(False):
         tally = chunk_of(prepared(SimulationTask(Path(path), "", _SEED)), int(first), int(count))
     np.savez(f"{first}.npz", **tally.arrays())  # type: ignore[arg-type]

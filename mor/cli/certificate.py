@@ -93,7 +93,6 @@ def command(
 
 
 def _name(camera: str, form: str | None, suffix: str) -> str:
-    """Name of the file; signs that no file name may have become underscores."""
     import re
 
     from mor.formats.calibration import SUFFIXES
@@ -114,7 +113,6 @@ def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
 
 
 def _certified(results: Path, camera: str, target: Path, paper: str, coverage: float | None, lang: str) -> Content:
-    """The certificate, or what writes it as PDF."""
     from mor.errors import InputError, Message
     from mor.report.certificate import certificate, certificate_page, certificate_text
     from mor.report.language import words_of, words_of_page

@@ -118,7 +118,6 @@ class HelpFormatter(click.HelpFormatter):
         return self._told(" ".join(line for line in lines if line != "\b"))
 
     def _entry(self, text: str) -> str:
-        """Help of an option: its sentence, and its default."""
         match = _EXTRA.match(text)
         if match is None or not match[2]:
             return self._told(text)

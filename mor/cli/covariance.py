@@ -150,7 +150,6 @@ def _write(
 
 
 def _matrix(solved: Solved, named: tuple[str | None, str | None, str | None]) -> Labelled:
-    """The matrix of named points, images and cameras, or of everything."""
     from mor.report.covariance import covariance_of_everything, covariance_of_names
 
     points, images, cameras = named

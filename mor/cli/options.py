@@ -67,7 +67,6 @@ class MemorySize(click.ParamType):  # type: ignore[type-arg]
 
 
 def _ask_for_kernels(ctx: click.Context, param: click.Parameter, value: str) -> None:
-    """Tell this process and those that it begins, until the command ends."""
     before = os.environ.get(ASKED)
 
     def take_back() -> None:

@@ -96,7 +96,6 @@ def turned_circle_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def _turned_on(network: Network, number: int, rows: list[int], slot: int, values: Values) -> Network:
-    """The network with an orientation of their own for some rows of a set of directions."""
     block = int(network.groups[number].blocks[slot][rows[0]])
     free = network.blocks["rotation"].free[block]
     network, own = with_unknown(network, "rotation", values["rotation"][block], free, block)
@@ -195,7 +194,6 @@ def _is_on_circle(group: ObservationGroup, rows: IntArray, factor: float) -> boo
 
 
 def _given_unit(network: Network, group: ObservationGroup) -> str:
-    """Unit in which the angles of a group were given: that of its table, or of the project."""
     unit: str = network.edge.units.angle
     angles = [c.name for c, wraps in zip(group.type.components, group.type.wraps, strict=True) if wraps]
     for number, entry in enumerate(network.project.observations):
@@ -435,7 +433,6 @@ def _alike(network: Network, pair: tuple[str, str]) -> bool:
 
 
 def _worst(situation: Situation, of: str, names: list[str]) -> list[str]:
-    """Frames with rows that do not fit, those with most of them first."""
     count = dict.fromkeys(names, 0)
     for group, bad in zip(situation.network.groups, situation.misfitting, strict=False):
         for slot in _slots(group, of)[:1]:
@@ -483,7 +480,6 @@ def _exchanged_values(values: Values, kind: str, blocks: tuple[int, int]) -> Val
 
 
 def _cost(situation: Situation, network: Network, values: Values) -> float:
-    """Cost of all rows, with sets of directions oriented by most of their own rows."""
     cost = 0.0
     for group in network.groups:
         if not group.count or any(slot.kind not in values for slot in group.type.slots):

@@ -204,7 +204,6 @@ def moved_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def _released(network: Network, points: IntArray) -> Network:
-    """The network with some points neither fixed nor observed."""
     blocks = network.blocks["point"]
     free = blocks.free.copy()
     free[points] = True

@@ -98,7 +98,6 @@ def antenna_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def _antenna(situation: Situation, name: str, amount: AddedParameter) -> Hypothesis:
-    """The antenna at a point that was higher by an amount than it was said to be."""
     network = situation.network
     ends = []
     for number, group in enumerate(network.groups):
@@ -158,7 +157,6 @@ def height_sights(network: Network) -> Iterator[HeightRows]:
 
 
 def _collect(sets, keys, number, rows, slot) -> None:  # type: ignore[no-untyped-def]
-    """Add the rows of a group to the sets they belong to by their keys."""
     places: dict[tuple[str, tuple[str, ...]], list[int]] = {}
     for place, key in enumerate(keys):
         places.setdefault(key, []).append(place)

@@ -95,7 +95,6 @@ def other_camera_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def _of_camera(network: Network, names: Sequence[str], camera: int) -> Network:
-    """The network with some images taken by another camera."""
     cameras = network.things["camera"]
     for number, group in enumerate(network.groups):
         if not is_image_point(group.type):

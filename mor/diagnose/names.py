@@ -256,7 +256,6 @@ def _sighting(groups: Sequence[ObservationGroup]) -> list[int]:
 
 
 def _spoiled(situation: Situation) -> list[str]:
-    """Names of the stations, the worst first."""
     whole: Counter[str] = Counter()
     wrong: Counter[str] = Counter()
     for number in _sighting(situation.network.groups):
@@ -301,7 +300,6 @@ def _best(situation: Situation, alone: _Alone) -> Exchange | None:
 
 
 def _exchanged(problem: Problem, number: int, pair: tuple[int, int]) -> Problem:
-    """The problem with the targets of two rows of a group exchanged."""
     group = problem.groups[number]
     target = group.type.references[1].name
     order = np.arange(group.count)

@@ -207,7 +207,6 @@ def _slot_columns(
 
 
 def _instruments(problem: Problem, values: Values, number: int, group: ObservationGroup) -> Iterator[_Candidate]:
-    """Offset and scale of the distances of a table, and slope for horizontal."""
     slots = [k for k, slot in enumerate(group.type.slots) if slot.kind == "distance meter"]
     if not slots or group.count < 3:
         return
@@ -231,7 +230,6 @@ def _instruments(problem: Problem, values: Values, number: int, group: Observati
 def _interiors(
     problem: Problem, network: Network, values: Values, number: int, group: ObservationGroup, flagged: BoolArray
 ) -> Iterator[_Candidate]:
-    """Camera constant and principal point of a camera; the camera constant of single images."""
     slots = [k for k, slot in enumerate(group.type.slots) if slot.part == "interior"]
     if not slots or not is_image_point(group.type):
         return
@@ -276,7 +274,6 @@ def _interiors(
 def _observed_interiors(
     network: Network, number: int, group: ObservationGroup, flagged: BoolArray
 ) -> Iterator[_Candidate]:
-    """Observed camera constants and principal points that are wrong."""
     if not group.type.key.startswith("observed/interior"):
         return
     cameras = network.things["camera"]
@@ -296,7 +293,6 @@ def _observed_interiors(
 
 
 def _signs(number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator[_Candidate]:
-    """Height differences and vectors that were booked in the other direction."""
     if not group.type.between_marks or len(group.references) != 2:
         return
     for row in np.flatnonzero(flagged & ~group.left_out.any(axis=1)).tolist():
@@ -404,7 +400,6 @@ _HALF_CIRCLE_SEEN = 0.05
 
 
 def _faces(values: Values, number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator[_Candidate]:
-    """Single directions that are off by half a circle."""
     if not group.type.turns or group.type.references[0].name != "station":
         return
     column = group.type.turns[0]
@@ -457,7 +452,6 @@ _MOST_TURNED = 12
 def _exchanges(
     values: Values, number: int, group: ObservationGroup, quality: Quality, flagged: BoolArray
 ) -> Iterator[_Candidate]:
-    """Pairs of rows of an image or a station whose targets were exchanged."""
     if len(group.references) != 2 or group.type.between_marks:
         return
     target = group.type.references[-1].name
@@ -485,7 +479,6 @@ def _exchanges(
 def _wrong_names(
     network: Network, values: Values, quality: Quality, flagged: Sequence[BoolArray]
 ) -> Iterator[_Candidate]:
-    """Flagged rows that fit with another name."""
     found: list[Match] = []
     names = max((len(things.ids) for things in network.things.values()), default=1)
     most = min(ROWS, max(_NAMES, network.observations) // max(names, 1))
@@ -576,7 +569,6 @@ def _of_exchanged_points(
 
 
 def _heights(problem: Problem, network: Network, values: Values, quality: Quality) -> Iterator[_Candidate]:
-    """Heights of instruments and targets at set-ups, if any of their rows is controlled."""
     if "height" not in problem.index.blocks:
         return
     controlled = [np.nan_to_num(group.r).max(axis=1, initial=0.0) > CONTROLLED for group in quality.groups]
@@ -613,7 +605,6 @@ def _instead(
 
 
 def _antennas(problem: Problem, network: Network, values: Values, adjusted: Sequence[int]) -> Iterator[_Candidate]:
-    """Height of the antenna at a point in all vectors to and from it."""
     numbers = [k for k in adjusted if problem.groups[k].type == PLAIN_TYPES["vector"]]
     points = {name for k in numbers for column in problem.groups[k].references[:2] for name in column}
     for name in sorted(points):
@@ -698,7 +689,6 @@ def _control(
 
 
 def _curvature(problem: Problem, network: Network, values: Values, adjusted: Sequence[int]) -> Iterator[_Candidate]:
-    """Verticals that are not parallel."""
     effect = largest_effect(network, values)
     if effect is None or effect.in_sigma < NOTED:
         return
@@ -813,7 +803,6 @@ def _score(
 
 
 def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
-    """The observations that candidates change, with all that these are correlated with."""
     chosen = [np.zeros(group.observed.shape, dtype=bool) for group in quality.adjustment.problem.groups]
     for one in candidates:
         for number, rows, _ in one.parts:

@@ -573,7 +573,6 @@ def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArr
 
 
 def _told(network: Network, number: int) -> bool:
-    """True if start values are given for all that any row of a group refers to."""
     group = network.groups[number]
     if any(slot.kind not in network.start for slot in group.type.slots):
         return False

@@ -553,7 +553,6 @@ def spared(interest: Interest, unit: Unit) -> Interest:
 
 
 def _scored(interest: Interest, wanted: RowLimits, units: Sequence[Unit], sign: float) -> Iterator[Ranked]:
-    """Each unit with what the plan would be, in the order of the units."""
     scores: dict[int, Ranked] = {}
     sizes = np.array([unit.cost for unit in units])
     for size in np.unique(sizes).tolist():

@@ -223,7 +223,6 @@ def _put_normals(
     clearance: float,
     normals: FloatArray,
 ) -> None:
-    """Write the normals that an entry gives, internal axes."""
     if given.direction is not None:
         direction = np.array(given.direction)
         chosen = targets_named(given.points, targets, place, "points", reading.problems)

@@ -170,7 +170,6 @@ _BROKEN = (
 
 
 def _broken(error: yaml.MarkedYAMLError, file: str) -> Message:
-    """Broken YAML in plain words, where they are known; what is left open is told where it began."""
     said = " ".join(part for part in (error.context, error.problem) if part)
     plain = next((words for part, words in _BROKEN if part in said), said)
     begun = "opens here" in plain or "no colon" in plain
@@ -359,7 +358,6 @@ def _simple_rows(rows: list[list[Any]], width: int) -> list[str] | None:
 
 
 def _simple(cell: Any) -> str | None:
-    """A cell as YAML has it, where that needs no thought."""
     if cell is None:
         return "null"
     if isinstance(cell, _Plain):

@@ -316,7 +316,6 @@ def check_held_on_earth(reading: Reading, groups: Sequence[ObservationGroup], fr
 
 
 def _places_held(reading: Reading, groups: Sequence[ObservationGroup]) -> int:
-    """Number of points and frame positions that are fixed or observed."""
     free = reading.shop.store("point").all_free()
     held = np.zeros(len(free), dtype=bool)
     for things in reading.shop.things.values():
@@ -330,7 +329,6 @@ def _places_held(reading: Reading, groups: Sequence[ObservationGroup]) -> int:
 
 
 def _turn_is_held(reading: Reading, groups: Sequence[ObservationGroup]) -> bool:
-    """True if anything fixes or observes the orientation of the network."""
     if any(group.type.key in _TURNED for group in groups):
         return True
     if any(group.type.key == "observed/rotation" and group.mask[:, _KAPPA].any() for group in groups):

@@ -455,7 +455,6 @@ def _camera_numbers(reading: Reading, rows: Rows) -> IntArray | None:
 
 
 def _follow(reading: Reading, leaders: list[tuple[int, str, str, str, int]]) -> None:
-    """Tie followers to their leading image: its frame, and the relative orientation of their pair."""
     images, pairs = reading.shop.things["image"], reading.shop.things["pair"]
     followers = {number for number, *_ in leaders}
     for number, leader, pair, file, line in leaders:

@@ -201,7 +201,6 @@ class Levelling:
 
 
 def _difference(back: list[StaffReading], fore: list[StaffReading]) -> LevelledDifference:
-    """Height difference of mean readings."""
     distances = [[r.distance for r in side if r.distance] for side in (back, fore)]
     complete = all(len(d) == len(side) for d, side in zip(distances, (back, fore), strict=True))
     length = sum(fmean(d) for d in distances) if complete else None

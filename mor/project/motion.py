@@ -142,7 +142,6 @@ def _tell_twice(reading: Reading, rows: Rows, row: int, words: str) -> None:
 
 
 def _add_motion(reading: Reading, table: MotionEntry, rows: Rows, moving: list[MovingPoint]) -> None:
-    """Blocks of velocity or oscillation, 0 where nothing is said of them."""
     names = [point.name for point in moving]
     for kind in _KINDS[table.model]:
         for component in kind.names:
@@ -360,7 +359,6 @@ def at_their_epochs(reading: Reading, groups: list[ReadGroup]) -> list[ReadGroup
 
 
 def _settle_first_epochs(reading: Reading, groups: list[ReadGroup]) -> None:
-    """Points with coordinates of every epoch have their own in the first one that sees them."""
     motion = reading.motion
     free = np.array(sorted(b for b, point in motion.points.items() if point.own_epochs), dtype=np.int64)
     for found in groups if len(free) else ():
@@ -464,7 +462,6 @@ def _some(found: ReadGroup, rows: IntArray) -> ReadGroup:
 
 
 def _all_have_epochs(reading: Reading, group: ObservationGroup, positions: list[int], without: BoolArray) -> bool:
-    """False if a row sees a moving point at no time; each such row is told."""
     if not without.any():
         return True
     moving = reading.motion.points

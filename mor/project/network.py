@@ -209,7 +209,6 @@ def wrong_rows(given: Sequence[Sequence[float]], members: list[IntArray], names:
 
 
 def _over_groups(reading: Reading, groups: list[ReadGroup], members: list[int]) -> list[Correlation]:
-    """One matrix over all entries of the member groups, in the order in which they are given."""
     parts = [_entries_of_correlation(groups, number) for number in members]
     where, rows, components = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     entries = [reading.project.observations[groups[number].entry] for number in members]
@@ -320,7 +319,6 @@ def _is_number(text: str) -> bool:
 
 
 def _are_positive_definite(matrices: Sequence[FloatArray]) -> bool:
-    """Return True if nothing is wrong with any covariance matrix; those of one size are looked at together."""
     sizes = np.array([len(matrix) for matrix in matrices], dtype=np.int64)
     return all(
         not _not_positive_definite(np.stack([matrices[int(k)] for k in np.flatnonzero(sizes == size)]))
@@ -329,7 +327,6 @@ def _are_positive_definite(matrices: Sequence[FloatArray]) -> bool:
 
 
 def _not_positive_definite(matrix: FloatArray) -> str:
-    """Return words for a covariance matrix (…, n, n) that is not positive definite; empty if all are."""
     variances = np.diagonal(matrix, axis1=-2, axis2=-1)
     if not np.isfinite(matrix).all():
         return "the covariance matrix is not complete: found NaN"

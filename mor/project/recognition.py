@@ -62,7 +62,6 @@ _SIGHT = {
 
 
 def _precisions(names: str) -> str:
-    """Names of a standard deviation for names of a reading."""
     pairs = product(names.split("|"), ("sigma", "sig", "std", "stdev", "stddev", "err", "error"))
     return "|".join(text for name, word in pairs for text in (f"{word}{name}", f"{name}{word}"))
 
@@ -583,7 +582,6 @@ def _with_both_ends(
 def _by_angles(
     header: tuple[str, ...], body: _Cells, columns: Mapping[str, str]
 ) -> list[tuple[_Cells, tuple[str, ...]]]:
-    """Angles and distances of a traverse whose rows have a point, the angle there and the distance to the next one."""
     point, angle, distance = (header.index(columns[name]) for name in ("point", "angle", "distance"))
     named = [row for row in body if _cell(row, point) and not _TOTAL.match(_cell(row, point))]
     if len(named) > 2 and _cell(named[-1], point) == _cell(named[0], point) and not _cell(named[-1], distance):
@@ -620,7 +618,6 @@ def _ends(leg: str, path: Path) -> tuple[str, str]:
 
 
 def _by_type(header: tuple[str, ...], body: _Cells, columns: Mapping[str, str]) -> list[tuple[_Cells, tuple[str, ...]]]:
-    """A table for each type of observations that a column names; its column of values has the name of the type."""
     places = {name: header.index(cell) for name, cell in columns.items()}
     found, rest = list[_Cells](), dict[str, int]()
     for name in dict.fromkeys(_cell(row, places["type"]) for row in body):
@@ -817,7 +814,6 @@ def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str,
 
 
 def _with_whole_angles(rows: _Cells) -> _Cells:
-    """Rows with degrees, minutes and seconds in one cell for each three columns of them."""
     for k, row in enumerate(rows[:_TITLES]):
         names = [_bare_name(cell) for cell in row]
         for j in range(len(row) - 2):
@@ -847,7 +843,6 @@ def _with_whole_angles(rows: _Cells) -> _Cells:
 
 
 def _bare_name(cell: str) -> str:
-    """Heading in lower-case letters, with the signs of degrees, minutes and seconds as letters."""
     signs = {"°": "deg", "º": "deg", "''": "sec", '"': "sec", "″": "sec", "'": "min", "′": "min"}
     text = cell.strip().lower()
     for sign, word in signs.items():
@@ -879,7 +874,6 @@ def _with_stations(header: tuple[str, ...], rows: _Cells) -> _Cells:
 
 
 def _tell_elevations(kinds: dict[str, dict[str, str]], header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Turn columns of zenith angles that hold elevations into columns of vertical angles."""
     for kind, (other, column) in _ELEVATIONS.items():
         old = "zenith" if kind == "zenith_directions" else kind
         if kind not in kinds:
@@ -939,7 +933,6 @@ def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...],
 
 
 def _rows(lines: list[str], delimiter: str) -> list[list[str]]:
-    """Cells of some lines; none if they are not a table."""
     try:
         return list(csv.reader(_spaced(lines, delimiter), delimiter=delimiter))
     except csv.Error:
@@ -947,7 +940,6 @@ def _rows(lines: list[str], delimiter: str) -> list[list[str]]:
 
 
 def _spaced(lines: list[str], delimiter: str) -> list[str]:
-    """Lines with one blank for several if blanks part the cells."""
     return [" ".join(line.split()) for line in lines] if delimiter == " " else lines
 
 
@@ -962,7 +954,6 @@ def has_two_names(rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _padded(rows: _Cells) -> _Cells:
-    """Rows of the same length: heights at their ends may be missing."""
     length = max(map(len, rows), default=0)
     return tuple((*row, *[""] * (length - len(row))) for row in rows)
 
@@ -1266,7 +1257,6 @@ def _units_of_precision(table: Found) -> dict[str, str]:
 
 
 def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts: dict[Path, str]) -> str:
-    """Rows, or a file, with the names that no table has; empty if there are none."""
     listed = set(_names(tables, ("id",)))
     rest = [name for name in names if name not in listed]
     if not rest:

@@ -89,7 +89,6 @@ def read_gsb(file: Path) -> list[Subgrid]:
 
 
 def _subgrid(content: bytes, start: int, order: str, unit: float) -> tuple[Subgrid, int]:
-    """One subgrid and where the next one begins."""
     first = start + _RECORDS * RECORD
     if len(content) < first:
         raise GridError("it ends before the head of a subgrid does")

@@ -328,7 +328,6 @@ _CENTRE = "centre:"
 
 
 def _refuse_followers(reading: Reading, resolved: Resolved, rows: Rows) -> None:
-    """Tell stereo followers that are named as positions: they have a projection centre only."""
     if "base" not in resolved.blocks:
         return
     wrong = (resolved.blocks["base"] >= 0) & ~resolved.at_centre
@@ -337,7 +336,6 @@ def _refuse_followers(reading: Reading, resolved: Resolved, rows: Rows) -> None:
 
 
 def _refuse_timed(reading: Reading, resolved: Resolved, rows: Rows) -> None:
-    """Tell images on a trajectory that are named as positions: theirs is a function of time."""
     timed = resolved.blocks.get("trajectory")
     if timed is None or not (timed >= 0).any():
         return
@@ -442,7 +440,6 @@ def with_own_height(reading: Reading, rows: Rows, of: str, heights: IntArray, nu
 
 
 def _note_other_heights(reading: Reading, rows: Rows, of: str, heights: IntArray, given: FloatArray) -> None:
-    """Note rows whose own height replaces another one of the station that they name."""
     of_station = reading.shop.store("height").all_values()[heights, 0]
     with np.errstate(invalid="ignore"):
         other = np.flatnonzero((heights != 0) & np.isfinite(given) & (np.abs(given - of_station) > _SAME))

@@ -197,7 +197,6 @@ def read_stations(reading: Reading) -> None:
 def _read_frames(
     reading: Reading, space: str, tables: Sequence[TableEntry], parts: Sequence[str], read: Callable[..., None]
 ) -> None:
-    """Read tables of stations or systems one after another, and put the parts of their frames together."""
     ids: list[str] = []
     collected: dict[str, list[IntArray]] = {part: [] for part in parts}
     seen: list[NameColumn] = []

@@ -243,7 +243,6 @@ def _cleaned(text: bytes, delimiter: str | None) -> _Text:
 
 
 def _line_ends(data: npt.NDArray[np.uint8]) -> IntArray:
-    """Places of the line ends, looked for in one part of the file after the other."""
     found = [np.flatnonzero(data[start : start + _PART] == ord("\n")) + start for start in range(0, len(data), _PART)]
     return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 
@@ -466,7 +465,6 @@ def from_file(table: TableEntry, known: dict[str, Column], place: TableLocation)
 
 
 def _words(error: InputError, path: Path) -> str:
-    """Words for the mistake in a path, after its name, and the nearest file that exists."""
     others = [other.name for other in path.parent.iterdir()] if is_folder(path.parent) else []
     near = nearest(path.name, others) if path.name not in others else ""
     said = "; ".join(problem.message for problem in error.problems)

@@ -231,7 +231,6 @@ def _seconds(reading: Reading, place: TableLocation, key: str, text: str | None)
 
 
 def _only_starts(reading: Reading, table: TrajectoryEntry, place: TableLocation, rows: Rows) -> None:
-    """Rows between which knots are laid give start values and no more."""
     if table.fixed:
         words = "fixed: knots at a spacing are free; observe them by rows of type trajectory_position"
         place.tell(words, "fixed")
@@ -246,7 +245,6 @@ def _only_starts(reading: Reading, table: TrajectoryEntry, place: TableLocation,
 
 
 def _check_rows(reading: Reading, name: str, rows: Rows, time: FloatArray) -> None:
-    """Times of one trajectory must ascend, and there must be two of them."""
     if name in reading.trajectories:
         rows.tell(0, f"trajectory {name!r} has a table of its own already")
     step = np.diff(time, prepend=-np.inf)
@@ -455,7 +453,6 @@ def _group(
 def _instrument(
     reading: Reading, entry: Observations, type_: ObservationType, count: int, shift: IntArray
 ) -> list[IntArray]:
-    """Blocks of lever arm or boresight, shift and drift, time offset."""
     arm, _, offset = type_.slots[-3:]
     things, shop = reading.shop.things["instrument"], reading.shop
     blocks = []

@@ -98,7 +98,6 @@ def _on_trajectories(network: Network, first_point: int) -> Iterator[tuple[IntAr
 
 
 def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[NetworkPart, ...]:
-    """Things by the part their position belongs to."""
     collected: dict[int, dict[str, list[str]]] = {}
     absent = network.absent.get("point", np.zeros(len(network.blocks["point"].ids), dtype=bool))
     for space in _NAMED:
@@ -200,7 +199,6 @@ def without_hanging(network: Network) -> Network:
 
 
 def _sets_of_directions(network: Network) -> Iterator[_RigidPart]:
-    """Each set of directions with its points, the distances without one, and the points with given coordinates."""
     free = network.blocks["point"].free
     given = set[int]()
     lengths = set[tuple[int, int]]()
@@ -903,7 +901,6 @@ def without_points(network: Network, points: IntArray, reason: str) -> Network:
 
 
 def _values_of(network: Network, values: Values, far: IntArray) -> dict[str, FloatArray]:
-    """Values of the blocks of a network, after it was adjusted with others; far points without coordinates."""
     own = {kind: values[kind][: len(blocks.ids)] for kind, blocks in network.blocks.items()}
     points = own["point"].copy()
     points[far] = np.nan

@@ -96,8 +96,6 @@ def _by_group(groups: tuple[ObservationGroup, ...]) -> Partition:
 
 
 def _named(reference: str, classes: Mapping[str, int]) -> _Teller:
-    """Rows by the thing that a reference of their type names."""
-
     def tell(group: ObservationGroup) -> _Told | None:
         for own, names in zip(group.type.references, group.references, strict=True):
             if own.name == reference:
@@ -138,8 +136,6 @@ def _from_station(stations: dict[str, str]) -> _Teller:
 
 
 def _by_instrument(instruments: Entities) -> _Teller:
-    """Rows by the instrument whose scale, offset or refraction they refer to."""
-
     def tell(group: ObservationGroup) -> _Told | None:
         for slot, blocks in group.blocks_by_slot:
             if slot.of == "instrument" and slot.part in instruments.parts:
@@ -340,7 +336,6 @@ class Summed(NamedTuple):
 
 
 def _summed(quality: Quality, found: list[Partition]) -> list[Summed]:
-    """Sums over the classes of all partitions."""
     sums = [np.zeros((_SUMS, len(partition.names))) for partition in found]
     random = np.random.default_rng(1977)
     for number, one in enumerate(quality.groups):

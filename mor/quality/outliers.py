@@ -772,7 +772,6 @@ def _enough_left(problem: Problem, suspects: SuspectedOutliers) -> SuspectedOutl
 
 
 def _short(problem: Problem, masks: Sequence[BoolArray], kind: str) -> list[int]:
-    """Blocks of a kind that had enough observations, and have no longer."""
     columns = problem.index.columns[kind]
     needed = np.count_nonzero(columns >= 0, axis=1)
     before, left = (np.zeros(len(columns), dtype=np.int64) for _ in range(2))

@@ -381,7 +381,6 @@ def open_loops(network: Network) -> Iterator[Message]:
 
 
 def _lines(network: Network) -> list[_Line]:
-    """Levelled lines between marks, and heights that are known as lines from the ground."""
     lines, named = [], set()
     for group, sigma in zip(network.groups, sigmas(network), strict=True):
         if group.type.key != "height_difference":

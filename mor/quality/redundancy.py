@@ -621,7 +621,6 @@ def _fill_rays(quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: 
 
 
 def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
-    """Residuals of all groups, and nothing else yet."""
     rays, values = adjustment.plan.rays, adjustment.values
     groups = adjustment.problem.groups
     result = tuple(_empty(group) for group in groups)

@@ -184,7 +184,6 @@ def unknown_constants(placed: Placed, kind: BlockKind, numbers: IntArray, own: B
 
 
 def _shared_names(placed: Placed, numbers: IntArray) -> list[str]:
-    """Names of the points or shared positions that frames stand on; empty if a position is a frame's own."""
     names: dict[int, str] = {}
     for space in ("position", "point"):
         things = placed.network.things.get(space)
@@ -401,7 +400,6 @@ def _moving(placed: Placed, kind: BlockKind) -> BoolArray:
 
 
 def _image_variant(placed: Placed) -> dict[str, FloatArray]:
-    """Start values of the interior components that every image has of its own, empty if it has none."""
     things, cameras = placed.network.things["image"], placed.network.project.cameras
     columns: dict[str, FloatArray] = {}
     for number, name in enumerate(placed.network.things["camera"].ids):
@@ -662,7 +660,6 @@ def _instrument(placed: Placed, name: str, instrument: dict[str, Any]) -> dict[s
 
 
 def _settings(given: dict[str, Any], names: Sequence[str], values: FloatArray) -> dict[str, Any]:
-    """Settings with the adjusted values: free ones replaced, observed ones given a start."""
     result: dict[str, Any] = {}
     for name, setting in given.items():
         value = repr(float(values[list(names).index(name)]))

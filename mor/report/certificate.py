@@ -285,7 +285,6 @@ def certificate_text(one: Certificate, words: Words = ENGLISH) -> str:
 
 
 def _facts(one: Certificate, words: Words) -> list[tuple[str, str]]:
-    """Camera, client and adjustment."""
     view, camera = one.view, one.camera
     sigma0 = view.summary["sigma0"]
     judged = words("accepted") if view.summary["global_test"]["accepted"] else words("rejected")

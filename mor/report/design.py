@@ -266,7 +266,6 @@ def _labels(found: NetworkDrawing, xy: FloatArray, height: float) -> list[str]:
 
 
 def _scale_bar(found: NetworkDrawing, height: float) -> str:
-    """A bar for the size of the ellipses."""
     wanted = 100.0 / found.ellipse_scale
     unit, factor = small_unit(found.unit, wanted)
     length = round_length(wanted * factor)
@@ -512,7 +511,6 @@ def requirement_section(solved: Solved, judged: Sequence[RequirementResult], wor
 
 
 def _sentence(row: dict[str, Any], words: Words) -> str:
-    """A requirement in a line: the verdict, the limit, the worst, where it is, how many fail."""
     limit, worst = _limit_and_worst(row, words)
     return words(
         "{verdict}: {what}, {id}: {sign} {limit}; worst {worst} ({place}); {failing} of {count} fail",
@@ -774,7 +772,6 @@ def _all_sights(network: Network) -> list[tuple[str, list[str]]]:
 
 
 def _unit_row(network: Network, number: int, unit: Unit, solved: Solved) -> dict[str, Any]:
-    """Row of a set of observations that are made together."""
     groups = network.candidates if unit.is_candidate else network.groups
     group = groups[unit.group]
     ends = [names.texts()[unit.row] for names in named_places(group).values()]
@@ -838,7 +835,6 @@ def _payload(
 
 
 def _wanted(one: RequirementResult, blocks: IntArray, noncentrality: float) -> dict[str, Any]:
-    """A requirement for the script; external reliability as the redundancy number that it is."""
     wanted = one.requirement
     if isinstance(wanted, RequiredPrecision):
         number = {int(block): k for k, block in enumerate(blocks)}

@@ -329,7 +329,6 @@ def interior_rows(solved: Solved) -> list[dict[str, Any]]:
 
 
 def _format(solved: Solved, name: str) -> dict[str, Any] | None:
-    """Image size in px and pixel size in camera units, where the project gives them; the origin of coordinates."""
     camera, scale = solved.network.project.cameras[name], solved.network.scales[name]
     if camera.image is None:
         return None
@@ -398,7 +397,6 @@ def _largest(tests: Reliability, inside: BoolArray) -> float | None:
 
 
 def _image_poses(solved: Solved) -> dict[str, FloatArray]:
-    """Poses of images, those of stereo followers worked out from leader and pair."""
     images = solved.network.things["image"]
     columns = _pose(solved, images.parts["position"], images.parts["rotation"])
     follows = np.flatnonzero(images.parts["base"] >= 0)
@@ -436,7 +434,6 @@ def _ellipsoid_axes(estimate: Estimate) -> FloatArray:
 
 
 def _correlations_of_axes(estimate: Estimate) -> dict[str, FloatArray]:
-    """Correlations of X, Y and Z of each point; 0 where a coordinate is fixed."""
     nothing = np.full(len(estimate.values), np.nan)
     pairs = {"rxy": (0, 1), "rxz": (0, 2), "ryz": (1, 2)}
     if estimate.covariance is None:
@@ -449,7 +446,6 @@ def _correlations_of_axes(estimate: Estimate) -> dict[str, FloatArray]:
 
 
 def _observations_of_points(solved: Solved) -> tuple[IntArray, IntArray]:
-    """Number of rays, and of other observation rows, by point block."""
     count = len(solved.network.blocks["point"].ids)
     rays, others = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
     for group in solved.adjustment.problem.groups:
@@ -462,7 +458,6 @@ def _observations_of_points(solved: Solved) -> tuple[IntArray, IntArray]:
 
 
 def _image_residuals(solved: Solved) -> dict[str, Any]:
-    """Points measured in each image, and the root mean square of the normalised and the plain residuals."""
     images = solved.network.things["image"]
     count = np.zeros(len(images.ids), dtype=np.int64)
     square = np.zeros(len(images.ids))

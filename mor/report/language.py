@@ -258,7 +258,6 @@ def sentences_of(language: str) -> Sentences:
 
 @cache
 def _catalogue(language: str, names: tuple[str, ...]) -> dict[str, str]:
-    """Catalogues one after the other; a later one has the last word. Read once in a process."""
     from importlib.resources import files  # English, which has none, does without loading it
 
     catalogue: dict[str, str] = {}

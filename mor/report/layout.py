@@ -71,7 +71,6 @@ def _narrowed(widths: list[int], left: Collection[int], page: int) -> list[int]:
 
 
 def _blocks(widths: Sequence[int], gap: str, page: int) -> list[list[int]]:
-    """Numbers of the columns of each block; the first column stands in all of them."""
     blocks = [[0]]
     for k in range(1, len(widths)):
         if len(blocks[-1]) > 1 and _total([widths[i] for i in (*blocks[-1], k)], gap) > page:

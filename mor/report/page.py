@@ -391,7 +391,6 @@ def _rests_on(data: PageData) -> list[Statement]:
 
 
 def _causes(data: PageData) -> list[Statement]:
-    """Possible causes of what is rejected, not verified."""
     return [
         Statement(
             DOUBT,
@@ -453,7 +452,6 @@ def _global(data: PageData) -> Statement | None:
 
 
 def _groups(data: PageData) -> Statement | None:
-    """Tests of groups, and what is chosen and not measured."""
     tested, say = data.view.verdict, data.words
     if tested is None:
         return None
@@ -726,7 +724,6 @@ def _content(data: PageData) -> dict[str, Any]:
 
 
 def _moved_points(data: PageData) -> dict[str, Any] | None:
-    """Drawing and table of the movements from the first to the last epoch, or nothing."""
     view = data.view
     if not view.movements.height:
         return None

@@ -134,7 +134,6 @@ def images_with_tests(view: View, measured: pl.DataFrame, areas: dict[str, Windo
 
 
 def _coverages(view: View, measured: pl.DataFrame, areas: dict[str, Window]) -> dict[str, float]:
-    """Share of each image's window inside the hull of its points, in per cent."""
     camera_of = dict(zip(view.images["id"], view.images["camera"], strict=True))
     result: dict[str, float] = {}
     for (name,), rows in measured.group_by(["image"], maintain_order=True):
@@ -263,7 +262,6 @@ _SHARE = 0.06
 
 @cache
 def _drawn_kinds() -> dict[str, str]:
-    """How each type of observation is drawn, by its name; types of the earth do so at any place."""
     anywhere = earth_types(Horizon(Ellipsoid(*GRS80), 0.0, 0.0))
     return {kind.name: kind.drawn for kind in (*ALL_TYPES.values(), *anywhere.values()) if kind.drawn}
 

@@ -264,7 +264,6 @@ class Writer:
 
 
 def _load_fonts() -> None:
-    """The fonts of Matplotlib, which have Greek letters and signs of mathematics."""
     from reportlab.pdfbase.pdfmetrics import getRegisteredFontNames, registerFont
     from reportlab.pdfbase.ttfonts import TTFont
 
@@ -417,7 +416,6 @@ def _adjusted(to: Writer, data: PageData) -> None:
 
 
 def _datum(to: Writer, data: PageData, folder: Path) -> None:
-    """Which points and components hold the datum, and how."""
     say, view = data.words, data.view
     to.heading(say("Datum"))
     named = say("{datum}. Coordinates and σ refer to it.", datum=data.datum)
@@ -494,13 +492,11 @@ def _control(to: Writer, data: PageData) -> None:
 
 
 def _deviation(row: dict[str, Any]) -> list[str]:
-    """Component, unit, count, mean, root mean square and largest of deviations."""
     form = f".{DIGITS[row['unit']]}f" if row["unit"] in DIGITS else ".3g"
     return _cells(row, f"component unit count:.0f mean:{form} rms:{form} largest:{form}")
 
 
 def _movements(to: Writer, data: PageData) -> None:
-    """Movements of every point from its first to its last epoch, those that moved most significantly first."""
     say, frame = data.words, data.view.movements
     if not frame.height:
         return
@@ -527,7 +523,6 @@ def _movements(to: Writer, data: PageData) -> None:
 
 
 def _weakest(to: Writer, data: PageData) -> None:
-    """The least precise points, and observations and points that are controlled least."""
     say, view = data.words, data.view
     to.heading(say("Weakest spots"))
     if "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():

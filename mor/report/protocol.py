@@ -245,8 +245,6 @@ def protocol(
 
 
 def _facts(data: dict[str, Any], words: Words) -> list[tuple[str, str]]:
-    """Names and texts of the head."""
-
     def said(value: float, unit: str, decimals: int = 3) -> str:
         return f"{words.number(fixed(value, decimals))} {unit}"
 
@@ -274,7 +272,6 @@ _HEADERS = ("test", "unit", "found", "at least", "at most", "verdict")
 
 
 def _tests(data: dict[str, Any], words: Words) -> tuple[str, list[list[str]]]:
-    """Title and rows of the table of tests."""
     rows = []
     for test in data["tests"]:
         rows.append(

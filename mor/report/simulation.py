@@ -172,7 +172,6 @@ def _rows_of(group: ObservationGroup, found: Source, alone: bool) -> IntArray:
 
 
 def _is_of(group: ObservationGroup, entry: Observations) -> bool:
-    """True for groups that an entry of this type makes."""
     if entry.type == "image":
         return is_image_point(group.type)
     return entry.type in _OF_VALUES or group.type.name == entry.type
@@ -225,7 +224,6 @@ def _units(
 
 
 def _fits(network: Network, entry: Observations, components: dict[str, Quantity], name: str) -> bool:
-    """True for a column of numbers that the one unit of all columns fits."""
     if entry.type == "image":
         return name.startswith("sigma")
     if name.endswith("_height"):
@@ -243,7 +241,6 @@ def _fits(network: Network, entry: Observations, components: dict[str, Quantity]
 
 
 def _with_observed(network: Network, space: str, name: str, given: dict[str, Any]) -> dict[str, Any]:
-    """A camera or an instrument with simulated values of what a laboratory observed."""
     result = dict(given)
     parts = network.things[space].parts
     number = network.things[space].numbers[name]
@@ -448,7 +445,6 @@ def finding_table(found: list[Finding], words: Words) -> str:
 
 
 def _weakest(network: Network, truth: Truth, tally: Tally, words: Words) -> str:
-    """The unknowns whose bias is largest."""
     n = float(tally.solved)
     if n < 2.0 or not (truth.sigma > 0.0).any():
         return ""
@@ -467,7 +463,6 @@ def _weakest(network: Network, truth: Truth, tally: Tally, words: Words) -> str:
 
 
 def _coverage(truth: Truth, tally: Tally, words: Words) -> str:
-    """Coverage intervals by JCGM 101 against those of the adjustment, the largest differences first."""
     intervals = coverage_intervals(tally)
     used = np.flatnonzero(truth.sigma > 0.0)
     if intervals is None or not len(used):

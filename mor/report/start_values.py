@@ -113,7 +113,6 @@ def _own_place(network: Network) -> IntArray:
 
 
 def _homes(approximation: Approximation) -> dict[tuple[str, int], int]:
-    """Part of every block that was known in one before it came to the object system."""
     homes: dict[tuple[str, int], int] = {}
     for join in approximation.parts:
         blocks: list[tuple[str, int]] = [("point", int(p)) for p in join.points]
@@ -185,7 +184,6 @@ def _angle(network: Network) -> str:
 def _outwards(
     network: Network, kind: str, number: int, value: FloatArray
 ) -> tuple[tuple[str, ...], FloatArray, tuple[str, ...]]:
-    """Names, values and units of a block in project axes."""
     edge, names = network.edge, KINDS[kind].names
     if kind == "rotation":
         turned = value @ edge.matrix if edge.right_handed else value
@@ -451,7 +449,6 @@ def parts(network: Network, approximation: Approximation, words: Words = ENGLISH
 
 
 def _plane(network: Network, xyz: FloatArray) -> tuple[list[int], list[bool]]:
-    """The coordinates drawn to the right and upwards, and whether they count backwards."""
     drawn = drawn_axes(network.project.axes.xy)
     right, up = "xyz".index(drawn["right"]), "xyz".index(drawn["up"])
     backwards = [drawn["right_reversed"], drawn["up_reversed"]]
@@ -472,7 +469,6 @@ def _start_values_homes(approximation: Approximation, count: int) -> IntArray:
 
 
 def _drawn(home: IntArray) -> list[tuple[int, str]]:
-    """Parts and their colours, at most so many as can be told apart: those with most in them."""
     numbers, counts = np.unique(home, return_counts=True)
     # Parts that are drawn, of more the largest.
     most = sorted(numbers[np.argsort(-counts, kind="stable")][:12].tolist())

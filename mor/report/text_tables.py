@@ -275,7 +275,6 @@ def listed(frame: pl.DataFrame, project: ProjectFile, scales: Mapping[str, Image
 
 
 def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> str:
-    """Velocities and rates of rotation of the images that are read out row by row; nothing if none is."""
     names = [*IMAGE_VELOCITY.names, *ROTATION_RATE.names]
     if names[0] not in frame.columns:
         return ""

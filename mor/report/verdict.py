@@ -180,7 +180,6 @@ def _says(accepted: bool | None, uncontrolled: int, found: Determination | None)
 
 
 def _effect(solved: Solved, effect: GroupEffect, suffices: bool) -> dict[str, Any]:
-    """An effect in project axes and units."""
     group = solved.adjustment.problem.groups[effect.group]
     out = ends_of_group(group)
     outside = int(np.flatnonzero(out.source == effect.component)[0])
@@ -240,7 +239,6 @@ def reliability_rows(solved: Solved) -> dict[str, Any] | None:
 
 
 def _uncontrolled(quality: Quality) -> tuple[int, list[ObservationComponent]]:
-    """Number of uncontrolled observations, and those with the smallest redundancy numbers."""
     found = []
     for number, one in enumerate(quality.groups):
         rows, components = np.nonzero(uncontrolled(quality, number))
@@ -276,7 +274,6 @@ def _observations(solved: Solved, quality: Quality, entries: list[ObservationCom
 
 
 def _weakest(quality: Quality, entry: ObservationComponent, nabla: float) -> dict[str, Any]:
-    """An observation with its r and ∇, which comes in internal units, in the units of the project."""
     group = quality.adjustment.problem.groups[entry.group]
     r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
     return {
@@ -294,7 +291,6 @@ def _said_size(group: ObservationGroup, component: int, size: float) -> float:
 
 
 def _targets(solved: Solved, entry: ObservationComponent) -> list[int]:
-    """Free point blocks that an observation refers to, but for those of frames."""
     problem = solved.adjustment.problem
     group, columns = problem.groups[entry.group], problem.index.columns["point"]
     blocks = [
@@ -318,7 +314,6 @@ def _cure(solved: Solved, further: CandidateObservation) -> dict[str, Any]:
 
 
 def _things(solved: Solved, one: Controlled) -> list[dict[str, Any]]:
-    """Rows of one kind: all in order, or the weakest of many."""
     few = len(one.names) <= MOST
     # Some things (k,) of one kind.
     numbers = np.flatnonzero(np.isfinite(one.smallest_r)) if few else one.worst(MOST)
@@ -469,7 +464,6 @@ def _thing(row: dict[str, Any], words: Words) -> str:
 
 
 def _explained(row: dict[str, Any], words: Words) -> str:
-    """Possible explanation of a rejected group."""
     thing, effect = _thing(row, words), row["effect"]
     if effect is None and row["sigma_factor"] < 1.0:
         return words("{thing}: residuals are smaller than its sigma says.", thing=thing)
