@@ -172,9 +172,7 @@ def _by_cluster(reading: Reading, groups: list[ReadGroup], number: int) -> list[
         place.tell(wrong, "covariance")
         return []
     turned = [
-        _inside(groups, where[own], rows[own], components[own]).carried(
-            np.array([given[k] for k in own.tolist()], dtype=float)
-        )
+        _inside(groups, where[own], rows[own], components[own], np.array([given[k] for k in own.tolist()], dtype=float))
         for own in members
     ]
     flawless, result = _are_positive_definite(turned), []
@@ -226,7 +224,7 @@ def _over_groups(reading: Reading, groups: list[ReadGroup], members: list[int]) 
         shape = " × ".join(map(str, given.shape))
         place.tell(f"covariance: found {shape}, expected {size} × {size}", "covariance")
         return []
-    covariance = _inside(groups, where, rows, components).carried(given)
+    covariance = _inside(groups, where, rows, components, given)
     words = _not_positive_definite(covariance)
     if words:
         place.tell(words, "covariance")
@@ -239,23 +237,13 @@ def _entries_of_correlation(groups: list[ReadGroup], number: int) -> tuple[IntAr
     return np.full(len(rows), number), rows.astype(np.int64), components.astype(np.int64)
 
 
-class _Inside(NamedTuple):
-    """Conversion of entries as given (same rows, project axes and units) to internal ones."""
+def _inside(
+    groups: list[ReadGroup], where: IntArray, rows: IntArray, components: IntArray, given: FloatArray
+) -> FloatArray:
+    """Return covariances (n, n) of entries, in the order of their groups and rows, in internal units and axes.
 
-    order: IntArray
-    """(n,) place of each entry among those given."""
-    factor: FloatArray
-    """(n,)."""
-
-    def carried(self, given: FloatArray) -> FloatArray:
-        """Covariances (n, n) in internal units and axes."""
-        return np.asarray(given[np.ix_(self.order, self.order)] * np.outer(self.factor, self.factor))
-
-
-def _inside(groups: list[ReadGroup], where: IntArray, rows: IntArray, components: IntArray) -> _Inside:
-    """Return the conversion of entries, in the order of their groups and rows, to internal ones.
-
-    Where only some components of a row are observed, turned axes put them elsewhere: they keep their order as given.
+    ``given`` are those of the same rows in project axes and units. Where only some components of a row are observed,
+    turned axes put them elsewhere: they keep their order as given.
     """
     source, factor = np.zeros(len(rows), dtype=np.int64), np.zeros(len(rows))
     for number in np.unique(where).tolist():
@@ -265,7 +253,7 @@ def _inside(groups: list[ReadGroup], where: IntArray, rows: IntArray, components
         factor[own] = group.transform[components[own], from_given] * group.factors[from_given]
     order = np.zeros(len(rows), dtype=np.int64)
     order[np.lexsort((source, rows, where))] = np.arange(len(rows))
-    return _Inside(order, factor)
+    return np.asarray(given[np.ix_(order, order)] * np.outer(factor, factor))
 
 
 def _matrix(reading: Reading, entry: Observations, place: TableLocation) -> FloatArray | None:
@@ -685,15 +673,6 @@ def touches(group: ObservationGroup, marked: Marked) -> BoolArray:
     for slot, numbers in group.blocks_by_slot:
         touched |= marked[slot.kind][numbers]
     return touched
-
-
-def rows_of_points(network: Network) -> IntArray:
-    """(points,) rows of observations that refer to each point block."""
-    rows = np.zeros(len(network.blocks["point"].ids), dtype=np.int64)
-    for group in network.groups:
-        for numbers in group.blocks_of("point"):
-            rows += np.bincount(numbers, minlength=len(rows))
-    return rows
 
 
 def without_blocks(network: Network, marked: Marked, things: Sequence[UndeterminedObject]) -> Network:

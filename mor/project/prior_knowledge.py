@@ -31,7 +31,7 @@ from mor.project.rows import ReadGroup, group_name, without_required
 from mor.project.schema import Feature, Observations
 from mor.project.shapes import FREEDOM, FittedShape, Held, fit_shape
 from mor.project.tables import MOST_TOLD, Column, Rows, TableLocation, read_table, settings
-from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
+from mor.types import LARGEST, BoolArray, FloatArray, IntArray
 from mor.units import ANGLE, LENGTH
 
 # ---- Prior knowledge that stands with the things themselves: observed components, levels, image-variant interiors.
@@ -612,13 +612,19 @@ class _BlockComponent(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """One row: what it is about, its value and σ in internal units."""
+    """A row of a table: what its columns ``names`` are about, its value and σ in internal units and axes."""
 
+    table: Rows
+    names: tuple[str, ...]
     row: int
+    kind: str
     blocks: tuple[int, ...]
     component: int
     value: float
     sigma: float
+
+    def tell(self, words: str) -> None:
+        self.table.tell(self.row, words)
 
 
 def parameter_groups(reading: Reading) -> list[tuple[int, ObservationGroup]]:
@@ -627,7 +633,7 @@ def parameter_groups(reading: Reading) -> list[tuple[int, ObservationGroup]]:
     Each with the number of its entry.
     """
     groups: list[tuple[int, ObservationGroup]] = []
-    said: list[_Row] = []
+    said: list[_Known] = []
     for number, entry in enumerate(reading.project.observations):
         if entry.type not in ("parameter", "difference"):
             continue
@@ -644,39 +650,41 @@ def parameter_groups(reading: Reading) -> list[tuple[int, ObservationGroup]]:
         if rows is not None:
             found = _parameter_rows(reading, entry, rows, names, said)
             groups += [(number, replace(group, name=group_name(entry, number))) for group in found]
-    _take_exactly(reading, [row for row in said if row.known.sigma == 0.0])
+    _take_exactly(reading, [row for row in said if row.sigma == 0.0])
     for row in said:
-        if row.known.sigma > 0.0:
+        if row.sigma > 0.0:
             _refuse_constant(reading, row)
     return groups
 
 
 def _parameter_rows(
-    reading: Reading, entry: Observations, rows: Rows, names: tuple[str, ...], said: list[_Row]
+    reading: Reading, entry: Observations, rows: Rows, names: tuple[str, ...], said: list[_Known]
 ) -> list[ObservationGroup]:
     collected: dict[tuple[str, str], list[_Known]] = {}
     for i in range(rows.count):
         try:
             places = [_find(reading, rows.series(name)[i], rows.series("component")[i]) for name in names]
-            known = _known(reading, entry, rows, i, places)
+            known = _known(reading, entry, rows, names, i, places)
         except _UnknownThingError:
             continue
         except ValueError as error:
             rows.tell(i, str(error))
             continue
-        said.append(_Row(places[0].kind, known, rows, names))
+        said.append(known)
         if known.sigma == 0.0:
             continue
         unit = places[0].scale.unit if places[0].scale else "mm"
         collected.setdefault((places[0].kind, unit), []).append(known)
-    return [_parameter_group(kind, unit, found, rows, names) for (kind, unit), found in collected.items()]
+    return [_parameter_group(kind, unit, found) for (kind, unit), found in collected.items()]
 
 
 class _UnknownThingError(Exception):
     """A name is missing from a table that has mistakes of its own."""
 
 
-def _known(reading: Reading, entry: Observations, rows: Rows, i: int, places: list[_BlockComponent]) -> _Known:
+def _known(
+    reading: Reading, entry: Observations, rows: Rows, names: tuple[str, ...], i: int, places: list[_BlockComponent]
+) -> _Known:
     """A row in internal units and axes. Raises ``ValueError`` with what is wrong."""
     if len({place.kind for place in places}) > 1:
         raise ValueError("a difference needs two blocks of the same kind")
@@ -694,8 +702,9 @@ def _known(reading: Reading, entry: Observations, rows: Rows, i: int, places: li
             raise ValueError(f"{name}: {error}") from None
     if given["sigma"] < 0.0:
         raise ValueError(f"sigma: found {rows.series('sigma')[i]}, expected a σ ≥ 0")
-    blocks = tuple(place.block for place in places)
-    return _Known(i, blocks, place.component, given["value"] * place.sign, given["sigma"] * entry.factor)
+    blocks = tuple(one.block for one in places)
+    value, sigma = given["value"] * place.sign, given["sigma"] * entry.factor
+    return _Known(rows, names, i, place.kind, blocks, place.component, value, sigma)
 
 
 def _find(reading: Reading, name: str, component: str) -> _BlockComponent:
@@ -754,29 +763,15 @@ def _kind_of_part(reading: Reading, part: str, camera: str | None) -> BlockKind:
     return KINDS[plain.get(part, part)]
 
 
-class _Row(NamedTuple):
-    """A row of a table, and the columns that say what it is about."""
-
-    kind: str
-    known: _Known
-    rows: Rows
-    names: tuple[str, ...]
-
-    def tell(self, words: str) -> None:
-        self.rows.tell(self.known.row, words)
-
-
-def _take_exactly(reading: Reading, exact: list[_Row]) -> None:
+def _take_exactly(reading: Reading, exact: list[_Known]) -> None:
     """σ = 0: a parameter is fixed at its value; a difference makes one unknown of two components."""
     for row in exact:
-        if len(row.known.blocks) == 1:
-            reading.shop.store(row.kind).hold(row.known.blocks[0], row.known.component, row.known.value)
+        if len(row.blocks) == 1:
+            reading.shop.store(row.kind).hold(row.blocks[0], row.component, row.value)
     for kind in dict.fromkeys(row.kind for row in exact):
         here = [row for row in exact if row.kind == kind]
-        tied = [row for row in here if len(row.known.blocks) == 2]
-        ties = [
-            Equality(row.known.component, row.known.blocks[0], row.known.blocks[1], row.known.value) for row in tied
-        ]
+        tied = [row for row in here if len(row.blocks) == 2]
+        ties = [Equality(row.component, row.blocks[0], row.blocks[1], row.value) for row in tied]
         try:
             settle_equalities(reading.shop.store(kind), ties)
         except ContradictionError as error:
@@ -784,26 +779,26 @@ def _take_exactly(reading: Reading, exact: list[_Row]) -> None:
             row.tell(f"σ = 0: {error}")
 
 
-def _refuse_constant(reading: Reading, row: _Row) -> None:
+def _refuse_constant(reading: Reading, row: _Known) -> None:
     """Tell a row in which nothing that is observed is an unknown."""
-    free, known = reading.shop.store(row.kind).all_free(), row.known
-    if any(free[block, known.component] for block in known.blocks):
+    free = reading.shop.store(row.kind).all_free()
+    if any(free[block, row.component] for block in row.blocks):
         return
-    names = " and ".join(row.rows.series(name)[known.row] for name in row.names)
+    names = " and ".join(row.table.series(name)[row.row] for name in row.names)
     verb = "is" if len(row.names) == 1 else "are"
     row.tell(
-        f"{row.rows.series('component')[known.row]} of {names} {verb} fixed: observing it has no effect; make it "
+        f"{row.table.series('component')[row.row]} of {names} {verb} fixed: observing it has no effect; make it "
         "free where it is declared, or give its value and σ there"
     )
 
 
-def _parameter_group(kind: str, unit: str, found: list[_Known], rows: Rows, names: tuple[str, ...]) -> ObservationGroup:
+def _parameter_group(kind: str, unit: str, found: list[_Known]) -> ObservationGroup:
+    rows, names = found[0].table, found[0].names
     type_ = (OBSERVED_PARAMETERS if len(names) == 1 else OBSERVED_DIFFERENCES)[kind]
     size = KINDS[kind].size
     observed, sigma = np.full((len(found), size), np.nan), np.full((len(found), size), np.nan)
     for row, known in enumerate(found):
         observed[row, known.component], sigma[row, known.component] = known.value, known.sigma
-    lines: SmallIntArray = np.array([rows.lines[known.row] for known in found], dtype=np.int32)
     return ObservationGroup(
         name="",
         type=type_,
@@ -813,6 +808,6 @@ def _parameter_group(kind: str, unit: str, found: list[_Known], rows: Rows, name
         constants=np.zeros((len(found), 0)),
         references=tuple(names_of([rows.series(name)[known.row] for known in found]) for name in names),
         image_unit=unit,
-        lines=lines,
+        lines=rows.lines[[known.row for known in found]],
         file=rows.file,
     )

@@ -177,49 +177,27 @@ def check_undeclared(reading: Reading, groups: Sequence[ObservationGroup]) -> No
     if not reading.undeclared:
         return
     points = reading.shop.things["point"]
-    rows = _rows_of_points(groups, len(reading.shop.store("point").ids))
+    rows = rows_of_points(groups, len(reading.shop.store("point").ids))
     declared = [name for name in points.ids if name not in reading.undeclared]
-    found = [
-        Slip(name, near, int(rows[points.part(name, "position")]), *reading.undeclared[name])
-        for name, near in alike(reading.undeclared, declared).items()
-    ]
-    mistakes, notes = told(found, len(reading.undeclared))
-    reading.problems.extend(mistakes)
-    reading.notes.extend(notes)
-
-
-class Slip(NamedTuple):
-    """A point that only observations name, and a declared one that a single character tells from it."""
-
-    name: str
-    near: str
-    rows: int
-    """Rows that name it."""
-    file: str
-    line: int
-    """Where the first of them stands."""
-
-
-def told(slips: Sequence[Slip], count: int) -> tuple[list[Message], list[Message]]:
-    """Return the mistake, and the note on ``count`` points that only observations name."""
-    mistakes, notes = [], []
-    for one in slips:
-        if one.rows == 1:
+    notes = []
+    for name, near in alike(reading.undeclared, declared).items():
+        if rows[points.part(name, "position")] == 1:
             words = (
-                f"point {one.name!r} occurs only in this row and in no table of points; "
-                f"did you mean {one.near!r}? If not, add it to the points"
+                f"point {name!r} occurs only in this row and in no table of points; "
+                f"did you mean {near!r}? If not, add it to the points"
             )
-            mistakes.append(Message(words, one.file, one.line))
+            reading.problems.append(Message(words, *reading.undeclared[name]))
         else:
-            words = f"point {one.name!r} is in no table of points and is therefore free; {one.near!r} is"
-            notes.append(Message(words, one.file, one.line))
+            words = f"point {name!r} is in no table of points and is therefore free; {near!r} is"
+            notes.append(Message(words, *reading.undeclared[name]))
     if len(notes) > MOST_TOLD:
         notes[MOST_TOLD:] = [Message(f"{len(notes) - MOST_TOLD} more points like these")]
-    many = counted(count, "point")
-    return mistakes, [Message(f"{many} that only observations name: free (undeclared_points: free)"), *notes]
+    many = counted(len(reading.undeclared), "point")
+    reading.notes += [Message(f"{many} that only observations name: free (undeclared_points: free)"), *notes]
 
 
-def _rows_of_points(groups: Sequence[ObservationGroup], count: int) -> np.ndarray:
+def rows_of_points(groups: Iterable[ObservationGroup], count: int) -> IntArray:
+    """(count,) rows of observations that refer to each point block."""
     rows = np.zeros(count, dtype=np.int64)
     for group in groups:
         for blocks in group.blocks_of("point"):

@@ -188,17 +188,10 @@ def _refused(reading: Reading) -> bool:
     return bool(told)
 
 
-class _Lengths(NamedTuple):
-    """Spacing and gap of a table in seconds; NaN if there is none."""
-
-    spacing: float
-    gap: float
-
-
 def _read_table(reading: Reading, table: TrajectoryEntry, place: TableLocation, rows: Rows) -> list[Trajectory]:
     before = len(reading.problems)
-    lengths = _Lengths(_seconds(reading, place, "spacing", table.spacing), _seconds(reading, place, "gap", table.gap))
-    if lengths.gap < lengths.spacing:
+    spacing, gap = (_seconds(reading, place, key, getattr(table, key)) for key in ("spacing", "gap"))
+    if gap < spacing:
         place.tell("gap: shorter than the spacing of the knots; expected a longer one", "gap")
     if table.spacing is not None:
         _only_starts(reading, table, place, rows)
@@ -212,7 +205,7 @@ def _read_table(reading: Reading, table: TrajectoryEntry, place: TableLocation, 
     return [
         found
         for name, mine in zip(names.known, own, strict=True)
-        if (found := _trajectory(reading, table, name, rows.take(mine), lengths)) is not None
+        if (found := _trajectory(reading, table, name, rows.take(mine), spacing, gap)) is not None
     ]
 
 
@@ -257,12 +250,12 @@ def _check_rows(reading: Reading, name: str, rows: Rows, time: FloatArray) -> No
 
 
 def _trajectory(
-    reading: Reading, table: TrajectoryEntry, name: str, rows: Rows, lengths: _Lengths
+    reading: Reading, table: TrajectoryEntry, name: str, rows: Rows, spacing: float, gap: float
 ) -> Trajectory | None:
     times = rows.number("time")
-    stretch: IntArray = np.cumsum(np.diff(times, prepend=times[0]) > lengths.gap)
-    if not np.isnan(lengths.spacing):
-        times, stretch, position, rotation = _at_spacing(reading, name, rows, stretch, lengths.spacing)
+    stretch: IntArray = np.cumsum(np.diff(times, prepend=times[0]) > gap)
+    if not np.isnan(spacing):
+        times, stretch, position, rotation = _at_spacing(reading, name, rows, stretch, spacing)
     count = np.bincount(stretch)
     cubic = table.interpolation == "cubic"
     short = np.flatnonzero(count < (CUBIC if cubic else LINEAR))
@@ -275,7 +268,7 @@ def _trajectory(
         )
         rows.tell(0, words)
         return None
-    if np.isnan(lengths.spacing):
+    if np.isnan(spacing):
         labels = [f"knot {knot_name(name, time)}" for time in times]
         position = positions(reading, rows, labels, table.fixed)
         rotation = rotations(reading, rows, labels, table.fixed)

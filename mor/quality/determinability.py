@@ -19,11 +19,11 @@ from mor.project.entities import thing_of
 from mor.project.network import (
     Network,
     nothing_marked,
-    rows_of_points,
     touches,
     with_points_at_infinity,
     without_blocks,
 )
+from mor.project.rows import rows_of_points
 from mor.quality.outliers import Attempt
 from mor.solve.datum import NOTHING_KNOWN, LocalDefects, beside, local_defects, weak_turns
 from mor.solve.iterate import A_WEAK_TURN, RAN_AWAY, Adjustment, Outcome, SolverSettings, adjust
@@ -880,7 +880,7 @@ def _without_far(network: Network, start: Values, far: RayPoints, leave: bool) -
     begun = {**start, "point": placed}
     if leave:
         return without_points(network, far.points, PARALLEL), begun
-    rays = rows_of_points(network)
+    rays = rows_of_points(network.groups, len(network.blocks["point"].ids))
     things = [UndeterminedObject("point", ids[p], PARALLEL, AT_INFINITY, int(rays[p])) for p in far.points.tolist()]
     # (k, 3, 3) rotations whose third rows are the directions (k, 3).
     across = rotations.svd(far.directions[:, None, :])[2][:, 1:, :]
@@ -893,7 +893,7 @@ def without_points(network: Network, points: IntArray, reason: str) -> Network:
     """The network without some points, all for one reason."""
     if len(points) == 0:
         return network
-    marked, rays = nothing_marked(network), rows_of_points(network)
+    marked, rays = nothing_marked(network), rows_of_points(network.groups, len(network.blocks["point"].ids))
     marked["point"][points] = True
     ids = network.blocks["point"].ids
     left = [UndeterminedObject("point", ids[p], reason, "left out", int(rays[p])) for p in points.tolist()]
