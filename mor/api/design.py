@@ -277,7 +277,7 @@ class Design(NamedTuple):
         if self.ranking is not None:
             more["ranking.csv"] = table_writer(self._ranking_table(self.ranking))
         more["design.html"] = design_page(self.solved, self.judged, self.sighted, self._variant_rows(), words, of)
-        write_design(self.solved, self.judged, text, self.json(of), more, place)
+        write_design(self.solved, text, self.json(of), more, place)
 
     def json(self, of: RunIdentity) -> str:
         """``design.json`` as text."""

@@ -318,7 +318,7 @@ def _exchanges(situation: Situation, control: ControlPoints) -> list[Hypothesis]
     # Control points up to which all pairs are looked through.
     if count <= 60:
         adjusted = _without_control(situation, control)
-        sums = {pair: _misfit(situation, control, adjusted, pair) for pair in combinations(range(count), 2)}
+        sums = {pair: _misfit(control, adjusted, pair) for pair in combinations(range(count), 2)}
         best += [pair for pair in sorted(sums, key=lambda pair: sums[pair])[:_PAIRS] if pair not in best]
     return [_exchange(situation, control, pair, count * (count - 1) // 2) for pair in best]
 
@@ -363,7 +363,7 @@ def _sighted_exchanged(situation: Situation, control: ControlPoints) -> list[tup
     return sorted(drops, key=lambda pair: -drops[pair])[:_PAIRS]
 
 
-def _misfit(situation: Situation, control: ControlPoints, adjusted: FloatArray, pair: tuple[int, int]) -> float:
+def _misfit(control: ControlPoints, adjusted: FloatArray, pair: tuple[int, int]) -> float:
     """Misfit of the given coordinates, two exchanged, to those that were adjusted: as they are, or moved as a whole."""
     order = np.arange(len(control.given))
     order[list(pair)] = order[list(reversed(pair))]

@@ -303,13 +303,13 @@ def _reductions_of_lines(situation: Situation, number: int, group: ObservationGr
     redundancy = np.ones(len(rows))
     if solution is not None:
         own = np.flatnonzero(~used.left_out[rows, 0])
-        redundancy[own] = _redundancy(solution, number, used, rows[own])
+        redundancy[own] = _redundancy(solution, used, rows[own])
     change = -2.0 * group.observed[rows, 0]
     reductions[rows] = (-2.0 * change * misclosure[rows] - change**2 * redundancy) / sigma[rows] ** 2
     return reductions
 
 
-def _redundancy(solution: Adjustment, number: int, group: ObservationGroup, rows: IntArray) -> FloatArray:
+def _redundancy(solution: Adjustment, group: ObservationGroup, rows: IntArray) -> FloatArray:
     problem, values = solution.problem, solution.values
     part = linearise(group, problem.index, values, rotation_tangents(problem.index, values), rows)
     coupling = np.zeros((problem.index.count, len(rows)))

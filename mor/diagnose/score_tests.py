@@ -114,7 +114,7 @@ def score_tests(
     good = [one for one in good if one.candidate.cause not in too_many]
     good += [one for one in (*joined, *_sigmas(quality)) if one.length > least]
     good = [one for one in good if one.log_p < limit]
-    return tuple(_cause(network, one) for one in _distinct(good)[:OFFERED])
+    return tuple(_cause(one) for one in _distinct(good)[:OFFERED])
 
 
 def score_tests_with_suspects(
@@ -159,7 +159,7 @@ def _explaining(
             p = log_p_chi2(np.array([gain]), np.ones(1))
             cost = cost_of_choice(problem.observations, count, 0, 0.0)
             found.append(_Scored(one, np.ones(1), gain, gain - cost, float(p[0]), 0))
-    return tuple(_cause(network, one) for one in _distinct(found)[:OFFERED])
+    return tuple(_cause(one) for one in _distinct(found)[:OFFERED])
 
 
 def _after_step(quality: Quality) -> Quality:
@@ -195,7 +195,7 @@ def _candidates(
     yield from _wrong_names(network, values, quality, flagged)
     yield from _set_ups(problem, network, values, adjusted, flagged)
     yield from _heights(problem, network, values, quality)
-    yield from _antennas(problem, network, values, adjusted)
+    yield from _antennas(problem, values, adjusted)
     yield from _control(problem, network, values, adjusted, flagged, quality)
     yield from _curvature(problem, network, values, adjusted)
 
@@ -359,7 +359,7 @@ def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_
             other[:, angles] *= factor
             changes.append(("circle unit", (*things, unit), f"observations, {things[0]}: units: {unit}", other))
         for cause, about, line, other in changes:
-            change = _read_otherwise(values, number, group, rows, other)
+            change = _read_otherwise(values, group, rows, other)
             part = (number, rows, change[:, :, None])
             yield _Candidate(cause, about, line, (part,), True, alike=len(sets))
 
@@ -372,9 +372,7 @@ def _angle_units(angles: FloatArray) -> Iterator[tuple[str, float]]:
             yield unit, factor
 
 
-def _read_otherwise(
-    values: Values, number: int, group: ObservationGroup, rows: IntArray, other: FloatArray
-) -> FloatArray:
+def _read_otherwise(values: Values, group: ObservationGroup, rows: IntArray, other: FloatArray) -> FloatArray:
     """(k, m) change of the computed observations that has the effect of other observed values (k, m) of some rows.
 
     The orientation of each set of horizontal directions follows.
@@ -532,7 +530,7 @@ def _set_ups(
             for number, slot, rows in sights[name]:
                 group = problem.groups[number]
                 moved = _with_blocks(group, values, rows, {slot: np.full(len(rows), other)})
-                change = _read_otherwise(values, number, group, rows, np.nan_to_num(group.observed[rows]) - moved)
+                change = _read_otherwise(values, group, rows, np.nan_to_num(group.observed[rows]) - moved)
                 parts.append((number, rows, change[:, :, None]))
         line = f"stations: {pair[0]} ↔ {pair[1]}"
         yield _Candidate("set-ups exchanged", pair, line, tuple(parts), True, alike=len(ordered))
@@ -604,7 +602,7 @@ def _instead(
         yield number, rows, np.nan_to_num(np.where(group.type.wraps, wrap(change), change))[:, :, None]
 
 
-def _antennas(problem: Problem, network: Network, values: Values, adjusted: Sequence[int]) -> Iterator[_Candidate]:
+def _antennas(problem: Problem, values: Values, adjusted: Sequence[int]) -> Iterator[_Candidate]:
     numbers = [k for k in adjusted if problem.groups[k].type == PLAIN_TYPES["vector"]]
     points = {name for k in numbers for column in problem.groups[k].references[:2] for name in column}
     for name in sorted(points):
@@ -948,7 +946,7 @@ def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
     return found
 
 
-def _cause(network: Network, one: _Scored) -> ScoredHypothesis:
+def _cause(one: _Scored) -> ScoredHypothesis:
     candidate, amount = one.candidate, None
     if candidate.amount is not None and not candidate.definite:
         name, present = candidate.amount

@@ -34,7 +34,7 @@ PLANE = ("east", "north")
 MEANT = "its height is above the geoid, but the geoid is unknown: give a column geoid, or world: {geoid: FILE}"
 
 
-def known_at(reading: Reading, world: EarthModel, known: str, blocks: IntArray, rows: Rows, names: Names) -> FloatArray:
+def known_at(world: EarthModel, known: str, blocks: IntArray, rows: Rows, names: Names) -> FloatArray:
     """Deflections or geoid heights (n,) at positions; a missing geoid height is a mistake."""
     values = world.of_points(known, blocks)
     rows.tell_where(np.isnan(values), lambda row: f"{names[row]!r}: {MEANT}")
@@ -49,7 +49,7 @@ def place_of_observed(
     if world.orthometric:
         N = rows.number(GEOID)
         N = np.where(np.isnan(N), world.of_points(GEOID, blocks), N)
-        N = np.where(np.isnan(N), _of_grid(reading, world, given), N)
+        N = np.where(np.isnan(N), _of_grid(world, given), N)
         rows.tell_where(np.isnan(N) & ~planned, MEANT)
     rows.tell_where(np.any(np.isnan(given), axis=1), "a position on the earth needs all of east, north, height")
     place = world.to_object(np.where(planned[:, None], world.inside(), given), N)
@@ -65,7 +65,7 @@ def convergence_of_rows(world: EarthModel, rows: Rows) -> FloatArray:
     return found
 
 
-def _of_grid(reading: Reading, world: EarthModel, given: FloatArray) -> FloatArray:
+def _of_grid(world: EarthModel, given: FloatArray) -> FloatArray:
     if world.geoid is None:
         return np.full(len(given), np.nan)
     try:

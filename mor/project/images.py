@@ -7,7 +7,6 @@ from math import hypot, inf, isnan
 
 import numpy as np
 
-from mor.errors import Message
 from mor.model.cameras import CAMERA_MODELS
 from mor.model.contract import ObservationGroup
 from mor.model.coordinates import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
@@ -22,7 +21,6 @@ from mor.model.parameters import (
     ROTATION_RATE,
 )
 from mor.project.axes import ImageScale, UnitError, image_scale, split
-from mor.project.document import KeyPath
 from mor.project.entities import Reading, entities, unknown_name
 from mor.project.motion import EPOCH, remember_epochs
 from mor.project.points import NameColumn, check_unique, position_columns, positions, rotations
@@ -87,8 +85,7 @@ def _r0_is_good(reading: Reading, name: str, camera: Camera, scale: ImageScale) 
 
 def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> int:
     model = CAMERA_MODELS[camera.model]
-    path: KeyPath = ("cameras", name, "interior")
-    place = reading.at(*path)
+    place = reading.at("cameras", name, "interior")
     given = {**_first_guess(reading, name, camera, scale), **camera.interior}
     before = len(reading.problems)
     statuses = settings(given, model.components, reading.edge, place, scale)
@@ -283,7 +280,7 @@ def read_images(reading: Reading) -> None:
     collected: dict[str, list[IntArray]] = {}
     ids: list[str] = []
     seen: list[NameColumn] = []
-    leaders: list[tuple[int, str, str, str, int]] = []
+    leaders: list[tuple[int, str, str, Rows, int]] = []
     read_line_times(reading)
     for k, table in enumerate(reading.project.images):
         reading.begin("images", k, table)
@@ -324,7 +321,7 @@ def _read_images_table(
     ids: list[str],
     collected: dict[str, list[IntArray]],
     seen: list[NameColumn],
-    leaders: list[tuple[int, str, str, str, int]],
+    leaders: list[tuple[int, str, str, Rows, int]],
 ) -> None:
     edge, shop = reading.edge, reading.shop
     rows = read_table(table, image_columns(reading), place)
@@ -364,7 +361,7 @@ def _read_images_table(
     }
     for i, (leader, pair) in enumerate(zip(rows.text("leader"), rows.text("pair"), strict=True)):
         if leader or pair:
-            leaders.append((len(ids) + i, leader, pair, rows.file, int(rows.lines[i])))
+            leaders.append((len(ids) + i, leader, pair, rows, i))
     for part, array in found.items():
         collected.setdefault(part, []).append(array)
     ids += names
@@ -438,7 +435,7 @@ def _motions(
     if given or (len(still) and any(c in table.free for kind in _MOTION for c in kind.names)):
         camera = rows.text("camera")[int(still[0])]
         said = f"camera {camera} has no readout time: the motion of its images has no effect and is left out"
-        reading.notes.append(Message(said, rows.file, int(rows.lines[int(still[0])])))
+        reading.notes.append(rows.problem(int(still[0]), said))
     return motions(reading, rows, labels, table.fixed, table.free, moving)
 
 
@@ -449,32 +446,29 @@ def _camera_numbers(reading: Reading, rows: Rows) -> IntArray | None:
     for name in dict.fromkeys(names[i] for i in np.flatnonzero(result < 0)):
         if name in reading.project.cameras or "camera" in reading.broken:
             continue  # its own mistake is told already
-        line = int(rows.lines[names.index(name)])
-        reading.problems.append(Message(unknown_name("camera", name, known), rows.file, line))
+        rows.tell(names.index(name), unknown_name("camera", name, known))
     return None if (result < 0).any() else result
 
 
-def _follow(reading: Reading, leaders: list[tuple[int, str, str, str, int]]) -> None:
+def _follow(reading: Reading, leaders: list[tuple[int, str, str, Rows, int]]) -> None:
     images, pairs = reading.shop.things["image"], reading.shop.things["pair"]
     followers = {number for number, *_ in leaders}
-    for number, leader, pair, file, line in leaders:
+    for number, leader, pair, rows, row in leaders:
         if not leader or not pair:
             have, lack = ("pair", "leader") if pair else ("leader", "pair")
             words = f"image {images.ids[number]!r} has a {have} but no {lack}; a stereo follower needs both"
-            reading.problems.append(Message(words, file, line))
+            rows.tell(row, words)
         elif leader not in images.numbers:
-            reading.problems.append(Message(unknown_name("leader: image", leader, images.ids), file, line))
+            rows.tell(row, unknown_name("leader: image", leader, images.ids))
         elif pair not in pairs.numbers and "pair" in reading.broken:
             continue
         elif pair not in pairs.numbers:
-            reading.problems.append(Message(unknown_name("pair", pair, pairs.ids), file, line))
+            rows.tell(row, unknown_name("pair", pair, pairs.ids))
         elif images.numbers[leader] == number:
-            reading.problems.append(
-                Message(f"image {leader!r} is its own leader; a stereo follower follows another image", file, line)
-            )
+            rows.tell(row, f"image {leader!r} is its own leader; a stereo follower follows another image")
         elif images.numbers[leader] in followers:
             words = f"leader {leader!r} is itself a follower; a leader must have its own position and attitude"
-            reading.problems.append(Message(words, file, line))
+            rows.tell(row, words)
         else:
             if leader in reading.image_times:
                 reading.image_times[images.ids[number]] = reading.image_times[leader]

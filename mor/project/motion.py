@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from functools import partial
 from itertools import groupby
 from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 
-from mor.errors import Message
 from mor.model.contract import Names, ObservationGroup, Reference, names_of, some_rows
 from mor.model.coordinates import OBSERVED_DIFFERENCES
 from mor.model.parameters import COSINE, MOTIONS, SINE, VELOCITY, BlockKind
@@ -83,7 +84,7 @@ def read_motions(reading: Reading) -> None:
         elif table.model == "epochs":
             for row, point in enumerate(moving):
                 if point.own_epochs or point.steps or point.motions:
-                    _tell_twice(reading, rows, row, _MOVES_ALREADY.format(repr(point.name)))
+                    rows.tell(row, _MOVES_ALREADY.format(repr(point.name)))
                 point.own_epochs = True
         else:
             _add_motion(reading, table, rows, moving)
@@ -137,10 +138,6 @@ def _point(reading: Reading, rows: Rows, row: int) -> MovingPoint | None:
     return reading.motion.points.setdefault(block, MovingPoint(name, [], block))
 
 
-def _tell_twice(reading: Reading, rows: Rows, row: int, words: str) -> None:
-    rows.tell(row, words)
-
-
 def _add_motion(reading: Reading, table: MotionEntry, rows: Rows, moving: list[MovingPoint]) -> None:
     names = [point.name for point in moving]
     for kind in _KINDS[table.model]:
@@ -153,14 +150,14 @@ def _add_motion(reading: Reading, table: MotionEntry, rows: Rows, moving: list[M
         points = reading.shop.things["point"]
         for row, (point, block) in enumerate(zip(moving, blocks.tolist(), strict=True)):
             if point.own_epochs:
-                _tell_twice(reading, rows, row, _MOVES_ALREADY.format(repr(point.name)))
+                rows.tell(row, _MOVES_ALREADY.format(repr(point.name)))
             elif kind.key in point.motions:
                 words = (
                     f"point {point.name!r} has a velocity already"
                     if kind is VELOCITY
                     else f"point {point.name!r} has an annual oscillation already"
                 )
-                _tell_twice(reading, rows, row, words)
+                rows.tell(row, words)
                 return
             point.motions[kind.key] = block
             points.parts[kind.key][points.numbers[point.name]] = block
@@ -176,7 +173,8 @@ class _Step(NamedTuple):
     free: BoolArray
     sigma: FloatArray
     group: str
-    problem: Message
+    rows: Rows
+    row: int
 
 
 def _steps(reading: Reading, table: MotionEntry, rows: Rows, moving: list[MovingPoint], group: str) -> list[_Step]:
@@ -187,15 +185,14 @@ def _steps(reading: Reading, table: MotionEntry, rows: Rows, moving: list[Moving
     steps = []
     for row, point in enumerate(moving):
         text = rows.series("time")[row]
-        here = Message("", rows.file, int(rows.lines[row]))
         try:
             time = decimal_year(text)
         except ValueError as error:
-            reading.problems.append(Message(f"time: {error}", here.file, here.line))
+            rows.tell(row, f"time: {error}")
             continue
         label = f"{point.name}{AT}{text}"
         own = (statuses.values[row], statuses.free[row], statuses.sigma[row])
-        steps.append(_Step(point, time, label, *own, group, here))
+        steps.append(_Step(point, time, label, *own, group, rows, row))
     return steps
 
 
@@ -212,7 +209,7 @@ def _take_steps(reading: Reading, steps: list[_Step]) -> None:
                 if point.own_epochs
                 else f"point {point.name!r} has a step at this time already"
             )
-            reading.problems.append(Message(words, step.problem.file, step.problem.line))
+            step.rows.tell(step.row, words)
             continue
         before = point.steps[-1][1] if point.steps else point.block
         block = block_at(reading, [step.label], np.array([before]), step.size[None])[0]
@@ -307,22 +304,14 @@ def row_epochs(reading: Reading, rows: Rows, references: tuple[Reference, ...], 
         of_name = np.array([_epoch_of(reading, reference, name) for name in named.known], dtype=np.int64)
         found = of_name[named.numbers] if len(of_name) else epochs
         differ = (found != NONE) & (epochs != NONE) & (found != epochs)
-        rows.tell_where(differ, _Differing(reading.motion, named, found, epochs).words)
+        rows.tell_where(differ, partial(_differing, reading.motion, named, found, epochs))
         epochs = np.where(epochs == NONE, found, epochs)
     return epochs
 
 
-class _Differing(NamedTuple):
-    """Rows that give another epoch than their image or station has."""
-
-    motion: TimeModel
-    names: Names
-    found: IntArray
-    given: IntArray
-
-    def words(self, row: int) -> str:
-        own, other = (self.motion.labels[int(epochs[row])] for epochs in (self.found, self.given))
-        return f"{self.names[row]} is of epoch {own}, this row of {other}"
+def _differing(motion: TimeModel, names: Names, found: IntArray, given: IntArray, row: int) -> str:
+    own, other = (motion.labels[int(epochs[row])] for epochs in (found, given))
+    return f"{names[row]} is of epoch {own}, this row of {other}"
 
 
 def _epoch_of(reading: Reading, reference: Reference, name: str) -> int:
@@ -342,10 +331,8 @@ def _epoch_of(reading: Reading, reference: Reference, name: str) -> int:
 def settle_reference(reading: Reading) -> None:
     """t0: as the project says, or the first of the epochs."""
     given = reading.project.epochs.reference
-    try:
+    with suppress(ValueError):  # told where the section is read
         reading.motion.reference = decimal_year(given) if given is not None else min(reading.motion.times, default=0.0)
-    except ValueError:
-        return  # told where the section is read
 
 
 def at_their_epochs(reading: Reading, groups: list[ReadGroup]) -> list[ReadGroup]:
@@ -403,7 +390,7 @@ def _at_its_epochs(reading: Reading, found: ReadGroup) -> list[ReadGroup]:
     parts = [] if moves.all() else [_some(whole, np.flatnonzero(~moves))]
     if moves.any():
         rows = np.flatnonzero(moves)
-        times = np.array(motion.times)[epochs[rows]] if moves.any() else np.zeros(0)
+        times = np.array(motion.times)[epochs[rows]]
         times = np.where(epochs[rows] == NONE, motion.reference, times)
         parts.append(_moving(_some(whole, rows), [column[rows] for column in motions], basis(times, motion.reference)))
     return parts
@@ -437,15 +424,8 @@ def _renamed(reading: Reading, names: Names, own: IntArray, placed: IntArray) ->
 
 def _moving(found: ReadGroup, motions: list[IntArray], constants: np.ndarray) -> ReadGroup:
     group = found.group
-    return replace(
-        found,
-        group=replace(
-            group,
-            type=moving(group.type),
-            blocks=(*group.blocks, *motions),
-            constants=np.concatenate([group.constants, constants], axis=1),
-        ),
-    )
+    blocks, constants = (*group.blocks, *motions), np.concatenate([group.constants, constants], axis=1)
+    return replace(found, group=replace(group, type=moving(group.type), blocks=blocks, constants=constants))
 
 
 def _some(found: ReadGroup, rows: IntArray) -> ReadGroup:

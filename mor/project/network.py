@@ -216,7 +216,7 @@ def _over_groups(reading: Reading, groups: list[ReadGroup], members: list[int]) 
         place.tell("exactly one group of a cluster must give its covariance matrix", "cluster")
         return []
     place = reading.at("observations", groups[members[with_matrix[0]]].entry)
-    given = _matrix(reading, entries[with_matrix[0]], place)
+    given = _matrix(entries[with_matrix[0]], place)
     if given is None:
         return []
     size = len(rows)
@@ -256,7 +256,7 @@ def _inside(
     return np.asarray(given[np.ix_(order, order)] * np.outer(factor, factor))
 
 
-def _matrix(reading: Reading, entry: Observations, place: TableLocation) -> FloatArray | None:
+def _matrix(entry: Observations, place: TableLocation) -> FloatArray | None:
     rows = rows_of_covariance(entry, place)
     if rows is None:
         return None

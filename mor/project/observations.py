@@ -151,7 +151,7 @@ def _image_group(
     except UnitError as error:
         place.tell(str(error), "units")
         return None
-    if (moves or scanner is not None) and not _all_timed(reading, camera, scanner, observed, rows, chosen):
+    if (moves or scanner is not None) and not _all_timed(camera, scanner, observed, rows, chosen):
         return None
     constants = _constants(
         CAMERA_MODELS[camera.model], observed, _r0(reading, camera, scale), camera if moves else None, scale
@@ -230,9 +230,7 @@ def _read_out_later(reading: Reading, readout: int, constants: FloatArray) -> Fl
     return given * phases(constants[:, :2], constants[:, -len(PHASE) :])
 
 
-def _all_timed(
-    reading: Reading, camera: Camera, scanner: Scanner | None, observed: FloatArray, rows: Rows, chosen: IntArray
-) -> bool:
+def _all_timed(camera: Camera, scanner: Scanner | None, observed: FloatArray, rows: Rows, chosen: IntArray) -> bool:
     """False if a row has no coordinate along the readout, or of a line scanner lacks one; each is told."""
     missing = np.zeros(rows.count, dtype=bool)
     if scanner is not None:
@@ -485,7 +483,7 @@ def _plain_group(
         lines=rows.lines,
         file=rows.file,
     )
-    everything, clusters = np.arange(rows.count), _clusters(entry, rows, place, reading)
+    everything, clusters = np.arange(rows.count), _clusters(entry, rows, place)
     rows.tell_where(~np.asarray(group.mask.any(axis=1)), "nothing is observed in this row")
     correlated = entry.covariance is not None or entry.cluster is not None or _has_covariances(rows)
     if correlated:
@@ -497,7 +495,7 @@ def _plain_group(
     return ReadGroup(group, number, everything, transform, factors, covariance_of_rows(rows, type_), clusters, epochs)
 
 
-def _clusters(entry: Observations, rows: Rows, place: TableLocation, reading: Reading) -> Names | None:
+def _clusters(entry: Observations, rows: Rows, place: TableLocation) -> Names | None:
     if CLUSTER not in rows.texts:
         return None
     if entry.covariance is None or entry.cluster is not None:
@@ -579,7 +577,7 @@ def _constants_of_group(
         known, _, end = constant.name.partition(" of ")
         if end and reading.world is not None:
             found = named[end]
-            columns.append(known_at(reading, reading.world, known, found.blocks["position"], rows, found.names))
+            columns.append(known_at(reading.world, known, found.blocks["position"], rows, found.names))
         elif constant.name == "face":
             told = type_.tell_face(given[:, -1]) if type_.tell_face else np.ones(rows.count)
             columns.append(own_or_common(rows.number("face"), told))

@@ -75,12 +75,12 @@ def start_places(reading: Reading, rows: Rows, plain: Statuses) -> Statuses:
     free, held = np.any(plain.free, axis=1), ~np.all(plain.free, axis=1)
     rows.tell_where(held & ~whole, "fixed or observed, but it has no coordinates")
     rows.tell_where(held & free, _OBSERVED)
-    places = world.to_object(given, _geoid(reading, world, rows, given))
+    places = world.to_object(given, _geoid(world, rows, given))
     nothing = np.full(places.shape, np.nan)
     return Statuses(places, plain.free, nothing, nothing)
 
 
-def _geoid(reading: Reading, world: EarthModel, rows: Rows, given: FloatArray) -> FloatArray:
+def _geoid(world: EarthModel, rows: Rows, given: FloatArray) -> FloatArray:
     """N (n,) at places (n, 3): of the column, else of the grid; a mistake where heights need it in vain."""
     if not world.orthometric:
         return np.zeros(len(given))
@@ -315,7 +315,7 @@ def read_point_table(
     coordinates = np.stack([rows.number(name) for name in system.coordinates], axis=1)
     start = np.stack([rows.number(f"start_{name}") for name in system.coordinates], axis=1)
     if system.kind == "geographic":
-        _check_degrees(reading, coordinates, rows)
+        _check_degrees(coordinates, rows)
     sigma = np.stack([rows.number(f"sigma_{name}") for name in ENU], axis=1)
     sigma = np.where(np.isnan(sigma), rows.number("sigma")[:, None], sigma)
     rows.tell_where(np.any(sigma < 0.0, axis=1), "found a negative σ, expected a σ ≥ 0")
@@ -336,7 +336,7 @@ def read_point_table(
     return PointTable(number, names, rows, coordinates, start, sigma, rows.number(GEOID), deflection)
 
 
-def _check_degrees(reading: Reading, coordinates: FloatArray, rows: Rows) -> None:
+def _check_degrees(coordinates: FloatArray, rows: Rows) -> None:
     def words(row: int) -> str:
         latitude, longitude = np.degrees(coordinates[row, :2])
         swapped = abs(longitude) <= 90.0 and abs(latitude) <= 180.0

@@ -280,7 +280,7 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
     if open_.any():
         if not reading.broken.intersection(reference.among):
             ids = [name for things in spaces.values() for name in things.ids]
-            _tell_unknown(reading, reference.name, rows, names, open_, ids)
+            _tell_unknown(reference.name, rows, names, open_, ids)
             # Unknown names of a table that look like points which were left out on purpose.
             if "point" in reference.among and np.count_nonzero(open_) >= 3:
                 words = "points that no table contains are unknowns with settings: {undeclared_points: free}"
@@ -296,16 +296,16 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
         blocks[part] = of_name[names.numbers]
     resolved = Resolved(names, blocks, centre[names.numbers])
     if "image" in reference.among:
-        _refuse_timed(reading, resolved, rows)
+        _refuse_timed(resolved, rows)
     if reference.among == POSITIONS:
-        _refuse_followers(reading, resolved, rows)
+        _refuse_followers(resolved, rows)
     return resolved
 
 
 _CENTRE = "centre:"
 
 
-def _refuse_followers(reading: Reading, resolved: Resolved, rows: Rows) -> None:
+def _refuse_followers(resolved: Resolved, rows: Rows) -> None:
     if "base" not in resolved.blocks:
         return
     wrong = (resolved.blocks["base"] >= 0) & ~resolved.at_centre
@@ -313,7 +313,7 @@ def _refuse_followers(reading: Reading, resolved: Resolved, rows: Rows) -> None:
     rows.tell_where(wrong, lambda row: words.format(resolved.names[row]))
 
 
-def _refuse_timed(reading: Reading, resolved: Resolved, rows: Rows) -> None:
+def _refuse_timed(resolved: Resolved, rows: Rows) -> None:
     timed = resolved.blocks.get("trajectory")
     if timed is None or not (timed >= 0).any():
         return
@@ -321,9 +321,7 @@ def _refuse_timed(reading: Reading, resolved: Resolved, rows: Rows) -> None:
     rows.tell_where(timed >= 0, lambda row: words.format(resolved.names[row]))
 
 
-def _tell_unknown(
-    reading: Reading, what: str, rows: Rows, names: Names, unknown: BoolArray, ids: Sequence[str]
-) -> None:
+def _tell_unknown(what: str, rows: Rows, names: Names, unknown: BoolArray, ids: Sequence[str]) -> None:
     """Tell each unknown name once, where it comes first; of very many the first ones and their number."""
     numbers, first = np.unique(names.numbers, return_index=True)
     wrong = np.zeros(rows.count, dtype=bool)
@@ -393,7 +391,7 @@ def named_things(reading: Reading, space: str, column: str, rows: Rows) -> Names
         named = rows.names(column)
         known = np.ones(len(named.known), dtype=bool)
         known[named.numbers[found < 0]] = False
-        _tell_unknown(reading, space, rows, named, ~known, things.ids)
+        _tell_unknown(space, rows, named, ~known, things.ids)
     return Names(found, things.ids)
 
 

@@ -90,7 +90,7 @@ def _set_ups(
     free: Collection[str],
     otherwise: IntArray,
 ) -> IntArray:
-    said = _said(reading, kind, rows, fixed, free)
+    said = _said(kind, rows, fixed, free)
     result, store = otherwise.copy(), reading.shop.store(kind.key)
     named = rows.text(shared_column(kind))
     unnamed = np.array([not name for name in named], dtype=bool)
@@ -100,7 +100,7 @@ def _set_ups(
     known = {name: shared.part(name, kind.key) for name in shared.ids} if shared else {}
     together = reading.shared_set_ups.setdefault(kind.key, {})
     for i in np.flatnonzero(~unnamed).tolist():
-        together[named[i]] = _with_row(reading, kind, rows, i, said, together.get(named[i]))
+        together[named[i]] = _with_row(kind, rows, i, said, together.get(named[i]))
     for name in dict.fromkeys(name for name in named if name):
         statuses = _Said(*together[name]).statuses()
         if name in known:
@@ -142,7 +142,7 @@ class _Said(NamedTuple):
         )
 
 
-def _with_row(reading: Reading, kind: BlockKind, rows: Rows, row: int, said: _Said, before: SetUp | None) -> SetUp:
+def _with_row(kind: BlockKind, rows: Rows, row: int, said: _Said, before: SetUp | None) -> SetUp:
     """Merge all rows so far of one shared constant: each component once, or several times with the same value."""
     here = said.rows(np.array([row]))
     if before is None:
@@ -164,7 +164,7 @@ def _with_row(reading: Reading, kind: BlockKind, rows: Rows, row: int, said: _Sa
     return tuple(merged)
 
 
-def _said(reading: Reading, kind: BlockKind, rows: Rows, fixed: Collection[str], free: Collection[str]) -> _Said:
+def _said(kind: BlockKind, rows: Rows, fixed: Collection[str], free: Collection[str]) -> _Said:
     """Values of the rows; σ = 0 is fixed, also in a table of free ones."""
     names = kind.names
     given = np.stack([rows.number(name) for name in names], axis=1)

@@ -194,7 +194,7 @@ def _read_table(reading: Reading, table: TrajectoryEntry, place: TableLocation, 
     if gap < spacing:
         place.tell("gap: shorter than the spacing of the knots; expected a longer one", "gap")
     if table.spacing is not None:
-        _only_starts(reading, table, place, rows)
+        _only_starts(table, place, rows)
     names = rows.names("trajectory")
     time = rows.number("time")
     own = [np.flatnonzero(names.numbers == k) for k in range(len(names.known))]
@@ -223,7 +223,7 @@ def _seconds(reading: Reading, place: TableLocation, key: str, text: str | None)
     return value
 
 
-def _only_starts(reading: Reading, table: TrajectoryEntry, place: TableLocation, rows: Rows) -> None:
+def _only_starts(table: TrajectoryEntry, place: TableLocation, rows: Rows) -> None:
     if table.fixed:
         words = "fixed: knots at a spacing are free; observe them by rows of type trajectory_position"
         place.tell(words, "fixed")
@@ -596,7 +596,7 @@ def put_on_trajectories(reading: Reading, rows: Rows, names: list[str], free: Co
     timeless = on & np.isnan(times)
     needs = "image {0!r} is on a trajectory, but has no time (column time)"
     rows.tell_where(timeless, lambda row: needs.format(names[row]))
-    _refuse_others(reading, rows, names, on, free)
+    _refuse_others(rows, names, on, free)
     ids = list(reading.trajectories)
     for i in np.flatnonzero(on & ~timeless).tolist():
         trajectory = reading.trajectories[named[i]]
@@ -631,7 +631,7 @@ def _times(reading: Reading, rows: Rows, names: list[str], scans: BoolArray) -> 
     return times
 
 
-def _refuse_others(reading: Reading, rows: Rows, names: list[str], on: BoolArray, free: Collection[str]) -> None:
+def _refuse_others(rows: Rows, names: list[str], on: BoolArray, free: Collection[str]) -> None:
     """Tell images on a trajectory that have a pose or a motion besides, or follow another one."""
     follows = [bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)]
     kinds = (IMAGE_VELOCITY, ROTATION_RATE)

@@ -652,7 +652,6 @@ USUAL_FILES = ("design.json", "design.txt", "design.html")
 
 def write_design(
     solved: Solved,
-    judged: Sequence[RequirementResult],
     text: str,
     data: str,
     more: dict[str, Content],
@@ -697,7 +696,7 @@ def design_page(
     quality, network = solved.quality, solved.network
     found = switching(quality, network.candidates) if quality is not None else None
     drawing = _drawing(solved) if quality is not None else None
-    units = [_unit_row(network, k, unit, solved) for k, unit in enumerate(found.units)] if found else []
+    units = [_unit_row(network, k, unit) for k, unit in enumerate(found.units)] if found else []
     ends = [(row["kind"], row["ends"]) for row in units] if found else _all_sights(network)
     good = quality is not None and all(one.met for one in judged)
     return (
@@ -771,7 +770,7 @@ def _all_sights(network: Network) -> list[tuple[str, list[str]]]:
     return [("on", list(ends)) for ends in found]
 
 
-def _unit_row(network: Network, number: int, unit: Unit, solved: Solved) -> dict[str, Any]:
+def _unit_row(network: Network, number: int, unit: Unit) -> dict[str, Any]:
     groups = network.candidates if unit.is_candidate else network.groups
     group = groups[unit.group]
     ends = [names.texts()[unit.row] for names in named_places(group).values()]

@@ -614,7 +614,7 @@ def residuals(view: View, image: str | None = None, words: Words = ENGLISH) -> F
     measured = image_points(view)
     if measured.height == 0:
         raise InputError([Message("cannot plot residual vectors: there are no images")])
-    names = _residuals_chosen(view, measured, image)
+    names = _residuals_chosen(measured, image)
     columns = min(_COLUMNS, len(names))
     rows = -(-len(names) // columns)
     wide = len(names) == 1
@@ -639,7 +639,7 @@ def residuals(view: View, image: str | None = None, words: Words = ENGLISH) -> F
     return figure
 
 
-def _residuals_chosen(view: View, measured: pl.DataFrame, image: str | None) -> list[str]:
+def _residuals_chosen(measured: pl.DataFrame, image: str | None) -> list[str]:
     known = measured["image"].unique(maintain_order=True).to_list()
     if image is not None:
         if image not in known:

@@ -423,7 +423,7 @@ def monte_carlo_text(
     about = identity_of(network.project, of)
     sections = [
         "\n".join(lines),
-        _weakest(network, truth, tally, words),
+        _weakest(truth, tally, words),
         _coverage(truth, tally, words),
         layout.section(about, words),
     ]
@@ -444,7 +444,7 @@ def finding_table(found: list[Finding], words: Words) -> str:
     return table(headers, rows, 1, words, last_left=True)
 
 
-def _weakest(network: Network, truth: Truth, tally: Tally, words: Words) -> str:
+def _weakest(truth: Truth, tally: Tally, words: Words) -> str:
     n = float(tally.solved)
     if n < 2.0 or not (truth.sigma > 0.0).any():
         return ""
