@@ -477,10 +477,7 @@ def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Messag
     mistakes = []
     for group in problem.groups:
         for row in undefined_rows(group, problem.index, start)[:MOST_TOLD].tolist():
-            names = ", ".join(
-                f"{reference.name} {names[row]!r}"
-                for reference, names in zip(group.type.references, group.references, strict=True)
-            )
+            names = ", ".join(f"{key} {name!r}" for key, name in group.names_of(row).items())
             words = f"{group.type.name}, {names}: no value or no derivative at the start values"
             angles = all(slot.kind == ROTATION.key for slot in group.type.slots)
             asked = f"{words}; is phi ±100 gon there?" if angles else f"{words}; do two of its points coincide there?"

@@ -129,10 +129,7 @@ def _of_table(group: ObservationGroup, difference: FloatArray, sigma: FloatArray
     beyond = used & (size > _TIMES * noise) & (size > _SIGMAS * np.linalg.norm(np.nan_to_num(sigma), axis=1))
 
     def said(row: int) -> str:
-        names = ", ".join(
-            f"{reference.name} {column[row]}"
-            for reference, column in zip(group.type.references, group.references, strict=True)
-        )
+        names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
         return (
             f"{group.type.name} {names}: {size[row] / (np.median(size[used]) or noise[row]):.0f} times as far from "
             "the given coordinates as the other rows of the table; check names and signs"
@@ -258,10 +255,7 @@ def contradicting_known_points(network: Network) -> Iterator[Message]:
 
 
 def _sentence(group: ObservationGroup, row: int, component: int, size: float, sigma: float) -> str:
-    names = ", ".join(
-        f"{reference.name} {names[row]}"
-        for reference, names in zip(group.type.references, group.references, strict=True)
-    )
+    names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
     factor, unit = 1.0, ""
     if group.external is not None:
         outside = int(np.argmax(np.abs(group.external.transform[component])))
@@ -631,37 +625,35 @@ def vertical_convention(network: Network) -> Iterator[Message]:
     """Yield a note for each table whose zenith angles all look like elevations, or the other way round."""
     for group in network.groups:
         for component, of in enumerate(group.type.components):
-            if of.name in ("zenith", "zenith_angle"):
-                count, line = _all_near(group, component, 0.0)
-                if count:
-                    said = (
-                        f"{group.type.name}: all {count} zenith angles are near 0 or a half circle; are they "
-                        "elevations?"
-                    )
-                    yield Message(said, group.file, line)
-            elif of.name in ("vertical", "vertical_angle", "vertical_direction"):
-                count, line = _all_near(group, component, 0.5 * np.pi)
-                if count:
-                    said = (
-                        f"{group.type.name}: all {count} elevations are near a quarter of a circle; are they zenith "
-                        "angles?"
-                    )
-                    yield Message(said, group.file, line)
+            here = np.flatnonzero(group.mask[:, component])
+            if of.name in ("zenith", "zenith_angle") and _all_near(group, component, 0.0):
+                said = (
+                    f"{group.type.name}: all {len(here)} zenith angles are near 0 or a half circle; are they "
+                    "elevations?"
+                )
+            elif of.name in _ELEVATIONS and _all_near(group, component, 0.5 * np.pi):
+                said = (
+                    f"{group.type.name}: all {len(here)} elevations are near a quarter of a circle; are they zenith "
+                    "angles?"
+                )
+            else:
+                continue
+            yield group.message(int(here[0]), said)
+
+
+_ELEVATIONS = ("vertical", "vertical_angle", "vertical_direction")
 
 
 def look_like_elevations(group: ObservationGroup) -> bool:
     """Return True if all zenith angles of a table are near 0 or a half circle."""
     components = enumerate(group.type.components)
-    return any(of.name in ("zenith", "zenith_angle") and _all_near(group, k, 0.0)[0] > 0 for k, of in components)
+    return any(of.name in ("zenith", "zenith_angle") and _all_near(group, k, 0.0) for k, of in components)
 
 
-def _all_near(group: ObservationGroup, component: int, suspicious: float) -> tuple[int, int]:
-    """Number of angles if all are near one value in either face, else 0; and the line of the first."""
-    here = np.flatnonzero(group.mask[:, component])
-    if len(here) < _FEWEST_SET_UPS:
-        return 0, 0
-    near = np.abs(wrap(2.0 * (group.observed[here, component] - suspicious))) / 2.0 < _NEAR
-    return (len(here), group.line(int(here[0]))) if near.all() else (0, 0)
+def _all_near(group: ObservationGroup, component: int, suspicious: float) -> bool:
+    observed = group.observed[group.mask[:, component], component]
+    near = np.abs(wrap(2.0 * (observed - suspicious))) / 2.0 < _NEAR
+    return len(observed) >= _FEWEST_SET_UPS and bool(near.all())
 
 
 # ---- Standard deviations that no instrument has: against the circle, the length or the image they belong to.
@@ -843,10 +835,7 @@ def neglected_curvature(network: Network, values: Values) -> Message | None:
     if effect is None or effect.in_sigma < NOTED:
         return None
     group, row = effect.group, effect.row
-    names = ", ".join(
-        f"{reference.name} {names[row]}"
-        for reference, names in zip(group.type.references, group.references, strict=True)
-    )
+    names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
     quantity = group.type.components[effect.component].quantity
     millimetres = 1000.0 * network.edge.metres
     across = abs(effect.size) * millimetres * (effect.distance if quantity == ANGLE else 1.0)

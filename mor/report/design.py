@@ -118,10 +118,7 @@ def _where(judged: RequirementResult, solved: Solved) -> str:
         if number < 0:
             return ""
         group = solved.adjustment.problem.groups[number]
-        names = ", ".join(
-            f"{reference.name} {names[row]}"
-            for reference, names in zip(group.type.references, group.references, strict=True)
-        )
+        names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
         return f"{group.type.name} {names} {group.type.components[component].name}"
     return wanted.names[judged.where[0]]
 

@@ -470,9 +470,7 @@ def suspicious(solved: Solved, effect: PointEffect) -> dict[str, Any]:
 def place(group: ObservationGroup, row: int, component: int) -> dict[str, Any]:
     """Return the names of an observation as in a row of residuals, by the references of its type."""
     outside = _outside(group, component)
-    names = {
-        reference.name: names[row] for reference, names in zip(group.type.references, group.references, strict=True)
-    }
+    names = group.names_of(row)
     ends = {key: column[row] for key, column in named_places(group).items()}
     return {
         "type": group.type.name,

@@ -304,9 +304,7 @@ def _targets(solved: Solved, entry: ObservationComponent) -> list[int]:
 def _cure(solved: Solved, further: CandidateObservation) -> dict[str, Any]:
     group = solved.adjustment.problem.groups[further.group]
     again = further.target < 0
-    names = {
-        reference.name: own[further.row] for reference, own in zip(group.type.references, group.references, strict=True)
-    }
+    names = group.names_of(further.row)
     if not again:
         last = group.type.references[-1].name
         names[last] = solved.network.blocks["point"].ids[further.target]
