@@ -17,6 +17,7 @@ from mor.diagnose.hypothesis import (
     Situation,
     cells,
     computed,
+    frames_of,
     key_edit,
     table_key,
     to,
@@ -124,7 +125,7 @@ def _of_rows(
     given = _given_unit(situation.network, group)
     bad = situation.misfitting[number][rows].any(axis=1)
     spoiled = bad.any() and bad.mean() >= _BAD
-    recomputed = _stations(group, rows) if spoiled else {}  # else they stand where they should
+    recomputed = frames_of([(group, rows)]) if spoiled else {}  # else they stand where they should
     network, full = situation.network, 2.0 * np.pi / ANGLE_UNITS[given]
     angles = [c.name for c, wraps in zip(group.type.components, group.type.wraps, strict=True) if wraps]
     for other in _UNITS:
@@ -136,7 +137,7 @@ def _of_rows(
                 recomputed,
                 number,
                 rows,
-                partial(_read_in, factor),
+                _on_circle(lambda angles, factor=factor: factor * angles),  # type: ignore[misc]
                 f"observations, {things[0]}: units: {other}",
                 seen * float(np.log(factor)),
                 table_key(network, number, "units", f"{{{', '.join(f'{a}: {other}' for a in angles)}}}")
@@ -151,7 +152,7 @@ def _of_rows(
             recomputed,
             number,
             rows,
-            partial(_negative, columns),
+            _on_circle(np.negative, columns),
             f"axes: {{angles: {'counterclockwise' if edge.sense > 0 else 'clockwise'}}} ({things[0]})",
             0.0,
             (key_edit(("axes", "angles"), "counterclockwise" if edge.sense > 0 else "clockwise"),)
@@ -173,7 +174,7 @@ def _of_rows(
             recomputed,
             number,
             rows,
-            partial(_complement, columns),
+            _on_circle(lambda angles: 0.5 * np.pi - angles, columns),
             f"observations, {things[0]}: type: directions",
             0.0,
             _in_cells(network, number, rows, [names[k] for k in columns], lambda angle: (0.25 * full - angle) % full),
@@ -183,8 +184,7 @@ def _of_rows(
 def _in_cells(
     network: Network, number: int, rows: IntArray, names: list[str], change: Callable[[float], float]
 ) -> tuple[Edit, ...]:
-    found = [cells(network, number, rows.tolist(), name, computed(change)) for name in names]
-    return tuple(edit for edits in found for edit in edits)
+    return sum((cells(network, number, rows.tolist(), name, computed(change)) for name in names), ())
 
 
 def _is_on_circle(group: ObservationGroup, rows: IntArray, factor: float) -> bool:
@@ -227,31 +227,16 @@ def _hypothesis(
     )
 
 
-def _stations(group: ObservationGroup, rows: IntArray) -> dict[str, IntArray]:
-    found: dict[str, list[IntArray]] = {}
-    for slot, blocks in group.blocks_by_slot:
-        if slot.of == group.type.references[0].name and slot.part in ("position", "rotation"):
-            found.setdefault(slot.kind, []).append(np.asarray(blocks[rows]))
-    return {kind: np.unique(np.concatenate(blocks)) for kind, blocks in found.items()}
+def _on_circle(
+    change: Callable[[FloatArray], FloatArray], columns: list[int] | slice = slice(None)
+) -> Callable[[FloatArray], FloatArray]:
+    """The change of some columns of angles (k, m) that stay within a full circle."""
 
+    def changed(angles: FloatArray) -> FloatArray:
+        result = angles.copy()
+        result[:, columns] = np.remainder(change(angles[:, columns]), 2.0 * np.pi)
+        return result
 
-def _read_in(factor: float, angles: FloatArray) -> FloatArray:
-    return _folded(factor * angles)
-
-
-def _folded(angles: FloatArray) -> FloatArray:
-    return np.asarray(np.remainder(angles, 2.0 * np.pi))
-
-
-def _negative(columns: list[int], angles: FloatArray) -> FloatArray:
-    changed = angles.copy()
-    changed[:, columns] = _folded(-angles[:, columns])
-    return changed
-
-
-def _complement(columns: list[int], angles: FloatArray) -> FloatArray:
-    changed = angles.copy()
-    changed[:, columns] = _folded(0.5 * np.pi - angles[:, columns])
     return changed
 
 
@@ -271,7 +256,7 @@ def _faces(situation: Situation, number: int, group: ObservationGroup) -> Iterat
             yield Hypothesis(
                 "face",
                 (name, *dict.fromkeys(group.references[1][int(row)] for row in off)),
-                partial(with_observed, number=number, rows=off, change=partial(_opposite, column)),
+                partial(with_observed, number=number, rows=off, change=_on_circle(lambda hz: hz + np.pi, [column])),
                 f"{group.name}, {name}: horizontal + 200 gon",
                 len(here),
                 rows=tuple((number, int(row)) for row in off) if len(off) < 4 else (),
@@ -288,12 +273,6 @@ def _faces(situation: Situation, number: int, group: ObservationGroup) -> Iterat
 def _middle(angles: FloatArray) -> float:
     near = np.abs(wrap(angles[:, None] - angles[None, :])).sum(axis=1)
     return float(angles[int(np.argmin(near))])
-
-
-def _opposite(column: int, angles: FloatArray) -> FloatArray:
-    changed = angles.copy()
-    changed[:, column] = _folded(angles[:, column] + np.pi)
-    return changed
 
 
 # ---- Whole set-ups and images mixed up: two instruments whose places were exchanged, two images whose names were.

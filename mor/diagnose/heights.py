@@ -113,9 +113,9 @@ def _antenna(situation: Situation, name: str, amount: AddedParameter) -> Hypothe
             changed = with_observed(changed, number, rows, lambda d, shift=shift: d + shift)  # type: ignore[misc]
         return changed
 
-    edits = [
+    edits = (
         cells(network, number, rows.tolist(), "dz", computed(partial(float.__add__, by))) for number, rows, by in ends
-    ]
+    )
     return Hypothesis(
         "antenna height",
         (name,),
@@ -123,7 +123,7 @@ def _antenna(situation: Situation, name: str, amount: AddedParameter) -> Hypothe
         f"observations, vectors at {name}: antenna height",
         len(ends),
         parameters=1,
-        edits=tuple(edit for some in edits for edit in some),
+        edits=sum(edits, ()),
         amount=lambda _values: amount,
     )
 
@@ -221,8 +221,7 @@ def _edits(network: Network, sights: HeightRows) -> tuple[Edit, ...]:
     write = with_amount(lambda _old, value: value)
     if sights.cause == "instrument height":
         return (CellEdit(("stations",), "height", write, cells={"id": sights.things[0]}),)
-    found = [cells(network, number, rows.tolist(), "to_height", write) for number, rows, _ in sights.rows]
-    return tuple(edit for edits in found for edit in edits)
+    return sum((cells(network, number, rows.tolist(), "to_height", write) for number, rows, _ in sights.rows), ())
 
 
 def given_height(network: Network, sights: HeightRows) -> float:
@@ -269,7 +268,7 @@ def _other_sign(situation: Situation, cause: str, number: int, rows: list[int]) 
         "; ".join(f"{group.name}, {one} → {other}: {other} → {one}" for one, other in ends),
         group.count,
         rows=tuple((number, row) for row in rows),
-        edits=tuple(edit for some in edits for edit in some),
+        edits=sum(edits, ()),
     )
 
 

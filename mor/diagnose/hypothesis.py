@@ -98,17 +98,7 @@ def cells(network: Network, number: int, rows: Iterable[int], column: str, chang
     rows = list(rows)
     if at is None or any(row >= len(group.lines) for row in rows):
         return ()
-    names = [reference.name for reference in group.type.references]
-    return tuple(
-        CellEdit(
-            at,
-            column,
-            change,
-            int(group.lines[row]),
-            dict(zip(names, (own[row] for own in group.references), strict=True)),
-        )
-        for row in rows
-    )
+    return tuple(CellEdit(at, column, change, group.line(row), group.names_of(row)) for row in rows)
 
 
 def to(text: str) -> CellChange:
@@ -494,6 +484,16 @@ def with_observed(network: Network, number: int, rows: IntArray, change: Callabl
         first = names.index("measured x")
         constants[rows, first : first + 2] = change(constants[rows, first : first + 2])
     return with_group(network, number, replace(group, observed=observed, constants=constants))
+
+
+def frames_of(parts: Iterable[tuple[ObservationGroup, IntArray]]) -> dict[str, IntArray]:
+    """Blocks by kind of the positions and rotations of the images or stations of some rows."""
+    found: dict[str, list[IntArray]] = {}
+    for group, rows in parts:
+        for slot, blocks in group.blocks_by_slot:
+            if slot.of == group.type.references[0].name and slot.part in ("position", "rotation"):
+                found.setdefault(slot.kind, []).append(np.asarray(blocks[rows]))
+    return {kind: np.unique(np.concatenate(blocks)) for kind, blocks in found.items()}
 
 
 def with_blocks(network: Network, number: int, rows: Sequence[int], blocks: Mapping[int, Sequence[int]]) -> Network:

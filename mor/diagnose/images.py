@@ -17,6 +17,7 @@ from mor.diagnose.hypothesis import (
     Situation,
     cells,
     computed,
+    frames_of,
     table_key,
     to,
     with_group,
@@ -187,7 +188,8 @@ def _mirrored(
             network = with_observed(network, number, rows, lambda xy: xy * np.array(signs))
         return network
 
-    recomputed = _poses(situation.network, parts) if local else {}
+    groups = situation.network.groups
+    recomputed = frames_of((groups[number], rows) for number, rows in parts) if local else {}
     edits = _mirrored_cells(situation.network, parts, signs)
     return Hypothesis(cause, things, change, line, candidates, recomputed=recomputed, afresh=not local, edits=edits)
 
@@ -211,16 +213,6 @@ def _mirrored_cells(
 
 def _less_than(whole: float, coordinate: float) -> float:
     return whole - coordinate
-
-
-def _poses(network: Network, parts: list[tuple[int, IntArray]]) -> dict[str, IntArray]:
-    found: dict[str, list[IntArray]] = {}
-    for number, rows in parts:
-        group = network.groups[number]
-        for slot, blocks in group.blocks_by_slot:
-            if slot.of == "image" and slot.part in ("position", "rotation"):
-                found.setdefault(slot.kind, []).append(np.asarray(blocks[rows]))
-    return {kind: np.unique(np.concatenate(blocks)) for kind, blocks in found.items()}
 
 
 def _units(situation: Situation, name: str, parts: list[tuple[int, IntArray]]) -> Iterator[Hypothesis]:

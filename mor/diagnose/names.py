@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.diagnose.hypothesis import SMALL, Hypothesis, Situation, cells, to, with_blocks, without_row
+from mor.diagnose.hypothesis import SMALL, Edit, Hypothesis, Situation, cells, to, with_blocks, without_row
 from mor.model import rotations
 from mor.model.contract import ObservationGroup, some_rows, wrap
 from mor.model.parameters import Values, index_unknowns, move
@@ -54,6 +54,10 @@ class Match(NamedTuple):
     candidates: int
     drop: float
     """By how much the row fits better, in units of σ."""
+
+    def edits(self, network: Network) -> tuple[Edit, ...]:
+        """The edits that write the right name."""
+        return cells(network, self.group, [self.row], self.reference, to(self.right))
 
 
 def name_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -166,11 +170,7 @@ def _exchange(network: Network, one: Match, other: Match, frame: tuple[str, ...]
         f"{_where(group, one.row)}: {one.right}; {_where(group, other.row)}: {other.right}",
         one.candidates,
         rows=tuple((one.group, row) for row in rows),
-        edits=tuple(
-            edit
-            for match in (one, other)
-            for edit in cells(network, match.group, [match.row], match.reference, to(match.right))
-        ),
+        edits=sum((match.edits(network) for match in (one, other)), ()),
     )
 
 
@@ -205,11 +205,7 @@ def _wrong_name(network: Network, same: list[Match]) -> Hypothesis:
         line,
         same[0].candidates,
         rows=tuple((match.group, match.row) for match in same),
-        edits=tuple(
-            edit
-            for match in same
-            for edit in cells(network, match.group, [match.row], match.reference, to(match.right))
-        ),
+        edits=sum((match.edits(network) for match in same), ()),
     )
 
 
