@@ -182,8 +182,7 @@ def _with_cameras(document: Document, folder: Path, name: str, variant: Variant)
         return at_its_place(read_plan(changed, folder).network)
     except InputError as error:
         place = f"variants: {name}: "
-        told = [one._replace(message=place + one.message, line=0) for one in error.problems]
-        raise InputError(told) from None
+        raise InputError([one._replace(message=place + one.message, line=0) for one in error.problems]) from None
 
 
 def _merged(given: Any, other: Any) -> Any:

@@ -513,5 +513,4 @@ def adjust(
     from mor.api.pipeline import snooped, solve_network
 
     project = source if isinstance(source, Project) else read(source)
-    network = snooped(project.network) if snoop else project.network
-    return Result(project, solve_network(network, watch, assessing))
+    return Result(project, solve_network(snooped(project.network) if snoop else project.network, watch, assessing))

@@ -102,8 +102,7 @@ def table_unit_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def _scaled(network: Network, number: int, factors: FloatArray) -> Network:
-    rows = np.arange(network.groups[number].count)
-    return with_observed(network, number, rows, lambda observed: observed * factors)
+    return with_observed(network, number, np.arange(network.groups[number].count), lambda observed: observed * factors)
 
 
 def _is_free(network: Network, chosen: tuple[int, ...], name: str) -> bool:
@@ -122,8 +121,7 @@ def _common(network: Network, label: str, chosen: tuple[int, ...], name: str, se
         changed, own = with_unknown(changed, "distance meter", changed.start["distance meter"][meter], free)
         for k in chosen:
             group = changed.groups[k]
-            blocks = (*group.blocks[:-1], np.full(group.count, own))
-            changed = with_group(changed, k, replace(group, blocks=blocks))
+            changed = with_group(changed, k, replace(group, blocks=(*group.blocks[:-1], np.full(group.count, own))))
         return changed
 
     def amount(values: Values) -> AddedParameter:

@@ -601,8 +601,7 @@ class Situation:
         """|v|/σ (n, m) of every group, 0 where not observed; ∞ where start values are missing."""
         if self.unstarted:
             return tuple(np.where(self._concerned(group), np.inf, 0.0) for group in self.network.groups)
-        problem = self.make(self.network, self.start, self.values)
-        return sizes_of(problem.groups, self.values)
+        return sizes_of(self.make(self.network, self.start, self.values).groups, self.values)
 
     def _concerned(self, group: ObservationGroup) -> BoolArray:
         """(n, m) observations that refer to something without start values."""

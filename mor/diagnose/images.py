@@ -275,8 +275,7 @@ def _interior(situation: Situation, name: str, camera: int, cause: str, among: t
         for number, group in enumerate(changed.groups):
             if group.type.key == f"observed/{kind}":
                 observed: FloatArray = group.observed.copy()
-                rows = np.flatnonzero(group.blocks[0] == block)
-                observed[rows[:, None], held] = np.nan
+                observed[np.flatnonzero(group.blocks[0] == block)[:, None], held] = np.nan
                 changed = with_group(changed, number, replace(group, observed=observed))
         return changed
 

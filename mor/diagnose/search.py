@@ -401,8 +401,7 @@ def causes_without_start(
 ) -> Diagnosis:
     """Search for changes that give start values to a network that has none for the objects named ``unstarted``."""
     start = network.start
-    names = frozenset(unstarted)
-    situation = Situation(network, start, start, None, make, begin, names, settled=False)
+    situation = Situation(network, start, start, None, make, begin, frozenset(unstarted), settled=False)
     return possible_causes(situation, Before(np.nan, np.inf, 0), go_on)
 
 

@@ -307,8 +307,7 @@ def wide_outcomes(
             for first in range(0, len(here), _AT_A_TIME):
                 rows = here[first : first + _AT_A_TIME]
                 outcome, estimable = _outcomes(quality, wide, wanted, some_rows(group, rows), size, least[number])
-                units = [Unit(number, int(row), np.arange(size), True) for row in rows]
-                yield units, outcome, estimable
+                yield [Unit(number, int(row), np.arange(size), True) for row in rows], outcome, estimable
 
 
 def _outcomes(

@@ -407,10 +407,9 @@ def with_own_height(reading: Reading, rows: Rows, of: str, heights: IntArray, nu
         return result
     values, inverse = np.unique(given[known], return_inverse=True)
     names = [f"observations {number + 1} {of} {value:g}" for value in values]
-    blocks = reading.shop.store("height").add(
+    result[known] = reading.shop.store("height").add(
         names, values[:, None], np.zeros((len(values), 1), dtype=bool), np.full((len(values), 1), np.nan)
-    )
-    result[known] = blocks[inverse]
+    )[inverse]
     _note_other_heights(reading, rows, of, heights, given)
     return result
 

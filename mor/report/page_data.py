@@ -388,8 +388,7 @@ class Packer:
 
     def _whole(self, numbers: np.ndarray) -> dict[str, Any]:
         largest = int(np.abs(numbers).max(initial=0))
-        kind = "i1" if largest < 1 << 7 else "i2" if largest < 1 << 15 else "i4"
-        return self._store(numbers, kind)
+        return self._store(numbers, "i1" if largest < 1 << 7 else "i2" if largest < 1 << 15 else "i4")
 
     def _store(self, numbers: np.ndarray, kind: str) -> dict[str, Any]:
         data = np.ascontiguousarray(numbers, dtype=f"<{kind}").tobytes()
