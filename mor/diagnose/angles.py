@@ -330,7 +330,7 @@ def exchanged_frames(network: Network, pair: tuple[str, str], of: str, only: int
             continue
         blocks, changed = list(group.blocks), False
         for slot in _slots(group, of, only != ALL):
-            column = group.references[[r.name for r in group.type.references].index(group.type.slots[slot].of)]
+            column = group.column(group.type.slots[slot].of)
             names = np.array(list(column))
             rows = [np.flatnonzero(names == name) for name in pair]
             known = _blocks_of(network, pair, of, group.type.slots[slot].part)
@@ -415,7 +415,7 @@ def _worst(situation: Situation, of: str, names: list[str]) -> list[str]:
     count = dict.fromkeys(names, 0)
     for group, bad in zip(situation.network.groups, situation.misfitting, strict=False):
         for slot in _slots(group, of)[:1]:
-            column = group.references[[r.name for r in group.type.references].index(group.type.slots[slot].of)]
+            column = group.column(group.type.slots[slot].of)
             for row in np.flatnonzero(bad.any(axis=1)).tolist():
                 if column[row] in count:
                     count[column[row]] += 1

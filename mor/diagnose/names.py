@@ -167,7 +167,7 @@ def _exchange(network: Network, one: Match, other: Match, frame: tuple[str, ...]
         "names exchanged",
         (*frame, one.right, other.right),
         lambda changed: with_blocks(changed, one.group, rows, swapped),
-        f"{_where(group, one.row)}: {one.right}; {_where(group, other.row)}: {other.right}",
+        f"{where(group, one.row)}: {one.right}; {where(group, other.row)}: {other.right}",
         one.candidates,
         rows=tuple((one.group, row) for row in rows),
         edits=sum((match.edits(network) for match in (one, other)), ()),
@@ -185,7 +185,7 @@ def with_the_same_names(found: Iterable[Match]) -> list[list[Match]]:
 def wrong_name(network: Network, same: list[Match]) -> tuple[str, tuple[str, ...], str]:
     """Cause, things and line of a name that is another one."""
     first = same[0]
-    lines = "; ".join(_where(network.groups[match.group], match.row) for match in same)
+    lines = "; ".join(where(network.groups[match.group], match.row) for match in same)
     cause = "wrong station" if first.reference in ("station", "from", "image") else "wrong name"
     return cause, (*first.names, first.right), f"{lines}: {first.reference} {first.right}"
 
@@ -209,10 +209,11 @@ def _wrong_name(network: Network, same: list[Match]) -> Hypothesis:
     )
 
 
-def _where(group: ObservationGroup, row: int) -> str:
+def where(group: ObservationGroup, row: int) -> str:
+    """File and line of a row, or its table and its names."""
     if len(group.lines) > row:
-        return f"{group.file}:{int(group.lines[row])}"
-    return f"{group.name}, {', '.join(names[row] for names in group.references)}"
+        return f"{group.file}:{group.line(row)}"
+    return f"{group.name}, {', '.join(group.names_of(row).values())}"
 
 
 _LEAST, _MOST = 4, 12

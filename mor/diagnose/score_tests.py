@@ -22,7 +22,7 @@ import numpy as np
 from mor.diagnose.control import DISTANCE, HORIZONTAL_DISTANCE, other_kind
 from mor.diagnose.heights import HeightRows, given_height, height_sights
 from mor.diagnose.images import PRINCIPAL_POINT
-from mor.diagnose.names import ROWS, Match, matches, with_the_same_names, wrong_name
+from mor.diagnose.names import ROWS, Match, matches, where, with_the_same_names, wrong_name
 from mor.model import rotations
 from mor.model.contract import ObservationGroup, wrap
 from mor.model.curvature import on_sphere
@@ -223,7 +223,7 @@ def _instruments(problem: Problem, values: Values, number: int, group: Observati
     if group.type not in (DISTANCE, HORIZONTAL_DISTANCE):
         return
     cause, other, line = other_kind(group)
-    change = np.nan_to_num(evaluated(other, values, rows).values - evaluated(group, values, rows).values)
+    change = _change(group, values, rows, evaluated(other, values, rows).values)
     yield _Candidate(cause, (group.name,), line, ((number, rows, change[:, :, None]),), definite=True)
 
 
@@ -299,7 +299,7 @@ def _signs(number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator
         names = tuple(column[row] for column in group.references[:2])
         rows = np.array([row])
         change = 2.0 * np.nan_to_num(group.observed[rows])[:, :, None]
-        line = f"{_where(group, row)}: {names[1]} → {names[0]}"
+        line = f"{where(group, row)}: {names[1]} → {names[0]}"
         cause = "levelling sign" if len(group.type.components) == 1 else "vector sign"
         yield _Candidate(cause, names, line, ((number, rows, change),), definite=True, alike=group.count)
 
@@ -308,7 +308,12 @@ def _with_blocks(group: ObservationGroup, values: Values, rows: IntArray, blocks
     """(k, m) by how much the computed observations of some rows change with other blocks in some slots."""
     numbers = [blocks.get(k, np.asarray(own[rows])) for k, own in enumerate(group.blocks)]
     given = [values[slot.kind][own] for slot, own in zip(group.type.slots, numbers, strict=True)]
-    change = group.type.equation(given, group.constants[rows]).values - evaluated(group, values, rows).values
+    return _change(group, values, rows, group.type.equation(given, group.constants[rows]).values)
+
+
+def _change(group: ObservationGroup, values: Values, rows: IntArray, computed: FloatArray) -> FloatArray:
+    """(k, m) what some rows are computed to otherwise, less what they are; 0 where that has no value."""
+    change = computed - evaluated(group, values, rows).values
     change[:, group.type.wraps] = wrap(change[:, group.type.wraps])
     return np.asarray(np.nan_to_num(change))
 
@@ -359,8 +364,7 @@ def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_
             other[:, angles] *= factor
             changes.append(("circle unit", (*things, unit), f"observations, {things[0]}: units: {unit}", other))
         for cause, about, line, other in changes:
-            change = _read_otherwise(values, group, rows, other)
-            part = (number, rows, change[:, :, None])
+            part = (number, rows, _read_otherwise(values, group, rows, other)[:, :, None])
             yield _Candidate(cause, about, line, (part,), True, alike=len(sets))
 
 
@@ -409,7 +413,7 @@ def _faces(values: Values, number: int, group: ObservationGroup, flagged: BoolAr
         change = np.zeros((1, group.observed.shape[1], 1))
         change[0, column, 0] = np.pi * np.sign(size)
         names = tuple(column_[row] for column_ in group.references[:2])
-        line = f"{_where(group, row)}: horizontal + 200 gon"
+        line = f"{where(group, row)}: horizontal + 200 gon"
         yield _Candidate("face", names, line, ((number, np.array([row]), change),), True, alike=group.count)
 
 
@@ -437,7 +441,7 @@ def _turned_circles(values: Values, number: int, group: ObservationGroup, flagge
             yield _Candidate(
                 "orientation changed",
                 (name, group.references[1][int(turned[0])]),
-                f"{_where(group, int(turned[0]))}: a set of its own from here on",
+                f"{where(group, int(turned[0]))}: a set of its own from here on",
                 ((number, turned, unit),),
                 alike=len(rows),
             )
@@ -469,7 +473,7 @@ def _exchanges(
             names = [group.references[-1][int(row)] for row in pair]
             if names[0] == names[1]:
                 continue
-            line = f"{_where(group, int(pair[0]))}: {names[1]}; {_where(group, int(pair[1]))}: {names[0]}"
+            line = f"{where(group, int(pair[0]))}: {names[1]}; {where(group, int(pair[1]))}: {names[0]}"
             part = (number, pair, change[2 * k : 2 * k + 2, :, None])
             yield _Candidate("names exchanged", (frame, *sorted(names)), line, (part,), definite=True, alike=len(pairs))
 
@@ -510,8 +514,7 @@ def _set_ups(
         if group.type.distances is None or group.type.between_marks:
             continue
         begin = group.type.distances[0]
-        place = [reference.name for reference in group.type.references].index(begin)
-        names = np.array(list(group.references[place]))
+        names = np.array(list(group.column(begin)))
         slots = [k for k, s in enumerate(group.type.slots) if s.of == begin and s.part == "position"]
         for name in dict.fromkeys(names.tolist()) if slots else ():
             if name in declared:
@@ -598,8 +601,7 @@ def _instead(
 ) -> Iterator[tuple[int, IntArray, FloatArray]]:
     for number, rows, _ in one.rows:
         group = problem.groups[number]
-        change = evaluated(group, usual, rows).values - evaluated(group, values, rows).values
-        yield number, rows, np.nan_to_num(np.where(group.type.wraps, wrap(change), change))[:, :, None]
+        yield number, rows, _change(group, values, rows, evaluated(group, usual, rows).values)[:, :, None]
 
 
 def _antennas(problem: Problem, values: Values, adjusted: Sequence[int]) -> Iterator[_Candidate]:
@@ -612,8 +614,7 @@ def _antennas(problem: Problem, values: Values, adjusted: Sequence[int]) -> Iter
             for slot, own in enumerate(group.type.slots):
                 if own.part != "position":
                     continue
-                column = group.references[[r.name for r in group.type.references].index(own.of)]
-                rows = np.flatnonzero([n == name for n in column])
+                rows = np.flatnonzero([n == name for n in group.column(own.of)])
                 if len(rows):
                     parts.append((k, rows, _slot_columns(group, values, rows, slot, [2])))
         line = f"observations, vectors at {name}: antenna height"
@@ -697,17 +698,9 @@ def _curvature(problem: Problem, network: Network, values: Values, adjusted: Seq
         if bent.type is group.type:
             continue
         rows = np.arange(group.count)
-        change = evaluated(bent, values, rows).values - evaluated(group, values, rows).values
-        change[:, group.type.wraps] = wrap(change[:, group.type.wraps])
-        parts.append((k, rows, np.nan_to_num(change)[:, :, None]))
+        parts.append((k, rows, _change(group, values, rows, evaluated(bent, values, rows).values)[:, :, None]))
     if parts:
         yield _Candidate("curvature", (), "curvature: true", tuple(parts), definite=True)
-
-
-def _where(group: ObservationGroup, row: int) -> str:
-    if len(group.lines) > row:
-        return f"{group.file}:{int(group.lines[row])}"
-    return f"{group.name}, {', '.join(names[row] for names in group.references)}"
 
 
 def _chunks(candidates: Sequence[_Candidate], quality: Quality) -> Iterator[list[_Candidate]]:

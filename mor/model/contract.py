@@ -271,6 +271,10 @@ class ObservationGroup:
         """(n,) numbers of the blocks of each slot of a kind."""
         return [blocks for slot, blocks in self.blocks_by_slot if slot.kind == kind]
 
+    def column(self, reference: str) -> Names:
+        """The n names of a reference of the type."""
+        return self.references[[own.name for own in self.type.references].index(reference)]
+
     def names_of(self, row: int) -> dict[str, str]:
         """Names of what a row refers to, by the references of the type."""
         return {of.name: names[row] for of, names in zip(self.type.references, self.references, strict=True)}
