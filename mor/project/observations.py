@@ -9,7 +9,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from mor.errors import Message, nearest
+from mor.errors import nearest
 from mor.long_arrays import kept
 from mor.model.cameras import CAMERA_MODELS, CameraModel
 from mor.model.contract import Names, ObservationGroup, ObservationType, SetUpSigmas, Slot
@@ -63,7 +63,7 @@ from mor.project.trajectories import (
     navigation_groups,
 )
 from mor.types import LARGEST, FloatArray, IntArray, SmallIntArray
-from mor.units import IMAGE, LENGTH, Component
+from mor.units import IMAGE, LENGTH, Component, Quantity
 
 # ---- Groups of image coordinates: split by camera model, converted when the camera is known.
 
@@ -276,7 +276,7 @@ def _image_values(
     entry: Observations, rows: Rows, chosen: IntArray, scale: ImageScale
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     def unit(name: str) -> str:
-        return (entry.units if isinstance(entry.units, str) else entry.units.get(name, "")) or scale.coordinate_unit
+        return entry.unit_of(name) or scale.coordinate_unit
 
     if unit("x") != unit("y"):
         raise UnitError("x and y must have the same unit")
@@ -381,17 +381,15 @@ def observation_columns(type_: ObservationType, reading: Reading) -> list[Column
     """Return the columns of a type: its references, its components with their σ, heights, face, covariances."""
     edge = reading.edge
     columns = [Column(reference.name, required=True) for reference in type_.references]
-    raw = raw_image if type_.components[0].quantity == IMAGE else None
+    is_image = type_.components[0].quantity == IMAGE
+
+    def numbers(name: str, quantity: Quantity, required: bool = False) -> Column:
+        return raw_image(name, required) if is_image else number_column(name, quantity, edge, required)
+
     for component in type_.components:
-        required = len(type_.components) == 1 or raw is not None
-        columns.append(
-            raw(component.name, required)
-            if raw
-            else number_column(component.name, component.quantity, edge, required=required)
-        )
-        name = f"sigma_{component.name}"
-        columns.append(raw(name) if raw else number_column(name, component.quantity, edge))
-    columns.append(raw("sigma") if raw else number_column("sigma", type_.components[0].quantity, edge))
+        columns.append(numbers(component.name, component.quantity, len(type_.components) == 1 or is_image))
+        columns.append(numbers(f"sigma_{component.name}", component.quantity))
+    columns.append(numbers("sigma", type_.components[0].quantity))
     for slot in type_.slots:
         if slot.part == "height" and slot.of != "image":
             columns.append(number_column(f"{slot.of}_height", LENGTH, edge))
@@ -408,7 +406,7 @@ def observation_columns(type_: ObservationType, reading: Reading) -> list[Column
         columns.append(number_column(GEOID, LENGTH, edge))
     if needs_convergence(type_):
         columns += [number_column(name, LENGTH, edge) for name in PLANE]
-    if raw is None:
+    if not is_image:
         columns.append(Column(CLUSTER))
     if len(type_.components) == 3:
         pairs = combinations_with_replacement(type_.components, 2)
@@ -517,11 +515,8 @@ def _arm(reading: Reading, found: Resolved, part: str) -> IntArray:
 
 
 def _sigma_factor(reading: Reading, entry: Observations, component: Component) -> float:
-    unit = (
-        entry.units if isinstance(entry.units, str) else entry.units.get("sigma", entry.units.get(component.name, ""))
-    )
     try:
-        return reading.edge.factor(component.quantity, unit)
+        return reading.edge.factor(component.quantity, entry.unit_of("sigma", component.name))
     except UnitError:
         return reading.edge.factor(component.quantity, "")
 
@@ -632,11 +627,8 @@ def check_direction_sets(reading: Reading, groups: Sequence[ObservationGroup]) -
     for place, number in sorted(zip(first[poor].tolist(), numbers[poor].tolist(), strict=True)):
         g = int(np.searchsorted(starts, place, side="right")) - 1
         group, row = of_directions[g], place - int(starts[g])
-        name, place = group.references[0][row], (group.file, int(group.lines[row]))
-        if count[number]:
-            reading.notes.append(Message(_ONE_TARGET.format(repr(name)), *place))
-        else:
-            reading.problems.append(Message(_NO_TARGET.format(repr(name)), *place))
+        words, told = (_ONE_TARGET, reading.notes) if count[number] else (_NO_TARGET, reading.problems)
+        told.append(group.message(row, words.format(repr(group.references[0][row]))))
 
 
 _NO_TARGET = (
@@ -657,16 +649,14 @@ def candidate_groups(reading: Reading) -> tuple[ObservationGroup, ...]:
         return ()
     for number, entry in enumerate(reading.project.candidates):
         if entry.covariance is not None or entry.cluster is not None:
-            words = "candidates are uncorrelated; give each a σ"
-            reading.at("candidates", number).tell(words)
+            reading.at("candidates", number).tell("candidates are uncorrelated; give each a σ")
     project = reading.project.model_copy(update={"observations": reading.project.candidates})
     apart = replace(reading, project=project, section="candidates", planned=True, unmeasured=[])
     known = len(reading.problems)
     groups = [found for found in read_groups(apart) if len(reading.problems) == known]
     for found in groups:
         if found.covariances is not None:
-            words = "candidates are uncorrelated; give each a σ, not covariances"
-            reading.at("candidates", found.entry).tell(words)
+            reading.at("candidates", found.entry).tell("candidates are uncorrelated; give each a σ, not covariances")
     return tuple(found.group for found in groups)
 
 

@@ -694,10 +694,9 @@ def _known(
     quantity = KINDS[place.kind].components[place.component].quantity
     given = {}
     for name in ("value", "sigma"):
-        unit = entry.units if isinstance(entry.units, str) else entry.units.get(name, "")
         text = rows.series(name)[i] or "0"
         try:
-            given[name] = reading.edge.number(text, quantity, unit, place.scale)
+            given[name] = reading.edge.number(text, quantity, entry.unit_of(name), place.scale)
         except UnitError as error:
             raise ValueError(f"{name}: {error}") from None
     if given["sigma"] < 0.0:

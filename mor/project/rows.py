@@ -427,7 +427,7 @@ def _note_other_heights(reading: Reading, rows: Rows, of: str, heights: IntArray
         f"{of}_height {given[row]:.6g} {unit} of this row counts, and not the height of station {name!r}, which is "
         f"{own}; both are heights above the point and are not added. Rows of this kind: {len(other)}"
     )
-    reading.notes.append(Message(words, rows.file, int(rows.lines[row])))
+    reading.notes.append(rows.problem(row, words))
 
 
 _SAME = 1e-9
@@ -457,7 +457,7 @@ def note_points_under_instruments(
             f"{begin}: {found.names[row]!r} is the point itself; the height of the instrument counts where station "
             f"{station!r} over it is named, or {begin}_height is given"
         )
-        reading.notes.append(Message(words, rows.file, int(rows.lines[row])))
+        reading.notes.append(rows.problem(row, words))
 
 
 # ---- First velocity correction of measured distances, from temperature, pressure and humidity of the air.

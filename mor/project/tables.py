@@ -571,7 +571,7 @@ def _unit_of(table: TableEntry, column: Column) -> str:
     """Unit of a column that its cells do not carry themselves; one unit for all means: for all it fits."""
     if isinstance(table.units, str):
         return table.units if _fits(column, table.units) else ""
-    return table.units.get(column.name, "")
+    return table.unit_of(column.name)
 
 
 def _identifiers(column: Column, cells: pl.Series, source: Source) -> pl.Series:
