@@ -530,7 +530,6 @@ def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
 
 def _levelling_loop(about: About) -> Iterator[ReferenceCheck]:
     n, sigma, misclosure = 5, 0.001, 0.004
-    rows = [f"[P{k}, P{(k + 1) % n}, {misclosure / n if k else misclosure / n - 0.0}, {sigma}]" for k in range(n)]
     steps = [0.3, -0.7, 1.1, 0.2]
     steps.append(misclosure - sum(steps))
     rows = [f"[P{k}, P{(k + 1) % n}, {step!r}, {sigma}]" for k, step in enumerate(steps)]

@@ -225,16 +225,7 @@ def project_forward(star: FloatArray, interior: FloatArray, constants: FloatArra
 
 BROWN_FORWARD = CameraModel(
     key="brown-forward",
-    components=(
-        Component("c", IMAGE),
-        Component("xh", IMAGE),
-        Component("yh", IMAGE),
-        Component("K1", Quantity(image=-2)),
-        Component("K2", Quantity(image=-4)),
-        Component("K3", Quantity(image=-6)),
-        Component("P1", Quantity(image=-1)),
-        Component("P2", Quantity(image=-1)),
-    ),
+    components=BROWN.components[:8],  # no affinity
     constants=(),
     project=project_forward,
 )

@@ -180,10 +180,8 @@ def position_columns(reading: Reading) -> list[Column]:
     world = reading.world
     if reading.project.world is None or world is None or world.system.kind == "geocentric":
         return []
-    columns = []
-    for name in place_names(world):
-        columns.append(number_column(name, ANGLE if name in ("latitude", "longitude") else LENGTH, reading.edge))
-    return [*columns, number_column(GEOID, LENGTH, reading.edge)]
+    quantities = {name: ANGLE if name in ("latitude", "longitude") else LENGTH for name in place_names(world)}
+    return [number_column(name, quantity, reading.edge) for name, quantity in {**quantities, GEOID: LENGTH}.items()]
 
 
 def in_dimensions(statuses: Statuses, reading: Reading) -> Statuses:
