@@ -16,9 +16,9 @@ from problems import Posed, problem_of_block
 from rolling_shutters import iteration
 from scenes import INTERIOR, SIGMA_IMAGE, Block, aerial
 
-from mor.model.images import shutter_on_trajectory
+from mor.model.contract import ObservationType
+from mor.model.images import IMAGE_TYPES, shutter_on_trajectory
 from mor.model.motion import linear_weights
-from mor.model.observation_types import IMAGE_TYPES, ObservationType
 from mor.model.parameters import INTERIORS, READOUT, Blocks, index_unknowns
 from mor.model.rotations import rotation_from_angles
 from mor.model.trajectory import on_trajectory

@@ -15,7 +15,10 @@ from scenes import (
     Scene,
 )
 
-from mor.model.observation_types import IMAGE_TYPES, OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup
+from mor.model.contract import ObservationGroup
+from mor.model.coordinates import OBSERVED_PARAMETERS
+from mor.model.images import IMAGE_TYPES
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import (
     DISTANCE_METER,
     ECCENTRICITY,

@@ -13,7 +13,9 @@ from measure import now, since
 from problems import Posed, problem_of_block
 from scenes import INTERIOR, SIGMA_IMAGE, Block, aerial
 
-from mor.model.observation_types import MOVING_TYPES, OBSERVED_PARAMETERS, ObservationGroup
+from mor.model.contract import ObservationGroup
+from mor.model.coordinates import OBSERVED_PARAMETERS
+from mor.model.images import MOVING_TYPES
 from mor.model.parameters import IMAGE_VELOCITY, READOUT, ROTATION_RATE, BlockKind, Blocks, index_unknowns
 from mor.model.rotations import rotation_from_angles
 from mor.solve.inverse import invert_alike

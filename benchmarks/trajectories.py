@@ -17,8 +17,9 @@ from problems import Posed, problem_of_block
 from rolling_shutters import iteration
 from scenes import INTERIOR, SIGMA_IMAGE, aerial
 
+from mor.model.contract import ObservationGroup
+from mor.model.coordinates import OBSERVED_PARAMETERS
 from mor.model.images import line_scanner
-from mor.model.observation_types import OBSERVED_PARAMETERS, ObservationGroup
 from mor.model.parameters import (
     ECCENTRICITY,
     HEIGHT,

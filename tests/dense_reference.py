@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from mor.model.observation_types import wrap
+from mor.model.contract import wrap
 from mor.model.parameters import Values, moves_by_angles
 from mor.model.rotations import angles_from_rotation, tangent_of_angles
 from mor.solve.problem import Problem

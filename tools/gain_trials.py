@@ -16,7 +16,7 @@ import numpy as np
 ROOT = Path(__file__).resolve().parents[1]
 from mor.api.design import Ranking, ranking  # noqa: E402
 from mor.api.plan import solve_plan  # noqa: E402
-from mor.model.observation_types import ObservationGroup  # noqa: E402
+from mor.model.contract import ObservationGroup  # noqa: E402
 from mor.plan.requirements import (  # noqa: E402
     MOST_ROWS,
     REACHED,

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.model.observation_types import ObservationGroup, wrap
+from mor.model.contract import ObservationGroup, wrap
 from mor.model.parameters import index_unknowns
 from mor.quality.assessment import Levels, Quality, assess
 from mor.quality.outliers import (

@@ -15,7 +15,7 @@ from mor.api.pipeline import read_document
 from mor.api.plan import at_its_place, read_plan, solve_plan
 from mor.errors import InputError, Message
 from mor.linalg.compilation import chosen_by_size
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup
 from mor.output_files import Content
 from mor.plan.ranking import (
     GreedyStep,
@@ -123,8 +123,7 @@ def _of_large_block(solved: Solved, required: Sequence[Requirement], blocks: Int
     assert quality is not None
     groups = solved.adjustment.problem.groups
     least = least_redundancies(required, quality, names)
-    weak = weak_observations(quality, least[: len(groups)])
-    wide = wide_interest(quality, blocks, weak, network.candidates)
+    wide = wide_interest(quality, blocks, weak_observations(quality, least[: len(groups)]), network.candidates)
     wanted = wanted_of(required, wide.interest, quality, names)
     now = present(wide.interest, wanted)
     found: list[Ranked] = []
@@ -183,8 +182,7 @@ def _with_cameras(document: Document, folder: Path, name: str, variant: Variant)
         return at_its_place(read_plan(changed, folder).network)
     except InputError as error:
         place = f"variants: {name}: "
-        told = [one._replace(message=place + one.message, line=0) for one in error.problems]
-        raise InputError(told) from None
+        raise InputError([one._replace(message=place + one.message, line=0) for one in error.problems]) from None
 
 
 def _merged(given: Any, other: Any) -> Any:
@@ -213,15 +211,13 @@ def _with_factors(network: Network, variant: Variant, at: str, problems: list[Me
 
 
 def _without(network: Network, variant: Variant, at: str, problems: list[Message]) -> Network:
-    """Observations that refer to what is left out are no more there."""
     wanted = variant.without
     names = [group.name for group in network.groups]
     whole = set(chosen_names(wanted.groups, names, "group of observations", at, problems))
     lost: dict[str, set[str]] = {}
     for key, space in _SPACES.items():
         things = network.things[space].ids
-        numbers = chosen_names(getattr(wanted, key), things, space, at, problems)
-        lost[space] = {things[k] for k in numbers}
+        lost[space] = {things[k] for k in chosen_names(getattr(wanted, key), things, space, at, problems)}
     lost["station"] |= {name for name, (station, _) in network.sets.items() if station in lost["station"]}
     out = [_lost_rows(group, lost) | (number in whole) for number, group in enumerate(network.groups)]
     groups = tuple(
@@ -279,9 +275,8 @@ class Design(NamedTuple):
         more: dict[str, Content] = {}
         if self.ranking is not None:
             more["ranking.csv"] = table_writer(self._ranking_table(self.ranking))
-        page = design_page(self.solved, self.judged, self.sighted, self._variant_rows(), words, of)
-        more["design.html"] = page
-        write_design(self.solved, self.judged, text, self.json(of), more, place)
+        more["design.html"] = design_page(self.solved, self.judged, self.sighted, self._variant_rows(), words, of)
+        write_design(self.solved, text, self.json(of), more, place)
 
     def json(self, of: RunIdentity) -> str:
         """``design.json`` as text."""
@@ -306,11 +301,9 @@ class Design(NamedTuple):
         return "\n\n".join(["\n".join(lines), *([required] if required else []), *self._more(words)])
 
     def _more(self, words: Words) -> list[str]:
-        """Sections on what is visible, on variants and on what observations are worth, where they were asked for."""
         sections = [visible_section(self.sighted, words)] if self.sighted else []
         if self.variants:
-            unit = self.solved.network.project.units.length
-            sections.append(variant_text(self._variant_rows(), unit, words))
+            sections.append(variant_text(self._variant_rows(), self.solved.network.project.units.length, words))
         if self.ranking is not None:
             frame = self._ranking_table(self.ranking)
             sections.append(

@@ -15,8 +15,9 @@ from mor.errors import InputError, Message, NoStartValuesError, UndeterminedObje
 from mor.input_files import is_folder, note_input, read_text, standard_input
 from mor.linalg.cholesky import NotFiniteError, one_thread
 from mor.linalg.compilation import chosen_by_size
-from mor.model.contract import with_sigma_model
-from mor.model.observation_types import is_image_point, target_slot, without
+from mor.model.contract import with_sigma_model, without
+from mor.model.coordinates import target_slot
+from mor.model.images import is_image_point
 from mor.model.parameters import ROTATION, Values, all_known, index_unknowns, with_shared_components
 from mor.project.document import Document, read_yaml
 from mor.project.entities import TableWatcher, ignore_table, thing_of
@@ -261,11 +262,7 @@ def times_as_long(network: Network) -> int:
     return max(1, int(rays @ rays / max(8.0 * rays.sum(), 1.0)))
 
 
-def diagnose_network(
-    network: Network,
-    go_on: GoOn,
-    watch: Watcher | None = None,
-) -> tuple[Solved | None, Diagnosis]:
+def diagnose_network(network: Network, go_on: GoOn, watch: Watcher | None = None) -> tuple[Solved | None, Diagnosis]:
     """Adjust a network, and search for mistakes if it has no solution or its solution is rejected.
 
     ``go_on`` is called before each trial and ends the search if it returns False. There is no adjustment if start
@@ -282,8 +279,7 @@ def diagnose_network(
             from mor.diagnose.search import causes_without_start
 
             names = {thing.name for thing in error.things}
-            found = causes_without_start(network, names, make_problem, start_or_nothing, go_on)
-            return None, found
+            return None, causes_without_start(network, names, make_problem, start_or_nothing, go_on)
         solved = _assessed(adjusted, None)
         return with_poses(solved), _diagnosis(adjusted, solved, go_on)
 
@@ -299,7 +295,6 @@ class _Adjusted(NamedTuple):
 
 
 def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
-    """Adjust a network as far as its observations determine it; if that fails, without start poses that are far off."""
     found = _from_start_values(network, watch)
     ended = found.attempt.adjustment
     if ended.outcome.is_solution or not ended.iterations:
@@ -393,7 +388,6 @@ def _plainly(network: Network, start: Mapping[str, FloatArray], watch: Watcher |
 
 
 def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> Solved:
-    """Assess an adjustment, and treat gross errors and weights as the project asks."""
     network, adjustment, suspects = adjusted.network, adjusted.attempt.adjustment, adjusted.attempt.suspects
     settings = network.project.settings
     if not adjustment.outcome.is_solution:
@@ -445,7 +439,6 @@ def _possible_causes(
 
 
 def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
-    """Adjust hypotheses about the mistakes in a network."""
     from mor.diagnose.search import RejectedAdjustment, causes
 
     attempt, quality = adjusted.attempt, solved.quality
@@ -464,7 +457,6 @@ def _diagnosis(adjusted: _Adjusted, solved: Solved, go_on: GoOn) -> Diagnosis:
 
 
 def _start_from(adjusted: _Adjusted, values: Values) -> Mapping[str, FloatArray]:
-    """Values of the whole network: those of a solution, and the start values of what was left out of it."""
     found = {kind: values[kind][: len(own)].copy() for kind, own in adjusted.start.items()}
     names = {thing.name for thing in adjusted.network.undeterminable if thing.kind == "point"}
     left: BoolArray = np.array([name in names for name in adjusted.whole.blocks["point"].ids], dtype=bool)
@@ -476,26 +468,20 @@ def _moved_apart(problem: Problem, start: Mapping[str, FloatArray]) -> dict[str,
     there, points = beside(problem, start)["point"], start["point"].copy()
     for group in problem.groups:
         rows = undefined_rows(group, problem.index, start)
-        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == "point":
-                points[numbers[rows]] = there[numbers[rows]]
+        for numbers in group.blocks_of("point"):
+            points[numbers[rows]] = there[numbers[rows]]
     return {**start, "point": points}
 
 
 def _undefined(problem: Problem, start: Mapping[str, FloatArray]) -> list[Message]:
-    """The observations that cannot be computed at the start values; the first ones of each group."""
     mistakes = []
     for group in problem.groups:
         for row in undefined_rows(group, problem.index, start)[:MOST_TOLD].tolist():
-            names = ", ".join(
-                f"{reference.name} {names[row]!r}"
-                for reference, names in zip(group.type.references, group.references, strict=True)
-            )
+            names = ", ".join(f"{key} {name!r}" for key, name in group.names_of(row).items())
             words = f"{group.type.name}, {names}: no value or no derivative at the start values"
-            line = int(group.lines[row]) if len(group.lines) > row else 0
             angles = all(slot.kind == ROTATION.key for slot in group.type.slots)
             asked = f"{words}; is phi ±100 gon there?" if angles else f"{words}; do two of its points coincide there?"
-            mistakes.append(Message(asked, group.file, line))
+            mistakes.append(group.message(row, asked))
     return mistakes or [Message("observations have no value or no derivative at the last iteration")]
 
 

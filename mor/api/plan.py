@@ -109,14 +109,10 @@ def solve_plan(network: Network) -> Solved:
     settings = network.project.settings
 
     def solve(some: Network, start: Values) -> Attempt:
-        problem = make_problem(some, start, start)
-        return Attempt(adjust(problem, start, SolverSettings(settings.max_iterations)))
+        return Attempt(adjust(make_problem(some, start, start), start, SolverSettings(settings.max_iterations)))
 
     means = Means(
-        lambda some, start: make_problem(some, start, start),
-        solve,
-        solve,
-        critical_value(settings.snooping_level),
+        lambda some, start: make_problem(some, start, start), solve, solve, critical_value(settings.snooping_level)
     )
     with chosen_by_size(network.observations), mistakes_in(network.file), np.errstate(all="ignore"):
         network, attempt = adjust_determinable(network, network.start, means)

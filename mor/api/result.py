@@ -76,7 +76,6 @@ class Table:
         return str(self.frame)
 
     def _repr_html_(self) -> str:
-        """Return the first rows, with units in the headings, for notebooks."""
         shown = self.frame.head(20)
         heads = "".join(f"<th>{escape(self._head(name))}</th>" for name in shown.columns)
         rows = "".join(
@@ -110,8 +109,7 @@ def reopen(path: Path) -> Project:
     """
     file = path / ADJUSTED if path.is_dir() else path
     if path.is_dir() and not file.is_file():
-        words = f"no {ADJUSTED} in this folder; expected the results of mor adjust"
-        raise InputError([Message(words, str(path))])
+        raise InputError([Message(f"no {ADJUSTED} in this folder; expected the results of mor adjust", str(path))])
     project = read(file)
     reference = path / REFERENCE
     if not path.is_dir() or not reference.is_file():
@@ -279,8 +277,7 @@ class Result:
             for camera in interior_rows(self._solution)
             for component in CAMERA_MODELS[camera["model"]].components
         ]
-        units = dict.fromkeys(("value", "sigma"), "unit")
-        return Table(pl.DataFrame(rows, infer_schema_length=None), units)
+        return Table(pl.DataFrame(rows, infer_schema_length=None), dict.fromkeys(("value", "sigma"), "unit"))
 
     @cached_property
     def features(self) -> Table:
@@ -361,11 +358,7 @@ class Result:
         return text_report(self.solved, words_of(language), self._identity)
 
     def protocol(
-        self,
-        standard: str,
-        *,
-        against: Result | None = None,
-        permissible: tuple[float, float] | None = None,
+        self, standard: str, *, against: Result | None = None, permissible: tuple[float, float] | None = None
     ) -> dict[str, Any]:
         """Return the protocol of a test (``iso17123-4``, …) as plain data, like ``mor report --protocol``.
 
@@ -437,7 +430,6 @@ class Result:
     __repr__ = __str__
 
     def _repr_html_(self) -> str:
-        """Return the summary, and a plan of the network if matplotlib is installed, for notebooks."""
         from mor.api.notebook import summary_and_network
 
         return summary_and_network(self.solved)
@@ -493,17 +485,7 @@ _LENGTHS = (
     "ellipse_a",
     "ellipse_b",
 )
-_ANGLES = (
-    "omega",
-    "phi",
-    "kappa",
-    "somega",
-    "sphi",
-    "skappa",
-    "orientation",
-    "sorientation",
-    "ellipse_azimuth",
-)
+_ANGLES = ("omega", "phi", "kappa", "somega", "sphi", "skappa", "orientation", "sorientation", "ellipse_azimuth")
 
 
 # ---- From a project to its result.
@@ -531,5 +513,4 @@ def adjust(
     from mor.api.pipeline import snooped, solve_network
 
     project = source if isinstance(source, Project) else read(source)
-    network = snooped(project.network) if snoop else project.network
-    return Result(project, solve_network(network, watch, assessing))
+    return Result(project, solve_network(snooped(project.network) if snoop else project.network, watch, assessing))

@@ -23,7 +23,8 @@ from mor.errors import InputError, Message, NoStartValuesError
 from mor.input_files import ReadFile, files_read
 from mor.linalg.cholesky import one_thread
 from mor.linalg.compilation import chosen_by_size
-from mor.model.observation_types import OBSERVED_PARAMETERS, ObservationGroup
+from mor.model.contract import ObservationGroup
+from mor.model.coordinates import OBSERVED_PARAMETERS
 from mor.model.parameters import Values
 from mor.output_files import Content, write_file
 from mor.plan.simulation import (
@@ -222,9 +223,7 @@ def _without_free(network: Network) -> Mapping[str, FloatArray]:
     for kind in ("point", "rotation"):
         if kind not in start:
             continue
-        known = np.isfinite(network.sigma[kind])
-        loose = (network.blocks[kind].free & ~known).all(axis=1)
-        start[kind][loose] = np.nan
+        start[kind][(network.blocks[kind].free & ~np.isfinite(network.sigma[kind])).all(axis=1)] = np.nan
     return start
 
 

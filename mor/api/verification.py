@@ -33,14 +33,7 @@ from mor.project.network import Network
 from mor.quality.assessment import Quality, assess, joint_cofactors
 from mor.quality.precision import angle_cofactors
 from mor.quality.solution import Solved
-from mor.quality.test_statistics import (
-    chi2_level,
-    critical_value,
-    global_test,
-    log_p_f,
-    log_p_student,
-    noncentrality,
-)
+from mor.quality.test_statistics import chi2_level, critical_value, global_test, log_p_f, log_p_student, noncentrality
 from mor.report.observations import observation_table
 from mor.report.verification import ReferenceCheck
 from mor.solve.iterate import SolverSettings, adjust
@@ -48,12 +41,7 @@ from mor.solve.problem import DatumDefinition, Problem
 from mor.start.bundle import image_bundle
 from mor.start.image_pair import robust_relative_orientation
 from mor.start.killian import solutions_of_homography, solve_quadrilateral
-from mor.start.relative_orientation import (
-    adjust_coplanarity,
-    coplanarity_rows,
-    four_candidates,
-    homogeneous_unknowns,
-)
+from mor.start.relative_orientation import adjust_coplanarity, coplanarity_rows, four_candidates, homogeneous_unknowns
 from mor.start.resection import resect
 from mor.types import FloatArray
 from mor.units import NUMBER, Component
@@ -273,8 +261,7 @@ def observations(solved: Solved) -> list[AdjustedObservation]:
             names = tuple(reference[i] for reference in group.references)
             values = (observed[i, k], v[i, k], r[i, k], np.sqrt(max(q[i, k], 0.0)), w_given[i, k])
             component = group.type.components[k].name
-            line = int(group.lines[i]) if len(group.lines) else 0
-            rows.append(AdjustedObservation(line, group.type.key, component, names, *map(float, values)))
+            rows.append(AdjustedObservation(group.line(i), group.type.key, component, names, *map(float, values)))
     return sorted(rows, key=lambda row: row.line)
 
 
@@ -359,8 +346,7 @@ def network_checks(path: Path, about: About, solved: Solved | None = None) -> It
         own = tolerance if name == "points" else expected["published"]["tolerance"]
         part, least = (own["sigma"], 1e-12) if name == "points" else (0.0, own["sigma"])
         yield from about.check(
-            f"coordinates{kind}",
-            ((at, value, row["value"], own["coordinate"]) for at, value, _, row in found),
+            f"coordinates{kind}", ((at, value, row["value"], own["coordinate"]) for at, value, _, row in found)
         )
         yield from about.check(
             f"σ of coordinates{kind}",
@@ -406,19 +392,10 @@ def _image_checks(solved: Solved, expected: dict[str, Any], about: About, factor
 
 
 def _near(angle: float, reference: float) -> float:
-    """An angle in degrees, by whole circles near another one."""
     return float(reference + (angle - reference + 180.0) % 360.0 - 180.0)
 
 
-_RELATIVE = {
-    "s": 1e-12,
-    "w": 1e-6,
-    "mdb": 0.0,
-    "error": 1e-13,
-    "influence": 1e-13,
-    "t_prio": 1e-12,
-    "t_post": 1e-12,
-}
+_RELATIVE = {"s": 1e-12, "w": 1e-6, "mdb": 0.0, "error": 1e-13, "influence": 1e-13, "t_prio": 1e-12, "t_post": 1e-12}
 """Columns whose tolerance is relative, and the least difference that is allowed."""
 _QUANTITIES = {
     "v": "residuals",
@@ -489,8 +466,7 @@ _SIDES, _RADIUS = 8, 100.0
 
 
 def _solved(lines: Sequence[str]) -> Solved:
-    network = read_network(read_yaml("\n".join(lines), "verification"), Path())
-    solved = solve_network(network)
+    solved = solve_network(read_network(read_yaml("\n".join(lines), "verification"), Path()))
     if solved.quality is None:
         raise ValueError(f"{solved.adjustment.outcome.value}: {solved.adjustment.reason}")
     return solved
@@ -508,11 +484,7 @@ def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
     if kind == "distance":
         sigma, errors, unknowns = 0.002, 0.003 * wave, 2
         rows = [f"[M, T{k}, {_RADIUS + e!r}, {sigma}]" for k, e in enumerate(errors.tolist())]
-        lines = [
-            "  - type: distance",
-            "    columns: [from, to, distance, sigma]",
-            f"    rows: [{', '.join(rows)}]",
-        ]
+        lines = ["  - type: distance", "    columns: [from, to, distance, sigma]", f"    rows: [{', '.join(rows)}]"]
         variance = 2.0 * sigma**2 / _SIDES
     else:
         sigma, errors, unknowns = 1e-5, 2e-5 * wave, 3
@@ -558,7 +530,6 @@ def _polygon(kind: str, about: About) -> Iterator[ReferenceCheck]:
 
 def _levelling_loop(about: About) -> Iterator[ReferenceCheck]:
     n, sigma, misclosure = 5, 0.001, 0.004
-    rows = [f"[P{k}, P{(k + 1) % n}, {misclosure / n if k else misclosure / n - 0.0}, {sigma}]" for k in range(n)]
     steps = [0.3, -0.7, 1.1, 0.2]
     steps.append(misclosure - sum(steps))
     rows = [f"[P{k}, P{(k + 1) % n}, {step!r}, {sigma}]" for k, step in enumerate(steps)]
@@ -655,7 +626,6 @@ def _brown(pose: Sequence[float], points: FloatArray) -> FloatArray:
 
 
 def _images(known: str, about: About) -> Iterator[ReferenceCheck]:
-    """Intersection with known cameras, or calibration and resection with known points."""
     shift = 0.01 * np.cos(np.arange(_CUBE.size)).reshape(_CUBE.shape)
     points = _CUBE if known == "points" else _CUBE + shift
     rows = [f"[P{k}, {', '.join(map(repr, row))}]" for k, row in enumerate(points.tolist())]
@@ -740,12 +710,7 @@ def _quantiles(about: About) -> Iterator[ReferenceCheck]:
     yield from about.check(
         "ln p of F with 2 and f degrees of freedom",
         (
-            (
-                f"F = {F}, f = {f:g}",
-                float(log_p_f(np.array([F]), 2.0, f)[0]),
-                -0.5 * f * np.log1p(2.0 * F / f),
-                1e-9,
-            )
+            (f"F = {F}, f = {f:g}", float(log_p_f(np.array([F]), 2.0, f)[0]), -0.5 * f * np.log1p(2.0 * F / f), 1e-9)
             for F, f in ratios
         ),
     )
@@ -764,11 +729,7 @@ def _student_2(t: float) -> float:
 
 
 _CLOSED_FORMS: tuple[tuple[str, str, Callable[[About], Iterable[ReferenceCheck]]], ...] = (
-    (
-        "distances to the corners of a regular polygon",
-        "σ² = 2 σ_s² / n, r = 1 − 2/n",
-        partial(_polygon, "distance"),
-    ),
+    ("distances to the corners of a regular polygon", "σ² = 2 σ_s² / n, r = 1 − 2/n", partial(_polygon, "distance")),
     (
         "directions to the corners of a regular polygon",
         "σ² = 2 R² σ_r² / n, r = 1 − 3/n",
@@ -837,7 +798,6 @@ _START_VALUES: tuple[tuple[str, str, Callable[[About], Iterable[ReferenceCheck]]
 
 
 def _homography(example: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
-    """The published decomposition of a collineation is one of Killian's solutions."""
     K, published = np.array(example["K"]), example["published"]
     H = np.linalg.solve(K, np.array(example["H"]) @ K)
     axes = np.diag([1.0, -1.0, -1.0])
@@ -853,7 +813,6 @@ def _homography(example: dict[str, Any], about: About) -> Iterator[ReferenceChec
 
 
 def _dewitt(example: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
-    """Relative orientation of six points."""
     xy, result = np.array(example["observations_mm"]), example["result"]
     c = np.full((len(xy), 1), -example["f_mm"])
     a, b = image_bundle(np.hstack([xy[:, :2], c]), 1.0), image_bundle(np.hstack([xy[:, 2:], c]), 1.0)
@@ -867,11 +826,7 @@ def _dewitt(example: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
 
 
 def _resection(example: dict[str, Any], about: About) -> Iterator[ReferenceCheck]:
-    xy, points, result = (
-        np.array(example["image_xy_mm"]),
-        np.array(example["object_XYZ_m"]),
-        example["result"],
-    )
+    xy, points, result = (np.array(example["image_xy_mm"]), np.array(example["object_XYZ_m"]), example["result"])
     rays = np.column_stack([xy, np.full(len(xy), -example["f_mm"])])
     found = resect(image_bundle(rays, 0.003), points)
     yield from about.check("projection centre", _numbers("X0", found.position, np.array(result["X0_m"]), 1e-5))
@@ -897,7 +852,6 @@ _SHARED_POINTS = 25_000
 
 
 def _threads(about: About) -> Iterator[ReferenceCheck]:
-    """Two images of random points, adjusted by one thread and by two."""
     random = np.random.default_rng(46)
     points = random.uniform(-1.0, 1.0, (_SHARED_POINTS, 3))
     names = pl.Series(range(_SHARED_POINTS))
@@ -941,11 +895,7 @@ def _by_threads(network: Network, count: int) -> dict[str, FloatArray]:
 
 
 def _processes(path: Path, about: About) -> Iterator[ReferenceCheck]:
-    """Simulated measurements of a network, shared between two processes, and all in this one."""
-    with (
-        TemporaryDirectory(prefix="mor", ignore_cleanup_errors=True) as folder,
-        ThreadPoolExecutor(2) as pool,
-    ):
+    with TemporaryDirectory(prefix="mor", ignore_cleanup_errors=True) as folder, ThreadPoolExecutor(2) as pool:
         chunks = [(0, CHUNK), (CHUNK, CHUNK)]
         shared = [Task((str(path.resolve()), str(first), str(count)), Path(f"{first}.log")) for first, count in chunks]
         begin = partial(done_alone, _write_tally, folder=Path(folder))
@@ -962,7 +912,6 @@ def _processes(path: Path, about: About) -> Iterator[ReferenceCheck]:
 
 
 def _write_tally(path: str, first: str, count: str) -> int:
-    """Work out some runs in a process of their own, and write their tally into its folder."""
     with kernels_used(False):
         tally = chunk_of(prepared(SimulationTask(Path(path), "", _SEED)), int(first), int(count))
     np.savez(f"{first}.npz", **tally.arrays())  # type: ignore[arg-type]

@@ -170,7 +170,6 @@ def _end(worker: _Worker) -> None:
 
 
 def _serve(connection: Connection[Any, Any], function: Function) -> None:
-    """Body of a process: one task after the other, until no more come."""
     import faulthandler
 
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the one that began this process ends it

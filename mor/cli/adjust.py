@@ -237,8 +237,7 @@ def show(asked: Asked, solved: Solved, of: RunIdentity, said: str) -> None:
     if said:
         first, *rest = said.split("\n")
         good = exit_code(solved, strict=False) is ExitCode.DONE and solved.accepted
-        outcome = click.style(first, bold=True, fg="green" if good else "red")
-        click.echo("\n".join([outcome, *rest]), err=True)
+        click.echo("\n".join([click.style(first, bold=True, fg="green" if good else "red"), *rest]), err=True)
 
 
 @contextmanager

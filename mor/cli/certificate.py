@@ -85,8 +85,7 @@ def command(
         from mor.report.view import view_of_folder
 
         who = administration(read_yaml(read_text(admin), str(admin)))
-        one = certificate(view_of_folder(results), camera, coverage)
-        content = digital_certificate(one, who, words_of_page(lang))
+        content = digital_certificate(certificate(view_of_folder(results), camera, coverage), who, words_of_page(lang))
     else:
         content = _certified(results, camera, target, paper, coverage, lang)
     write_file(target, content, force)
@@ -94,7 +93,6 @@ def command(
 
 
 def _name(camera: str, form: str | None, suffix: str) -> str:
-    """Name of the file; signs that no file name may have become underscores."""
     import re
 
     from mor.formats.calibration import SUFFIXES
@@ -110,13 +108,11 @@ def _exported(results: Path, camera: str, form: str, target: Path) -> bytes:
 
     adjusted = results / "adjusted.yaml"
     if not adjusted.is_file():
-        words = "no adjusted.yaml in this folder; expected the results of mor adjust"
-        raise InputError([Message(words, str(results))])
+        raise InputError([Message("no adjusted.yaml in this folder; expected the results of mor adjust", str(results))])
     return write_calibration(read_document(adjusted), results, camera, form, target)
 
 
 def _certified(results: Path, camera: str, target: Path, paper: str, coverage: float | None, lang: str) -> Content:
-    """The certificate, or what writes it as PDF."""
     from mor.errors import InputError, Message
     from mor.report.certificate import certificate, certificate_page, certificate_text
     from mor.report.language import words_of, words_of_page

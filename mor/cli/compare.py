@@ -256,8 +256,7 @@ def _write_page(
     both = epoch(results[0], solved[0]), epoch(results[1], solved[1])
     words = words_of_page(lang)
     said = verdict(found, level, known, words)
-    text = comparison_page(both, moved(solved[0], found, table), table, said, known, words)
-    write_file(page[0], text, page[1])
+    write_file(page[0], comparison_page(both, moved(solved[0], found, table), table, said, known, words), page[1])
 
 
 def _pairs(path: Path, pairs: Path, level: float, known: bool, lang: str) -> tuple[pl.DataFrame, list[str]]:

@@ -27,13 +27,6 @@ def language_option(what: str) -> Callable[[Callable[..., Any]], Callable[..., A
     return click.option(_OPTION, **_settings(what))
 
 
-def add_language(command: click.Command) -> None:
-    """``--lang`` for a command that writes nothing in a language: for its mistakes, notes and help alone."""
-    if not any(_OPTION in parameter.opts for parameter in command.params):
-        what = "the messages"
-        command.params.append(click.Option([_OPTION], expose_value=False, **_settings(what)))
-
-
 def _settings(what: str) -> dict[str, Any]:
     return {
         "type": click.Choice(LANGUAGES),
@@ -125,7 +118,6 @@ class HelpFormatter(click.HelpFormatter):
         return self._told(" ".join(line for line in lines if line != "\b"))
 
     def _entry(self, text: str) -> str:
-        """Help of an option: its sentence, and its default."""
         match = _EXTRA.match(text)
         if match is None or not match[2]:
             return self._told(text)
@@ -151,7 +143,8 @@ def in_all_languages(command: click.Command) -> click.Command:
         for below in command.commands.values():
             in_all_languages(below)
     else:
-        add_language(command)
+        if not any(_OPTION in parameter.opts for parameter in command.params):
+            command.params.append(click.Option([_OPTION], expose_value=False, **_settings("the messages")))
     return command
 
 

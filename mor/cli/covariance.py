@@ -118,8 +118,7 @@ def command(
     with chosen_by_size(solved.network.observations):
         write_file(output, lambda path: _write(path, solved, named, blocks, relative, relative_pose, coverage), force)
     if coverage is not None:
-        said = coverage_words(coverage, freedom_of(solved), words_of(language_of_command()))
-        click.echo(said, err=True)
+        click.echo(coverage_words(coverage, freedom_of(solved), words_of(language_of_command())), err=True)
 
 
 def _write(
@@ -143,8 +142,7 @@ def _write(
         pairs = [_pair(text, "--relative-pose", "images") for text in relative_pose]
         header, rows = report.RELATIVE_POSE_HEADER, report.relative_pose_rows(solved, pairs)
     else:
-        found = _matrix(solved, named)
-        report.write_covariance(output, found, coverage)
+        report.write_covariance(output, _matrix(solved, named), coverage)
         return
     if coverage is not None:
         header, rows = report.with_expanded(header, rows, coverage)
@@ -152,7 +150,6 @@ def _write(
 
 
 def _matrix(solved: Solved, named: tuple[str | None, str | None, str | None]) -> Labelled:
-    """The matrix of named points, images and cameras, or of everything."""
     from mor.report.covariance import covariance_of_everything, covariance_of_names
 
     points, images, cameras = named

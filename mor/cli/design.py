@@ -105,8 +105,7 @@ def _tell(design: Design, lang: str, folder: Path | None) -> None:
 
     words = words_of_planning(lang)
     for note in screenful(design.notes, "mor check --all"):
-        said = note._replace(message=words.told(note.message))
-        click.echo(words("note: {text}", text=said), err=True)
+        click.echo(words("note: {text}", text=note._replace(message=words.told(note.message))), err=True)
     click.echo(design.screen(words), err=True)
     if folder is not None:
         click.echo(words("plan in {place}", place=folder), err=True)

@@ -81,7 +81,6 @@ def copy_sample(name: str, target: Path) -> None:
 
 
 def _is_copy(target: Path, sample: Path, ignored: Sequence[str]) -> bool:
-    """Return True if all files of a sample stand in a folder as they are; results beside them do not matter."""
     import filecmp
 
     wanted = _names(sample, ignored)

@@ -67,7 +67,6 @@ class MemorySize(click.ParamType):  # type: ignore[type-arg]
 
 
 def _ask_for_kernels(ctx: click.Context, param: click.Parameter, value: str) -> None:
-    """Tell this process and those that it begins, until the command ends."""
     before = os.environ.get(ASKED)
 
     def take_back() -> None:
@@ -159,8 +158,7 @@ _HEAD = 1 << 16
 
 def jobs_option(words: str) -> Callable[[F], F]:
     """The option, with what the processes do; by default as many as there are processors."""
-    processes = click.IntRange(min=1)
-    return click.option("--jobs", metavar="N", show_default="all processors", type=processes, help=words)
+    return click.option("--jobs", metavar="N", show_default="all processors", type=click.IntRange(min=1), help=words)
 
 
 cluster_option = click.option(

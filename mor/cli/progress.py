@@ -59,8 +59,7 @@ def iteration_table(steps: Sequence[Iteration], title: str, most: int | None = M
                 table.add_row(*"…" * 4)
             continue
         sigma0 = "–" if step.sigma0 is None else words.number(f"{step.sigma0:.6g}")
-        change = words.number(f"{step.largest_change:.3g}")
-        table.add_row(str(step.number), sigma0, change, _step(step, words))
+        table.add_row(str(step.number), sigma0, words.number(f"{step.largest_change:.3g}"), _step(step, words))
     return table
 
 
@@ -96,8 +95,7 @@ class Progress:
     def event(self, kind: str, /, **data: object) -> None:
         """Tell a watching program what happened: one line, at once."""
         if self.events is not None:
-            line = json.dumps({"event": kind, **data}, ensure_ascii=False, allow_nan=False)
-            self.events.write(line + "\n")
+            self.events.write(json.dumps({"event": kind, **data}, ensure_ascii=False, allow_nan=False) + "\n")
 
     def inputs_are_known(self) -> None:
         """All inputs have been read: from here on events may replace an existing file."""
@@ -109,7 +107,9 @@ class Progress:
         self.name = self.words.listed(name)
         self.begun.append((self.name, time.monotonic()))
         self.event("phase", name=name)
-        self._leave_iterations()
+        if self.status is not None and self.steps and self.verbose:
+            self.status.console.print(iteration_table(self.steps, self.words("adjusted"), most=None, words=self.words))
+        self.steps.clear()
         if self.status is not None:
             self.status.update(f"{self.name} …")
         elif self.verbose and not self.quiet:
@@ -156,8 +156,7 @@ class Progress:
         shown = told if self.most_notes is None else told[: max(0, self.most_notes - self.told)]
         self.told += len(told)
         for note in () if self.quiet else screenful(shown, "--events FILE"):
-            said = note._replace(message=self.words.told(note.message))
-            click.echo(self.words("note: {text}", text=said), err=True)
+            click.echo(self.words("note: {text}", text=note._replace(message=self.words.told(note.message))), err=True)
 
     def note(self, words: str, /, **values: object) -> None:
         """Something the user should know, with values for the places in braces."""
@@ -177,16 +176,9 @@ class Progress:
         )
         self.steps.append(step)
         if self.status is not None:
-            title = f"{self.words('adjusting')} …"
-            self.status.update(iteration_table(self.steps, title, words=self.words))
+            self.status.update(iteration_table(self.steps, f"{self.words('adjusting')} …", words=self.words))
         elif self.verbose and not self.quiet:
             click.echo(iteration_line(step, self.words), err=True)
-
-    def _leave_iterations(self) -> None:
-        if self.status is not None and self.steps and self.verbose:
-            table = iteration_table(self.steps, self.words("adjusted"), most=None, words=self.words)
-            self.status.console.print(table)
-        self.steps.clear()
 
 
 @contextmanager

@@ -139,8 +139,7 @@ def command(
     if runs is not None:
         _refuse_with_runs(gross, drop, systematic, noise_free)
         trial = SimulationTask(project, source_format or "", seed, starts)
-        here = jobs_here(jobs, cluster)
-        return _many(trial, output, force, runs, here, cluster, as_json, lang, quiet)
+        return _many(trial, output, force, runs, jobs_here(jobs, cluster), cluster, as_json, lang, quiet)
     from mor.errors import InputError, Message
 
     if cluster is not None:

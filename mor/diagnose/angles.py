@@ -17,6 +17,7 @@ from mor.diagnose.hypothesis import (
     Situation,
     cells,
     computed,
+    frames_of,
     key_edit,
     table_key,
     to,
@@ -25,7 +26,8 @@ from mor.diagnose.hypothesis import (
     with_observed,
     with_unknown,
 )
-from mor.model.observation_types import ObservationGroup, is_image_point, wrap
+from mor.model.contract import ObservationGroup, wrap
+from mor.model.images import is_image_point
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.project.rows import group_name
@@ -95,7 +97,6 @@ def turned_circle_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def _turned_on(network: Network, number: int, rows: list[int], slot: int, values: Values) -> Network:
-    """The network with an orientation of their own for some rows of a set of directions."""
     block = int(network.groups[number].blocks[slot][rows[0]])
     free = network.blocks["rotation"].free[block]
     network, own = with_unknown(network, "rotation", values["rotation"][block], free, block)
@@ -124,7 +125,7 @@ def _of_rows(
     given = _given_unit(situation.network, group)
     bad = situation.misfitting[number][rows].any(axis=1)
     spoiled = bad.any() and bad.mean() >= _BAD
-    recomputed = _stations(group, rows) if spoiled else {}  # else they stand where they should
+    recomputed = frames_of([(group, rows)]) if spoiled else {}  # else they stand where they should
     network, full = situation.network, 2.0 * np.pi / ANGLE_UNITS[given]
     angles = [c.name for c, wraps in zip(group.type.components, group.type.wraps, strict=True) if wraps]
     for other in _UNITS:
@@ -136,7 +137,7 @@ def _of_rows(
                 recomputed,
                 number,
                 rows,
-                partial(_read_in, factor),
+                _on_circle(lambda angles, factor=factor: factor * angles),  # type: ignore[misc]
                 f"observations, {things[0]}: units: {other}",
                 seen * float(np.log(factor)),
                 table_key(network, number, "units", f"{{{', '.join(f'{a}: {other}' for a in angles)}}}")
@@ -151,7 +152,7 @@ def _of_rows(
             recomputed,
             number,
             rows,
-            partial(_negative, columns),
+            _on_circle(np.negative, columns),
             f"axes: {{angles: {'counterclockwise' if edge.sense > 0 else 'clockwise'}}} ({things[0]})",
             0.0,
             (key_edit(("axes", "angles"), "counterclockwise" if edge.sense > 0 else "clockwise"),)
@@ -173,7 +174,7 @@ def _of_rows(
             recomputed,
             number,
             rows,
-            partial(_complement, columns),
+            _on_circle(lambda angles: 0.5 * np.pi - angles, columns),
             f"observations, {things[0]}: type: directions",
             0.0,
             _in_cells(network, number, rows, [names[k] for k in columns], lambda angle: (0.25 * full - angle) % full),
@@ -183,8 +184,7 @@ def _of_rows(
 def _in_cells(
     network: Network, number: int, rows: IntArray, names: list[str], change: Callable[[float], float]
 ) -> tuple[Edit, ...]:
-    found = [cells(network, number, rows.tolist(), name, computed(change)) for name in names]
-    return tuple(edit for edits in found for edit in edits)
+    return sum((cells(network, number, rows.tolist(), name, computed(change)) for name in names), ())
 
 
 def _is_on_circle(group: ObservationGroup, rows: IntArray, factor: float) -> bool:
@@ -194,7 +194,6 @@ def _is_on_circle(group: ObservationGroup, rows: IntArray, factor: float) -> boo
 
 
 def _given_unit(network: Network, group: ObservationGroup) -> str:
-    """Unit in which the angles of a group were given: that of its table, or of the project."""
     unit: str = network.edge.units.angle
     angles = [c.name for c, wraps in zip(group.type.components, group.type.wraps, strict=True) if wraps]
     for number, entry in enumerate(network.project.observations):
@@ -228,31 +227,16 @@ def _hypothesis(
     )
 
 
-def _stations(group: ObservationGroup, rows: IntArray) -> dict[str, IntArray]:
-    found: dict[str, list[IntArray]] = {}
-    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-        if slot.of == group.type.references[0].name and slot.part in ("position", "rotation"):
-            found.setdefault(slot.kind, []).append(np.asarray(blocks[rows]))
-    return {kind: np.unique(np.concatenate(blocks)) for kind, blocks in found.items()}
+def _on_circle(
+    change: Callable[[FloatArray], FloatArray], columns: list[int] | slice = slice(None)
+) -> Callable[[FloatArray], FloatArray]:
+    """The change of some columns of angles (k, m) that stay within a full circle."""
 
+    def changed(angles: FloatArray) -> FloatArray:
+        result = angles.copy()
+        result[:, columns] = np.remainder(change(angles[:, columns]), 2.0 * np.pi)
+        return result
 
-def _read_in(factor: float, angles: FloatArray) -> FloatArray:
-    return _folded(factor * angles)
-
-
-def _folded(angles: FloatArray) -> FloatArray:
-    return np.asarray(np.remainder(angles, 2.0 * np.pi))
-
-
-def _negative(columns: list[int], angles: FloatArray) -> FloatArray:
-    changed = angles.copy()
-    changed[:, columns] = _folded(-angles[:, columns])
-    return changed
-
-
-def _complement(columns: list[int], angles: FloatArray) -> FloatArray:
-    changed = angles.copy()
-    changed[:, columns] = _folded(0.5 * np.pi - angles[:, columns])
     return changed
 
 
@@ -272,7 +256,7 @@ def _faces(situation: Situation, number: int, group: ObservationGroup) -> Iterat
             yield Hypothesis(
                 "face",
                 (name, *dict.fromkeys(group.references[1][int(row)] for row in off)),
-                partial(with_observed, number=number, rows=off, change=partial(_opposite, column)),
+                partial(with_observed, number=number, rows=off, change=_on_circle(lambda hz: hz + np.pi, [column])),
                 f"{group.name}, {name}: horizontal + 200 gon",
                 len(here),
                 rows=tuple((number, int(row)) for row in off) if len(off) < 4 else (),
@@ -289,12 +273,6 @@ def _faces(situation: Situation, number: int, group: ObservationGroup) -> Iterat
 def _middle(angles: FloatArray) -> float:
     near = np.abs(wrap(angles[:, None] - angles[None, :])).sum(axis=1)
     return float(angles[int(np.argmin(near))])
-
-
-def _opposite(column: int, angles: FloatArray) -> FloatArray:
-    changed = angles.copy()
-    changed[:, column] = _folded(angles[:, column] + np.pi)
-    return changed
 
 
 # ---- Whole set-ups and images mixed up: two instruments whose places were exchanged, two images whose names were.
@@ -352,7 +330,7 @@ def exchanged_frames(network: Network, pair: tuple[str, str], of: str, only: int
             continue
         blocks, changed = list(group.blocks), False
         for slot in _slots(group, of, only != ALL):
-            column = group.references[[r.name for r in group.type.references].index(group.type.slots[slot].of)]
+            column = group.column(group.type.slots[slot].of)
             names = np.array(list(column))
             rows = [np.flatnonzero(names == name) for name in pair]
             known = _blocks_of(network, pair, of, group.type.slots[slot].part)
@@ -389,8 +367,7 @@ def _stations_of_frame(situation: Situation) -> list[Hypothesis]:
     network = situation.network
     if "station" not in network.things:
         return []
-    things = network.things["station"]
-    declared = [name for name in things.ids if name not in network.sets]
+    declared = [name for name in network.things["station"].ids if name not in network.sets]
     worst = _worst(situation, "station", declared)
     pairs = [
         pair
@@ -435,12 +412,10 @@ def _alike(network: Network, pair: tuple[str, str]) -> bool:
 
 
 def _worst(situation: Situation, of: str, names: list[str]) -> list[str]:
-    """Frames with rows that do not fit, those with most of them first."""
     count = dict.fromkeys(names, 0)
     for group, bad in zip(situation.network.groups, situation.misfitting, strict=False):
         for slot in _slots(group, of)[:1]:
-            own = group.type.slots[slot].of
-            column = group.references[[r.name for r in group.type.references].index(own)]
+            column = group.column(group.type.slots[slot].of)
             for row in np.flatnonzero(bad.any(axis=1)).tolist():
                 if column[row] in count:
                     count[column[row]] += 1
@@ -484,7 +459,6 @@ def _exchanged_values(values: Values, kind: str, blocks: tuple[int, int]) -> Val
 
 
 def _cost(situation: Situation, network: Network, values: Values) -> float:
-    """Cost of all rows, with sets of directions oriented by most of their own rows."""
     cost = 0.0
     for group in network.groups:
         if not group.count or any(slot.kind not in values for slot in group.type.slots):

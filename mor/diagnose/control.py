@@ -27,7 +27,9 @@ from mor.diagnose.hypothesis import (
     with_points,
     with_unknown,
 )
-from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, is_image_point
+from mor.model.contract import ObservationGroup
+from mor.model.images import is_image_point
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.outliers import by_sights_alone, costs_at_places
@@ -100,8 +102,7 @@ def table_unit_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def _scaled(network: Network, number: int, factors: FloatArray) -> Network:
-    rows = np.arange(network.groups[number].count)
-    return with_observed(network, number, rows, lambda observed: observed * factors)
+    return with_observed(network, number, np.arange(network.groups[number].count), lambda observed: observed * factors)
 
 
 def _is_free(network: Network, chosen: tuple[int, ...], name: str) -> bool:
@@ -117,12 +118,10 @@ def _common(network: Network, label: str, chosen: tuple[int, ...], name: str, se
     def change(changed: Network) -> Network:
         free = changed.blocks["distance meter"].free[meter].copy()
         free[component] = True
-        value = changed.start["distance meter"][meter]
-        changed, own = with_unknown(changed, "distance meter", value, free)
+        changed, own = with_unknown(changed, "distance meter", changed.start["distance meter"][meter], free)
         for k in chosen:
             group = changed.groups[k]
-            blocks = (*group.blocks[:-1], np.full(group.count, own))
-            changed = with_group(changed, k, replace(group, blocks=blocks))
+            changed = with_group(changed, k, replace(group, blocks=(*group.blocks[:-1], np.full(group.count, own))))
         return changed
 
     def amount(values: Values) -> AddedParameter:
@@ -183,8 +182,7 @@ def exchange_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 def moved_hypotheses(situation: Situation) -> list[Hypothesis]:
     """Return the control points that score tests say have moved, as free ones: alone, and all of a cause together."""
-    ids = situation.network.blocks["point"].ids
-    place = {name: k for k, name in enumerate(ids)}
+    place = {name: k for k, name in enumerate(situation.network.blocks["point"].ids)}
     found = []
     for one in situation.scored:
         if one.cause != "control moved":
@@ -204,7 +202,6 @@ def moved_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def _released(network: Network, points: IntArray) -> Network:
-    """The network with some points neither fixed nor observed."""
     blocks = network.blocks["point"]
     free = blocks.free.copy()
     free[points] = True
@@ -237,9 +234,8 @@ def control_tables(situation: Situation) -> list[ControlPoints]:
     held = ~blocks.free.any(axis=1) & np.isin(np.arange(len(ids)), own.parts["position"])
     seen = np.zeros(len(ids), dtype=bool)
     for group in network.groups:
-        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == "point":
-                seen[numbers] = True
+        for numbers in group.blocks_of("point"):
+            seen[numbers] = True
     fixed = np.flatnonzero(held & seen)
     if len(fixed):
         labels = {network.point_groups.get(int(p), "") for p in fixed} - {""}
@@ -320,7 +316,7 @@ def _exchanges(situation: Situation, control: ControlPoints) -> list[Hypothesis]
     # Control points up to which all pairs are looked through.
     if count <= 60:
         adjusted = _without_control(situation, control)
-        sums = {pair: _misfit(situation, control, adjusted, pair) for pair in combinations(range(count), 2)}
+        sums = {pair: _misfit(control, adjusted, pair) for pair in combinations(range(count), 2)}
         best += [pair for pair in sorted(sums, key=lambda pair: sums[pair])[:_PAIRS] if pair not in best]
     return [_exchange(situation, control, pair, count * (count - 1) // 2) for pair in best]
 
@@ -365,7 +361,7 @@ def _sighted_exchanged(situation: Situation, control: ControlPoints) -> list[tup
     return sorted(drops, key=lambda pair: -drops[pair])[:_PAIRS]
 
 
-def _misfit(situation: Situation, control: ControlPoints, adjusted: FloatArray, pair: tuple[int, int]) -> float:
+def _misfit(control: ControlPoints, adjusted: FloatArray, pair: tuple[int, int]) -> float:
     """Misfit of the given coordinates, two exchanged, to those that were adjusted: as they are, or moved as a whole."""
     order = np.arange(len(control.given))
     order[list(pair)] = order[list(reversed(pair))]

@@ -24,8 +24,9 @@ from mor.diagnose.hypothesis import (
 )
 from mor.errors import InputError
 from mor.linalg.cholesky import NotFiniteError
+from mor.model.contract import ObservationGroup
 from mor.model.curvature import on_sphere
-from mor.model.observation_types import PLAIN_TYPES, ObservationGroup
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.plausibility import NOTED, beyond_reach, largest_effect, sphere_under, usual_height
@@ -97,7 +98,6 @@ def antenna_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def _antenna(situation: Situation, name: str, amount: AddedParameter) -> Hypothesis:
-    """The antenna at a point that was higher by an amount than it was said to be."""
     network = situation.network
     ends = []
     for number, group in enumerate(network.groups):
@@ -113,9 +113,9 @@ def _antenna(situation: Situation, name: str, amount: AddedParameter) -> Hypothe
             changed = with_observed(changed, number, rows, lambda d, shift=shift: d + shift)  # type: ignore[misc]
         return changed
 
-    edits = [
+    edits = (
         cells(network, number, rows.tolist(), "dz", computed(partial(float.__add__, by))) for number, rows, by in ends
-    ]
+    )
     return Hypothesis(
         "antenna height",
         (name,),
@@ -123,7 +123,7 @@ def _antenna(situation: Situation, name: str, amount: AddedParameter) -> Hypothe
         f"observations, vectors at {name}: antenna height",
         len(ends),
         parameters=1,
-        edits=tuple(edit for some in edits for edit in some),
+        edits=sum(edits, ()),
         amount=lambda _values: amount,
     )
 
@@ -157,7 +157,6 @@ def height_sights(network: Network) -> Iterator[HeightRows]:
 
 
 def _collect(sets, keys, number, rows, slot) -> None:  # type: ignore[no-untyped-def]
-    """Add the rows of a group to the sets they belong to by their keys."""
     places: dict[tuple[str, tuple[str, ...]], list[int]] = {}
     for place, key in enumerate(keys):
         places.setdefault(key, []).append(place)
@@ -174,7 +173,7 @@ def _reductions(here: Adjustment, sights: list[HeightRows]) -> FloatArray:
     for k, one in enumerate(sights):
         for number, rows, slot in one.rows:
             group = problem.groups[number]
-            blocks = [values[s.kind][b[rows]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
+            blocks = [values[s.kind][b[rows]] for s, b in group.blocks_by_slot]
             derivative = group.type.equation(blocks, group.constants[rows]).jacobians[slot][:, :, 0]
             weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
             b = np.nan_to_num(derivative) * weight
@@ -222,8 +221,7 @@ def _edits(network: Network, sights: HeightRows) -> tuple[Edit, ...]:
     write = with_amount(lambda _old, value: value)
     if sights.cause == "instrument height":
         return (CellEdit(("stations",), "height", write, cells={"id": sights.things[0]}),)
-    found = [cells(network, number, rows.tolist(), "to_height", write) for number, rows, _ in sights.rows]
-    return tuple(edit for edits in found for edit in edits)
+    return sum((cells(network, number, rows.tolist(), "to_height", write) for number, rows, _ in sights.rows), ())
 
 
 def given_height(network: Network, sights: HeightRows) -> float:
@@ -270,7 +268,7 @@ def _other_sign(situation: Situation, cause: str, number: int, rows: list[int]) 
         "; ".join(f"{group.name}, {one} → {other}: {other} → {one}" for one, other in ends),
         group.count,
         rows=tuple((number, row) for row in rows),
-        edits=tuple(edit for some in edits for edit in some),
+        edits=sum(edits, ()),
     )
 
 
@@ -304,13 +302,13 @@ def _reductions_of_lines(situation: Situation, number: int, group: ObservationGr
     redundancy = np.ones(len(rows))
     if solution is not None:
         own = np.flatnonzero(~used.left_out[rows, 0])
-        redundancy[own] = _redundancy(solution, number, used, rows[own])
+        redundancy[own] = _redundancy(solution, used, rows[own])
     change = -2.0 * group.observed[rows, 0]
     reductions[rows] = (-2.0 * change * misclosure[rows] - change**2 * redundancy) / sigma[rows] ** 2
     return reductions
 
 
-def _redundancy(solution: Adjustment, number: int, group: ObservationGroup, rows: IntArray) -> FloatArray:
+def _redundancy(solution: Adjustment, group: ObservationGroup, rows: IntArray) -> FloatArray:
     problem, values = solution.problem, solution.values
     part = linearise(group, problem.index, values, rotation_tangents(problem.index, values), rows)
     coupling = np.zeros((problem.index.count, len(rows)))

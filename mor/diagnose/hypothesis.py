@@ -17,7 +17,7 @@ import yaml
 from mor.errors import InputError
 from mor.input_files import read_text
 from mor.linalg.cholesky import NotFiniteError
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup
 from mor.model.parameters import Values
 from mor.project.document import Document
 from mor.project.network import Network
@@ -82,8 +82,7 @@ def key_edit(at: At, text: str) -> KeyEdit:
 def table_of(network: Network, number: int) -> At | None:
     """Return the path of the table of a group of observations, None if it comes from none."""
     name = network.groups[number].name
-    entries = network.project.observations
-    found = [k for k, entry in enumerate(entries) if group_name(entry, k) == name]
+    found = [k for k, entry in enumerate(network.project.observations) if group_name(entry, k) == name]
     return ("observations", found[0]) if len(found) == 1 else None
 
 
@@ -99,17 +98,7 @@ def cells(network: Network, number: int, rows: Iterable[int], column: str, chang
     rows = list(rows)
     if at is None or any(row >= len(group.lines) for row in rows):
         return ()
-    names = [reference.name for reference in group.type.references]
-    return tuple(
-        CellEdit(
-            at,
-            column,
-            change,
-            int(group.lines[row]),
-            dict(zip(names, (own[row] for own in group.references), strict=True)),
-        )
-        for row in rows
-    )
+    return tuple(CellEdit(at, column, change, group.line(row), group.names_of(row)) for row in rows)
 
 
 def to(text: str) -> CellChange:
@@ -497,6 +486,16 @@ def with_observed(network: Network, number: int, rows: IntArray, change: Callabl
     return with_group(network, number, replace(group, observed=observed, constants=constants))
 
 
+def frames_of(parts: Iterable[tuple[ObservationGroup, IntArray]]) -> dict[str, IntArray]:
+    """Blocks by kind of the positions and rotations of the images or stations of some rows."""
+    found: dict[str, list[IntArray]] = {}
+    for group, rows in parts:
+        for slot, blocks in group.blocks_by_slot:
+            if slot.of == group.type.references[0].name and slot.part in ("position", "rotation"):
+                found.setdefault(slot.kind, []).append(np.asarray(blocks[rows]))
+    return {kind: np.unique(np.concatenate(blocks)) for kind, blocks in found.items()}
+
+
 def with_blocks(network: Network, number: int, rows: Sequence[int], blocks: Mapping[int, Sequence[int]]) -> Network:
     """The network with other blocks in some slots (by number) of some rows of a group."""
     group = network.groups[number]
@@ -602,8 +601,7 @@ class Situation:
         """|v|/σ (n, m) of every group, 0 where not observed; ∞ where start values are missing."""
         if self.unstarted:
             return tuple(np.where(self._concerned(group), np.inf, 0.0) for group in self.network.groups)
-        problem = self.make(self.network, self.start, self.values)
-        return sizes_of(problem.groups, self.values)
+        return sizes_of(self.make(self.network, self.start, self.values).groups, self.values)
 
     def _concerned(self, group: ObservationGroup) -> BoolArray:
         """(n, m) observations that refer to something without start values."""

@@ -17,12 +17,13 @@ from mor.diagnose.hypothesis import (
     Situation,
     cells,
     computed,
+    frames_of,
     table_key,
     to,
     with_group,
     with_observed,
 )
-from mor.model.observation_types import is_image_point
+from mor.model.images import is_image_point
 from mor.model.parameters import Values
 from mor.project.axes import ImageScale
 from mor.project.network import Network
@@ -95,7 +96,6 @@ def other_camera_hypotheses(situation: Situation) -> list[Hypothesis]:
 
 
 def _of_camera(network: Network, names: Sequence[str], camera: int) -> Network:
-    """The network with some images taken by another camera."""
     cameras = network.things["camera"]
     for number, group in enumerate(network.groups):
         if not is_image_point(group.type):
@@ -148,7 +148,7 @@ def _against_start_values(situation: Situation, parts: Mapping[str, Sequence[tup
 def _beside(network: Network, number: int, rows: IntArray, signs: tuple[float, float]) -> float:
     """Σ ln |v|/σ of some rays at the given start values, their coordinates with other signs."""
     group = network.groups[number]
-    blocks = [network.start[slot.kind][own[rows]] for slot, own in zip(group.type.slots, group.blocks, strict=True)]
+    blocks = [network.start[slot.kind][own[rows]] for slot, own in group.blocks_by_slot]
     with np.errstate(all="ignore"):
         computed = group.type.equation(blocks, group.constants[rows]).values
         sizes = np.abs(group.observed[rows] * np.array(signs) - computed) / group.given_sigma[rows]
@@ -162,8 +162,7 @@ def _of_cameras(situation: Situation, numbers: list[int]) -> Iterator[Hypothesis
         mine = {images.ids[i] for i in np.flatnonzero(images.parts["camera"] == k)}
         parts = []
         for number in numbers:
-            names = network.groups[number].references[0]
-            rows = np.flatnonzero([n in mine for n in names])
+            rows = np.flatnonzero([n in mine for n in network.groups[number].references[0]])
             if len(rows):
                 parts.append((number, rows))
         if not parts:
@@ -189,7 +188,8 @@ def _mirrored(
             network = with_observed(network, number, rows, lambda xy: xy * np.array(signs))
         return network
 
-    recomputed = _poses(situation.network, parts) if local else {}
+    groups = situation.network.groups
+    recomputed = frames_of((groups[number], rows) for number, rows in parts) if local else {}
     edits = _mirrored_cells(situation.network, parts, signs)
     return Hypothesis(cause, things, change, line, candidates, recomputed=recomputed, afresh=not local, edits=edits)
 
@@ -203,8 +203,7 @@ def _mirrored_cells(
     for number, rows in parts:
         group = network.groups[number]
         for row in rows.tolist():
-            camera = cameras.ids[images.parts["camera"][images.numbers[group.references[0][row]]]]
-            scale = network.scales[camera]
+            scale = network.scales[cameras.ids[images.parts["camera"][images.numbers[group.references[0][row]]]]]
             for axis, name in enumerate("xy"):
                 if signs[axis] < 0.0:
                     whole = 2.0 * float(scale.centre[axis]) if scale.corner else 0.0
@@ -214,16 +213,6 @@ def _mirrored_cells(
 
 def _less_than(whole: float, coordinate: float) -> float:
     return whole - coordinate
-
-
-def _poses(network: Network, parts: list[tuple[int, IntArray]]) -> dict[str, IntArray]:
-    found: dict[str, list[IntArray]] = {}
-    for number, rows in parts:
-        group = network.groups[number]
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.of == "image" and slot.part in ("position", "rotation"):
-                found.setdefault(slot.kind, []).append(np.asarray(blocks[rows]))
-    return {kind: np.unique(np.concatenate(blocks)) for kind, blocks in found.items()}
 
 
 def _units(situation: Situation, name: str, parts: list[tuple[int, IntArray]]) -> Iterator[Hypothesis]:
@@ -286,20 +275,18 @@ def _interior(situation: Situation, name: str, camera: int, cause: str, among: t
         for number, group in enumerate(changed.groups):
             if group.type.key == f"observed/{kind}":
                 observed: FloatArray = group.observed.copy()
-                rows = np.flatnonzero(group.blocks[0] == block)
-                observed[rows[:, None], held] = np.nan
+                observed[np.flatnonzero(group.blocks[0] == block)[:, None], held] = np.nan
                 changed = with_group(changed, number, replace(group, observed=observed))
         return changed
 
     def amount(values: Values) -> AddedParameter:
         return AddedParameter(names[held[0]], float(values[kind][block, held[0]]))
 
-    line = f"cameras, {name}: interior: {{{names[held[0]]}: {{free: …}}}}"
     yield Hypothesis(
         cause,
         (name,),
         change,
-        line,
+        f"cameras, {name}: interior: {{{names[held[0]]}: {{free: …}}}}",
         len(network.things["camera"].ids),
         parameters=sum(not _is_observed(network, kind, block, k) for k in held),
         edits=tuple(KeyEdit(("cameras", name, "interior", names[k]), _set_free) for k in held),

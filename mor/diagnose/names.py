@@ -19,9 +19,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.diagnose.hypothesis import SMALL, Hypothesis, Situation, cells, to, with_blocks, without_row
+from mor.diagnose.hypothesis import SMALL, Edit, Hypothesis, Situation, cells, to, with_blocks, without_row
 from mor.model import rotations
-from mor.model.observation_types import ObservationGroup, some_rows, wrap
+from mor.model.contract import ObservationGroup, some_rows, wrap
 from mor.model.parameters import Values, index_unknowns, move
 from mor.project.network import Network
 from mor.quality.outliers import cost_of_residuals, sizes_of
@@ -54,6 +54,10 @@ class Match(NamedTuple):
     candidates: int
     drop: float
     """By how much the row fits better, in units of σ."""
+
+    def edits(self, network: Network) -> tuple[Edit, ...]:
+        """The edits that write the right name."""
+        return cells(network, self.group, [self.row], self.reference, to(self.right))
 
 
 def name_hypotheses(situation: Situation) -> list[Hypothesis]:
@@ -163,14 +167,10 @@ def _exchange(network: Network, one: Match, other: Match, frame: tuple[str, ...]
         "names exchanged",
         (*frame, one.right, other.right),
         lambda changed: with_blocks(changed, one.group, rows, swapped),
-        f"{_where(group, one.row)}: {one.right}; {_where(group, other.row)}: {other.right}",
+        f"{where(group, one.row)}: {one.right}; {where(group, other.row)}: {other.right}",
         one.candidates,
         rows=tuple((one.group, row) for row in rows),
-        edits=tuple(
-            edit
-            for match in (one, other)
-            for edit in cells(network, match.group, [match.row], match.reference, to(match.right))
-        ),
+        edits=sum((match.edits(network) for match in (one, other)), ()),
     )
 
 
@@ -185,7 +185,7 @@ def with_the_same_names(found: Iterable[Match]) -> list[list[Match]]:
 def wrong_name(network: Network, same: list[Match]) -> tuple[str, tuple[str, ...], str]:
     """Cause, things and line of a name that is another one."""
     first = same[0]
-    lines = "; ".join(_where(network.groups[match.group], match.row) for match in same)
+    lines = "; ".join(where(network.groups[match.group], match.row) for match in same)
     cause = "wrong station" if first.reference in ("station", "from", "image") else "wrong name"
     return cause, (*first.names, first.right), f"{lines}: {first.reference} {first.right}"
 
@@ -205,18 +205,15 @@ def _wrong_name(network: Network, same: list[Match]) -> Hypothesis:
         line,
         same[0].candidates,
         rows=tuple((match.group, match.row) for match in same),
-        edits=tuple(
-            edit
-            for match in same
-            for edit in cells(network, match.group, [match.row], match.reference, to(match.right))
-        ),
+        edits=sum((match.edits(network) for match in same), ()),
     )
 
 
-def _where(group: ObservationGroup, row: int) -> str:
+def where(group: ObservationGroup, row: int) -> str:
+    """File and line of a row, or its table and its names."""
     if len(group.lines) > row:
-        return f"{group.file}:{int(group.lines[row])}"
-    return f"{group.name}, {', '.join(names[row] for names in group.references)}"
+        return f"{group.file}:{group.line(row)}"
+    return f"{group.name}, {', '.join(group.names_of(row).values())}"
 
 
 _LEAST, _MOST = 4, 12
@@ -256,7 +253,6 @@ def _sighting(groups: Sequence[ObservationGroup]) -> list[int]:
 
 
 def _spoiled(situation: Situation) -> list[str]:
-    """Names of the stations, the worst first."""
     whole: Counter[str] = Counter()
     wrong: Counter[str] = Counter()
     for number in _sighting(situation.network.groups):
@@ -280,7 +276,7 @@ def _alone(problem: Problem, situation: Situation, name: str) -> _Alone:
         groups.append(some_rows(group, own))
         numbers.append(number)
         rows.append(own)
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             if slot.of == group.type.references[0].name and slot.part in ("position", "rotation"):
                 free[slot.kind][blocks[own]] = True
     held = {
@@ -301,12 +297,11 @@ def _best(situation: Situation, alone: _Alone) -> Exchange | None:
 
 
 def _exchanged(problem: Problem, number: int, pair: tuple[int, int]) -> Problem:
-    """The problem with the targets of two rows of a group exchanged."""
     group = problem.groups[number]
     target = group.type.references[1].name
     order = np.arange(group.count)
     order[list(pair)] = order[list(reversed(pair))]
-    slots = zip(group.type.slots, group.blocks, strict=True)
+    slots = group.blocks_by_slot
     blocks = tuple(own[order] if slot.of == target else own for slot, own in slots)
     groups = list(problem.groups)
     groups[number] = replace(group, blocks=blocks)

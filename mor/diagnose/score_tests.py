@@ -22,10 +22,12 @@ import numpy as np
 from mor.diagnose.control import DISTANCE, HORIZONTAL_DISTANCE, other_kind
 from mor.diagnose.heights import HeightRows, given_height, height_sights
 from mor.diagnose.images import PRINCIPAL_POINT
-from mor.diagnose.names import ROWS, Match, matches, with_the_same_names, wrong_name
+from mor.diagnose.names import ROWS, Match, matches, where, with_the_same_names, wrong_name
 from mor.model import rotations
+from mor.model.contract import ObservationGroup, wrap
 from mor.model.curvature import on_sphere
-from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, is_image_point, wrap
+from mor.model.images import is_image_point
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.assessment import Quality, assess
@@ -112,7 +114,7 @@ def score_tests(
     good = [one for one in good if one.candidate.cause not in too_many]
     good += [one for one in (*joined, *_sigmas(quality)) if one.length > least]
     good = [one for one in good if one.log_p < limit]
-    return tuple(_cause(network, one) for one in _distinct(good)[:OFFERED])
+    return tuple(_cause(one) for one in _distinct(good)[:OFFERED])
 
 
 def score_tests_with_suspects(
@@ -130,8 +132,7 @@ def score_tests_with_suspects(
     here = adjust(problem, quality.adjustment.values, SolverSettings(0))
     if here.outcome is Outcome.SINGULAR:
         return ()
-    pairs = zip(masks, quality.flagged, strict=True)
-    doubtful = [np.asarray((mask | flags).any(axis=1)) for mask, flags in pairs]
+    doubtful = [np.asarray((mask | flags).any(axis=1)) for mask, flags in zip(masks, quality.flagged, strict=True)]
     of_all = assess(here, quality.levels, aposteriori=False)
     return _explaining(of_all, network, doubtful, masks) or score_tests(_after_step(of_all), network, doubtful)
 
@@ -158,7 +159,7 @@ def _explaining(
             p = log_p_chi2(np.array([gain]), np.ones(1))
             cost = cost_of_choice(problem.observations, count, 0, 0.0)
             found.append(_Scored(one, np.ones(1), gain, gain - cost, float(p[0]), 0))
-    return tuple(_cause(network, one) for one in _distinct(found)[:OFFERED])
+    return tuple(_cause(one) for one in _distinct(found)[:OFFERED])
 
 
 def _after_step(quality: Quality) -> Quality:
@@ -194,7 +195,7 @@ def _candidates(
     yield from _wrong_names(network, values, quality, flagged)
     yield from _set_ups(problem, network, values, adjusted, flagged)
     yield from _heights(problem, network, values, quality)
-    yield from _antennas(problem, network, values, adjusted)
+    yield from _antennas(problem, values, adjusted)
     yield from _control(problem, network, values, adjusted, flagged, quality)
     yield from _curvature(problem, network, values, adjusted)
 
@@ -206,7 +207,6 @@ def _slot_columns(
 
 
 def _instruments(problem: Problem, values: Values, number: int, group: ObservationGroup) -> Iterator[_Candidate]:
-    """Offset and scale of the distances of a table, and slope for horizontal."""
     slots = [k for k, slot in enumerate(group.type.slots) if slot.kind == "distance meter"]
     if not slots or group.count < 3:
         return
@@ -223,14 +223,13 @@ def _instruments(problem: Problem, values: Values, number: int, group: Observati
     if group.type not in (DISTANCE, HORIZONTAL_DISTANCE):
         return
     cause, other, line = other_kind(group)
-    change = np.nan_to_num(evaluated(other, values, rows).values - evaluated(group, values, rows).values)
+    change = _change(group, values, rows, evaluated(other, values, rows).values)
     yield _Candidate(cause, (group.name,), line, ((number, rows, change[:, :, None]),), definite=True)
 
 
 def _interiors(
     problem: Problem, network: Network, values: Values, number: int, group: ObservationGroup, flagged: BoolArray
 ) -> Iterator[_Candidate]:
-    """Camera constant and principal point of a camera; the camera constant of single images."""
     slots = [k for k, slot in enumerate(group.type.slots) if slot.part == "interior"]
     if not slots or not is_image_point(group.type):
         return
@@ -275,7 +274,6 @@ def _interiors(
 def _observed_interiors(
     network: Network, number: int, group: ObservationGroup, flagged: BoolArray
 ) -> Iterator[_Candidate]:
-    """Observed camera constants and principal points that are wrong."""
     if not group.type.key.startswith("observed/interior"):
         return
     cameras = network.things["camera"]
@@ -295,14 +293,13 @@ def _observed_interiors(
 
 
 def _signs(number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator[_Candidate]:
-    """Height differences and vectors that were booked in the other direction."""
     if not group.type.between_marks or len(group.references) != 2:
         return
     for row in np.flatnonzero(flagged & ~group.left_out.any(axis=1)).tolist():
         names = tuple(column[row] for column in group.references[:2])
         rows = np.array([row])
         change = 2.0 * np.nan_to_num(group.observed[rows])[:, :, None]
-        line = f"{_where(group, row)}: {names[1]} → {names[0]}"
+        line = f"{where(group, row)}: {names[1]} → {names[0]}"
         cause = "levelling sign" if len(group.type.components) == 1 else "vector sign"
         yield _Candidate(cause, names, line, ((number, rows, change),), definite=True, alike=group.count)
 
@@ -311,7 +308,12 @@ def _with_blocks(group: ObservationGroup, values: Values, rows: IntArray, blocks
     """(k, m) by how much the computed observations of some rows change with other blocks in some slots."""
     numbers = [blocks.get(k, np.asarray(own[rows])) for k, own in enumerate(group.blocks)]
     given = [values[slot.kind][own] for slot, own in zip(group.type.slots, numbers, strict=True)]
-    change = group.type.equation(given, group.constants[rows]).values - evaluated(group, values, rows).values
+    return _change(group, values, rows, group.type.equation(given, group.constants[rows]).values)
+
+
+def _change(group: ObservationGroup, values: Values, rows: IntArray, computed: FloatArray) -> FloatArray:
+    """(k, m) what some rows are computed to otherwise, less what they are; 0 where that has no value."""
+    change = computed - evaluated(group, values, rows).values
     change[:, group.type.wraps] = wrap(change[:, group.type.wraps])
     return np.asarray(np.nan_to_num(change))
 
@@ -362,8 +364,7 @@ def _circles(values: Values, number: int, group: ObservationGroup) -> Iterator[_
             other[:, angles] *= factor
             changes.append(("circle unit", (*things, unit), f"observations, {things[0]}: units: {unit}", other))
         for cause, about, line, other in changes:
-            change = _read_otherwise(values, number, group, rows, other)
-            part = (number, rows, change[:, :, None])
+            part = (number, rows, _read_otherwise(values, group, rows, other)[:, :, None])
             yield _Candidate(cause, about, line, (part,), True, alike=len(sets))
 
 
@@ -375,9 +376,7 @@ def _angle_units(angles: FloatArray) -> Iterator[tuple[str, float]]:
             yield unit, factor
 
 
-def _read_otherwise(
-    values: Values, number: int, group: ObservationGroup, rows: IntArray, other: FloatArray
-) -> FloatArray:
+def _read_otherwise(values: Values, group: ObservationGroup, rows: IntArray, other: FloatArray) -> FloatArray:
     """(k, m) change of the computed observations that has the effect of other observed values (k, m) of some rows.
 
     The orientation of each set of horizontal directions follows.
@@ -403,7 +402,6 @@ _HALF_CIRCLE_SEEN = 0.05
 
 
 def _faces(values: Values, number: int, group: ObservationGroup, flagged: BoolArray) -> Iterator[_Candidate]:
-    """Single directions that are off by half a circle."""
     if not group.type.turns or group.type.references[0].name != "station":
         return
     column = group.type.turns[0]
@@ -415,7 +413,7 @@ def _faces(values: Values, number: int, group: ObservationGroup, flagged: BoolAr
         change = np.zeros((1, group.observed.shape[1], 1))
         change[0, column, 0] = np.pi * np.sign(size)
         names = tuple(column_[row] for column_ in group.references[:2])
-        line = f"{_where(group, row)}: horizontal + 200 gon"
+        line = f"{where(group, row)}: horizontal + 200 gon"
         yield _Candidate("face", names, line, ((number, np.array([row]), change),), True, alike=group.count)
 
 
@@ -440,11 +438,10 @@ def _turned_circles(values: Values, number: int, group: ObservationGroup, flagge
             turned = rows[place:]
             unit = np.zeros((len(turned), group.observed.shape[1], 1))
             unit[:, column, 0] = 1.0
-            line = f"{_where(group, int(turned[0]))}: a set of its own from here on"
             yield _Candidate(
                 "orientation changed",
                 (name, group.references[1][int(turned[0])]),
-                line,
+                f"{where(group, int(turned[0]))}: a set of its own from here on",
                 ((number, turned, unit),),
                 alike=len(rows),
             )
@@ -457,7 +454,6 @@ _MOST_TURNED = 12
 def _exchanges(
     values: Values, number: int, group: ObservationGroup, quality: Quality, flagged: BoolArray
 ) -> Iterator[_Candidate]:
-    """Pairs of rows of an image or a station whose targets were exchanged."""
     if len(group.references) != 2 or group.type.between_marks:
         return
     target = group.type.references[-1].name
@@ -477,7 +473,7 @@ def _exchanges(
             names = [group.references[-1][int(row)] for row in pair]
             if names[0] == names[1]:
                 continue
-            line = f"{_where(group, int(pair[0]))}: {names[1]}; {_where(group, int(pair[1]))}: {names[0]}"
+            line = f"{where(group, int(pair[0]))}: {names[1]}; {where(group, int(pair[1]))}: {names[0]}"
             part = (number, pair, change[2 * k : 2 * k + 2, :, None])
             yield _Candidate("names exchanged", (frame, *sorted(names)), line, (part,), definite=True, alike=len(pairs))
 
@@ -485,7 +481,6 @@ def _exchanges(
 def _wrong_names(
     network: Network, values: Values, quality: Quality, flagged: Sequence[BoolArray]
 ) -> Iterator[_Candidate]:
-    """Flagged rows that fit with another name."""
     found: list[Match] = []
     names = max((len(things.ids) for things in network.things.values()), default=1)
     most = min(ROWS, max(_NAMES, network.observations) // max(names, 1))
@@ -519,8 +514,7 @@ def _set_ups(
         if group.type.distances is None or group.type.between_marks:
             continue
         begin = group.type.distances[0]
-        place = [reference.name for reference in group.type.references].index(begin)
-        names = np.array(list(group.references[place]))
+        names = np.array(list(group.column(begin)))
         slots = [k for k, s in enumerate(group.type.slots) if s.of == begin and s.part == "position"]
         for name in dict.fromkeys(names.tolist()) if slots else ():
             if name in declared:
@@ -539,7 +533,7 @@ def _set_ups(
             for number, slot, rows in sights[name]:
                 group = problem.groups[number]
                 moved = _with_blocks(group, values, rows, {slot: np.full(len(rows), other)})
-                change = _read_otherwise(values, number, group, rows, np.nan_to_num(group.observed[rows]) - moved)
+                change = _read_otherwise(values, group, rows, np.nan_to_num(group.observed[rows]) - moved)
                 parts.append((number, rows, change[:, :, None]))
         line = f"stations: {pair[0]} ↔ {pair[1]}"
         yield _Candidate("set-ups exchanged", pair, line, tuple(parts), True, alike=len(ordered))
@@ -576,7 +570,6 @@ def _of_exchanged_points(
 
 
 def _heights(problem: Problem, network: Network, values: Values, quality: Quality) -> Iterator[_Candidate]:
-    """Heights of instruments and targets at set-ups, if any of their rows is controlled."""
     if "height" not in problem.index.blocks:
         return
     controlled = [np.nan_to_num(group.r).max(axis=1, initial=0.0) > CONTROLLED for group in quality.groups]
@@ -608,12 +601,10 @@ def _instead(
 ) -> Iterator[tuple[int, IntArray, FloatArray]]:
     for number, rows, _ in one.rows:
         group = problem.groups[number]
-        change = evaluated(group, usual, rows).values - evaluated(group, values, rows).values
-        yield number, rows, np.nan_to_num(np.where(group.type.wraps, wrap(change), change))[:, :, None]
+        yield number, rows, _change(group, values, rows, evaluated(group, usual, rows).values)[:, :, None]
 
 
-def _antennas(problem: Problem, network: Network, values: Values, adjusted: Sequence[int]) -> Iterator[_Candidate]:
-    """Height of the antenna at a point in all vectors to and from it."""
+def _antennas(problem: Problem, values: Values, adjusted: Sequence[int]) -> Iterator[_Candidate]:
     numbers = [k for k in adjusted if problem.groups[k].type == PLAIN_TYPES["vector"]]
     points = {name for k in numbers for column in problem.groups[k].references[:2] for name in column}
     for name in sorted(points):
@@ -623,8 +614,7 @@ def _antennas(problem: Problem, network: Network, values: Values, adjusted: Sequ
             for slot, own in enumerate(group.type.slots):
                 if own.part != "position":
                     continue
-                column = group.references[[r.name for r in group.type.references].index(own.of)]
-                rows = np.flatnonzero([n == name for n in column])
+                rows = np.flatnonzero([n == name for n in group.column(own.of)])
                 if len(rows):
                     parts.append((k, rows, _slot_columns(group, values, rows, slot, [2])))
         line = f"observations, vectors at {name}: antenna height"
@@ -698,7 +688,6 @@ def _control(
 
 
 def _curvature(problem: Problem, network: Network, values: Values, adjusted: Sequence[int]) -> Iterator[_Candidate]:
-    """Verticals that are not parallel."""
     effect = largest_effect(network, values)
     if effect is None or effect.in_sigma < NOTED:
         return
@@ -709,17 +698,9 @@ def _curvature(problem: Problem, network: Network, values: Values, adjusted: Seq
         if bent.type is group.type:
             continue
         rows = np.arange(group.count)
-        change = evaluated(bent, values, rows).values - evaluated(group, values, rows).values
-        change[:, group.type.wraps] = wrap(change[:, group.type.wraps])
-        parts.append((k, rows, np.nan_to_num(change)[:, :, None]))
+        parts.append((k, rows, _change(group, values, rows, evaluated(bent, values, rows).values)[:, :, None]))
     if parts:
         yield _Candidate("curvature", (), "curvature: true", tuple(parts), definite=True)
-
-
-def _where(group: ObservationGroup, row: int) -> str:
-    if len(group.lines) > row:
-        return f"{group.file}:{int(group.lines[row])}"
-    return f"{group.name}, {', '.join(names[row] for names in group.references)}"
 
 
 def _chunks(candidates: Sequence[_Candidate], quality: Quality) -> Iterator[list[_Candidate]]:
@@ -813,7 +794,6 @@ def _score(
 
 
 def _rows(quality: Quality, candidates: Iterable[_Candidate]) -> WhitenedRows:
-    """The observations that candidates change, with all that these are correlated with."""
     chosen = [np.zeros(group.observed.shape, dtype=bool) for group in quality.adjustment.problem.groups]
     for one in candidates:
         for number, rows, _ in one.parts:
@@ -959,7 +939,7 @@ def _distinct(good: Sequence[_Scored]) -> list[_Scored]:
     return found
 
 
-def _cause(network: Network, one: _Scored) -> ScoredHypothesis:
+def _cause(one: _Scored) -> ScoredHypothesis:
     candidate, amount = one.candidate, None
     if candidate.amount is not None and not candidate.definite:
         name, present = candidate.amount

@@ -401,8 +401,7 @@ def causes_without_start(
 ) -> Diagnosis:
     """Search for changes that give start values to a network that has none for the objects named ``unstarted``."""
     start = network.start
-    names = frozenset(unstarted)
-    situation = Situation(network, start, start, None, make, begin, names, settled=False)
+    situation = Situation(network, start, start, None, make, begin, frozenset(unstarted), settled=False)
     return possible_causes(situation, Before(np.nan, np.inf, 0), go_on)
 
 
@@ -562,8 +561,7 @@ def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArr
         changed = hypothesis.change(network)
         told = any(_told(changed, k) for k, g in enumerate(changed.groups) if g is not network.groups[k])
         count = 0
-        groups = zip(situation.network.groups, changed.groups, situation.misfitting, strict=False)
-        for old, new, bad in groups:
+        for old, new, bad in zip(situation.network.groups, changed.groups, situation.misfitting, strict=False):
             if old is not new:
                 count += int(np.count_nonzero(old.mask & (old.observed != new.observed) & ~bad))
         # ln of how much less likely it is that an observation is wrong where it fits.
@@ -574,12 +572,11 @@ def promises(situation: Situation, hypotheses: Sequence[Hypothesis]) -> FloatArr
 
 
 def _told(network: Network, number: int) -> bool:
-    """True if start values are given for all that any row of a group refers to."""
     group = network.groups[number]
     if any(slot.kind not in network.start for slot in group.type.slots):
         return False
     known = np.ones(group.count, dtype=bool)
-    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+    for slot, blocks in group.blocks_by_slot:
         start = network.start[slot.kind]
         given: BoolArray = np.asarray(np.isfinite(start.reshape(len(start), -1)).all(axis=1))
         known &= given[blocks]

@@ -12,7 +12,8 @@ import polars as pl
 
 from mor.errors import InputError, Message, counted
 from mor.model.cameras import CAMERA_MODELS
-from mor.model.observation_types import IMAGE_TYPES, PLAIN_TYPES
+from mor.model.images import IMAGE_TYPES
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import POINT, ROTATION
 from mor.project.axes import Edge, ImageScale, image_scale
 from mor.project.document import Document
@@ -31,7 +32,6 @@ from mor.project.tables import (
     component_rows,
     number_column,
     read_table,
-    tell_rows,
 )
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import LENGTH, Component
@@ -87,16 +87,16 @@ class Content(NamedTuple):
 
         Raises :class:`InputError`, also for names that no text file can hold.
         """
-        problems: list[Message] = []
+        place = self.place(section, number)
         own = {column.name for column in columns}
         others = [column for column in self._known_columns(section, table) if column.name not in own]
         optional = [column._replace(required=False) for column in others]
-        found = read_table(table, [*columns, *optional], self.place(section, number), problems)
+        found = read_table(table, [*columns, *optional], place)
         if found is not None:
             for name, cells in found.texts.items():
-                refuse_control_characters(problems, name, cells, found)
-        if problems or found is None:
-            raise InputError(problems)
+                refuse_control_characters(name, cells, found)
+        if place.problems or found is None:
+            raise InputError(place.problems)
         for column in optional:
             count = _given(found, column.name)
             if count:
@@ -108,7 +108,7 @@ class Content(NamedTuple):
         """Columns that the adjustment reads of a table; none on the earth, where the reference system says them."""
         if self.project.world is not None:
             return []
-        reading = Reading(self.project, self.place(), self.edge, workshop(), [], ignore_table)
+        reading = Reading(self.project, self.place(), self.edge, workshop(), ignore_table)
         if section == "points":
             return point_columns(reading)
         if section == "images":
@@ -121,14 +121,14 @@ class Content(NamedTuple):
         return []
 
 
-def refuse_control_characters(problems: list[Message], name: str, cells: pl.Series, rows: Rows) -> None:
+def refuse_control_characters(name: str, cells: pl.Series, rows: Rows) -> None:
     """Tell names with characters that XML forbids and text files break lines at."""
     odd = cells.str.contains(_CONTROL).fill_null(False).to_numpy()
 
     def words(row: int) -> str:
         return f"{name}: found {cells[row]!r}, expected a name without control characters; rename it"
 
-    tell_rows(problems, odd, rows, words)
+    rows.tell_where(odd, words)
 
 
 _CONTROL = "[\\x00-\\x1f\\x7f-\\x9f\\x{2028}\\x{2029}\\x{fffe}\\x{ffff}]"
@@ -167,8 +167,7 @@ def points(content: Content) -> ContentTable:
     columns.append(number_column("sigma", LENGTH, content.edge))
     for k, table in enumerate(content.project.points):
         rows = content.rows("points", k, table, columns)
-        found: list[Message] = []
-        statuses = component_rows(rows, POINT.components, table.fixed, found, rows.number("sigma"))
+        statuses = component_rows(rows, POINT.components, table.fixed, rows.number("sigma"))
         parts.append(ContentTable(rows.text("id"), {}, statuses))
     return _joined(parts, len(POINT.components), ())
 
@@ -184,8 +183,7 @@ def images(content: Content) -> ContentTable:
         columns = [Column("id", required=True), *(Column(name) for name in _IMAGE_TEXTS)]
         columns += component_columns(components, content.edge)
         rows = content.rows("images", k, table, columns)
-        found: list[Message] = []
-        statuses = component_rows(rows, components, table.fixed, found)
+        statuses = component_rows(rows, components, table.fixed)
         parts.append(ContentTable(rows.text("id"), {name: rows.text(name) for name in _IMAGE_TEXTS}, statuses))
     return _joined(parts, len(components), _IMAGE_TEXTS)
 

@@ -190,12 +190,10 @@ def _lines(content: Content, known: set[str]) -> list[tuple[str, str]]:
         ends = _LINES.get(entry.type)
         if ends is None:
             continue
-        problems: list[Message] = []
         place = content.place("observations", number)
-        rows = entry.rows is not None
-        source = from_rows(entry, place, problems) if rows else from_file(entry, {}, place, problems)
-        if source is None or problems:
-            raise InputError(problems)
+        source = from_rows(entry, place) if entry.rows is not None else from_file(entry, {}, place)
+        if source is None or place.problems:
+            raise InputError(place.problems)
         if not set(ends) <= set(source.columns):
             continue
         first, second = (source.columns[end].cast(pl.String).to_list() for end in ends)

@@ -11,7 +11,9 @@ import polars as pl
 
 from mor.errors import InputError, Message
 from mor.formats.content import Content, ContentTable
-from mor.model.observation_types import DEFLECTIONS, GEOID, PLAIN_TYPES, ObservationType
+from mor.model.contract import ObservationType
+from mor.model.geodetic import DEFLECTIONS, GEOID
+from mor.model.observation_types import PLAIN_TYPES
 from mor.project.network import Network, members_of, rows_of_covariance
 from mor.project.reference_system import EarthModel
 from mor.project.rows import CLUSTER
@@ -113,10 +115,10 @@ def _by_cluster(group: ObservationTable, content: Content, number: int) -> Itera
     if entry.covariance is None:
         yield group
         return
-    problems: list[Message] = []
-    given = rows_of_covariance(entry, content.place("observations", number), problems)
+    place = content.place("observations", number)
+    given = rows_of_covariance(entry, place)
     if given is None:
-        raise InputError(problems)
+        raise InputError(place.problems)
     if CLUSTER not in group.rows.texts:
         yield replace(group, covariance=np.array(given, dtype=float))
         return

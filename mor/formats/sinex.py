@@ -13,7 +13,8 @@ from mor.errors import InputError, Message
 from mor.formats.content import Content, content_of, not_carried
 from mor.formats.draft import Draft, Row, Written, parse_number, read_lines
 from mor.formats.networks import clusters, groups, world_of
-from mor.model.observation_types import PLAIN_TYPES, earth_types
+from mor.model.geodetic import earth_types
+from mor.model.observation_types import PLAIN_TYPES
 from mor.project.document import Document
 from mor.project.network import build_network
 from mor.project.reference_system import EarthModel

@@ -302,10 +302,7 @@ def ascending(pointers: IntArray, numbers: IntArray) -> IntArray:
 
 def _scalar_unknowns(structure: BlockStructure) -> Iterator[tuple[IntArray, IntArray, IntArray]]:
     """Yield, shape by shape, the scalar rows (m, r) and columns (m, c) of m blocks, and their numbers."""
-    starts_of_rows, starts_of_columns = (
-        structure.offsets[structure.indices],
-        structure.offsets[structure.columns],
-    )
+    starts_of_rows, starts_of_columns = (structure.offsets[structure.indices], structure.offsets[structure.columns])
     for rows, columns, blocks in structure.shapes():
         yield (
             starts_of_rows[blocks, None] + np.arange(rows),
@@ -522,12 +519,7 @@ def target(structure: BlockStructure) -> Target:
 
 
 def accumulate_rows(
-    into: Target,
-    values: FloatArray,
-    rhs: FloatArray,
-    jacobian: FloatArray,
-    misclosure: FloatArray,
-    columns: IntArray,
+    into: Target, values: FloatArray, rhs: FloatArray, jacobian: FloatArray, misclosure: FloatArray, columns: IntArray
 ) -> None:
     """Add JᵀJ to the block values and Jᵀl to the right-hand side.
 
@@ -554,12 +546,7 @@ def accumulate_rows(
 
 
 def accumulate_rows_plainly(
-    into: Target,
-    values: FloatArray,
-    rhs: FloatArray,
-    jacobian: FloatArray,
-    misclosure: FloatArray,
-    columns: IntArray,
+    into: Target, values: FloatArray, rhs: FloatArray, jacobian: FloatArray, misclosure: FloatArray, columns: IntArray
 ) -> None:
     """Accumulate in NumPy; the reference that the compiled form is tested against."""
     free = columns >= 0

@@ -489,7 +489,6 @@ def _assembled_front(
 
 
 def _factor_in_place(matrix: FloatArray, tolerance: float) -> FloatArray | None:
-    """Return the Cholesky factor in the place of the matrix; nothing if a pivot vanishes, the matrix being lost."""
     factor, failed = dpotrf(matrix, lower=1, clean=0, overwrite_a=1)
     return None if failed or np.square(factor.diagonal()).min(initial=1.0) < tolerance else factor
 

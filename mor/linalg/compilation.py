@@ -420,10 +420,7 @@ def _speed() -> tuple[float, float]:
     import numpy as np
 
     blocks = np.ones((2_000, 6, 6))
-    numpy, python = (
-        _rounds(lambda: blocks @ blocks),
-        _rounds(lambda: [{"a": n, "b": str(n)} for n in range(2_000)]),
-    )
+    numpy, python = (_rounds(lambda: blocks @ blocks), _rounds(lambda: [{"a": n, "b": str(n)} for n in range(2_000)]))
     with suppress(OSError):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps({"numpy": numpy, "python": python}))

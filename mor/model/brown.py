@@ -41,10 +41,7 @@ def _correct(interior: FloatArray, measured: FloatArray, by_coefficients: FloatA
     distortion = distort(x, y, interior[:, 3:8], 0.0, by_coefficients)
     xx, yy = 1.0 + distortion.xx, 1.0 + distortion.yy
     by_measured = PlaneDerivatives(
-        xx=xx * (1.0 + b1),
-        xy=xx * b2 + distortion.xy,
-        yx=distortion.xy * (1.0 + b1),
-        yy=distortion.xy * b2 + yy,
+        xx=xx * (1.0 + b1), xy=xx * b2 + distortion.xy, yx=distortion.xy * (1.0 + b1), yy=distortion.xy * b2 + yy
     )
     by_affine_x = np.column_stack((xx, distortion.xy))
     return _Correction(x + distortion.dx, y + distortion.dy, by_measured, by_affine_x, (x_reduced, y_reduced))
@@ -228,16 +225,7 @@ def project_forward(star: FloatArray, interior: FloatArray, constants: FloatArra
 
 BROWN_FORWARD = CameraModel(
     key="brown-forward",
-    components=(
-        Component("c", IMAGE),
-        Component("xh", IMAGE),
-        Component("yh", IMAGE),
-        Component("K1", Quantity(image=-2)),
-        Component("K2", Quantity(image=-4)),
-        Component("K3", Quantity(image=-6)),
-        Component("P1", Quantity(image=-1)),
-        Component("P2", Quantity(image=-1)),
-    ),
+    components=BROWN.components[:8],  # no affinity
     constants=(),
     project=project_forward,
 )

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import polars as pl
 
+from mor.errors import Message
 from mor.model.parameters import Values
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallIntArray
 from mor.units import ANGLE, Component
@@ -262,6 +263,31 @@ class ObservationGroup:
         return len(self.observed)
 
     @property
+    def blocks_by_slot(self) -> list[tuple[Slot, AnyIntArray]]:
+        """Each slot of the type with the (n,) numbers of its blocks."""
+        return list(zip(self.type.slots, self.blocks, strict=True))
+
+    def blocks_of(self, kind: str) -> list[AnyIntArray]:
+        """(n,) numbers of the blocks of each slot of a kind."""
+        return [blocks for slot, blocks in self.blocks_by_slot if slot.kind == kind]
+
+    def column(self, reference: str) -> Names:
+        """The n names of a reference of the type."""
+        return self.references[[own.name for own in self.type.references].index(reference)]
+
+    def names_of(self, row: int) -> dict[str, str]:
+        """Names of what a row refers to, by the references of the type."""
+        return {of.name: names[row] for of, names in zip(self.type.references, self.references, strict=True)}
+
+    def message(self, row: int, words: str) -> Message:
+        """A message about a row, with its file and line where it has them."""
+        return Message(words, self.file, self.line(row))
+
+    def line(self, row: int) -> int:
+        """Line of a row in its file, 0 where it comes from none."""
+        return int(self.lines[row]) if len(self.lines) > row else 0
+
+    @property
     def mask(self) -> BoolArray:
         """(n, m) true where there is an observation."""
         return np.isfinite(self.observed)
@@ -392,7 +418,7 @@ def with_sigma_model(group: ObservationGroup, values: Values) -> ObservationGrou
 
 
 def _centring_variance(group: ObservationGroup, values: Values) -> FloatArray:
-    blocks = [values[slot.kind][number] for slot, number in zip(group.type.slots, group.blocks, strict=True)]
+    blocks = [values[slot.kind][number] for slot, number in group.blocks_by_slot]
     jacobians = group.type.equation(blocks, group.constants).jacobians
     variance = np.zeros(group.observed.shape)
     for slot, jacobian in zip(group.type.slots, jacobians, strict=True):
@@ -410,7 +436,7 @@ def _distances(group: ObservationGroup, values: Values) -> FloatArray:
     positions = [
         values[slot.kind][number]
         for end in group.type.distances or ()
-        for slot, number in zip(group.type.slots, group.blocks, strict=True)
+        for slot, number in group.blocks_by_slot
         if slot.of == end and slot.part == "position"
     ]
     length: FloatArray = np.linalg.norm(positions[1] - positions[0], axis=1)

@@ -48,13 +48,7 @@ def local_equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Compu
     identity = np.broadcast_to(np.eye(3), rotation.shape)
     return Computed(
         scale * turned + offset,
-        (
-            -to_point,
-            by_rotation(identity * scale[:, :, None], turned),
-            turned[:, :, None],
-            identity,
-            to_point,
-        ),
+        (-to_point, by_rotation(identity * scale[:, :, None], turned), turned[:, :, None], identity, to_point),
     )
 
 
@@ -234,8 +228,7 @@ def at_infinity(type_: ObservationType) -> ObservationType:
         nothing = [np.zeros((len(D), _LENGTHS.get(slot.kind, 3))) for slot in type_.slots]
         filled = [near.get(k, zero) for k, zero in enumerate(nothing)]
         computed = type_.equation(filled, constants)
-        by_point = computed.jacobians[target]
-        by_turn = by_point @ np.swapaxes(D, 1, 2) @ TURNED_AXIS
+        by_turn = computed.jacobians[target] @ np.swapaxes(D, 1, 2) @ TURNED_AXIS
         by_kept = (_without_lengths(type_.slots[k], computed.jacobians[k]) for k in kept)
         return Computed(computed.values, (*by_kept, by_turn))
 

@@ -443,10 +443,7 @@ _RADIAL_FIRST = ("k0", "k1", "k2", "k3", "k4", "k5", "p0", "p1", "s0", "s1", "s2
 
 THIN_PRISM = CameraModel(
     key="thin-prism-fisheye",
-    components=(
-        *_PINHOLE,
-        *(Component(name, NUMBER) for name in ("k1", "k2", "p1", "p2", "k3", "k4", "sx1", "sy1")),
-    ),
+    components=(*_PINHOLE, *(Component(name, NUMBER) for name in ("k1", "k2", "p1", "p2", "k3", "k4", "sx1", "sy1"))),
     constants=(),
     project=project_thin_prism,
     sees_behind=True,

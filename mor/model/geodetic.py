@@ -13,7 +13,6 @@ from mor.model.contract import (
     FROM_TO,
     POSITIONS,
     Computed,
-    Equation,
     ObservationType,
     Reference,
     Slot,
@@ -157,24 +156,8 @@ def mean_sea_level_distance(horizon: Horizon) -> ObservationType:
 
 
 def _type(
-    key: str,
-    length: Callable[[FloatArray, FloatArray, FloatArray], Reduced],
-    constants: tuple[Component, ...] = (),
+    key: str, length: Callable[[FloatArray, FloatArray, FloatArray], Reduced], constants: tuple[Component, ...] = ()
 ) -> ObservationType:
-    return ObservationType(
-        key=key,
-        drawn="distance",
-        components=(Component("distance", LENGTH),),
-        references=FROM_TO,
-        slots=_SLOTS,
-        equation=_metered(length),
-        constants=constants,
-        distances=("from", "to"),
-    )
-
-
-def _metered(length: Callable[[FloatArray, FloatArray, FloatArray], Reduced]) -> Equation:
-    """s_obs = (s − a)/m with scale m and zero offset a of the distance meter."""
 
     def equation(blocks: Sequence[FloatArray], constants: FloatArray) -> Computed:
         start, end, meter = blocks
@@ -185,7 +168,16 @@ def _metered(length: Callable[[FloatArray, FloatArray, FloatArray], Reduced]) ->
         by_meter = np.stack([-computed / scale, -1.0 / scale], axis=2)
         return Computed(computed, (*by_ends, by_meter))
 
-    return equation
+    return ObservationType(
+        key=key,
+        drawn="distance",
+        components=(Component("distance", LENGTH),),
+        references=FROM_TO,
+        slots=_SLOTS,
+        equation=equation,
+        constants=constants,
+        distances=("from", "to"),
+    )
 
 
 # ---- Control points on the earth: the shift of a position from where it was given, in east, north, up of the place.
@@ -631,14 +623,7 @@ def navigation_attitude(horizon: Horizon) -> ObservationType:
 def rotation_from_navigation(angles: FloatArray) -> FloatArray:
     """D′ (n, 3, 3) of roll, pitch, yaw (n, 3), radians."""
     roll, pitch, yaw = angles.T
-    sr, cr, sp, cp, sy, cy = (
-        np.sin(roll),
-        np.cos(roll),
-        np.sin(pitch),
-        np.cos(pitch),
-        np.sin(yaw),
-        np.cos(yaw),
-    )
+    sr, cr, sp, cp, sy, cy = (np.sin(roll), np.cos(roll), np.sin(pitch), np.cos(pitch), np.sin(yaw), np.cos(yaw))
     right = np.stack([sr * sp * sy + cr * cy, sr * sp * cy - cr * sy, -sr * cp], axis=1)
     forward = np.stack([cp * sy, cp * cy, sp], axis=1)
     up = np.stack([sr * cy - cr * sp * sy, -sr * sy - cr * sp * cy, cr * cp], axis=1)

@@ -51,8 +51,7 @@ def image_coordinates(model: CameraModel, pair: tuple[Slot, ...] = ()) -> Observ
             by_star = projection.by_star @ relative[0]
             by_pair = [by_rotation(projection.by_star, own.lever), -by_star]
         return Computed(
-            projection.xy,
-            (*_by_frame(by_star, frame), *by_pair, projection.by_interior, by_point(by_star, frame)),
+            projection.xy, (*_by_frame(by_star, frame), *by_pair, projection.by_interior, by_point(by_star, frame))
         )
 
     interior = Slot(interior_key(model.key), "image", "interior")
@@ -237,8 +236,7 @@ def read_out_at_once(group: ObservationGroup) -> ObservationGroup:
     if form != MOVING:
         return group
     frame = IMAGE_TYPES[key]
-    pairs = zip(group.type.slots, group.blocks, strict=True)
-    blocks = tuple(numbers for slot, numbers in pairs if slot in frame.slots)
+    blocks = tuple(numbers for slot, numbers in group.blocks_by_slot if slot in frame.slots)
     return replace(group, type=frame, blocks=blocks, constants=group.constants[:, : len(frame.constants)])
 
 

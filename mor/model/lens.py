@@ -69,11 +69,7 @@ class Distortion(NamedTuple):
 
 
 def distort(
-    x: FloatArray,
-    y: FloatArray,
-    coefficients: FloatArray,
-    r0: FloatArray | float,
-    by_coefficients: FloatArray,
+    x: FloatArray, y: FloatArray, coefficients: FloatArray, r0: FloatArray | float, by_coefficients: FloatArray
 ) -> Distortion:
     """Distortion at (x, y), each (n,), with ``coefficients`` (n, 5) = K1, K2, K3, P1, P2.
 

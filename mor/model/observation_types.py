@@ -2,45 +2,16 @@
 
 from __future__ import annotations
 
-from mor.model.contract import (
-    PERFECT_SET_UP,
-    Computed,
-    External,
-    ObservationGroup,
-    ObservationType,
-    Reference,
-    SetUpSigmas,
-    Slot,
-    some_rows,
-    without,
-    wrap,
-)
 from mor.model.coordinates import (
-    AT_INFINITY,
     COORDINATES,
-    FREE_TURNS,
     LEVEL,
     LOCAL,
     OBSERVED_DIFFERENCES,
     OBSERVED_PARAMETERS,
-    TURNED_AXIS,
-    at_infinity,
-    can_be_at_infinity,
     takes_positions,
-    target_slot,
     to_projection_centres,
 )
-from mor.model.geodetic import (
-    DEFLECTIONS,
-    EARTH_TYPES,
-    GEOID,
-    NOT_ON_EARTH,
-    control,
-    earth_types,
-    projected_attitude,
-    projected_position,
-)
-from mor.model.images import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, is_image_point, read_out_at_once
+from mor.model.images import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES
 from mor.model.shapes import PERPENDICULAR_TYPES, RELATION_TYPES, SHAPE_TYPES
 from mor.model.terrestrial import (
     ANGLE_TYPE,
@@ -101,43 +72,3 @@ ALL_TYPES = {
         *OBSERVED_DIFFERENCES.values(),
     )
 }
-
-
-__all__ = [
-    "ALL_TYPES",
-    "AT_INFINITY",
-    "DEFLECTIONS",
-    "EARTH_TYPES",
-    "FOLLOWER_TYPES",
-    "FREE_TURNS",
-    "GEOID",
-    "IMAGE_TYPES",
-    "MOVING_TYPES",
-    "NOT_ON_EARTH",
-    "OBSERVED_DIFFERENCES",
-    "OBSERVED_PARAMETERS",
-    "PERFECT_SET_UP",
-    "PLAIN_TYPES",
-    "PROJECTION_CENTRE_TYPES",
-    "TURNED_AXIS",
-    "Computed",
-    "External",
-    "ObservationGroup",
-    "ObservationType",
-    "Reference",
-    "SetUpSigmas",
-    "Slot",
-    "at_infinity",
-    "can_be_at_infinity",
-    "control",
-    "earth_types",
-    "is_image_point",
-    "projected_attitude",
-    "projected_position",
-    "read_out_at_once",
-    "some_rows",
-    "target_slot",
-    "to_projection_centres",
-    "without",
-    "wrap",
-]

@@ -67,10 +67,7 @@ GNSS_FRAME = BlockKind(
 """Where the frame of a GNSS solution lies in that of the points, in geocentric axes."""
 POSITION_SHIFT = BlockKind(
     "position shift",
-    (
-        *(Component(f"shift_{axis}", LENGTH) for axis in "xyz"),
-        *(Component(f"drift_{axis}", SPEED) for axis in "xyz"),
-    ),
+    (*(Component(f"shift_{axis}", LENGTH) for axis in "xyz"), *(Component(f"drift_{axis}", SPEED) for axis in "xyz")),
 )
 """By what the positions of satellites along a trajectory are off, and how that grows."""
 ATTITUDE_SHIFT = BlockKind(
@@ -175,11 +172,7 @@ class Index:
     def label(self, column: int) -> tuple[str, str, str]:
         """Kind, block identifier and component name of an unknown."""
         blocks = self.blocks[self.unknown_kind[self.kind_of[column]]]
-        return (
-            blocks.kind.key,
-            blocks.ids[self.block_of[column]],
-            blocks.kind.names[self.component_of[column]],
-        )
+        return (blocks.kind.key, blocks.ids[self.block_of[column]], blocks.kind.names[self.component_of[column]])
 
 
 def index_unknowns(blocks: Mapping[str, Blocks]) -> Index:

@@ -130,10 +130,7 @@ def triangles(corners: FloatArray, normals: FloatArray | None = None) -> Triangl
         level = level[0].reshape(-1, 2, 3).min(axis=1), level[1].reshape(-1, 2, 3).max(axis=1)
         boxes.append(level)
     return Triangles(
-        corners,
-        normals,
-        order,
-        tuple((low, np.where(low > high, low, high)) for low, high in reversed(boxes)),
+        corners, normals, order, tuple((low, np.where(low > high, low, high)) for low, high in reversed(boxes))
     )
 
 

@@ -82,20 +82,12 @@ _GLASS = (
 )
 FLAT_PORT = Port(
     "flat-port",
-    (
-        *(Component(name, NUMBER) for name in ("tilt_x", "tilt_y")),
-        Component("distance", LENGTH, math.nan),
-        *_GLASS,
-    ),
+    (*(Component(name, NUMBER) for name in ("tilt_x", "tilt_y")), Component("distance", LENGTH, math.nan), *_GLASS),
     _flat_face,
 )
 DOME_PORT = Port(
     "dome-port",
-    (
-        *(Component(f"centre_{axis}", LENGTH) for axis in "xyz"),
-        Component("radius", LENGTH, math.nan),
-        *_GLASS,
-    ),
+    (*(Component(f"centre_{axis}", LENGTH) for axis in "xyz"), Component("radius", LENGTH, math.nan), *_GLASS),
     _dome_face,
 )
 PORTS = (FLAT_PORT, DOME_PORT)
@@ -240,9 +232,7 @@ def behind(port: Port, lens: CameraModel) -> CameraModel:
         projection = lens.project(seen.star, interior[:, :own], constants, measured)
         by_port = projection.by_star @ seen.by_port
         return Projection(
-            projection.xy,
-            projection.by_star @ seen.by_star,
-            np.concatenate([projection.by_interior, by_port], axis=2),
+            projection.xy, projection.by_star @ seen.by_star, np.concatenate([projection.by_interior, by_port], axis=2)
         )
 
     return lens._replace(

@@ -181,11 +181,7 @@ _SYSTEM = (("point", "position"), *_ROTATIONS, ("eccentricity", "offset"))
 
 
 def _relation(
-    key: str,
-    quantity: Quantity,
-    names: tuple[str, ...],
-    slots: tuple[tuple[str, str], ...],
-    equation: Equation,
+    key: str, quantity: Quantity, names: tuple[str, ...], slots: tuple[tuple[str, str], ...], equation: Equation
 ) -> ObservationType:
     return ObservationType(
         key=key,

@@ -43,11 +43,7 @@ ANGLE_TYPE = ObservationType(
     drawn="direction",
     components=(Component("angle", ANGLE),),
     references=(Reference("at", POSITIONS), Reference("from", POSITIONS), Reference("to", POSITIONS)),
-    slots=(
-        Slot("point", "at", "position"),
-        Slot("point", "from", "position"),
-        Slot("point", "to", "position"),
-    ),
+    slots=(Slot("point", "at", "position"), Slot("point", "from", "position"), Slot("point", "to", "position")),
     equation=angle_equation,
     distances=("at", "to"),
     turns=(0,),
@@ -303,8 +299,7 @@ def _on_the_circle(zenith: bool) -> Callable[[Sequence[FloatArray], FloatArray],
         horizontal = computed.values[:, 0] + np.where(second, np.pi, 0.0)
         sign = np.stack([np.ones_like(upwards), upwards], axis=1)[:, :, None]
         return Computed(
-            np.stack([horizontal, vertical], axis=1),
-            tuple(sign * jacobian for jacobian in computed.jacobians),
+            np.stack([horizontal, vertical], axis=1), tuple(sign * jacobian for jacobian in computed.jacobians)
         )
 
     return equation

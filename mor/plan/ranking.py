@@ -11,8 +11,7 @@ from scipy.sparse import csr_matrix, vstack
 
 from mor.errors import InputError, Message
 from mor.model import rotations
-from mor.model.contract import with_sigma_model
-from mor.model.observation_types import ObservationGroup, some_rows
+from mor.model.contract import ObservationGroup, some_rows, with_sigma_model
 from mor.plan.requirements import (
     REACHED,
     Interest,
@@ -265,7 +264,7 @@ def _solutions(quality: Quality, M: csr_matrix, reduced: FloatArray, points: Eli
 
 
 def _points_of(group: ObservationGroup) -> IntArray:
-    found = [b for s, b in zip(group.type.slots, group.blocks, strict=True) if s.kind == "point"]
+    found = group.blocks_of("point")
     return np.concatenate([np.asarray(b, dtype=np.int64) for b in found] or [np.zeros(0, dtype=np.int64)])
 
 
@@ -308,8 +307,7 @@ def wide_outcomes(
             for first in range(0, len(here), _AT_A_TIME):
                 rows = here[first : first + _AT_A_TIME]
                 outcome, estimable = _outcomes(quality, wide, wanted, some_rows(group, rows), size, least[number])
-                units = [Unit(number, int(row), np.arange(size), True) for row in rows]
-                yield units, outcome, estimable
+                yield [Unit(number, int(row), np.arange(size), True) for row in rows], outcome, estimable
 
 
 def _outcomes(
@@ -389,8 +387,7 @@ def _through_points(
     others, back = wide.points.others[number], wide.points.back[number]
     crossing = wide.reduced[at[:, :, None], others[:, None, :]] @ back.transpose(0, 2, 1)
     cross = by_reduced @ crossing @ J_p.transpose(0, 2, 1)
-    spread = wide.spread[number]
-    return np.asarray(J_p @ spread @ J_p.transpose(0, 2, 1) - cross - cross.transpose(0, 2, 1))
+    return np.asarray(J_p @ wide.spread[number] @ J_p.transpose(0, 2, 1) - cross - cross.transpose(0, 2, 1))
 
 
 # ---- Which planned observations can be spared, which candidates bring most, and a plan made of the best, one by one.
@@ -555,7 +552,6 @@ def spared(interest: Interest, unit: Unit) -> Interest:
 
 
 def _scored(interest: Interest, wanted: RowLimits, units: Sequence[Unit], sign: float) -> Iterator[Ranked]:
-    """Each unit with what the plan would be, in the order of the units."""
     scores: dict[int, Ranked] = {}
     sizes = np.array([unit.cost for unit in units])
     for size in np.unique(sizes).tolist():

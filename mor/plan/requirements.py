@@ -11,8 +11,7 @@ import numpy as np
 
 from mor.errors import InputError, Message, nearest
 from mor.model import rotations
-from mor.model.contract import with_sigma_model
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup, with_sigma_model
 from mor.project.axes import UnitError
 from mor.project.network import Network
 from mor.project.schema import RequiredReliability, RequiredSigma
@@ -106,8 +105,7 @@ def chosen_names(
     for pattern in patterns:
         here = [k for k, name in enumerate(names) if name == pattern or fnmatchcase(name, pattern)]
         if not here:
-            words = f"there is no {what} {pattern!r}{nearest(pattern, names)}"
-            problems.append(Message(words, file))
+            problems.append(Message(f"there is no {what} {pattern!r}{nearest(pattern, names)}", file))
         found.update(here)
     return sorted(found)
 
@@ -405,8 +403,7 @@ def datum_rows(quality: Quality, blocks: IntArray, first: int) -> tuple[FloatArr
     dense[np.arange(len(chosen)), chosen] = 1.0
     datum = quality.datum
     if datum.null.shape[1]:
-        normals = quality.adjustment.constraint.normals
-        dense -= datum.null[chosen] @ datum.binding @ normals.T
+        dense -= datum.null[chosen] @ datum.binding @ quality.adjustment.constraint.normals.T
     return dense, places
 
 

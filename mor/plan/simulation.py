@@ -14,9 +14,9 @@ from scipy.special import chdtri, fdtri, ndtri
 from mor.errors import InputError, Message, nearest
 from mor.model import rotations
 from mor.model.cameras import CAMERA_MODELS
+from mor.model.contract import ObservationGroup
 from mor.model.coordinates import OBSERVED_PARAMETERS
-from mor.model.images import is_read_out_along, shutter_on_trajectory
-from mor.model.observation_types import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, ObservationGroup
+from mor.model.images import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, is_read_out_along, shutter_on_trajectory
 from mor.model.parameters import ATTITUDE_SHIFT, POSITION_SHIFT, Values, move, moves_by_angles
 from mor.model.rotations import angles_from_rotation
 from mor.model.trajectory import CUBIC, LINEAR, STEADINESS, on_trajectory
@@ -71,10 +71,9 @@ def errors(problem: Problem, generator: np.random.Generator) -> tuple[FloatArray
     flat, unit = np.concatenate([e.ravel() for e in found]), np.concatenate([u.ravel() for u in drawn])
     for cluster in problem.clusters:
         flat[cluster.entries] = rotations.cholesky(cluster.covariance) @ unit[cluster.entries]
-    offsets = problem.offsets
     return tuple(
         flat[first : first + group.observed.size].reshape(group.observed.shape)
-        for first, group in zip(offsets, problem.groups, strict=False)
+        for first, group in zip(problem.offsets, problem.groups, strict=False)
     )
 
 

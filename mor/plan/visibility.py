@@ -13,7 +13,8 @@ import polars as pl
 
 from mor.errors import InputError, Message, counted, nearest
 from mor.model.cameras import CAMERA_MODELS, CameraModel
-from mor.model.observation_types import IMAGE_TYPES, ObservationType
+from mor.model.contract import ObservationType
+from mor.model.images import IMAGE_TYPES
 from mor.model.parameters import INTERIORS
 from mor.model.polygons import Triangles, face_normals, faces_of, hidden, triangles, triangulated
 from mor.model.rotations import rotation_from_angles
@@ -130,7 +131,7 @@ def surroundings(reading: Reading, targets: Targets) -> Surroundings:
         if clearance < 0.0:
             raise UnitError(f"found {given.clearance}, expected a length")
     except UnitError as error:
-        reading.problems.append(place.problem(f"clearance: {error}", "clearance"))
+        place.tell(f"clearance: {error}", "clearance")
         clearance = 0.0
     found: list[FloatArray] = []
     by_name: dict[str, FloatArray] = {}
@@ -163,9 +164,9 @@ def _corners(reading: Reading, surface: Surface, place: TableLocation, targets: 
         corners = np.array([_corner(reading, at, targets) for at in surface.polygon or []])
         return np.asarray(corners[triangulated(corners)])
     except InputError as error:
-        reading.problems += [one if one.line else place.problem(one.message) for one in error.problems]
+        reading.problems.extend(one if one.line else place.problem(one.message) for one in error.problems)
     except ValueError as error:  # of units, too
-        reading.problems.append(place.problem(f"this surface: {error}"))
+        place.tell(f"this surface: {error}")
     return np.zeros((0, 3, 3))
 
 
@@ -222,7 +223,6 @@ def _put_normals(
     clearance: float,
     normals: FloatArray,
 ) -> None:
-    """Write the normals that an entry gives, internal axes."""
     if given.direction is not None:
         direction = np.array(given.direction)
         chosen = targets_named(given.points, targets, place, "points", reading.problems)
@@ -230,14 +230,14 @@ def _put_normals(
     elif given.surface is not None:
         if given.surface not in by_name:
             words = f"there is no surface {given.surface!r}{nearest(given.surface, by_name)}"
-            reading.problems.append(place.problem(words, "surface"))
+            place.tell(words, "surface")
             return
         chosen = targets_named(given.points, targets, place, "points", reading.problems)
         some = _inside(reading, by_name[given.surface])
         faces = faces_of(targets.positions[chosen], some, clearance)
         for k in chosen[faces < 0].tolist():
             words = f"point {targets.names[k]!r} is not on surface {given.surface!r}, within the clearance"
-            reading.problems.append(place.problem(words))
+            place.tell(words)
         normals[chosen[faces >= 0]] = some.normals[faces[faces >= 0]]
     else:
         _read_normals(reading, given, place, targets, normals)
@@ -253,7 +253,7 @@ def _read_normals(
             for name in ("nx", "ny", "nz")
         ),
     ]
-    rows = read_table(given, columns, place, reading.problems)
+    rows = read_table(given, columns, place)
     if rows is None:
         return
     names = rows.text("id")
@@ -273,7 +273,7 @@ def _put(
     """Write normals (k, 3) of any length, axes of the project; on the earth east, north, up of their points."""
     length = np.linalg.norm(values, axis=1)
     if not ((length > 0.0) & np.isfinite(length)).all():
-        reading.problems.append(place.problem("a normal is 0 or not a number, expected a direction"))
+        place.tell("a normal is 0 or not a number, expected a direction")
         return
     axes = local_axes(reading, targets.positions[chosen])
     normals[chosen] = np.einsum("nij,ni->nj", axes, values / length[:, None])
@@ -413,8 +413,7 @@ class PlannedImage(NamedTuple):
 
 def image(reading: Reading, start: Start, number: int) -> PlannedImage:
     """An image of the project; NaN if it has no place."""
-    images = reading.shop.things["image"]
-    part = {name: int(blocks[number]) for name, blocks in images.parts.items()}
+    part = {name: int(blocks[number]) for name, blocks in reading.shop.things["image"].parts.items()}
     name = reading.shop.things["camera"].ids[part["camera"]]
     camera, scale = reading.project.cameras[name], reading.scales[name]
     model = CAMERA_MODELS[camera.model]
@@ -523,7 +522,7 @@ class VisibilityScene(NamedTuple):
 
     def mistake(self, words: str) -> None:
         """Tell a mistake of the entry."""
-        self.reading.problems.append(self.place.problem(f"visible: {words}", "visible"))
+        self.place.tell(f"visible: {words}", "visible")
 
 
 class Viewpoint(NamedTuple):
@@ -646,7 +645,7 @@ def _viewpoints(scene: VisibilityScene, entry: Observations, type_: ObservationT
         others = [p for p in wanted.at if not named([p], names, space, scene.place, "", [])]
         points = targets_named(others, scene.targets, scene.place, "visible: at", reading.problems)
         return [*_at(scene, space, found), *_at(scene, "point", points.tolist())]
-    reading.problems += mistakes
+    reading.problems.extend(mistakes)
     if space != "image":
         return _at(scene, space, found)
     without = {reading.shop.things["camera"].ids[int(c)] for c in reading.shop.things["image"].parts["camera"][found]}

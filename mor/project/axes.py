@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.model.observation_types import External, ObservationType
+from mor.model.contract import External, ObservationType
 from mor.project.schema import Axes, Camera, Units
 from mor.types import LARGEST, FloatArray
 from mor.units import ANGLE, ANGLE_UNITS, LENGTH_UNITS, NUMBER_UNITS, PIXEL, SECOND, TIME_UNITS, Quantity, parse_dms
@@ -246,8 +246,7 @@ def external_image(scale: ImageScale) -> External:
     if not scale.corner:
         return External(np.eye(2), np.zeros(2), np.full(2, factor), (unit, unit))
     flip = np.diag([1.0, -1.0])
-    centre = np.array(scale.centre) * scale.factor("px")
-    return External(flip, -flip @ centre, np.full(2, factor), (unit, unit))
+    return External(flip, -flip @ (np.array(scale.centre) * scale.factor("px")), np.full(2, factor), (unit, unit))
 
 
 def external(type_: ObservationType, edge: Edge, scale: ImageScale | None = None) -> External:

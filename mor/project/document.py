@@ -170,7 +170,6 @@ _BROKEN = (
 
 
 def _broken(error: yaml.MarkedYAMLError, file: str) -> Message:
-    """Broken YAML in plain words, where they are known; what is left open is told where it began."""
     said = " ".join(part for part in (error.context, error.problem) if part)
     plain = next((words for part, words in _BROKEN if part in said), said)
     begun = "opens here" in plain or "no colon" in plain
@@ -255,8 +254,7 @@ class _YamlReader:
     def _behind(self, alias: yaml.AliasEvent) -> list[yaml.Event]:
         found = self.anchored.get(str(alias.anchor))
         if found is None:
-            words = "this is not valid YAML: texts that begin with * need quotes"
-            raise self._error(words, _line(alias))
+            raise self._error("this is not valid YAML: texts that begin with * need quotes", _line(alias))
         if not found:
             raise self._error(_TOO_DEEP, _line(alias))
         return found
@@ -360,7 +358,6 @@ def _simple_rows(rows: list[list[Any]], width: int) -> list[str] | None:
 
 
 def _simple(cell: Any) -> str | None:
-    """A cell as YAML has it, where that needs no thought."""
     if cell is None:
         return "null"
     if isinstance(cell, _Plain):
@@ -430,8 +427,7 @@ class _Dumper(yaml.SafeDumper):
 
     def represent_text(self, value: str) -> yaml.ScalarNode:
         """A text; with what breaks lines or is not seen spelled out, for single quotes fold it."""
-        style = '"' if escaped(value) != value else None
-        return self.represent_scalar("tag:yaml.org,2002:str", value, style)
+        return self.represent_scalar("tag:yaml.org,2002:str", value, '"' if escaped(value) != value else None)
 
     def represent_plain(self, value: _Plain) -> yaml.ScalarNode:
         tag: str = self.resolve(yaml.ScalarNode, str(value), (True, False))  # type: ignore[no-untyped-call]

@@ -7,11 +7,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from mor.model.contract import Names
+from mor.model.contract import Names, ObservationGroup, ObservationType
 from mor.model.curvature import on_sphere
 from mor.model.earth import EARTH_RADIUS, LocalSphere, gaussian_radius
-from mor.model.geodetic import CONVERGENCE, ProjectionPolynomial, projected_attitude, projected_bearing
-from mor.model.observation_types import GEOID, PLAIN_TYPES, ObservationGroup, ObservationType
+from mor.model.geodetic import CONVERGENCE, GEOID, ProjectionPolynomial, projected_attitude, projected_bearing
+from mor.model.observation_types import PLAIN_TYPES
 from mor.project.axes import UnitError
 from mor.project.entities import Reading
 from mor.project.reference_system import (
@@ -23,7 +23,7 @@ from mor.project.reference_system import (
     reference_system,
 )
 from mor.project.schema import Curvature, Observations
-from mor.project.tables import Rows, TableLocation, tell_rows
+from mor.project.tables import Rows, TableLocation
 from mor.types import FloatArray, IntArray
 from mor.units import ANGLE, LENGTH
 
@@ -34,10 +34,10 @@ PLANE = ("east", "north")
 MEANT = "its height is above the geoid, but the geoid is unknown: give a column geoid, or world: {geoid: FILE}"
 
 
-def known_at(reading: Reading, world: EarthModel, known: str, blocks: IntArray, rows: Rows, names: Names) -> FloatArray:
+def known_at(world: EarthModel, known: str, blocks: IntArray, rows: Rows, names: Names) -> FloatArray:
     """Deflections or geoid heights (n,) at positions; a missing geoid height is a mistake."""
     values = world.of_points(known, blocks)
-    tell_rows(reading.problems, np.isnan(values), rows, lambda row: f"{names[row]!r}: {MEANT}")
+    rows.tell_where(np.isnan(values), lambda row: f"{names[row]!r}: {MEANT}")
     return values
 
 
@@ -49,10 +49,9 @@ def place_of_observed(
     if world.orthometric:
         N = rows.number(GEOID)
         N = np.where(np.isnan(N), world.of_points(GEOID, blocks), N)
-        N = np.where(np.isnan(N), _of_grid(reading, world, given), N)
-        tell_rows(reading.problems, np.isnan(N) & ~planned, rows, MEANT)
-    lost = np.any(np.isnan(given), axis=1)
-    tell_rows(reading.problems, lost, rows, "a position on the earth needs all of east, north, height")
+        N = np.where(np.isnan(N), _of_grid(world, given), N)
+        rows.tell_where(np.isnan(N) & ~planned, MEANT)
+    rows.tell_where(np.any(np.isnan(given), axis=1), "a position on the earth needs all of east, north, height")
     place = world.to_object(np.where(planned[:, None], world.inside(), given), N)
     return np.concatenate([place, world.grid(place).reshape(-1, 4), given], axis=1)
 
@@ -66,7 +65,7 @@ def convergence_of_rows(world: EarthModel, rows: Rows) -> FloatArray:
     return found
 
 
-def _of_grid(reading: Reading, world: EarthModel, given: FloatArray) -> FloatArray:
+def _of_grid(world: EarthModel, given: FloatArray) -> FloatArray:
     if world.geoid is None:
         return np.full(len(given), np.nan)
     try:
@@ -131,8 +130,7 @@ def _projected(
     foot = world.horizon.foot(above).position
     geodetic = world.horizon.to_geodetic(foot)
     geodetic[:, 2] = 0.0
-    plane = system.from_geodetic(geodetic)[:, :2] / world.metres
-    return (foot[:, :2] - middle) / half, plane
+    return (foot[:, :2] - middle) / half, system.from_geodetic(geodetic)[:, :2] / world.metres
 
 
 def in_its_projection(reading: Reading, entry: Observations, place: TableLocation) -> ObservationType | None:
@@ -140,8 +138,7 @@ def in_its_projection(reading: Reading, entry: Observations, place: TableLocatio
     world = reading.world
     assert world is not None
     if entry.projection is None and world.system.kind != "projected":
-        words = f"{entry.type}: {world.system.name} is not a projection; name one (projection: EPSG:25832)"
-        reading.problems.append(place.problem(words, "type"))
+        place.tell(f"{entry.type}: {world.system.name} is not a projection; name one (projection: EPSG:25832)", "type")
         return None
     try:
         system = world.system if entry.projection is None else reference_system(entry.projection)
@@ -152,7 +149,7 @@ def in_its_projection(reading: Reading, entry: Observations, place: TableLocatio
             raise ReferenceSystemError(f"{system.name} is of another ellipsoid than {world.system.name}")
         return projected_bearing(world.horizon, plane_of(system, world, entry.projection))
     except (ReferenceSystemError, PlaneError) as error:
-        reading.problems.append(place.problem(f"projection: {error}", "projection"))
+        place.tell(f"projection: {error}", "projection")
         return None
 
 
@@ -166,13 +163,13 @@ def with_convergence_at_images(
     world, given = reading.world, [np.isfinite(rows.number(name)) for name in PLANE]
     assert world is not None
     words = "the place of an attitude needs both of east, north, or neither: then it is that of its image"
-    tell_rows(reading.problems, given[0] != given[1], rows, words)
+    rows.tell_where(given[0] != given[1], words)
     if given[0].all():
         return type_
     try:
         return projected_attitude(world.horizon, plane_of(world.system, world))
     except PlaneError as error:
-        reading.problems.append(place.problem(f"projection: {error}", "type"))
+        place.tell(f"projection: {error}", "type")
         return None
 
 
@@ -190,7 +187,7 @@ def read_sphere(reading: Reading) -> None:
     place = reading.at("curvature")
     if reading.project.world is not None:
         words = "curvature: a network on the ellipsoid (world) has it already; remove the key"
-        reading.problems.append(place.problem(words))
+        place.tell(words)
         return
     refused = [
         *(("cameras", name) for name, c in reading.project.cameras.items() if c.readout is not None),
@@ -199,7 +196,7 @@ def read_sphere(reading: Reading) -> None:
     for path in refused:
         what = "trajectories" if path == ("trajectories",) else "a rolling shutter"
         words = f"curvature: {what} cannot be on the sphere; use world, or leave curvature out"
-        reading.problems.append(reading.at(*path).problem(words))
+        reading.at(*path).tell(words)
     radius = _radius(reading, section if isinstance(section, Curvature) else Curvature.model_construct())
     origin = _origin(reading, section if isinstance(section, Curvature) else Curvature.model_construct())
     if refused or radius is None or origin is None:
@@ -228,8 +225,7 @@ def median_origin(positions: FloatArray, metre: float) -> tuple[float, float, fl
 def _radius(reading: Reading, section: Curvature) -> float | None:
     place, metres = reading.at("curvature"), reading.edge.metres
     if section.radius is not None and section.latitude is not None:
-        words = "curvature: radius and latitude are two ways to say the same; remove one"
-        reading.problems.append(place.problem(words))
+        place.tell("curvature: radius and latitude are two ways to say the same; remove one")
         return None
     try:
         if section.latitude is not None:
@@ -246,7 +242,7 @@ def _radius(reading: Reading, section: Curvature) -> float | None:
         return radius
     except UnitError as error:
         key = "latitude" if section.latitude is not None else "radius"
-        reading.problems.append(place.problem(f"curvature: {key}: {error}", key))
+        place.tell(f"curvature: {key}: {error}", key)
         return None
 
 
@@ -262,8 +258,7 @@ def _origin(reading: Reading, section: Curvature) -> tuple[float, float, float] 
         try:
             given.append(reading.edge.number(getattr(section.origin, name), LENGTH))
         except UnitError as error:
-            words = f"curvature: origin: {name}: {error}"
-            reading.problems.append(reading.at("curvature").problem(words, "origin"))
+            reading.at("curvature").tell(f"curvature: origin: {name}: {error}", "origin")
             return None
     x, y, z = np.array(given) @ reading.edge.matrix.T
     return float(x), float(y), float(z)
@@ -315,13 +310,12 @@ def check_held_on_earth(reading: Reading, groups: Sequence[ObservationGroup], fr
         return
     held = _places_held(reading, groups)
     if not _turn_is_held(reading, groups) and (held == 1 or (held == 0 and free)):
-        reading.problems.append(reading.at("datum").problem(_TURNS_ABOUT if held else _TURNS))
+        reading.at("datum").tell(_TURNS_ABOUT if held else _TURNS)
     elif held == 0 and free and kinds & _HEIGHTS:
-        reading.problems.append(reading.at("datum").problem(_LIES))
+        reading.at("datum").tell(_LIES)
 
 
 def _places_held(reading: Reading, groups: Sequence[ObservationGroup]) -> int:
-    """Number of points and frame positions that are fixed or observed."""
     free = reading.shop.store("point").all_free()
     held = np.zeros(len(free), dtype=bool)
     for things in reading.shop.things.values():
@@ -335,7 +329,6 @@ def _places_held(reading: Reading, groups: Sequence[ObservationGroup]) -> int:
 
 
 def _turn_is_held(reading: Reading, groups: Sequence[ObservationGroup]) -> bool:
-    """True if anything fixes or observes the orientation of the network."""
     if any(group.type.key in _TURNED for group in groups):
         return True
     if any(group.type.key == "observed/rotation" and group.mask[:, _KAPPA].any() for group in groups):

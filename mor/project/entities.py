@@ -13,9 +13,10 @@ from typing import NamedTuple, TypeAlias
 import numpy as np
 
 from mor.errors import Message, nearest
+from mor.model.contract import ObservationGroup, ObservationType
 from mor.model.earth import LocalSphere
 from mor.model.motion import cubic_weights, linear_weights
-from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, ObservationType
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import KINDS, BlockKind, Blocks
 from mor.model.trajectory import CUBIC, LINEAR
 from mor.project.axes import Edge, ImageScale
@@ -348,8 +349,7 @@ def decimal_year(text: str) -> float:
             tzinfo=None
         )
     except ValueError:
-        words = f"found {text!r}, expected a date such as 2015-05-12, or a year such as 2015.36"
-        raise ValueError(words) from None
+        raise ValueError(f"found {text!r}, expected a date such as 2015-05-12, or a year such as 2015.36") from None
     begin = datetime(moment.year, 1, 1)
     whole = datetime(moment.year + 1, 1, 1) - begin
     return moment.year + (moment - begin) / whole
@@ -564,7 +564,6 @@ class Reading:
     place: TableLocation
     edge: Edge
     shop: Workshop
-    problems: list[Message]
     watch: TableWatcher
     """Told each long table that has been read."""
     sets: dict[str, tuple[str, str]] = field(default_factory=dict)
@@ -629,7 +628,12 @@ class Reading:
         """The place of a part of the project file."""
         if path[:1] == ("observations",):
             path = (self.section, *path[1:])
-        return TableLocation(self.place.document, path, self.place.folder)
+        return self.place.at(*path)
+
+    @property
+    def problems(self) -> list[Message]:
+        """All mistakes found."""
+        return self.place.problems
 
     @property
     def document(self) -> Document:

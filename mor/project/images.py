@@ -7,9 +7,9 @@ from math import hypot, inf, isnan
 
 import numpy as np
 
-from mor.errors import Message
 from mor.model.cameras import CAMERA_MODELS
-from mor.model.observation_types import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, ObservationGroup
+from mor.model.contract import ObservationGroup
+from mor.model.coordinates import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
 from mor.model.parameters import (
     ECCENTRICITY,
     HEIGHT,
@@ -21,13 +21,12 @@ from mor.model.parameters import (
     ROTATION_RATE,
 )
 from mor.project.axes import ImageScale, UnitError, image_scale, split
-from mor.project.document import KeyPath
 from mor.project.entities import Reading, entities, unknown_name
 from mor.project.motion import EPOCH, remember_epochs
 from mor.project.points import NameColumn, check_unique, position_columns, positions, rotations
 from mor.project.schema import Camera, Images, Setting, Value
 from mor.project.stations import eccentricities, heights, motions, set_up_columns, shared_column
-from mor.project.tables import Column, Rows, TableLocation, component_columns, read_table, settings, tell_rows
+from mor.project.tables import Column, Rows, TableLocation, component_columns, read_table, settings
 from mor.project.trajectories import (
     TRAJECTORY,
     check_line_times,
@@ -57,7 +56,7 @@ def read_cameras(reading: Reading) -> None:
         try:
             scale = image_scale(camera)
         except UnitError as error:
-            reading.problems.append(at.problem(str(error), "image"))
+            at.tell(str(error), "image")
             continue
         if not _r0_is_good(reading, name, camera, scale):
             continue
@@ -77,28 +76,25 @@ def _r0_is_good(reading: Reading, name: str, camera: Camera, scale: ImageScale) 
     try:
         r0 = reading.edge.number(camera.r0 or "0", IMAGE, "", scale)
     except UnitError as error:
-        reading.problems.append(reading.at("cameras", name).problem(f"r0: {error}", "r0"))
+        reading.at("cameras", name).tell(f"r0: {error}", "r0")
         return False
     if r0 < 0.0:
-        reading.problems.append(reading.at("cameras", name).problem("r0: expected a radius, 0 or more", "r0"))
+        reading.at("cameras", name).tell("r0: expected a radius, 0 or more", "r0")
     return r0 >= 0.0
 
 
 def _interior(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> int:
     model = CAMERA_MODELS[camera.model]
-    path: KeyPath = ("cameras", name, "interior")
-    place = reading.at(*path)
+    place = reading.at("cameras", name, "interior")
     given = {**_first_guess(reading, name, camera, scale), **camera.interior}
     before = len(reading.problems)
-    statuses = settings(given, model.components, reading.edge, place, path, reading.problems, scale)
+    statuses = settings(given, model.components, reading.edge, place, scale)
     values = statuses.values
     if values[0, 0] <= 0.0 and model.components[0].name in given and len(reading.problems) == before:
-        reading.problems.append(
-            place.problem(f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0")
-        )
+        place.tell(f"{model.components[0].name}: found {values[0, 0]:g}, expected a camera constant > 0")
     if camera.medium and len(reading.problems) == before:
         found = dict(zip((c.name for c in model.components), values[0].tolist(), strict=True))
-        reading.problems += [place.problem(words) for words in _impossible(camera.medium, found)]
+        reading.problems.extend(place.problem(words) for words in _impossible(camera.medium, found))
     return int(reading.shop.store(f"interior/{camera.model}").add([name], *statuses)[0])
 
 
@@ -126,7 +122,7 @@ def _first_guess(reading: Reading, name: str, camera: Camera, scale: ImageScale)
     try:
         guess, words = _guessed_constant(camera, scale)
     except UnitError as error:
-        reading.problems.append(at.problem(f"interior: {names[0]} (camera constant) is required; {error}"))
+        at.tell(f"interior: {names[0]} (camera constant) is required; {error}")
         return {}
     reading.notes.append(at.problem(f"camera {name}: {names[0]} = {guess:.6g} {scale.unit}, free, {words}"))
     return {constant: Value(free=repr(guess)) for constant in names}
@@ -143,17 +139,14 @@ def _guessed_constant(camera: Camera, scale: ImageScale) -> tuple[float, str]:
     if camera.focal_length_35mm is not None:
         diagonal = float(np.hypot(width, height))
         return camera.focal_length_35mm * diagonal / DIAGONAL_35MM, "from focal_length_35mm"
-    words = f"a first guess: {GUESSED_CONSTANT:g} x the longer side of the image"
-    return GUESSED_CONSTANT * max(width, height), words
+    return GUESSED_CONSTANT * max(width, height), f"a first guess: {GUESSED_CONSTANT:g} x the longer side of the image"
 
 
 def _eccentricity(reading: Reading, name: str, camera: Camera) -> int:
     if not camera.eccentricity:
         return 0
-    path: KeyPath = ("cameras", name, "eccentricity")
-    statuses = settings(
-        dict(camera.eccentricity), ECCENTRICITY.components, reading.edge, reading.at(*path), path, reading.problems
-    )
+    place = reading.at("cameras", name, "eccentricity")
+    statuses = settings(dict(camera.eccentricity), ECCENTRICITY.components, reading.edge, place)
     return int(reading.shop.store("eccentricity").add([f"camera {name}"], *statuses)[0])
 
 
@@ -161,21 +154,20 @@ def _readout(reading: Reading, name: str, camera: Camera, scale: ImageScale) -> 
     """Block of the readout time, −1 where all rows are exposed at once: none given, or exactly 0."""
     if camera.readout is None:
         return -1
-    at, path = reading.at("cameras", name), ("cameras", name)
+    at = reading.at("cameras", name)
     before = len(reading.problems)
-    given = {READOUT.key: camera.readout}
-    statuses = settings(given, READOUT.components, reading.edge, at, path, reading.problems)
+    statuses = settings({READOUT.key: camera.readout}, READOUT.components, reading.edge, at)
     if len(reading.problems) > before:
         return -1
     value, free = float(statuses.values[0, 0]), bool(statuses.free[0, 0])
     if value < 0.0:
         words = f"readout: found {value:g} s, expected 0 or more; readout_direction says where it goes"
-        reading.problems.append(at.problem(words, "readout"))
+        at.tell(words, "readout")
     if value == 0.0 and not free:
         return -1
     if np.isnan(scale.pixel) or camera.image is None:
         words = "readout needs image: {width, height, pixel}: the row of a point is its time"
-        reading.problems.append(at.problem(words, "readout"))
+        at.tell(words, "readout")
         return -1
     return int(reading.shop.store(READOUT.key).add([f"camera {name}"], *statuses)[0])
 
@@ -201,14 +193,13 @@ def image_variant(reading: Reading, name: str, camera: Camera) -> dict[int, floa
     for component, text in given.items():
         at = reading.at("cameras", name, "image_variant")
         if component not in kind.names:
-            words = unknown_name("component", component, kind.names)
-            reading.problems.append(at.problem(words))
+            at.tell(unknown_name("component", component, kind.names))
             continue
         k = kind.names.index(component)
         try:
             sigma = _variant_sigma(reading, text, kind.components[k], reading.scales[name])
         except UnitError as error:
-            reading.problems.append(at.problem(f"{component}: {error}"))
+            at.tell(f"{component}: {error}")
             continue
         if sigma != 0.0:  # no difference at all: every image has the component of the camera
             result[k] = sigma
@@ -289,7 +280,7 @@ def read_images(reading: Reading) -> None:
     collected: dict[str, list[IntArray]] = {}
     ids: list[str] = []
     seen: list[NameColumn] = []
-    leaders: list[tuple[int, str, str, str, int]] = []
+    leaders: list[tuple[int, str, str, Rows, int]] = []
     read_line_times(reading)
     for k, table in enumerate(reading.project.images):
         reading.begin("images", k, table)
@@ -330,17 +321,17 @@ def _read_images_table(
     ids: list[str],
     collected: dict[str, list[IntArray]],
     seen: list[NameColumn],
-    leaders: list[tuple[int, str, str, str, int]],
+    leaders: list[tuple[int, str, str, Rows, int]],
 ) -> None:
     edge, shop = reading.edge, reading.shop
-    rows = read_table(table, image_columns(reading), place, reading.problems)
+    rows = read_table(table, image_columns(reading), place)
     if rows is None:
         return
     names = rows.text("id")
-    check_unique("image", names, rows, seen, reading.problems)
+    check_unique("image", names, rows, seen)
     remember_epochs(reading, "image", names, rows)
     if not edge.right_handed:
-        reading.problems.append(place.problem(f"images need right-handed axes; {edge.axes.xy} is left-handed"))
+        place.tell(f"images need right-handed axes; {edge.axes.xy} is left-handed")
         return
     cameras = _camera_numbers(reading, rows)
     if cameras is None:
@@ -370,7 +361,7 @@ def _read_images_table(
     }
     for i, (leader, pair) in enumerate(zip(rows.text("leader"), rows.text("pair"), strict=True)):
         if leader or pair:
-            leaders.append((len(ids) + i, leader, pair, rows.file, int(rows.lines[i])))
+            leaders.append((len(ids) + i, leader, pair, rows, i))
     for part, array in found.items():
         collected.setdefault(part, []).append(array)
     ids += names
@@ -379,14 +370,13 @@ def _read_images_table(
 
 def image_columns(reading: Reading) -> list[Column]:
     """Return the columns that a table of images may have."""
-    edge = reading.edge
     return [
         Column("id", required=True),
         Column("camera", required=True),
         *(Column(name) for name in ("position", "leader", "pair")),
         EPOCH,
         *trajectory_columns(reading),
-        *component_columns((*POINT.components, *ROTATION.components), edge),
+        *component_columns((*POINT.components, *ROTATION.components), reading.edge),
         *position_columns(reading),
         *set_up_columns(reading, HEIGHT),
         *set_up_columns(reading, ECCENTRICITY),
@@ -404,11 +394,10 @@ def _own_poses(
     """
     names = rows.text("id")
     follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
-    for i in np.flatnonzero(follows):
+    for i in np.flatnonzero(follows).tolist():
         given = any(np.isfinite(rows.number(name)[i]) for name in _POSE)
         if given or any(rows.text(name)[i] for name in _SHARED):
-            words = f"image {names[i]!r} follows another one: it has no position or attitude of its own"
-            reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
+            rows.tell(i, f"image {names[i]!r} follows another one: it has no position or attitude of its own")
     position, rotation, height = (np.full(len(names), -1, dtype=np.int64) for _ in range(3))
     eccentricity = eccentricity.copy()
     labels = [f"image {name}" for name in names]
@@ -440,13 +429,13 @@ def _motions(
     follows = np.array([bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)])
     moving = (readout >= 0) & ~follows & ~on_trajectory
     words = "image {0!r} follows another one; a stereo follower with a readout time is not supported"
-    tell_rows(reading.problems, (readout >= 0) & follows, rows, lambda row: words.format(names[row]))
+    rows.tell_where((readout >= 0) & follows, lambda row: words.format(names[row]))
     still = np.flatnonzero(readout < 0)
     given = [c for kind in _MOTION for c in kind.names if np.isfinite(rows.number(c)[still]).any()]
     if given or (len(still) and any(c in table.free for kind in _MOTION for c in kind.names)):
         camera = rows.text("camera")[int(still[0])]
         said = f"camera {camera} has no readout time: the motion of its images has no effect and is left out"
-        reading.notes.append(Message(said, rows.file, int(rows.lines[int(still[0])])))
+        reading.notes.append(rows.problem(int(still[0]), said))
     return motions(reading, rows, labels, table.fixed, table.free, moving)
 
 
@@ -457,33 +446,29 @@ def _camera_numbers(reading: Reading, rows: Rows) -> IntArray | None:
     for name in dict.fromkeys(names[i] for i in np.flatnonzero(result < 0)):
         if name in reading.project.cameras or "camera" in reading.broken:
             continue  # its own mistake is told already
-        line = int(rows.lines[names.index(name)])
-        reading.problems.append(Message(unknown_name("camera", name, known), rows.file, line))
+        rows.tell(names.index(name), unknown_name("camera", name, known))
     return None if (result < 0).any() else result
 
 
-def _follow(reading: Reading, leaders: list[tuple[int, str, str, str, int]]) -> None:
-    """Tie followers to their leading image: its frame, and the relative orientation of their pair."""
+def _follow(reading: Reading, leaders: list[tuple[int, str, str, Rows, int]]) -> None:
     images, pairs = reading.shop.things["image"], reading.shop.things["pair"]
     followers = {number for number, *_ in leaders}
-    for number, leader, pair, file, line in leaders:
+    for number, leader, pair, rows, row in leaders:
         if not leader or not pair:
             have, lack = ("pair", "leader") if pair else ("leader", "pair")
             words = f"image {images.ids[number]!r} has a {have} but no {lack}; a stereo follower needs both"
-            reading.problems.append(Message(words, file, line))
+            rows.tell(row, words)
         elif leader not in images.numbers:
-            reading.problems.append(Message(unknown_name("leader: image", leader, images.ids), file, line))
+            rows.tell(row, unknown_name("leader: image", leader, images.ids))
         elif pair not in pairs.numbers and "pair" in reading.broken:
             continue
         elif pair not in pairs.numbers:
-            reading.problems.append(Message(unknown_name("pair", pair, pairs.ids), file, line))
+            rows.tell(row, unknown_name("pair", pair, pairs.ids))
         elif images.numbers[leader] == number:
-            reading.problems.append(
-                Message(f"image {leader!r} is its own leader; a stereo follower follows another image", file, line)
-            )
+            rows.tell(row, f"image {leader!r} is its own leader; a stereo follower follows another image")
         elif images.numbers[leader] in followers:
             words = f"leader {leader!r} is itself a follower; a leader must have its own position and attitude"
-            reading.problems.append(Message(words, file, line))
+            rows.tell(row, words)
         else:
             if leader in reading.image_times:
                 reading.image_times[images.ids[number]] = reading.image_times[leader]

@@ -52,8 +52,7 @@ class LevellingLine:
 
     def inside(self) -> set[str]:
         """Names of points of the line that are neither its first nor its last."""
-        names = {name for row in (*self.differences, *self.sides) for name in (row.start, row.end)}
-        return names - self.ends()
+        return {name for row in (*self.differences, *self.sides) for name in (row.start, row.end)} - self.ends()
 
     def ends(self) -> set[str]:
         """First and last point."""
@@ -96,8 +95,7 @@ class Levelling:
     def sight_forward(self, reading: StaffReading) -> None:
         """Add a reading forward; a turning point may have no name."""
         if not reading.point:
-            again = self.fore[-1].point if self.fore else f"turning point {reading.line}"
-            reading = reading._replace(point=again)
+            reading = reading._replace(point=self.fore[-1].point if self.fore else f"turning point {reading.line}")
         self._add(reading, self.fore, self.back)
         self.current = reading.point
 
@@ -203,7 +201,6 @@ class Levelling:
 
 
 def _difference(back: list[StaffReading], fore: list[StaffReading]) -> LevelledDifference:
-    """Height difference of mean readings."""
     distances = [[r.distance for r in side if r.distance] for side in (back, fore)]
     complete = all(len(d) == len(side) for d, side in zip(distances, (back, fore), strict=True))
     length = sum(fmean(d) for d in distances) if complete else None

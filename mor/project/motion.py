@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from functools import partial
 from itertools import groupby
 from operator import itemgetter
 from typing import NamedTuple
 
 import numpy as np
 
-from mor.errors import Message
-from mor.model.contract import Names, names_of
-from mor.model.observation_types import OBSERVED_DIFFERENCES, ObservationGroup, Reference, some_rows
+from mor.model.contract import Names, ObservationGroup, Reference, names_of, some_rows
+from mor.model.coordinates import OBSERVED_DIFFERENCES
 from mor.model.parameters import COSINE, MOTIONS, SINE, VELOCITY, BlockKind
 from mor.model.trajectory import basis, moving
 from mor.project.entities import (
@@ -42,7 +43,6 @@ from mor.project.tables import (
     component_rows,
     number_column,
     read_table,
-    tell_rows,
 )
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import LENGTH, Component
@@ -61,7 +61,7 @@ def read_motions(reading: Reading) -> None:
         try:
             decimal_year(project.epochs.reference)
         except ValueError as error:
-            reading.problems.append(reading.at("epochs").problem(f"reference: {error}", "reference"))
+            reading.at("epochs").tell(f"reference: {error}", "reference")
     if not project.motions:
         return
     nothing = np.zeros(len(reading.shop.things["point"].ids), dtype=np.int64)
@@ -71,8 +71,7 @@ def read_motions(reading: Reading) -> None:
     steps: list[_Step] = []
     for number, table in enumerate(project.motions):
         reading.begin("motions", number, table)
-        place = reading.at("motions", number)
-        rows = _rows(reading, table, place)
+        rows = _rows(reading, table, reading.at("motions", number))
         reading.motion.tables.append((table.model, rows.text("id") if rows is not None else []))
         if rows is None:
             continue
@@ -85,7 +84,7 @@ def read_motions(reading: Reading) -> None:
         elif table.model == "epochs":
             for row, point in enumerate(moving):
                 if point.own_epochs or point.steps or point.motions:
-                    _tell_twice(reading, rows, row, _MOVES_ALREADY.format(repr(point.name)))
+                    rows.tell(row, _MOVES_ALREADY.format(repr(point.name)))
                 point.own_epochs = True
         else:
             _add_motion(reading, table, rows, moving)
@@ -105,10 +104,9 @@ def _rows(reading: Reading, table: MotionEntry, place: TableLocation) -> Rows | 
     known = [component.name for component in components]
     wrong = [name for name in table.fixed if name not in known]
     if wrong:
-        words = f"model {table.model} has no component {wrong[0]!r} (known: {', '.join(known)})"
-        reading.problems.append(place.problem(words, "fixed"))
+        place.tell(f"model {table.model} has no component {wrong[0]!r} (known: {', '.join(known)})", "fixed")
         return None
-    return read_table(table, columns, place, reading.problems)
+    return read_table(table, columns, place)
 
 
 def _named(reading: Reading, patterns: list[str], place: TableLocation) -> list[str]:
@@ -125,7 +123,7 @@ def _named(reading: Reading, patterns: list[str], place: TableLocation) -> list[
         else:
             here = [name for name in own if fnmatchcase(name, pattern)]
         if not here and "point" not in reading.broken:
-            reading.problems.append(place.problem(unknown_name("point", pattern, points.ids), "points"))
+            place.tell(unknown_name("point", pattern, points.ids), "points")
         found |= dict.fromkeys(here)
     return list(found)
 
@@ -134,38 +132,32 @@ def _point(reading: Reading, rows: Rows, row: int) -> MovingPoint | None:
     name, points = rows.series("id")[row], reading.shop.things["point"]
     if name not in points.numbers:
         if "point" not in reading.broken:
-            words = unknown_name("point", name, points.ids)
-            reading.problems.append(Message(words, rows.file, int(rows.lines[row])))
+            rows.tell(row, unknown_name("point", name, points.ids))
         return None
     block = points.part(name, "position")
     return reading.motion.points.setdefault(block, MovingPoint(name, [], block))
 
 
-def _tell_twice(reading: Reading, rows: Rows, row: int, words: str) -> None:
-    reading.problems.append(Message(words, rows.file, int(rows.lines[row])))
-
-
 def _add_motion(reading: Reading, table: MotionEntry, rows: Rows, moving: list[MovingPoint]) -> None:
-    """Blocks of velocity or oscillation, 0 where nothing is said of them."""
     names = [point.name for point in moving]
     for kind in _KINDS[table.model]:
         for component in kind.names:
             rows.numbers[component] = np.nan_to_num(rows.number(component))
         own = [name for name in table.fixed if name in kind.names]
-        statuses = component_rows(rows, kind.components, own, reading.problems, rows.number("sigma"))
+        statuses = component_rows(rows, kind.components, own, rows.number("sigma"))
         statuses = in_dimensions(statuses, reading)
         blocks = reading.shop.store(kind.key).add(names, *inwards(reading.edge, statuses))
         points = reading.shop.things["point"]
         for row, (point, block) in enumerate(zip(moving, blocks.tolist(), strict=True)):
             if point.own_epochs:
-                _tell_twice(reading, rows, row, _MOVES_ALREADY.format(repr(point.name)))
+                rows.tell(row, _MOVES_ALREADY.format(repr(point.name)))
             elif kind.key in point.motions:
                 words = (
                     f"point {point.name!r} has a velocity already"
                     if kind is VELOCITY
                     else f"point {point.name!r} has an annual oscillation already"
                 )
-                _tell_twice(reading, rows, row, words)
+                rows.tell(row, words)
                 return
             point.motions[kind.key] = block
             points.parts[kind.key][points.numbers[point.name]] = block
@@ -181,26 +173,26 @@ class _Step(NamedTuple):
     free: BoolArray
     sigma: FloatArray
     group: str
-    problem: Message
+    rows: Rows
+    row: int
 
 
 def _steps(reading: Reading, table: MotionEntry, rows: Rows, moving: list[MovingPoint], group: str) -> list[_Step]:
     for component in STEP:
         rows.numbers[component.name] = np.nan_to_num(rows.number(component.name))
-    statuses = component_rows(rows, STEP, table.fixed, reading.problems, rows.number("sigma"))
+    statuses = component_rows(rows, STEP, table.fixed, rows.number("sigma"))
     statuses = inwards(reading.edge, in_dimensions(statuses, reading))
     steps = []
     for row, point in enumerate(moving):
         text = rows.series("time")[row]
-        here = Message("", rows.file, int(rows.lines[row]))
         try:
             time = decimal_year(text)
         except ValueError as error:
-            reading.problems.append(Message(f"time: {error}", here.file, here.line))
+            rows.tell(row, f"time: {error}")
             continue
         label = f"{point.name}{AT}{text}"
         own = (statuses.values[row], statuses.free[row], statuses.sigma[row])
-        steps.append(_Step(point, time, label, *own, group, here))
+        steps.append(_Step(point, time, label, *own, group, rows, row))
     return steps
 
 
@@ -217,7 +209,7 @@ def _take_steps(reading: Reading, steps: list[_Step]) -> None:
                 if point.own_epochs
                 else f"point {point.name!r} has a step at this time already"
             )
-            reading.problems.append(Message(words, step.problem.file, step.problem.line))
+            step.rows.tell(step.row, words)
             continue
         before = point.steps[-1][1] if point.steps else point.block
         block = block_at(reading, [step.label], np.array([before]), step.size[None])[0]
@@ -231,7 +223,7 @@ def _take_steps(reading: Reading, steps: list[_Step]) -> None:
     try:
         settle_equalities(reading.shop.store("point"), [tie for tie in ties if not absent[tie.component]])
     except ContradictionError as error:
-        reading.problems.append(reading.at("motions").problem(f"steps: {error}"))
+        reading.at("motions").tell(f"steps: {error}")
     reading.motion_groups += [_observed_steps(reading, name, found) for name, found in observed.items()]
 
 
@@ -289,8 +281,7 @@ def epochs_of_rows(reading: Reading, rows: Rows) -> IntArray:
         try:
             numbers[k] = reading.motion.epoch(text)
         except ValueError as error:
-            row = int(np.argmax(names.numbers == k))
-            reading.problems.append(Message(f"epoch: {error}", rows.file, int(rows.lines[row])))
+            rows.tell(int(np.argmax(names.numbers == k)), f"epoch: {error}")
     return numbers[names.numbers]
 
 
@@ -313,22 +304,14 @@ def row_epochs(reading: Reading, rows: Rows, references: tuple[Reference, ...], 
         of_name = np.array([_epoch_of(reading, reference, name) for name in named.known], dtype=np.int64)
         found = of_name[named.numbers] if len(of_name) else epochs
         differ = (found != NONE) & (epochs != NONE) & (found != epochs)
-        tell_rows(reading.problems, differ, rows, _Differing(reading.motion, named, found, epochs).words)
+        rows.tell_where(differ, partial(_differing, reading.motion, named, found, epochs))
         epochs = np.where(epochs == NONE, found, epochs)
     return epochs
 
 
-class _Differing(NamedTuple):
-    """Rows that give another epoch than their image or station has."""
-
-    motion: TimeModel
-    names: Names
-    found: IntArray
-    given: IntArray
-
-    def words(self, row: int) -> str:
-        own, other = (self.motion.labels[int(epochs[row])] for epochs in (self.found, self.given))
-        return f"{self.names[row]} is of epoch {own}, this row of {other}"
+def _differing(motion: TimeModel, names: Names, found: IntArray, given: IntArray, row: int) -> str:
+    own, other = (motion.labels[int(epochs[row])] for epochs in (found, given))
+    return f"{names[row]} is of epoch {own}, this row of {other}"
 
 
 def _epoch_of(reading: Reading, reference: Reference, name: str) -> int:
@@ -348,10 +331,8 @@ def _epoch_of(reading: Reading, reference: Reference, name: str) -> int:
 def settle_reference(reading: Reading) -> None:
     """t0: as the project says, or the first of the epochs."""
     given = reading.project.epochs.reference
-    try:
+    with suppress(ValueError):  # told where the section is read
         reading.motion.reference = decimal_year(given) if given is not None else min(reading.motion.times, default=0.0)
-    except ValueError:
-        return  # told where the section is read
 
 
 def at_their_epochs(reading: Reading, groups: list[ReadGroup]) -> list[ReadGroup]:
@@ -365,11 +346,10 @@ def at_their_epochs(reading: Reading, groups: list[ReadGroup]) -> list[ReadGroup
 
 
 def _settle_first_epochs(reading: Reading, groups: list[ReadGroup]) -> None:
-    """Points with coordinates of every epoch have their own in the first one that sees them."""
     motion = reading.motion
     free = np.array(sorted(b for b, point in motion.points.items() if point.own_epochs), dtype=np.int64)
     for found in groups if len(free) else ():
-        for slot, blocks in zip(found.group.type.slots, found.group.blocks, strict=True):
+        for slot, blocks in found.group.blocks_by_slot:
             if slot.kind != "point" or found.epochs is None:
                 continue
             rows = np.flatnonzero(np.isin(blocks, free) & (found.epochs != NONE))
@@ -410,7 +390,7 @@ def _at_its_epochs(reading: Reading, found: ReadGroup) -> list[ReadGroup]:
     parts = [] if moves.all() else [_some(whole, np.flatnonzero(~moves))]
     if moves.any():
         rows = np.flatnonzero(moves)
-        times = np.array(motion.times)[epochs[rows]] if moves.any() else np.zeros(0)
+        times = np.array(motion.times)[epochs[rows]]
         times = np.where(epochs[rows] == NONE, motion.reference, times)
         parts.append(_moving(_some(whole, rows), [column[rows] for column in motions], basis(times, motion.reference)))
     return parts
@@ -422,8 +402,7 @@ def _called_by_epoch(reading: Reading, group: ObservationGroup, blocks: list[Int
     for reference, names in zip(group.type.references, group.references, strict=True):
         for k, slot in enumerate(group.type.slots):
             if slot.kind == "point" and slot.of == reference.name and "point" in reference.among:
-                own = np.asarray(group.blocks[k], dtype=np.int64)
-                names = _renamed(reading, names, own, blocks[k])
+                names = _renamed(reading, names, np.asarray(group.blocks[k], dtype=np.int64), blocks[k])
         called.append(names)
     return tuple(called)
 
@@ -445,15 +424,8 @@ def _renamed(reading: Reading, names: Names, own: IntArray, placed: IntArray) ->
 
 def _moving(found: ReadGroup, motions: list[IntArray], constants: np.ndarray) -> ReadGroup:
     group = found.group
-    return replace(
-        found,
-        group=replace(
-            group,
-            type=moving(group.type),
-            blocks=(*group.blocks, *motions),
-            constants=np.concatenate([group.constants, constants], axis=1),
-        ),
-    )
+    blocks, constants = (*group.blocks, *motions), np.concatenate([group.constants, constants], axis=1)
+    return replace(found, group=replace(group, type=moving(group.type), blocks=blocks, constants=constants))
 
 
 def _some(found: ReadGroup, rows: IntArray) -> ReadGroup:
@@ -470,7 +442,6 @@ def _some(found: ReadGroup, rows: IntArray) -> ReadGroup:
 
 
 def _all_have_epochs(reading: Reading, group: ObservationGroup, positions: list[int], without: BoolArray) -> bool:
-    """False if a row sees a moving point at no time; each such row is told."""
     if not without.any():
         return True
     moving = reading.motion.points
@@ -480,8 +451,7 @@ def _all_have_epochs(reading: Reading, group: ObservationGroup, positions: list[
         words = (
             f"point {name!r} moves, and this row has no epoch: give the row, or its image or station, a column epoch"
         )
-        line = int(group.lines[row]) if len(group.lines) > row else 0
-        reading.problems.append(Message(words, group.file, line))
+        reading.problems.append(group.message(row, words))
     return False
 
 
@@ -534,15 +504,13 @@ def _add_epochs(reading: Reading, pairs: IntArray, group: ObservationGroup, rows
         if reading.section != "observations":
             row = int(rows[int(np.argmax(which.ravel() == 0))])
             words = f"point {point.name!r} was not observed in the epoch {motion.labels[epoch]}"
-            line = int(group.lines[row]) if len(group.lines) > row else 0
-            reading.problems.append(Message(words, group.file, line))
+            reading.problems.append(group.message(row, words))
             continue
         new.append((block, epoch))
     if not new:
         return
     labels = [f"{motion.points[block].name}{AT}{motion.labels[epoch]}" for block, epoch in new]
-    before = np.array([block for block, _ in new], dtype=np.int64)
-    added = block_at(reading, labels, before, np.zeros((len(new), 3)))
+    added = block_at(reading, labels, np.array([block for block, _ in new], dtype=np.int64), np.zeros((len(new), 3)))
     for (block, epoch), own in zip(new, added.tolist(), strict=True):
         motion.points[block].by_epoch[epoch] = own
         motion.stands_for[own] = block

@@ -11,16 +11,9 @@ import numpy as np
 
 from mor.errors import InputError, Message, UndeterminedObject, counted
 from mor.input_files import read_text
+from mor.model.contract import PERFECT_SET_UP, ObservationGroup, some_rows
+from mor.model.coordinates import AT_INFINITY, FREE_TURNS, at_infinity, target_slot
 from mor.model.earth import LocalSphere
-from mor.model.observation_types import (
-    AT_INFINITY,
-    FREE_TURNS,
-    PERFECT_SET_UP,
-    ObservationGroup,
-    at_infinity,
-    some_rows,
-    target_slot,
-)
 from mor.model.parameters import Blocks, Values
 from mor.model.rotations import rotation_from_angles
 from mor.project.axes import SMALLEST_SIGMA, Edge, ImageScale, external
@@ -91,7 +84,7 @@ def refuse_files_named_twice(reading: Reading) -> None:
                     f"file {entry.file!r} is read already in line {seen[key]}, as {entry.type}: its observations "
                     "would count twice; remove one of the two"
                 )
-                reading.problems.append(place.problem(words, "file"))
+                place.tell(words, "file")
             else:
                 seen[key] = line
 
@@ -156,7 +149,7 @@ def _by_row(reading: Reading, groups: list[ReadGroup], number: int) -> list[Corr
     for i, (components, covariance) in enumerate(zip(observed, turned, strict=True)):
         words = "" if flawless else _not_positive_definite(covariance)
         if words:
-            reading.problems.append(Message(words, group.group.file, int(group.group.lines[i])))
+            reading.problems.append(group.group.message(i, words))
             continue
         size = len(components)
         result.append(Correlation(np.full(size, number), np.full(size, i), components, covariance))
@@ -167,7 +160,7 @@ def _by_cluster(reading: Reading, groups: list[ReadGroup], number: int) -> list[
     """A matrix for the rows of each cluster: the rows of a covariance are those of its own cluster alone."""
     found = groups[number]
     place = reading.at("observations", found.entry)
-    given = rows_of_covariance(reading.project.observations[found.entry], place, reading.problems)
+    given = rows_of_covariance(reading.project.observations[found.entry], place)
     assert found.clusters is not None
     if given is None:
         return []
@@ -176,19 +169,17 @@ def _by_cluster(reading: Reading, groups: list[ReadGroup], number: int) -> list[
     names = [found.clusters[int(rows[own[0]])] for own in members]
     wrong = wrong_rows(given, members, names)
     if wrong:
-        reading.problems.append(place.problem(wrong, "covariance"))
+        place.tell(wrong, "covariance")
         return []
     turned = [
-        _inside(groups, where[own], rows[own], components[own]).carried(
-            np.array([given[k] for k in own.tolist()], dtype=float)
-        )
+        _inside(groups, where[own], rows[own], components[own], np.array([given[k] for k in own.tolist()], dtype=float))
         for own in members
     ]
     flawless, result = _are_positive_definite(turned), []
     for name, own, covariance in zip(names, members, turned, strict=True):
         words = "" if flawless else _not_positive_definite(covariance)
         if words:
-            reading.problems.append(place.problem(f"cluster {name!r}: {words}", "covariance"))
+            place.tell(f"cluster {name!r}: {words}", "covariance")
         result.append(Correlation(where[own], rows[own], components[own], covariance))
     return result
 
@@ -216,30 +207,27 @@ def wrong_rows(given: Sequence[Sequence[float]], members: list[IntArray], names:
 
 
 def _over_groups(reading: Reading, groups: list[ReadGroup], members: list[int]) -> list[Correlation]:
-    """One matrix over all entries of the member groups, in the order in which they are given."""
     parts = [_entries_of_correlation(groups, number) for number in members]
     where, rows, components = (np.concatenate(arrays) for arrays in zip(*parts, strict=True))
     entries = [reading.project.observations[groups[number].entry] for number in members]
     with_matrix = [k for k, entry in enumerate(entries) if entry.covariance is not None]
     place = reading.at("observations", groups[members[0]].entry)
     if len(with_matrix) != 1:
-        reading.problems.append(
-            place.problem("exactly one group of a cluster must give its covariance matrix", "cluster")
-        )
+        place.tell("exactly one group of a cluster must give its covariance matrix", "cluster")
         return []
     place = reading.at("observations", groups[members[with_matrix[0]]].entry)
-    given = _matrix(reading, entries[with_matrix[0]], place)
+    given = _matrix(entries[with_matrix[0]], place)
     if given is None:
         return []
     size = len(rows)
     if given.shape != (size, size):
         shape = " × ".join(map(str, given.shape))
-        reading.problems.append(place.problem(f"covariance: found {shape}, expected {size} × {size}", "covariance"))
+        place.tell(f"covariance: found {shape}, expected {size} × {size}", "covariance")
         return []
-    covariance = _inside(groups, where, rows, components).carried(given)
+    covariance = _inside(groups, where, rows, components, given)
     words = _not_positive_definite(covariance)
     if words:
-        reading.problems.append(place.problem(words, "covariance"))
+        place.tell(words, "covariance")
         return []
     return [Correlation(where, rows, components, covariance)]
 
@@ -249,23 +237,13 @@ def _entries_of_correlation(groups: list[ReadGroup], number: int) -> tuple[IntAr
     return np.full(len(rows), number), rows.astype(np.int64), components.astype(np.int64)
 
 
-class _Inside(NamedTuple):
-    """Conversion of entries as given (same rows, project axes and units) to internal ones."""
+def _inside(
+    groups: list[ReadGroup], where: IntArray, rows: IntArray, components: IntArray, given: FloatArray
+) -> FloatArray:
+    """Return covariances (n, n) of entries, in the order of their groups and rows, in internal units and axes.
 
-    order: IntArray
-    """(n,) place of each entry among those given."""
-    factor: FloatArray
-    """(n,)."""
-
-    def carried(self, given: FloatArray) -> FloatArray:
-        """Covariances (n, n) in internal units and axes."""
-        return np.asarray(given[np.ix_(self.order, self.order)] * np.outer(self.factor, self.factor))
-
-
-def _inside(groups: list[ReadGroup], where: IntArray, rows: IntArray, components: IntArray) -> _Inside:
-    """Return the conversion of entries, in the order of their groups and rows, to internal ones.
-
-    Where only some components of a row are observed, turned axes put them elsewhere: they keep their order as given.
+    ``given`` are those of the same rows in project axes and units. Where only some components of a row are observed,
+    turned axes put them elsewhere: they keep their order as given.
     """
     source, factor = np.zeros(len(rows), dtype=np.int64), np.zeros(len(rows))
     for number in np.unique(where).tolist():
@@ -275,33 +253,31 @@ def _inside(groups: list[ReadGroup], where: IntArray, rows: IntArray, components
         factor[own] = group.transform[components[own], from_given] * group.factors[from_given]
     order = np.zeros(len(rows), dtype=np.int64)
     order[np.lexsort((source, rows, where))] = np.arange(len(rows))
-    return _Inside(order, factor)
+    return np.asarray(given[np.ix_(order, order)] * np.outer(factor, factor))
 
 
-def _matrix(reading: Reading, entry: Observations, place: TableLocation) -> FloatArray | None:
-    rows = rows_of_covariance(entry, place, reading.problems)
+def _matrix(entry: Observations, place: TableLocation) -> FloatArray | None:
+    rows = rows_of_covariance(entry, place)
     if rows is None:
         return None
     if len({len(row) for row in rows}) > 1:
-        reading.problems.append(place.problem("covariance: rows of different length", "covariance"))
+        place.tell("covariance: rows of different length", "covariance")
         return None
     return np.array(rows, dtype=float)
 
 
-def rows_of_covariance(
-    entry: Observations, place: TableLocation, problems: list[Message]
-) -> Sequence[Sequence[float]] | None:
-    """Rows of the matrix of a table, from the project or a file; ``None`` if ``problems`` were added instead."""
+def rows_of_covariance(entry: Observations, place: TableLocation) -> Sequence[Sequence[float]] | None:
+    """Rows of the matrix of a table, from the project or a file; ``None`` if mistakes were told instead."""
     if not isinstance(entry.covariance, str):
         return entry.covariance or []
     path = place.folder / entry.covariance
     if not path.is_file():
-        problems.append(place.problem(f"covariance: file {entry.covariance!r} does not exist", "covariance"))
+        place.tell(f"covariance: file {entry.covariance!r} does not exist", "covariance")
         return None
     try:
         return _rows_of_file(path)
     except InputError as error:
-        problems.extend(error.problems)
+        place.problems.extend(error.problems)
         return None
 
 
@@ -331,7 +307,6 @@ def _is_number(text: str) -> bool:
 
 
 def _are_positive_definite(matrices: Sequence[FloatArray]) -> bool:
-    """Return True if nothing is wrong with any covariance matrix; those of one size are looked at together."""
     sizes = np.array([len(matrix) for matrix in matrices], dtype=np.int64)
     return all(
         not _not_positive_definite(np.stack([matrices[int(k)] for k in np.flatnonzero(sizes == size)]))
@@ -340,7 +315,6 @@ def _are_positive_definite(matrices: Sequence[FloatArray]) -> bool:
 
 
 def _not_positive_definite(matrix: FloatArray) -> str:
-    """Return words for a covariance matrix (…, n, n) that is not positive definite; empty if all are."""
     variances = np.diagonal(matrix, axis1=-2, axis2=-1)
     if not np.isfinite(matrix).all():
         return "the covariance matrix is not complete: found NaN"
@@ -476,7 +450,7 @@ def read_things(
 ) -> Reading:
     """Points, images, stations and all else that a project names, before any observation; with all mistakes found."""
     edge = Edge(project.units, project.axes)
-    reading = Reading(project, TableLocation(document, (), folder), edge, workshop(), [], read, planned=planned)
+    reading = Reading(project, TableLocation(document, (), folder), edge, workshop(), read, planned=planned)
     for space, reader in _READERS.items():
         before = len(reading.problems)
         reader(reading)
@@ -525,7 +499,13 @@ def build_network(
     correlated = correlations(reading, read_in) if not problems else ()
     correlated = tuple(c._replace(groups=where[c.groups]) for c in correlated)
     datum = _datum(reading)
-    _check_pairs(reading)
+    points = reading.shop.things["point"]
+    for number, pair in enumerate(reading.project.report.relative if "point" not in reading.broken else ()):
+        place = reading.at("report", "relative", number)
+        unknown = [name for name in pair if name not in points.numbers]
+        reading.problems.extend(place.problem(unknown_name("point", name, points.ids)) for name in unknown)
+        if pair[0] == pair[1]:
+            place.tell("a pair of one point; expected two")
     if not problems:
         carries = bool(datum.mask.any()) or not datum.free
         check_feasible(reading, [*plain, *others], carries, document.notes)
@@ -648,16 +628,6 @@ def datum_name(datum: str | Datum) -> str:
     return f"free, inner constraints over {' and '.join(parts)}"
 
 
-def _check_pairs(reading: Reading) -> None:
-    points = reading.shop.things["point"]
-    for number, pair in enumerate(reading.project.report.relative if "point" not in reading.broken else ()):
-        place = reading.at("report", "relative", number)
-        unknown = [name for name in pair if name not in points.numbers]
-        reading.problems += [place.problem(unknown_name("point", name, points.ids)) for name in unknown]
-        if pair[0] == pair[1]:
-            reading.problems.append(place.problem("a pair of one point; expected two"))
-
-
 def _mark(reading: Reading, mask: BoolArray, by_components: Mapping[Any, list[str]]) -> None:
     """Set the mask (points, 3) for named points, by the components of the project they carry the datum with."""
     for components, names in by_components.items():
@@ -680,7 +650,7 @@ def _datum_points(reading: Reading, name: str) -> IntArray:
     known = [*points.ids, *reading.groups]
     if "point" in reading.broken:
         return np.zeros(0, dtype=np.int64)
-    reading.problems.append(reading.at("datum").problem(unknown_name("datum point", name, known)))
+    reading.at("datum").tell(unknown_name("datum point", name, known))
     return np.zeros(0, dtype=np.int64)
 
 
@@ -700,19 +670,9 @@ def nothing_marked(network: Network) -> dict[str, BoolArray]:
 def touches(group: ObservationGroup, marked: Marked) -> BoolArray:
     """(n,) rows of a group that refer to a marked block."""
     touched = np.zeros(group.count, dtype=bool)
-    for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+    for slot, numbers in group.blocks_by_slot:
         touched |= marked[slot.kind][numbers]
     return touched
-
-
-def rows_of_points(network: Network) -> IntArray:
-    """(points,) rows of observations that refer to each point block."""
-    rows = np.zeros(len(network.blocks["point"].ids), dtype=np.int64)
-    for group in network.groups:
-        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == "point":
-                rows += np.bincount(numbers, minlength=len(rows))
-    return rows
 
 
 def without_blocks(network: Network, marked: Marked, things: Sequence[UndeterminedObject]) -> Network:
@@ -811,7 +771,7 @@ def _absent(network: Network, marked: Marked) -> dict[str, BoolArray]:
 def _seen_far(group: ObservationGroup, number: IntArray) -> ObservationGroup:
     """Rows to far points as rows to their directions, whose block numbers are ``number`` (points,)."""
     type_ = at_infinity(group.type)
-    own = dict(zip(group.type.slots, group.blocks, strict=True))
+    own = dict(group.blocks_by_slot)
     return replace(
         group,
         name=group.name + AT_INFINITY,
@@ -861,6 +821,5 @@ def _remaining(correlations: Sequence[Correlation], kept: Sequence[BoolArray]) -
             continue
         groups, rows = cluster.groups[stays], cluster.rows[stays]
         rows = np.array([renumbered[g][r] for g, r in zip(groups, rows, strict=True)], dtype=np.int64)
-        part = cluster.covariance[np.ix_(stays, stays)]
-        result.append(Correlation(groups, rows, cluster.components[stays], part))
+        result.append(Correlation(groups, rows, cluster.components[stays], cluster.covariance[np.ix_(stays, stays)]))
     return tuple(result)

@@ -9,26 +9,23 @@ from typing import TypeVar
 
 import numpy as np
 
-from mor.errors import Message, nearest
+from mor.errors import nearest
 from mor.long_arrays import kept
 from mor.model.cameras import CAMERA_MODELS, CameraModel
-from mor.model.contract import Names
+from mor.model.contract import Names, ObservationGroup, ObservationType, SetUpSigmas, Slot
+from mor.model.coordinates import to_projection_centres
 from mor.model.curvature import on_sphere
-from mor.model.geodetic import EARTH_TYPES, NOT_ON_EARTH, is_open
-from mor.model.images import PHASE, line_scanner, phases, shutter_on_trajectory
-from mor.model.observation_types import (
+from mor.model.geodetic import EARTH_TYPES, GEOID, NOT_ON_EARTH, is_open
+from mor.model.images import (
     FOLLOWER_TYPES,
-    GEOID,
     IMAGE_TYPES,
     MOVING_TYPES,
-    PLAIN_TYPES,
-    PROJECTION_CENTRE_TYPES,
-    ObservationGroup,
-    ObservationType,
-    SetUpSigmas,
-    Slot,
-    to_projection_centres,
+    PHASE,
+    line_scanner,
+    phases,
+    shutter_on_trajectory,
 )
+from mor.model.observation_types import PLAIN_TYPES, PROJECTION_CENTRE_TYPES
 from mor.model.parameters import READOUT
 from mor.model.shapes import RELATION_TYPES
 from mor.model.trajectory import CUBIC, on_trajectory
@@ -56,7 +53,7 @@ from mor.project.rows import (
     without_required,
 )
 from mor.project.schema import Camera, Observations
-from mor.project.tables import Column, Rows, TableLocation, number_column, read_table, tell_rows
+from mor.project.tables import Column, Rows, TableLocation, number_column, read_table
 from mor.project.trajectories import (
     NAVIGATION,
     TRAJECTORY,
@@ -66,7 +63,7 @@ from mor.project.trajectories import (
     navigation_groups,
 )
 from mor.types import LARGEST, FloatArray, IntArray, SmallIntArray
-from mor.units import IMAGE, LENGTH, Component
+from mor.units import IMAGE, LENGTH, Component, Quantity
 
 # ---- Groups of image coordinates: split by camera model, converted when the camera is known.
 
@@ -112,10 +109,8 @@ def image_groups(
     if (image.numbers < 0).any() or (point.numbers < 0).any():
         return []
     epochs = row_epochs(reading, rows, IMAGE_TYPES["mor"].references, (image, point))
-    trajectory = images.parts[TRAJECTORY]
-    order = np.array([0, *(found.order for found in reading.trajectories.values())])[trajectory + 1]
-    follows = images.parts["relative rotation"] >= 0
-    kinds = (images.parts["camera"] * 2 + follows) * (CUBIC + 1) + order
+    order = np.array([0, *(found.order for found in reading.trajectories.values())])[images.parts[TRAJECTORY] + 1]
+    kinds = (images.parts["camera"] * 2 + (images.parts["relative rotation"] >= 0)) * (CUBIC + 1) + order
     keys = kinds.astype(np.int32)[image.numbers]
     result = []
     for key in np.unique(keys):
@@ -148,16 +143,15 @@ def _image_group(
     scanner = reading.scanners.get(camera_name)
     moves = bool(images.parts["readout"][first] >= 0) and not follows
     if scanner is not None and follows:
-        words = f"image {image[0]!r} is of a line scanner; it cannot follow another one"
-        reading.problems.append(place.problem(words))
+        place.tell(f"image {image[0]!r} is of a line scanner; it cannot follow another one")
     if scanner is not None and (follows or not timed):
         return None  # its own mistake is told already
     try:
         observed, sigma, factors = _image_values(entry, rows, chosen, scale)
     except UnitError as error:
-        reading.problems.append(place.problem(str(error), "units"))
+        place.tell(str(error), "units")
         return None
-    if (moves or scanner is not None) and not _all_timed(reading, camera, scanner, observed, rows, chosen):
+    if (moves or scanner is not None) and not _all_timed(camera, scanner, observed, rows, chosen):
         return None
     constants = _constants(
         CAMERA_MODELS[camera.model], observed, _r0(reading, camera, scale), camera if moves else None, scale
@@ -187,7 +181,7 @@ def _image_group(
         lines=kept(rows.lines[chosen]),
         file=rows.file,
     )
-    if not sigma_is_good(group, rows, chosen, reading.problems):
+    if not sigma_is_good(group, rows, chosen):
         return None
     return ReadGroup(group, number, chosen, np.eye(2), factors)
 
@@ -236,9 +230,7 @@ def _read_out_later(reading: Reading, readout: int, constants: FloatArray) -> Fl
     return given * phases(constants[:, :2], constants[:, -len(PHASE) :])
 
 
-def _all_timed(
-    reading: Reading, camera: Camera, scanner: Scanner | None, observed: FloatArray, rows: Rows, chosen: IntArray
-) -> bool:
+def _all_timed(camera: Camera, scanner: Scanner | None, observed: FloatArray, rows: Rows, chosen: IntArray) -> bool:
     """False if a row has no coordinate along the readout, or of a line scanner lacks one; each is told."""
     missing = np.zeros(rows.count, dtype=bool)
     if scanner is not None:
@@ -247,7 +239,7 @@ def _all_timed(
     else:
         missing[chosen] = np.isnan(observed[:, int(camera.readout_direction in ("down", "up"))])
         words = "no row (or column) was measured along the readout of the camera: the point has no time"
-    tell_rows(reading.problems, missing, rows, words)
+    rows.tell_where(missing, words)
     return not missing.any()
 
 
@@ -262,8 +254,7 @@ def _constants(
         known = np.array([*(r0 for _ in model.constants), *phase_constants(moving, scale)])
         return np.concatenate([np.nan_to_num(observed), np.tile(known, (len(observed), 1))], axis=1)
     if model.corrects_measured:
-        own = np.full((len(observed), len(model.constants)), r0)
-        return np.concatenate([observed, own], axis=1)
+        return np.concatenate([observed, np.full((len(observed), len(model.constants)), r0)], axis=1)
     row = np.array([0.0, 0.0, *(r0 for _ in model.constants)])
     return np.broadcast_to(row, (len(observed), len(row)))
 
@@ -285,8 +276,7 @@ def _image_values(
     entry: Observations, rows: Rows, chosen: IntArray, scale: ImageScale
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
     def unit(name: str) -> str:
-        given = entry.units if isinstance(entry.units, str) else entry.units.get(name, "")
-        return given or scale.coordinate_unit
+        return entry.unit_of(name) or scale.coordinate_unit
 
     if unit("x") != unit("y"):
         raise UnitError("x and y must have the same unit")
@@ -296,8 +286,7 @@ def _image_values(
         [own_or_common(rows.number(f"sigma_{c}")[chosen] * scale.factor(unit(f"sigma_{c}")), common) for c in "xy"],
         axis=1,
     )
-    factors = np.full(2, scale.factor(unit("sigma")))
-    return scale.inwards(xy, unit("x")), sigma, factors
+    return scale.inwards(xy, unit("x")), sigma, np.full(2, scale.factor(unit("sigma")))
 
 
 # ---- Observation groups of a project: columns, names, units, σ and correlations, the same way for every type.
@@ -320,17 +309,17 @@ def read_groups(reading: Reading, of_features: bool = False) -> list[ReadGroup]:
             continue
         if entry.type != "image" and entry.type not in NAVIGATION and entry.type not in reading.types:
             if reading.project.world is None or reading.world is not None or entry.type not in EARTH_TYPES:
-                reading.problems.append(place.problem(_unknown_type(reading, entry.type), "type"))
+                place.tell(_unknown_type(reading, entry.type), "type")
             continue
         if entry.type in NAVIGATION:
             columns = navigation_columns(entry.type, reading.edge)
-            rows = read_table(entry, columns, place, reading.problems)
+            rows = read_table(entry, columns, place)
             result += navigation_groups(reading, entry, number, rows, place) if rows is not None else []
             reading.watch(entry.file)
             continue
         if entry.visible is not None:
             if not reading.planned or reading.section == "checks":
-                reading.problems.append(place.problem(_NOT_PLANNED, "visible"))
+                place.tell(_NOT_PLANNED, "visible")
             continue
         type_ = IMAGE_TYPES["mor"] if entry.type == "image" else reading.types[entry.type]
         if is_open(type_) or entry.projection is not None:
@@ -339,14 +328,14 @@ def read_groups(reading: Reading, of_features: bool = False) -> list[ReadGroup]:
                 continue
             type_ = found
         if entry.ppm and not (type_.distances is not None and any(c.quantity.length == 1 for c in type_.components)):
-            reading.problems.append(place.problem(_NO_LENGTH.format(entry.type), "ppm"))
+            place.tell(_NO_LENGTH.format(entry.type), "ppm")
         if entry.type == "image":
             entry = units_of_values(entry)
         measured = [component.name for component in type_.components]
         columns = observation_columns(type_, reading)
         if reading.planned:
             columns = without_required(columns, measured)
-        rows = read_table(entry, columns, place, reading.problems)
+        rows = read_table(entry, columns, place)
         if rows is None:
             continue
         if reading.planned:
@@ -372,8 +361,7 @@ def _in_projection(
 ) -> ObservationType | None:
     """The type in the projection that it refers to; ``None`` if there is a mistake in that."""
     if not is_open(type_):
-        words = f"projection: {entry.type} refers to none; expected it with projected_bearing"
-        reading.problems.append(place.problem(words, "projection"))
+        place.tell(f"projection: {entry.type} refers to none; expected it with projected_bearing", "projection")
         return None
     from mor.project.earth import in_its_projection  # most projects need nothing of it
 
@@ -393,18 +381,15 @@ def observation_columns(type_: ObservationType, reading: Reading) -> list[Column
     """Return the columns of a type: its references, its components with their σ, heights, face, covariances."""
     edge = reading.edge
     columns = [Column(reference.name, required=True) for reference in type_.references]
-    raw = raw_image if type_.components[0].quantity == IMAGE else None
+    is_image = type_.components[0].quantity == IMAGE
+
+    def numbers(name: str, quantity: Quantity, required: bool = False) -> Column:
+        return raw_image(name, required) if is_image else number_column(name, quantity, edge, required)
+
     for component in type_.components:
-        required = len(type_.components) == 1 or raw is not None
-        columns.append(
-            raw(component.name, required)
-            if raw
-            else number_column(component.name, component.quantity, edge, required=required)
-        )
-        name = f"sigma_{component.name}"
-        columns.append(raw(name) if raw else number_column(name, component.quantity, edge))
-    common = raw("sigma") if raw else number_column("sigma", type_.components[0].quantity, edge)
-    columns.append(common)
+        columns.append(numbers(component.name, component.quantity, len(type_.components) == 1 or is_image))
+        columns.append(numbers(f"sigma_{component.name}", component.quantity))
+    columns.append(numbers("sigma", type_.components[0].quantity))
     for slot in type_.slots:
         if slot.part == "height" and slot.of != "image":
             columns.append(number_column(f"{slot.of}_height", LENGTH, edge))
@@ -421,7 +406,7 @@ def observation_columns(type_: ObservationType, reading: Reading) -> list[Column
         columns.append(number_column(GEOID, LENGTH, edge))
     if needs_convergence(type_):
         columns += [number_column(name, LENGTH, edge) for name in PLANE]
-    if raw is None:
+    if not is_image:
         columns.append(Column(CLUSTER))
     if len(type_.components) == 3:
         pairs = combinations_with_replacement(type_.components, 2)
@@ -432,14 +417,6 @@ def observation_columns(type_: ObservationType, reading: Reading) -> list[Column
 _LEVELLED = ("height_difference", "ellipsoidal_height_difference")
 _LINE = "length"
 """Column with the length of a levelling line, whose σ is then that of 1 km."""
-
-
-def _of_lines(reading: Reading, rows: Rows) -> FloatArray:
-    """(n, 1) factors of σ, √(length / 1 km); 1 where no length is given."""
-    length = rows.number(_LINE)
-    tell_rows(reading.problems, length <= 0.0, rows, "found a length of 0 or less, expected one above 0")
-    kilometres = np.where(length > 0.0, length, np.nan) * reading.edge.metres / 1000.0
-    return np.sqrt(np.where(np.isnan(kilometres), 1.0, kilometres))[:, None]
 
 
 def _covariance_column(a: Component, b: Component, reading: Reading) -> Column:
@@ -459,7 +436,7 @@ def _plain_group(
     reading: Reading, entry: Observations, number: int, type_: ObservationType, rows: Rows, place: TableLocation
 ) -> ReadGroup | None:
     named = {reference.name: resolve(reading, reference, rows) for reference in type_.references}
-    different = check_different(type_, rows, reading.problems)
+    different = check_different(type_, rows)
     instrument = instrument_blocks(reading, entry, place)
     if not different or not instrument or not all(found.blocks for found in named.values()):
         return None
@@ -482,11 +459,14 @@ def _plain_group(
     transform, offset = edge_transform(type_, reading.edge)
     for k, component in enumerate(type_.components):
         if component.name == "distance":
-            words = "found a negative distance, expected one above 0"
-            tell_rows(reading.problems, given[:, k] < 0.0, rows, words)
+            rows.tell_where(given[:, k] < 0.0, "found a negative distance, expected one above 0")
     sigma = _sigma(rows, type_)
     if type_.key in _LEVELLED:
-        sigma = sigma * _of_lines(reading, rows)
+        # (n, 1) factors of σ, √(length / 1 km); 1 where no length is given.
+        length = rows.number(_LINE)
+        rows.tell_where(length <= 0.0, "found a length of 0 or less, expected one above 0")
+        kilometres = np.where(length > 0.0, length, np.nan) * reading.edge.metres / 1000.0
+        sigma = sigma * np.sqrt(np.where(np.isnan(kilometres), 1.0, kilometres))[:, None]
     group = ObservationGroup(
         name=group_name(entry, number),
         type=type_,
@@ -501,27 +481,25 @@ def _plain_group(
         lines=rows.lines,
         file=rows.file,
     )
-    everything, clusters = np.arange(rows.count), _clusters(entry, rows, place, reading)
-    tell_rows(reading.problems, ~np.asarray(group.mask.any(axis=1)), rows, "nothing is observed in this row")
+    everything, clusters = np.arange(rows.count), _clusters(entry, rows, place)
+    rows.tell_where(~np.asarray(group.mask.any(axis=1)), "nothing is observed in this row")
     correlated = entry.covariance is not None or entry.cluster is not None or _has_covariances(rows)
     if correlated:
         group = replace(group, sigma=np.where(group.mask & np.isnan(group.sigma), 1.0, group.sigma))
-    elif not sigma_is_good(group, rows, everything, reading.problems):
+    elif not sigma_is_good(group, rows, everything):
         return None
     factors = np.array([_sigma_factor(reading, entry, c) for c in type_.components])
     epochs = row_epochs(reading, rows, type_.references, group.references)
-    own = covariance_of_rows(rows, type_)
-    return ReadGroup(group, number, everything, transform, factors, own, clusters, epochs)
+    return ReadGroup(group, number, everything, transform, factors, covariance_of_rows(rows, type_), clusters, epochs)
 
 
-def _clusters(entry: Observations, rows: Rows, place: TableLocation, reading: Reading) -> Names | None:
+def _clusters(entry: Observations, rows: Rows, place: TableLocation) -> Names | None:
     if CLUSTER not in rows.texts:
         return None
     if entry.covariance is None or entry.cluster is not None:
-        words = "column cluster: it needs the covariances of this table (key covariance), and no key cluster"
-        reading.problems.append(place.problem(words))
+        place.tell("column cluster: it needs the covariances of this table (key covariance), and no key cluster")
         return None
-    tell_rows(reading.problems, (rows.series(CLUSTER) == "").to_numpy(), rows, "cluster is empty")
+    rows.tell_where((rows.series(CLUSTER) == "").to_numpy(), "cluster is empty")
     return rows.names(CLUSTER)
 
 
@@ -537,11 +515,8 @@ def _arm(reading: Reading, found: Resolved, part: str) -> IntArray:
 
 
 def _sigma_factor(reading: Reading, entry: Observations, component: Component) -> float:
-    unit = (
-        entry.units if isinstance(entry.units, str) else entry.units.get("sigma", entry.units.get(component.name, ""))
-    )
     try:
-        return reading.edge.factor(component.quantity, unit)
+        return reading.edge.factor(component.quantity, entry.unit_of("sigma", component.name))
     except UnitError:
         return reading.edge.factor(component.quantity, "")
 
@@ -597,7 +572,7 @@ def _constants_of_group(
         known, _, end = constant.name.partition(" of ")
         if end and reading.world is not None:
             found = named[end]
-            columns.append(known_at(reading, reading.world, known, found.blocks["position"], rows, found.names))
+            columns.append(known_at(reading.world, known, found.blocks["position"], rows, found.names))
         elif constant.name == "face":
             told = type_.tell_face(given[:, -1]) if type_.tell_face else np.ones(rows.count)
             columns.append(own_or_common(rows.number("face"), told))
@@ -620,7 +595,7 @@ def _centring(reading: Reading, entry: Observations, place: TableLocation) -> Se
     try:
         return SetUpSigmas(*(reading.edge.number(text, LENGTH) for text in texts))
     except UnitError as error:
-        reading.problems.append(place.problem(f"centring: {error}", "centring"))
+        place.tell(f"centring: {error}", "centring")
         return SetUpSigmas()
 
 
@@ -652,11 +627,8 @@ def check_direction_sets(reading: Reading, groups: Sequence[ObservationGroup]) -
     for place, number in sorted(zip(first[poor].tolist(), numbers[poor].tolist(), strict=True)):
         g = int(np.searchsorted(starts, place, side="right")) - 1
         group, row = of_directions[g], place - int(starts[g])
-        name, place = group.references[0][row], (group.file, int(group.lines[row]))
-        if count[number]:
-            reading.notes.append(Message(_ONE_TARGET.format(repr(name)), *place))
-        else:
-            reading.problems.append(Message(_NO_TARGET.format(repr(name)), *place))
+        words, told = (_ONE_TARGET, reading.notes) if count[number] else (_NO_TARGET, reading.problems)
+        told.append(group.message(row, words.format(repr(group.references[0][row]))))
 
 
 _NO_TARGET = (
@@ -677,16 +649,14 @@ def candidate_groups(reading: Reading) -> tuple[ObservationGroup, ...]:
         return ()
     for number, entry in enumerate(reading.project.candidates):
         if entry.covariance is not None or entry.cluster is not None:
-            words = "candidates are uncorrelated; give each a σ"
-            reading.problems.append(reading.at("candidates", number).problem(words))
+            reading.at("candidates", number).tell("candidates are uncorrelated; give each a σ")
     project = reading.project.model_copy(update={"observations": reading.project.candidates})
     apart = replace(reading, project=project, section="candidates", planned=True, unmeasured=[])
     known = len(reading.problems)
     groups = [found for found in read_groups(apart) if len(reading.problems) == known]
     for found in groups:
         if found.covariances is not None:
-            words = "candidates are uncorrelated; give each a σ, not covariances"
-            reading.problems.append(reading.at("candidates", found.entry).problem(words))
+            reading.at("candidates", found.entry).tell("candidates are uncorrelated; give each a σ, not covariances")
     return tuple(found.group for found in groups)
 
 
@@ -713,15 +683,11 @@ def _refuse_unobserved(reading: Reading, groups: list[ObservationGroup], checks:
     points = reading.shop.store("point")
     seen = np.zeros(len(points.ids), dtype=bool)
     for group in groups:
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == "point":
-                seen[blocks] = True
+        for blocks in group.blocks_of("point"):
+            seen[blocks] = True
     free = np.asarray(points.all_free().any(axis=1))
     for group in checks:
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind != "point":
-                continue
-            for row in np.flatnonzero(free[blocks] & ~seen[blocks]):
+        for blocks in group.blocks_of("point"):
+            for row in np.flatnonzero(free[blocks] & ~seen[blocks]).tolist():
                 words = f"point {points.ids[blocks[row]]!r} is a check point, but nothing determines it"
-                line = int(group.lines[row]) if len(group.lines) else 0
-                reading.problems.append(Message(words, group.file, line))
+                reading.problems.append(group.message(row, words))

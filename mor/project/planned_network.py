@@ -10,10 +10,10 @@ import numpy as np
 
 from mor.errors import InputError, Message
 from mor.model.cameras import CAMERA_MODELS, CameraModel
+from mor.model.contract import ObservationGroup
 from mor.model.geodetic import Attitude, InPlane
 from mor.model.images import PHASE, READOUT_SLOT, ROW, SCANNER, is_read_out_along, phases
 from mor.model.motion import TrajectoryPoses, pose_at
-from mor.model.observation_types import ObservationGroup
 from mor.model.rotations import into_frame
 from mor.model.trajectory import knot_count
 from mor.project.earth import MEANT, PlaneError, needs_convergence, needs_place, plane_of
@@ -83,7 +83,7 @@ class _Sight:
         self, group: ObservationGroup, place: Mapping[str, FloatArray], trajectory: Trajectory, mine: IntArray
     ) -> None:
         order = knot_count(group.type)
-        slots = list(zip(group.type.slots, group.blocks, strict=True))[2 * order :]
+        slots = list(group.blocks_by_slot)[2 * order :]
         self.height, self.eccentricity, self.interior, self.point = (
             place[slot.kind][blocks[mine]] for slot, blocks in slots
         )
@@ -154,7 +154,7 @@ def _tell_lost(group: ObservationGroup, times: FloatArray) -> None:
     lost = np.flatnonzero(np.isnan(times))
     image, point = group.references
     words = "point {0!r} does not cross the line of image {1!r} where it is planned"
-    told = [Message(words.format(point[k], image[k]), group.file, int(group.lines[k])) for k in lost[:10].tolist()]
+    told = [group.message(k, words.format(point[k], image[k])) for k in lost[:10].tolist()]
     if told:
         raise InputError(told)
 
@@ -198,8 +198,7 @@ def poses_of(images: Entities, flights: Flights, values: Mapping[str, FloatArray
         mine = np.flatnonzero(images.parts[TRAJECTORY] == number)
         if not len(mine):
             continue
-        times = np.array([flights.image_times[images.ids[i]] for i in mine])
-        clock = trajectory.clock(times)
+        clock = trajectory.clock(np.array([flights.image_times[images.ids[i]] for i in mine]))
         positions, rotations = trajectory.positions[clock.knots], trajectory.rotations[clock.knots]
         weights = clock.constants[:, 1:].reshape(len(mine), trajectory.order, trajectory.order)
         pose = pose_at(values["point"][positions], values["rotation"][rotations], weights, clock.constants[:, 0])
@@ -284,7 +283,7 @@ def _over(world: EarthModel, group: ObservationGroup, points: FloatArray) -> Obs
     if not isinstance(equation, InPlane | Attitude) or equation.plane is None:
         return group
     plane = equation.plane
-    ends = [points[blocks] for slot, blocks in zip(group.type.slots, group.blocks, strict=True) if slot.kind == "point"]
+    ends = [points[blocks] for slot, blocks in group.blocks_by_slot if slot.kind == "point"]
     there = np.concatenate(ends)
     feet = world.horizon.foot(there[np.isfinite(there).all(axis=1)]).position[:, :2]
     if plane.holds(feet).all():
@@ -328,12 +327,10 @@ def _known(network: Network, world: EarthModel, group: ObservationGroup, points:
         lost = np.isnan(N)
         if lost.any():
             row = int(np.argmax(lost))
-            names, line = group.references[0].texts(), int(group.lines[row]) if len(group.lines) else 0
-            words = f"{names[row]!r}: {MEANT}"
-            raise InputError([Message(words, group.file or network.file, line)])
+            name = group.references[0][row]
+            raise InputError([Message(f"{name!r}: {MEANT}", group.file or network.file, group.line(row))])
     said = world.from_object(position, N)
-    grid = world.grid(position).reshape(-1, 4)
-    return replace(group, constants=np.concatenate([position, grid, said], axis=1))
+    return replace(group, constants=np.concatenate([position, world.grid(position).reshape(-1, 4), said], axis=1))
 
 
 def with_control_moved(network: Network) -> Network:

@@ -9,18 +9,9 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 import polars as pl
 
-from mor.errors import Message
-from mor.model.contract import names_of
+from mor.model.contract import ObservationGroup, names_of
 from mor.model.earth import Ellipsoid, Horizon
-from mor.model.observation_types import (
-    DEFLECTIONS,
-    GEOID,
-    ObservationGroup,
-    control,
-    earth_types,
-    projected_attitude,
-    projected_position,
-)
+from mor.model.geodetic import DEFLECTIONS, GEOID, control, earth_types, projected_attitude, projected_position
 from mor.model.parameters import POINT, ROTATION
 from mor.model.rotations import angles_from_rotation, rotation_from_angles
 from mor.project.axes import Edge, UnitError, external
@@ -73,24 +64,23 @@ def start_places(reading: Reading, rows: Rows, plain: Statuses) -> Statuses:
     if world is None:  # mistakes in the points, told already
         return plain
     names = ", ".join(place_names(world))
-    observed = np.any(~np.isnan(plain.sigma) | np.isfinite(plain.start), axis=1)
-    tell_rows(reading.problems, observed, rows, _OBSERVED)
+    rows.tell_where(np.any(~np.isnan(plain.sigma) | np.isfinite(plain.start), axis=1), _OBSERVED)
     given = plain.values
     if world.system.kind != "geocentric":
         words = f"x, y, z of its own are not possible on the earth; expected {names}"
-        tell_rows(reading.problems, np.any(np.isfinite(given), axis=1), rows, words)
+        rows.tell_where(np.any(np.isfinite(given), axis=1), words)
         given = np.stack([rows.number(name) for name in place_names(world)], axis=1)
     some, whole = np.any(np.isfinite(given), axis=1), np.all(np.isfinite(given), axis=1)
-    tell_rows(reading.problems, some & ~whole, rows, f"a position on the earth needs all of {names}, or none")
+    rows.tell_where(some & ~whole, f"a position on the earth needs all of {names}, or none")
     free, held = np.any(plain.free, axis=1), ~np.all(plain.free, axis=1)
-    tell_rows(reading.problems, held & ~whole, rows, "fixed or observed, but it has no coordinates")
-    tell_rows(reading.problems, held & free, rows, _OBSERVED)
-    places = world.to_object(given, _geoid(reading, world, rows, given))
+    rows.tell_where(held & ~whole, "fixed or observed, but it has no coordinates")
+    rows.tell_where(held & free, _OBSERVED)
+    places = world.to_object(given, _geoid(world, rows, given))
     nothing = np.full(places.shape, np.nan)
     return Statuses(places, plain.free, nothing, nothing)
 
 
-def _geoid(reading: Reading, world: EarthModel, rows: Rows, given: FloatArray) -> FloatArray:
+def _geoid(world: EarthModel, rows: Rows, given: FloatArray) -> FloatArray:
     """N (n,) at places (n, 3): of the column, else of the grid; a mistake where heights need it in vain."""
     if not world.orthometric:
         return np.zeros(len(given))
@@ -107,7 +97,7 @@ def _geoid(reading: Reading, world: EarthModel, rows: Rows, given: FloatArray) -
         "height above the geoid, but the geoid is unknown: give a column geoid, or world: {geoid: FILE} that "
         "covers this place"
     )
-    tell_rows(reading.problems, np.isnan(N) & placed, rows, words)
+    rows.tell_where(np.isnan(N) & placed, words)
     return N
 
 
@@ -117,7 +107,7 @@ def _geoid(reading: Reading, world: EarthModel, rows: Rows, given: FloatArray) -
 def positions(reading: Reading, rows: Rows, labels: list[str], fixed: Sequence[str]) -> IntArray:
     """Position block of every row: its own, or that of the point or shared position it names."""
     shop = reading.shop
-    statuses = in_dimensions(component_rows(rows, POINT.components, fixed, reading.problems), reading)
+    statuses = in_dimensions(component_rows(rows, POINT.components, fixed), reading)
     if reading.project.world is not None:
         statuses = start_places(reading, rows, statuses)
     column = "position" if "position" in rows.texts else "point"
@@ -182,9 +172,7 @@ def _check_shared(
     wrong = np.zeros(rows.count, dtype=bool)
     wrong[chosen] = (told[chosen] & other).any(axis=1)
     names = rows.text(column)
-    tell_rows(
-        reading.problems, wrong, rows, lambda row: f"{column}: {names[row]!r} has another value or σ in its first row"
-    )
+    rows.tell_where(wrong, lambda row: f"{column}: {names[row]!r} has another value or σ in its first row")
 
 
 def position_columns(reading: Reading) -> list[Column]:
@@ -192,11 +180,8 @@ def position_columns(reading: Reading) -> list[Column]:
     world = reading.world
     if reading.project.world is None or world is None or world.system.kind == "geocentric":
         return []
-    columns = []
-    for name in place_names(world):
-        quantity = ANGLE if name in ("latitude", "longitude") else LENGTH
-        columns.append(number_column(name, quantity, reading.edge))
-    return [*columns, number_column(GEOID, LENGTH, reading.edge)]
+    quantities = {name: ANGLE if name in ("latitude", "longitude") else LENGTH for name in place_names(world)}
+    return [number_column(name, quantity, reading.edge) for name, quantity in {**quantities, GEOID: LENGTH}.items()]
 
 
 def in_dimensions(statuses: Statuses, reading: Reading) -> Statuses:
@@ -223,14 +208,14 @@ def rotations(
     ω, φ, κ refer to project axes where these are right-handed, to east, north, up where they are not, for levelled
     frames, and where κ comes from an orientation (``oriented``).
     """
-    values, free, sigma, start = component_rows(rows, ROTATION.components, fixed, reading.problems)
+    values, free, sigma, start = component_rows(rows, ROTATION.components, fixed)
     if level:
         values[:, :2] = 0.0
         free[:, :2], sigma[:, :2], start[:, :2] = False, np.nan, np.nan
     as_given = np.full(len(labels), level or not reading.edge.turned)
     as_given |= oriented if oriented is not None else False
     if np.isfinite(sigma[~as_given]).any() or not free[~as_given].all():
-        reading.problems.append(Message("fixed or observed ω, φ, κ need axes: {xy: en}", rows.file, int(rows.lines[0])))
+        rows.tell(0, "fixed or observed ω, φ, κ need axes: {xy: en}")
     values[~as_given] = _turned_angles(values[~as_given], reading.edge.matrix)
     return reading.shop.store("rotation").add(labels, values, free, sigma, start)
 
@@ -263,14 +248,14 @@ class NameColumn(NamedTuple):
     rows: Rows
 
 
-def check_unique(what: str, names: list[str], rows: Rows, seen: list[NameColumn], problems: list[Message]) -> None:
+def check_unique(what: str, names: list[str], rows: Rows, seen: list[NameColumn]) -> None:
     """Report names that occur twice; ``seen`` remembers the names of the tables before."""
     here = pl.Series(names, dtype=pl.String)
     again = (~here.is_first_distinct()).to_numpy()
     for table in seen:
         again |= here.is_in(table.names.implode()).to_numpy()
     seen.append(NameColumn(here, rows))
-    tell_rows(problems, again, rows, lambda row: f"{what} {names[row]!r} is given twice ({_first(seen, names[row])})")
+    rows.tell_where(again, lambda row: f"{what} {names[row]!r} is given twice ({_first(seen, names[row])})")
 
 
 def _first(seen: list[NameColumn], name: str) -> str:
@@ -320,43 +305,43 @@ def read_point_table(
 ) -> PointTable | None:
     """A table of points in a system; ``None`` if it cannot be read. Mistakes are told."""
     place = reading.at("points", number)
-    rows = read_table(table, _columns(reading, system), place, reading.problems)
+    rows = read_table(table, _columns(reading, system), place)
     if rows is None:
         return None
     names = rows.text("id")
-    check_unique("point", names, rows, seen, reading.problems)
+    check_unique("point", names, rows, seen)
     coordinates = np.stack([rows.number(name) for name in system.coordinates], axis=1)
     start = np.stack([rows.number(f"start_{name}") for name in system.coordinates], axis=1)
     if system.kind == "geographic":
-        _check_degrees(reading, coordinates, rows)
+        _check_degrees(coordinates, rows)
     sigma = np.stack([rows.number(f"sigma_{name}") for name in ENU], axis=1)
     sigma = np.where(np.isnan(sigma), rows.number("sigma")[:, None], sigma)
-    tell_rows(reading.problems, np.any(sigma < 0.0, axis=1), rows, "found a negative σ, expected a σ ≥ 0")
+    rows.tell_where(np.any(sigma < 0.0, axis=1), "found a negative σ, expected a σ ≥ 0")
     if table.fixed and len(table.fixed) < 3:
         words = "fixed: on the earth a point is fixed in x, y, z together; give single components a σ (sigma_up)"
-        reading.problems.append(place.problem(words, "fixed"))
+        place.tell(words, "fixed")
     if table.fixed:
         sigma[:] = 0.0
     words = "σ 0 holds a point in east, north and up together; a small σ holds one of them"
-    tell_rows(reading.problems, np.any(sigma == 0.0, axis=1) & np.any(sigma != 0.0, axis=1), rows, words)
+    rows.tell_where(np.any(sigma == 0.0, axis=1) & np.any(sigma != 0.0, axis=1), words)
     known = np.isfinite(coordinates)
     some = np.any(known, axis=1) & ~np.all(known, axis=1)
     words = f"a position on the earth needs all of {', '.join(system.coordinates)}, or none"
-    tell_rows(reading.problems, some, rows, words)
+    rows.tell_where(some, words)
     lost = np.any(sigma >= 0.0, axis=1) & ~np.any(known, axis=1)
-    tell_rows(reading.problems, lost, rows, "fixed or observed, but it has no coordinates")
+    rows.tell_where(lost, "fixed or observed, but it has no coordinates")
     deflection = np.stack([rows.number(name) for name in DEFLECTIONS], axis=1)
     return PointTable(number, names, rows, coordinates, start, sigma, rows.number(GEOID), deflection)
 
 
-def _check_degrees(reading: Reading, coordinates: FloatArray, rows: Rows) -> None:
+def _check_degrees(coordinates: FloatArray, rows: Rows) -> None:
     def words(row: int) -> str:
         latitude, longitude = np.degrees(coordinates[row, :2])
         swapped = abs(longitude) <= 90.0 and abs(latitude) <= 180.0
         hint = "; are latitude and longitude exchanged?" if swapped else ""
         return f"latitude: found {latitude:.6g}°, expected it between -90° and 90°{hint}"
 
-    tell_rows(reading.problems, np.abs(coordinates[:, 0]) > 0.5 * np.pi, rows, words)
+    rows.tell_where(np.abs(coordinates[:, 0]) > 0.5 * np.pi, words)
 
 
 # ---- Geoid heights and deflections of the vertical at the points of a project: of their columns, else of grids.
@@ -382,9 +367,9 @@ def geoid_of_table(
     elif orthometric and missing.any():
         words = "above the geoid, but the geoid is unknown: give a column geoid, or world: {geoid: FILE}"
         if missing.all():
-            reading.problems.append(place.problem(f"heights of these points are {words}"))
+            place.tell(f"heights of these points are {words}")
         else:
-            tell_rows(reading.problems, missing, table.rows, lambda row: f"height of {table.ids[row]!r} is {words}")
+            table.rows.tell_where(missing, lambda row: f"height of {table.ids[row]!r} is {words}")
     return N
 
 
@@ -444,10 +429,9 @@ def _tell_uncovered(reading: Reading, grid: str, table: PointTable, geodetic: Fl
         return f"point {table.ids[row]!r} at latitude {latitude:.4f}°, longitude {longitude:.4f}°"
 
     if uncovered.all() and len(uncovered) > 1:
-        words = f"{grid} covers none of these points ({place(0)})"
-        reading.problems.append(reading.at("points", table.number).problem(words))
+        reading.at("points", table.number).tell(f"{grid} covers none of these points ({place(0)})")
     else:
-        tell_rows(reading.problems, uncovered, table.rows, lambda row: f"{grid} does not cover {place(row)}")
+        table.rows.tell_where(uncovered, lambda row: f"{grid} does not cover {place(row)}")
 
 
 # ---- Points given in a reference system: positions, σ east, north, up, geoid heights and deflections.
@@ -460,10 +444,10 @@ def read_world(reading: Reading) -> None:
     before = len(reading.problems)
     if reading.project.settings.dimensions != "xyz":
         words = "dimensions: a network on the earth is one in space; a plane or a levelling network needs no world"
-        reading.problems.append(reading.at("settings").problem(words, "dimensions"))
+        reading.at("settings").tell(words, "dimensions")
     if reading.project.axes.xy != "en":
         words = "xy: on the earth x is east and y is north; the columns of points say which is which"
-        reading.problems.append(reading.at("axes").problem(words, "xy"))
+        reading.at("axes").tell(words, "xy")
     system = _system(reading, section)
     tables: list[PointTable] = []
     if system is not None:
@@ -489,7 +473,7 @@ def _system(reading: Reading, section: WorldSection) -> ReferenceSystem | None:
     try:
         return reference_system(section.crs)
     except ReferenceSystemError as error:
-        reading.problems.append(reading.at("world").problem(f"crs: {error}", "crs"))
+        reading.at("world").tell(f"crs: {error}", "crs")
         return None
 
 
@@ -500,12 +484,12 @@ def _orthometric(reading: Reading, section: WorldSection, system: ReferenceSyste
         if system.kind == "geographic" and len(system.crs.axis_info) == 3:
             return False
         words = f"{system.name} does not say what heights refer to; set heights: ellipsoidal, or orthometric"
-        reading.problems.append(place.problem(words))
+        place.tell(words)
     if system.kind == "geocentric" and section.heights == "orthometric":
-        reading.problems.append(place.problem("heights: geocentric coordinates have none", "heights"))
+        place.tell("heights: geocentric coordinates have none", "heights")
     if system.vertical and section.heights == "ellipsoidal":
         words = f"heights: found ellipsoidal, but those of the system are {system.vertical!r}"
-        reading.problems.append(place.problem(words, "heights"))
+        place.tell(words, "heights")
     return bool(system.vertical) or section.heights == "orthometric"
 
 
@@ -523,8 +507,7 @@ def _world(
     everything = np.concatenate([*geodetic, np.zeros((0, 3))])
     known = np.isfinite(everything).all(axis=1)
     if not known.any():
-        words = "no point has coordinates: the position of the network on the earth is unknown"
-        reading.problems.append(reading.at("world").problem(words))
+        reading.at("world").tell("no point has coordinates: the position of the network on the earth is unknown")
         return None
     placed = list(zip(tables, geodetic, strict=True))
     N = [geoid_of_table(reading, section, table, places, orthometric) for table, places in placed]
@@ -550,10 +533,10 @@ def _horizon(reading: Reading, ellipsoid: Ellipsoid, origin: Origin) -> Horizon 
         try:
             found.append(reading.edge.number(text, ANGLE))
         except UnitError as error:
-            reading.problems.append(reading.at("world").problem(f"origin: {name}: {error}", "origin"))
+            reading.at("world").tell(f"origin: {name}: {error}", "origin")
     if len(found) == 2 and abs(found[0]) > 0.5 * np.pi:
         words = f"origin: latitude: found {np.degrees(found[0]):.6g}°, expected it between -90° and 90°"
-        reading.problems.append(reading.at("world").problem(words, "origin"))
+        reading.at("world").tell(words, "origin")
         return None
     return Horizon(ellipsoid, *found) if len(found) == 2 else None
 
@@ -583,7 +566,7 @@ def _check_area(reading: Reading, system: ReferenceSystem, table: PointTable, ge
         return f"point {table.ids[row]!r} lies outside the area that {system.name} is made for{hint}"
 
     places = outside & ~lost & ~inside & (system.kind == "geographic")
-    tell_rows(reading.problems, outside & ~places, table.rows, words)
+    table.rows.tell_where(outside & ~places, words)
     tell_rows(reading.notes, places, table.rows, words)
 
 
@@ -638,8 +621,7 @@ def _note(reading: Reading, world: EarthModel) -> None:
     place: TableLocation = reading.at("world")
     given = any(np.isfinite(world.at_points[name]).any() for name in DEFLECTIONS)
     verticals = "with the deflections given" if given else "without deflections"
-    words = f"{world.system.name}: verticals are normals of the ellipsoid, {verticals}"
-    reading.notes.append(place.problem(words))
+    reading.notes.append(place.problem(f"{world.system.name}: verticals are normals of the ellipsoid, {verticals}"))
 
 
 # ---- Object points of a project, and the checks that every named table shares.
@@ -680,12 +662,12 @@ def point_columns(reading: Reading) -> list[Column]:
 def _read_points_table(
     reading: Reading, table: Points, place: TableLocation, seen: list[NameColumn]
 ) -> tuple[list[str], IntArray] | None:
-    rows = read_table(table, point_columns(reading), place, reading.problems)
+    rows = read_table(table, point_columns(reading), place)
     if rows is None:
         return None
     names = rows.text("id")
-    check_unique("point", names, rows, seen, reading.problems)
-    statuses = component_rows(rows, POINT.components, table.fixed, reading.problems, rows.number("sigma"))
+    check_unique("point", names, rows, seen)
+    statuses = component_rows(rows, POINT.components, table.fixed, rows.number("sigma"))
     statuses = in_dimensions(statuses, reading)
     return names, reading.shop.store("point").add(names, *inwards(reading.edge, statuses))
 

@@ -9,8 +9,9 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.errors import Message, counted, nearest
-from mor.model.contract import names_of, one_name
-from mor.model.observation_types import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS, PLAIN_TYPES, ObservationGroup
+from mor.model.contract import ObservationGroup, names_of, one_name
+from mor.model.coordinates import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import INTERIORS, KINDS, MOTIONS, SHAPE, BlockKind
 from mor.model.rotations import angles_from_rotation, rotate, rotation_from_angles
 from mor.model.shapes import PERPENDICULAR, PERPENDICULAR_TURNS, PERPENDICULAR_TYPES, RELATION_TYPES, SHAPE_TYPES
@@ -30,7 +31,7 @@ from mor.project.rows import ReadGroup, group_name, without_required
 from mor.project.schema import Feature, Observations
 from mor.project.shapes import FREEDOM, FittedShape, Held, fit_shape
 from mor.project.tables import MOST_TOLD, Column, Rows, TableLocation, read_table, settings
-from mor.types import LARGEST, BoolArray, FloatArray, IntArray, SmallIntArray
+from mor.types import LARGEST, BoolArray, FloatArray, IntArray
 from mor.units import ANGLE, LENGTH
 
 # ---- Prior knowledge that stands with the things themselves: observed components, levels, image-variant interiors.
@@ -79,10 +80,10 @@ def level_groups(reading: Reading) -> list[ObservationGroup]:
         try:
             sigma = reading.edge.number(table.level, ANGLE)
         except UnitError as error:
-            reading.problems.append(place.problem(str(error), "level"))
+            place.tell(str(error), "level")
             continue
         if sigma <= 0.0:
-            reading.problems.append(place.problem("level: expected a σ > 0, or fixed", "level"))
+            place.tell("level: expected a σ > 0, or fixed", "level")
             continue
         names = [n for n in reading.table_ids.get(("stations", number), []) if n not in reading.unoriented]
         if not names:
@@ -204,29 +205,26 @@ def _feature_group(
 ) -> ObservationGroup | None:
     place = reading.at("features", number)
     points = reading.shop.things["point"]
-    problems: list[Message] = []
+    before = len(reading.problems)
     for name in (*feature.points, *feature.other):
         if name not in points.numbers:
-            problems.append(place.problem(unknown_name("point", name, points.ids), "points"))
+            place.tell(unknown_name("point", name, points.ids), "points")
     if feature.id in systems:
-        problems.append(place.problem(f"id: there are two features {feature.id!r}", "id"))
-    problems += _wrong_keys(feature, place, systems)
+        place.tell(f"id: there are two features {feature.id!r}", "id")
+    _check_keys(feature, place, systems)
     needed = NEEDED[feature.type] if feature.type in NEEDED else _needed(feature)
     if len(set(feature.points)) < needed:
         words = f"a {feature.type} observes nothing with {len(set(feature.points))} points; it needs {needed} or more"
-        problems.append(place.problem(words, "points"))
+        place.tell(words, "points")
     if (feature.type == "right angle") != bool(feature.other):
-        problems.append(
-            place.problem("other: the points on the second plane belong to a right angle, which needs them")
-        )
+        place.tell("other: the points on the second plane belong to a right angle, which needs them")
     try:
         sigma = reading.edge.number(feature.sigma, LENGTH)
         if sigma <= 0.0:
-            problems.append(place.problem("sigma: expected a σ > 0", "sigma"))
+            place.tell("sigma: expected a σ > 0", "sigma")
     except UnitError as error:
-        problems.append(place.problem(f"sigma: {error}", "sigma"))
-    reading.problems.extend(problems)
-    if problems:
+        place.tell(f"sigma: {error}", "sigma")
+    if len(reading.problems) > before:
         return None
     first = np.array([points.part(name, "position") for name in feature.points], dtype=np.int64)
     other = np.array([points.part(name, "position") for name in feature.other], dtype=np.int64)
@@ -235,32 +233,30 @@ def _feature_group(
     return _observed_zero(reading, feature, first, other, sigma, systems)
 
 
-def _wrong_keys(feature: Feature, place: TableLocation, systems: dict[str, _System]) -> list[Message]:
-    """Sizes that a feature does not have, and features that its axis cannot come from."""
-    problems = []
+def _check_keys(feature: Feature, place: TableLocation, systems: dict[str, _System]) -> None:
+    """Tell sizes that a feature does not have, and features that its axis cannot come from."""
     free = FREEDOM[feature.type].shape if feature.type in FREEDOM else np.zeros(SHAPE.size, dtype=bool)
     for name, has in zip(SHAPE.names, free.tolist(), strict=True):
         if getattr(feature, name) is not None and not has:
-            problems.append(place.problem(f"{name}: a {feature.type} has none", name))
+            place.tell(f"{name}: a {feature.type} has none", name)
     given = [key for key in RELATIONS if getattr(feature, key) is not None]
     if len(given) > 1:
         words = "give only one of parallel, perpendicular, coaxial and coplanar"
-        problems.append(place.problem(words, given[1]))
+        place.tell(words, given[1])
     for key in given:
         name = getattr(feature, key)
         if feature.type not in _CAN_HAVE[key]:
-            problems.append(place.problem(f"{key}: a {feature.type} cannot have it", key))
+            place.tell(f"{key}: a {feature.type} cannot have it", key)
         if name not in systems:
-            problems.append(place.problem(f"{key}: no feature {name!r} stands above this one", key))
+            place.tell(f"{key}: no feature {name!r} stands above this one", key)
         elif systems[name].type not in _CAN_GIVE[key]:
             type_ = systems[name].type
             plane = f"{key}: the {type_} {name!r} has no plane"
             axis = f"{key}: the {type_} {name!r} has no axis"
-            problems.append(place.problem(plane if key == "coplanar" else axis, key))
+            place.tell(plane if key == "coplanar" else axis, key)
         elif key == "perpendicular" and systems[name].turn >= 0:
             words = f"perpendicular: {name!r} is itself perpendicular to another feature"
-            problems.append(place.problem(words, key))
-    return problems
+            place.tell(words, key)
 
 
 _ROUND = ("circle", "cylinder", "cone", "torus")
@@ -302,8 +298,7 @@ def _on_shape(
     shop, label, free = reading.shop, feature_label(feature), FREEDOM[feature.type]
     shop.begin(label)
     given = {name: one for name in SHAPE.names if (one := getattr(feature, name)) is not None}
-    place = reading.at("features", number)
-    size = settings(given, SHAPE.components, reading.edge, place, ("features", number), reading.problems)
+    size = settings(given, SHAPE.components, reading.edge, reading.at("features", number))
     open_ = free.shape & np.array([name not in given for name in SHAPE.names])
     size.values[0, open_], size.free[0, open_] = np.nan, True
     known = np.where(np.isnan(size.start), size.values, size.start)[0]
@@ -557,9 +552,9 @@ def check_feasible(
                 )
             elif bare:
                 words = f"there are no observations, only points; mor convert lists what was not read ({notes})"
-        reading.problems.append(reading.at("observations").problem(words))
+        reading.at("observations").tell(words)
     elif not reading.shop.store("point").ids:
-        reading.problems.append(reading.at("points").problem("there are no points, images or stations"))
+        reading.at("points").tell("there are no points, images or stations")
     for group in groups:
         _check_sigma(reading, group)
     if groups and not any(store.all_free().any() for store in reading.shop.stores.values() if store.ids):
@@ -568,10 +563,10 @@ def check_feasible(
             reading.notes.append(reading.at("points").problem(words))
         else:
             words = "there is nothing to adjust: all coordinates and parameters are fixed or not estimated"
-            reading.problems.append(reading.at("points").problem(words))
+            reading.at("points").tell(words)
     if not carries_datum:
         none = "" if reading.shop.things["point"].ids else ": there are no points"
-        reading.problems.append(reading.at("datum").problem(f"datum: names no coordinates{none}"))
+        reading.at("datum").tell(f"datum: names no coordinates{none}")
 
 
 def _check_sigma(reading: Reading, group: ObservationGroup) -> None:
@@ -580,8 +575,7 @@ def _check_sigma(reading: Reading, group: ObservationGroup) -> None:
     for row in np.flatnonzero(wrong.any(axis=1))[:MOST_TOLD].tolist():
         found = group.sigma[row][wrong[row]][0]
         words = f"{group.name}: found σ = {found:g}, expected one from {SMALLEST_SIGMA:g} to {LARGEST:g}"
-        line = int(group.lines[row]) if len(group.lines) > row else 0
-        reading.problems.append(Message(words, group.file or reading.document.file, line))
+        reading.problems.append(Message(words, group.file or reading.document.file, group.line(row)))
 
 
 # ---- Observation groups of types ``parameter`` and ``difference``: any component of any block, row by row.
@@ -618,13 +612,19 @@ class _BlockComponent(NamedTuple):
 
 
 class _Known(NamedTuple):
-    """One row: what it is about, its value and σ in internal units."""
+    """A row of a table: what its columns ``names`` are about, its value and σ in internal units and axes."""
 
+    table: Rows
+    names: tuple[str, ...]
     row: int
+    kind: str
     blocks: tuple[int, ...]
     component: int
     value: float
     sigma: float
+
+    def tell(self, words: str) -> None:
+        self.table.tell(self.row, words)
 
 
 def parameter_groups(reading: Reading) -> list[tuple[int, ObservationGroup]]:
@@ -633,7 +633,7 @@ def parameter_groups(reading: Reading) -> list[tuple[int, ObservationGroup]]:
     Each with the number of its entry.
     """
     groups: list[tuple[int, ObservationGroup]] = []
-    said: list[_Row] = []
+    said: list[_Known] = []
     for number, entry in enumerate(reading.project.observations):
         if entry.type not in ("parameter", "difference"):
             continue
@@ -646,43 +646,45 @@ def parameter_groups(reading: Reading) -> list[tuple[int, ObservationGroup]]:
         ]
         if reading.planned:
             columns = without_required(columns, ["value"])
-        rows = read_table(entry, columns, reading.at("observations", number), reading.problems)
+        rows = read_table(entry, columns, reading.at("observations", number))
         if rows is not None:
             found = _parameter_rows(reading, entry, rows, names, said)
             groups += [(number, replace(group, name=group_name(entry, number))) for group in found]
-    _take_exactly(reading, [row for row in said if row.known.sigma == 0.0])
+    _take_exactly(reading, [row for row in said if row.sigma == 0.0])
     for row in said:
-        if row.known.sigma > 0.0:
+        if row.sigma > 0.0:
             _refuse_constant(reading, row)
     return groups
 
 
 def _parameter_rows(
-    reading: Reading, entry: Observations, rows: Rows, names: tuple[str, ...], said: list[_Row]
+    reading: Reading, entry: Observations, rows: Rows, names: tuple[str, ...], said: list[_Known]
 ) -> list[ObservationGroup]:
     collected: dict[tuple[str, str], list[_Known]] = {}
     for i in range(rows.count):
         try:
             places = [_find(reading, rows.series(name)[i], rows.series("component")[i]) for name in names]
-            known = _known(reading, entry, rows, i, places)
+            known = _known(reading, entry, rows, names, i, places)
         except _UnknownThingError:
             continue
         except ValueError as error:
-            reading.problems.append(Message(str(error), rows.file, int(rows.lines[i])))
+            rows.tell(i, str(error))
             continue
-        said.append(_Row(places[0].kind, known, rows, names))
+        said.append(known)
         if known.sigma == 0.0:
             continue
         unit = places[0].scale.unit if places[0].scale else "mm"
         collected.setdefault((places[0].kind, unit), []).append(known)
-    return [_parameter_group(kind, unit, found, rows, names) for (kind, unit), found in collected.items()]
+    return [_parameter_group(kind, unit, found) for (kind, unit), found in collected.items()]
 
 
 class _UnknownThingError(Exception):
     """A name is missing from a table that has mistakes of its own."""
 
 
-def _known(reading: Reading, entry: Observations, rows: Rows, i: int, places: list[_BlockComponent]) -> _Known:
+def _known(
+    reading: Reading, entry: Observations, rows: Rows, names: tuple[str, ...], i: int, places: list[_BlockComponent]
+) -> _Known:
     """A row in internal units and axes. Raises ``ValueError`` with what is wrong."""
     if len({place.kind for place in places}) > 1:
         raise ValueError("a difference needs two blocks of the same kind")
@@ -692,17 +694,16 @@ def _known(reading: Reading, entry: Observations, rows: Rows, i: int, places: li
     quantity = KINDS[place.kind].components[place.component].quantity
     given = {}
     for name in ("value", "sigma"):
-        unit = entry.units if isinstance(entry.units, str) else entry.units.get(name, "")
         text = rows.series(name)[i] or "0"
         try:
-            given[name] = reading.edge.number(text, quantity, unit, place.scale)
+            given[name] = reading.edge.number(text, quantity, entry.unit_of(name), place.scale)
         except UnitError as error:
             raise ValueError(f"{name}: {error}") from None
     if given["sigma"] < 0.0:
         raise ValueError(f"sigma: found {rows.series('sigma')[i]}, expected a σ ≥ 0")
-    blocks = tuple(place.block for place in places)
-    sigma = given["sigma"] * entry.factor
-    return _Known(i, blocks, place.component, given["value"] * place.sign, sigma)
+    blocks = tuple(one.block for one in places)
+    value, sigma = given["value"] * place.sign, given["sigma"] * entry.factor
+    return _Known(rows, names, i, place.kind, blocks, place.component, value, sigma)
 
 
 def _find(reading: Reading, name: str, component: str) -> _BlockComponent:
@@ -734,8 +735,7 @@ def _find(reading: Reading, name: str, component: str) -> _BlockComponent:
                 raise ValueError(f"{name} has no {component} of its own: give it one where it is declared")
             scale = reading.scales[camera] if camera is not None else None
             return _BlockComponent(kind.key, block, *_internal(reading, space, kind, k), scale)
-    words = f"{name} has no component {component!r}{nearest(component, known)} (known: {', '.join(known)})"
-    raise ValueError(words)
+    raise ValueError(f"{name} has no component {component!r}{nearest(component, known)} (known: {', '.join(known)})")
 
 
 def _internal(reading: Reading, space: str, kind: BlockKind, component: int) -> tuple[int, float]:
@@ -762,57 +762,42 @@ def _kind_of_part(reading: Reading, part: str, camera: str | None) -> BlockKind:
     return KINDS[plain.get(part, part)]
 
 
-class _Row(NamedTuple):
-    """A row of a table, and the columns that say what it is about."""
-
-    kind: str
-    known: _Known
-    rows: Rows
-    names: tuple[str, ...]
-
-    def problem(self, words: str) -> Message:
-        return Message(words, self.rows.file, int(self.rows.lines[self.known.row]))
-
-
-def _take_exactly(reading: Reading, exact: list[_Row]) -> None:
+def _take_exactly(reading: Reading, exact: list[_Known]) -> None:
     """σ = 0: a parameter is fixed at its value; a difference makes one unknown of two components."""
     for row in exact:
-        if len(row.known.blocks) == 1:
-            reading.shop.store(row.kind).hold(row.known.blocks[0], row.known.component, row.known.value)
+        if len(row.blocks) == 1:
+            reading.shop.store(row.kind).hold(row.blocks[0], row.component, row.value)
     for kind in dict.fromkeys(row.kind for row in exact):
         here = [row for row in exact if row.kind == kind]
-        tied = [row for row in here if len(row.known.blocks) == 2]
-        ties = [
-            Equality(row.known.component, row.known.blocks[0], row.known.blocks[1], row.known.value) for row in tied
-        ]
+        tied = [row for row in here if len(row.blocks) == 2]
+        ties = [Equality(row.component, row.blocks[0], row.blocks[1], row.value) for row in tied]
         try:
             settle_equalities(reading.shop.store(kind), ties)
         except ContradictionError as error:
             row = tied[error.number] if error.number is not None else (tied or here)[0]
-            reading.problems.append(row.problem(f"σ = 0: {error}"))
+            row.tell(f"σ = 0: {error}")
 
 
-def _refuse_constant(reading: Reading, row: _Row) -> None:
+def _refuse_constant(reading: Reading, row: _Known) -> None:
     """Tell a row in which nothing that is observed is an unknown."""
-    free, known = reading.shop.store(row.kind).all_free(), row.known
-    if any(free[block, known.component] for block in known.blocks):
+    free = reading.shop.store(row.kind).all_free()
+    if any(free[block, row.component] for block in row.blocks):
         return
-    names = " and ".join(row.rows.series(name)[known.row] for name in row.names)
+    names = " and ".join(row.table.series(name)[row.row] for name in row.names)
     verb = "is" if len(row.names) == 1 else "are"
-    words = (
-        f"{row.rows.series('component')[known.row]} of {names} {verb} fixed: observing it has no effect; make it "
+    row.tell(
+        f"{row.table.series('component')[row.row]} of {names} {verb} fixed: observing it has no effect; make it "
         "free where it is declared, or give its value and σ there"
     )
-    reading.problems.append(row.problem(words))
 
 
-def _parameter_group(kind: str, unit: str, found: list[_Known], rows: Rows, names: tuple[str, ...]) -> ObservationGroup:
+def _parameter_group(kind: str, unit: str, found: list[_Known]) -> ObservationGroup:
+    rows, names = found[0].table, found[0].names
     type_ = (OBSERVED_PARAMETERS if len(names) == 1 else OBSERVED_DIFFERENCES)[kind]
     size = KINDS[kind].size
     observed, sigma = np.full((len(found), size), np.nan), np.full((len(found), size), np.nan)
     for row, known in enumerate(found):
         observed[row, known.component], sigma[row, known.component] = known.value, known.sigma
-    lines: SmallIntArray = np.array([rows.lines[known.row] for known in found], dtype=np.int32)
     return ObservationGroup(
         name="",
         type=type_,
@@ -822,6 +807,6 @@ def _parameter_group(kind: str, unit: str, found: list[_Known], rows: Rows, name
         constants=np.zeros((len(found), 0)),
         references=tuple(names_of([rows.series(name)[known.row] for known in found]) for name in names),
         image_unit=unit,
-        lines=lines,
+        lines=rows.lines[[known.row for known in found]],
         file=rows.file,
     )

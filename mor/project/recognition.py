@@ -62,9 +62,7 @@ _SIGHT = {
 
 
 def _precisions(names: str) -> str:
-    """Names of a standard deviation for names of a reading."""
-    words = ("sigma", "sig", "std", "stdev", "stddev", "err", "error")
-    pairs = product(names.split("|"), words)
+    pairs = product(names.split("|"), ("sigma", "sig", "std", "stdev", "stddev", "err", "error"))
     return "|".join(text for name, word in pairs for text in (f"{word}{name}", f"{name}{word}"))
 
 
@@ -226,10 +224,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {},
     ),
-    "traverse": (
-        {"point": f"{_FROM}|{_POINT}|id|corner", "bearing": _BEARING, "distance": _BEARING_DISTANCE},
-        {},
-    ),
+    "traverse": ({"point": f"{_FROM}|{_POINT}|id|corner", "bearing": _BEARING, "distance": _BEARING_DISTANCE}, {}),
     "traverse by angles": (
         {
             "point": f"{_FROM}|{_POINT}|id|corner",
@@ -268,19 +263,13 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {"unit": "units|einheit|unidad|unite"},
     ),
-    "images": (
-        {"id": f"id|{_IMAGE}", "omega": "", "phi": "", "kappa": ""},
-        {**_POINTS, **_STATED, "camera": "kamera"},
-    ),
+    "images": ({"id": f"id|{_IMAGE}", "omega": "", "phi": "", "kappa": ""}, {**_POINTS, **_STATED, "camera": "kamera"}),
     "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
     "stations": ({"id": f"id|{_FROM}", "orientation": "orientierung"}, {"point": _POINT, "height": "ih|hi"}),
     "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
     "points": ({"id": f"id|{_POINT}|station|target", **_POINTS}, _STATED),
     "images with positions": ({"id": _IMAGE, **_POINTS}, _STATED),
-    "points in the plane": (
-        {"id": f"id|{_POINT}|station|target", "x": _POINTS["x"], "y": _POINTS["y"]},
-        _STATED,
-    ),
+    "points in the plane": ({"id": f"id|{_POINT}|station|target", "x": _POINTS["x"], "y": _POINTS["y"]}, _STATED),
     "points with heights": (
         {"id": f"id|{_POINT}", "z": _POINTS["z"]},
         {"sigma_z": _STATED["sigma_z"], "sigma": _STATED["sigma"]},
@@ -593,7 +582,6 @@ def _with_both_ends(
 def _by_angles(
     header: tuple[str, ...], body: _Cells, columns: Mapping[str, str]
 ) -> list[tuple[_Cells, tuple[str, ...]]]:
-    """Angles and distances of a traverse whose rows have a point, the angle there and the distance to the next one."""
     point, angle, distance = (header.index(columns[name]) for name in ("point", "angle", "distance"))
     named = [row for row in body if _cell(row, point) and not _TOTAL.match(_cell(row, point))]
     if len(named) > 2 and _cell(named[-1], point) == _cell(named[0], point) and not _cell(named[-1], distance):
@@ -630,7 +618,6 @@ def _ends(leg: str, path: Path) -> tuple[str, str]:
 
 
 def _by_type(header: tuple[str, ...], body: _Cells, columns: Mapping[str, str]) -> list[tuple[_Cells, tuple[str, ...]]]:
-    """A table for each type of observations that a column names; its column of values has the name of the type."""
     places = {name: header.index(cell) for name, cell in columns.items()}
     found, rest = list[_Cells](), dict[str, int]()
     for name in dict.fromkeys(_cell(row, places["type"]) for row in body):
@@ -827,7 +814,6 @@ def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str,
 
 
 def _with_whole_angles(rows: _Cells) -> _Cells:
-    """Rows with degrees, minutes and seconds in one cell for each three columns of them."""
     for k, row in enumerate(rows[:_TITLES]):
         names = [_bare_name(cell) for cell in row]
         for j in range(len(row) - 2):
@@ -857,7 +843,6 @@ def _with_whole_angles(rows: _Cells) -> _Cells:
 
 
 def _bare_name(cell: str) -> str:
-    """Heading in lower-case letters, with the signs of degrees, minutes and seconds as letters."""
     signs = {"°": "deg", "º": "deg", "''": "sec", '"': "sec", "″": "sec", "'": "min", "′": "min"}
     text = cell.strip().lower()
     for sign, word in signs.items():
@@ -889,7 +874,6 @@ def _with_stations(header: tuple[str, ...], rows: _Cells) -> _Cells:
 
 
 def _tell_elevations(kinds: dict[str, dict[str, str]], header: Sequence[str], rows: Sequence[Sequence[str]]) -> None:
-    """Turn columns of zenith angles that hold elevations into columns of vertical angles."""
     for kind, (other, column) in _ELEVATIONS.items():
         old = "zenith" if kind == "zenith_directions" else kind
         if kind not in kinds:
@@ -945,12 +929,10 @@ def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...],
         above = tuple(cell.strip() for cell in next(csv.reader([comment], delimiter=delimiter), ()))
         return delimiter, tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row), above, encoding
     except csv.Error as error:
-        words = f"this is not a table: {error}; is a quote not closed?"
-        raise InputError([Message(words, str(path))]) from None
+        raise InputError([Message(f"this is not a table: {error}; is a quote not closed?", str(path))]) from None
 
 
 def _rows(lines: list[str], delimiter: str) -> list[list[str]]:
-    """Cells of some lines; none if they are not a table."""
     try:
         return list(csv.reader(_spaced(lines, delimiter), delimiter=delimiter))
     except csv.Error:
@@ -958,7 +940,6 @@ def _rows(lines: list[str], delimiter: str) -> list[list[str]]:
 
 
 def _spaced(lines: list[str], delimiter: str) -> list[str]:
-    """Lines with one blank for several if blanks part the cells."""
     return [" ".join(line.split()) for line in lines] if delimiter == " " else lines
 
 
@@ -973,7 +954,6 @@ def has_two_names(rows: Sequence[Sequence[str]]) -> bool:
 
 
 def _padded(rows: _Cells) -> _Cells:
-    """Rows of the same length: heights at their ends may be missing."""
     length = max(map(len, rows), default=0)
     return tuple((*row, *[""] * (length - len(row))) for row in rows)
 
@@ -1277,7 +1257,6 @@ def _units_of_precision(table: Found) -> dict[str, str]:
 
 
 def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts: dict[Path, str]) -> str:
-    """Rows, or a file, with the names that no table has; empty if there are none."""
     listed = set(_names(tables, ("id",)))
     rest = [name for name in names if name not in listed]
     if not rest:

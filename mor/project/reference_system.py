@@ -13,7 +13,7 @@ import numpy as np
 from mor.errors import InputError
 from mor.input_files import PROJECT, note_file, read_bytes
 from mor.model.earth import Ellipsoid, Horizon
-from mor.model.observation_types import DEFLECTIONS, GEOID
+from mor.model.geodetic import DEFLECTIONS, GEOID
 from mor.types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
@@ -89,7 +89,6 @@ def read_gsb(file: Path) -> list[Subgrid]:
 
 
 def _subgrid(content: bytes, start: int, order: str, unit: float) -> tuple[Subgrid, int]:
-    """One subgrid and where the next one begins."""
     first = start + _RECORDS * RECORD
     if len(content) < first:
         raise GridError("it ends before the head of a subgrid does")

@@ -11,14 +11,14 @@ import numpy as np
 import polars as pl
 
 from mor.errors import MANY_NAMES, Message, counted
-from mor.model.contract import POSITIONS, Names, places
-from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, ObservationType, Reference
+from mor.model.contract import POSITIONS, Names, ObservationGroup, ObservationType, Reference, places
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.rotations import rotation_from_angles, tangent_of_angles
 from mor.project.axes import Edge, UnitError
 from mor.project.entities import Reading, entities, unknown_name
 from mor.project.points import add_free_points
 from mor.project.schema import Observations
-from mor.project.tables import MOST_TOLD, Column, Rows, TableLocation, number_column, tell_rows
+from mor.project.tables import MOST_TOLD, Column, Rows, TableLocation, number_column
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import LENGTH, NUMBER
 
@@ -54,7 +54,7 @@ def drop_unused_orientations(reading: Reading, groups: Sequence[ObservationGroup
     used = {
         int(number)
         for group in groups
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+        for slot, blocks in group.blocks_by_slot
         if slot.kind == "rotation"
         for number in np.unique(blocks)
     }
@@ -62,8 +62,7 @@ def drop_unused_orientations(reading: Reading, groups: Sequence[ObservationGroup
     for name, number in zip(stations.ids, stations.parts["rotation"], strict=True):
         if int(number) not in used:
             reading.unoriented.add(name)
-            values = np.nan_to_num(store.all_values()[number])
-            for component, value in enumerate(values):
+            for component, value in enumerate(np.nan_to_num(store.all_values()[number])):
                 store.hold(int(number), component, float(value))
 
 
@@ -99,16 +98,15 @@ def own_or_common(own: FloatArray, common: FloatArray) -> FloatArray:
     return np.where(np.isnan(own), common, own)
 
 
-def sigma_is_good(group: ObservationGroup, rows: Rows, chosen: IntArray, problems: list[Message]) -> bool:
+def sigma_is_good(group: ObservationGroup, rows: Rows, chosen: IntArray) -> bool:
     """False if an observation has no σ > 0; every such row is told, once for all where none has any."""
     bad = group.mask & ~(group.sigma > 0.0)
     if bad.any() and np.isnan(group.sigma[group.mask]).all():
         matrix = "; or covariances" if len(group.type.components) == 3 else ""
-        words = f"no σ: give a column sigma, or values: {{sigma: …}} for all rows{matrix}"
-        problems.append(Message(words, rows.file, int(rows.lines[chosen[0]])))
+        rows.tell(chosen[0], f"no σ: give a column sigma, or values: {{sigma: …}} for all rows{matrix}")
         return False
     wrong = replace(rows, lines=rows.lines[chosen])
-    tell_rows(problems, np.asarray(bad.any(axis=1)), wrong, lambda row: _wrong_sigma(group.sigma[row][bad[row]][0]))
+    wrong.tell_where(np.asarray(bad.any(axis=1)), lambda row: _wrong_sigma(group.sigma[row][bad[row]][0]))
     return not bad.any()
 
 
@@ -165,8 +163,7 @@ def declare(reading: Reading, rows: Rows, column: str, spaces: Sequence[str]) ->
     new = [name for name in dict.fromkeys(names) if name and ":" not in name]
     if not new:
         return
-    cells = rows.text(column)
-    first = {name: row for row, name in reversed(list(enumerate(cells)))}
+    first = {name: row for row, name in reversed(list(enumerate(rows.text(column))))}
     for name in new:
         reading.undeclared[name] = (rows.file, int(rows.lines[first[name]]))
     add_free_points(reading, new)
@@ -180,54 +177,31 @@ def check_undeclared(reading: Reading, groups: Sequence[ObservationGroup]) -> No
     if not reading.undeclared:
         return
     points = reading.shop.things["point"]
-    rows = _rows_of_points(groups, len(reading.shop.store("point").ids))
+    rows = rows_of_points(groups, len(reading.shop.store("point").ids))
     declared = [name for name in points.ids if name not in reading.undeclared]
-    found = [
-        Slip(name, near, int(rows[points.part(name, "position")]), *reading.undeclared[name])
-        for name, near in alike(reading.undeclared, declared).items()
-    ]
-    mistakes, notes = told(found, len(reading.undeclared))
-    reading.problems.extend(mistakes)
-    reading.notes.extend(notes)
-
-
-class Slip(NamedTuple):
-    """A point that only observations name, and a declared one that a single character tells from it."""
-
-    name: str
-    near: str
-    rows: int
-    """Rows that name it."""
-    file: str
-    line: int
-    """Where the first of them stands."""
-
-
-def told(slips: Sequence[Slip], count: int) -> tuple[list[Message], list[Message]]:
-    """Return the mistake, and the note on ``count`` points that only observations name."""
-    mistakes, notes = [], []
-    for one in slips:
-        if one.rows == 1:
+    notes = []
+    for name, near in alike(reading.undeclared, declared).items():
+        if rows[points.part(name, "position")] == 1:
             words = (
-                f"point {one.name!r} occurs only in this row and in no table of points; "
-                f"did you mean {one.near!r}? If not, add it to the points"
+                f"point {name!r} occurs only in this row and in no table of points; "
+                f"did you mean {near!r}? If not, add it to the points"
             )
-            mistakes.append(Message(words, one.file, one.line))
+            reading.problems.append(Message(words, *reading.undeclared[name]))
         else:
-            words = f"point {one.name!r} is in no table of points and is therefore free; {one.near!r} is"
-            notes.append(Message(words, one.file, one.line))
+            words = f"point {name!r} is in no table of points and is therefore free; {near!r} is"
+            notes.append(Message(words, *reading.undeclared[name]))
     if len(notes) > MOST_TOLD:
         notes[MOST_TOLD:] = [Message(f"{len(notes) - MOST_TOLD} more points like these")]
-    many = counted(count, "point")
-    return mistakes, [Message(f"{many} that only observations name: free (undeclared_points: free)"), *notes]
+    many = counted(len(reading.undeclared), "point")
+    reading.notes += [Message(f"{many} that only observations name: free (undeclared_points: free)"), *notes]
 
 
-def _rows_of_points(groups: Sequence[ObservationGroup], count: int) -> np.ndarray:
+def rows_of_points(groups: Iterable[ObservationGroup], count: int) -> IntArray:
+    """(count,) rows of observations that refer to each point block."""
     rows = np.zeros(count, dtype=np.int64)
     for group in groups:
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == "point":
-                rows += np.bincount(blocks, minlength=count)
+        for blocks in group.blocks_of("point"):
+            rows += np.bincount(blocks, minlength=count)
     return rows
 
 
@@ -263,8 +237,7 @@ def instrument_blocks(reading: Reading, entry: Observations, place: TableLocatio
         return {part: 0 if part in _NEUTRAL else -1 for part in instruments.parts}
     if entry.instrument not in instruments.numbers:
         if "instrument" not in reading.broken:
-            words = unknown_name("instrument", entry.instrument, instruments.ids)
-            reading.problems.append(place.problem(words, "instrument"))
+            place.tell(unknown_name("instrument", entry.instrument, instruments.ids), "instrument")
         return {}
     return {part: instruments.part(entry.instrument, part) for part in instruments.parts}
 
@@ -307,7 +280,7 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
     if open_.any():
         if not reading.broken.intersection(reference.among):
             ids = [name for things in spaces.values() for name in things.ids]
-            _tell_unknown(reading, reference.name, rows, names, open_, ids)
+            _tell_unknown(reference.name, rows, names, open_, ids)
             # Unknown names of a table that look like points which were left out on purpose.
             if "point" in reference.among and np.count_nonzero(open_) >= 3:
                 words = "points that no table contains are unknowns with settings: {undeclared_points: free}"
@@ -323,36 +296,32 @@ def resolve(reading: Reading, reference: Reference, rows: Rows) -> Resolved:
         blocks[part] = of_name[names.numbers]
     resolved = Resolved(names, blocks, centre[names.numbers])
     if "image" in reference.among:
-        _refuse_timed(reading, resolved, rows)
+        _refuse_timed(resolved, rows)
     if reference.among == POSITIONS:
-        _refuse_followers(reading, resolved, rows)
+        _refuse_followers(resolved, rows)
     return resolved
 
 
 _CENTRE = "centre:"
 
 
-def _refuse_followers(reading: Reading, resolved: Resolved, rows: Rows) -> None:
-    """Tell stereo followers that are named as positions: they have a projection centre only."""
+def _refuse_followers(resolved: Resolved, rows: Rows) -> None:
     if "base" not in resolved.blocks:
         return
     wrong = (resolved.blocks["base"] >= 0) & ~resolved.at_centre
     words = "image {0!r} follows another one and is not a position of its own; centre:{0} is its projection centre"
-    tell_rows(reading.problems, wrong, rows, lambda row: words.format(resolved.names[row]))
+    rows.tell_where(wrong, lambda row: words.format(resolved.names[row]))
 
 
-def _refuse_timed(reading: Reading, resolved: Resolved, rows: Rows) -> None:
-    """Tell images on a trajectory that are named as positions: theirs is a function of time."""
+def _refuse_timed(resolved: Resolved, rows: Rows) -> None:
     timed = resolved.blocks.get("trajectory")
     if timed is None or not (timed >= 0).any():
         return
     words = "image {0!r} is on a trajectory: its projection centre cannot be named here (image coordinates can)"
-    tell_rows(reading.problems, timed >= 0, rows, lambda row: words.format(resolved.names[row]))
+    rows.tell_where(timed >= 0, lambda row: words.format(resolved.names[row]))
 
 
-def _tell_unknown(
-    reading: Reading, what: str, rows: Rows, names: Names, unknown: BoolArray, ids: Sequence[str]
-) -> None:
+def _tell_unknown(what: str, rows: Rows, names: Names, unknown: BoolArray, ids: Sequence[str]) -> None:
     """Tell each unknown name once, where it comes first; of very many the first ones and their number."""
     numbers, first = np.unique(names.numbers, return_index=True)
     wrong = np.zeros(rows.count, dtype=bool)
@@ -360,9 +329,7 @@ def _tell_unknown(
     # Unknown names for which the nearest one is looked for among very many.
     guessed = set(np.flatnonzero(wrong)[:5].tolist())
     few = len(ids) <= MANY_NAMES
-    tell_rows(
-        reading.problems, wrong, rows, lambda row: unknown_name(what, names[row], ids if few or row in guessed else ())
-    )
+    rows.tell_where(wrong, lambda row: unknown_name(what, names[row], ids if few or row in guessed else ()))
 
 
 def _stations_on_points(reading: Reading, names: Names, rows: Rows) -> Names:
@@ -397,7 +364,7 @@ def _stations_on_points(reading: Reading, names: Names, rows: Rows) -> Names:
     return Names(places[numbers], tuple(set_name(*stand) for stand in stands))
 
 
-def check_different(type_: ObservationType, rows: Rows, problems: list[Message]) -> bool:
+def check_different(type_: ObservationType, rows: Rows) -> bool:
     """False if an observation lies between a place and itself, or an angle has two equal targets."""
     names = [reference.name for reference in type_.references if reference.name not in ("system", "frame")]
     good = True
@@ -405,7 +372,7 @@ def check_different(type_: ObservationType, rows: Rows, problems: list[Message])
         for b in names[i + 1 :]:
             cells = rows.series(a)
             same = (cells == rows.series(b)).to_numpy()
-            tell_rows(problems, same, rows, partial(_same_words, f"{a} and {b}", type_.key, cells))
+            rows.tell_where(same, partial(_same_words, f"{a} and {b}", type_.key, cells))
             good = good and not same.any()
     return good
 
@@ -419,13 +386,12 @@ def named_things(reading: Reading, space: str, column: str, rows: Rows) -> Names
     if space == "point":
         declare(reading, rows, column, ("point",))
     things = reading.shop.things[space]
-    cells = rows.series(column)
-    found = places(cells, pl.Series(things.ids, dtype=pl.String))
+    found = places(rows.series(column), pl.Series(things.ids, dtype=pl.String))
     if (found < 0).any() and space not in reading.broken:
         named = rows.names(column)
         known = np.ones(len(named.known), dtype=bool)
         known[named.numbers[found < 0]] = False
-        _tell_unknown(reading, space, rows, named, ~known, things.ids)
+        _tell_unknown(space, rows, named, ~known, things.ids)
     return Names(found, things.ids)
 
 
@@ -441,16 +407,14 @@ def with_own_height(reading: Reading, rows: Rows, of: str, heights: IntArray, nu
         return result
     values, inverse = np.unique(given[known], return_inverse=True)
     names = [f"observations {number + 1} {of} {value:g}" for value in values]
-    blocks = reading.shop.store("height").add(
+    result[known] = reading.shop.store("height").add(
         names, values[:, None], np.zeros((len(values), 1), dtype=bool), np.full((len(values), 1), np.nan)
-    )
-    result[known] = blocks[inverse]
+    )[inverse]
     _note_other_heights(reading, rows, of, heights, given)
     return result
 
 
 def _note_other_heights(reading: Reading, rows: Rows, of: str, heights: IntArray, given: FloatArray) -> None:
-    """Note rows whose own height replaces another one of the station that they name."""
     of_station = reading.shop.store("height").all_values()[heights, 0]
     with np.errstate(invalid="ignore"):
         other = np.flatnonzero((heights != 0) & np.isfinite(given) & (np.abs(given - of_station) > _SAME))
@@ -463,7 +427,7 @@ def _note_other_heights(reading: Reading, rows: Rows, of: str, heights: IntArray
         f"{of}_height {given[row]:.6g} {unit} of this row counts, and not the height of station {name!r}, which is "
         f"{own}; both are heights above the point and are not added. Rows of this kind: {len(other)}"
     )
-    reading.notes.append(Message(words, rows.file, int(rows.lines[row])))
+    reading.notes.append(rows.problem(row, words))
 
 
 _SAME = 1e-9
@@ -493,7 +457,7 @@ def note_points_under_instruments(
             f"{begin}: {found.names[row]!r} is the point itself; the height of the instrument counts where station "
             f"{station!r} over it is named, or {begin}_height is given"
         )
-        reading.notes.append(Message(words, rows.file, int(rows.lines[row])))
+        reading.notes.append(rows.problem(row, words))
 
 
 # ---- First velocity correction of measured distances, from temperature, pressure and humidity of the air.
@@ -558,12 +522,12 @@ def corrected(reading: Reading, entry: Observations, rows: Rows, given: FloatArr
     before = len(reading.problems)
     for name, (least, most, unit) in _LIMITS.items():
         words = f"{name}: expected a value between {least:g} and {most:g} {unit}"
-        tell_rows(reading.problems, (found[name] < least) | (found[name] > most), rows, words)
+        rows.tell_where((found[name] < least) | (found[name] > most), words)
     lost = np.isnan(found[TEMPERATURE]) | np.isnan(found[PRESSURE])
     words = "a distance with a column of the air needs both temperature and pressure"
-    tell_rows(reading.problems, lost, rows, words)
+    rows.tell_where(lost, words)
     both = np.isfinite(found[HUMIDITY]) & np.isfinite(found[VAPOUR])
-    tell_rows(reading.problems, both, rows, "give either humidity or vapour_pressure")
+    rows.tell_where(both, "give either humidity or vapour_pressure")
     if constants is None or len(reading.problems) > before:
         return given
     vapour = np.where(
@@ -579,7 +543,7 @@ def _constants(reading: Reading, entry: Observations, place: TableLocation) -> t
     instrument = reading.project.instruments.get(name) if name is not None else None
     if instrument is None or instrument.atmosphere is None:
         words = "temperature, pressure: the instrument has no atmosphere: {C: 286.34, D: 80.67} or {C, wavelength}"
-        reading.problems.append(place.problem(words, "instrument"))
+        place.tell(words, "instrument")
         return None
     said = instrument.atmosphere
     if said.wavelength is None:
@@ -588,11 +552,11 @@ def _constants(reading: Reading, entry: Observations, place: TableLocation) -> t
     try:
         length = reading.edge.number(said.wavelength, LENGTH) * reading.edge.metres * 1e6
     except UnitError as error:
-        reading.problems.append(reading.at("instruments", str(name), "atmosphere").problem(f"wavelength: {error}"))
+        reading.at("instruments", str(name), "atmosphere").tell(f"wavelength: {error}")
         return None
     if not _SHORTEST <= length <= _LONGEST:
         words = f"wavelength: found {said.wavelength}, expected one of light, as 0.658 um"
-        reading.problems.append(reading.at("instruments", str(name), "atmosphere").problem(words))
+        reading.at("instruments", str(name), "atmosphere").tell(words)
         return None
     return said.C, dispersion_constant(length)
 
@@ -617,7 +581,7 @@ def refuse_fixed(reading: Reading, groups: Iterable[ObservationGroup]) -> None:
             continue
         # (n, m) true for components that some unknown changes.
         places, tangents, free = [], [], []
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             store = reading.shop.store(slot.kind)
             values = np.nan_to_num(store.all_values()[blocks], nan=_ANYWHERE)
             free.append(store.all_free()[blocks])
@@ -642,5 +606,4 @@ def refuse_fixed(reading: Reading, groups: Iterable[ObservationGroup]) -> None:
                 f"{names} of {of} {'is' if len(said) == 1 else 'are'} fixed: observing it has no effect; make it "
                 "free where it is declared, or give its value and σ there"
             )
-            line = int(group.lines[row]) if len(group.lines) > row else 0
-            reading.problems.append(Message(words, group.file or reading.document.file, line))
+            reading.problems.append(Message(words, group.file or reading.document.file, group.line(row)))

@@ -114,6 +114,12 @@ class TableEntry(Strict):
         """What the rows may come from, by its key; ``None`` if it is not given."""
         return {"file": self.file, "rows": self.rows}
 
+    def unit_of(self, *names: str) -> str:
+        """Unit of the first of some columns that has one, or the one of all; empty if there is none."""
+        if isinstance(self.units, str):
+            return self.units
+        return next((self.units[name] for name in names if name in self.units), "")
+
 
 # ---- The sections ``world`` and ``curvature`` of the project file: where on the earth the network is, or on a sphere.
 

@@ -171,20 +171,17 @@ def _guess(type_: str, q: FloatArray, D: FloatArray, known: FloatArray, free: Fr
 
 
 def _enlarged(fit: FittedShape, factor: float, free: Freedom) -> FittedShape:
-    """The same with another radius, unless that is known."""
     return fit._replace(shape=fit.shape * np.where(free.shape & [True, False, False], factor, 1.0))
 
 
 def _refined(type_: str, q: FloatArray, guesses: list[list[FittedShape]], free: Freedom) -> FittedShape | None:
-    """The best of the best guesses of each list after a least-squares adjustment of each."""
     from scipy.optimize import least_squares
 
     def adjusted(fit: FittedShape) -> FittedShape:
         def distances(step: FloatArray) -> FloatArray:
             return _distances(type_, q, _moved(fit, step, free))
 
-        found = least_squares(distances, np.zeros(free.unknowns), x_scale="jac", max_nfev=_STEPS)
-        return _moved(fit, found.x, free)
+        return _moved(fit, least_squares(distances, np.zeros(free.unknowns), x_scale="jac", max_nfev=_STEPS).x, free)
 
     fits: list[tuple[float, FittedShape]] = []
     ordered = [sorted(some, key=lambda guess: _squares(type_, q, guess))[:_REFINED] for some in guesses]

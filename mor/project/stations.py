@@ -7,7 +7,6 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from mor.errors import Message
 from mor.model.parameters import (
     BASE,
     ECCENTRICITY,
@@ -21,7 +20,6 @@ from mor.model.parameters import (
     TIME_OFFSET,
     BlockKind,
 )
-from mor.project.document import KeyPath
 from mor.project.entities import Reading, SetUp, entities, unknown_name
 from mor.project.motion import EPOCH, remember_epochs
 from mor.project.points import NameColumn, check_unique, position_columns, positions, rotations
@@ -37,7 +35,6 @@ from mor.project.tables import (
     number_column,
     read_table,
     settings,
-    tell_rows,
 )
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import ANGLE
@@ -79,8 +76,7 @@ def motions(
         if len(here):
             own = rows.take(here)
             still = np.full(len(here), reading.shop.neutral(kind.key), dtype=np.int64)
-            names = [labels[i] for i in here]
-            result[here] = _set_ups(reading, kind, own, names, fixed, free, still)
+            result[here] = _set_ups(reading, kind, own, [labels[i] for i in here], fixed, free, still)
         found.append(result)
     return found[0], found[1]
 
@@ -94,7 +90,7 @@ def _set_ups(
     free: Collection[str],
     otherwise: IntArray,
 ) -> IntArray:
-    said = _said(reading, kind, rows, fixed, free)
+    said = _said(kind, rows, fixed, free)
     result, store = otherwise.copy(), reading.shop.store(kind.key)
     named = rows.text(shared_column(kind))
     unnamed = np.array([not name for name in named], dtype=bool)
@@ -104,7 +100,7 @@ def _set_ups(
     known = {name: shared.part(name, kind.key) for name in shared.ids} if shared else {}
     together = reading.shared_set_ups.setdefault(kind.key, {})
     for i in np.flatnonzero(~unnamed).tolist():
-        together[named[i]] = _with_row(reading, kind, rows, i, said, together.get(named[i]))
+        together[named[i]] = _with_row(kind, rows, i, said, together.get(named[i]))
     for name in dict.fromkeys(name for name in named if name):
         statuses = _Said(*together[name]).statuses()
         if name in known:
@@ -146,7 +142,7 @@ class _Said(NamedTuple):
         )
 
 
-def _with_row(reading: Reading, kind: BlockKind, rows: Rows, row: int, said: _Said, before: SetUp | None) -> SetUp:
+def _with_row(kind: BlockKind, rows: Rows, row: int, said: _Said, before: SetUp | None) -> SetUp:
     """Merge all rows so far of one shared constant: each component once, or several times with the same value."""
     here = said.rows(np.array([row]))
     if before is None:
@@ -160,31 +156,30 @@ def _with_row(reading: Reading, kind: BlockKind, rows: Rows, row: int, said: _Sa
     )
     for words, one, other in zip(contradictions, before, here, strict=False):
         if (np.isfinite(one) & np.isfinite(other) & (one != other)).any():
-            tell_rows(reading.problems, at, rows, words)
+            rows.tell_where(at, words)
     merged = _Said(*(np.where(np.isnan(one), other, one) for one, other in zip(before, here, strict=True)))
     if (np.isfinite(merged.sigma) & np.isfinite(merged.free)).any():
         words = f"{column}: {name!r} is free in one row and has a σ in another; expected one of them"
-        tell_rows(reading.problems, at, rows, words)
+        rows.tell_where(at, words)
     return tuple(merged)
 
 
-def _said(reading: Reading, kind: BlockKind, rows: Rows, fixed: Collection[str], free: Collection[str]) -> _Said:
+def _said(kind: BlockKind, rows: Rows, fixed: Collection[str], free: Collection[str]) -> _Said:
     """Values of the rows; σ = 0 is fixed, also in a table of free ones."""
-    names, problems = kind.names, reading.problems
+    names = kind.names
     given = np.stack([rows.number(name) for name in names], axis=1)
     sigma = np.stack([rows.number(f"sigma_{name}") for name in names], axis=1)
     start = np.stack([rows.number(f"start_{name}") for name in names], axis=1)
     loose = np.full(given.shape, np.nan)
     for k, name in enumerate(names):
         own = f"sigma_{name}"
-        tell_rows(problems, sigma[:, k] < 0.0, rows, f"{own}: found a negative σ, expected a σ ≥ 0")
-        missing = np.isfinite(sigma[:, k]) & np.isnan(given[:, k])
-        tell_rows(problems, missing, rows, f"{name} has a σ but no value")
+        rows.tell_where(sigma[:, k] < 0.0, f"{own}: found a negative σ, expected a σ ≥ 0")
+        rows.tell_where(np.isfinite(sigma[:, k]) & np.isnan(given[:, k]), f"{name} has a σ but no value")
         if name in free:
             wrong = sigma[:, k] > 0.0
-            tell_rows(problems, wrong, rows, f"{name} is free in this table, and has a σ; expected one of them")
+            rows.tell_where(wrong, f"{name} is free in this table, and has a σ; expected one of them")
             held = np.full(rows.count, name in fixed)
-            tell_rows(problems, held, rows, f"{name} is free and fixed in this table; expected one of them")
+            rows.tell_where(held, f"{name} is free and fixed in this table; expected one of them")
             loose[sigma[:, k] != 0.0, k] = 1.0
         elif name in fixed:
             sigma[np.isfinite(given[:, k]), k] = 0.0
@@ -202,7 +197,6 @@ def read_stations(reading: Reading) -> None:
 def _read_frames(
     reading: Reading, space: str, tables: Sequence[TableEntry], parts: Sequence[str], read: Callable[..., None]
 ) -> None:
-    """Read tables of stations or systems one after another, and put the parts of their frames together."""
     ids: list[str] = []
     collected: dict[str, list[IntArray]] = {part: [] for part in parts}
     seen: list[NameColumn] = []
@@ -237,11 +231,11 @@ def _read_stations_table(
     seen: list[NameColumn],
 ) -> None:
     edge = reading.edge
-    rows = read_table(table, station_columns(reading), place, reading.problems)
+    rows = read_table(table, station_columns(reading), place)
     if rows is None:
         return
     names = [set_name(*pair) for pair in zip(rows.text("id"), rows.text("set"), strict=True)]
-    check_unique("station", names, rows, seen, reading.problems)
+    check_unique("station", names, rows, seen)
     remember_epochs(reading, "station", names, rows)
     oriented = np.isfinite(rows.number("orientation"))
     if oriented.any():
@@ -274,16 +268,16 @@ def _places(
     earlier = [(*collected[part], column[~is_set]) for part, column in (("position", position), ("height", height))]
     places = zip(*(np.concatenate(arrays) for arrays in earlier), strict=True)
     known = dict(zip((*ids, *own.text("id")), places, strict=True))
-    for i in np.flatnonzero(is_set):
+    for i in np.flatnonzero(is_set).tolist():
         station = rows.text("id")[i]
         place = any(np.isfinite(rows.number(name)[i]) for name in (*POINT.names, *HEIGHT.names))
         place |= bool(rows.text(shared_column(HEIGHT))[i])
         if station not in known:
             words = f"{unknown_name('station', station, known)}; a set belongs to a station of a row without set"
-            reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
+            rows.tell(i, words)
         elif place or rows.text("point")[i]:
             words = f"set {rows.text('set')[i]!r} of station {station!r} has the position of its station"
-            reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
+            rows.tell(i, words)
         else:
             position[i], height[i] = known[station]
             reading.sets[set_name(station, rows.text("set")[i])] = (station, rows.text("set")[i])
@@ -304,24 +298,23 @@ def _read_systems_table(
     collected: dict[str, list[IntArray]],
     seen: list[NameColumn],
 ) -> None:
-    kinds = (*POINT.components, *ROTATION.components, *SCALE.components)
     columns = [
         Column("id", required=True),
         Column("point"),
-        *component_columns(kinds, reading.edge),
+        *component_columns((*POINT.components, *ROTATION.components, *SCALE.components), reading.edge),
         *position_columns(reading),
         *set_up_columns(reading, ECCENTRICITY, shared=False),
     ]
-    rows = read_table(table, columns, place, reading.problems)
+    rows = read_table(table, columns, place)
     if rows is None:
         return
     names = rows.text("id")
-    check_unique("system", names, rows, seen, reading.problems)
+    check_unique("system", names, rows, seen)
     labels = [f"system {name}" for name in names]
-    scale = component_rows(rows, SCALE.components, table.fixed, reading.problems)
+    scale = component_rows(rows, SCALE.components, table.fixed)
     scale = scale._replace(values=np.nan_to_num(scale.values, nan=1.0))
     wrong = (scale.values <= 0.0) | (scale.start <= 0.0)
-    tell_rows(reading.problems, wrong[:, 0], rows, "scale: expected a number above 0")
+    rows.tell_where(wrong[:, 0], "scale: expected a number above 0")
     collected["position"].append(positions(reading, rows, labels, table.fixed))
     collected["rotation"].append(rotations(reading, rows, labels, table.fixed))
     collected["scale"].append(reading.shop.store("scale").add(labels, *scale))
@@ -343,9 +336,8 @@ def read_instruments(reading: Reading) -> None:
         reading.shop.begin(f"instrument {name}")
         meters.append(_instrument(reading, name, instrument, "distance meter", ("scale", "offset")))
         refractions.append(_instrument(reading, name, instrument, "refraction", ("refraction",)))
-        path = ("instruments", name, "frame")
-        given = dict(instrument.frame)
-        frames.append(_add(reading, name, GNSS_FRAME.key, given, path) if given else 0)
+        given, place = dict(instrument.frame), reading.at("instruments", name, "frame")
+        frames.append(_add(reading, name, GNSS_FRAME.key, given, place) if given else 0)
         for part, blocks in along.items():
             blocks.append(_along(reading, name, instrument, part))
     parts = {"distance meter": meters, "refraction": refractions, GNSS_FRAME.key: frames, **along}
@@ -364,25 +356,24 @@ def _along(reading: Reading, name: str, instrument: Instrument, part: str) -> in
     if not said:
         return -1
     given = said if isinstance(said, dict) else {key: said}
-    path: KeyPath = ("instruments", name, key) if isinstance(said, dict) else ("instruments", name)
-    row = settings(given, kind.components, reading.edge, reading.at(*path), path, reading.problems)
-    own = name if kind is TIME_OFFSET else f"{part} of {name}"
-    return int(reading.shop.store(kind.key).add([own], *row)[0])
+    place = reading.at("instruments", name, key) if isinstance(said, dict) else reading.at("instruments", name)
+    row = settings(given, kind.components, reading.edge, place)
+    return int(reading.shop.store(kind.key).add([name if kind is TIME_OFFSET else f"{part} of {name}"], *row)[0])
 
 
 def _instrument(reading: Reading, name: str, instrument: Instrument, kind: str, components: tuple[str, ...]) -> int:
     given = {key: getattr(instrument, key) for key in components if getattr(instrument, key) is not None}
     if not given:
         return 0
-    return _add(reading, name, kind, given, ("instruments", name))
+    return _add(reading, name, kind, given, reading.at("instruments", name))
 
 
-def _add(reading: Reading, name: str, kind: str, given: dict[str, Any], path: KeyPath) -> int:
+def _add(reading: Reading, name: str, kind: str, given: dict[str, Any], place: TableLocation) -> int:
     store = reading.shop.store(kind)
-    row = settings(given, store.kind.components, reading.edge, reading.at(*path), path, reading.problems)
+    row = settings(given, store.kind.components, reading.edge, place)
     scales = [values[0, store.kind.names.index("scale")] for values in (row.values, row.start) if "scale" in given]
     if any(scale <= 0.0 for scale in scales):
-        reading.problems.append(reading.at(*path).problem("scale: expected a number above 0", "scale"))
+        place.tell("scale: expected a number above 0", "scale")
     return int(store.add([name], *row)[0])
 
 
@@ -398,21 +389,15 @@ def read_pairs(reading: Reading) -> None:
             Column("id", required=True),
             *component_columns((*BASE.components, *ROTATION.components), reading.edge),
         ]
-        rows = read_table(table, columns, reading.at("pairs", k), reading.problems)
+        rows = read_table(table, columns, reading.at("pairs", k))
         if rows is None:
             continue
         names = rows.text("id")
-        check_unique("pair", names, rows, seen, reading.problems)
+        check_unique("pair", names, rows, seen)
         labels = [f"pair {name}" for name in names]
-        base.append(
-            reading.shop.store("base").add(
-                labels, *component_rows(rows, BASE.components, table.fixed, reading.problems)
-            )
-        )
+        base.append(reading.shop.store("base").add(labels, *component_rows(rows, BASE.components, table.fixed)))
         rotation.append(
-            reading.shop.store("rotation").add(
-                labels, *component_rows(rows, ROTATION.components, table.fixed, reading.problems)
-            )
+            reading.shop.store("rotation").add(labels, *component_rows(rows, ROTATION.components, table.fixed))
         )
         ids += names
         reading.end("pair", len(names))

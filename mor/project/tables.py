@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from datetime import date, datetime, time
 from pathlib import Path
 from typing import NamedTuple
@@ -15,17 +15,7 @@ import numpy.typing as npt
 import polars as pl
 
 from mor.errors import InputError, Message, counted, nearest
-from mor.input_files import (
-    TABLE,
-    as_utf8,
-    check_regular,
-    check_size,
-    is_folder,
-    limit,
-    note_file,
-    raise_it,
-    read_bytes,
-)
+from mor.input_files import TABLE, as_utf8, check_regular, check_size, is_folder, limit, note_file, raise_it, read_bytes
 from mor.model.contract import Names, coded
 from mor.project.axes import Edge, ImageScale, UnitError, beyond
 from mor.project.document import Document, KeyPath, plain_column
@@ -46,25 +36,58 @@ class Column(NamedTuple):
     required: bool = False
 
 
-class Source(NamedTuple):
+MOST_TOLD = 100
+"""Mistakes of one kind in one table that are told one by one; the rest is counted."""
+
+
+def tell_rows(problems: list[Message], wrong: BoolArray, lines: Lines, words: Callable[[int], str] | str) -> None:
+    """Tell what is wrong with rows (n,): each with its line, of very many the first and how many more there are."""
+    found = np.flatnonzero(wrong)
+    for row in found[:MOST_TOLD].tolist():
+        problems.append(lines.problem(row, words if isinstance(words, str) else words(row)))
+    if len(found) > MOST_TOLD:
+        row = int(found[MOST_TOLD])
+        first = words if isinstance(words, str) else words(row)
+        problems.append(lines.problem(row, f"{len(found) - MOST_TOLD} more rows like these, the next one: {first}"))
+
+
+@dataclass(frozen=True)
+class Lines:
+    """Lines (n,) of a file that rows stand in, and the list that mistakes in them are added to."""
+
+    lines: SmallIntArray
+    file: str
+    problems: list[Message]
+
+    def problem(self, row: int, words: str) -> Message:
+        """A message about a row."""
+        return Message(words, self.file, int(self.lines[row]))
+
+    def tell(self, row: int, words: str) -> None:
+        """Add a mistake in a row."""
+        self.problems.append(self.problem(row, words))
+
+    def tell_where(self, wrong: BoolArray, words: Callable[[int], str] | str) -> None:
+        """Add what is wrong with rows (n,)."""
+        tell_rows(self.problems, wrong, self, words)
+
+
+@dataclass(frozen=True)
+class Source(Lines):
     """Named columns as they were found, each all texts or already numbers in the unit of the column; null is empty."""
 
     names: list[str]
     """Names of the columns in their order; one may be given twice."""
     columns: dict[str, pl.Series]
-    lines: SmallIntArray
-    file: str
 
 
 @dataclass(frozen=True)
-class Rows:
+class Rows(Lines):
     """Columns read: identifiers as texts, numbers as floats in internal units, NaN if empty."""
 
     count: int
     texts: dict[str, pl.Series]
     numbers: dict[str, FloatArray]
-    lines: SmallIntArray
-    file: str
 
     def text(self, name: str) -> list[str]:
         """Identifiers of a column, for tables of few rows; empty if the column is missing."""
@@ -89,39 +112,30 @@ class Rows:
         """Some of the rows."""
         texts = {name: cells.gather(chosen) for name, cells in self.texts.items()}
         numbers = {name: cells[chosen] for name, cells in self.numbers.items()}
-        return Rows(len(chosen), texts, numbers, self.lines[chosen], self.file)
+        return Rows(self.lines[chosen], self.file, self.problems, len(chosen), texts, numbers)
 
 
 @dataclass(frozen=True)
 class TableLocation:
-    """Place of a table in the project: its path in the document, and the folder of the project."""
+    """Place of a table in the project: its path, the folder of the project, and the list of mistakes found."""
 
     document: Document
     path: KeyPath
     folder: Path
+    problems: list[Message] = field(default_factory=list)
+
+    def at(self, *path: str | int) -> TableLocation:
+        """A place within this one."""
+        return replace(self, path=(*self.path, *path))
 
     def problem(self, message: str, key: str | None = None) -> Message:
-        """A problem at this table, or at one of its keys."""
+        """A message about this table, or one of its keys."""
         path = (*self.path, key) if key else self.path
         return Message(message, self.document.file_of(path), self.document.line(path))
 
-
-MOST_TOLD = 100
-"""Mistakes of one kind in one table that are told one by one; the rest is counted."""
-
-
-def tell_rows(
-    problems: list[Message], wrong: BoolArray, rows: Rows | Source, words: Callable[[int], str] | str
-) -> None:
-    """Tell what is wrong with rows (n,): each with its line, of very many the first and how many more there are."""
-    found = np.flatnonzero(wrong)
-    for row in found[:MOST_TOLD].tolist():
-        said = words if isinstance(words, str) else words(row)
-        problems.append(Message(said, rows.file, int(rows.lines[row])))
-    if len(found) > MOST_TOLD:
-        first = words if isinstance(words, str) else words(int(found[MOST_TOLD]))
-        more = f"{len(found) - MOST_TOLD} more rows like these, the next one: {first}"
-        problems.append(Message(more, rows.file, int(rows.lines[found[MOST_TOLD]])))
+    def tell(self, message: str, key: str | None = None) -> None:
+        """Add a mistake in this table, or in one of its keys."""
+        self.problems.append(self.problem(message, key))
 
 
 # ---- Rows of a text file (CSV and its kin): typed columns in one go, whatever the number of rows.
@@ -190,7 +204,7 @@ def from_text(
     if frame is None:
         return _one_by_one(cleaned, names, table, file, problems)
     columns = {ours: frame[name] for name, ours in zip(header, names, strict=True) if ours is not None}
-    return Source([name for name in names if name], _plain(columns, cleaned), lines, file)
+    return Source(lines, file, problems, [name for name in names if name], _plain(columns, cleaned))
 
 
 def _plain(columns: dict[str, pl.Series], cleaned: _Text) -> dict[str, pl.Series]:
@@ -229,9 +243,7 @@ def _cleaned(text: bytes, delimiter: str | None) -> _Text:
 
 
 def _line_ends(data: npt.NDArray[np.uint8]) -> IntArray:
-    """Places of the line ends, looked for in one part of the file after the other."""
-    starts = range(0, len(data), _PART)
-    found = [np.flatnonzero(data[start : start + _PART] == ord("\n")) + start for start in starts]
+    found = [np.flatnonzero(data[start : start + _PART] == ord("\n")) + start for start in range(0, len(data), _PART)]
     return np.concatenate(found) if found else np.zeros(0, dtype=np.int64)
 
 
@@ -312,25 +324,25 @@ def _one_by_one(
         )
         counts: IntArray = np.add.reduceat(data == ord(separator), starts, dtype=np.int64)
         found = counts[int(headed) :] + 1
-        source = Source([], {}, cleaned.lines[int(headed) :], file)
-        tell_rows(problems, found != len(names), source, lambda row: wrong_length(int(found[row]), names))
+        source = Lines(cleaned.lines[int(headed) :], file, problems)
+        source.tell_where(found != len(names), lambda row: wrong_length(int(found[row]), names))
         if (found != len(names)).any():
             return None
     content = cleaned.content.decode("utf-8").split("\n")[int(headed) :]
     lines = cleaned.lines[int(headed) :]
-    source = Source([], {}, lines, file)
+    source = Lines(lines, file, problems)
     content = content[: len(lines)]
     open_ = np.array([line.count('"') % 2 == 1 for line in content])
-    tell_rows(problems, open_, source, "a quote that opens in this line is not closed in it")
+    source.tell_where(open_, "a quote that opens in this line is not closed in it")
     if open_.any():
         return None
     rows = [_cells(line, separator) for line in content]
     found = np.array([len(row) for row in rows])
-    tell_rows(problems, found != len(names), source, lambda row: wrong_length(int(found[row]), names))
+    source.tell_where(found != len(names), lambda row: wrong_length(int(found[row]), names))
     if (found != len(names)).any():
         return None
     columns = {name: pl.Series(name, [row[k] for row in rows], dtype=pl.String) for k, name in enumerate(names) if name}
-    return Source([name for name in names if name], _plain(columns, cleaned), lines, file)
+    return Source(lines, file, problems, [name for name in names if name], _plain(columns, cleaned))
 
 
 # ---- Tables in spreadsheets (.xlsx, .xls, .ods), read by python-calamine.
@@ -404,7 +416,7 @@ _SMALLEST_CELL = 8
 """Bytes of a number, or of the reference to a text, in memory."""
 
 
-def from_rows(table: TableEntry, place: TableLocation, problems: list[Message]) -> Source:
+def from_rows(table: TableEntry, place: TableLocation) -> Source:
     """Rows that stand in the project file itself."""
     declared = list(table.columns or [])
     rows = table.rows or []
@@ -412,27 +424,25 @@ def from_rows(table: TableEntry, place: TableLocation, problems: list[Message]) 
     lines = np.array([place.document.line((*place.path, "rows", i)) for i in range(len(rows))], dtype=np.int32)
     for row, line in zip(rows, lines, strict=True):
         if len(row) != len(declared):
-            problems.append(Message(wrong_length(len(row), declared), file, int(line)))
+            place.problems.append(Message(wrong_length(len(row), declared), file, int(line)))
     columns = {
         name: pl.Series(name, [row[k] if k < len(row) else None for row in rows], dtype=pl.String)
         for k, name in enumerate(declared)
         if name
     }
-    return Source([name for name in declared if name], columns, lines, file)
+    return Source(lines, file, place.problems, [name for name in declared if name], columns)
 
 
-def from_file(
-    table: TableEntry, known: dict[str, Column], place: TableLocation, problems: list[Message]
-) -> Source | None:
-    """Rows of a file beside the project; ``None`` if ``problems`` were added instead."""
+def from_file(table: TableEntry, known: dict[str, Column], place: TableLocation) -> Source | None:
+    """Rows of a file beside the project; ``None`` if mistakes were told instead."""
     frame = place.document.frame(str(table.file))
     if frame is not None:
-        return _from_frame(frame, table, place.document.file_of(place.path))
+        return _from_frame(frame, table, place.document.file_of(place.path), place.problems)
     path = place.folder / str(table.file)
     try:
         check_regular(path)
     except InputError as error:
-        problems += [place.problem(f"file {table.file!r} {_words(error, path)}", "file")]
+        place.tell(f"file {table.file!r} {_words(error, path)}", "file")
         return None
     try:
         if path.suffix == ".parquet":
@@ -443,43 +453,40 @@ def from_file(
             rows = lazy.select(pl.len()).collect().item()
             check_size(rows * columns * _SMALLEST_CELL, path, TABLE)
             note_file(path)
-            return _from_frame(lazy.collect(), table, str(path))
+            return _from_frame(lazy.collect(), table, str(path), place.problems)
         if is_spreadsheet(path):
-            return _from_frame(read_spreadsheet(path, table.sheet), table, str(path))
-        return from_text(read_bytes(path), table, known, str(path), problems)
+            return _from_frame(read_spreadsheet(path, table.sheet), table, str(path), place.problems)
+        return from_text(read_bytes(path), table, known, str(path), place.problems)
     except InputError as error:
-        problems += error.problems
+        place.problems.extend(error.problems)
     except pl.exceptions.PolarsError as error:
-        problems.append(Message(f"this file cannot be read: {str(error).splitlines()[0]}", str(path)))
+        place.problems.append(Message(f"this file cannot be read: {str(error).splitlines()[0]}", str(path)))
     return None
 
 
 def _words(error: InputError, path: Path) -> str:
-    """Words for the mistake in a path, after its name, and the nearest file that exists."""
     others = [other.name for other in path.parent.iterdir()] if is_folder(path.parent) else []
     near = nearest(path.name, others) if path.name not in others else ""
     said = "; ".join(problem.message for problem in error.problems)
     return said.removeprefix("this file ").removeprefix("this ") + near
 
 
-def _from_frame(frame: pl.DataFrame, table: TableEntry, file: str) -> Source:
+def _from_frame(frame: pl.DataFrame, table: TableEntry, file: str, problems: list[Message]) -> Source:
     """Columns of a Parquet file or a data frame: texts and numbers as they are; a row counts as a line, from 1."""
     columns = {}
     for name in frame.columns:
         ours = our_name(table, name)
         if ours is not None:
             columns[ours] = frame[name]
-    return Source(list(columns), columns, np.arange(1, frame.height + 1, dtype=np.int32), file)
+    return Source(np.arange(1, frame.height + 1, dtype=np.int32), file, problems, list(columns), columns)
 
 
 # ---- Tables: rows in the project file, or files beside it, turned into identifiers and numbers in internal units.
 
 
-def read_table(
-    table: TableEntry, columns: Sequence[Column], place: TableLocation, problems: list[Message]
-) -> Rows | None:
-    """Rows of a table; ``None`` if ``problems`` were added instead."""
-    before = len(problems)
+def read_table(table: TableEntry, columns: Sequence[Column], place: TableLocation) -> Rows | None:
+    """Rows of a table; ``None`` if mistakes were told instead."""
+    before = len(place.problems)
     known = {column.name: column for column in columns}
     named = list(table.values)
     if isinstance(table.units, dict):
@@ -490,67 +497,50 @@ def read_table(
         named += [name for name in table.columns.values() if name is not None]
     for name in dict.fromkeys(named):
         if name not in known:
-            words = f"unknown column {name!r}{nearest(name, known)} (known here: {', '.join(known)})"
-            problems.append(place.problem(words))
-    _check_common_unit(table, known, place, problems)
-    source = from_rows(table, place, problems) if table.rows is not None else from_file(table, known, place, problems)
-    if source is None or len(problems) > before:
+            place.tell(f"unknown column {name!r}{nearest(name, known)} (known here: {', '.join(known)})")
+    if isinstance(table.units, str) and not any(_fits(column, table.units) for column in columns):
+        numbers = ", ".join(column.name for column in columns if column.parse is not None)
+        place.tell(f"unit {table.units!r} fits none of the columns ({numbers})", "units")
+    source = from_rows(table, place) if table.rows is not None else from_file(table, known, place)
+    if source is None or len(place.problems) > before:
         return None
-    _check_columns(source.names, table, columns, place, problems)
-    if len(problems) > before:
-        return None
-    return _convert(source, table, known, place, problems)
-
-
-def _check_common_unit(
-    table: TableEntry, known: dict[str, Column], place: TableLocation, problems: list[Message]
-) -> None:
-    """One unit for all columns must fit one of them at least."""
-    if isinstance(table.units, str) and not any(_fits(column, table.units) for column in known.values()):
-        numbers = ", ".join(column.name for column in known.values() if column.parse is not None)
-        problems.append(place.problem(f"unit {table.units!r} fits none of the columns ({numbers})", "units"))
-
-
-def _check_columns(
-    names: list[str],
-    table: TableEntry,
-    columns: Sequence[Column],
-    place: TableLocation,
-    problems: list[Message],
-) -> None:
-    twice = sorted({name for name in names if names.count(name) > 1})
-    problems += [place.problem(f"column {name!r} is given twice") for name in twice]
+    names = source.names
+    for name in sorted({name for name in names if names.count(name) > 1}):
+        place.tell(f"column {name!r} is given twice")
     missing = [c.name for c in columns if c.required and c.name not in names and c.name not in table.values]
     if missing:
         found = ", ".join(names) or "none"
         hint = next((f"; is {sign!r} the delimiter?" for sign in ";\t| " if sign in found.replace(", ", "")), "")
-        problems.append(place.problem(f"column {', '.join(map(repr, missing))} is missing (found: {found}){hint}"))
+        place.tell(f"column {', '.join(map(repr, missing))} is missing (found: {found}){hint}")
+    if len(place.problems) > before:
+        return None
+    return _convert(source, table, known, place)
 
 
-def _convert(
-    source: Source, table: TableEntry, known: dict[str, Column], place: TableLocation, problems: list[Message]
-) -> Rows | None:
-    before = len(problems)
+def _convert(source: Source, table: TableEntry, known: dict[str, Column], place: TableLocation) -> Rows | None:
+    before = len(place.problems)
     count = len(source.lines)
     if count == 0:
-        problems.append(place.problem("the table is empty"))
+        place.tell("the table is empty")
         return None
     texts: dict[str, pl.Series] = {}
     numbers: dict[str, FloatArray] = {}
     for name, value in table.values.items():
-        _constant(known[name], value, table, count, place, problems, texts, numbers)
+        _constant(known[name], value, table, count, place, texts, numbers)
     for name, cells in source.columns.items():
         column = known.get(name)
         if column is None:
             words = f"unknown column {name!r}{nearest(name, known)} (known here: {', '.join(known)})"
-            problems.append(Message(words, source.file, 1))
+            place.problems.append(Message(words, source.file, 1))
         elif column.parse is None:
-            texts[name] = _identifiers(column, cells, source, problems)
+            texts[name] = _identifiers(column, cells, source)
         else:
             if table.decimal == "," and cells.dtype == pl.String:
                 cells = cells.str.replace(",", ".", literal=True)
-            numbers[name] = _numbers(column, cells, table, source, place, problems)
-    return None if len(problems) > before else Rows(count, texts, numbers, source.lines, source.file)
+            numbers[name] = _numbers(column, cells, table, source, place)
+    if len(place.problems) > before:
+        return None
+    return Rows(source.lines, source.file, source.problems, count, texts, numbers)
 
 
 def _constant(
@@ -559,7 +549,6 @@ def _constant(
     table: TableEntry,
     count: int,
     place: TableLocation,
-    problems: list[Message],
     texts: dict[str, pl.Series],
     numbers: dict[str, FloatArray],
 ) -> None:
@@ -567,14 +556,14 @@ def _constant(
     if column.parse is None:
         texts[column.name] = pl.repeat(value, count, dtype=pl.String, eager=True)
         return
-    at = TableLocation(place.document, (*place.path, "values", column.name), place.folder)
+    at = place.at("values", column.name)
     try:
         number = column.parse(value, _unit_of(table, column))
     except ValueError as error:
-        problems.append(at.problem(f"{column.name}: {error}"))
+        at.tell(f"{column.name}: {error}")
         return
     if column.name.startswith("sigma") and number < 0.0:
-        problems.append(at.problem(f"{column.name}: found {value}, expected a σ ≥ 0"))
+        at.tell(f"{column.name}: found {value}, expected a σ ≥ 0")
     numbers[column.name] = np.full(count, number)
 
 
@@ -582,45 +571,43 @@ def _unit_of(table: TableEntry, column: Column) -> str:
     """Unit of a column that its cells do not carry themselves; one unit for all means: for all it fits."""
     if isinstance(table.units, str):
         return table.units if _fits(column, table.units) else ""
-    return table.units.get(column.name, "")
+    return table.unit_of(column.name)
 
 
-def _identifiers(column: Column, cells: pl.Series, source: Source, problems: list[Message]) -> pl.Series:
+def _identifiers(column: Column, cells: pl.Series, source: Source) -> pl.Series:
     result = cells.cast(pl.String).str.strip_chars().fill_null("")
     if column.required:
-        tell_rows(problems, (result == "").to_numpy(), source, f"{column.name} is empty")
+        source.tell_where((result == "").to_numpy(), f"{column.name} is empty")
     broken = result.str.contains("[\n\r\\x00]").to_numpy()
-    tell_rows(problems, broken, source, lambda row: f"found {result[row]!r}, expected a name without line breaks")
+    source.tell_where(broken, lambda row: f"found {result[row]!r}, expected a name without line breaks")
     return result
 
 
-def _numbers(
-    column: Column,
-    cells: pl.Series,
-    table: TableEntry,
-    source: Source,
-    place: TableLocation,
-    problems: list[Message],
-) -> FloatArray:
+def _numbers(column: Column, cells: pl.Series, table: TableEntry, source: Source, place: TableLocation) -> FloatArray:
     unit = _unit_of(table, column)
     assert column.parse is not None
     if not cells.dtype.is_numeric():
         cells = cells.cast(pl.String).str.strip_chars().replace("", None)
     missing = cells.is_null().to_numpy()
     if column.required:
-        tell_rows(problems, missing, source, f"{column.name} is empty")
+        source.tell_where(missing, f"{column.name} is empty")
     factor = _factor(column, unit)
     if factor is None and column.factor is not None:
         _, words = _parsed(column, "1", unit)
         if words or cells.dtype.is_numeric():
-            problems.append(place.problem(f"column {column.name}: {words}", "units"))
+            place.tell(f"column {column.name}: {words}", "units")
             return np.zeros(len(cells))
     plain = cells.cast(pl.Float64, strict=False) if factor is not None else pl.repeat(None, len(cells), eager=True)
     values = plain.cast(pl.Float64).fill_null(np.nan).to_numpy() * (1.0 if factor is None else factor)
     others = ~(np.abs(values) <= LARGEST) & ~missing
     if others.any():
         values = np.array(values)
-        _parse_one_by_one(column, cells, unit, values, others, source, problems)
+        # More than plain numbers: with a unit of their own, angles d-m-s, mistakes.
+        wrong = np.zeros(len(others), dtype=bool)
+        for row in np.flatnonzero(others).tolist():
+            values[row], words = _parsed(column, str(cells[row]), unit)
+            wrong[row] = bool(words)
+        source.tell_where(wrong, lambda row: f"{column.name}: {_parsed(column, str(cells[row]), unit)[1]}")
     return values
 
 
@@ -630,23 +617,6 @@ def _factor(column: Column, unit: str) -> float | None:
         return column.factor(unit) if column.factor is not None else None
     except ValueError:
         return None
-
-
-def _parse_one_by_one(
-    column: Column,
-    cells: pl.Series,
-    unit: str,
-    values: FloatArray,
-    others: BoolArray,
-    source: Source,
-    problems: list[Message],
-) -> None:
-    """Cells that are more than plain numbers, put into ``values``: with a unit of their own, angles d-m-s, mistakes."""
-    wrong = np.zeros(len(others), dtype=bool)
-    for row in np.flatnonzero(others).tolist():
-        values[row], words = _parsed(column, str(cells[row]), unit)
-        wrong[row] = bool(words)
-    tell_rows(problems, wrong, source, lambda row: f"{column.name}: {_parsed(column, str(cells[row]), unit)[1]}")
 
 
 def _parsed(column: Column, text: str, unit: str) -> tuple[float, str]:
@@ -705,35 +675,26 @@ def component_columns(components: Iterable[Component], edge: Edge) -> list[Colum
 
 
 def component_rows(
-    rows: Rows,
-    components: Sequence[Component],
-    fixed: Sequence[str],
-    problems: list[Message],
-    common_sigma: FloatArray | None = None,
+    rows: Rows, components: Sequence[Component], fixed: Sequence[str], common_sigma: FloatArray | None = None
 ) -> Statuses:
     """Statuses of n blocks: no σ is free, σ = 0 is fixed, σ > 0 is observed."""
     values = np.stack([rows.number(c.name) for c in components], axis=1)
     sigma = np.stack([rows.number(f"sigma_{c.name}") for c in components], axis=1)
     if common_sigma is not None:
         sigma = np.where(np.isnan(sigma), common_sigma[:, None], sigma)
-    if common_sigma is not None:
-        tell_rows(problems, common_sigma < 0.0, rows, "sigma: found a negative σ, expected a σ ≥ 0")
+        rows.tell_where(common_sigma < 0.0, "sigma: found a negative σ, expected a σ ≥ 0")
         sigma[common_sigma < 0.0] = np.nan
     for k, component in enumerate(components):
-        _check_sigma(rows, component.name, values[:, k], sigma[:, k], problems)
+        rows.tell_where(sigma[:, k] < 0.0, f"sigma_{component.name}: found a negative σ, expected a σ ≥ 0")
+        valueless = ~np.isnan(sigma[:, k]) & np.isnan(values[:, k])
+        rows.tell_where(valueless, f"{component.name} has a σ but no value")
     held = np.array([c.name in fixed for c in components])
     sigma[:, held] = np.nan
     free = ~held[None, :] & ~(sigma == 0.0)
     for k, component in enumerate(components):
-        missing = ~free[:, k] & np.isnan(values[:, k])
-        tell_rows(problems, missing, rows, f"{component.name} is fixed but has no value")
+        rows.tell_where(~free[:, k] & np.isnan(values[:, k]), f"{component.name} is fixed but has no value")
     start = np.stack([rows.number(f"start_{c.name}") for c in components], axis=1)
     return Statuses(values, free, np.where(sigma > 0.0, sigma, np.nan), np.where(free, start, np.nan))
-
-
-def _check_sigma(rows: Rows, name: str, values: FloatArray, sigma: FloatArray, problems: list[Message]) -> None:
-    tell_rows(problems, sigma < 0.0, rows, f"sigma_{name}: found a negative σ, expected a σ ≥ 0")
-    tell_rows(problems, ~np.isnan(sigma) & np.isnan(values), rows, f"{name} has a σ but no value")
 
 
 def settings(
@@ -741,8 +702,6 @@ def settings(
     components: Sequence[Component],
     edge: Edge,
     place: TableLocation,
-    path: KeyPath,
-    problems: list[Message],
     image: ImageScale | None = None,
 ) -> Statuses:
     """Statuses (1, size) of one block from settings by component; a plain number is fixed."""
@@ -752,9 +711,9 @@ def settings(
     start = np.full(values.shape, np.nan)
     names = [component.name for component in components]
     for name, setting in given.items():
-        at = TableLocation(place.document, (*path, name), place.folder)
+        at = place.at(name)
         if name not in names:
-            problems.append(at.problem(f"unknown component {name!r}{nearest(name, names)} (known: {', '.join(names)})"))
+            at.tell(f"unknown component {name!r}{nearest(name, names)} (known: {', '.join(names)})")
             continue
         k = names.index(name)
         quantity = components[k].quantity
@@ -766,9 +725,9 @@ def settings(
             if isinstance(setting, Value) and setting.start is not None:
                 start[0, k] = edge.number(setting.start, quantity, "", image)
         except UnitError as error:
-            problems.append(at.problem(f"{name}: {error}"))
+            at.tell(f"{name}: {error}")
             continue
         if sigma[0, k] < 0.0:
-            problems.append(at.problem(f"{name}: found a negative σ, expected a σ ≥ 0"))
+            at.tell(f"{name}: found a negative σ, expected a σ ≥ 0")
         free[0, k] = isinstance(setting, Value) and setting.fixed is None and sigma[0, k] != 0.0
     return Statuses(values, free, np.where(sigma > 0.0, sigma, np.nan), start)

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Sequence
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 import polars as pl
 
-from mor.errors import Message
-from mor.model.contract import Names, coded, names_of
+from mor.model.contract import Names, ObservationGroup, ObservationType, coded, names_of
 from mor.model.motion import linear_weights, pose_at
-from mor.model.observation_types import ObservationGroup, ObservationType
 from mor.model.parameters import (
     ATTITUDE_SHIFT,
     IMAGE_VELOCITY,
@@ -59,7 +58,6 @@ from mor.project.tables import (
     number_column,
     read_table,
     settings,
-    tell_rows,
 )
 from mor.types import BoolArray, FloatArray, IntArray
 from mor.units import IMAGE, NUMBER, TIME
@@ -84,13 +82,13 @@ def read_scanner(reading: Reading, name: str, camera: Camera, scale: ImageScale)
             if line_time <= 0.0:
                 raise UnitError(f"found {camera.line_time}, expected a time above 0")
     except UnitError as error:
-        reading.problems.append(place.problem(f"{key}: {error}", key))
+        place.tell(f"{key}: {error}", key)
     if not scale.corner:
         words = "a line scanner needs coordinates: corner; its rows count from the first line"
-        reading.problems.append(place.problem(words))
+        place.tell(words)
     if camera.readout is not None:
         words = "a camera has a readout time or is a line scanner, not both"
-        reading.problems.append(place.problem(words, "readout"))
+        place.tell(words, "readout")
     reading.scanners[name] = Scanner(line_time, line)
 
 
@@ -102,7 +100,7 @@ def read_line_times(reading: Reading) -> None:
             number_column("row", NUMBER, reading.edge, required=True),
             number_column("time", TIME, reading.edge, required=True),
         ]
-        rows = read_table(table, columns, reading.at("line_times", number), reading.problems)
+        rows = read_table(table, columns, reading.at("line_times", number))
         reading.watch(table.file)
         if rows is None:
             reading.broken.add("image")
@@ -112,15 +110,14 @@ def read_line_times(reading: Reading) -> None:
             own = rows.take(np.flatnonzero(names.numbers == k))
             lines = RowTimes(own.number("row"), own.number("time"))
             step = np.minimum(np.diff(lines.rows, prepend=-np.inf), np.diff(lines.times, prepend=-np.inf))
-            words = f"image {name!r}: rows and times of its lines must ascend"
-            tell_rows(reading.problems, step <= 0.0, own, words)
+            own.tell_where(step <= 0.0, f"image {name!r}: rows and times of its lines must ascend")
             said = ""
             if len(lines.rows) < 2:
                 said = f"image {name!r} has one line with a time, expected two at least"
             elif name in reading.lines:
                 said = f"the times of the lines of image {name!r} are given in two tables"
             if said:
-                reading.problems.append(Message(said, own.file, int(own.lines[0])))
+                own.tell(0, said)
             reading.lines[name] = lines
 
 
@@ -129,7 +126,7 @@ def check_line_times(reading: Reading, images: tuple[str, ...]) -> None:
     place = reading.at("line_times")
     for name in reading.lines:
         if name not in images and "image" not in reading.broken:
-            reading.problems.append(place.problem(f"line_times: {unknown_name('image', name, images)}"))
+            place.tell(f"line_times: {unknown_name('image', name, images)}")
 
 
 def row_times(lines: RowTimes, rows: FloatArray) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -161,7 +158,7 @@ def read_trajectories(reading: Reading) -> None:
             number_column("time", TIME, reading.edge, required=True),
             *component_columns((*POINT.components, *ROTATION.components), reading.edge),
         ]
-        rows = read_table(table, columns, place, reading.problems)
+        rows = read_table(table, columns, place)
         reading.watch(table.file)
         if rows is None:
             continue
@@ -191,21 +188,13 @@ def _refused(reading: Reading) -> bool:
     return bool(told)
 
 
-class _Lengths(NamedTuple):
-    """Spacing and gap of a table in seconds; NaN if there is none."""
-
-    spacing: float
-    gap: float
-
-
 def _read_table(reading: Reading, table: TrajectoryEntry, place: TableLocation, rows: Rows) -> list[Trajectory]:
     before = len(reading.problems)
-    lengths = _Lengths(_seconds(reading, place, "spacing", table.spacing), _seconds(reading, place, "gap", table.gap))
-    if lengths.gap < lengths.spacing:
-        words = "gap: shorter than the spacing of the knots; expected a longer one"
-        reading.problems.append(place.problem(words, "gap"))
+    spacing, gap = (_seconds(reading, place, key, getattr(table, key)) for key in ("spacing", "gap"))
+    if gap < spacing:
+        place.tell("gap: shorter than the spacing of the knots; expected a longer one", "gap")
     if table.spacing is not None:
-        _only_starts(reading, table, place, rows)
+        _only_starts(table, place, rows)
     names = rows.names("trajectory")
     time = rows.number("time")
     own = [np.flatnonzero(names.numbers == k) for k in range(len(names.known))]
@@ -216,7 +205,7 @@ def _read_table(reading: Reading, table: TrajectoryEntry, place: TableLocation, 
     return [
         found
         for name, mine in zip(names.known, own, strict=True)
-        if (found := _trajectory(reading, table, name, rows.take(mine), lengths)) is not None
+        if (found := _trajectory(reading, table, name, rows.take(mine), spacing, gap)) is not None
     ]
 
 
@@ -227,18 +216,17 @@ def _seconds(reading: Reading, place: TableLocation, key: str, text: str | None)
     try:
         value = reading.edge.number(text, TIME)
     except UnitError as error:
-        reading.problems.append(place.problem(f"{key}: {error}", key))
+        place.tell(f"{key}: {error}", key)
         return float("nan")
     if value <= 0.0:
-        reading.problems.append(place.problem(f"{key}: found {text}, expected a time above 0", key))
+        place.tell(f"{key}: found {text}, expected a time above 0", key)
     return value
 
 
-def _only_starts(reading: Reading, table: TrajectoryEntry, place: TableLocation, rows: Rows) -> None:
-    """Rows between which knots are laid give start values and no more."""
+def _only_starts(table: TrajectoryEntry, place: TableLocation, rows: Rows) -> None:
     if table.fixed:
         words = "fixed: knots at a spacing are free; observe them by rows of type trajectory_position"
-        reading.problems.append(place.problem(words, "fixed"))
+        place.tell(words, "fixed")
     given = [f"{kind}_{name}" for kind in ("sigma", "start") for name in _POSE]
     for name in given:
         if np.isfinite(rows.number(name)).any():
@@ -246,32 +234,28 @@ def _only_starts(reading: Reading, table: TrajectoryEntry, place: TableLocation,
                 f"{name}: rows of a table with a spacing are start values of knots in between; what was observed goes "
                 "among the observations (trajectory_position, trajectory_attitude)"
             )
-            reading.problems.append(place.problem(words))
+            place.tell(words)
 
 
 def _check_rows(reading: Reading, name: str, rows: Rows, time: FloatArray) -> None:
-    """Times of one trajectory must ascend, and there must be two of them."""
-    problems = reading.problems
     if name in reading.trajectories:
-        problems.append(Message(f"trajectory {name!r} has a table of its own already", rows.file, int(rows.lines[0])))
+        rows.tell(0, f"trajectory {name!r} has a table of its own already")
     step = np.diff(time, prepend=-np.inf)
-    tell_rows(problems, step == 0.0, rows, lambda row: f"trajectory {name!r}: {said_time(time[row])} is given twice")
+    rows.tell_where(step == 0.0, lambda row: f"trajectory {name!r}: {said_time(time[row])} is given twice")
     words = "trajectory {0!r}: {1} comes after {2}; expected times in ascending order"
-    tell_rows(
-        problems, step < 0.0, rows, lambda row: words.format(name, said_time(time[row]), said_time(time[row - 1]))
-    )
+    rows.tell_where(step < 0.0, lambda row: words.format(name, said_time(time[row]), said_time(time[row - 1])))
     if len(time) < LINEAR:
         words = f"trajectory {name!r} has one row; a trajectory needs two knots, four for cubic interpolation"
-        problems.append(Message(words, rows.file, int(rows.lines[0])))
+        rows.tell(0, words)
 
 
 def _trajectory(
-    reading: Reading, table: TrajectoryEntry, name: str, rows: Rows, lengths: _Lengths
+    reading: Reading, table: TrajectoryEntry, name: str, rows: Rows, spacing: float, gap: float
 ) -> Trajectory | None:
     times = rows.number("time")
-    stretch: IntArray = np.cumsum(np.diff(times, prepend=times[0]) > lengths.gap)
-    if not np.isnan(lengths.spacing):
-        times, stretch, position, rotation = _at_spacing(reading, name, rows, stretch, lengths.spacing)
+    stretch: IntArray = np.cumsum(np.diff(times, prepend=times[0]) > gap)
+    if not np.isnan(spacing):
+        times, stretch, position, rotation = _at_spacing(reading, name, rows, stretch, spacing)
     count = np.bincount(stretch)
     cubic = table.interpolation == "cubic"
     short = np.flatnonzero(count < (CUBIC if cubic else LINEAR))
@@ -282,9 +266,9 @@ def _trajectory(
             f"trajectory {name!r}: the stretch that begins at {begin} has too few knots ({count[short[0]]}); expected "
             f"{least} or more"
         )
-        reading.problems.append(Message(words, rows.file, int(rows.lines[0])))
+        rows.tell(0, words)
         return None
-    if np.isnan(lengths.spacing):
+    if np.isnan(spacing):
         labels = [f"knot {knot_name(name, time)}" for time in times]
         position = positions(reading, rows, labels, table.fixed)
         rotation = rotations(reading, rows, labels, table.fixed)
@@ -369,8 +353,7 @@ def navigation_groups(
 ) -> list[ReadGroup]:
     """One group for each kind of interpolation that the trajectories of an entry have."""
     if entry.covariance is not None or entry.cluster is not None or entry.ppm or entry.centring:
-        words = f"{entry.type} takes no covariance, cluster, ppm or centring"
-        reading.problems.append(place.problem(words))
+        place.tell(f"{entry.type} takes no covariance, cluster, ppm or centring")
         return []
     if reading.planned:
         measured = [component.name for component in NAVIGATION[entry.type](LINEAR).components]
@@ -395,8 +378,7 @@ def known_trajectories(reading: Reading, names: Sequence[str], rows: Rows) -> bo
     unknown = [name for name in dict.fromkeys(names) if name and name not in reading.trajectories]
     if "trajectory" not in reading.broken:
         for name in unknown:
-            words = unknown_name("trajectory", name, reading.trajectories)
-            reading.problems.append(Message(words, rows.file, int(rows.lines[list(names).index(name)])))
+            rows.tell(list(names).index(name), unknown_name("trajectory", name, reading.trajectories))
     return not unknown
 
 
@@ -419,9 +401,7 @@ def clocks(
         for part, own in zip(whole, found, strict=True):
             part[mine] = own
         positions[mine], rotations[mine] = (trajectory.positions[found.knots], trajectory.rotations[found.knots])
-    tell_rows(
-        reading.problems, ~whole.inside, rows, lambda row: reading.trajectories[names[row]].outside(float(times[row]))
-    )
+    rows.tell_where(~whole.inside, lambda row: reading.trajectories[names[row]].outside(float(times[row])))
     return (whole, positions, rotations) if whole.inside.all() else None
 
 
@@ -444,8 +424,7 @@ def _group(
     common = own.number("sigma")
     observed = np.stack([own.number(c.name) for c in type_.components], axis=1)
     sigma = np.stack([own_or_common(own.number(f"sigma_{c.name}"), common) for c in type_.components], axis=1)
-    nothing = np.asarray(~np.isfinite(observed).any(axis=1))
-    tell_rows(reading.problems, nothing, own, "nothing is observed in this row")
+    own.tell_where(np.asarray(~np.isfinite(observed).any(axis=1)), "nothing is observed in this row")
     group = ObservationGroup(
         name=group_name(entry, number),
         type=type_,
@@ -458,7 +437,7 @@ def _group(
         lines=own.lines,
         file=own.file,
     )
-    if not sigma_is_good(group, own, np.arange(len(chosen)), reading.problems):
+    if not sigma_is_good(group, own, np.arange(len(chosen))):
         return None
     size = len(type_.components)
     return ReadGroup(group, number, chosen, np.eye(size), np.ones(size))
@@ -467,7 +446,6 @@ def _group(
 def _instrument(
     reading: Reading, entry: Observations, type_: ObservationType, count: int, shift: IntArray
 ) -> list[IntArray]:
-    """Blocks of lever arm or boresight, shift and drift, time offset."""
     arm, _, offset = type_.slots[-3:]
     things, shop = reading.shop.things["instrument"], reading.shop
     blocks = []
@@ -486,8 +464,7 @@ def _shifts(
     kind, key = _SHIFTS[entry.type]
     known = reading.project.instruments
     if entry.instrument is not None and entry.instrument not in known:
-        words = unknown_name("instrument", entry.instrument, known)
-        reading.problems.append(place.problem(words, "instrument"))
+        place.tell(unknown_name("instrument", entry.instrument, known), "instrument")
         return None
     named = zip(rows.text("strip"), rows.text("trajectory"), strict=True)
     strips, times = coded(pl.Series([own or name for own, name in named])), rows.number("time")
@@ -512,11 +489,11 @@ def _strip(
     name = f"{instrument} strip {strip}"
     known = reading.strips
     if (kind.key, name) not in known:
-        path = ("instruments", instrument, key)
+        place = reading.at("instruments", instrument, key)
         given = getattr(reading.project.instruments[instrument], key)
-        again = any(other.startswith(f"{instrument} strip ") for _, other in known)
-        problems = [] if again else reading.problems  # what is wrong with it is told once
-        row = settings(given, kind.components, reading.edge, reading.at(*path), path, problems)
+        if any(other.startswith(f"{instrument} strip ") for _, other in known):
+            place = replace(place, problems=[])  # what is wrong with it is told once
+        row = settings(given, kind.components, reading.edge, place)
         reading.shop.begin(f"instrument {instrument}")
         known[kind.key, name] = (int(reading.shop.store(kind.key).add([name], *row)[0]), middle)
     return known[kind.key, name]
@@ -548,7 +525,7 @@ def steadiness_groups(reading: Reading) -> list[ObservationGroup]:
                 if sigma <= 0.0:
                     raise UnitError(f"found {text}, expected a σ above 0")
             except UnitError as error:
-                reading.problems.append(place.problem(f"{key}: {part}: {error}", part))
+                place.tell(f"{key}: {part}: {error}", part)
                 continue
             name = f"{key} of {part}, {table_label('trajectories', number, table)}"
             group = _group_of_steadiness(reading, type_, name, trajectories, sigma)
@@ -605,27 +582,27 @@ def put_on_trajectories(reading: Reading, rows: Rows, names: list[str], free: Co
 
     ``free`` are the constants of a set-up that the table frees.
     """
-    named, problems = rows.text("trajectory"), reading.problems
+    named = rows.text("trajectory")
     result = np.full(len(names), -1, dtype=np.int64)
     scans = np.array([camera in reading.scanners for camera in rows.text("camera")], dtype=bool)
     on = np.array([bool(name) for name in named], dtype=bool)
     words = "image {0!r} is of a line scanner: it needs a trajectory (column trajectory)"
-    tell_rows(problems, scans & ~on, rows, lambda row: words.format(names[row]))
+    rows.tell_where(scans & ~on, lambda row: words.format(names[row]))
     times = _times(reading, rows, names, scans)
     lost = ~on & np.isfinite(rows.number("time"))
-    tell_rows(problems, lost, rows, lambda row: f"image {names[row]!r} has a time, but no trajectory")
+    rows.tell_where(lost, lambda row: f"image {names[row]!r} has a time, but no trajectory")
     if not on.any() or not known_trajectories(reading, named, rows) or "trajectory" in reading.broken:
         return result
     timeless = on & np.isnan(times)
     needs = "image {0!r} is on a trajectory, but has no time (column time)"
-    tell_rows(problems, timeless, rows, lambda row: needs.format(names[row]))
-    _refuse_others(reading, rows, names, on, free)
+    rows.tell_where(timeless, lambda row: needs.format(names[row]))
+    _refuse_others(rows, names, on, free)
     ids = list(reading.trajectories)
     for i in np.flatnonzero(on & ~timeless).tolist():
         trajectory = reading.trajectories[named[i]]
         if not trajectory.clock(times[i : i + 1]).inside[0]:
             words = f"image {names[i]!r}: {trajectory.outside(float(times[i]))}"
-            problems.append(Message(words, rows.file, int(rows.lines[i])))
+            rows.tell(i, words)
         result[i] = ids.index(named[i])
         reading.image_times[names[i]] = float(times[i])
     return result
@@ -638,23 +615,23 @@ def _times(reading: Reading, rows: Rows, names: list[str], scans: BoolArray) -> 
         if not scans[i]:
             if name in reading.lines:
                 words = f"image {name!r} has times of its lines, but its camera has neither line_time nor line"
-                reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
+                rows.tell(i, words)
             continue
         if name in reading.lines:
             if np.isfinite(times[i]):
                 words = f"image {name!r} has a time, and a table of the times of its lines; expected one of them"
-                reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
+                rows.tell(i, words)
             times[i] = reading.lines[name].times[0]
             continue
         step = reading.scanners[cameras[i]].line_time
         if np.isnan(step) and "camera" not in reading.broken:
             words = f"image {name!r}: its camera has no line_time, and there is no table of the times of its lines"
-            reading.problems.append(Message(words, rows.file, int(rows.lines[i])))
+            rows.tell(i, words)
         reading.lines[name] = RowTimes(_FAR, times[i] + step * _FAR, True)
     return times
 
 
-def _refuse_others(reading: Reading, rows: Rows, names: list[str], on: BoolArray, free: Collection[str]) -> None:
+def _refuse_others(rows: Rows, names: list[str], on: BoolArray, free: Collection[str]) -> None:
     """Tell images on a trajectory that have a pose or a motion besides, or follow another one."""
     follows = [bool(a or b) for a, b in zip(rows.text("leader"), rows.text("pair"), strict=True)]
     kinds = (IMAGE_VELOCITY, ROTATION_RATE)
@@ -666,12 +643,8 @@ def _refuse_others(reading: Reading, rows: Rows, names: list[str], on: BoolArray
         "it follows no other image": np.array(follows),
     }
     for words, wrong in why.items():
-        tell_rows(
-            reading.problems,
-            on & wrong,
-            rows,
-            lambda row, said=words: f"image {names[row]!r} is on a trajectory: {said}",  # type: ignore[misc]
-        )
+        told = [f"image {name!r} is on a trajectory: {words}" for name in names]
+        rows.tell_where(on & wrong, told.__getitem__)
 
 
 def _given(rows: Rows, kinds: tuple[BlockKind, ...], named: list[str]) -> BoolArray:
@@ -719,7 +692,7 @@ def clocks_of_rows(
     else:
         times, rate, timed = _scanned(reading, image, scanner, y)
         words = "no line of the image has a time there: row {0:.6g}"
-        tell_rows(reading.problems, ~timed, rows, lambda row: words.format(_rows_of(scanner, y)[row]))
+        rows.tell_where(~timed, lambda row: words.format(_rows_of(scanner, y)[row]))
         found = clocks(reading, names, times, rows) if timed.all() else None
         own = np.stack([y, rate], axis=1)
     if found is None:

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.model import rotations
-from mor.model.observation_types import can_be_at_infinity, target_slot
+from mor.model.coordinates import can_be_at_infinity, target_slot
 from mor.model.parameters import move
 from mor.quality.precision import (
     FollowerCofactors,
@@ -286,8 +286,7 @@ def _has_direction(quality: Quality, block: int, size: float, factor: float) -> 
 
     The adjustment has converged at a finite distance. The verdict names the point as not determined.
     """
-    problem = quality.adjustment.problem
-    for group in problem.groups:
+    for group in quality.adjustment.problem.groups:
         for k, numbers in enumerate(group.blocks):
             if group.type.slots[k].kind != "point" or not (numbers == block).any():
                 continue
@@ -374,8 +373,5 @@ def relative_ellipsoid(quality: Quality, first: int, second: int) -> RelativeEll
     eigenvalues, vectors = rotations.eigh(0.5 * (covariance + covariance.T))
     points = quality.adjustment.values["point"]
     return RelativeEllipsoid(
-        points[second] - points[first],
-        covariance,
-        np.sqrt(np.maximum(eigenvalues[::-1], 0.0)),
-        vectors[:, ::-1].T,
+        points[second] - points[first], covariance, np.sqrt(np.maximum(eigenvalues[::-1], 0.0)), vectors[:, ::-1].T
     )

@@ -378,7 +378,7 @@ class _Positions:
         """Velocity, oscillation and steps of a point."""
         motions = [point.motions.get(kind, 0) for kind in _KINDS]
         if any(motions):
-            joint = self._joint(self._first_block(point), motions)
+            joint = self._joint(_blocks(self.motion, point)[0], motions)
             values = [self.quality.adjustment.values[k][b] for k, b in zip(_KINDS, motions, strict=True)]
             if VELOCITY.key in point.motions:
                 into.add(point.name, "velocity", ("", ""), values[0], joint[3:6, 3:6])
@@ -444,9 +444,6 @@ class _Positions:
         values = self.quality.adjustment.values["point"]
         return values[after] - values[before], q[:3, :3] + q[3:, 3:] - q[:3, 3:] - q[3:, :3]
 
-    def _first_block(self, point: MovingPoint) -> int:
-        return _blocks(self.motion, point)[0]
-
     def _joint(self, block: int, motions: list[int]) -> FloatArray:
         """(12, 12) of coordinates, velocity, sine and cosine."""
         k = self.place.get((block, *motions))
@@ -468,10 +465,7 @@ def compared(solved: Solved, first: int, second: int) -> tuple[tuple[str, ...], 
     for point in points:
         blocks = [point.at(e, t) for e, t in zip((first, second), times, strict=True)]
         motions = [point.motions.get(kind, 0) for kind in _KINDS]
-        own = [
-            *index.columns["point"][blocks],
-            *(index.columns[k][m] for k, m in zip(_KINDS, motions, strict=True)),
-        ]
+        own = [*index.columns["point"][blocks], *(index.columns[k][m] for k, m in zip(_KINDS, motions, strict=True))]
         columns.append(np.concatenate(own) if any(motions) else np.concatenate(own[:2]))
         rows.append(np.concatenate([[-1.0, 1.0], by if any(motions) else []]))
         moved = values["point"][blocks[1]] - values["point"][blocks[0]]
@@ -487,8 +481,7 @@ def compared(solved: Solved, first: int, second: int) -> tuple[tuple[str, ...], 
                 if column >= 0:
                     C[3 * k + axis, np.searchsorted(used, column)] += factor
     q = C @ joint_cofactors(quality, used) @ C.T
-    null = quality.adjustment.defect.datum
-    return tuple(p.name for p in points), np.array(d).reshape(-1, 3), q, C @ null[used]
+    return tuple(p.name for p in points), np.array(d).reshape(-1, 3), q, C @ quality.adjustment.defect.datum[used]
 
 
 # ---- Two epochs of one network: the same points, brought into one datum, and their movements tested.
@@ -517,11 +510,7 @@ def over_points(network: Network, names: tuple[str, ...], coordinates: FloatArra
     reference = network.start["point"].copy()
     reference[blocks] = coordinates
     datum = network.datum._replace(
-        name="free, inner constraints over common points",
-        free=True,
-        mask=mask,
-        minimal=False,
-        reference=reference,
+        name="free, inner constraints over common points", free=True, mask=mask, minimal=False, reference=reference
     )
     return replace(network, datum=datum)
 
@@ -533,11 +522,7 @@ def blocks_of(network: Network, names: tuple[str, ...]) -> IntArray:
 
 
 def compare_epochs(
-    names: tuple[str, ...],
-    one: tuple[Quality, IntArray],
-    other: tuple[Quality, IntArray],
-    level: float,
-    known: bool,
+    names: tuple[str, ...], one: tuple[Quality, IntArray], other: tuple[Quality, IntArray], level: float, known: bool
 ) -> EpochComparison:
     """Congruence test of two assessed epochs in the datum over their common points; blocks (n,) by epoch."""
     first, second = one[0], other[0]
@@ -566,8 +551,7 @@ def compare_within(solved: Solved, first: int, second: int, level: float, known:
 
 def _movements(quality: Quality, columns: IntArray) -> FloatArray:
     """(3n, d) free movements of a network on some coordinates."""
-    null = quality.adjustment.defect.datum
-    return np.where((columns >= 0)[:, None], null[columns], 0.0)
+    return np.where((columns >= 0)[:, None], quality.adjustment.defect.datum[columns], 0.0)
 
 
 def _basis(generators: FloatArray) -> FloatArray:

@@ -12,17 +12,18 @@ from scipy.special import chdtri, erfc
 
 from mor.errors import NoStartValuesError, UndeterminedObject
 from mor.model import rotations
-from mor.model.observation_types import TURNED_AXIS, ObservationGroup, can_be_at_infinity, target_slot
+from mor.model.contract import ObservationGroup
+from mor.model.coordinates import TURNED_AXIS, can_be_at_infinity, target_slot
 from mor.model.parameters import Values
 from mor.project.entities import thing_of
 from mor.project.network import (
     Network,
     nothing_marked,
-    rows_of_points,
     touches,
     with_points_at_infinity,
     without_blocks,
 )
+from mor.project.rows import rows_of_points
 from mor.quality.outliers import Attempt
 from mor.solve.datum import NOTHING_KNOWN, LocalDefects, beside, local_defects, weak_turns
 from mor.solve.iterate import A_WEAK_TURN, RAN_AWAY, Adjustment, Outcome, SolverSettings, adjust
@@ -72,11 +73,7 @@ def connected_parts(network: Network, groups: Sequence[ObservationGroup]) -> tup
             links.append((np.zeros_like(held), held + start))
     links += [(ends[0], ends[1]) for ends in _on_trajectories(network, first["point"])]
     for group in groups:
-        nodes = [
-            numbers + first[slot.kind]
-            for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
-            if slot.kind in first
-        ]
+        nodes = [numbers + first[slot.kind] for slot, numbers in group.blocks_by_slot if slot.kind in first]
         links += [(nodes[0], other) for other in nodes[1:]]
     ends = [np.concatenate(side) for side in zip(*links, strict=True)] if links else [np.zeros(0, dtype=int)] * 2
     # Imported here: only networks that are not determined come to this.
@@ -101,7 +98,6 @@ def _on_trajectories(network: Network, first_point: int) -> Iterator[tuple[IntAr
 
 
 def _parts(network: Network, labels: IntArray, first_point: int) -> tuple[NetworkPart, ...]:
-    """Things by the part their position belongs to."""
     collected: dict[int, dict[str, list[str]]] = {}
     absent = network.absent.get("point", np.zeros(len(network.blocks["point"].ids), dtype=bool))
     for space in _NAMED:
@@ -203,7 +199,6 @@ def without_hanging(network: Network) -> Network:
 
 
 def _sets_of_directions(network: Network) -> Iterator[_RigidPart]:
-    """Each set of directions with its points, the distances without one, and the points with given coordinates."""
     free = network.blocks["point"].free
     given = set[int]()
     lengths = set[tuple[int, int]]()
@@ -398,12 +393,7 @@ _TOGETHER = 512
 
 
 def with_free_poses(
-    network: Network,
-    reduced: Network,
-    adjustment: Adjustment,
-    values: Values,
-    far: RayPoints,
-    critical: float,
+    network: Network, reduced: Network, adjustment: Adjustment, values: Values, far: RayPoints, critical: float
 ) -> RayPoints:
     """Inverse distances and their σ as the whole adjustment tells them.
 
@@ -459,9 +449,7 @@ def _equations(
         point = group.blocks[target_slot(group.type)][rows]
         k = number[point]
         # (n, m, 3) derivatives by the sighted point.
-        blocks = [
-            places[slot.kind][numbers[rows]] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
-        ]
+        blocks = [places[slot.kind][numbers[rows]] for slot, numbers in group.blocks_by_slot]
         computed = group.type.equation(blocks, group.constants[rows])
         by_point = computed.jacobians[target_slot(group.type)]
         away = far.directions[some[k]]
@@ -474,10 +462,7 @@ def _equations(
         block = np.array([reduced.directions[int(p)] for p in point])
         D = adjustment.values["rotation"][block]
         by_turn = distance[:, None, None] * (by_point @ np.swapaxes(D, 1, 2) @ TURNED_AXIS)
-        for jacobian, columns in (
-            (lines.jacobian, lines.columns),
-            (by_turn, index.columns["rotation"][block]),
-        ):
+        for jacobian, columns in ((lines.jacobian, lines.columns), (by_turn, index.columns["rotation"][block])):
             moved = np.einsum("nm,nmc->nc", weight * B, jacobian)
             free = columns >= 0
             np.add.at(through, (columns[free], np.broadcast_to(k[:, None], columns.shape)[free]), moved[free])
@@ -555,9 +540,8 @@ def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustm
         turns = weak_turns(here.inverse.weak, here.problem, here.values)
         if not turns or turns[0].sigma <= NOTHING_KNOWN:
             return adjustment
-        iterations = adjustment.iterations
         return here._replace(
-            outcome=Outcome.SINGULAR, reason=A_WEAK_TURN, start=adjustment.start, iterations=iterations
+            outcome=Outcome.SINGULAR, reason=A_WEAK_TURN, start=adjustment.start, iterations=adjustment.iterations
         )
     if adjustment.outcome is not Outcome.SINGULAR or adjustment.reason not in (OPEN, UNSETTLED, NO_DATUM):
         return adjustment
@@ -611,11 +595,7 @@ def _further_steps(adjustment: Adjustment) -> FloatArray:
                 turn = after.values[kind] @ np.swapaxes(values[kind], 1, 2)
                 # D' = (I − [δ]×) D to first order
                 change = 0.5 * np.stack(
-                    [
-                        turn[:, 1, 2] - turn[:, 2, 1],
-                        turn[:, 2, 0] - turn[:, 0, 2],
-                        turn[:, 0, 1] - turn[:, 1, 0],
-                    ],
+                    [turn[:, 1, 2] - turn[:, 2, 1], turn[:, 2, 0] - turn[:, 0, 2], turn[:, 0, 1] - turn[:, 1, 0]],
                     axis=1,
                 )
             else:
@@ -900,7 +880,7 @@ def _without_far(network: Network, start: Values, far: RayPoints, leave: bool) -
     begun = {**start, "point": placed}
     if leave:
         return without_points(network, far.points, PARALLEL), begun
-    rays = rows_of_points(network)
+    rays = rows_of_points(network.groups, len(network.blocks["point"].ids))
     things = [UndeterminedObject("point", ids[p], PARALLEL, AT_INFINITY, int(rays[p])) for p in far.points.tolist()]
     # (k, 3, 3) rotations whose third rows are the directions (k, 3).
     across = rotations.svd(far.directions[:, None, :])[2][:, 1:, :]
@@ -913,7 +893,7 @@ def without_points(network: Network, points: IntArray, reason: str) -> Network:
     """The network without some points, all for one reason."""
     if len(points) == 0:
         return network
-    marked, rays = nothing_marked(network), rows_of_points(network)
+    marked, rays = nothing_marked(network), rows_of_points(network.groups, len(network.blocks["point"].ids))
     marked["point"][points] = True
     ids = network.blocks["point"].ids
     left = [UndeterminedObject("point", ids[p], reason, "left out", int(rays[p])) for p in points.tolist()]
@@ -921,7 +901,6 @@ def without_points(network: Network, points: IntArray, reason: str) -> Network:
 
 
 def _values_of(network: Network, values: Values, far: IntArray) -> dict[str, FloatArray]:
-    """Values of the blocks of a network, after it was adjusted with others; far points without coordinates."""
     own = {kind: values[kind][: len(blocks.ids)] for kind, blocks in network.blocks.items()}
     points = own["point"].copy()
     points[far] = np.nan

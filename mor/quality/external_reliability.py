@@ -383,9 +383,7 @@ def _points_of(quality: Quality, entry: ObservationComponent) -> list[int]:
     problem = quality.adjustment.problem
     group, columns = problem.groups[entry.group], problem.index.columns["point"]
     named = [
-        int(blocks[entry.row])
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
-        if slot.kind == "point" and slot.of != "image"
+        int(blocks[entry.row]) for slot, blocks in group.blocks_by_slot if slot.kind == "point" and slot.of != "image"
     ]
     return [point for point in named if (columns[point] >= 0).any()]
 

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.special import kolmogorov, ndtr, ndtri
 
 from mor.model import rotations
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup
 from mor.model.parameters import Index, Values, index_unknowns
 from mor.quality.assessment import Quality
 from mor.quality.external_reliability import WhitenedRows
@@ -339,20 +339,13 @@ def _rows(plan: Plan, values: Values, extended: Index, places: IntArray):  # typ
 def _looks(group: ObservationGroup, touched: BoolArray) -> BoolArray:
     """(n,) rows of a group that refer to a touched point."""
     looks = np.zeros(group.count, dtype=bool)
-    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-        if slot.kind == "point":
-            looks |= touched[blocks]
+    for blocks in group.blocks_of("point"):
+        looks |= touched[blocks]
     return looks
 
 
 def movement_test(
-    point: int,
-    places: IntArray,
-    S: FloatArray,
-    own: FloatArray,
-    right: FloatArray,
-    redundancy: int,
-    omega: float,
+    point: int, places: IntArray, S: FloatArray, own: FloatArray, right: FloatArray, redundancy: int, omega: float
 ) -> FixedPointTest:
     """The test of a point whose coordinates stand at some places (3,) of the normal equations; −1 where not fixed."""
     here = np.flatnonzero(places >= 0)

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import betainc, gammainc
 
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup
 from mor.project.entities import Entities, thing_of
 from mor.project.network import Network
 from mor.quality.assessment import Quality
@@ -62,8 +62,7 @@ def partitions(problem: Problem, network: Network) -> list[Partition]:
         told = of_image(group)
         if told is None:
             return None
-        camera = images.parts["camera"]
-        return told[0], np.where(told[1] >= 0, camera[np.maximum(told[1], 0)], NOBODY)
+        return told[0], np.where(told[1] >= 0, images.parts["camera"][np.maximum(told[1], 0)], NOBODY)
 
     found = [
         _by_group(groups),
@@ -97,8 +96,6 @@ def _by_group(groups: tuple[ObservationGroup, ...]) -> Partition:
 
 
 def _named(reference: str, classes: Mapping[str, int]) -> _Teller:
-    """Rows by the thing that a reference of their type names."""
-
     def tell(group: ObservationGroup) -> _Told | None:
         for own, names in zip(group.type.references, group.references, strict=True):
             if own.name == reference:
@@ -139,10 +136,8 @@ def _from_station(stations: dict[str, str]) -> _Teller:
 
 
 def _by_instrument(instruments: Entities) -> _Teller:
-    """Rows by the instrument whose scale, offset or refraction they refer to."""
-
     def tell(group: ObservationGroup) -> _Told | None:
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             if slot.of == "instrument" and slot.part in instruments.parts:
                 own = instruments.parts[slot.part]
                 classes = np.full(max(int(blocks.max(initial=0)), int(own.max(initial=0))) + 1, NOBODY)
@@ -341,7 +336,6 @@ class Summed(NamedTuple):
 
 
 def _summed(quality: Quality, found: list[Partition]) -> list[Summed]:
-    """Sums over the classes of all partitions."""
     sums = [np.zeros((_SUMS, len(partition.names))) for partition in found]
     random = np.random.default_rng(1977)
     for number, one in enumerate(quality.groups):
@@ -506,8 +500,7 @@ def _largest(quality: Quality) -> float:
         rows = np.flatnonzero(flags.any(axis=1))
         if len(rows):
             largest = max(largest, float(np.abs(reliability.at(rows).test[flags[rows]]).max()))
-    count = quality.adjustment.problem.observations
-    return float(log_p_normal(np.array([largest]))[0] + np.log(max(count, 1)))
+    return float(log_p_normal(np.array([largest]))[0] + np.log(max(quality.adjustment.problem.observations, 1)))
 
 
 # ---- What flagged observations have in common: a point, image, camera, station, set, instrument or table.
@@ -594,7 +587,7 @@ def _memberships(quality: Quality, network: Network) -> Iterator[_Membership]:
 def _of_points(groups: Sequence[ObservationGroup], first: IntArray, ids: Sequence[str]) -> _Membership:
     rows, classes = [np.zeros(0, np.int32)], [np.zeros(0, np.int32)]
     for k, group in enumerate(groups):
-        points = [blocks for slot, blocks in zip(group.type.slots, group.blocks, strict=True) if slot.kind == "point"]
+        points = group.blocks_of("point")
         for i, blocks in enumerate(points):
             new = np.ones(group.count, dtype=bool)  # a row counts once for each point
             for before in points[:i]:

@@ -79,8 +79,7 @@ def _design(quality: Quality) -> tuple[scipy.sparse.csr_array, list[scipy.sparse
         jacobian = np.concatenate([chunk.rays.by_others, chunk.rays.by_point], axis=2)
         for number in np.unique(chunk.group):
             here = chunk.group == number
-            left_out = problem.groups[number].left_out[chunk.row[here]]
-            inside = (chunk.weight[here] > 0.0) & ~left_out
+            inside = (chunk.weight[here] > 0.0) & ~problem.groups[number].left_out[chunk.row[here]]
             found.append(_uncorrelated(quality, number, jacobian[here], columns[here], inside))
     for cluster in plan.clusters:
         _, jacobian, unknowns = cluster_rows(plan.problem, cluster, values, tangent)

@@ -12,8 +12,8 @@ import numpy as np
 from scipy.special import betaln, gammaln
 
 from mor.model import rotations
-from mor.model.images import is_on_the_sphere
-from mor.model.observation_types import Computed, ObservationGroup, is_image_point, wrap
+from mor.model.contract import Computed, ObservationGroup, wrap
+from mor.model.images import is_image_point, is_on_the_sphere
 from mor.model.parameters import ROTATION, Blocks, Values, index_unknowns
 from mor.quality.robust_estimation import (
     Graduated,
@@ -334,7 +334,7 @@ def _equations(told: list[_Observed], values: Values, places: FloatArray) -> lis
 def _arguments(one: _Observed, values: Values, places: FloatArray) -> tuple[list[FloatArray], FloatArray]:
     """Blocks and constants of rows, with the point at places (p, 3), all rows for each place."""
     group, every = one.group, np.tile(one.rows, len(places))
-    blocks = [values[s.kind][b[every]] for s, b in zip(group.type.slots, group.blocks, strict=True)]
+    blocks = [values[s.kind][b[every]] for s, b in group.blocks_by_slot]
     blocks[one.slot] = np.repeat(places, len(one.rows), axis=0)
     return blocks, group.constants[every]
 
@@ -562,10 +562,9 @@ def _contradicted_frames(problem: Problem, suspects: Sequence[BoolArray]) -> Boo
     """(n,) rotations most of whose rows are suspects."""
     seen, wrong = np.zeros((2, len(problem.index.columns[ROTATION.key])), dtype=np.int64)
     for group, mask in zip(problem.groups, suspects, strict=True):
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == ROTATION.key:
-                np.add.at(seen, blocks, (group.mask & ~group.left_out).any(axis=1))
-                np.add.at(wrong, blocks, mask.any(axis=1))
+        for blocks in group.blocks_of(ROTATION.key):
+            np.add.at(seen, blocks, (group.mask & ~group.left_out).any(axis=1))
+            np.add.at(wrong, blocks, mask.any(axis=1))
     return np.asarray(2 * wrong > seen)
 
 
@@ -687,9 +686,7 @@ def _given_points_contradicted(problem: Problem, suspects: SuspectedOutliers, us
     seen, wrong = (np.zeros(len(given), dtype=np.int64) for _ in range(2))
     for group, mask, own in zip(problem.groups, suspects.masks, used, strict=True):
         itself = group.type.key.startswith(OF_THEMSELVES)
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind != "point":
-                continue
+        for blocks in group.blocks_of("point"):
             if itself:
                 given[blocks[own.any(axis=1)]] = True
             else:
@@ -775,17 +772,15 @@ def _enough_left(problem: Problem, suspects: SuspectedOutliers) -> SuspectedOutl
 
 
 def _short(problem: Problem, masks: Sequence[BoolArray], kind: str) -> list[int]:
-    """Blocks of a kind that had enough observations, and have no longer."""
     columns = problem.index.columns[kind]
     needed = np.count_nonzero(columns >= 0, axis=1)
     before, left = (np.zeros(len(columns), dtype=np.int64) for _ in range(2))
     for group, mask in zip(problem.groups, masks, strict=True):
         had = group.mask & ~group.left_out
         counts = np.count_nonzero(had, axis=1), np.count_nonzero(had & ~mask, axis=1)
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-            if slot.kind == kind:
-                np.add.at(before, blocks, counts[0])
-                np.add.at(left, blocks, counts[1])
+        for blocks in group.blocks_of(kind):
+            np.add.at(before, blocks, counts[0])
+            np.add.at(left, blocks, counts[1])
     return [int(block) for block in np.flatnonzero((left < needed) & (before > left))]
 
 
@@ -800,6 +795,5 @@ def _add_rows(problem: Problem, masks: tuple[BoolArray, ...], blocks: set[tuple[
     for kind in {kind for kind, _ in blocks}:
         gone = lost_blocks(problem.index.blocks[kind], kind, sorted(blocks))
         for group, mask in zip(problem.groups, masks, strict=True):
-            for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
-                if slot.kind == kind:
-                    mask |= gone[numbers][:, None] & group.mask & ~group.left_out
+            for numbers in group.blocks_of(kind):
+                mask |= gone[numbers][:, None] & group.mask & ~group.left_out

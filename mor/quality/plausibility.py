@@ -11,9 +11,9 @@ import numpy as np
 from scipy.special import bdtrc
 
 from mor.errors import Message
+from mor.model.contract import ObservationGroup, some_rows, wrap
 from mor.model.curvature import on_sphere
 from mor.model.earth import EARTH_RADIUS, LocalSphere
-from mor.model.observation_types import ObservationGroup, some_rows, wrap
 from mor.model.parameters import Values
 from mor.model.shapes import SHAPE_TYPES
 from mor.project.axes import split
@@ -41,17 +41,12 @@ def sigmas(network: Network) -> list[FloatArray]:
     return found
 
 
-def line_of(group: ObservationGroup, row: int) -> int:
-    """Line of a row in its file, 0 where it comes from none."""
-    return int(group.lines[row]) if len(group.lines) > row else 0
-
-
 def noted(group: ObservationGroup, rows: IntArray, said: Callable[[int], str]) -> Iterator[Message]:
     """A note for each of the first rows, and how many more there are."""
     for row in rows[:MOST].tolist():
-        yield Message(said(row), group.file, line_of(group, row))
+        yield group.message(row, said(row))
     if len(rows) > MOST:
-        yield Message(f"and {len(rows) - MOST} more of this kind", group.file, line_of(group, int(rows[MOST])))
+        yield group.message(int(rows[MOST]), f"and {len(rows) - MOST} more of this kind")
 
 
 # ---- Angles of more than a full circle: no instrument shows one, so a table of such is in another unit.
@@ -80,7 +75,7 @@ def _component(group: ObservationGroup, component: int) -> Iterator[Message]:
             f"{group.type.name}, {name}: {np.count_nonzero(beyond)} of {of} angles are larger than a full circle; "
             "check their unit"
         )
-        yield Message(said, group.file, line_of(group, int(np.argmax(beyond))))
+        yield group.message(int(np.argmax(beyond)), said)
 
 
 # ---- Distances, height differences and vectors against the coordinates that are given to start from.
@@ -128,16 +123,13 @@ def _of_table(group: ObservationGroup, difference: FloatArray, sigma: FloatArray
                 f"{group.type.name}: the observations are {np.exp(ratio):.3g} times as large as computed from the "
                 "given coordinates; check their unit"
             )
-            yield Message(words, group.file, line_of(group, int(np.argmax(used))))
+            yield group.message(int(np.argmax(used)), words)
             return
     noise = np.maximum(np.median(size[used]), np.linalg.norm(np.nan_to_num(sigma), axis=1))
     beyond = used & (size > _TIMES * noise) & (size > _SIGMAS * np.linalg.norm(np.nan_to_num(sigma), axis=1))
 
     def said(row: int) -> str:
-        names = ", ".join(
-            f"{reference.name} {column[row]}"
-            for reference, column in zip(group.type.references, group.references, strict=True)
-        )
+        names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
         return (
             f"{group.type.name} {names}: {size[row] / (np.median(size[used]) or noise[row]):.0f} times as far from "
             "the given coordinates as the other rows of the table; check names and signs"
@@ -157,8 +149,7 @@ def rays(network: Network) -> list[ObservationGroup]:
 def outside_the_format(network: Network) -> Iterator[Message]:
     """Image coordinates more than a pixel beyond the edge of the format that their camera gives."""
     for group, out in _outside(network):
-        words = "{}, outside the format of the camera"
-        yield from noted(group, np.flatnonzero(out), _ray(group, words))
+        yield from noted(group, np.flatnonzero(out), _ray(group, "{}, outside the format of the camera"))
 
 
 def count_outside_the_format(network: Network) -> int:
@@ -216,7 +207,7 @@ def _again(group: ObservationGroup, before: dict[int, int]):  # type: ignore[no-
     image, point = group.references
 
     def said(row: int) -> str:
-        line = line_of(group, before[row])
+        line = group.line(before[row])
         return f"image {image[row]} has point {point[row]} twice" + (f", in line {line}, too" if line else "")
 
     return said
@@ -264,10 +255,7 @@ def contradicting_known_points(network: Network) -> Iterator[Message]:
 
 
 def _sentence(group: ObservationGroup, row: int, component: int, size: float, sigma: float) -> str:
-    names = ", ".join(
-        f"{reference.name} {names[row]}"
-        for reference, names in zip(group.type.references, group.references, strict=True)
-    )
+    names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
     factor, unit = 1.0, ""
     if group.external is not None:
         outside = int(np.argmax(np.abs(group.external.transform[component])))
@@ -286,21 +274,21 @@ def _misclosures(network: Network, group: ObservationGroup, sigma: FloatArray) -
         return nothing
     turning = _turning_slot(group)
     known = np.ones(group.count, dtype=bool)
-    for k, (slot, blocks) in enumerate(zip(group.type.slots, group.blocks, strict=True)):
+    for k, (slot, blocks) in enumerate(group.blocks_by_slot):
         known &= _known(network, slot.kind, turning == k)[blocks]
     rows = np.flatnonzero(known)
     if not len(rows):
         return nothing
     some = some_rows(group, rows)
     values = {kind: np.where(np.isfinite(array), array, 0.0) for kind, array in network.start.items()}
-    here = [values[slot.kind][own] for slot, own in zip(some.type.slots, some.blocks, strict=True)]
+    here = [values[slot.kind][own] for slot, own in some.blocks_by_slot]
     if turning >= 0:
         here[turning] = np.broadcast_to(np.eye(3), here[turning].shape)
     computed = some.type.equation(here, some.constants)
     size = some.observed - computed.values
     size[:, group.type.wraps] = wrap(size[:, group.type.wraps])
     variance = sigma[rows] ** 2
-    for k, (slot, own) in enumerate(zip(some.type.slots, some.blocks, strict=True)):
+    for k, (slot, own) in enumerate(some.blocks_by_slot):
         if k != turning and slot.kind in network.sigma:
             given = np.where(network.blocks[slot.kind].free, np.nan_to_num(network.sigma[slot.kind]), 0.0)
             if given.shape[1] == computed.jacobians[k].shape[2]:
@@ -387,7 +375,6 @@ def open_loops(network: Network) -> Iterator[Message]:
 
 
 def _lines(network: Network) -> list[_Line]:
-    """Levelled lines between marks, and heights that are known as lines from the ground."""
     lines, named = [], set()
     for group, sigma in zip(network.groups, sigmas(network), strict=True):
         if group.type.key != "height_difference":
@@ -451,12 +438,12 @@ def _note(network: Network, lines: list[_Line], loop: list[tuple[int, float]], t
     ids = network.blocks["point"].ids
     own = [lines[k] for k, _ in loop if lines[k].group is not None]
     names = " - ".join(dict.fromkeys(ids[end] for line in own for end in (line.start, line.end)))
-    places = ", ".join(str(line_of(line.group, line.row)) for line in own if line.group is not None)
+    places = ", ".join(str(line.group.line(line.row)) for line in own if line.group is not None)
     closing = own[0]
     unit = network.project.units.length
     where = f"; its lines: {places}" if len(own) > 1 and places.strip("0, ") else ""
     words = f"levelling {names}: the loop has a misclosure of {total:.4g} {unit} ({size:.0f} sigma){where}"
-    file, line = (closing.group.file, line_of(closing.group, closing.row)) if closing.group else ("", 0)
+    file, line = (closing.group.file, closing.group.line(closing.row)) if closing.group else ("", 0)
     return Message(words, file, line)
 
 
@@ -561,7 +548,7 @@ def _chances(observed: FloatArray, sigma: FloatArray, rows: IntArray) -> FloatAr
 def _note_on_repeated_rows(
     one: ObservationGroup, other: ObservationGroup, first: IntArray, second: IntArray
 ) -> Message:
-    where = line_of(one, int(first[0])), line_of(other, int(second[0]))
+    where = one.line(int(first[0])), other.line(int(second[0]))
     observations = int(np.count_nonzero(other.mask[second]))
     return Message(
         f"{len(second)} of {other.count} rows repeat rows of {one.file} with the same value and sigma (line "
@@ -590,7 +577,7 @@ def implausible_heights(network: Network) -> Iterator[Message]:
     for group in network.groups:
         if not group.type.distances or group.type.between_marks:
             continue
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             names = [reference.name for reference in group.type.references]
             if slot.kind != "height" or slot.of not in names:
                 continue
@@ -638,37 +625,35 @@ def vertical_convention(network: Network) -> Iterator[Message]:
     """Yield a note for each table whose zenith angles all look like elevations, or the other way round."""
     for group in network.groups:
         for component, of in enumerate(group.type.components):
-            if of.name in ("zenith", "zenith_angle"):
-                count, line = _all_near(group, component, 0.0)
-                if count:
-                    said = (
-                        f"{group.type.name}: all {count} zenith angles are near 0 or a half circle; are they "
-                        "elevations?"
-                    )
-                    yield Message(said, group.file, line)
-            elif of.name in ("vertical", "vertical_angle", "vertical_direction"):
-                count, line = _all_near(group, component, 0.5 * np.pi)
-                if count:
-                    said = (
-                        f"{group.type.name}: all {count} elevations are near a quarter of a circle; are they zenith "
-                        "angles?"
-                    )
-                    yield Message(said, group.file, line)
+            here = np.flatnonzero(group.mask[:, component])
+            if of.name in ("zenith", "zenith_angle") and _all_near(group, component, 0.0):
+                said = (
+                    f"{group.type.name}: all {len(here)} zenith angles are near 0 or a half circle; are they "
+                    "elevations?"
+                )
+            elif of.name in _ELEVATIONS and _all_near(group, component, 0.5 * np.pi):
+                said = (
+                    f"{group.type.name}: all {len(here)} elevations are near a quarter of a circle; are they zenith "
+                    "angles?"
+                )
+            else:
+                continue
+            yield group.message(int(here[0]), said)
+
+
+_ELEVATIONS = ("vertical", "vertical_angle", "vertical_direction")
 
 
 def look_like_elevations(group: ObservationGroup) -> bool:
     """Return True if all zenith angles of a table are near 0 or a half circle."""
     components = enumerate(group.type.components)
-    return any(of.name in ("zenith", "zenith_angle") and _all_near(group, k, 0.0)[0] > 0 for k, of in components)
+    return any(of.name in ("zenith", "zenith_angle") and _all_near(group, k, 0.0) for k, of in components)
 
 
-def _all_near(group: ObservationGroup, component: int, suspicious: float) -> tuple[int, int]:
-    """Number of angles if all are near one value in either face, else 0; and the line of the first."""
-    here = np.flatnonzero(group.mask[:, component])
-    if len(here) < _FEWEST_SET_UPS:
-        return 0, 0
-    near = np.abs(wrap(2.0 * (group.observed[here, component] - suspicious))) / 2.0 < _NEAR
-    return (len(here), line_of(group, int(here[0]))) if near.all() else (0, 0)
+def _all_near(group: ObservationGroup, component: int, suspicious: float) -> bool:
+    observed = group.observed[group.mask[:, component], component]
+    near = np.abs(wrap(2.0 * (observed - suspicious))) / 2.0 < _NEAR
+    return len(observed) >= _FEWEST_SET_UPS and bool(near.all())
 
 
 # ---- Standard deviations that no instrument has: against the circle, the length or the image they belong to.
@@ -696,7 +681,7 @@ def implausible_sigmas(network: Network) -> Iterator[Message]:
                     f"{group.type.name}, {name}: the standard deviation is {words} than that "
                     f"of any instrument; check its unit"
                 )
-                yield Message(said, group.file, line_of(group, row))
+                yield group.message(row, said)
 
 
 def beyond_any_instrument(network: Network, group: ObservationGroup) -> int:
@@ -770,7 +755,7 @@ def unsupported_poses(network: Network) -> Iterator[Message]:
                 f"image {group.references[0].known[k]}: its start pose shows none of its {count[k]} points that have "
                 "start coordinates"
             )
-            yield Message(words, group.file, line_of(group, row))
+            yield group.message(row, words)
 
 
 def _settled(network: Network, group: ObservationGroup) -> BoolArray:
@@ -787,7 +772,7 @@ def _settled(network: Network, group: ObservationGroup) -> BoolArray:
 def _usable(network: Network, group: ObservationGroup, rows: IntArray) -> BoolArray:
     """(k,) rays for which all start values are given."""
     usable: BoolArray = np.ones(len(rows), dtype=bool)
-    for slot, own in zip(group.type.slots, group.blocks, strict=True):
+    for slot, own in group.blocks_by_slot:
         start = network.start[slot.kind]
         given = np.asarray(np.isfinite(start.reshape(len(start), -1)).all(axis=1), dtype=bool)
         usable = usable & given[own[rows]]
@@ -799,7 +784,7 @@ def _support(network: Network, group: ObservationGroup, rows: IntArray) -> BoolA
     if not len(rows):
         return np.zeros(0, dtype=bool)
     some = some_rows(group, rows)
-    blocks = [network.start[slot.kind][own] for slot, own in zip(some.type.slots, some.blocks, strict=True)]
+    blocks = [network.start[slot.kind][own] for slot, own in some.blocks_by_slot]
     slots = {(slot.of, slot.part): k for k, slot in enumerate(group.type.slots)}
     sight = blocks[-1] - blocks[slots["image", "position"]]
     axis = blocks[slots["image", "rotation"]][:, 2]
@@ -850,10 +835,7 @@ def neglected_curvature(network: Network, values: Values) -> Message | None:
     if effect is None or effect.in_sigma < NOTED:
         return None
     group, row = effect.group, effect.row
-    names = ", ".join(
-        f"{reference.name} {names[row]}"
-        for reference, names in zip(group.type.references, group.references, strict=True)
-    )
+    names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
     quantity = group.type.components[effect.component].quantity
     millimetres = 1000.0 * network.edge.metres
     across = abs(effect.size) * millimetres * (effect.distance if quantity == ANGLE else 1.0)
@@ -863,7 +845,7 @@ def neglected_curvature(network: Network, values: Values) -> Message | None:
         f"{metres:.4g} m is off by {_two_digits(across)} mm ({_two_digits(effect.in_sigma)} sigma), more than any "
         "other; curvature: true models it"
     )
-    return Message(words, group.file, line_of(group, row))
+    return group.message(row, words)
 
 
 def _two_digits(value: float) -> str:
@@ -874,7 +856,7 @@ def sphere_under(network: Network, values: Values) -> LocalSphere:
     """Return the sphere that ``curvature: true`` would have at these coordinates."""
     used = np.zeros(len(values["point"]), dtype=bool)
     for group in network.groups:
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             if slot.kind == "point" and slot.of != "system":
                 used[blocks] = True
     metres = network.edge.metres
@@ -902,7 +884,7 @@ def _in_group(
     component = _LOOKED_AT.get(group.type.key, 0 if group.type.key == "height_difference" and straight else -1)
     if component < 0 or not group.count:
         return None
-    blocks = [values[slot.kind][own] for slot, own in zip(group.type.slots, group.blocks, strict=True)]
+    blocks = [values[slot.kind][own] for slot, own in group.blocks_by_slot]
     places = [b for slot, b in zip(group.type.slots, blocks, strict=True) if slot.part == "position"]
     apart = places[1] - places[0]
     length = np.hypot(apart[:, 0], apart[:, 1])

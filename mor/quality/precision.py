@@ -27,11 +27,7 @@ def datum_transformation(adjustment: Adjustment) -> STransformation:
 
 
 def parameter_cofactors(
-    adjustment: Adjustment,
-    cofactors: BlockMatrix,
-    of_eliminated: FloatArray,
-    datum: STransformation,
-    kind: str,
+    adjustment: Adjustment, cofactors: BlockMatrix, of_eliminated: FloatArray, datum: STransformation, kind: str
 ) -> FloatArray:
     """Cofactor matrices (n, k, k) of all blocks of a kind for σ0 = 1; zero rows where fixed.
 
@@ -45,11 +41,7 @@ def parameter_cofactors(
 
 
 def joint_blocks(
-    adjustment: Adjustment,
-    cofactors: BlockMatrix,
-    datum: STransformation,
-    columns: IntArray,
-    result: FloatArray,
+    adjustment: Adjustment, cofactors: BlockMatrix, datum: STransformation, columns: IntArray, result: FloatArray
 ) -> FloatArray:
     """Cofactor matrices (n, k, k) of sets of unknowns ``columns`` (n, k) that observations have together, σ0 = 1.
 

@@ -14,30 +14,15 @@ from mor.linalg.block_matrix import BlockMatrix, row_cofactors
 from mor.linalg.compilation import compile_kernel
 from mor.linalg.selected_inverse import operations
 from mor.model import rotations
-from mor.model.contract import OUT
-from mor.model.observation_types import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES, ObservationGroup
+from mor.model.contract import OUT, ObservationGroup
+from mor.model.images import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES
 from mor.quality.test_statistics import CONTROLLED, Correlated, ObservationQuality, in_pieces, joint_statistic
 from mor.solve.datum import STransformation
 from mor.solve.elimination import RayChunk, ray_chunks, ray_residuals, split
 from mor.solve.elimination import cofactors as ray_cofactors
 from mor.solve.iterate import Adjustment
-from mor.solve.normals import (
-    Plan,
-    RowClusters,
-    RowSet,
-    image_of_rays,
-    in_lanes,
-    point_of_ray,
-    reduced_columns,
-)
-from mor.solve.problem import (
-    AlikeClusters,
-    linearise,
-    linearised_parts,
-    misclosures,
-    rotation_tangents,
-    spread,
-)
+from mor.solve.normals import Plan, RowClusters, RowSet, image_of_rays, in_lanes, point_of_ray, reduced_columns
+from mor.solve.problem import AlikeClusters, linearise, linearised_parts, misclosures, rotation_tangents, spread
 from mor.solve.rays import RayPlan
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallestIntArray, SmallIntArray
 
@@ -181,8 +166,7 @@ def directions(adjustment: Adjustment, datum: STransformation) -> WeakDirections
     """Return the part missing in the cofactors of the factorisation, for the datum of the adjustment."""
     weak = adjustment.inverse.weak
     return WeakDirections(
-        np.concatenate([weak, -datum.null @ datum.binding], axis=1),
-        np.concatenate([weak, datum.through], axis=1),
+        np.concatenate([weak, -datum.null @ datum.binding], axis=1), np.concatenate([weak, datum.through], axis=1)
     )
 
 
@@ -238,7 +222,7 @@ def length_of_sight(adjustment: Adjustment, number: int, rows: IntArray) -> Floa
     group = adjustment.problem.groups[number]
     positions = [
         adjustment.values["point"][blocks[rows]]
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+        for slot, blocks in group.blocks_by_slot
         if slot.kind == "point" and slot.part == "position"
     ]
     angular = group.type.wraps
@@ -628,8 +612,7 @@ def _fill_rays(quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: 
         rows = chunk.row[place]
         if compilation.wanted():
             arrays = one.v, one.absorbed, one.carried, one.joint_of_row, one.freedom_of_row
-            by_point = chunk.rays.by_point
-            fill(rows, place, chunk.weight, white, shares, by_point, CONTROLLED, *arrays)
+            fill(rows, place, chunk.weight, white, shares, chunk.rays.by_point, CONTROLLED, *arrays)
         else:
             # (n, 2) 1/|∂x/∂X|, which makes of shares of rays what an error of 1 carries into their points.
             slope = np.sqrt(np.einsum("ncj,ncj->nc", chunk.rays.by_point, chunk.rays.by_point))
@@ -638,7 +621,6 @@ def _fill_rays(quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: 
 
 
 def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
-    """Residuals of all groups, and nothing else yet."""
     rays, values = adjustment.plan.rays, adjustment.values
     groups = adjustment.problem.groups
     result = tuple(_empty(group) for group in groups)
@@ -652,17 +634,13 @@ def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
     def of_lane(lane: RayPlan) -> None:
         for chunk, residual in ray_residuals(adjustment.problem, lane, values):
             weight = lane.measurements.of(chunk.rays).weight
-            group_of_ray = lane.group_of_frame[chunk.frames][lane.frame[chunk.rays]]
-            for number, here in _of_each_group(group_of_ray):
+            for number, here in _of_each_group(lane.group_of_frame[chunk.frames][lane.frame[chunk.rays]]):
                 rows, v = lane.row[chunk.rays][here], result[number].v
                 if compilation.wanted():
                     note_residuals(rows, here, weight, residual, v)
                 else:
                     v[rows] = np.divide(
-                        residual[here],
-                        weight[here],
-                        out=np.full((len(here), 2), np.nan),
-                        where=weight[here] > 0.0,
+                        residual[here], weight[here], out=np.full((len(here), 2), np.nan), where=weight[here] > 0.0
                     )
 
     in_lanes(rays, 0, of_lane)

@@ -9,16 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.model import rotations
-from mor.model.observation_types import ObservationGroup, some_rows
+from mor.model.contract import ObservationGroup, some_rows
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.quality.assessment import Quality
-from mor.quality.external_reliability import (
-    NormalEquationSolver,
-    ObservationComponent,
-    gradient,
-    local_system,
-)
+from mor.quality.external_reliability import NormalEquationSolver, ObservationComponent, gradient, local_system
 from mor.quality.group_tests import Partition, partitions
 from mor.quality.redundancy import OF_IMAGES, Reliability
 from mor.quality.test_statistics import ROWS_AT_A_TIME, in_pieces
@@ -111,11 +106,10 @@ def reliability_map(quality: Quality, network: Network) -> list[Controlled]:
 
 def _of_points(quality: Quality, names: tuple[str, ...], place: IntArray, axes: FloatArray) -> Controlled:
     def seen() -> Iterator[_RowClasses]:
-        groups = quality.adjustment.problem.groups
-        for number, group in enumerate(groups):
+        for number, group in enumerate(quality.adjustment.problem.groups):
             named = [
                 blocks
-                for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+                for slot, blocks in group.blocks_by_slot
                 if slot.kind == "point" and slot.of not in ("image", "station", "system")
             ]
             for rows in _pieces(group.count):
@@ -425,8 +419,7 @@ class _Search:
 
 def _begun(quality: Quality, places: CandidatePlaces, entry: ObservationComponent, targets: list[int]) -> _Search:
     columns, values = gradient(quality.adjustment, entry)
-    group = quality.adjustment.problem.groups[entry.group]
-    sigma = float(group.sigma[entry.row, entry.component])
+    sigma = float(quality.adjustment.problem.groups[entry.group].sigma[entry.row, entry.component])
     r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
     again = (1.0 - r) ** 2 / (2.0 - r)
     repeated = CandidateObservation(entry.group, entry.row, -1, r + again)

@@ -10,9 +10,8 @@ import numpy as np
 
 from mor.linalg.cholesky import NotFiniteError
 from mor.model.cameras import CAMERA_MODELS
-from mor.model.contract import OUT
-from mor.model.images import MOTION_SLOTS, image_scale, on_the_sphere, stereographic
-from mor.model.observation_types import ObservationGroup, is_image_point, without
+from mor.model.contract import OUT, ObservationGroup, without
+from mor.model.images import MOTION_SLOTS, image_scale, is_image_point, on_the_sphere, stereographic
 from mor.model.parameters import Values, index_unknowns, move
 from mor.quality.assessment import Quality
 from mor.solve.inverse import Factors, damped_step, normalised_misclosures, reweighted_plan
@@ -109,16 +108,15 @@ def whole(problem: Problem) -> tuple[Parts, ...]:
 
 def frames_of(group: ObservationGroup) -> IntArray:
     """Return (n,) the frame of every row; −1 where there is none."""
-    frames = [blocks for slot, blocks in zip(group.type.slots, group.blocks, strict=True) if slot.kind == _FRAME]
+    frames = group.blocks_of(_FRAME)
     return np.asarray(frames[0], dtype=np.int64) if frames else np.full(group.count, -1)
 
 
 def _tied(group: ObservationGroup, given: BoolArray) -> IntArray:
     """(n,) 0 for rows at a point that is given, −1 for others."""
     tied = np.zeros(group.count, dtype=bool)
-    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
-        if slot.kind == "point":
-            tied |= given[blocks]
+    for blocks in group.blocks_of("point"):
+        tied |= given[blocks]
     return np.where(tied, 0, -1)
 
 
@@ -159,8 +157,7 @@ def problem_on_the_sphere(problem: Problem, values: Values) -> Problem | None:
         kind: own._replace(free=np.zeros_like(own.free)) if kind.startswith(_INTERIOR) or kind in _MOTIONS else own
         for kind, own in problem.index.blocks.items()
     }
-    pairs = zip(groups, scaled.groups, strict=True)
-    turned = tuple(replace(group, sigma=own.sigma) for group, own in pairs)
+    turned = tuple(replace(group, sigma=own.sigma) for group, own in zip(groups, scaled.groups, strict=True))
     return replace(scaled, groups=turned, index=index_unknowns(blocks))
 
 
@@ -168,9 +165,7 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
     """The group as directions, and radians per image unit (n, 2)."""
     model = CAMERA_MODELS[group.type.key.partition("/")[2]]
     interior, of = next(
-        (values[slot.kind], numbers)
-        for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
-        if slot.kind.startswith(_INTERIOR)
+        (values[slot.kind], numbers) for slot, numbers in group.blocks_by_slot if slot.kind.startswith(_INTERIOR)
     )
     whole: BoolArray = np.asarray(group.mask.all(axis=1))
     measured = np.where(whole[:, None], group.observed, 0.0)
@@ -180,8 +175,7 @@ def _directions(group: ObservationGroup, values: Values) -> tuple[ObservationGro
     type_ = on_the_sphere(group.type)
     assert type_ is not None
     constants = np.concatenate([stereographic(rays), rays], axis=1)
-    pairs = zip(group.type.slots, group.blocks, strict=True)
-    blocks = tuple(numbers for slot, numbers in pairs if slot in type_.slots)
+    blocks = tuple(numbers for slot, numbers in group.blocks_by_slot if slot in type_.slots)
     observed = np.where(used[:, None], np.zeros(2), np.nan)
     factor = np.repeat(np.where(used, 1.0 / np.where(used, scale, 1.0), 1.0)[:, None], 2, axis=1)
     return replace(group, type=type_, blocks=blocks, observed=observed, constants=constants), factor
@@ -420,7 +414,9 @@ def robust_estimate(quality: Quality, method: Method) -> RobustSolution:
     adjustment = quality.adjustment
     factors = factors_of(problem, adjustment.values, spread, "l1")
     settled = False
-    for stage in stages_of(method):
+    # The sum of absolute residuals comes first in all of them.
+    stages: tuple[Method, ...] = ("l1",) if method == "l1" else ("l1", "danish")
+    for stage in stages:
         settled = False
         for _ in range(ROUNDS):
             scaled = reweighted(problem, [1.0 / np.sqrt(f) for f in factors])
@@ -429,21 +425,11 @@ def robust_estimate(quality: Quality, method: Method) -> RobustSolution:
                 return RobustSolution(method, adjustment, factors, False)
             adjustment, before = found, factors
             factors = factors_of(problem, adjustment.values, spread, stage)
-            if change_of(factors, before) < SETTLED:
+            pairs = zip(factors, before, strict=True)
+            if max((float(np.abs(np.log(a / b)).max(initial=0.0)) for a, b in pairs), default=0.0) < SETTLED:
                 settled = True
                 break
     return RobustSolution(method, adjustment, factors, settled)
-
-
-def stages_of(method: Method) -> tuple[Method, ...]:
-    """Return the stages in their order: the sum of absolute residuals comes first in all of them."""
-    return ("l1",) if method == "l1" else ("l1", "danish")
-
-
-def change_of(factors: tuple[FloatArray, ...], before: tuple[FloatArray, ...]) -> float:
-    """Largest relative change of a factor, as a logarithm."""
-    pairs = zip(factors, before, strict=True)
-    return max((float(np.abs(np.log(a / b)).max(initial=0.0)) for a, b in pairs), default=0.0)
 
 
 def factors_of(

@@ -188,7 +188,7 @@ def held_by_an_angle(solved: Solved, say: Translate = english) -> list[str]:
 def _points_seen(solved: Solved, rotation: int) -> IntArray:
     found = [np.zeros(0, dtype=np.int64)]
     for group in solved.adjustment.problem.groups:
-        slots = list(zip(group.type.slots, group.blocks, strict=True))
+        slots = list(group.blocks_by_slot)
         here = [blocks for slot, blocks in slots if slot.kind == "rotation" and slot.part == "rotation"]
         targets = [blocks for slot, blocks in slots if slot.kind == "point" and slot.of in ("point", "to")]
         if here and targets:
@@ -394,7 +394,6 @@ def turned_about(solved: Solved, say: Translate = english) -> list[str]:
 
 
 def _tilts_as_angles(solved: Solved) -> bool:
-    """True where ω or φ of something is observed."""
     return any(
         group.type.key == "observed/rotation" and bool(group.mask[:, :2].any())
         for group in solved.adjustment.problem.groups
@@ -464,7 +463,7 @@ def _is_idle(solved: Solved, kind: str, block: str) -> bool:
     return thing_of(kind, block)[0] != "knot" and not any(
         bool((blocks.owner[numbers] == number).any())
         for group in solved.adjustment.problem.groups
-        for slot, numbers in zip(group.type.slots, group.blocks, strict=True)
+        for slot, numbers in group.blocks_by_slot
         if slot.kind == kind
     )
 
@@ -479,7 +478,6 @@ def _unexplained(solved: Solved) -> list[Undetermined]:
 
 
 def _geometry(solved: Solved, alone: set[tuple[str, str]], say: Translate) -> list[str]:
-    """Images and stations among what is loose that see too few points, or all on one line."""
     frames = dict.fromkeys(
         thing_of(kind, block) for direction in _unexplained(solved) for kind, block, _ in direction.unknowns
     )
@@ -576,7 +574,6 @@ def _name(kind: str, block: str, say: Translate) -> str:
 
 
 def _is_far(kind: str, block: str) -> bool:
-    """Return whether a block is the direction of a point at infinity."""
     return kind == "rotation" and block.startswith("point ")
 
 

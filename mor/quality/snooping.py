@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from mor.model.observation_types import is_image_point
+from mor.model.images import is_image_point
 from mor.model.parameters import Values
 from mor.quality.assessment import Levels, Quality, assess, is_complete
 from mor.quality.outliers import (
@@ -111,7 +111,7 @@ def flagged_rows(quality: Quality) -> list[FlaggedRows]:
         together = is_image_point(group.type) & (free >= np.count_nonzero(active, axis=1))
         slots = tuple(
             _slot(problem, slot.kind, blocks[rows], counts[slot.kind])
-            for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+            for slot, blocks in group.blocks_by_slot
             if slot.kind in LOCAL
         )
         tests = quality.reliability[number].at(rows).test
@@ -127,7 +127,7 @@ def rows_of_blocks(problem: Problem) -> dict[str, IntArray]:
     }
     for group in problem.groups:
         taking_part = (group.mask & ~group.left_out).any(axis=1)
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             if slot.kind in counts:
                 counts[slot.kind] += np.bincount(blocks[taking_part], minlength=len(counts[slot.kind]))
     return counts
@@ -372,8 +372,7 @@ class _AssessedAdjustment(NamedTuple):
         found = self._from(other.values, other.out)
         if found is None:
             return None
-        there = found.quality.adjustment.values
-        better = cost_at(self.problem, there) < cost_at(self.problem, values)
+        better = cost_at(self.problem, found.quality.adjustment.values) < cost_at(self.problem, values)
         others = tuple(mask & ~kept for mask, kept in zip(other.out, self._kept_out, strict=True))
         return (found, entries_of(others)) if better else None
 
@@ -530,11 +529,10 @@ def taken_out(snooping: SnoopingResult, also: Collection[tuple[str, str]] = ()) 
 def _counted(snooping: SnoopingResult, kind: str, count: int) -> tuple[IntArray, IntArray]:
     """(b,) rows of each block of a kind that were taken out, and that there were."""
     out, whole = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
-    groups = snooping.quality.adjustment.problem.groups
-    for kept_out, group in zip(snooping.kept_out, groups, strict=True):
+    for kept_out, group in zip(snooping.kept_out, snooping.quality.adjustment.problem.groups, strict=True):
         inside = (group.mask & ~kept_out).any(axis=1)
         gone = inside & (group.left_out & ~kept_out).any(axis=1)
-        for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+        for slot, blocks in group.blocks_by_slot:
             if slot.kind == kind and (kind == "rotation" or slot.of not in ("image", "station", "system")):
                 out += np.bincount(blocks[gone], minlength=count)
                 whole += np.bincount(blocks[inside], minlength=count)
@@ -623,7 +621,7 @@ def _putting_back_fitting(quality: Quality, problem: Problem, masks: Masks, larg
         group = problem.groups[number]
         points = {
             int(blocks[row])
-            for slot, blocks in zip(group.type.slots, group.blocks, strict=True)
+            for slot, blocks in group.blocks_by_slot
             if slot.kind == "point" and (problem.index.columns["point"][blocks[row]] >= 0).any()
         }
         if taken.isdisjoint(points):

@@ -18,7 +18,7 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from mor.model import rotations
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup
 from mor.quality.assessment import Levels, Quality, assess
 from mor.quality.robust_estimation import reweighted
 from mor.quality.test_statistics import omega_of, redundancy_of

@@ -13,7 +13,7 @@ import numpy as np
 import polars as pl
 
 from mor.errors import UndeterminedObject
-from mor.model.observation_types import DEFLECTIONS, GEOID
+from mor.model.geodetic import DEFLECTIONS, GEOID
 from mor.model.parameters import (
     BASE,
     ECCENTRICITY,
@@ -184,7 +184,6 @@ def unknown_constants(placed: Placed, kind: BlockKind, numbers: IntArray, own: B
 
 
 def _shared_names(placed: Placed, numbers: IntArray) -> list[str]:
-    """Names of the points or shared positions that frames stand on; empty if a position is a frame's own."""
     names: dict[int, str] = {}
     for space in ("position", "point"):
         things = placed.network.things.get(space)
@@ -401,7 +400,6 @@ def _moving(placed: Placed, kind: BlockKind) -> BoolArray:
 
 
 def _image_variant(placed: Placed) -> dict[str, FloatArray]:
-    """Start values of the interior components that every image has of its own, empty if it has none."""
     things, cameras = placed.network.things["image"], placed.network.project.cameras
     columns: dict[str, FloatArray] = {}
     for number, name in enumerate(placed.network.things["camera"].ids):
@@ -409,8 +407,7 @@ def _image_variant(placed: Placed) -> dict[str, FloatArray]:
         mine = np.flatnonzero(things.parts["camera"] == number)
         for component in cameras[name].image_variant:
             column = columns.setdefault(component, np.full(len(things.ids), np.nan))
-            values = placed.values[kind.key][things.parts["interior"][mine]]
-            column[mine] = values[:, kind.names.index(component)]
+            column[mine] = placed.values[kind.key][things.parts["interior"][mine]][:, kind.names.index(component)]
     return columns
 
 
@@ -528,8 +525,7 @@ def adjusted_project(placed: Placed, document: Document, source: Path, target: P
         if section in data:
             data[section] = [_moved(entry, document, source, target, tables) for entry in data[section] or []]
     if data.get("visibility"):
-        visibility = data["visibility"]
-        moved = dict(visibility)
+        moved = dict(data["visibility"])
         for key in ("surfaces", "normals"):
             if moved.get(key):
                 moved[key] = [
@@ -627,8 +623,7 @@ def _camera(placed: Placed, name: str, camera: dict[str, Any]) -> dict[str, Any]
     model = placed.network.project.cameras[name].model
     number = placed.network.things["camera"].part(name, "interior")
     kind = INTERIORS[model]
-    values = placed.values[kind.key][number]
-    camera["interior"] = _settings(camera.get("interior") or {}, kind.names, values)
+    camera["interior"] = _settings(camera.get("interior") or {}, kind.names, placed.values[kind.key][number])
     eccentricity = placed.network.things["camera"].part(name, "eccentricity")
     if eccentricity:
         row = placed.values["eccentricity"][eccentricity]
@@ -648,8 +643,7 @@ def _instrument(placed: Placed, name: str, instrument: dict[str, Any]) -> dict[s
     if result.get("frame"):
         number = placed.network.things["instrument"].part(name, GNSS_FRAME.key)
         turned = [component.quantity == ANGLE for component in GNSS_FRAME.components]
-        units = np.where(turned, ANGLE_UNITS[angle_unit(placed)], 1.0)
-        values = placed.values[GNSS_FRAME.key][number] / units
+        values = placed.values[GNSS_FRAME.key][number] / np.where(turned, ANGLE_UNITS[angle_unit(placed)], 1.0)
         result["frame"] = _settings(result["frame"], GNSS_FRAME.names, values)
     for key, part in (("lever_arm", "lever arm"), ("boresight", "boresight"), (_OFFSET, TIME_OFFSET.key)):
         number = placed.network.things["instrument"].part(name, part)
@@ -666,7 +660,6 @@ def _instrument(placed: Placed, name: str, instrument: dict[str, Any]) -> dict[s
 
 
 def _settings(given: dict[str, Any], names: Sequence[str], values: FloatArray) -> dict[str, Any]:
-    """Settings with the adjusted values: free ones replaced, observed ones given a start."""
     result: dict[str, Any] = {}
     for name, setting in given.items():
         value = repr(float(values[list(names).index(name)]))

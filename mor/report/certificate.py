@@ -94,8 +94,7 @@ def certificate(view: View, name: str, coverage: float | None = None) -> Certifi
     measured = measured.filter(~pl.col("flag").str.contains("excluded|check"))
     if not measured.height:
         raise InputError([Message(f"camera {name} has no image points: there is nothing to certify")])
-    radii = _radii(camera, measured)
-    covered, corner = float(np.nanmax(radii)), _corner(camera)
+    covered, corner = float(np.nanmax(_radii(camera, measured))), _corner(camera)
     largest = max(covered, corner or 0.0)
     residuals = measured.select("vx", "vy").to_numpy() * _per_unit(camera, str(measured["unit"][0]))
     quantities = {component.name: component.quantity for component in INTERIORS[camera["model"]].components}
@@ -286,11 +285,9 @@ def certificate_text(one: Certificate, words: Words = ENGLISH) -> str:
 
 
 def _facts(one: Certificate, words: Words) -> list[tuple[str, str]]:
-    """Camera, client and adjustment."""
     view, camera = one.view, one.camera
     sigma0 = view.summary["sigma0"]
-    test = view.summary["global_test"]
-    judged = words("accepted") if test["accepted"] else words("rejected")
+    judged = words("accepted") if view.summary["global_test"]["accepted"] else words("rejected")
     return [
         (words("project"), view.summary["title"] or "–"),
         *persons(view.identity, words),

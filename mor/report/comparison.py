@@ -41,8 +41,7 @@ def differences(one: Any, other: Any, tolerance: float) -> list[Difference]:
 
     Rows are matched by their identifiers, residuals by their place.
     """
-    found = list(_differences(one, other, tolerance, ""))
-    return sorted(found, key=lambda difference: -difference.amount)
+    return sorted(_differences(one, other, tolerance, ""), key=lambda difference: -difference.amount)
 
 
 def _differences(one: Any, other: Any, tolerance: float, place: str) -> Iterator[Difference]:

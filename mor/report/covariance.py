@@ -117,7 +117,6 @@ def _own(solved: Solved, kind: str, columns: IntArray) -> np.ndarray:
 
 
 def _pose_blocks(solved: Solved, name: str) -> list[tuple[str, int]]:
-    """Blocks of the position and the rotation of an image."""
     images = solved.network.things["image"]
     if name not in images.numbers:
         raise InputError([Message(unknown_name("image", name, images.ids))])
@@ -331,7 +330,6 @@ def write_covariance(path: Path, found: Labelled, factor: float | None = None) -
 
 
 def _matrix_market(found: Labelled, expanded: Mapping[str, FloatArray]) -> str:
-    """Lower triangle by columns; labels as comments."""
     size = len(found.labels)
     lines = ["%%MatrixMarket matrix array real symmetric", f"% datum: {found.datum}"]
     lines += [

@@ -118,10 +118,7 @@ def _where(judged: RequirementResult, solved: Solved) -> str:
         if number < 0:
             return ""
         group = solved.adjustment.problem.groups[number]
-        names = ", ".join(
-            f"{reference.name} {names[row]}"
-            for reference, names in zip(group.type.references, group.references, strict=True)
-        )
+        names = ", ".join(f"{key} {name}" for key, name in group.names_of(row).items())
         return f"{group.type.name} {names} {group.type.components[component].name}"
     return wanted.names[judged.where[0]]
 
@@ -266,7 +263,6 @@ def _labels(found: NetworkDrawing, xy: FloatArray, height: float) -> list[str]:
 
 
 def _scale_bar(found: NetworkDrawing, height: float) -> str:
-    """A bar for the size of the ellipses."""
     wanted = 100.0 / found.ellipse_scale
     unit, factor = small_unit(found.unit, wanted)
     length = round_length(wanted * factor)
@@ -512,7 +508,6 @@ def requirement_section(solved: Solved, judged: Sequence[RequirementResult], wor
 
 
 def _sentence(row: dict[str, Any], words: Words) -> str:
-    """A requirement in a line: the verdict, the limit, the worst, where it is, how many fail."""
     limit, worst = _limit_and_worst(row, words)
     return words(
         "{verdict}: {what}, {id}: {sign} {limit}; worst {worst} ({place}); {failing} of {count} fail",
@@ -654,7 +649,6 @@ USUAL_FILES = ("design.json", "design.txt", "design.html")
 
 def write_design(
     solved: Solved,
-    judged: Sequence[RequirementResult],
     text: str,
     data: str,
     more: dict[str, Content],
@@ -699,7 +693,7 @@ def design_page(
     quality, network = solved.quality, solved.network
     found = switching(quality, network.candidates) if quality is not None else None
     drawing = _drawing(solved) if quality is not None else None
-    units = [_unit_row(network, k, unit, solved) for k, unit in enumerate(found.units)] if found else []
+    units = [_unit_row(network, k, unit) for k, unit in enumerate(found.units)] if found else []
     ends = [(row["kind"], row["ends"]) for row in units] if found else _all_sights(network)
     good = quality is not None and all(one.met for one in judged)
     return (
@@ -753,8 +747,7 @@ def _drawing(solved: Solved) -> NetworkDrawing:
     blocks = network.things["point"].parts["position"]
     covariances = M.T @ np.nan_to_num(quality.cofactors["point"][blocks]) @ M * quality.sigma_factor**2
     axes = drawn_axes(network.project.axes.xy)
-    known = np.isfinite(places).all(axis=1)
-    chosen = widest_view(places[known], "xy".index(axes["right"]))
+    chosen = widest_view(places[np.isfinite(places).all(axis=1)], "xy".index(axes["right"]))
     reversed_ = {axes["right"]: axes["right_reversed"], axes["up"]: axes["up_reversed"]}
     signs = [-1.0 if reversed_.get("xyz"[k], False) else 1.0 for k in chosen]
     others: dict[str, FloatArray] = {}
@@ -774,8 +767,7 @@ def _all_sights(network: Network) -> list[tuple[str, list[str]]]:
     return [("on", list(ends)) for ends in found]
 
 
-def _unit_row(network: Network, number: int, unit: Unit, solved: Solved) -> dict[str, Any]:
-    """Row of a set of observations that are made together."""
+def _unit_row(network: Network, number: int, unit: Unit) -> dict[str, Any]:
     groups = network.candidates if unit.is_candidate else network.groups
     group = groups[unit.group]
     ends = [names.texts()[unit.row] for names in named_places(group).values()]
@@ -839,7 +831,6 @@ def _payload(
 
 
 def _wanted(one: RequirementResult, blocks: IntArray, noncentrality: float) -> dict[str, Any]:
-    """A requirement for the script; external reliability as the redundancy number that it is."""
     wanted = one.requirement
     if isinstance(wanted, RequiredPrecision):
         number = {int(block): k for k, block in enumerate(blocks)}

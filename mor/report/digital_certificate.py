@@ -267,8 +267,7 @@ def _results(parent: Element, one: Certificate, words: Words) -> None:
     ratio = one.view.summary["sigma0"]["ratio_of_sigmas"]
     if ratio is not None:
         _real(_quantity(data, words("sigma0 a posteriori / a priori"), language), ratio, "1")
-    accepted = one.view.summary["global_test"]["accepted"]
-    verdict = words("accepted") if accepted else words("rejected")
+    verdict = words("accepted") if one.view.summary["global_test"]["accepted"] else words("rejected")
     _text(data, "dcc:text", f"{words('global test')}: {verdict}", language)
     _real(_quantity(data, words("redundancy"), language), one.view.summary["redundancy"], "1")
     valid = _add(_add(parent, "dcc:measurementMetaData"), "dcc:metaData", refType="basic_validityRange")
@@ -296,14 +295,12 @@ def _real(parent: Element, value: float, unit: str, label: str | None = None) ->
 
 
 def _coverage(parent: Element, factor: float, probability: float, nu: float) -> None:
-    """Coverage factor and probability, and the distribution with so many degrees of freedom."""
     name = "normal" if np.isinf(nu) else f"Student t, {nu:.0f} degrees of freedom"
     pairs = [("si:coverageFactor", _plain(factor)), ("si:coverageProbability", _plain(probability))]
     _given(parent, [*pairs, ("si:distribution", name)])
 
 
 def _parameters(parent: Element, one: Certificate, free: Sequence[str], words: Words) -> None:
-    """Free components with their expanded uncertainties, and the 95 % ellipsoid of all of them together."""
     rows, factor, nu = one.camera["components"], one.coverage or 2.0, freedom(one.view.summary)
     found = _add(_add(parent, "si:list"), "si:realList")
     for name in free:
@@ -337,7 +334,6 @@ def covariance_of(one: Certificate, free: Sequence[str]) -> FloatArray | None:
 
 
 def _distortion(parent: Element, one: Certificate, words: Words) -> None:
-    """Radii, and the distortion there with expanded uncertainties."""
     language, factor = words.language, one.coverage or 2.0
     inside = one.table.radius <= one.covered
     unit, count = si_unit(one.unit), int(np.count_nonzero(inside))

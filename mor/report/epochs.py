@@ -126,7 +126,6 @@ def comparison_page(
 
 
 def _head(title: str, moved: int, count: int, identity: dict[str, Any], words: Words) -> dict[str, Any]:
-    """What both pages begin with: title, headline, and the look of the page."""
     said = words("{count:point has|points have} moved, of {all}", count=moved, all=count)
     return {
         "title": title,
@@ -139,11 +138,8 @@ def _head(title: str, moved: int, count: int, identity: dict[str, Any], words: W
 
 
 def _facts(epochs: tuple[EpochResults, EpochResults], words: Words) -> list[tuple[str, str, str]]:
-    """Rows of what was compared: name, first epoch, second epoch."""
-
     def said(of: EpochResults) -> dict[str, str]:
         data, sigma0 = of.summary, of.summary["sigma0"]
-        test = data["global_test"]
         return {
             "results": of.place,
             "title": data["title"] or "–",
@@ -155,7 +151,7 @@ def _facts(epochs: tuple[EpochResults, EpochResults], words: Words) -> list[tupl
             "unknowns u": str(data["unknowns"]),
             "redundancy n − u + d": str(data["redundancy"]),
             "σ0 a posteriori / a priori": fixed(sigma0["ratio_of_sigmas"], 3),
-            "global test": words("accepted") if test["accepted"] else words("rejected"),
+            "global test": words("accepted") if data["global_test"]["accepted"] else words("rejected"),
         }
 
     first, second = map(said, epochs)
@@ -245,7 +241,6 @@ def movements_page(solved: Solved, of: RunIdentity, words: Words) -> str:
 
 
 def _series(solved: Solved, last: pl.DataFrame) -> list[Any]:
-    """Curves against time, the most significant points first."""
     frame = movement_rows(solved)
     year = dict(zip(solved.network.motion.labels, solved.network.motion.times, strict=True))
     sizes = [float(frame[name].abs().max() or 0.0) for name in "xyz"] if frame.height else [0.0]  # type: ignore[arg-type]

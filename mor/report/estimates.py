@@ -12,7 +12,7 @@ import polars as pl
 from mor.errors import UndeterminedObject
 from mor.model.cameras import CAMERA_MODELS
 from mor.model.contract import places_of
-from mor.model.observation_types import is_image_point
+from mor.model.images import is_image_point
 from mor.model.parameters import INTERIORS, SHAPE
 from mor.model.rotations import cross_matrix
 from mor.model.shapes import SHAPE_TYPES
@@ -70,8 +70,7 @@ def free_points(solved: Solved) -> IntArray:
         return numbers[:0]
     free = solved.network.blocks["point"].free[numbers].any(axis=1)
     if "point" in solved.network.absent:
-        known = solved.network.absent["point"]
-        free &= ~np.isin(numbers, np.flatnonzero(known))
+        free &= ~np.isin(numbers, np.flatnonzero(solved.network.absent["point"]))
     return np.asarray(numbers[free])
 
 
@@ -312,12 +311,15 @@ def interior_rows(solved: Solved) -> list[dict[str, Any]]:
     for name, camera in solved.network.project.cameras.items():
         kind = INTERIORS[camera.model].key
         number = cameras.part(name, "interior")
+        # Second zero crossing of the radial distortion in camera units, where the project gives one.
+        given = solved.network.project.cameras[name].r0
+        edge, scale = solved.network.edge, solved.network.scales[name]
         rows.append(
             {
                 "id": name,
                 "model": camera.model,
                 "unit": solved.network.scales[name].unit,
-                "r0": _zero_crossing(solved, name),
+                "r0": edge.number(given, IMAGE, "", scale) if given is not None else None,
                 "format": _format(solved, name),
                 "components": component_rows(solved, kind, number, CAMERA_MODELS[camera.model].components),
                 "correlations": _correlations(solved, kind, number),
@@ -326,15 +328,7 @@ def interior_rows(solved: Solved) -> list[dict[str, Any]]:
     return rows
 
 
-def _zero_crossing(solved: Solved, name: str) -> float | None:
-    """Second zero crossing of the radial distortion in camera units, where the project gives one."""
-    given = solved.network.project.cameras[name].r0
-    edge, scale = solved.network.edge, solved.network.scales[name]
-    return edge.number(given, IMAGE, "", scale) if given is not None else None
-
-
 def _format(solved: Solved, name: str) -> dict[str, Any] | None:
-    """Image size in px and pixel size in camera units, where the project gives them; the origin of coordinates."""
     camera, scale = solved.network.project.cameras[name], solved.network.scales[name]
     if camera.image is None:
         return None
@@ -403,7 +397,6 @@ def _largest(tests: Reliability, inside: BoolArray) -> float | None:
 
 
 def _image_poses(solved: Solved) -> dict[str, FloatArray]:
-    """Poses of images, those of stereo followers worked out from leader and pair."""
     images = solved.network.things["image"]
     columns = _pose(solved, images.parts["position"], images.parts["rotation"])
     follows = np.flatnonzero(images.parts["base"] >= 0)
@@ -415,8 +408,7 @@ def _image_poses(solved: Solved) -> dict[str, FloatArray]:
         q = of_images(solved.quality.followers, images, follows) * solved.quality.sigma_factor**2
     parts = (None, None) if q is None else (q[:, :3, :3], q[:, 3:, 3:])
     own = _with_sigma(said_places(solved, place, parts[0]), XYZ)
-    by_angles = np.zeros(len(follows), dtype=bool)
-    own |= _with_sigma(said_attitudes(solved, D, parts[1], by_angles), ANGLES)
+    own |= _with_sigma(said_attitudes(solved, D, parts[1], np.zeros(len(follows), dtype=bool)), ANGLES)
     absent = np.isnan(columns["x"][follows])
     for name, column in own.items():
         columns[name] = columns[name].copy()
@@ -442,7 +434,6 @@ def _ellipsoid_axes(estimate: Estimate) -> FloatArray:
 
 
 def _correlations_of_axes(estimate: Estimate) -> dict[str, FloatArray]:
-    """Correlations of X, Y and Z of each point; 0 where a coordinate is fixed."""
     nothing = np.full(len(estimate.values), np.nan)
     pairs = {"rxy": (0, 1), "rxz": (0, 2), "ryz": (1, 2)}
     if estimate.covariance is None:
@@ -455,12 +446,11 @@ def _correlations_of_axes(estimate: Estimate) -> dict[str, FloatArray]:
 
 
 def _observations_of_points(solved: Solved) -> tuple[IntArray, IntArray]:
-    """Number of rays, and of other observation rows, by point block."""
     count = len(solved.network.blocks["point"].ids)
     rays, others = np.zeros(count, dtype=np.int64), np.zeros(count, dtype=np.int64)
     for group in solved.adjustment.problem.groups:
         is_image = is_image_point(group.type)
-        for slot, numbers in zip(group.type.slots, group.blocks, strict=True):
+        for slot, numbers in group.blocks_by_slot:
             if slot.kind == "point" and slot.of != "image":
                 target = rays if is_image else others
                 target += np.bincount(numbers, minlength=count)
@@ -468,7 +458,6 @@ def _observations_of_points(solved: Solved) -> tuple[IntArray, IntArray]:
 
 
 def _image_residuals(solved: Solved) -> dict[str, Any]:
-    """Points measured in each image, and the root mean square of the normalised and the plain residuals."""
     images = solved.network.things["image"]
     count = np.zeros(len(images.ids), dtype=np.int64)
     square = np.zeros(len(images.ids))
@@ -582,7 +571,7 @@ def feature_table(solved: Solved) -> pl.DataFrame:
 def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
     label = feature_label(feature)
     group = next(g for g in solved.adjustment.problem.groups if g.name == label and len(g.type.slots) >= 5)
-    part_of = {slot.part: numbers for slot, numbers in zip(group.type.slots, group.blocks, strict=True)}
+    part_of = {slot.part: numbers for slot, numbers in group.blocks_by_slot}
     system: dict[str, int] = {part: int(part_of[part][0]) for part in ("rotation", "turn", "offset") if part in part_of}
     origin, points = int(group.blocks[0][0]), group.blocks[4]
     values, M = solved.adjustment.values, solved.network.edge.matrix
@@ -595,7 +584,7 @@ def _rows(solved: Solved, feature: Feature) -> list[dict[str, Any]]:
         for name, size in component_rows(solved, SHAPE.key, int(part_of["shape"][0]), SHAPE.components).items():
             if FREEDOM[feature.type].shape[SHAPE.names.index(name)]:
                 sizes |= {name: size["value"], f"s{name}": size["sigma"]}
-        blocks = [values[slot.kind][numbers] for slot, numbers in zip(group.type.slots, group.blocks, strict=True)]
+        blocks = [values[slot.kind][numbers] for slot, numbers in group.blocks_by_slot]
         off = group.type.equation(blocks, group.constants).values
     rows = []
     for part, axis, chosen in _parts(feature, len(points)):
@@ -680,8 +669,7 @@ POSE = ("x", "y", "z", "omega", "phi", "kappa")
 @once
 def knot_table(solved: Solved) -> pl.DataFrame:
     """One row for each knot: trajectory, time in seconds, stretch (from 1), pose with σ."""
-    network = solved.network
-    trajectories = network.trajectories.values()
+    trajectories = solved.network.trajectories.values()
     if not trajectories:
         return pl.DataFrame()
     positions = points(solved, np.concatenate([t.positions for t in trajectories]))
@@ -825,5 +813,4 @@ def _sigma(solved: Solved, world: EarthModel, positions: FloatArray) -> FloatArr
     numbers = solved.network.things["point"].parts["position"]
     axes = world.horizon.local_axes(positions)
     covariance = solved.quality.cofactors["point"][numbers] * solved.quality.sigma_factor**2
-    variances = np.einsum("nij,njk,nik->ni", axes, covariance, axes)
-    return np.asarray(np.sqrt(np.maximum(variances, 0.0)))
+    return np.asarray(np.sqrt(np.maximum(np.einsum("nij,njk,nik->ni", axes, covariance, axes), 0.0)))

@@ -206,7 +206,6 @@ def _ellipses(centre: FloatArray, covariance: FloatArray, scale: float) -> tuple
 
 
 def _scale_bar(size: float, scale: float, unit: str, area: Window) -> dict[str, Any]:
-    """A bar of a round length in the corner, at the scale of the vectors."""
     length = round_length(size)
     left, width = area.x[0], area.x[1] - area.x[0]
     level = area.y[1] + 0.07 * (area.y[1] - area.y[0]) if area.down else area.y[0] - 0.07 * (area.y[1] - area.y[0])
@@ -223,7 +222,6 @@ def _scale_bar(size: float, scale: float, unit: str, area: Window) -> dict[str, 
 
 
 def _image_chart(traces: list[dict[str, Any]], unit: str, area: Window, extra: dict[str, Any]) -> Figure:
-    """A chart in image coordinates, equal scales, with the frame of the image where it is known."""
     frame = {"type": "rect", "x0": area.x[0], "x1": area.x[1], "y0": area.y[0], "y1": area.y[1]}
     shapes = [
         *extra["shapes"],
@@ -280,8 +278,7 @@ def overlap(view: View, rays: RayPairs) -> Overlap | None:
     """
     axes = widest(view)
     plane = places(view)[:, axes]
-    placed = np.asarray(np.isfinite(plane).all(axis=1))
-    seen = (rays.frame < view.images.height) & placed[rays.point]
+    seen = (rays.frame < view.images.height) & np.asarray(np.isfinite(plane).all(axis=1))[rays.point]
     frame, point = rays.frame[seen], rays.point[seen]
     measured = np.flatnonzero(np.bincount(point))
     low, size = (plane[measured].min(axis=0), np.ptp(plane[measured], axis=0)) if len(point) else np.zeros((2, 2))

@@ -65,8 +65,7 @@ def _date(files: Iterable[ReadFile]) -> str | None:
         newest = float(given) if given else max((file.modified for file in files), default=None)
         return None if newest is None else datetime.fromtimestamp(newest, UTC).date().isoformat()
     except (ValueError, OverflowError, OSError):
-        words = f"found {given!r} in the environment, expected seconds since 1970"
-        raise InputError([Message(words, EPOCH)]) from None
+        raise InputError([Message(f"found {given!r} in the environment, expected seconds since 1970", EPOCH)]) from None
 
 
 # ---- Notes made while a project was read, as plain data.

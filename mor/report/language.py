@@ -258,7 +258,6 @@ def sentences_of(language: str) -> Sentences:
 
 @cache
 def _catalogue(language: str, names: tuple[str, ...]) -> dict[str, str]:
-    """Catalogues one after the other; a later one has the last word. Read once in a process."""
     from importlib.resources import files  # English, which has none, does without loading it
 
     catalogue: dict[str, str] = {}
@@ -339,8 +338,7 @@ def find(wanted: str, language: str = "en") -> list[Term]:
     if found:
         return found
     known = [name for term in everything for name in (*term.names, term.german)]
-    words = f"unknown term {wanted!r}{nearest(wanted, known)}; mor explain lists them all"
-    raise InputError([Message(words)])
+    raise InputError([Message(f"unknown term {wanted!r}{nearest(wanted, known)}; mor explain lists them all")])
 
 
 def _read(name: str) -> Any:

@@ -71,7 +71,6 @@ def _narrowed(widths: list[int], left: Collection[int], page: int) -> list[int]:
 
 
 def _blocks(widths: Sequence[int], gap: str, page: int) -> list[list[int]]:
-    """Numbers of the columns of each block; the first column stands in all of them."""
     blocks = [[0]]
     for k in range(1, len(widths)):
         if len(blocks[-1]) > 1 and _total([widths[i] for i in (*blocks[-1], k)], gap) > page:
@@ -380,8 +379,7 @@ def joined(start: FloatArray, end: FloatArray) -> tuple[list[float | None], list
     """x and y of separate lines from start to end (n, 2)."""
     gap = np.full((len(start), 1), np.nan)
     x = np.column_stack([start[:, 0], end[:, 0], gap]).ravel()
-    y = np.column_stack([start[:, 1], end[:, 1], gap]).ravel()
-    return numbers(x), numbers(y)
+    return numbers(x), numbers(np.column_stack([start[:, 1], end[:, 1], gap]).ravel())
 
 
 def round_length(value: float) -> float:

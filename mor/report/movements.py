@@ -159,7 +159,6 @@ def _bar(scale: float, unit: str, height: float, words: Words) -> str:
 
 
 def _axes(axes: tuple[int, int], signs: FloatArray, factor: float, unit: str, height: float) -> list[str]:
-    """A cross with the names of the axes and a bar of the network in the lower right corner."""
     length = round_length(0.2 * DRAWING_WIDTH / factor)
     x, y = DRAWING_WIDTH - _MARGIN - factor * length, height - _LEGEND / 2
     names = ["XYZ"[k] for k in axes]

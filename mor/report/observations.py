@@ -12,8 +12,8 @@ import numpy as np
 import polars as pl
 
 from mor.diagnose.hypothesis import Diagnosis, as_diff
-from mor.model.contract import Coded, Names, one_name, places_of
-from mor.model.observation_types import ObservationGroup, is_image_point, some_rows
+from mor.model.contract import Coded, Names, ObservationGroup, one_name, places_of, some_rows
+from mor.model.images import is_image_point
 from mor.project.document import Document
 from mor.project.network import Network
 from mor.quality.assessment import Quality
@@ -235,8 +235,7 @@ def named_places(group: ObservationGroup) -> dict[str, Names]:
     """Identifiers of a group's rows as at, from, to; nothing for at where the type has none."""
     if len(group.references) == 3:
         return dict(zip(("at", "from", "to"), group.references, strict=True))
-    nobody = one_name("", group.count)
-    return dict(zip(("from", "to"), (*group.references, nobody), strict=False))
+    return dict(zip(("from", "to"), (*group.references, one_name("", group.count)), strict=False))
 
 
 # ---- The worst observations, found in arrays: only their rows become rows of a table.
@@ -251,8 +250,7 @@ def worst_residuals(solved: Solved, count: int) -> pl.DataFrame:
     if not parts:
         return pl.DataFrame(schema=SCHEMA)
     table = pl.concat(parts).filter(pl.col("w").is_not_null())
-    order = np.argsort(-comparable(np.abs(table["w"].to_numpy())), kind="stable")
-    return table[order[:count]]
+    return table[np.argsort(-comparable(np.abs(table["w"].to_numpy())), kind="stable")[:count]]
 
 
 def _among_the_largest(solved: Solved, count: int) -> list[IntArray]:
@@ -321,7 +319,7 @@ def control_of_images(solved: Solved) -> dict[str, FloatArray]:
 
 def owners_of_rows(solved: Solved, group: ObservationGroup) -> Iterator[tuple[str, AnyIntArray]]:
     """Points, or images, that the rows of a group count for: which of the two, and their numbers (n,)."""
-    for slot, blocks in zip(group.type.slots, group.blocks, strict=True):
+    for slot, blocks in group.blocks_by_slot:
         if slot.kind == "point" and slot.of != "image":
             yield "point", blocks
     if is_image_point(group.type):
@@ -338,8 +336,7 @@ def _control(solved: Solved) -> dict[str, dict[str, FloatArray]]:
         return {key: {"mean_r": array, "largest_w": array} for key, array in nothing.items()}
     totals = {key: np.zeros((2, count)) for key, count in counts.items()}
     largest = {key: np.zeros(count) for key, count in counts.items()}
-    groups = zip(quality.adjustment.problem.groups, quality.groups, quality.reliability, strict=True)
-    for group, one, tests in groups:
+    for group, one, tests in zip(quality.adjustment.problem.groups, quality.groups, quality.reliability, strict=True):
         owners = list(owners_of_rows(solved, group))
         for first in range(0, group.count if owners else 0, ROWS_AT_A_TIME):
             rows = slice(first, first + ROWS_AT_A_TIME)
@@ -473,9 +470,7 @@ def suspicious(solved: Solved, effect: PointEffect) -> dict[str, Any]:
 def place(group: ObservationGroup, row: int, component: int) -> dict[str, Any]:
     """Return the names of an observation as in a row of residuals, by the references of its type."""
     outside = _outside(group, component)
-    names = {
-        reference.name: names[row] for reference, names in zip(group.type.references, group.references, strict=True)
-    }
+    names = group.names_of(row)
     ends = {key: column[row] for key, column in named_places(group).items()}
     return {
         "type": group.type.name,
@@ -528,8 +523,7 @@ def robust_shift(solved: Solved) -> FloatArray:
     if robust is None:
         return np.zeros((0, 3))
     here, there = (a.values["point"] for a in (solved.adjustment, robust.adjustment))
-    points = solved.network.things["point"].parts["position"]
-    return np.asarray((there - here)[points] @ solved.network.edge.matrix)
+    return np.asarray((there - here)[solved.network.things["point"].parts["position"]] @ solved.network.edge.matrix)
 
 
 def _robust(solved: Solved) -> dict[str, Any] | None:

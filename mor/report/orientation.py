@@ -206,7 +206,6 @@ def planar_data(
 
 
 def _tie(measured: HomologousPoints, shape: PlaneShape, wanted: ObjectSystem) -> Length:
-    """The points that carry origin, direction and length."""
     known = np.isfinite(shape.points[:, 0])
     if wanted.length is None:
         first, second = (int(k) for k in np.flatnonzero(shape.in_plane & known)[:2])
@@ -553,7 +552,6 @@ def _outcome(pair: dict[str, Any], words: Words) -> str:
 
 
 def _planes(pair: dict[str, Any], words: Words) -> list[str]:
-    """Both orientations of a plane, and how many points lie behind a camera."""
     lines = []
     for number, one in enumerate(pair["plane_orientations"], start=1):
         lines.append(

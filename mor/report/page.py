@@ -181,14 +181,6 @@ def used_in_words(data: PageData) -> str:
     return " ".join(parts)
 
 
-def epoch_in_words(data: PageData) -> str:
-    """State how the result can be compared with another epoch."""
-    return data.words(
-        "mor compare OTHER THIS --epochs transforms both to the datum of their common points and tests the movements; "
-        "differences of coordinates in two datums are not movements."
-    )
-
-
 def next_steps(data: PageData) -> list[str]:
     """The three things to do next, the most urgent first."""
     view, say = data.view, data.words
@@ -382,7 +374,11 @@ def headline(data: PageData) -> Statement:
 
 def _rests_on(data: PageData) -> list[Statement]:
     """Datum, what was used of what was read, what would help: no judgement, but asked of every adjustment."""
-    say, other = data.words, epoch_in_words(data)
+    say = data.words
+    other = say(
+        "mor compare OTHER THIS --epochs transforms both to the datum of their common points and tests the movements; "
+        "differences of coordinates in two datums are not movements."
+    )
     ready = data.view.summary["global_test"]["accepted"] and headline(data).state != BAD
     if not ready:
         first = say("Not yet: this adjustment is not accepted, so movements would be tested with wrong σ.")
@@ -395,7 +391,6 @@ def _rests_on(data: PageData) -> list[Statement]:
 
 
 def _causes(data: PageData) -> list[Statement]:
-    """Possible causes of what is rejected, not verified."""
     return [
         Statement(
             DOUBT,
@@ -416,8 +411,7 @@ def _thing(row: dict[str, Any]) -> UndeterminedObject:
 
 
 def _mostly_out(data: PageData) -> list[str]:
-    snooping = data.view.gross_errors.get("snooping")
-    return mostly_out_in_words((snooping or {}).get("mostly_out", []), data.words, _NAMED)
+    return mostly_out_in_words((data.view.gross_errors.get("snooping") or {}).get("mostly_out", []), data.words, _NAMED)
 
 
 def _flagged(count: int, say: Words) -> str:
@@ -458,7 +452,6 @@ def _global(data: PageData) -> Statement | None:
 
 
 def _groups(data: PageData) -> Statement | None:
-    """Tests of groups, and what is chosen and not measured."""
     tested, say = data.view.verdict, data.words
     if tested is None:
         return None
@@ -731,7 +724,6 @@ def _content(data: PageData) -> dict[str, Any]:
 
 
 def _moved_points(data: PageData) -> dict[str, Any] | None:
-    """Drawing and table of the movements from the first to the last epoch, or nothing."""
     view = data.view
     if not view.movements.height:
         return None
@@ -746,8 +738,7 @@ def _moved_points(data: PageData) -> dict[str, Any] | None:
 
 
 def _movement(view: View) -> dict[str, Any]:
-    rows = view.gross_errors.get("suspicious", [])
-    sizes = [abs(value) for row in rows for value in row["movement"] or ()]
+    sizes = [abs(value) for row in view.gross_errors.get("suspicious", []) for value in row["movement"] or ()]
     unit, factor = small_unit(view.length, max(sizes, default=1.0))
     return {"movement_unit": unit, "movement_factor": factor}
 

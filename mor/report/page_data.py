@@ -15,7 +15,8 @@ import polars as pl
 
 from mor.errors import InputError, Message
 from mor.model.earth import GRS80, Ellipsoid, Horizon
-from mor.model.observation_types import ALL_TYPES, earth_types
+from mor.model.geodetic import earth_types
+from mor.model.observation_types import ALL_TYPES
 from mor.project.axes import Edge
 from mor.project.schema import Axes, Units
 from mor.quality.precision import error_ellipsoids
@@ -106,14 +107,12 @@ def image_points(view: View) -> pl.DataFrame:
 
 def windows(view: View, measured: pl.DataFrame) -> dict[str, Window]:
     """Window of each camera that took images."""
-    of_image = view.images.select(pl.col("id").alias("image"), "camera")
-    rays = measured.join(of_image, on="image", maintain_order="left")
+    rays = measured.join(view.images.select(pl.col("id").alias("image"), "camera"), on="image", maintain_order="left")
     result = {}
     for camera in view.cameras:
         mine = rays.filter(pl.col("camera") == camera["id"])
         if mine.height:
-            xy = mine.select("x", "y").to_numpy()
-            result[camera["id"]] = window(camera, str(mine["unit"][0]), xy)
+            result[camera["id"]] = window(camera, str(mine["unit"][0]), mine.select("x", "y").to_numpy())
     return result
 
 
@@ -135,7 +134,6 @@ def images_with_tests(view: View, measured: pl.DataFrame, areas: dict[str, Windo
 
 
 def _coverages(view: View, measured: pl.DataFrame, areas: dict[str, Window]) -> dict[str, float]:
-    """Share of each image's window inside the hull of its points, in per cent."""
     camera_of = dict(zip(view.images["id"], view.images["camera"], strict=True))
     result: dict[str, float] = {}
     for (name,), rows in measured.group_by(["image"], maintain_order=True):
@@ -264,7 +262,6 @@ _SHARE = 0.06
 
 @cache
 def _drawn_kinds() -> dict[str, str]:
-    """How each type of observation is drawn, by its name; types of the earth do so at any place."""
     anywhere = earth_types(Horizon(Ellipsoid(*GRS80), 0.0, 0.0))
     return {kind.name: kind.drawn for kind in (*ALL_TYPES.values(), *anywhere.values()) if kind.drawn}
 
@@ -382,8 +379,7 @@ class Packer:
         if values.dtype == pl.String or values.dtype == pl.Null:
             texts = values.cast(pl.String).fill_null("")
             known = texts.unique(maintain_order=True)
-            codes = np.arange(len(known), dtype=np.int32)
-            coded = texts.replace_strict(known, codes, return_dtype=pl.Int32)
+            coded = texts.replace_strict(known, np.arange(len(known), dtype=np.int32), return_dtype=pl.Int32)
             return {**self._whole(coded.to_numpy()), "t": known.to_list()}
         if values.dtype.is_integer():
             return self._whole(values.to_numpy())
@@ -392,8 +388,7 @@ class Packer:
 
     def _whole(self, numbers: np.ndarray) -> dict[str, Any]:
         largest = int(np.abs(numbers).max(initial=0))
-        kind = "i1" if largest < 1 << 7 else "i2" if largest < 1 << 15 else "i4"
-        return self._store(numbers, kind)
+        return self._store(numbers, "i1" if largest < 1 << 7 else "i2" if largest < 1 << 15 else "i4")
 
     def _store(self, numbers: np.ndarray, kind: str) -> dict[str, Any]:
         data = np.ascontiguousarray(numbers, dtype=f"<{kind}").tobytes()

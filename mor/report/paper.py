@@ -264,7 +264,6 @@ class Writer:
 
 
 def _load_fonts() -> None:
-    """The fonts of Matplotlib, which have Greek letters and signs of mathematics."""
     from reportlab.pdfbase.pdfmetrics import getRegisteredFontNames, registerFont
     from reportlab.pdfbase.ttfonts import TTFont
 
@@ -307,7 +306,12 @@ def _shared(whole: Sequence[float], least: Sequence[float], room: float) -> list
 
 def report_on_paper(view: View, folder: Path, appendices: Sequence[str], paper: str, words: Words = ENGLISH) -> Writer:
     """Return the report of results that stand in ``folder``. Raises :class:`InputError` for an unknown appendix."""
-    known = _appendices(view)
+    found = {
+        "residuals": view.residuals.height,
+        "images": view.images.height,
+        "covariances": "rxy" in view.points.columns and view.points.height,
+    }
+    known = [name for name, count in found.items() if count]
     for name in appendices:
         if name not in known:
             raise InputError([Message(f"no appendix {name!r} of these results (known: {', '.join(known)})")])
@@ -326,16 +330,6 @@ def report_on_paper(view: View, folder: Path, appendices: Sequence[str], paper: 
         to.heading(words("Appendix: {name}", name=words(name)))
         {"residuals": _residuals, "images": _images, "covariances": _covariances}[name](to, data)
     return to
-
-
-def _appendices(view: View) -> list[str]:
-    """Names of the appendices that the results have something for."""
-    found = {
-        "residuals": view.residuals.height,
-        "images": view.images.height,
-        "covariances": "rxy" in view.points.columns and view.points.height,
-    }
-    return [name for name, count in found.items() if count]
 
 
 def _identity(to: Writer, data: PageData) -> None:
@@ -422,7 +416,6 @@ def _adjusted(to: Writer, data: PageData) -> None:
 
 
 def _datum(to: Writer, data: PageData, folder: Path) -> None:
-    """Which points and components hold the datum, and how."""
     say, view = data.words, data.view
     to.heading(say("Datum"))
     named = say("{datum}. Coordinates and σ refer to it.", datum=data.datum)
@@ -499,13 +492,11 @@ def _control(to: Writer, data: PageData) -> None:
 
 
 def _deviation(row: dict[str, Any]) -> list[str]:
-    """Component, unit, count, mean, root mean square and largest of deviations."""
     form = f".{DIGITS[row['unit']]}f" if row["unit"] in DIGITS else ".3g"
     return _cells(row, f"component unit count:.0f mean:{form} rms:{form} largest:{form}")
 
 
 def _movements(to: Writer, data: PageData) -> None:
-    """Movements of every point from its first to its last epoch, those that moved most significantly first."""
     say, frame = data.words, data.view.movements
     if not frame.height:
         return
@@ -532,7 +523,6 @@ def _movements(to: Writer, data: PageData) -> None:
 
 
 def _weakest(to: Writer, data: PageData) -> None:
-    """The least precise points, and observations and points that are controlled least."""
     say, view = data.words, data.view
     to.heading(say("Weakest spots"))
     if "ellipsoid_a" in data.points.columns and data.points["ellipsoid_a"].drop_nulls().len():

@@ -147,8 +147,7 @@ def camera(view: View, name: str | None = None, words: Words = ENGLISH) -> Figur
     area = camera_window(chosen, windows(view, measured).get(chosen["id"]), unit)
     figure = sheet(9.0, 4.0)
     left, right = figure.subplots(1, 2)
-    title = words("Camera {id} – model {model}", id=chosen["id"], model=chosen["model"])
-    figure.suptitle(title, fontsize=10)
+    figure.suptitle(words("Camera {id} – model {model}", id=chosen["id"], model=chosen["model"]), fontsize=10)
     if area is not None and CAMERA_MODELS[chosen["model"]].central:
         _curve(left, chosen, area, words)
     _matrix(right, chosen, words)
@@ -183,8 +182,7 @@ def _matrix(axes: Axes, camera: dict[str, Any], words: Words) -> None:
     axes.grid(False)
     if matrix is None or len(names) < 2:
         axes.set_axis_off()
-        said = words("fewer than two components are estimated")
-        axes.text(0.5, 0.5, said, ha="center", transform=axes.transAxes)
+        axes.text(0.5, 0.5, words("fewer than two components are estimated"), ha="center", transform=axes.transAxes)
         return
     shown = axes.imshow(np.array(matrix), cmap="PuOr", vmin=-1.0, vmax=1.0)
     axes.set_xticks(range(len(names)), names, rotation=90 if len(names) > 8 else 0)
@@ -209,8 +207,7 @@ def histogram(view: View, words: Words = ENGLISH) -> Figure:
     left, right = figure.subplots(1, 2)
     counted = words("w ({count:observation|observations})", count=len(w))
     if bins.beyond:
-        limit = f"{bins.limit:g}"
-        counted += "\n" + words("{count} of them beyond ±{limit}", count=bins.beyond, limit=limit)
+        counted += "\n" + words("{count} of them beyond ±{limit}", count=bins.beyond, limit=f"{bins.limit:g}")
     left.hist(bins.w, bins=bins.edges, density=bool(len(w)), color=BLUE, label=counted)
     t = np.linspace(-bins.limit, bins.limit, 401)
     left.plot(t, np.exp(-0.5 * t**2) / np.sqrt(2.0 * np.pi), color=ORANGE, label="N(0, 1)")
@@ -617,7 +614,7 @@ def residuals(view: View, image: str | None = None, words: Words = ENGLISH) -> F
     measured = image_points(view)
     if measured.height == 0:
         raise InputError([Message("cannot plot residual vectors: there are no images")])
-    names = _residuals_chosen(view, measured, image)
+    names = _residuals_chosen(measured, image)
     columns = min(_COLUMNS, len(names))
     rows = -(-len(names) // columns)
     wide = len(names) == 1
@@ -642,7 +639,7 @@ def residuals(view: View, image: str | None = None, words: Words = ENGLISH) -> F
     return figure
 
 
-def _residuals_chosen(view: View, measured: pl.DataFrame, image: str | None) -> list[str]:
+def _residuals_chosen(measured: pl.DataFrame, image: str | None) -> list[str]:
     known = measured["image"].unique(maintain_order=True).to_list()
     if image is not None:
         if image not in known:

@@ -245,8 +245,6 @@ def protocol(
 
 
 def _facts(data: dict[str, Any], words: Words) -> list[tuple[str, str]]:
-    """Names and texts of the head."""
-
     def said(value: float, unit: str, decimals: int = 3) -> str:
         return f"{words.number(fixed(value, decimals))} {unit}"
 
@@ -274,15 +272,13 @@ _HEADERS = ("test", "unit", "found", "at least", "at most", "verdict")
 
 
 def _tests(data: dict[str, Any], words: Words) -> tuple[str, list[list[str]]]:
-    """Title and rows of the table of tests."""
     rows = []
     for test in data["tests"]:
-        numbers = (test["found"], test["low"], test["high"])
         rows.append(
             [
                 f"{test['letter']}) {_name(test['name'], test['part'], words)}",
                 test["unit"],
-                *("-" if v is None else words.number(short(v, 4)) for v in numbers),
+                *("-" if v is None else words.number(short(v, 4)) for v in (test["found"], test["low"], test["high"])),
                 words("accepted") if test["passed"] else words("rejected"),
             ]
         )

@@ -249,7 +249,6 @@ def residual_writer(solved: Solved, kind: Format, done: Done) -> Writer:
 
 
 def _csv_lines(table: pl.DataFrame, unsafe: bool) -> tuple[int, memoryview]:
-    """Number of rows of a piece of the long table, and their lines; names are guarded where some are unsafe."""
     lines = BytesIO()
     shorter = table.with_columns(pl.col(_STATISTICS).cast(pl.Float32), pl.col(_PROBABILITIES).round_sig_figs(DIGITS))
     if unsafe:
@@ -329,7 +328,10 @@ def write_results(
     tables = _tables(solved, choice) if solved.quality is not None else {}
     names = {key: name for key, (name, _) in tables.items()}
     starts = _starts(solved, document, of.folder, place.folder) if solved.quality is not None else {}
-    starts |= _undeterminable(solved) | _external(solved, choice)
+    rows = undeterminable_rows(solved)
+    if rows:
+        starts[UNDETERMINABLE_FILE] = table_writer(undeterminable_table(rows))
+    starts |= _external(solved, choice)
     long = dict(tables.values())
     # The list is completed below, before anything of the reports is made.
     files: list[str] = []
@@ -354,14 +356,7 @@ def write_undeterminable(things: Sequence[UndeterminedObject], place: Reservatio
     write_folder(place, {UNDETERMINABLE_FILE: table_writer(undeterminable_table(things))})
 
 
-def _undeterminable(solved: Solved) -> dict[str, Writer]:
-    """The table of what nothing determines, where there is any."""
-    rows = undeterminable_rows(solved)
-    return {UNDETERMINABLE_FILE: table_writer(undeterminable_table(rows))} if rows else {}
-
-
 def _external(solved: Solved, choice: Choice) -> dict[str, Writer]:
-    """The table of the external reliability of points, where there is any, and tables are wanted at all."""
     if solved.quality is None or choice.tables == "none" or not external_reliability(solved).height:
         return {}
     return {EXTERNAL: lambda path: table_writer(external_reliability(solved))(path)}
@@ -389,7 +384,6 @@ def _reports(
 
 
 def _readme(names: Sequence[str], place: Reservation, choice: Choice) -> dict[str, Content]:
-    """The readme of the folder; one that the user has put there stays."""
     path = place.folder / FILE
     if path.exists() and FILE not in listed_files(place.folder):
         return {}

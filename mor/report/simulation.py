@@ -14,7 +14,9 @@ import polars as pl
 
 from mor import __version__
 from mor.errors import escaped
-from mor.model.observation_types import PLAIN_TYPES, ObservationGroup, is_image_point
+from mor.model.contract import ObservationGroup
+from mor.model.images import is_image_point
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import ECCENTRICITY, GNSS_FRAME, INTERIORS, KINDS, READOUT, ROTATION, TIME_OFFSET, Values
 from mor.model.rotations import angles_from_rotation
 from mor.plan.simulation import (
@@ -88,8 +90,7 @@ def simulated_project(
     if data.get("world"):
         data["world"] = grids_moved(data["world"], source, target)
     data.pop("visibility", None)  # it has been worked out; its meshes stay where they are
-    begun = replace(document, data=data)
-    text, starts = adjusted_project(Placed(network, place), begun, target, target)
+    text, starts = adjusted_project(Placed(network, place), replace(document, data=data), target, target)
     return text, {**starts, **tables}
 
 
@@ -97,8 +98,7 @@ def _where_it_stands(entry: dict[str, Any], source: Path, target: Path) -> dict[
     """A table of candidates, which nobody has measured, found from the new folder."""
     if not isinstance(entry.get("file"), str):
         return entry
-    file = Path(os.path.relpath(source / entry["file"], target)).as_posix()
-    return {"name": entry["file"], **entry, "file": file}
+    return {"name": entry["file"], **entry, "file": Path(os.path.relpath(source / entry["file"], target)).as_posix()}
 
 
 def _simulated(
@@ -168,12 +168,10 @@ def _rows_of(group: ObservationGroup, found: Source, alone: bool) -> IntArray:
         left.setdefault(key, []).append(row)
     # of a point at a time the table has the name of the point
     given = ([name.partition(AT)[0] for name in names.texts()] for names in group.references)
-    own = zip(group.lines.tolist(), *given, strict=True)
-    return np.array([left[key].pop() for key in own], dtype=np.int64)
+    return np.array([left[key].pop() for key in zip(group.lines.tolist(), *given, strict=True)], dtype=np.int64)
 
 
 def _is_of(group: ObservationGroup, entry: Observations) -> bool:
-    """True for groups that an entry of this type makes."""
     if entry.type == "image":
         return is_image_point(group.type)
     return entry.type in _OF_VALUES or group.type.name == entry.type
@@ -206,7 +204,7 @@ def _wrapped(group: ObservationGroup, component: int, given: FloatArray) -> Floa
 def _raw(document: Document, source: Path, section: str, number: int, entry: Observations) -> Source:
     """The table of an entry as it stands there; it has been read before, so that it has no mistakes."""
     at = TableLocation(document, (section, number), source)
-    found = from_rows(entry, at, []) if entry.rows is not None else from_file(entry, {}, at, [])
+    found = from_rows(entry, at) if entry.rows is not None else from_file(entry, {}, at)
     assert found is not None
     return found
 
@@ -226,7 +224,6 @@ def _units(
 
 
 def _fits(network: Network, entry: Observations, components: dict[str, Quantity], name: str) -> bool:
-    """True for a column of numbers that the one unit of all columns fits."""
     if entry.type == "image":
         return name.startswith("sigma")
     if name.endswith("_height"):
@@ -244,7 +241,6 @@ def _fits(network: Network, entry: Observations, components: dict[str, Quantity]
 
 
 def _with_observed(network: Network, space: str, name: str, given: dict[str, Any]) -> dict[str, Any]:
-    """A camera or an instrument with simulated values of what a laboratory observed."""
     result = dict(given)
     parts = network.things[space].parts
     number = network.things[space].numbers[name]
@@ -298,8 +294,7 @@ def truth_table(network: Network, place: Values) -> pl.DataFrame:
             said_of = angles_from_rotation(values @ edge.matrix if edge.turned else values) / ANGLE_UNITS[angle]
         for k, name in enumerate(blocks.ids):
             for component, value in zip(blocks.kind.components, said_of[k], strict=True):
-                unit = edge.default_unit(component.quantity)
-                rows.append((kind, name, component.name, float(value), unit))
+                rows.append((kind, name, component.name, float(value), edge.default_unit(component.quantity)))
     schema = ["kind", "id", "component", "value", "unit"]
     return pl.DataFrame(rows, schema=schema, orient="row")
 
@@ -428,7 +423,7 @@ def monte_carlo_text(
     about = identity_of(network.project, of)
     sections = [
         "\n".join(lines),
-        _weakest(network, truth, tally, words),
+        _weakest(truth, tally, words),
         _coverage(truth, tally, words),
         layout.section(about, words),
     ]
@@ -449,8 +444,7 @@ def finding_table(found: list[Finding], words: Words) -> str:
     return table(headers, rows, 1, words, last_left=True)
 
 
-def _weakest(network: Network, truth: Truth, tally: Tally, words: Words) -> str:
-    """The unknowns whose bias is largest."""
+def _weakest(truth: Truth, tally: Tally, words: Words) -> str:
     n = float(tally.solved)
     if n < 2.0 or not (truth.sigma > 0.0).any():
         return ""
@@ -469,7 +463,6 @@ def _weakest(network: Network, truth: Truth, tally: Tally, words: Words) -> str:
 
 
 def _coverage(truth: Truth, tally: Tally, words: Words) -> str:
-    """Coverage intervals by JCGM 101 against those of the adjustment, the largest differences first."""
     intervals = coverage_intervals(tally)
     used = np.flatnonzero(truth.sigma > 0.0)
     if intervals is None or not len(used):

@@ -71,8 +71,7 @@ def start_values(network: Network, approximation: Approximation, problem: Proble
     homes = _homes(approximation)
     rows = []
     for kind in sorted(network.blocks, key=_order):
-        blocks = network.blocks[kind]
-        for number in np.flatnonzero(blocks.free.any(axis=1)).tolist():
+        for number in np.flatnonzero(network.blocks[kind].free.any(axis=1)).tolist():
             rows.append(_row(network, approximation, kind, number, local[kind], homes.get((kind, number), 0)))
     return rows
 
@@ -114,7 +113,6 @@ def _own_place(network: Network) -> IntArray:
 
 
 def _homes(approximation: Approximation) -> dict[tuple[str, int], int]:
-    """Part of every block that was known in one before it came to the object system."""
     homes: dict[tuple[str, int], int] = {}
     for join in approximation.parts:
         blocks: list[tuple[str, int]] = [("point", int(p)) for p in join.points]
@@ -186,7 +184,6 @@ def _angle(network: Network) -> str:
 def _outwards(
     network: Network, kind: str, number: int, value: FloatArray
 ) -> tuple[tuple[str, ...], FloatArray, tuple[str, ...]]:
-    """Names, values and units of a block in project axes."""
     edge, names = network.edge, KINDS[kind].names
     if kind == "rotation":
         turned = value @ edge.matrix if edge.right_handed else value
@@ -195,8 +192,7 @@ def _outwards(
     if kind == "point":
         value = in_project_axes(network, value[None])[0]
     scale = network.scales.get(network.blocks[kind].ids[number].removeprefix("camera "))
-    units = tuple(edge.default_unit(component.quantity, scale) for component in KINDS[kind].components)
-    return names, value, units
+    return names, value, tuple(edge.default_unit(component.quantity, scale) for component in KINDS[kind].components)
 
 
 def in_project_axes(network: Network, xyz: FloatArray) -> FloatArray:
@@ -324,9 +320,11 @@ def _parts(approximation: Approximation, words: Words) -> str:
     lines = []
     for join in approximation.parts:
         images, stations = _frames(join, approximation)
+        names = ("vertical", "direction", "scale")
+        known = [words.listed(n) for n, k in zip(names, (join.levelled, join.oriented, join.scaled), strict=True) if k]
         lines.append(
             [
-                str(join.number), str(images), str(stations), str(len(join.points)), _knows(join, words),
+                str(join.number), str(images), str(stations), str(len(join.points)), ", ".join(known) or "-",
                 words.listed("object system") if join.into == 0 else str(join.into), _tied(join, words),
                 sentence(join.began, words),
             ]
@@ -344,12 +342,6 @@ def _frames(join: Join, approximation: Approximation) -> tuple[int, int]:
     names |= {approximation.sights[number].name for number in join.sights}
     images = sum(name.startswith("image ") for name in names)
     return images, len(names) - images
-
-
-def _knows(join: Join, words: Words) -> str:
-    names = ("vertical", "direction", "scale")
-    known = [words.listed(n) for n, k in zip(names, (join.levelled, join.oriented, join.scaled), strict=True) if k]
-    return ", ".join(known) or "-"
 
 
 def _tied(join: Join, words: Words) -> str:
@@ -457,7 +449,6 @@ def parts(network: Network, approximation: Approximation, words: Words = ENGLISH
 
 
 def _plane(network: Network, xyz: FloatArray) -> tuple[list[int], list[bool]]:
-    """The coordinates drawn to the right and upwards, and whether they count backwards."""
     drawn = drawn_axes(network.project.axes.xy)
     right, up = "xyz".index(drawn["right"]), "xyz".index(drawn["up"])
     backwards = [drawn["right_reversed"], drawn["up_reversed"]]
@@ -478,7 +469,6 @@ def _start_values_homes(approximation: Approximation, count: int) -> IntArray:
 
 
 def _drawn(home: IntArray) -> list[tuple[int, str]]:
-    """Parts and their colours, at most so many as can be told apart: those with most in them."""
     numbers, counts = np.unique(home, return_counts=True)
     # Parts that are drawn, of more the largest.
     most = sorted(numbers[np.argsort(-counts, kind="stable")][:12].tolist())

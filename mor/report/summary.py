@@ -200,6 +200,5 @@ def contents(network: Network, words: Words = ENGLISH) -> str:
 
 
 def _row(said: str) -> str:
-    """A line of the list: the counts stand one below the other."""
     number, _, words = said.partition(" ")
     return f"{number:>8s} {words}"

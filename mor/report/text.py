@@ -126,7 +126,6 @@ def _uncontrolled(solved: Solved, words: Words) -> list[str]:
 
 
 def _untied(solved: Solved, words: Words) -> list[str]:
-    """The parts that nothing ties to the rest, a few of them, and what would tie them."""
     parts = solved.network.untied
     if not parts:
         return []
@@ -137,7 +136,6 @@ def _untied(solved: Solved, words: Words) -> list[str]:
 
 
 def _advice(solved: Solved, words: Words) -> list[str]:
-    """Hint for an adjustment that does not converge."""
     count = len(solved.adjustment.iterations)
     if solved.adjustment.reason == STANDS_STILL:
         return [
@@ -241,7 +239,6 @@ def _figures(solved: Solved, words: Words) -> list[str]:
 
 
 def _worst(solved: Solved, words: Words) -> list[str]:
-    """The observations with the largest test values."""
     quality = solved.quality
     if quality is None:
         return []

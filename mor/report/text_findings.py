@@ -281,7 +281,6 @@ def _sentence(row: dict[str, Any], unit: str, words: Words) -> str:
 
 
 def _fixed_points(solved: Solved, unit: str, words: Words, shown: int) -> list[str]:
-    """Fixed points that the observations would rather have elsewhere."""
     tests = fixed_point_rows(solved)
     alpha = solved.quality.levels.snooping if solved.quality is not None else 0.0
     moved = sorted((row for row in tests if row["p"] < alpha), key=lambda row: -row["test"])

@@ -275,7 +275,6 @@ def listed(frame: pl.DataFrame, project: ProjectFile, scales: Mapping[str, Image
 
 
 def _motions(frame: pl.DataFrame, unit: str, angle: str, words: Words) -> str:
-    """Velocities and rates of rotation of the images that are read out row by row; nothing if none is."""
     names = [*IMAGE_VELOCITY.names, *ROTATION_RATE.names]
     if names[0] not in frame.columns:
         return ""
@@ -593,8 +592,7 @@ def place_section(solved: Solved, words: Words = ENGLISH, shown: int = SHOWN) ->
     title = words("Points in {system} (datum: {datum})", system=world.system.name, datum=datum)
     lines = [heading(title), table(headers, rows, words=words)]
     if frame.height > shown:
-        more = words("{count:more point is|more points are} in the table of places.", count=frame.height - shown)
-        lines.append(more)
+        lines.append(words("{count:more point is|more points are} in the table of places.", count=frame.height - shown))
     latitude, longitude = np.degrees([world.horizon.latitude, world.horizon.longitude])
     said = (
         "sigma: east, north, up in the horizon of each point. X, Y, Z elsewhere in this report are east, north, up in "

@@ -10,7 +10,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from mor.model.observation_types import External, ObservationGroup
+from mor.model.contract import External, ObservationGroup
 from mor.model.parameters import IMAGE_VELOCITY, INTERIORS, KINDS, ROTATION_RATE, moves_by_angles
 from mor.model.rotations import angles_from_rotation
 from mor.project.prior_knowledge import feature_label
@@ -55,8 +55,7 @@ def points(solved: Solved, numbers: IntArray) -> Estimate:
     """Coordinates of points in project axes, with their covariances in the datum of the adjustment."""
     if len(numbers) == 0:
         return Estimate(np.zeros((0, 3)), np.zeros((0, 3)), None)
-    values = solved.adjustment.values["point"][numbers]
-    estimate = said_places(solved, values, _covariance(solved, "point", numbers))
+    estimate = said_places(solved, solved.adjustment.values["point"][numbers], _covariance(solved, "point", numbers))
     return _present(solved, "point", numbers, estimate)
 
 

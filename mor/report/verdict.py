@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import polars as pl
 
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup
 from mor.quality.assessment import Quality
 from mor.quality.external_reliability import (
     HARDLY_CONTROLLED,
@@ -18,7 +18,6 @@ from mor.quality.external_reliability import (
     point_movements,
 )
 from mor.quality.global_tests import GroupEffect
-from mor.quality.group_tests import GroupStatistic
 from mor.quality.reliability_map import (
     CandidateObservation,
     Controlled,
@@ -28,7 +27,7 @@ from mor.quality.reliability_map import (
     uncontrolled_count,
 )
 from mor.quality.singularity import enumerated
-from mor.quality.solution import LARGEST_SIGMA, Determination, Explained, Solved
+from mor.quality.solution import LARGEST_SIGMA, Determination, Solved
 from mor.report.language import ENGLISH, Words
 from mor.report.layout import cells, heading, in_words, short, table
 from mor.report.observations import place
@@ -96,7 +95,17 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
     if solved.quality is None or judged is None:
         return None
     accepted = solved.accepted if solved.quality.redundancy > 0 else None
-    explanations = [_explanation(solved, one) for one in judged.explained]
+    explanations: list[dict[str, Any]] = [
+        {
+            "of": one.test.of,
+            "name": one.test.name,
+            "sigma_factor": one.test.factor,
+            "flagged": one.flagged,
+            "share_of_flagged": one.share_of_flagged,
+            "effect": _effect(solved, one.effect, one.suffices) if one.effect is not None else None,
+        }
+        for one in judged.explained
+    ]
     if solved.possible_causes and solved.possible_causes[0].cause == "curvature":
         explanations = [one for one in explanations if not _is_like_curvature(one["effect"])]
     tests, found = judged.tests, judged.determined
@@ -112,7 +121,21 @@ def verdict_rows(solved: Solved) -> dict[str, Any] | None:
         "tests": len(tests.tests),
         "rejected": len(tests.rejected),
         "all_alike": judged.all_alike,
-        "groups": [group_test_row(test) for test in listed],
+        "groups": [
+            {
+                "of": test.of,
+                "name": test.name,
+                "also": [{"of": of, "name": name} for of, name in test.also],
+                "observations": test.count,
+                "redundancy": test.redundancy,
+                "vtpv": test.omega,
+                "sigma_factor": test.factor,
+                "freedom": test.freedom,
+                "p": float(np.exp(test.log_p)),
+                "rejected": test.rejected,
+            }
+            for test in listed
+        ],
         "explanations": explanations,
         "conventions": {
             "movements": list(movements),
@@ -156,35 +179,7 @@ def _says(accepted: bool | None, uncontrolled: int, found: Determination | None)
     return "accepted, observations uncontrolled" if uncontrolled else "accepted"
 
 
-def group_test_row(test: GroupStatistic) -> dict[str, Any]:
-    """One test."""
-    return {
-        "of": test.of,
-        "name": test.name,
-        "also": [{"of": of, "name": name} for of, name in test.also],
-        "observations": test.count,
-        "redundancy": test.redundancy,
-        "vtpv": test.omega,
-        "sigma_factor": test.factor,
-        "freedom": test.freedom,
-        "p": float(np.exp(test.log_p)),
-        "rejected": test.rejected,
-    }
-
-
-def _explanation(solved: Solved, one: Explained) -> dict[str, Any]:
-    return {
-        "of": one.test.of,
-        "name": one.test.name,
-        "sigma_factor": one.test.factor,
-        "flagged": one.flagged,
-        "share_of_flagged": one.share_of_flagged,
-        "effect": _effect(solved, one.effect, one.suffices) if one.effect is not None else None,
-    }
-
-
 def _effect(solved: Solved, effect: GroupEffect, suffices: bool) -> dict[str, Any]:
-    """An effect in project axes and units."""
     group = solved.adjustment.problem.groups[effect.group]
     out = ends_of_group(group)
     outside = int(np.flatnonzero(out.source == effect.component)[0])
@@ -244,7 +239,6 @@ def reliability_rows(solved: Solved) -> dict[str, Any] | None:
 
 
 def _uncontrolled(quality: Quality) -> tuple[int, list[ObservationComponent]]:
-    """Number of uncontrolled observations, and those with the smallest redundancy numbers."""
     found = []
     for number, one in enumerate(quality.groups):
         rows, components = np.nonzero(uncontrolled(quality, number))
@@ -280,7 +274,6 @@ def _observations(solved: Solved, quality: Quality, entries: list[ObservationCom
 
 
 def _weakest(quality: Quality, entry: ObservationComponent, nabla: float) -> dict[str, Any]:
-    """An observation with its r and ∇, which comes in internal units, in the units of the project."""
     group = quality.adjustment.problem.groups[entry.group]
     r = float(quality.groups[entry.group].at(np.array([entry.row])).r[0, entry.component])
     return {
@@ -298,12 +291,11 @@ def _said_size(group: ObservationGroup, component: int, size: float) -> float:
 
 
 def _targets(solved: Solved, entry: ObservationComponent) -> list[int]:
-    """Free point blocks that an observation refers to, but for those of frames."""
     problem = solved.adjustment.problem
     group, columns = problem.groups[entry.group], problem.index.columns["point"]
     blocks = [
         int(own[entry.row])
-        for slot, own in zip(group.type.slots, group.blocks, strict=True)
+        for slot, own in group.blocks_by_slot
         if slot.kind == "point" and slot.of not in ("image", "station", "system")
     ]
     return [block for block in dict.fromkeys(blocks) if (columns[block] >= 0).any()]
@@ -312,9 +304,7 @@ def _targets(solved: Solved, entry: ObservationComponent) -> list[int]:
 def _cure(solved: Solved, further: CandidateObservation) -> dict[str, Any]:
     group = solved.adjustment.problem.groups[further.group]
     again = further.target < 0
-    names = {
-        reference.name: own[further.row] for reference, own in zip(group.type.references, group.references, strict=True)
-    }
+    names = group.names_of(further.row)
     if not again:
         last = group.type.references[-1].name
         names[last] = solved.network.blocks["point"].ids[further.target]
@@ -322,7 +312,6 @@ def _cure(solved: Solved, further: CandidateObservation) -> dict[str, Any]:
 
 
 def _things(solved: Solved, one: Controlled) -> list[dict[str, Any]]:
-    """Rows of one kind: all in order, or the weakest of many."""
     few = len(one.names) <= MOST
     # Some things (k,) of one kind.
     numbers = np.flatnonzero(np.isfinite(one.smallest_r)) if few else one.worst(MOST)
@@ -473,7 +462,6 @@ def _thing(row: dict[str, Any], words: Words) -> str:
 
 
 def _explained(row: dict[str, Any], words: Words) -> str:
-    """Possible explanation of a rejected group."""
     thing, effect = _thing(row, words), row["effect"]
     if effect is None and row["sigma_factor"] < 1.0:
         return words("{thing}: residuals are smaller than its sigma says.", thing=thing)

@@ -433,8 +433,7 @@ def radial_curve(camera: dict[str, Any], largest: float, count: int = 61) -> Rad
     radius = np.linspace(0.0, largest, count)[1:]
     azimuth = np.arange(_AZIMUTHS) * 2.0 * np.pi / _AZIMUTHS
     direction = np.column_stack([np.cos(azimuth), np.sin(azimuth)])
-    ideal = (radius[:, None, None] * direction).reshape(-1, 2)
-    shift, by_terms, covariance = _linearised(camera, ideal)
+    shift, by_terms, covariance = _linearised(camera, (radius[:, None, None] * direction).reshape(-1, 2))
     along = np.tile(direction, (len(radius), 1))
     mean = np.einsum("nk,nk->n", shift, along).reshape(-1, _AZIMUTHS).mean(axis=1)
     form = np.einsum("nk,nkp->np", along, by_terms).reshape(len(radius), _AZIMUTHS, -1).mean(axis=1)

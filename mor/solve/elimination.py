@@ -12,7 +12,7 @@ import numpy as np
 
 from mor.linalg import compilation
 from mor.linalg.block_matrix import BlockMatrix, BlockStructure, DensePart, dense_part
-from mor.model.observation_types import Computed
+from mor.model.contract import Computed
 from mor.model.parameters import Values
 from mor.solve import clique_kernels, cofactor_kernels, moving_ray_kernels, product_kernels, ray_kernels
 from mor.solve.clique_kernels import VANISHING, Pattern

@@ -21,7 +21,7 @@ from mor.linalg.block_matrix import (
 from mor.linalg.compilation import as_here
 from mor.linalg.symbolic import Elimination, analyse
 from mor.machine import processors
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup
 from mor.model.parameters import Values
 from mor.solve.elimination import (
     Rays,

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.linalg import compilation
-from mor.model.observation_types import Computed, ObservationGroup, ObservationType, wrap
+from mor.model.contract import Computed, ObservationGroup, ObservationType, wrap
 from mor.model.parameters import Index, Values, tangents
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray
 

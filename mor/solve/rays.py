@@ -11,9 +11,18 @@ import numpy as np
 from mor import long_arrays
 from mor.linalg import compilation
 from mor.long_arrays import kept
-from mor.model.images import PHASE, ROW, is_on_the_sphere, line_scanner, on_the_sphere, shutter_on_trajectory
+from mor.model.contract import ObservationGroup
+from mor.model.images import (
+    IMAGE_TYPES,
+    MOVING_TYPES,
+    PHASE,
+    ROW,
+    is_on_the_sphere,
+    line_scanner,
+    on_the_sphere,
+    shutter_on_trajectory,
+)
 from mor.model.motion import path_of
-from mor.model.observation_types import IMAGE_TYPES, MOVING_TYPES, ObservationGroup
 from mor.model.parameters import Index, Values
 from mor.model.trajectory import CUBIC, LINEAR, is_along, on_trajectory
 from mor.solve import clique_kernels

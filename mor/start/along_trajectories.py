@@ -12,9 +12,9 @@ import numpy as np
 from mor.errors import UndeterminedObject
 from mor.model import rotations
 from mor.model.cameras import CAMERA_MODELS
-from mor.model.images import PHASE, ROW, SCANNER, is_read_out_along
+from mor.model.contract import ObservationGroup
+from mor.model.images import PHASE, ROW, SCANNER, is_image_point, is_read_out_along
 from mor.model.motion import linear_weights, pose_at
-from mor.model.observation_types import ObservationGroup, is_image_point
 from mor.model.rotations import cross_matrix, exponential, rotation_from_angles
 from mor.model.trajectory import ATTITUDE, POSITION, Knots, is_along, knot_count, knots_of
 from mor.project.network import Network

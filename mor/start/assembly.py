@@ -9,15 +9,11 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.model import rotations as tolerant
+from mor.model.contract import ObservationGroup, some_rows
+from mor.model.coordinates import OBSERVED_PARAMETERS
 from mor.model.earth import Horizon
 from mor.model.geodetic import in_object_axes
-from mor.model.observation_types import (
-    OBSERVED_PARAMETERS,
-    PLAIN_TYPES,
-    PROJECTION_CENTRE_TYPES,
-    ObservationGroup,
-    some_rows,
-)
+from mor.model.observation_types import PLAIN_TYPES, PROJECTION_CENTRE_TYPES
 from mor.model.parameters import all_known
 from mor.model.rotations import exponential, rotation_from_angles
 from mor.project.network import Network

@@ -9,7 +9,7 @@ import numpy as np
 
 from mor.errors import CONTRADICTED, UndeterminedObject
 from mor.model import rotations
-from mor.model.observation_types import target_slot
+from mor.model.coordinates import target_slot
 from mor.model.parameters import Blocks
 from mor.model.rotations import angles_from_rotation, nearest_rotation, rotation_from_angles
 from mor.model.shapes import SHAPE_TYPES

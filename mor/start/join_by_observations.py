@@ -8,7 +8,8 @@ from typing import NamedTuple, Protocol, TypeVar
 import numpy as np
 
 from mor.model import rotations
-from mor.model.observation_types import ObservationGroup, is_image_point, read_out_at_once, some_rows, wrap
+from mor.model.contract import ObservationGroup, some_rows, wrap
+from mor.model.images import is_image_point, read_out_at_once
 from mor.model.rotations import exponential
 from mor.project.network import Network
 from mor.start.bundle import Similarity, SimilarityOutcome

@@ -11,8 +11,8 @@ import numpy as np
 
 from mor.errors import Placeholder, UndeterminedObject
 from mor.model.cameras import CAMERA_MODELS, CameraModel
-from mor.model.contract import names_of
-from mor.model.observation_types import ObservationGroup, is_image_point
+from mor.model.contract import ObservationGroup, names_of
+from mor.model.images import is_image_point
 from mor.project.network import Network
 from mor.project.prior_knowledge import farthest_from_line, feature_label, turned_towards
 from mor.start.bundle import Similarity, ideal_rays

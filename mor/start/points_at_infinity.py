@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.model import rotations
-from mor.model.observation_types import can_be_at_infinity, some_rows, target_slot
+from mor.model.contract import some_rows
+from mor.model.coordinates import can_be_at_infinity, target_slot
 from mor.model.parameters import Values
 from mor.project.network import Network
 from mor.types import BoolArray, FloatArray, IntArray

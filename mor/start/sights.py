@@ -9,7 +9,7 @@ from typing import NamedTuple, TypeVar
 import numpy as np
 
 from mor.model import rotations
-from mor.model.observation_types import ObservationGroup, some_rows, wrap
+from mor.model.contract import ObservationGroup, some_rows, wrap
 from mor.model.rotations import exponential
 from mor.project.network import Network
 from mor.types import FloatArray, IntArray

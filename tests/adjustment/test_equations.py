@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from mor.linalg import compilation
-from mor.model.observation_types import some_rows
+from mor.model.contract import some_rows
 from mor.model.parameters import move
 from mor.solve.normals import build_normals, eliminable_rays, make_plan
 from mor.solve.problem import Equations, evaluated

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mor.model.observation_types import wrap
+from mor.model.contract import wrap
 from mor.model.rotations import rotation_from_angles
 from mor.quality.assessment import assess
 from mor.solve.iterate import Outcome, adjust

@@ -15,7 +15,7 @@ from scipy.spatial.transform import Rotation
 
 from mor.api.pipeline import read_document, read_network
 from mor.model.earth import Ellipsoid, Horizon, east_north_up
-from mor.model.observation_types import projected_position
+from mor.model.geodetic import projected_position
 from mor.model.rotations import angles_from_rotation, nearest_rotation, rotation_from_angles
 from mor.project.reference_system import EarthModel, reference_system
 from tests.scenarios.small_projects import mor, table, write

@@ -12,9 +12,11 @@ import pytest
 import mor
 from mor.api.pipeline import determinable_start, levels, make_problem
 from mor.errors import InputError
+from mor.model.contract import wrap
 from mor.model.curvature import on_sphere
 from mor.model.earth import LocalSphere, gaussian_radius
-from mor.model.observation_types import IMAGE_TYPES, PLAIN_TYPES, wrap
+from mor.model.images import IMAGE_TYPES
+from mor.model.observation_types import PLAIN_TYPES
 from mor.model.parameters import KINDS
 from mor.model.rotations import rotate, rotation_from_angles
 from mor.quality.assessment import assess, standard_deviations

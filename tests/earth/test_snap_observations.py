@@ -10,8 +10,9 @@ import csv
 import numpy as np
 import pytest
 
+from mor.model.contract import wrap
 from mor.model.earth import Horizon
-from mor.model.observation_types import earth_types, wrap
+from mor.model.geodetic import earth_types
 from mor.project.reference_system import reference_system
 from tests.reference_data import missing, reference_folder
 

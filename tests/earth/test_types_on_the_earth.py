@@ -7,9 +7,9 @@ import pytest
 from pyproj import Geod, Transformer
 
 from mor.api.pipeline import read_document, read_network, solve_network
+from mor.model.contract import wrap
 from mor.model.earth import Ellipsoid, Horizon, east_north_up
-from mor.model.geodetic import projected_bearing
-from mor.model.observation_types import control, earth_types, projected_attitude, wrap
+from mor.model.geodetic import control, earth_types, projected_attitude, projected_bearing
 from mor.model.parameters import KINDS
 from mor.model.rotations import rotate, rotation_from_angles
 from mor.project.earth import plane_of

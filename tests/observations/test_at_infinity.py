@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.model.observation_types import ALL_TYPES, at_infinity, can_be_at_infinity, wrap
+from mor.model.contract import wrap
+from mor.model.coordinates import at_infinity, can_be_at_infinity
+from mor.model.observation_types import ALL_TYPES
 from mor.model.parameters import KINDS
 from mor.model.rotations import rotate, rotation_from_angles
 

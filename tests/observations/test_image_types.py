@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from mor.model.cameras import CAMERA_MODELS, LENSES
-from mor.model.observation_types import FOLLOWER_TYPES, IMAGE_TYPES
+from mor.model.images import FOLLOWER_TYPES, IMAGE_TYPES
 from mor.model.rotations import rotation_from_angles
 
 POSITION, POINT = np.array([[1.0, 2.0, 10.0]]), np.array([[3.0, 1.0, 2.0]])

@@ -12,8 +12,9 @@ import numpy as np
 import pytest
 
 from mor.model.cameras import CAMERA_MODELS
+from mor.model.contract import wrap
 from mor.model.images import phases
-from mor.model.observation_types import ALL_TYPES, wrap
+from mor.model.observation_types import ALL_TYPES
 from mor.model.parameters import KINDS
 from mor.model.rotations import exponential, rotate, rotation_from_angles
 from tests.selection import slow

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.model.observation_types import IMAGE_TYPES, PLAIN_TYPES, PROJECTION_CENTRE_TYPES
+from mor.model.images import IMAGE_TYPES
+from mor.model.observation_types import PLAIN_TYPES, PROJECTION_CENTRE_TYPES
 from mor.model.parameters import KINDS, MOTIONS
 from mor.model.rotations import rotation_from_angles
 from mor.model.trajectory import basis, moving

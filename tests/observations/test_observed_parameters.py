@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.model.observation_types import ALL_TYPES, OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
+from mor.model.coordinates import OBSERVED_DIFFERENCES, OBSERVED_PARAMETERS
+from mor.model.observation_types import ALL_TYPES
 from mor.model.parameters import KINDS
 from mor.model.rotations import rotation_from_angles
 

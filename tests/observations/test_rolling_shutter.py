@@ -9,9 +9,8 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from mor.model.cameras import CAMERA_MODELS, Projection
-from mor.model.images import meet
+from mor.model.images import IMAGE_TYPES, MOVING_TYPES, meet
 from mor.model.motion import inverse_right_jacobian, right_jacobian, turn_by
-from mor.model.observation_types import IMAGE_TYPES, MOVING_TYPES
 from mor.model.rotations import exponential
 
 ROOT = Path(__file__).resolve().parents[2]

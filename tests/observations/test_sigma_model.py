@@ -7,8 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from mor.model.contract import with_sigma_model
-from mor.model.observation_types import SetUpSigmas
+from mor.model.contract import SetUpSigmas, with_sigma_model
 from tests.scenarios.scenes import Scene
 
 

@@ -9,9 +9,9 @@ import pytest
 
 from mor.model import trajectory as steadiness
 from mor.model.cameras import CAMERA_MODELS
-from mor.model.images import line_scanner, shutter_on_trajectory
+from mor.model.contract import ObservationType
+from mor.model.images import FOLLOWER_TYPES, IMAGE_TYPES, line_scanner, shutter_on_trajectory
 from mor.model.motion import cubic_weights, linear_weights, pose_at, small_rotations
-from mor.model.observation_types import FOLLOWER_TYPES, IMAGE_TYPES, ObservationType
 from mor.model.rotations import exponential, rotate, rotation_from_angles
 from mor.model.trajectory import on_trajectory, trajectory_attitude, trajectory_position
 

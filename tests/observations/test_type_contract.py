@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from mor.model.observation_types import ALL_TYPES, wrap
+from mor.model.contract import wrap
+from mor.model.observation_types import ALL_TYPES
 from mor.model.parameters import KINDS
 from mor.units import ANGLE
 

@@ -10,9 +10,8 @@ import pytest
 
 from mor.api.pipeline import determinable_start, make_problem, read_document, read_network
 from mor.api.simulation import simulated as planned_at
-from mor.model.images import shutter_on_trajectory
+from mor.model.images import MOVING_TYPES, shutter_on_trajectory
 from mor.model.motion import linear_weights, pose_at
-from mor.model.observation_types import MOVING_TYPES
 from mor.model.rotations import exponential, rotation_from_angles
 from mor.plan.simulation import Wishes
 from mor.project.entities import Trajectory

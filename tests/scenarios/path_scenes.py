@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from mor.model.images import line_scanner, shutter_on_trajectory
+from mor.model.images import IMAGE_TYPES, line_scanner, shutter_on_trajectory
 from mor.model.motion import cubic_weights, linear_weights
-from mor.model.observation_types import IMAGE_TYPES
 from mor.model.parameters import INTERIORS
 from mor.model.trajectory import on_trajectory
 from tests.scenarios.scenes import Scene, add_object_points

@@ -11,9 +11,9 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from mor.model.contract import one_name
-from mor.model.images import line_scanner, shutter_on_trajectory
-from mor.model.observation_types import ALL_TYPES, IMAGE_TYPES, ObservationGroup
+from mor.model.contract import ObservationGroup, one_name
+from mor.model.images import IMAGE_TYPES, line_scanner, shutter_on_trajectory
+from mor.model.observation_types import ALL_TYPES
 from mor.model.parameters import KINDS, Blocks, index_unknowns, moves_by_angles
 from mor.model.rotations import angles_from_rotation, rotate, rotation_from_angles
 from mor.model.trajectory import CUBIC, LINEAR, on_trajectory

@@ -26,7 +26,8 @@ from mor.formats.networks import (
     tilted_stations,
     world_of,
 )
-from mor.model.observation_types import PLAIN_TYPES, earth_types
+from mor.model.geodetic import earth_types
+from mor.model.observation_types import PLAIN_TYPES
 from mor.project.document import Document
 from mor.project.network import build_network
 from mor.project.reference_system import EarthModel

@@ -14,7 +14,7 @@ from mor.errors import InputError, Message, nearest
 from mor.formats.draft import Draft, Element, Row, parse_number, parse_xml
 from mor.formats.networks import circle_in_face_one, zenith_in_face_one
 from mor.input_files import PROJECT, read_bytes
-from mor.model.observation_types import wrap
+from mor.model.contract import wrap
 from mor.project.document import Document
 from mor.types import FloatArray
 from mor.units import ANGLE_UNITS, parse_dms

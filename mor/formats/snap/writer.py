@@ -28,7 +28,8 @@ from mor.formats.networks import (
 )
 from mor.formats.snap.observations import KINDS, PROJECTIONS, SYSTEMS, DataKind
 from mor.formats.snap.reader import BOMFORD
-from mor.model.observation_types import PLAIN_TYPES, earth_types
+from mor.model.geodetic import earth_types
+from mor.model.observation_types import PLAIN_TYPES
 from mor.project.document import Document
 from mor.project.network import build_network
 from mor.project.reference_system import EarthModel, ReferenceSystem, reference_system

@@ -11,7 +11,8 @@ from scipy import optimize
 import mor as api
 from mor.api.pipeline import read_document, read_network, solve_network
 from mor.model.earth import Ellipsoid, Horizon
-from mor.model.observation_types import PLAIN_TYPES, earth_types
+from mor.model.geodetic import earth_types
+from mor.model.observation_types import PLAIN_TYPES
 from tests.scenarios.small_projects import mor, write
 
 HORIZON = Horizon(Ellipsoid(6378137.0, 1.0 / 298.257222101), 0.87, 0.18)

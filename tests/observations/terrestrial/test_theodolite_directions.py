@@ -7,7 +7,8 @@ import math
 import numpy as np
 import pytest
 
-from mor.model.observation_types import ALL_TYPES, wrap
+from mor.model.contract import wrap
+from mor.model.observation_types import ALL_TYPES
 from mor.model.rotations import rotation_from_angles
 
 STATION, POINT = np.array([[10.0, 20.0, 3.0]]), np.array([[17.0, 12.0, 5.0]])

@@ -8,7 +8,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from mor.model.observation_types import ObservationGroup
+from mor.model.contract import ObservationGroup
 from mor.quality.assessment import Quality, assess
 from mor.quality.external_reliability import ObservationComponent, carried_points, point_movements
 from mor.quality.reliability_map import CandidateObservation, aimed_at, best_further, detectable, uncontrolled
