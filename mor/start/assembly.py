@@ -80,7 +80,6 @@ from mor.start.scene import (
 from mor.start.seeds import (
     FramePairs,
     common_pairs,
-    pose_by_rays,
     seed_bundles,
     seed_doubtful,
     seed_levelled,
@@ -136,7 +135,6 @@ def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool
         grown = grown or grow_distances(part, scene.distances[1])
         grown = grown or grow_single_points(part, scene)
         grown = grown or pose_again(part, scene)
-        grown = grown or (fewest <= FEWEST and pose_by_rays(part, scene))
         spread_positions(part, scene.frames)
         if not grown:
             return True
@@ -387,7 +385,7 @@ def _place_the_rest(assembly: Assembly) -> None:
         _join_all(assembly)
     if begin_heights(parts[0], scene.terrestrial):
         grow(parts[0], scene, assembly.fewest)
-    while pose_by_rays(parts[0], scene, 0, ambiguous=True) or grow_single_points(parts[0], scene, ambiguous=True):
+    while grow_single_points(parts[0], scene, ambiguous=True):
         grow(parts[0], scene, assembly.fewest)
     if place_as_if_level(parts[0], scene.terrestrial, scene.distances[1], scene.choices):
         grow(parts[0], scene, assembly.fewest)

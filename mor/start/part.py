@@ -372,8 +372,6 @@ class Part:
     """Redundancy with which directions were asked for the vertical → directions there were."""
     asked_for_ties: dict[tuple[int, int], int] = field(default_factory=dict)
     """Part and redundancy with which all observations were asked for the movement to it → observations there were."""
-    asked_for_poses: dict[tuple[int, int, bool], int] = field(default_factory=dict)
-    """Frame, redundancy and whether one of several will do → conditions there were when it was asked for its pose."""
     place_sigma: float = 0.0
     """σ with which given positions of frames were found to agree with the rays; counts where they have none."""
 
