@@ -411,6 +411,7 @@ def read_colmap(path: Path) -> Document:
         draft.frame("points", "points3D", frame)
     _put_image_points(model, draft)
     draft.put("datum", "free")
+    draft.put("settings", {"undetermined": "leave_out"})
     looser = [str(camera.id) for camera in cameras if has_one_unknown_more(camera.model)]
     if looser:
         words = "fx and fy are two unknowns, one focal length in COLMAP"
