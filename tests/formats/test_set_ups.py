@@ -247,6 +247,33 @@ def test_computed_coordinates_of_a_station_that_no_sight_reached_are_given(tmp_p
     assert _points(document) == {"A": [200.0, 100.0, 10.0], "B": [230.0, 150.0, 10.0]}
 
 
+def test_azimuths_of_backsights_orient_stations_that_sight_no_known_point(tmp_path: Path) -> None:
+    """The circle reads 30° at the backsight, whose azimuth is 90°: the azimuth of P is 60° more than its reading."""
+    lines = [
+        _sdr("02KI", "A", "100.0", "200.0", "10.0", "1.5"),
+        _sdr("07TP", "A", "R", "90.0", "30.0"),
+        _sdr_sight("A", "R", 8.0, 90.0, 30.0),
+        _sdr_sight("A", "P", 5.0, 90.0, 100.0),
+    ]
+    document = _read(tmp_path, "b.sdr", SDR + "\n".join(lines))
+    assert [row["bearing"] for row in _rows(document, "bearing")] == ["90.0", "160.0"]
+    text = "CO,Angle Units: DDDMMSS\nMP,A,,100,200,10,\nST,A,,R,,1.5,90.0000,30.0000\nSS,P,1.5,5,100.0000,90.0000,,\n"
+    document = _read(tmp_path, "b.raw", "CO,Nikon RAW data format V2.00\n" + text)
+    assert {row["to"]: row["bearing"] for row in _rows(document, "bearing")} == {"R": "90.0", "P": "160.0"}
+
+
+@pytest.mark.parametrize(("slope", "is_given"), [(50.0, True), (70.0, False)])
+def test_an_origin_at_0_is_given_if_distances_fit_it(tmp_path: Path, slope: float, is_given: bool) -> None:
+    lines = [
+        _sdr("02TP", "O", "0.0", "0.0", "0.0", "1.5"),
+        _sdr("08KI", "B", "30.0", "40.0", "1.0"),
+        _sdr_sight("O", "B", slope, 90.0, 53.13),
+    ]
+    document = _read(tmp_path, "b.sdr", SDR + "\n".join(lines))
+    assert ("O" in _points(document)) is is_given
+    assert ("all 0" in _notes(document)) is not is_given
+
+
 def test_a_resection_of_sdr_precedes_its_station(tmp_path: Path) -> None:
     """The readings of the last attempt count; the station and its coordinates follow from them."""
     lines = [

@@ -431,13 +431,26 @@ class FieldBook:
         return any(sight.zenith is not None or sight.slope is not None for sight in sights)
 
     def _take_zeros(self) -> None:
-        """Take coordinates that are all 0 as those of the origin if no other point is given; otherwise, as none."""
+        """Take coordinates that are all 0 as those of the origin if no other point is given, or if distances fit them."""
         is_origin = not self.points and len({name for name, _ in self.zeros}) == 1
         for name, place in self.zeros:
-            if is_origin and None not in (place.height, 0.0 if self.levelling.reached else place.east):
+            whole = None not in (place.height, 0.0 if self.levelling.reached else place.east)
+            if whole and (is_origin or (name not in self.points and self._fits(name, place))):
                 self.points[name] = place
-            else:
+            elif name not in self.points or self.points[name][:3] != place[:3]:
                 self.leave_out(_ZERO, place.line)
+
+    def _fits(self, name: str, place: PointRecord) -> bool:
+        """Return whether distances from and to given points agree with coordinates of a point."""
+        misfits = [
+            self._misfit(end, sight._replace(target=target))
+            for set_up in self.set_ups
+            for sight in set_up.sights
+            for end, target in ((place, sight.target), (place, set_up.station))
+            if name in (set_up.station, sight.target) and name != target
+        ]
+        found = [misfit for misfit in misfits if misfit is not None]
+        return bool(found) and max(found) <= 1.0
 
     def _drop_presets(self) -> None:
         """Leave out coordinates that an instrument presets: several stations share them, or they are far from others.
