@@ -431,7 +431,7 @@ class FieldBook:
         return any(sight.zenith is not None or sight.slope is not None for sight in sights)
 
     def _take_zeros(self) -> None:
-        """Take coordinates that are all 0 as those of the origin if no other point is given, or if distances fit them."""
+        """Take coordinates that are all 0 as those of the origin if nothing else is given, or if distances fit them."""
         is_origin = not self.points and len({name for name, _ in self.zeros}) == 1
         for name, place in self.zeros:
             whole = None not in (place.height, 0.0 if self.levelling.reached else place.east)
