@@ -313,12 +313,13 @@ def without_moved(
         return None
     things = things_of(network)
     numbers = {things.name(k): k for k in range(things.count)}
-    moved, reason = _apart(network), NOT_CONNECTED
+    touched = {
+        thing_of(kind, name) for direction in adjustment.defect.undetermined for kind, name, _ in direction.unknowns
+    }
+    moved, reason = _apart(network, touched), NOT_CONNECTED
     if not moved:
         reason = HARDLY_DETERMINED if adjustment.defect.beyond_use else MOVES_TOGETHER
-        moved = {
-            thing_of(kind, name) for direction in adjustment.defect.undetermined for kind, name, _ in direction.unknowns
-        }
+        moved = touched
     chosen = np.zeros(things.count, dtype=bool)
     chosen[[numbers[thing] for thing in moved if thing in numbers]] = True
     marked = things.marked(network, chosen)
@@ -333,13 +334,18 @@ def without_moved(
     return further if _something_left(further) else None
 
 
-def _apart(network: Network) -> set[tuple[str, str]]:
-    """Things of all parts but the one that is held by fixed points, or else the largest."""
+def _apart(network: Network, touched: set[tuple[str, str]]) -> set[tuple[str, str]]:
+    """Things of all parts but the one that is held by fixed points, or else the largest.
+
+    If the datum is given, parts that are not ``touched`` by what is undetermined have one of their own: they stay.
+    """
     parts = [part for part in connected_parts(network, network.groups) if part.size > 1]
     main = next((part for part in parts if part.held), parts[0] if parts else None)
-    return {
-        (space, name) for part in parts if part is not main for space, names in part.names.items() for name in names
-    }
+    others = [
+        {(space, name) for space, names in part.names.items() for name in names} for part in parts if part is not main
+    ]
+    loose = [things for things in others if network.datum.free or not things.isdisjoint(touched)]
+    return set[tuple[str, str]]().union(*loose)
 
 
 # ---- How well the rays of a network meet at given values, before anything is adjusted.

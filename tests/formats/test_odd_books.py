@@ -502,8 +502,8 @@ def test_scr_has_coordinates_before_readings(tmp_path: Path) -> None:
         "P,Eh,0000,?,1.500,7,120.000,200.000,9.900,20.000,90.0000,90.0000,D7\n"
     )
     document = _read(tmp_path, "a.scr", text)
-    (row,) = _rows(document, "zenith_directions")
-    assert (row["to"], float(row["horizontal"]), float(row["zenith"])) == ("P", 90.0, 90.0)
+    (row,), (zenith,) = _rows(document, "bearing"), _rows(document, "zenith_angle")
+    assert (row["to"], float(row["bearing"]), float(zenith["zenith_angle"])) == ("P", 90.0, 90.0)
     assert _rows(document, "distance")[0]["distance"] == "20.0"
     assert _points(document)[0][1][0][1:4] == ["100.0", "200.0", "10.0"]
 
