@@ -548,7 +548,7 @@ class FieldBook:
         """Turn circle readings into azimuths where nothing but the orientation that the book says tells the direction.
 
         That is at stations with given coordinates that sight no point with given coordinates, or with a place from
-        another station.
+        another station, and at one set-up of a part of the book with one given point.
         """
         placed: dict[str, set[int]] = {}
         for k, set_up in enumerate(self.set_ups):
@@ -556,15 +556,17 @@ class FieldBook:
             for sight in set_up.sights:
                 if sight.slope or sight.horizontal_distance:
                     placed.setdefault(sight.target, set()).add(k)
-        turned = []
+        turned = list[InstrumentSetUp]()
+        alone = [part for part in _parts(self.set_ups) if len(part & self.points.keys()) == 1]
         for k, set_up in enumerate(self.set_ups):
             targets = {sight.target for sight in set_up.sights if sight.horizontal is not None}
+            part = next((part for part in alone if set_up.station in part), None)
             tied = any(name in self.points or placed.get(name, set()) - {k} for name in targets)
-            if tied or set_up.station not in self.points or not targets:
+            if (tied and part is None) or set_up.station not in self.points or not targets:
                 continue
             if set_up.orientation is None:
                 set_up.orientation = self._computed_orientation(set_up)
-            if set_up.orientation is None:
+            if set_up.orientation is None or (tied and any(other.station in (part or ()) for other in turned)):
                 continue
             turned.append(set_up)
             set_up.sights = [
@@ -969,19 +971,22 @@ def _put_table(book: FieldBook, columns: Sequence[str], rows: Sequence[Row], fla
             book.draft.table("points", columns, chosen, **held)
 
 
+def _parts(occupied: Sequence[InstrumentSetUp], levelled: Sequence[LevelledDifference] = ()) -> list[set[str]]:
+    """Points of the parts of a book that sights and height differences connect."""
+    parts = [{set_up.station, *(sight.target for sight in set_up.sights)} for set_up in occupied]
+    joined: list[set[str]] = []
+    for part in parts + [{row.start, row.end} for row in levelled]:
+        apart = [other for other in joined if other.isdisjoint(part)]
+        joined = [*apart, part.union(*(other for other in joined if not other.isdisjoint(part)))]
+    return joined
+
+
 def _given_together(
     book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: Sequence[LevelledDifference]
 ) -> int:
     """Return the most given points in a part of the book that sights connect; an azimuth there is worth one more."""
-    parts: list[set[str]] = []
     oriented = {set_up.station for set_up in occupied if any(s.bearing is not None for s in set_up.sights)}
-    for set_up in occupied:
-        parts.append({set_up.station, *(sight.target for sight in set_up.sights)})
-    parts += [{row.start, row.end} for row in levelled]
-    joined: list[set[str]] = []
-    for part in parts:
-        apart = [other for other in joined if other.isdisjoint(part)]
-        joined = [*apart, part.union(*(other for other in joined if not other.isdisjoint(part)))]
+    joined = _parts(occupied, levelled)
     given = [(len(part & book.points.keys()), not part.isdisjoint(oriented)) for part in joined]
     return max((count + (count and azimuth) for count, azimuth in given), default=0)
 
