@@ -180,8 +180,8 @@ def without_hanging(network: Network) -> Network:
         parts.append(part)
     hanging: list[_RigidPart] = []
     while sum(bool(part.rotations) for part in parts) > 1:
-        count = Counter(point for part in parts for point in part.points)
-        ties = [sum(count[point] > 1 for point in part.points) for part in parts]
+        tied = _ties(parts)
+        ties = [len(part.points & tied) for part in parts]
         loose = [part for part, tie in zip(parts, ties, strict=True) if part.rotations and tie < 2]
         if not loose:
             break
@@ -200,6 +200,22 @@ def without_hanging(network: Network) -> Network:
     points = network.blocks["point"].ids
     things += [UndeterminedObject("point", points[point], HANGS_ON, "left out") for point in alone]
     return without_blocks(network, marked, things)
+
+
+def _ties(parts: Sequence[_RigidPart]) -> set[int]:
+    """Points that tie parts to each other.
+
+    A point without a place in any part, which two of them sight, ties nothing. Those that more of them sight do, if
+    the parts have as many conditions as relative movements in plan: 2 for each further place of a point, 1 for each
+    direction to one with a place, and the directions but two to one without.
+    """
+    count = Counter(point for part in parts for point in part.points)
+    places = Counter(point for part in parts for point in part.polar)
+    bare = {point: n for point, n in count.items() if not places[point]}
+    conditions = sum(count[point] + n - 2 for point, n in places.items()) + sum(max(n - 2, 0) for n in bare.values())
+    has_scale = any(len(part.polar) > 1 for part in parts)
+    enough = conditions >= 3 * len(parts) - (3 if has_scale else 4)
+    return {point for point, n in count.items() if n > 1 and (point not in bare or (enough and n > 2))}
 
 
 def _sets_of_directions(network: Network) -> Iterator[_RigidPart]:
