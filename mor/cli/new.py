@@ -106,7 +106,9 @@ def command(
     write_files(texts, force, makes_folders=True)
     for table in found:
         tell(f"{table.path}: {table.kind}, {counted(len(table.rows), 'row')}")
-    for path, unused in {table.path: table.unused for table in found if table.unused}.items():
+    for path, unused in {
+        (table.path, table.sheet): (table.path, table.unused) for table in found if table.unused
+    }.values():
         tell(f"note: {path}: columns not used: {', '.join(unused)}")
     for note in dict.fromkeys(Message(words, str(table.path)) for table in found for words in table.notes):
         tell_note(note)

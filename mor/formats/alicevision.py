@@ -121,6 +121,7 @@ class BlockBuilder:
         frame = pl.DataFrame(self.rays, schema=["image", "point", "x", "y"], orient="row")
         draft.frame("observations", "observations", frame, type="image", units="px", values={"sigma": "1"})
         draft.put("datum", "free")
+        draft.put("settings", {"undetermined": "leave_out"})
         draft.note(
             f"σ = 1 px for {counted(len(self.rays), 'image point')}; lengths are called m, whatever the block's unit is"
         )

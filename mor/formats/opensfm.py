@@ -271,6 +271,7 @@ def read_opensfm(path: Path) -> Document:
     )
     if not weighted and not control.has_coordinates:
         draft.put("datum", "free")
+    draft.put("settings", {"undetermined": "leave_out"})
     reference = whole.get("reference_lla")
     if isinstance(reference, dict) and any(reference.values()):
         words = ", ".join(f"{key} {value}" for key, value in reference.items())

@@ -74,6 +74,7 @@ def read_pix4d(path: Path) -> Document:
         draft.table("points", ("id",), [Row([name], mark.line) for name, mark in first.items()], file)
     if sum(row.name in {mark.name for mark in used} for row in control) < 3:
         draft.put("datum", "free")
+    draft.put("settings", {"undetermined": "leave_out"})
     return draft.finish()
 
 

@@ -27,12 +27,12 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 # ---- Recognise tables of measurements and coordinates by the names of their columns, to begin a project from them.
 
 _FROM = (
-    "from|von|start|anfang|pointa|frompoint|punkta|p1|station|stn|standpunkt|stand|at|instrument|setup|occ|occupied"
-    "|fromstation|fromstn|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt|instrumentenstandpunkt"
-    "|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion|estacao|stazione|st|est|punktodstania|stanowisko"
+    "from|von|fra|fran|start|anfang|pointa|frompoint|fromstation|fromstn|punkta|p1|station|stn|standpunkt|stand|at"
+    "|instrument|occ|occupied|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt"
+    "|instrumentenstandpunkt|setup|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion|estacao|stazione|st|est|punktodstania|stanowisko"
 )
 _TO = (
-    "to|nach|end|ende|pointb|topoint|tostn|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
+    "to|nach|til|till|end|ende|pointb|topoint|tostn|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
     "|targetpoint|pointvise|ptvise|vise|visee|pointobserve|cible|puntovisado|ptovisado|visado|puntoobservado|observado"
     "|pv|pontovisado|pontoobservado|puntobattuto|battuto|puntocollimato|collimato|zielpunktnr|zielnr|cel"
     "|secondpoint|secondpointnumber|ciel|cil"
@@ -105,12 +105,12 @@ _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": 
 _ELEVATION = 45.0
 """Degrees or gon: the median of zenith angles is larger, that of elevations is smaller."""
 _POINTS = {
-    "x": "x|x0|xo|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert|xgcp|xcoord|xcoordinate|mapx"
+    "x": "x|x0|xo|xeasting|e|east|easting|eastings|rechts|rechtswert|ost|ostwert|xgcp|xcoord|xcoordinate|mapx|pointx"
     "|este|est|coordx",
-    "y": "y|y0|yo|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy"
+    "y": "y|y0|yo|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy|pointy"
     "|norte|coordy",
-    "z": "z|z0|zo|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|rl|reducedlevel"
-    "|reducelevel|cota|quota|elevacion|altitud|coordz",
+    "z": "z|z0|zo|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|pointz|rl"
+    "|reducedlevel|reducelevel|kote|cota|quota|elevacion|altitud|coordz",
 }
 _AXES = {"x": "xe", "y": "yn", "z": "zhu"}
 _STATED = {
@@ -248,7 +248,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {
             "sigma": f"{_precisions('dz|dh|hdiff')}|std|stdev|calcerr",
-            "length": f"km|lengthkm|{_LENGTHS}",
+            "length": f"km|lengthkm|l|{_LENGTHS}",
             "epoch": "epoch|epoche",
         },
     ),
@@ -267,9 +267,12 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
     "stations": ({"id": f"id|{_FROM}", "orientation": "orientierung"}, {"point": _POINT, "height": "ih|hi"}),
     "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
-    "points": ({"id": f"id|{_POINT}|station|target", **_POINTS}, _STATED),
+    "points": ({"id": f"id|{_POINT}|station|target|p", **_POINTS}, _STATED),
     "images with positions": ({"id": _IMAGE, **_POINTS}, _STATED),
-    "points in the plane": ({"id": f"id|{_POINT}|station|target", "x": _POINTS["x"], "y": _POINTS["y"]}, _STATED),
+    "points in the plane": (
+        {"id": f"id|{_POINT}|station|target|p", "x": _POINTS["x"], "y": _POINTS["y"]},
+        _STATED,
+    ),
     "points with heights": (
         {"id": f"id|{_POINT}", "z": _POINTS["z"]},
         {"sigma_z": _STATED["sigma_z"], "sigma": _STATED["sigma"]},
@@ -347,11 +350,19 @@ _QUADRANT = re.compile(
 """Bearings from north or south towards east or west (O: ouest, oeste)."""
 _PARTS_OF_QUADRANT = re.compile(r"ns d(?:eg\w*)? m(?:in\w*)? (?:s(?:ec\w*)? )?(?:ew|we)\b")
 """Headings of a quadrant bearing in columns of its own."""
+_VARIANCE = re.compile(r"(?:var(?:iance)?(?P<of>[a-z]?)|sigma(?P<behind>[xyz]?)(?:2|²|squared))")
+"""Headings of variances, perhaps of a coordinate."""
+_HELD = re.compile(r"(?:is)?(?:fix|fixed|held|known|control|constrained|fasthold|fest|fijo|fixe)(?P<axis>[xyzenhu]?)")
+"""Headings of columns that say whether a point, or a coordinate of it, is fixed."""
+_YES = {"true", "yes", "y", "1", "fix", "fixed", "held", "known", "control", "x", "ja", "wahr", "si", "oui", "vrai"}
+_NO = {"", "false", "no", "n", "0", "free", "unknown", "new", "nein", "falsch", "non", "faux", "-"}
 _JOINS = re.compile(r"\s*(?:->|[-–—→/:>]|\bto\b)\s*")
 _ANGLES = ("horizontal", "zenith", "angle", "bearing", "zenith_angle", "vertical_direction")
 """Columns that may hold degrees, minutes and seconds."""
 _OF_POINTS = ("id", "x", "y", "z")
-_UMLAUTS = str.maketrans({"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "δ": "d", "ω": "omega", "φ": "phi", "κ": "kappa"})
+_UMLAUTS = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "δ": "d", "ω": "omega", "φ": "phi", "κ": "kappa", "σ": "sigma"}
+)
 
 
 class Found(NamedTuple):
@@ -400,6 +411,11 @@ class Found(NamedTuple):
         """True if the table has standard deviations or covariances."""
         return any(name.startswith(("sigma", "cov_")) for name in self.columns)
 
+    @property
+    def has_heights(self) -> bool:
+        """True if the table has heights, and not known positions with heights that are not known."""
+        return "z" in self.columns and not ("sigma_x" in self.columns and "sigma_z" not in self.columns)
+
 
 def recognise(path: Path) -> list[Found]:
     """Read a table and return what it holds, one entry per kind: a field book may hold directions and distances.
@@ -426,6 +442,7 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
     width = max((k for row in read for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
     blank = tuple(tuple("" if _DASHES.fullmatch(cell) else cell for cell in row[:width]) for row in read)
     tidy, stated = _tidied(_with_whole_angles(blank))
+    tidy = _with_sigmas(tidy)
     encoded = (not_utf8(encoding),) if encoding in CODE_PAGES else ()
     parts = _parts(tidy, path)
     return [
@@ -842,6 +859,40 @@ def _with_whole_angles(rows: _Cells) -> _Cells:
     return rows
 
 
+def _with_sigmas(rows: _Cells) -> _Cells:
+    """Rows with standard deviations for variances, and with 0 for those that a column of yes and no holds fixed."""
+    header, body = (rows[0], rows[1:]) if rows else ((), ())
+    names = [_normalised(cell) for cell in header]
+    for k, name in enumerate(names):
+        match = _VARIANCE.fullmatch(name)
+        cells = [_cell(row, k).replace(",", ".") for row in body]
+        if match and "sigma" not in names and all(_NUMBER.fullmatch(cell) for cell in cells if cell):
+            roots = [f"{math.sqrt(abs(float(cell))):.9g}" if cell else "" for cell in cells]
+            of = match["of"] or match["behind"] or ""
+            rows = _replaced(rows, k, f"sigma_{of}" if of else "sigma", roots)
+    kinds = _kinds(_named([cell.strip() for cell in header]))
+    points = next((columns for kind, columns in kinds.items() if kind.startswith("points")), {})
+    if not points or any(name.startswith("sigma") for name in points):
+        return rows
+    for k, name in enumerate(names):
+        match = _HELD.fullmatch(name)
+        cells = [_normalised(_cell(row, k)) or _cell(row, k) for row in body]
+        axes = [axis for axis in "xyz" if axis in points and match and (match["axis"] or axis) in _AXES[axis]]
+        if axes and _YES & set(cells) and set(cells) <= _YES | _NO:
+            zeros = ["0" if cell in _YES else "" for cell in cells]
+            rows = _replaced(rows, k, f"sigma_{axes[0]}", zeros)
+            for axis in axes[1:]:
+                rows = tuple((*row, cell) for row, cell in zip(rows, (f"sigma_{axis}", *zeros), strict=True))
+    return rows
+
+
+def _replaced(rows: _Cells, place: int, name: str, cells: Sequence[str]) -> _Cells:
+    """Rows with another name and other cells in one column; rows that are too short are filled up."""
+    width = len(rows[0])
+    full = ((*row, *[""] * (width - len(row))) for row in rows)
+    return tuple((*row[:place], cell, *row[place + 1 :]) for row, cell in zip(full, (name, *cells), strict=True))
+
+
 def _bare_name(cell: str) -> str:
     signs = {"°": "deg", "º": "deg", "''": "sec", '"': "sec", "″": "sec", "'": "min", "′": "min"}
     text = cell.strip().lower()
@@ -1123,9 +1174,11 @@ def begin(
     """Texts by path: the project file and the lists of names that belong to no table. ``units``: length, angle."""
     listed = {name for t in tables if t.kind == "points" and t.part != _BENCHMARK for name in t.texts("id")}
     tables = [t for t in tables if t.part != _BENCHMARK or listed.isdisjoint(t.texts("id"))]
-    is_held = datum == "fixed"
     by_kind = {kind: [t for t in tables if t.kind == kind] for kind in ("images", "points", "stations")}
     measured = [t for t in tables if t.kind not in by_kind]
+    is_known = any(t.has_sigma for kind in ("images", "points") for t in by_kind[kind])
+    is_control = not is_known and not listed.issuperset(_names(measured, PLACES))
+    held = {t.path for t in by_kind["points"] if datum == "fixed" and (is_control or t.part == _BENCHMARK)}
     texts: dict[Path, str] = {}
     for table in tables:
         if table.tidied:
@@ -1137,6 +1190,12 @@ def begin(
     corner = any(_from_a_corner(t) for t in seen)
     kinds = {t.kind for t in measured}
     levelled = bool(measured) and all(t.kind == "height_difference" for t in measured)
+    is_plane = (
+        kinds <= _PLANE | {"distance"} and any("x" in t.columns and not t.has_heights for t in by_kind["points"])
+    ) or ("horizontal_distance" in kinds <= _PLANE and not any(t.has_heights for t in by_kind["points"]))
+    if is_plane:
+        flat = [{ours: cell for ours, cell in t.columns.items() if ours != "z"} for t in by_kind["points"]]
+        by_kind["points"] = [t._replace(columns=c) for t, c in zip(by_kind["points"], flat, strict=True)]
     content = {
         "name": target.name,
         "title": _quoted(title),
@@ -1151,12 +1210,9 @@ def begin(
         "observations": [_entry(target, table, corner) for table in measured],
         "datum": datum,
         "levelled": levelled,
-        "plane": (
-            kinds <= _PLANE | {"distance"} and any("x" in t.columns and "z" not in t.columns for t in by_kind["points"])
-        )
-        or ("horizontal_distance" in kinds <= _PLANE and not any("z" in t.columns for t in by_kind["points"])),
+        "plane": is_plane,
         **{
-            kind: [_entry(target, table, corner, levelled, is_held) for table in found]
+            kind: [_entry(target, table, corner, levelled, table.path in held) for table in found]
             for kind, found in by_kind.items()
         },
     }
@@ -1272,9 +1328,8 @@ def _rest(target: Path, what: str, names: list[str], tables: list[Found], texts:
 def _entry(target: Path, table: Found, corner: bool, levelled: bool = False, is_held: bool = False) -> dict[str, Any]:
     """Entry of the template for a table; where heights alone are measured, positions of its points are held.
 
-    ``is_held``: the height of a benchmark is held, too.
+    ``is_held``: all coordinates in it are held.
     """
-    is_held = is_held and table.part == _BENCHMARK
     renamed = {theirs: ours for ours, theirs in table.columns.items() if ours != theirs}
     others = [name for name in table.header if name not in table.columns.values()]
     guessed = _units_of_precision(table)
@@ -1296,14 +1351,17 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False, is_
     if levelled:
         keys |= ({} if "x" in table.columns else {"values": {"x": 0, "y": 0}}) | {"fixed": ["x", "y"]}
     if is_held:
-        keys["fixed"] = [*keys.get("fixed", ()), "z"]
+        keys["fixed"] = list(
+            dict.fromkeys([*keys.get("fixed", ()), *(axis for axis in "xyz" if axis in table.columns)])
+        )
     lines = [
         f"{key}: {yaml.safe_dump(value, default_flow_style=True, sort_keys=False, width=100_000).splitlines()[0]}"
         for key, value in keys.items()
     ]
     if table.header[:4] == _OF_POINTS and not table.has_header:
         lines[0] += "  # CHECK the order: the file has no header"
-    lines = [f"{line}  # CHECK" if is_held and line.startswith("fixed:") else line for line in lines]
+    why = "  # CHECK" if table.part == _BENCHMARK else "  # CHECK: taken as control, as the list has some points only"
+    lines = [f"{line}{why}" if is_held and line.startswith("fixed:") else line for line in lines]
     lines = [
         f"{line}  # CHECK: found standard deviations that are large in the unit of the readings"
         if line.startswith("units:") and guessed

@@ -176,8 +176,8 @@ def without_hanging(network: Network) -> Network:
         parts.append(part)
     hanging: list[_RigidPart] = []
     while sum(bool(part.rotations) for part in parts) > 1:
-        count = Counter(point for part in parts for point in part.points)
-        ties = [sum(count[point] > 1 for point in part.points) for part in parts]
+        tied = _ties(parts)
+        ties = [len(part.points & tied) for part in parts]
         loose = [part for part, tie in zip(parts, ties, strict=True) if part.rotations and tie < 2]
         if not loose:
             break
@@ -196,6 +196,22 @@ def without_hanging(network: Network) -> Network:
     points = network.blocks["point"].ids
     things += [UndeterminedObject("point", points[point], HANGS_ON, "left out") for point in alone]
     return without_blocks(network, marked, things)
+
+
+def _ties(parts: Sequence[_RigidPart]) -> set[int]:
+    """Points that tie parts to each other.
+
+    A point without a place in any part, which two of them sight, ties nothing. Those that more of them sight do, if
+    the parts have as many conditions as relative movements in plan: 2 for each further place of a point, 1 for each
+    direction to one with a place, and the directions but two to one without.
+    """
+    count = Counter(point for part in parts for point in part.points)
+    places = Counter(point for part in parts for point in part.polar)
+    bare = {point: n for point, n in count.items() if not places[point]}
+    conditions = sum(count[point] + n - 2 for point, n in places.items()) + sum(max(n - 2, 0) for n in bare.values())
+    has_scale = any(len(part.polar) > 1 for part in parts)
+    enough = conditions >= 3 * len(parts) - (3 if has_scale else 4)
+    return {point for point, n in count.items() if n > 1 and (point not in bare or (enough and n > 2))}
 
 
 def _sets_of_directions(network: Network) -> Iterator[_RigidPart]:
@@ -308,12 +324,13 @@ def without_moved(
         return None
     things = things_of(network)
     numbers = {things.name(k): k for k in range(things.count)}
-    moved, reason = _apart(network), NOT_CONNECTED
+    touched = {
+        thing_of(kind, name) for direction in adjustment.defect.undetermined for kind, name, _ in direction.unknowns
+    }
+    moved, reason = _apart(network, touched), NOT_CONNECTED
     if not moved:
         reason = HARDLY_DETERMINED if adjustment.defect.beyond_use else MOVES_TOGETHER
-        moved = {
-            thing_of(kind, name) for direction in adjustment.defect.undetermined for kind, name, _ in direction.unknowns
-        }
+        moved = touched
     chosen = np.zeros(things.count, dtype=bool)
     chosen[[numbers[thing] for thing in moved if thing in numbers]] = True
     marked = things.marked(network, chosen)
@@ -328,13 +345,18 @@ def without_moved(
     return further if _something_left(further) else None
 
 
-def _apart(network: Network) -> set[tuple[str, str]]:
-    """Things of all parts but the one that is held by fixed points, or else the largest."""
+def _apart(network: Network, touched: set[tuple[str, str]]) -> set[tuple[str, str]]:
+    """Things of all parts but the one that is held by fixed points, or else the largest.
+
+    If the datum is given, parts that are not ``touched`` by what is undetermined have one of their own: they stay.
+    """
     parts = [part for part in connected_parts(network, network.groups) if part.size > 1]
     main = next((part for part in parts if part.held), parts[0] if parts else None)
-    return {
-        (space, name) for part in parts if part is not main for space, names in part.names.items() for name in names
-    }
+    others = [
+        {(space, name) for space, names in part.names.items() for name in names} for part in parts if part is not main
+    ]
+    loose = [things for things in others if network.datum.free or not things.isdisjoint(touched)]
+    return set[tuple[str, str]]().union(*loose)
 
 
 # ---- How well the rays of a network meet at given values, before anything is adjusted.

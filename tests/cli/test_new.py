@@ -562,13 +562,13 @@ def test_a_table_of_zenith_angles_gets_the_curvature(tmp_path: Path) -> None:
 
 def test_a_levelling_network_is_adjusted_as_it_is_begun(tmp_path: Path) -> None:
     """Heights alone: positions are held, σ of whole millimetres are read as such, the datum is asked for in words."""
-    (tmp_path / "marks.csv").write_text("id,height\nA,100\nB,101\n")
+    (tmp_path / "marks.csv").write_text("id,height\nA,100\nB,101\nC,103\nD,104.5\n")
     lines = ["A,B,1.001,0.8", "B,C,2.003,0.9", "C,A,-3.002,0.8", "C,D,1.5,0.8", "D,A,-4.503,1.1"]
     (tmp_path / "lines.csv").write_text("\n".join(["from,to,dh,sigma", *lines]) + "\n")
     project, tables = tmp_path / "net.yaml", [tmp_path / "marks.csv", tmp_path / "lines.csv"]
     assert mor("new", project, *tables).code == 0
     text = project.read_text()
-    assert text.count("fixed: [x, y]\n") == 2
+    assert text.count("fixed: [x, y]\n") == 1
     assert "units: {sigma: mm}  # CHECK" in text
     outcome = mor("adjust", project, "--no-html")
     assert outcome.code == 4
@@ -578,6 +578,41 @@ def test_a_levelling_network_is_adjusted_as_it_is_begun(tmp_path: Path) -> None:
     data = json.loads((tmp_path / "net.results" / "results.json").read_text())
     assert data["redundancy"] == 2
     assert data["sigma0"]["aposteriori"] < 3.0
+
+
+@pytest.mark.parametrize(
+    ("points", "c"),
+    [
+        ("id,height\nA,100\nB,101.002\n", 103.0041),
+        ("point_id,easting,northing,height,fixed_h\nA,0,0,100,true\nB,5,0,101.002,yes\nC,5,5,103,no\n", 103.0041),
+        ("Punkt,Kote,fixed\nA,100,1\nB,101.002,1\nC,103,0\n", 103.0041),
+        ("P,N,E,Z,D,var_z\nA,0,0,100,BM,0\nB,0,5,101.002,,0\nC,5,5,103,,\n", 103.0041),
+    ],
+)
+def test_points_that_a_list_holds_fixed(tmp_path: Path, points: str, c: float) -> None:
+    """C from B with σ = 1 mm and from A with σ = 3 mm: weights 9 and 1 of 103.004 and 103.005."""
+    (tmp_path / "p.csv").write_text(points)
+    (tmp_path / "l.csv").write_text("Fra,Til,ΔH,σ\nB,C,2.002,0.001\nA,C,3.005,0.003\n")
+    project = tmp_path / "net.yaml"
+    assert mor("new", project, tmp_path / "p.csv", tmp_path / "l.csv").code == 0
+    assert mor("adjust", project, "--no-html").code == 0
+    rows = pl.read_csv(tmp_path / "net.results" / "points.csv").sort("id")
+    assert rows["z"].to_list() == pytest.approx([100.0, 101.002, c], abs=1e-6)
+
+
+def test_heights_that_are_not_known_do_not_reduce_distances(tmp_path: Path) -> None:
+    """Distances of 30 m and 40 m in the plane though heights are listed: P at (30, 0) from A, 50 m from B (0, 40)."""
+    (tmp_path / "p.csv").write_text(
+        "name,x,y,z,fixed_x,fixed_y,fixed_z\nA,0,0,7,1,1,0\nB,0,40,1,1,1,0\nP,29,1,3,0,0,0\n"
+    )
+    (tmp_path / "d.csv").write_text("from,to,distance,variance\nA,P,30,1e-6\nB,P,50,4e-6\n")
+    project = tmp_path / "net.yaml"
+    assert mor("new", project, tmp_path / "p.csv", tmp_path / "d.csv").code == 0
+    assert mor("adjust", project, "--no-html").code == 0
+    rows = pl.read_csv(tmp_path / "net.results" / "points.csv").sort("id")
+    assert rows["x"].to_list() == pytest.approx([0.0, 0.0, 30.0], abs=1e-6)
+    data = json.loads((tmp_path / "net.results" / "results.json").read_text())
+    assert [row["sigma"] for row in data["residuals"]] == pytest.approx([0.001, 0.002])
 
 
 def test_the_sigma_of_a_levelling_line_grows_with_the_root_of_its_length(tmp_path: Path) -> None:
@@ -728,7 +763,7 @@ def test_legs_of_a_traverse(tmp_path: Path, text: str) -> None:
     (tmp_path / "c.csv").write_text("id,x,y\nA,0,0\n")
     project = tmp_path / "p.yaml"
     assert mor("new", project, tmp_path / "t.csv", tmp_path / "c.csv").code == 0
-    project.write_text(project.read_text().replace("file: c.csv", "file: c.csv\n    fixed: [x, y]"))
+    assert "fixed: [x, y]  # CHECK: taken as control" in project.read_text()
     assert mor("adjust", project, "--no-html").code == 0
     rows = pl.read_csv(tmp_path / "p.results" / "points.csv").sort("id")
     a, b = 100 / np.sqrt(2), 50 / np.sqrt(2)

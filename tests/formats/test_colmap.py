@@ -261,3 +261,10 @@ def test_a_folder_without_one_of_the_files_says_which(tmp_path: Path) -> None:
         (tmp_path / name).write_bytes(b"\0" * 8)
     with pytest.raises(InputError, match=r"this folder has no images\.bin; a COLMAP model has"):
         read_document(tmp_path)
+
+
+def test_a_whole_model_as_text_counts_beside_a_part_of_a_binary_one(tmp_path: Path) -> None:
+    folder = _rig(tmp_path)
+    whole = read_foreign(folder).data
+    (folder / "cameras.bin").write_bytes(b"\0" * 8)
+    assert read_foreign(folder).data == whole

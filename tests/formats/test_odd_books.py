@@ -190,6 +190,24 @@ def test_stations_that_share_one_point_are_left_out_by_name(tmp_path: Path, cont
     assert left == {("station", "S3"): ONE_TIE, ("point", "S3"): HANGS_ON, ("point", "R"): HANGS_ON}
 
 
+def test_a_point_sighted_twice_without_a_distance_is_no_second_tie(tmp_path: Path) -> None:
+    """S3 shares P with the others, and the directions to a target that only S2 and S3 sight, without distances."""
+    far = "110099+00000001 21.102+{} 22.102+10000000\n"
+    text = (
+        _gsi("S1", "S2", "P", "Q")
+        + _gsi("S2", "S1", "P", "Q", turn=30)
+        + far.format("01200000")
+        + _gsi("S3", "P", "R", turn=70)
+        + far.format("34500000")
+    )
+    solved = solve_network(network_of(_read(tmp_path, "a.gsi", text), tmp_path))
+    left = {(thing.kind, thing.name): thing.reason for thing in solved.network.undeterminable}
+    assert left["station", "S3"] == ONE_TIE
+    assert left["point", "R"] == HANGS_ON
+    assert left.keys().isdisjoint({("station", "S1"), ("station", "S2"), ("point", "Q")})
+    assert solved.quality.sigma0 < 1.5
+
+
 def test_stations_that_share_two_points_are_kept(tmp_path: Path) -> None:
     text = _gsi("S1", "S2", "P", "Q") + _gsi("S2", "S1", "P", "Q", "R") + _gsi("S3", "P", "R", "T", turn=70)
     solved = solve_network(network_of(_read(tmp_path, "a.gsi", text), tmp_path))
@@ -502,8 +520,8 @@ def test_scr_has_coordinates_before_readings(tmp_path: Path) -> None:
         "P,Eh,0000,?,1.500,7,120.000,200.000,9.900,20.000,90.0000,90.0000,D7\n"
     )
     document = _read(tmp_path, "a.scr", text)
-    (row,) = _rows(document, "zenith_directions")
-    assert (row["to"], float(row["horizontal"]), float(row["zenith"])) == ("P", 90.0, 90.0)
+    (row,), (zenith,) = _rows(document, "bearing"), _rows(document, "zenith_angle")
+    assert (row["to"], float(row["bearing"]), float(zenith["zenith_angle"])) == ("P", 90.0, 90.0)
     assert _rows(document, "distance")[0]["distance"] == "20.0"
     assert _points(document)[0][1][0][1:4] == ["100.0", "200.0", "10.0"]
 

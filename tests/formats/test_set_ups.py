@@ -247,6 +247,77 @@ def test_computed_coordinates_of_a_station_that_no_sight_reached_are_given(tmp_p
     assert _points(document) == {"A": [200.0, 100.0, 10.0], "B": [230.0, 150.0, 10.0]}
 
 
+def test_azimuths_of_backsights_orient_stations_that_sight_no_known_point(tmp_path: Path) -> None:
+    """The circle reads 30° at the backsight, whose azimuth is 90°: the azimuth of P is 60° more than its reading."""
+    lines = [
+        _sdr("02KI", "A", "100.0", "200.0", "10.0", "1.5"),
+        _sdr("07TP", "A", "R", "90.0", "30.0"),
+        _sdr_sight("A", "R", 8.0, 90.0, 30.0),
+        _sdr_sight("A", "P", 5.0, 90.0, 100.0),
+    ]
+    document = _read(tmp_path, "b.sdr", SDR + "\n".join(lines))
+    assert [row["bearing"] for row in _rows(document, "bearing")] == ["90.0", "160.0"]
+    text = "CO,Angle Units: DDDMMSS\nMP,A,,100,200,10,\nST,A,,R,,1.5,90.0000,30.0000\nSS,P,1.5,5,100.0000,90.0000,,\n"
+    document = _read(tmp_path, "b.raw", "CO,Nikon RAW data format V2.00\n" + text)
+    assert {row["to"]: row["bearing"] for row in _rows(document, "bearing")} == {"R": "90.0", "P": "160.0"}
+
+
+def _gsi(name: str, **words: str) -> str:
+    """A block of GSI-16; names of words are w21_324."""
+    cells = "".join(f"{key[1:].replace('_', '.')}+{value:>016} " for key, value in words.items())
+    return f"*110001+{name:>016} {cells}\n"
+
+
+def test_gsi_computed_coordinates_orient_and_tell_the_unit(tmp_path: Path) -> None:
+    """S (100, 200) is written with a digit more than its unit says; P is 30 m east of it, the circle reads 80 gon."""
+    station = _gsi("S", w84__10="1000000", w85__10="2000000", w86__="5000", w88__10="0")
+    sight = {"w21_022": "8000000", "w22_022": "10000000", "w31__00": "30000"}
+    sights = [
+        _gsi("P", **sight, w81__00="130000", w82__00="200000", w83__00="5000"),
+        _gsi("Q", **(sight | {"w21_022": "18000000"}), w81__00="100000", w82__00="170000", w83__00="5000"),
+    ]
+    document = _read(tmp_path, "b.gsi", station + "".join(sights))
+    assert _points(document) == {"S": [100.0, 200.0, 5.0]}
+    assert "10 times those from which the instrument computed" in _notes(document)
+    assert [float(row["bearing"]) for row in _rows(document, "bearing")] == pytest.approx([100.0, 200.0])
+    turned = sights[0] + sights[1].replace("18000000", "17000000")
+    document = _read(tmp_path, "b.gsi", station + turned)
+    assert not _rows(document, "bearing"), "computed coordinates of another orientation"
+
+
+def test_given_coordinates_beyond_the_reach_of_sights_are_left_out(tmp_path: Path) -> None:
+    """A is 20 km from B and C though 90 m of sights lead to them; B and C agree."""
+    lines = [
+        *(_sdr("08KI", name, "0.0", x, "7.0") for name, x in (("A", "20000.0"), ("B", "100.0"), ("C", "150.5"))),
+        _sdr("02TP", "S", "", "", "", "1.5"),
+        *(_sdr_sight("S", name, 45.0, 90.0, hz) for name, hz in (("A", 0.0), ("B", 90.0), ("C", 158.0))),
+    ]
+    document = _read(tmp_path, "b.sdr", SDR + "\n".join(lines))
+    assert set(_points(document)) == {"B", "C"}
+    assert "farther from other given ones than the sights between them reach (1 record, lines 2)" in _notes(document)
+
+
+@pytest.mark.parametrize(("rough", "used"), [(90.1, 2), (90.001, 3)])
+def test_rough_zenith_angles_of_pointings(tmp_path: Path, rough: float, used: int) -> None:
+    sights = [("B", "", rough, 0.0), ("P", 20.0, 91.0, 50.0), ("B", 60.0, 90.0, 0.0)]
+    lines = [f"09F1{'S':>16}{to:>16}{slope:<16}{zenith:<16}{hz:<16}" for to, slope, zenith, hz in sights]
+    document = _read(tmp_path, "b.sdr", SDR + "\n".join([_sdr("02TP", "S", "", "", "", "1.5"), *lines]))
+    assert len(_rows(document, "zenith_directions")) == used
+    assert ("which are rough" in _notes(document)) is (used == 2)
+
+
+@pytest.mark.parametrize(("slope", "is_given"), [(50.0, True), (70.0, False)])
+def test_an_origin_at_0_is_given_if_distances_fit_it(tmp_path: Path, slope: float, is_given: bool) -> None:
+    lines = [
+        _sdr("02TP", "O", "0.0", "0.0", "0.0", "1.5"),
+        _sdr("08KI", "B", "30.0", "40.0", "1.0"),
+        _sdr_sight("O", "B", slope, 90.0, 53.13),
+    ]
+    document = _read(tmp_path, "b.sdr", SDR + "\n".join(lines))
+    assert ("O" in _points(document)) is is_given
+    assert ("all 0" in _notes(document)) is not is_given
+
+
 def test_a_resection_of_sdr_precedes_its_station(tmp_path: Path) -> None:
     """The readings of the last attempt count; the station and its coordinates follow from them."""
     lines = [
@@ -327,7 +398,7 @@ def test_nikon_stations_backsights_and_uploaded_points(tmp_path: Path) -> None:
 def test_geodimeter_labels(tmp_path: Path) -> None:
     """Both faces from 24 and 17; coordinates of a point with readings are computed, those of 62 are its own."""
     text = "2=S\n37=10.0\n38=20.0\n39=5.0\n62=R\n37=110.0\n38=20.0\n3=1.6\n23=1112\n"
-    text += "5=P\n6=1.3\n24=100.0000\n25=100.0000\n17=300.0000\n18=300.0000\n9=50.0\n37=10.0\n38=70.0\n39=5.3\n"
+    text += "5=P\n6=1.3\n24=100.0000\n25=100.0000\n17=300.0000\n18=300.0000\n9=50.0\n37=10.0\n38=75.0\n39=5.3\n"
     text += "5=Q\n7=50.0000\n8=100.0000\n9=0.000\nEND\n"
     document = _read(tmp_path, "b.job", text)
     assert _points(document)["S"][:2] == [20.0, 10.0]
@@ -374,7 +445,8 @@ def test_derived_values_of_landxml(tmp_path: Path, measured: bool) -> None:
     """Azimuths beside circle readings, and 0 to several targets, are none; nor are points that Leica calls measured."""
     leica = '<HexagonLandXML><Point uniqueID="2" class="measured"/></HexagonLandXML>' if measured else ""
     document = _read(tmp_path, "b.xml", LANDXML.format(leica=leica))
-    assert not _tables(document, "bearing")
+    # The azimuth of P in its coordinates orients the set-up: 0, not the reading 10 nor the azimuth of others.
+    assert [(row["to"], float(row["bearing"])) for row in _rows(document, "bearing")] == [("P", 0.0)] * measured
     assert [row["to"] for row in _rows(document, "horizontal_distance")] == ["Q", "R"]
     assert set(_points(document)) == ({"A"} if measured else {"A", "P"})
     notes = _notes(document)
@@ -390,7 +462,7 @@ def test_idx_classes_tell_given_from_computed(tmp_path: Path) -> None:
     text = (
         "HEADER\n\tUNITS\n\t\tANGULAR GON\n\t\tLINEAR METRE\n\tEND UNITS\nEND HEADER\nDATABASE\n"
         "\tPOINTS(PointNo, PointID, East, North, Elevation, Code, Date, CLASS)\n"
-        '\t\t1,\t"A", 1.0, 2.0, 3.0,"",\t,\tCTRL;\n\t\t2,\t"B", 11.0, 2.0, 3.0,"",\t,\tMEAS;\n'
+        '\t\t1,\t"A", 1.0, 2.0, 3.0,"",\t,\tCTRL;\n\t\t2,\t"B", 16.0, 2.0, 3.0,"",\t,\tMEAS;\n'
         '\t\t3,\t"C", 12.0, 2.0, 3.0,"",\t,\tAVGE;\n\tEND POINTS\n'
         '\tSETUP\n\t\tSTN_NO 1\n\t\tSTN_ID "A"\n\t\tINST_HT 1.5;\n\tEND SETUP\n'
         "\tSLOPE(TgtNo, TgtID, CfgNo, Hz, Vz, SDist, RefHt)\n"

@@ -411,6 +411,7 @@ def read_colmap(path: Path) -> Document:
         draft.frame("points", "points3D", frame)
     _put_image_points(model, draft)
     draft.put("datum", "free")
+    draft.put("settings", {"undetermined": "leave_out"})
     looser = [str(camera.id) for camera in cameras if has_one_unknown_more(camera.model)]
     if looser:
         words = "fx and fy are two unknowns, one focal length in COLMAP"
@@ -423,8 +424,8 @@ def read_colmap(path: Path) -> Document:
 
 
 def read_model(folder: Path, draft: Draft) -> ColmapModel:
-    """The files of a folder; binary ones where both are there. Raises :class:`InputError` if one is missing."""
-    end = ".bin" if (folder / "cameras.bin").is_file() else ".txt"
+    """The files of a folder; binary ones where both are whole. Raises :class:`InputError` if one is missing."""
+    end = max((".bin", ".txt"), key=lambda end: sum((folder / f"{part}{end}").is_file() for part in _PARTS))
     missing = [f"{name}{end}" for name in _PARTS if not (folder / f"{name}{end}").is_file()]
     if missing:
         words = f"this folder has no {', '.join(missing)}; a COLMAP model has {', '.join(_PARTS)} as .bin or .txt"

@@ -17,6 +17,7 @@ from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from math import atan2, cos, hypot, pi, radians, sin, sqrt, tau
 from pathlib import Path
+from statistics import median
 from typing import Any, NamedTuple
 
 from mor.errors import counted
@@ -47,6 +48,8 @@ APART, APART_IN_HEIGHT = 0.5, 3.0
 """Metres in plan and in height (a target height may be wrong) beyond which two sights are not to the same point."""
 ELSEWHERE = 1e5
 """Metres from all others beyond which whole metres are another system."""
+FARTHER = 1.1
+"""Factor and metres by which given points may be farther apart than the sights between them: target heights, scale."""
 SAME_PLACE = 0.01
 """Metres within which readings are to the same place."""
 LEAST_COPIED = 3
@@ -60,6 +63,8 @@ COMPUTED = "coordinates that the instrument computed from its readings"
 _ZERO = "coordinates that are all 0"
 _ZERO_HEIGHTS = "heights of given points that are all 0"
 _HEIGHT = "target heights that differ from those of a later sight to the same place, which are used instead"
+_CONTRADICTED = "coordinates that are farther from other given ones than the sights between them reach"
+_POINTING = "zenith angles of first sights without a distance, which are rough: these sights set the circle"
 _PRESET = "coordinates that an instrument presets: several stations share them, or they are far from others"
 
 
@@ -353,8 +358,10 @@ class FieldBook:
         """Put everything into the draft."""
         draft = self.draft
         self._settle()
+        self._drop_pointings()
         self._take_zeros()
         self._drop_presets()
+        self._drop_contradicted()
         self._drop_zero_heights()
         self._orient()
         levelled = self._level()
@@ -430,14 +437,55 @@ class FieldBook:
         sights = [sight for set_up in self.set_ups for sight in set_up.sights]
         return any(sight.zenith is not None or sight.slope is not None for sight in sights)
 
+    def _drop_pointings(self) -> None:
+        """Leave out the zenith angles of first sights without a distance if they are rough.
+
+        Such a sight sets the circle: the target is pointed at in direction only. That is so in a book whose later
+        sights to these targets have other zenith angles.
+        """
+        turned = CIRCLE_SET * self._full
+        first = [
+            (set_up, set_up.sights[0])
+            for set_up in self.set_ups
+            if set_up.sights and set_up.sights[0].slope is None and set_up.sights[0].zenith is not None
+        ]
+        apart = [
+            abs((other.zenith or 0.0) - (sight.zenith or 0.0))
+            for set_up, sight in first
+            for other in set_up.sights[1:]
+            if other.target == sight.target and other.slope and face_of(other, self._full) == face_of(sight, self._full)
+        ]
+        if not apart or median(apart) < turned:
+            return
+        reached = {
+            name for set_up in self.set_ups for s in set_up.sights if s.slope for name in (set_up.station, s.target)
+        }
+        for set_up, sight in first:
+            if sight.target in reached and sight.horizontal is not None:
+                self.leave_out(_POINTING, sight.line)
+                set_up.sights[0] = sight._replace(zenith=None, face=face_of(sight, self._full))
+
     def _take_zeros(self) -> None:
-        """Take coordinates that are all 0 as those of the origin if no other point is given; otherwise, as none."""
+        """Take coordinates that are all 0 as those of the origin if nothing else is given, or if distances fit them."""
         is_origin = not self.points and len({name for name, _ in self.zeros}) == 1
         for name, place in self.zeros:
-            if is_origin and None not in (place.height, 0.0 if self.levelling.reached else place.east):
+            whole = None not in (place.height, 0.0 if self.levelling.reached else place.east)
+            if whole and (is_origin or (name not in self.points and self._fits(name, place))):
                 self.points[name] = place
-            else:
+            elif name not in self.points or self.points[name][:3] != place[:3]:
                 self.leave_out(_ZERO, place.line)
+
+    def _fits(self, name: str, place: PointRecord) -> bool:
+        """Return whether distances from and to given points agree with coordinates of a point."""
+        misfits = [
+            self._misfit(end, sight._replace(target=target))
+            for set_up in self.set_ups
+            for sight in set_up.sights
+            for end, target in ((place, sight.target), (place, set_up.station))
+            if name in (set_up.station, sight.target) and name != target
+        ]
+        found = [misfit for misfit in misfits if misfit is not None]
+        return bool(found) and max(found) <= 1.0
 
     def _drop_presets(self) -> None:
         """Leave out coordinates that an instrument presets: several stations share them, or they are far from others.
@@ -458,6 +506,35 @@ class FieldBook:
             if far or shared[plans[name]] > 1:
                 self.leave_out(_PRESET, self.points.pop(name).line)
 
+    def _drop_contradicted(self) -> None:
+        """Leave out given coordinates that are farther from most others than the sights between them reach.
+
+        They are of another system. Nothing is left out if that concerns half of the points or more, unless the others
+        alone are no whole metres.
+        """
+        plans = {
+            name: complex(place.east, place.north)
+            for name, place in self.points.items()
+            if place.east is not None and place.north is not None
+        }
+        lines = [
+            (set_up.station, sight.target, sight.slope or sight.horizontal_distance or 0.0)
+            for set_up in self.set_ups
+            for sight in set_up.sights
+        ]
+        reach = _reach(list(plans), [line for line in lines if line[2]])
+        bad = {(a, b) for a, b in reach if abs(plans[a] - plans[b]) > FARTHER * reach[a, b] + FARTHER}
+        left = list(plans)
+        while any(a in left and b in left for a, b in bad):
+            counts = {a: sum(((a, b) in bad) - ((a, b) not in bad) for b in left if (a, b) in reach) for a in left}
+            whole = {a: (plans[a].real % 1.0 == plans[a].imag % 1.0 == 0.0) for a in left}
+            left.remove(max(left, key=lambda a: (counts[a], whole[a])))
+        dropped = [name for name in plans if name not in left]
+        is_whole = [plans[name].real % 1.0 == plans[name].imag % 1.0 == 0.0 for name in dropped]
+        if 2 * len(dropped) < len(plans) or (all(is_whole) and len(left) >= len(dropped)):
+            for name in dropped:
+                self.leave_out(_CONTRADICTED, self.points.pop(name).line)
+
     def _drop_zero_heights(self) -> None:
         """Leave out the heights of given points if all are 0: instruments write it for none."""
         heights = [place.height for place in self.points.values() if place.height is not None]
@@ -471,7 +548,7 @@ class FieldBook:
         """Turn circle readings into azimuths where nothing but the orientation that the book says tells the direction.
 
         That is at stations with given coordinates that sight no point with given coordinates, or with a place from
-        another station.
+        another station, and at one set-up of a part of the book with one given point.
         """
         placed: dict[str, set[int]] = {}
         for k, set_up in enumerate(self.set_ups):
@@ -479,11 +556,17 @@ class FieldBook:
             for sight in set_up.sights:
                 if sight.slope or sight.horizontal_distance:
                     placed.setdefault(sight.target, set()).add(k)
-        turned = []
+        turned = list[InstrumentSetUp]()
+        alone = [part for part in _parts(self.set_ups) if len(part & self.points.keys()) == 1]
         for k, set_up in enumerate(self.set_ups):
             targets = {sight.target for sight in set_up.sights if sight.horizontal is not None}
+            part = next((part for part in alone if set_up.station in part), None)
             tied = any(name in self.points or placed.get(name, set()) - {k} for name in targets)
-            if set_up.orientation is None or tied or set_up.station not in self.points or not targets:
+            if (tied and part is None) or set_up.station not in self.points or not targets:
+                continue
+            if set_up.orientation is None:
+                set_up.orientation = self._computed_orientation(set_up)
+            if set_up.orientation is None or (tied and any(other.station in (part or ()) for other in turned)):
                 continue
             turned.append(set_up)
             set_up.sights = [
@@ -498,10 +581,27 @@ class FieldBook:
         if turned:
             names = ", ".join(s.station for s in turned[:_NAMED]) + (", …" if len(turned) > _NAMED else "")
             self.draft.note(
-                f"{counted(len(turned), 'set-up')} oriented by the azimuth of the backsight that the book says, as no "
-                f"known point is sighted: {names}",
+                f"{counted(len(turned), 'set-up')} oriented by the azimuth of the backsight that the book says, or by "
+                f"computed coordinates, as no known point is sighted: {names}",
                 turned[0].line,
             )
+
+    def _computed_orientation(self, set_up: InstrumentSetUp) -> float | None:
+        """What the instrument added to circle readings to compute the targets; ``None`` if that is not one angle."""
+        station, full = self.points[set_up.station], self._full
+        turns = []
+        for sight in set_up.sights:
+            end, polar = self.computed.get(sight.target), self._polar(sight)
+            if end is None or polar is None or sight.horizontal is None or None in (*end[:2], *station[:2]):
+                continue
+            east, north = (end.east or 0.0) - (station.east or 0.0), (end.north or 0.0) - (station.north or 0.0)
+            if polar[0] > 1.0 and abs(hypot(east, north) - polar[0]) < AGREES:
+                turns.append(atan2(east, north) * full / tau - sight.horizontal - self._flip(sight))
+        apart = [(turn - turns[0] + full / 2) % full - full / 2 for turn in turns]
+        is_turned = len({sight.before for sight in set_up.sights}) > 1
+        if not turns or is_turned or max(map(abs, apart)) > CIRCLE_SET * full:
+            return None
+        return turns[0] + sum(apart) / len(apart)
 
     def _flip(self, sight: Sight) -> float:
         """Half a circle for a reading in face two."""
@@ -741,6 +841,26 @@ class FieldBook:
         return atan2((end.east or 0.0) - (station.east or 0.0), (end.north or 0.0) - (station.north or 0.0))
 
 
+def _reach(names: Sequence[str], lines: Sequence[tuple[str, str, float]]) -> dict[tuple[str, str], float]:
+    """Return the length of the shortest way along sights between each two of the points that sights connect."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import dijkstra
+
+    shortest: dict[tuple[str, str], float] = {}
+    for start, end, length in lines:
+        key = min(start, end), max(start, end)
+        shortest[key] = max(length, shortest.get(key, 0.0))
+    numbers = {name: k for k, name in enumerate(dict.fromkeys(name for key in shortest for name in key))}
+    known = [name for name in names if name in numbers]
+    if len(known) < 2:
+        return {}
+    ends = ([numbers[key[0]] for key in shortest], [numbers[key[1]] for key in shortest])
+    graph = coo_array((list(shortest.values()), ends), shape=(len(numbers), len(numbers))).tocsr()
+    found = dijkstra(graph, directed=False, indices=[numbers[name] for name in known])
+    ways = {(a, b): float(row[numbers[b]]) for a, row in zip(known, found, strict=True) for b in known if a != b}
+    return {key: way for key, way in ways.items() if way < float("inf")}
+
+
 def _same_plan(place: PointRecord, coordinates: tuple[float | None, float | None]) -> bool:
     """Return whether a point has these coordinates in plan, but for rounding."""
     pairs = zip(place[:2], coordinates, strict=True)
@@ -851,19 +971,22 @@ def _put_table(book: FieldBook, columns: Sequence[str], rows: Sequence[Row], fla
             book.draft.table("points", columns, chosen, **held)
 
 
+def _parts(occupied: Sequence[InstrumentSetUp], levelled: Sequence[LevelledDifference] = ()) -> list[set[str]]:
+    """Points of the parts of a book that sights and height differences connect."""
+    parts = [{set_up.station, *(sight.target for sight in set_up.sights)} for set_up in occupied]
+    joined: list[set[str]] = []
+    for part in parts + [{row.start, row.end} for row in levelled]:
+        apart = [other for other in joined if other.isdisjoint(part)]
+        joined = [*apart, part.union(*(other for other in joined if not other.isdisjoint(part)))]
+    return joined
+
+
 def _given_together(
     book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: Sequence[LevelledDifference]
 ) -> int:
     """Return the most given points in a part of the book that sights connect; an azimuth there is worth one more."""
-    parts: list[set[str]] = []
     oriented = {set_up.station for set_up in occupied if any(s.bearing is not None for s in set_up.sights)}
-    for set_up in occupied:
-        parts.append({set_up.station, *(sight.target for sight in set_up.sights)})
-    parts += [{row.start, row.end} for row in levelled]
-    joined: list[set[str]] = []
-    for part in parts:
-        apart = [other for other in joined if other.isdisjoint(part)]
-        joined = [*apart, part.union(*(other for other in joined if not other.isdisjoint(part)))]
+    joined = _parts(occupied, levelled)
     given = [(len(part & book.points.keys()), not part.isdisjoint(oriented)) for part in joined]
     return max((count + (count and azimuth) for count, azimuth in given), default=0)
 

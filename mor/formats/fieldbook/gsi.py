@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from mor.formats.draft import Draft, parse_number
-from mor.formats.fieldbook.book import FieldBook, PointRecord, Sight, records, sexagesimal
+from mor.formats.fieldbook.book import AGREES, FieldBook, PointRecord, Sight, records, sexagesimal
 from mor.project.document import Document
 from mor.project.levelling import StaffReading
 
@@ -265,6 +265,31 @@ class _GsiReader:
         self.sighted = name
         if not {"81", "82"} & set(words):
             self.book.unlocated.add(line)
+        elif slope:
+            self._correct_unit(self._place(words, line, 81), slope)
+
+    def _correct_unit(self, target: tuple[float | None, float | None, float | None], slope: float) -> None:
+        """Divide coordinates of the station by 10 or 100 if only then the computed ones of a target fit the distance.
+
+        Format files may write another number of decimals than the unit that they write says.
+        """
+        station = self.book.set_ups[-1].station if self.book.set_ups else ""
+        place = self.book.points.get(station)
+        if place is None or None in (*place[:2], *target[:2]) or not any(target):
+            return
+        plan, end = complex(place.east or 0.0, place.north or 0.0), complex(target[0] or 0.0, target[1] or 0.0)
+        for factor in (1.0, 10.0, 100.0):
+            if abs(plan / factor - end) < AGREES + slope:
+                break
+        else:
+            return
+        if factor > 1.0:
+            self.book.points[station] = place._replace(east=plan.real / factor, north=plan.imag / factor)
+            self.book.draft.note(
+                f"the coordinates of {station!r} are {factor:g} times those from which the instrument computed its "
+                "targets: they are divided by it",
+                place.line,
+            )
 
     def _repeated_station(self, place: tuple[float | None, ...], line: int) -> None:
         """Coordinates of the station in a block of readings: others than those of the open set-up open one."""

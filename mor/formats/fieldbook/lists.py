@@ -152,11 +152,12 @@ class _Nikon:
     def _station(self, rest: list[str], line: int) -> None:
         set_up = self.book.set_up(rest[0], line, self._length(rest[4]) or 0.0, resection=self.resection)
         try:
-            circle = self._angle(rest[6]) if rest[2] else None
+            azimuth, circle = map(self._angle, rest[5:7]) if rest[2] else (None, None)
         except ValueError:
-            circle = None
+            azimuth = circle = None
         if circle is not None and not self.resection:
             self.backsights.append((set_up, Sight(rest[2], line, circle, face=1)))
+            set_up.orientation = None if azimuth is None else azimuth - circle
         self.resection = 0
 
     def _sight(self, kind: str, rest: list[str], line: int) -> None:

@@ -750,6 +750,8 @@ class _SDRReader:
         elif kind == "09":
             self.book.leave_out(_REDUCED, line)
         else:
+            if kind == "07":
+                self._orientation(text)
             if kind == "13" and "resection" in text.lower():
                 self.book.forget_waiting("sights of a resection that was started again")
                 self.resection = line
@@ -759,6 +761,12 @@ class _SDRReader:
         name, *place, height = self._fields(text, 1, 4)
         self.book.set_up(name, line, self._length(height) or 0.0, self._place(place), resection=self.resection)
         self.resection = 0
+
+    def _orientation(self, text: str) -> None:
+        """Azimuth of the backsight and the circle reading to it."""
+        station, _, azimuth, circle = self._fields(text, 2, 2)
+        if azimuth and circle and self.book.set_ups and self.book.set_ups[-1].station == station:
+            self.book.set_ups[-1].orientation = parse_number(azimuth) - parse_number(circle)
 
     def _head(self, text: str, line: int) -> None:
         """Name and version, date, and a digit each: angles, lengths, pressure, temperature, order of coordinates."""

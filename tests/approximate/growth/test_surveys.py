@@ -28,9 +28,7 @@ answers tried one after another, ties by any observations, rough start values le
 QUICK = (4001, 7137, 1, 14, 16, 17, 22, 23, 25)
 
 
-@pytest.mark.parametrize(
-    "seed", slow_but(QUICK, [*FIRST, *TILTED, *FEW, *TWICE, *ROUNDS, *ANYWHERE, *range(1, 34)])
-)
+@pytest.mark.parametrize("seed", slow_but(QUICK, [*FIRST, *TILTED, *FEW, *TWICE, *ROUNDS, *ANYWHERE, *range(1, 34)]))
 def test_a_survey_starts_from_nothing(seed, tmp_path):
     trial = compared(*composed(seed).write(tmp_path), frozenset())
     assert trial.reached or not trial.counts, trial.words
