@@ -297,7 +297,7 @@ class _Adjusted(NamedTuple):
 def _adjusted(network: Network, watch: Watcher | None) -> _Adjusted:
     found = _from_start_values(network, watch)
     ended = found.attempt.adjustment
-    if ended.outcome.is_solution or not ended.iterations:
+    if (ended.outcome.is_solution and found.attempt.suspects is None) or not ended.iterations:
         return found
     anew = _without_poses(network)
     start = None if anew is None else start_or_nothing(anew)
