@@ -20,6 +20,10 @@ from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
 
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import dijkstra
+
 from mor.errors import counted
 from mor.formats.draft import Draft, Row, read_lines
 from mor.project.levelling import (
@@ -30,6 +34,7 @@ from mor.project.levelling import (
     LevelledDifference,
     Levelling,
 )
+from mor.types import FloatArray
 
 SIGMA_ANGLE = "3 arcsec"
 SIGMA_DISTANCE, PPM = "2 mm", "2"
@@ -50,6 +55,8 @@ ELSEWHERE = 1e5
 """Metres from all others beyond which whole metres are another system."""
 FARTHER = 1.1
 """Factor and metres by which given points may be farther apart than the sights between them: target heights, scale."""
+MOST_COMPARED = 2_000
+"""Given points of a book up to which each is compared with every other."""
 SAME_PLACE = 0.01
 """Metres within which readings are to the same place."""
 LEAST_COPIED = 3
@@ -510,30 +517,47 @@ class FieldBook:
         """Leave out given coordinates that are farther from most others than the sights between them reach.
 
         They are of another system. Nothing is left out if that concerns half of the points or more, unless the others
-        alone are no whole metres.
+        alone are no whole metres. Books of more than ``MOST_COMPARED`` given points are taken as they are.
         """
         plans = {
             name: complex(place.east, place.north)
             for name, place in self.points.items()
             if place.east is not None and place.north is not None
         }
-        lines = [
-            (set_up.station, sight.target, sight.slope or sight.horizontal_distance or 0.0)
-            for set_up in self.set_ups
-            for sight in set_up.sights
-        ]
-        reach = _reach(list(plans), [line for line in lines if line[2]])
-        bad = {(a, b) for a, b in reach if abs(plans[a] - plans[b]) > FARTHER * reach[a, b] + FARTHER}
-        left = list(plans)
-        while any(a in left and b in left for a, b in bad):
-            counts = {a: sum(((a, b) in bad) - ((a, b) not in bad) for b in left if (a, b) in reach) for a in left}
-            whole = {a: (plans[a].real % 1.0 == plans[a].imag % 1.0 == 0.0) for a in left}
-            left.remove(max(left, key=lambda a: (counts[a], whole[a])))
-        dropped = [name for name in plans if name not in left]
-        is_whole = [plans[name].real % 1.0 == plans[name].imag % 1.0 == 0.0 for name in dropped]
-        if 2 * len(dropped) < len(plans) or (all(is_whole) and len(left) >= len(dropped)):
-            for name in dropped:
+        if not 2 <= len(plans) <= MOST_COMPARED:
+            return
+        places, ways = np.array(list(plans.values())), self._ways(list(plans))
+        bad = np.isfinite(ways) & (np.abs(places[:, None] - places) > FARTHER * ways + FARTHER)
+        contradicted, excess = bad.sum(axis=1), (2 * bad - np.isfinite(ways).astype(int)).sum(axis=1)
+        is_whole = (places.real % 1.0 == 0.0) & (places.imag % 1.0 == 0.0)
+        left = np.ones(len(places), dtype=bool)
+        while contradicted[left].any():
+            worst = max(np.flatnonzero(left).tolist(), key=lambda k: (excess[k], is_whole[k]))
+            left[worst] = False
+            contradicted -= bad[worst]
+            excess -= 2 * bad[worst] - np.isfinite(ways[worst]).astype(int)
+        dropped = 2 * np.count_nonzero(~left)
+        if dropped < len(left) or (dropped == len(left) and is_whole[~left].all()):
+            for name in np.array(list(plans))[~left].tolist():
                 self.leave_out(_CONTRADICTED, self.points.pop(name).line)
+
+    def _ways(self, names: Sequence[str]) -> FloatArray:
+        """Lengths (n, n) of the shortest ways along sights between points; infinite if there is none."""
+        longest: dict[tuple[str, str], float] = {}
+        for set_up in self.set_ups:
+            for sight in set_up.sights:
+                length = sight.slope or sight.horizontal_distance
+                if length:
+                    key = min(set_up.station, sight.target), max(set_up.station, sight.target)
+                    longest[key] = max(length, longest.get(key, 0.0))
+        seen = Counter(name for key in longest for name in key)
+        number = {name: k for k, name in enumerate(dict.fromkeys([*names, *(n for n in seen if seen[n] > 1)]))}
+        kept = [key for key in longest if key[0] in number and key[1] in number]
+        ends = [number[a] for a, _ in kept], [number[b] for _, b in kept]
+        graph = coo_array(([longest[key] for key in kept], ends), shape=(len(number), len(number))).tocsr()
+        ways: FloatArray = dijkstra(graph, directed=False, indices=np.arange(len(names)))[:, : len(names)]
+        np.fill_diagonal(ways, np.inf)
+        return ways
 
     def _drop_zero_heights(self) -> None:
         """Leave out the heights of given points if all are 0: instruments write it for none."""
@@ -839,26 +863,6 @@ class FieldBook:
         if end is None or None in end[:2] or None in station[:2]:
             return None
         return atan2((end.east or 0.0) - (station.east or 0.0), (end.north or 0.0) - (station.north or 0.0))
-
-
-def _reach(names: Sequence[str], lines: Sequence[tuple[str, str, float]]) -> dict[tuple[str, str], float]:
-    """Return the length of the shortest way along sights between each two of the points that sights connect."""
-    from scipy.sparse import coo_array
-    from scipy.sparse.csgraph import dijkstra
-
-    shortest: dict[tuple[str, str], float] = {}
-    for start, end, length in lines:
-        key = min(start, end), max(start, end)
-        shortest[key] = max(length, shortest.get(key, 0.0))
-    numbers = {name: k for k, name in enumerate(dict.fromkeys(name for key in shortest for name in key))}
-    known = [name for name in names if name in numbers]
-    if len(known) < 2:
-        return {}
-    ends = ([numbers[key[0]] for key in shortest], [numbers[key[1]] for key in shortest])
-    graph = coo_array((list(shortest.values()), ends), shape=(len(numbers), len(numbers))).tocsr()
-    found = dijkstra(graph, directed=False, indices=[numbers[name] for name in known])
-    ways = {(a, b): float(row[numbers[b]]) for a, row in zip(known, found, strict=True) for b in known if a != b}
-    return {key: way for key, way in ways.items() if way < float("inf")}
 
 
 def _same_plan(place: PointRecord, coordinates: tuple[float | None, float | None]) -> bool:
