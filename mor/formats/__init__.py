@@ -119,12 +119,4 @@ def _unknown(path: Path, key: str) -> str:
     return explain_unknown(path)
 
 
-__all__ = [
-    "FORMATS",
-    "format_of",
-    "format_to_write",
-    "is_foreign",
-    "read_foreign",
-    "read_together",
-    "write_foreign",
-]
+__all__ = ["FORMATS", "format_of", "format_to_write", "is_foreign", "read_foreign", "read_together", "write_foreign"]

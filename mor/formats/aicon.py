@@ -236,10 +236,7 @@ def write_aicon(document: Document, folder: Path, target: Path) -> Written:
     stem = target.with_suffix("") if target.suffix in files else target
     notes = [*without, *gone, *not_carried(content, ("image", "distance"), (), "AICON's files")]
     partly = int((_known(places).any(axis=1) & ~_known(places).all(axis=1)).sum())
-    for count, what in (
-        (partly, "point with control in some components only"),
-        (lost, "distance with heights"),
-    ):
+    for count, what in ((partly, "point with control in some components only"), (lost, "distance with heights")):
         if count:
             notes.append(Message(f"{counted(count, what)}: as if there were none", str(stem)))
     notes.append(Message(_TOLD, str(stem)))

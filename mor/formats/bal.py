@@ -139,15 +139,7 @@ def read_bundler(path: Path) -> Document:
     _check_end(numbers)
     R = given[:, 3:12].reshape(-1, 3, 3)
     return _document(
-        BalBlock(
-            R,
-            given[:, 12:],
-            given[:, :3],
-            xyz,
-            np.concatenate(image),
-            np.concatenate(point),
-            np.concatenate(xy),
-        ),
+        BalBlock(R, given[:, 12:], given[:, :3], xyz, np.concatenate(image), np.concatenate(point), np.concatenate(xy)),
         path,
     )
 
@@ -192,11 +184,7 @@ def _document(block: BalBlock, path: Path) -> Document:
 
 def _camera(f: float, k1: float, k2: float) -> dict[str, object]:
     interior = {"c": f, "A1": k1 / (f * f), "A2": k2 / (f * f) ** 2}
-    return {
-        "model": "mor",
-        "unit": "px",
-        "interior": {name: {"free": repr(float(v))} for name, v in interior.items()},
-    }
+    return {"model": "mor", "unit": "px", "interior": {name: {"free": repr(float(v))} for name, v in interior.items()}}
 
 
 def write_bal(document: Document, folder: Path, target: Path) -> Written:

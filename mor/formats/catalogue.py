@@ -77,11 +77,7 @@ FORMATS: dict[str, FileFormat] = {
         Code("mor.formats.bal", "write_bal"),
         suffixes=(".bal",),
     ),
-    "bundler": FileFormat(
-        "Bundler (bundle.out)",
-        Code("mor.formats.bal", "read_bundler"),
-        suffixes=(".out",),
-    ),
+    "bundler": FileFormat("Bundler (bundle.out)", Code("mor.formats.bal", "read_bundler"), suffixes=(".out",)),
     "gkf": FileFormat(
         "GNU Gama network",
         Code("mor.formats.gkf.reader", "read_gkf"),
@@ -105,9 +101,7 @@ FORMATS: dict[str, FileFormat] = {
         untried="with real jobs only GNSS surveys were tested; total-station records follow the schema",
     ),
     "starnet": FileFormat(
-        "STAR*NET input data",
-        Code("mor.formats.starnet", "read_starnet"),
-        Code("mor.formats.starnet", "write_starnet"),
+        "STAR*NET input data", Code("mor.formats.starnet", "read_starnet"), Code("mor.formats.starnet", "write_starnet")
     ),
     "dynadjust": FileFormat(
         "DynAdjust DNA files (.stn with .msr, and .geo): networks on the earth",

@@ -334,10 +334,7 @@ def _by_name(names: list[str]) -> dict[str, str]:
     stems: dict[str, list[str]] = {}
     for name in names:
         stems.setdefault(PurePath(name).stem, []).append(name)
-    return {
-        **{stem: found[0] for stem, found in stems.items() if len(found) == 1},
-        **{name: name for name in names},
-    }
+    return {**{stem: found[0] for stem, found in stems.items() if len(found) == 1}, **{name: name for name in names}}
 
 
 def _fill(

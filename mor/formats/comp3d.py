@@ -63,10 +63,7 @@ _COLUMNS = {
 }
 _IN_FRAMES = {
     "local": ("system", "point", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"),
-    "directions": (
-        *("station", "to", "horizontal", "vertical"),
-        *("sigma_horizontal", "sigma_vertical", "to_height"),
-    ),
+    "directions": (*("station", "to", "horizontal", "vertical"), *("sigma_horizontal", "sigma_vertical", "to_height")),
     "distance": ("from", "to", "distance", "to_height", "sigma"),
 }
 _ROOT = re.compile(r'"root_(COR|OBS)_file"\s*:\s*("(?:[^"\\]|\\.)*")')
@@ -407,28 +404,9 @@ class _Reader:
             deflection = [value or None for value in point.deflection]
             row = _row([name, *point.place, *(s or None for s in sigma), *deflection], point.line)
             groups.setdefault((fixed, point.file), []).append(row)
-        columns = (
-            "id",
-            "x",
-            "y",
-            "z",
-            "sigma_x",
-            "sigma_y",
-            "sigma_z",
-            "deflection_east",
-            "deflection_north",
-        )
+        columns = ("id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z", "deflection_east", "deflection_north")
         if projected:
-            columns = (
-                "id",
-                "east",
-                "north",
-                "height",
-                "sigma_east",
-                "sigma_north",
-                "sigma_up",
-                *columns[-2:],
-            )
+            columns = ("id", "east", "north", "height", "sigma_east", "sigma_north", "sigma_up", *columns[-2:])
         for (held, file), rows in groups.items():
             other = file if file != draft.file else ""
             deflected = any(cell is not None for row in rows for cell in row.cells[-2:])
@@ -491,13 +469,7 @@ def _baseline(frame: _Frame, point: str, numbers: list[float], line: int) -> lis
         matrix[i, j] = matrix[j, i] = value * frame.factor**2
     if matrix.diagonal().min() < 0.0:
         return []
-    cells: list[str | float | None] = [
-        frame.origin,
-        point,
-        *numbers[:3],
-        frame.height,
-        *[*numbers, 0.0][9:10],
-    ]
+    cells: list[str | float | None] = [frame.origin, point, *numbers[:3], frame.height, *[*numbers, 0.0][9:10]]
     return [([_row(cells, line)], matrix)]
 
 

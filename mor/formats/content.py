@@ -388,16 +388,7 @@ def rays_of_points(
     return some_rays(rays, chosen), [Message(words, content.document.file)]
 
 
-_SECTIONS = (
-    "stations",
-    "systems",
-    "features",
-    "instruments",
-    "pairs",
-    "checks",
-    "trajectories",
-    "line_times",
-)
+_SECTIONS = ("stations", "systems", "features", "instruments", "pairs", "checks", "trajectories", "line_times")
 
 
 def not_carried(content: Content, types: tuple[str, ...], sections: tuple[str, ...], what: str) -> list[Message]:
@@ -412,10 +403,7 @@ def not_carried(content: Content, types: tuple[str, ...], sections: tuple[str, .
         if found and section not in sections:
             notes.append(counted(len(found), f"entry of {section}", f"entries of {section}"))
     if "image" in types:
-        for key, name in (
-            ("readout", "rolling shutter"),
-            ("image_variant", "image-variant interior orientation"),
-        ):
+        for key, name in (("readout", "rolling shutter"), ("image_variant", "image-variant interior orientation")):
             count = sum(bool(getattr(camera, key)) for camera in project.cameras.values())
             notes += [f"{name} of {counted(count, 'camera')}"] if count else []
     if project.curvature:

@@ -158,13 +158,7 @@ def _camera(texts: Texts, free: set[str], name: str, draft: Draft) -> dict[str, 
         if key in known
     }
     image = {"width": f"{columns:.0f}", "height": f"{rows:.0f}", "pixel": f"{pixel!r} {unit}"}
-    return {
-        "model": _MODELS[model],
-        "unit": unit,
-        "coordinates": "corner",
-        "image": image,
-        "interior": interior,
-    }
+    return {"model": _MODELS[model], "unit": unit, "coordinates": "corner", "image": image, "interior": interior}
 
 
 def _format(texts: Texts, name: str, draft: Draft) -> tuple[float, float, float, float, float]:

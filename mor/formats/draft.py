@@ -83,11 +83,7 @@ class Draft:
         return path
 
     def correlated(
-        self,
-        columns: Sequence[str],
-        clusters: Sequence[tuple[Sequence[Row], FloatArray]],
-        type_: str,
-        file: str = "",
+        self, columns: Sequence[str], clusters: Sequence[tuple[Sequence[Row], FloatArray]], type_: str, file: str = ""
     ) -> None:
         """Add observations of one type in clusters, rows with their covariance matrix each, as one table."""
         if len(clusters) == 1:

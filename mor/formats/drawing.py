@@ -293,11 +293,7 @@ def write_geojson(document: Document, folder: Path, target: Path) -> Written:
 
 
 def _feature(kind: str, coordinates: Any, properties: dict[str, Any]) -> dict[str, Any]:
-    return {
-        "type": "Feature",
-        "geometry": {"type": kind, "coordinates": coordinates},
-        "properties": properties,
-    }
+    return {"type": "Feature", "geometry": {"type": kind, "coordinates": coordinates}, "properties": properties}
 
 
 def _point(shown: Drawing, k: int) -> dict[str, Any]:
@@ -325,10 +321,7 @@ def write_landxml(document: Document, folder: Path, target: Path) -> Written:
     for name, (east, north, up) in zip(shown.ids, np.asarray(east_north).tolist(), strict=True):
         lines.append(f"<CgPoint name={quoteattr(name)}>{escape(f'{north!r} {east!r} {up!r}')}</CgPoint>")
     text = "\n".join([*lines, "</CgPoints>", "</LandXML>"]) + "\n"
-    notes = [
-        *shown.notes,
-        Message("LandXML has points only here: no σ, no images, no observations", str(target)),
-    ]
+    notes = [*shown.notes, Message("LandXML has points only here: no σ, no images, no observations", str(target))]
     return Written({target: text.encode()}, notes)
 
 
@@ -340,12 +333,7 @@ def write_ply(document: Document, folder: Path, target: Path) -> Written:
     shown = drawing_in_metres(document, folder)
     known = np.isfinite(shown.sigma).all(axis=1).any()
     names = ("x", "y", "z", *(("sx", "sy", "sz") if known else ()))
-    head = [
-        "ply",
-        "format ascii 1.0",
-        f"comment {_one_line(shown.title)}",
-        f"element vertex {len(shown.ids)}",
-    ]
+    head = ["ply", "format ascii 1.0", f"comment {_one_line(shown.title)}", f"element vertex {len(shown.ids)}"]
     head += [f"property double {name}" for name in names]
     values = np.concatenate([shown.xyz, np.nan_to_num(shown.sigma)], axis=1)[:, : len(names)]
     rows = [" ".join(map(repr, row)) for row in values.tolist()]

@@ -101,11 +101,7 @@ def _place(gps: dict[int, Any]) -> tuple[float, float, float] | None:
         return None
     south, west = str(gps.get(1)).upper().startswith("S"), str(gps.get(3)).upper().startswith("W")
     below = gps.get(5) in (1, b"\x01")
-    place = (
-        -latitude if south else latitude,
-        -longitude if west else longitude,
-        -height if below else height,
-    )
+    place = (-latitude if south else latitude, -longitude if west else longitude, -height if below else height)
     good = np.isfinite(place).all() and abs(latitude) <= 90.0 and abs(longitude) <= 180.0
     return place if good and (latitude or longitude) else None
 

@@ -37,13 +37,7 @@ from mor.units import ANGLE_UNITS
 _TABLE = re.compile(r'CREATE\s+(?:\w+\s+)?TABLE\s+(?:"?\w+"?\.)?"(\w+)"\s*\((.*)\)\s*;?\s*$', re.IGNORECASE)
 _INSERT = re.compile(r'INSERT\s+INTO\s+(?:"?\w+"?\.)?"(\w+)"\s+VALUES\s*\((.*)\)\s*;?\s*$', re.IGNORECASE)
 _VALUE = re.compile(r"\s*('(?:[^']|'')*'|[^',]*)\s*(,|$)")
-_TYPES = {
-    "1": "height_difference",
-    "2": "directions",
-    "3": "horizontal_distance",
-    "4": "distance",
-    "5": "zenith_angle",
-}
+_TYPES = {"1": "height_difference", "2": "directions", "3": "horizontal_distance", "4": "distance", "5": "zenith_angle"}
 """Types of observations by JAG3D's numbers; 6 to 8 are GNSS."""
 _SIGMA = {"directions": "5e-6", "zenith_angle": "5e-6"}
 SIGMA_LENGTH = "0.002"

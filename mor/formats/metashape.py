@@ -445,12 +445,7 @@ def _observed(pose: list[str | None], known: tuple[list[str | None], list[str | 
     if known is None:
         return [*pose, *[None] * 6]
     place, sigma = known
-    return [
-        *place,
-        *pose[3:],
-        *sigma,
-        *(s if p is not None else None for s, p in zip(pose[:3], place, strict=True)),
-    ]
+    return [*place, *pose[3:], *sigma, *(s if p is not None else None for s, p in zip(pose[:3], place, strict=True))]
 
 
 def _put_projections(chunk: Element, found: MetashapeChunk, draft: Draft) -> None:

@@ -127,11 +127,7 @@ def _by_cluster(group: ObservationTable, content: Content, number: int) -> Itera
         rows = np.unique(np.nonzero(seen)[0][own])
         matrix = np.array([given[k] for k in own.tolist()], dtype=float)
         yield replace(
-            group,
-            rows=group.rows.take(rows),
-            values=group.values[rows],
-            sigma=group.sigma[rows],
-            covariance=matrix,
+            group, rows=group.rows.take(rows), values=group.values[rows], sigma=group.sigma[rows], covariance=matrix
         )
 
 
@@ -204,11 +200,7 @@ def stations(content: Content) -> dict[str, tuple[str, float]]:
 
 
 def heights_of(
-    group: ObservationTable,
-    references: dict[str, str],
-    row: int,
-    known: dict[str, tuple[str, float]],
-    metres: float,
+    group: ObservationTable, references: dict[str, str], row: int, known: dict[str, tuple[str, float]], metres: float
 ) -> tuple[float, float]:
     """Heights of instrument and target of a row, m; ``references`` are its names."""
     own = float(np.nan_to_num(group.rows.number("from_height")[row])) * metres

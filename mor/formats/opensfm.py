@@ -419,8 +419,7 @@ def _put_tracks(
     frame = pl.DataFrame(rows, schema=["image", "point", "x", "y"], orient="row")
     draft.frame("observations", "tracks", frame, type="image", units="px", values={"sigma": "1"})
     draft.note(
-        "σ = 1 px for all image points; the scale of features, by which OpenSfM weighs, is not read",
-        file=str(path),
+        "σ = 1 px for all image points; the scale of features, by which OpenSfM weighs, is not read", file=str(path)
     )
 
 

@@ -344,10 +344,7 @@ def _put_points(control: list[Row], objects: list[Row], draft: Draft) -> None:
     """
     rows = [
         Row(
-            [
-                *row.cells[:4],
-                *(cell if cell is not None and float(cell) > 0.0 else "0" for cell in row.cells[4:7]),
-            ],
+            [*row.cells[:4], *(cell if cell is not None and float(cell) > 0.0 else "0" for cell in row.cells[4:7])],
             row.line,
         )
         for row in control

@@ -152,9 +152,7 @@ def _poses(photos: Sequence[CalibratedImage], files: dict[str, Path], draft: Dra
     if apart:
         words = f"{counted(len(apart), 'pose')} of the external parameters are not those of …_{CAMERAS}"
         draft.note(
-            f"{words}: the first is {apart[0].name}; the external ones are taken",
-            apart[0].line,
-            str(files[EXTERNAL]),
+            f"{words}: the first is {apart[0].name}; the external ones are taken", apart[0].line, str(files[EXTERNAL])
         )
     return {photo.name: found[photo.name] for photo in photos}
 
@@ -186,10 +184,7 @@ def _put_marks(
         draft.note(f"{words}: the first is in {image}", first.line, file)
     if used:
         rows = [Row([image, mark.name, *map(repr, mark.values)], mark.line) for image, mark in used]
-        draft.note(
-            f"σ = {SIGMA_MARK} px for all image points: the files say none; their scale is not used",
-            file=file,
-        )
+        draft.note(f"σ = {SIGMA_MARK} px for all image points: the files say none; their scale is not used", file=file)
         columns = ("image", "point", "x", "y")
         draft.table("observations", columns, rows, file, type="image", units="px", values={"sigma": SIGMA_MARK})
     return [mark for _, mark in used]

@@ -152,15 +152,7 @@ AXES = {"1": ("z",), "2": ("x", "y"), "3": ("x", "y", "z")}
 
 ARCHIVE = "archive"
 """Attribute of a point cloud: the archive its files are in."""
-UNREADABLE = (
-    zipfile.BadZipFile,
-    zlib.error,
-    NotImplementedError,
-    RuntimeError,
-    EOFError,
-    OSError,
-    ValueError,
-)
+UNREADABLE = (zipfile.BadZipFile, zlib.error, NotImplementedError, RuntimeError, EOFError, OSError, ValueError)
 """What a damaged archive raises."""
 _TYPES = {
     "char": "i1", "uchar": "u1", "short": "i2", "ushort": "u2", "int": "i4", "uint": "u4", "float": "f4",
@@ -275,12 +267,7 @@ def _coordinates(vertices: np.ndarray, names: str) -> FloatArray:
 
 
 def put_tie_points(
-    draft: Draft,
-    tie: TiePoints,
-    images: dict[str, str],
-    markers: Collection[str],
-    xyz: FloatArray | None,
-    sigma: str,
+    draft: Draft, tie: TiePoints, images: dict[str, str], markers: Collection[str], xyz: FloatArray | None, sigma: str
 ) -> None:
     """Points that are seen in two images or more, and their projections, as tables.
 
@@ -415,11 +402,7 @@ class ControlMeasurements:
             ]
             for name, place in self.ids.items()
         ]
-        return {
-            "columns": ["id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"],
-            "rows": rows,
-            "group": "control",
-        }
+        return {"columns": ["id", "x", "y", "z", "sigma_x", "sigma_y", "sigma_z"], "rows": rows, "group": "control"}
 
 
 def read_control(folder: Path, whole: dict[str, Any], shots: dict[str, Any], draft: Draft) -> ControlMeasurements:
@@ -495,11 +478,7 @@ def _read_alone(path: Path, draft: Draft) -> ControlMeasurements:
 
 
 def _read_list(
-    path: Path,
-    whole: dict[str, Any],
-    shots: dict[str, Any] | None,
-    draft: Draft,
-    control: ControlMeasurements,
+    path: Path, whole: dict[str, Any], shots: dict[str, Any] | None, draft: Draft, control: ControlMeasurements
 ) -> None:
     """A line with the system, then x y z u v image and a name; pixels count from the centre of the upper left one.
 
@@ -1003,10 +982,7 @@ _NOT_READ = (
         re.compile(r"^00..SC V"),
         "this is a Trimble DC file (Survey Controller), which is not read; export the job as JobXML (.jxl)",
     ),
-    (
-        re.compile(r"For R[45]\|"),
-        "this is a Zeiss Elta file (R4, R5), which is not read; export the job as M5",
-    ),
+    (re.compile(r"For R[45]\|"), "this is a Zeiss Elta file (R4, R5), which is not read; export the job as M5"),
     (re.compile(r"RINEX VERSION / TYPE"), "this is a RINEX file; GNSS receivers' raw data are not read"),
 )
 """Formats that are known and not read."""
@@ -1195,8 +1171,7 @@ def _bal(sample: Sample) -> bool:
 
 
 _STARNET = re.compile(
-    r"\s*(?:\.[A-Za-z0-9]+|#|'|(?:C|E|B|A|D|V|DV|M|BM|L|SS|DB|DN|DM|DE|TB|T|TE|G[0-4]|PH?)(?:\s|$))",
-    re.IGNORECASE,
+    r"\s*(?:\.[A-Za-z0-9]+|#|'|(?:C|E|B|A|D|V|DV|M|BM|L|SS|DB|DN|DM|DE|TB|T|TE|G[0-4]|PH?)(?:\s|$))", re.IGNORECASE
 )
 _STARNET_NAMES = re.compile(
     r"\s*(?:(?:B|A|D|V|DV|M|BM|L|SS|G1)\s+(?:(\S+[-,:;|_~^+=]\S+)|(\S))|DB\s+\S|TB\s+\S|C\s+\S+(?:\s+-?[\d.]+){2})",
@@ -1368,12 +1343,7 @@ _RULES: tuple[_Rule, ...] = (
     _if("opensfm", _opensfm, "a reconstruction with shots", kind="json"),
     _if("aicon", _aicon, "the file names of AICON 3D Studio", kind="files"),
     _root("dbat", "document", "dbat_script_version"),
-    _if(
-        "metashape",
-        lambda sample: is_project(sample.path) and bool(sample.head),
-        "a Metashape project",
-        kind="files",
-    ),
+    _if("metashape", lambda sample: is_project(sample.path) and bool(sample.head), "a Metashape project", kind="files"),
     _root("metashape", "document", "<chunk"),
     _root("metashape", "chunk", "<chunk"),
     _if("metashape-reference", _reference_pane, "the columns of a reference pane"),

@@ -275,10 +275,7 @@ def write_sinex(document: Document, folder: Path, target: Path) -> Written:
     name = "MOR"
     head = f"%=SNX 2.02 {name} {_EPOCH} {name} {_EPOCH} {_EPOCH} P {count:05d} 2 S"
     blocks = {
-        "FILE/REFERENCE": [
-            " DESCRIPTION        mor",
-            f" OUTPUT             {content.project.title[:60] or 'network'}",
-        ],
+        "FILE/REFERENCE": [" DESCRIPTION        mor", f" OUTPUT             {content.project.title[:60] or 'network'}"],
         "SITE/ID": list(_site_lines(found, sites, world)),
         ESTIMATE: list(_estimate_lines(found, sites)),
         f"{MATRIX} L COVA": list(_matrix_lines(found.Q)),

@@ -340,13 +340,7 @@ def angle(line: DataLine, network: StarNetContext) -> None:
 def distance(line: DataLine, network: StarNetContext) -> None:
     """A distance: horizontal in the plane and with .DELTA ON, else along the slope."""
     need(line, 2, "from-to, distance, σ")
-    put_distance(
-        names_of(line.words[0], 2, network),
-        line.words[1],
-        2,
-        line,
-        network,
-    )
+    put_distance(names_of(line.words[0], 2, network), line.words[1], 2, line, network)
 
 
 def put_distance(

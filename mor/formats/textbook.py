@@ -100,8 +100,7 @@ def _unit(text: str, number: int, draft: Draft) -> str:
     unit = _SHORT_UNITS.get(text, text)
     if unit and unit not in ANGLE_UNITS and unit not in LENGTH_UNITS:
         draft.problem(
-            f"unknown unit {text!r} (known: {', '.join((*ANGLE_UNITS, *LENGTH_UNITS, *_SHORT_UNITS))})",
-            number,
+            f"unknown unit {text!r} (known: {', '.join((*ANGLE_UNITS, *LENGTH_UNITS, *_SHORT_UNITS))})", number
         )
         return ""
     return unit
@@ -449,16 +448,7 @@ def _put_baselines(section: TextSection, draft: Draft) -> None:
             rows.append(Row([*line.words[:11], *heights], line.number))
     if rows:
         pairs = ("dx_dx", "dx_dy", "dx_dz", "dy_dy", "dy_dz", "dz_dz")
-        columns = [
-            "from",
-            "to",
-            "dx",
-            "dy",
-            "dz",
-            *(f"cov_{pair}" for pair in pairs),
-            "from_height",
-            "to_height",
-        ]
+        columns = ["from", "to", "dx", "dy", "dz", *(f"cov_{pair}" for pair in pairs), "from_height", "to_height"]
         draft.table("observations", columns, rows, type="vector")
 
 

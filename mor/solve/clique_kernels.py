@@ -759,19 +759,9 @@ def add_products(
         c, place = a + further, _TWO * i
         r, s, t, u = residual[place], residual[place + _ONE], moved[place], moved[place + _ONE]
         a0, a1, a2, a3 = by_others[a], by_others[a + _ONE], by_others[a + _TWO], by_others[a + _THREE]
-        a4, a5, a6, a7 = (
-            by_others[a + _FOUR],
-            by_others[a + _FIVE],
-            by_others[a + _SIX],
-            by_others[a + _SEVEN],
-        )
+        a4, a5, a6, a7 = (by_others[a + _FOUR], by_others[a + _FIVE], by_others[a + _SIX], by_others[a + _SEVEN])
         b0, b1, b2, b3 = by_others[c], by_others[c + _ONE], by_others[c + _TWO], by_others[c + _THREE]
-        b4, b5, b6, b7 = (
-            by_others[c + _FOUR],
-            by_others[c + _FIVE],
-            by_others[c + _SIX],
-            by_others[c + _SEVEN],
-        )
+        b4, b5, b6, b7 = (by_others[c + _FOUR], by_others[c + _FIVE], by_others[c + _SIX], by_others[c + _SEVEN])
         g0, g1 = g0 - (a0 * r + b0 * s), g1 - (a1 * r + b1 * s)
         g2, g3 = g2 - (a2 * r + b2 * s), g3 - (a3 * r + b3 * s)
         g4, g5 = g4 - (a4 * r + b4 * s), g5 - (a5 * r + b5 * s)
@@ -822,19 +812,9 @@ def add_tile(
         x0, x1, x2, x3 = reduced[b], reduced[b + _ONE], reduced[b + _TWO], reduced[b + _THREE]
         y0, y1, y2, y3 = reduced[d], reduced[d + _ONE], reduced[d + _TWO], reduced[d + _THREE]
         a0, a1, a2, a3 = by_others[a], by_others[a + _ONE], by_others[a + _TWO], by_others[a + _THREE]
-        a4, a5, a6, a7 = (
-            by_others[a + _FOUR],
-            by_others[a + _FIVE],
-            by_others[a + _SIX],
-            by_others[a + _SEVEN],
-        )
+        a4, a5, a6, a7 = (by_others[a + _FOUR], by_others[a + _FIVE], by_others[a + _SIX], by_others[a + _SEVEN])
         b0, b1, b2, b3 = by_others[c], by_others[c + _ONE], by_others[c + _TWO], by_others[c + _THREE]
-        b4, b5, b6, b7 = (
-            by_others[c + _FOUR],
-            by_others[c + _FIVE],
-            by_others[c + _SIX],
-            by_others[c + _SEVEN],
-        )
+        b4, b5, b6, b7 = (by_others[c + _FOUR], by_others[c + _FIVE], by_others[c + _SIX], by_others[c + _SEVEN])
         s00, s01 = s00 + x0 * a0 + y0 * b0, s01 + x0 * a1 + y0 * b1
         s02, s03 = s02 + x0 * a2 + y0 * b2, s03 + x0 * a3 + y0 * b3
         s04, s05 = s04 + x0 * a4 + y0 * b4, s05 + x0 * a5 + y0 * b5

@@ -52,14 +52,7 @@ from mor.types import FloatArray, IntArray
 
 @compile_inline
 def multiply_block(
-    values: FloatArray,
-    start: int,
-    width: int,
-    E: FloatArray,
-    H: FloatArray,
-    first: int,
-    end: int,
-    column: int,
+    values: FloatArray, start: int, width: int, E: FloatArray, H: FloatArray, first: int, end: int, column: int
 ) -> None:
     """Add to the products what a block, and its mirror image, make of E; those of its columns begin at ``column``."""
     strip = 0
@@ -471,10 +464,7 @@ def cofactors_of_rays(
             across_x, across_y = a * x + b * y + c * z, d * u + e * v + f * w
             xy += forms[i, 1] - (a * u + b * v + c * w) - (d * x + e * y + f * z)
             shares[i, 0], shares[i, 1] = xx - across_x, yy - across_y
-            of_rays[i, 0, 0], of_rays[i, 1, 1] = (
-                xx - 2.0 * across_x + forms[i, 0],
-                yy - 2.0 * across_y + forms[i, 2],
-            )
+            of_rays[i, 0, 0], of_rays[i, 1, 1] = (xx - 2.0 * across_x + forms[i, 0], yy - 2.0 * across_y + forms[i, 2])
             of_rays[i, 0, 1] = of_rays[i, 1, 0] = xy
 
 
@@ -688,12 +678,7 @@ def finish(
     of_points: FloatArray,
 ) -> None:
     """Do with the stored points, in this order, what ``cofactors_of_points`` does, from their products H."""
-    flat, factors, products, width = (
-        by_others.reshape(-1),
-        factor.reshape(-1),
-        moved.reshape(-1),
-        by_others.shape[2],
-    )
+    flat, factors, products, width = (by_others.reshape(-1), factor.reshape(-1), moved.reshape(-1), by_others.shape[2])
     common, z, E = shared.reshape(-1), shared.shape[2], store.couplings
     done, at, sums, local = 0, 0, np.empty(12), clique.local
     for g in range(groups):

@@ -153,8 +153,7 @@ class _DenseRays:
         width = 3 * self.rays.points
         places = self.of_rays[:, :, None] * width + (3 * self.point[:, None] + np.arange(3))[:, None, :]
         flat: FloatArray = np.asarray(
-            np.bincount(places.ravel(), weights=of_rays.ravel(), minlength=self.order * width),
-            dtype=np.float64,
+            np.bincount(places.ravel(), weights=of_rays.ravel(), minlength=self.order * width), dtype=np.float64
         )
         return flat.reshape(self.order, -1, 3)
 
@@ -516,12 +515,7 @@ def cofactors(rays: Rays, selected: Split) -> Cofactors:
         return Cofactors(*cofactors_by_numpy(rays, selected.inverse))
     result = Cofactors(np.empty((rays.points, 3, 3)), np.empty((rays.rays, 2, 2)), np.empty((rays.rays, 2)))
     stored = cofactor_kernels.cofactors(
-        *_arrays(_wide(rays, _FOURS))[1:],
-        selected.own,
-        _pattern(structure),
-        selected.rest,
-        selected.by_common,
-        *result,
+        *_arrays(_wide(rays, _FOURS))[1:], selected.own, _pattern(structure), selected.rest, selected.by_common, *result
     )
     _refuse_unless(stored)
     return result
@@ -672,12 +666,7 @@ def point_steps(
             steps = np.empty((chunk.points.stop - chunk.points.start, 3))
             rays = _image_rays(place, chunk)
             change = change or frame_change(
-                plan.frames,
-                problem.groups,
-                problem.index,
-                step,
-                place.tangent,
-                place.frames.interior.shape[1],
+                plan.frames, problem.groups, problem.index, step, place.tangent, place.frames.interior.shape[1]
             )
             product_kernels.solve_image_points(rays, rays.paths, change, damping, steps)
         else:

@@ -150,12 +150,7 @@ def invert_alike(plan: Plan, normals: NormalEquations, values: Values, anchors: 
     factor = _factorised(plan, normals, scale, anchors)
     held = scale[:, None] * factor.solve(unit_vectors(normals.matrix, anchors))
     return Inverse(
-        plan,
-        values,
-        factor,
-        scale,
-        full_directions(plan, values, held),
-        np.zeros((plan.problem.index.count, 0)),
+        plan, values, factor, scale, full_directions(plan, values, held), np.zeros((plan.problem.index.count, 0))
     )
 
 

@@ -242,12 +242,7 @@ def lever_of(values: FrameValues, f: int, points: FloatArray, p: int) -> Vector:
 
 @compile_kernel
 def set_motion(
-    row: FloatArray,
-    layout: Layout,
-    met: ShutterCrossing,
-    by_shifted: Vector,
-    by_star: Vector,
-    by_readout: float,
+    row: FloatArray, layout: Layout, met: ShutterCrossing, by_shifted: Vector, by_star: Vector, by_readout: float
 ) -> None:
     """Set the derivatives of one component by eccentricity, velocity, rate and readout time."""
     time, turn = met.time, met.turn
@@ -457,14 +452,7 @@ def look(
 
 @compile_kernel
 def passing(
-    values: FrameValues,
-    f: int,
-    base: Vector,
-    i: FloatArray,
-    u: float,
-    v: float,
-    clock: FloatArray,
-    w: FloatArray,
+    values: FrameValues, f: int, base: Vector, i: FloatArray, u: float, v: float, clock: FloatArray, w: FloatArray
 ) -> Passing:
     """Return how a point at ``base`` = D_0 (X − X_0) is seen, and set the weights w (4,) of the knots.
 
@@ -503,14 +491,7 @@ def meeting(
 
 @compile_kernel
 def crossing(
-    values: FrameValues,
-    f: int,
-    base: Vector,
-    i: FloatArray,
-    u: float,
-    v: float,
-    clock: FloatArray,
-    w: FloatArray,
+    values: FrameValues, f: int, base: Vector, i: FloatArray, u: float, v: float, clock: FloatArray, w: FloatArray
 ) -> Passing:
     """Return where a point crosses the line y = v of a scanner, as rows; see ``passing``."""
     time, still, rounds = clock[0], _STILL_PASSING * abs(clock[2] * i[0]), 0

@@ -10,14 +10,7 @@ from typing import NamedTuple, TypeVar
 
 import numpy as np
 
-from mor.linalg.block_matrix import (
-    BlockMatrix,
-    BlockStructure,
-    Target,
-    accumulate_rows,
-    structure_from_cliques,
-    target,
-)
+from mor.linalg.block_matrix import BlockMatrix, BlockStructure, Target, accumulate_rows, structure_from_cliques, target
 from mor.linalg.compilation import as_here
 from mor.linalg.symbolic import Elimination, analyse
 from mor.machine import processors
@@ -384,10 +377,7 @@ def add_to_others(rays: Rays, image: FloatArray, into: FloatArray) -> None:
     for columns, end in zip(rays.columns, ends, strict=True):
         free = columns >= 0
         if end > first and free.any():
-            J, v = (
-                by_others[first:end].reshape(-1, width),
-                sorted_image[first:end].reshape(-1, image.shape[2]),
-            )
+            J, v = (by_others[first:end].reshape(-1, width), sorted_image[first:end].reshape(-1, image.shape[2]))
             into[columns[free]] += (J.T @ v)[free]
         first = end
 

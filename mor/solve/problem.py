@@ -199,11 +199,7 @@ def linearise_of(
 
 
 def _linearised(
-    group: ObservationGroup,
-    index: Index,
-    tangent: FloatArray | None,
-    rows: IntArray | slice,
-    computed: Computed,
+    group: ObservationGroup, index: Index, tangent: FloatArray | None, rows: IntArray | slice, computed: Computed
 ) -> Linearised:
     numbers = [blocks[rows] for blocks in group.blocks]
     observed = group.observed[rows]

@@ -769,11 +769,7 @@ def solve_image_points(
     """Set the steps (p, 3) of the points after a small change of the frames."""
     values, _, frames, local, pointers, points, (observed, weight, measured, clock) = rays
     room = largest_piece(pointers, RAYS_OF_A_PIECE)
-    residuals, by_points, overall = (
-        np.empty((room, 2)),
-        np.empty((room, 2, 3)),
-        np.empty(room, dtype=np.int64),
-    )
+    residuals, by_points, overall = (np.empty((room, 2)), np.empty((room, 2, 3)), np.empty(room, dtype=np.int64))
     first = NONE
     while first < points.shape[0]:
         last = end_of_piece(pointers, first, RAYS_OF_A_PIECE)

@@ -131,10 +131,7 @@ def distortion(
     """Return dx, dy of the radial and decentring polynomials."""
     r2, z2 = x * x + y * y, r0 * r0
     q = k1 * (r2 - z2) + k2 * (r2 * r2 - z2 * z2) + k3 * (r2 * r2 * r2 - z2 * z2 * z2)
-    return (
-        x * q + p1 * (r2 + 2.0 * x * x) + 2.0 * p2 * x * y,
-        y * q + p2 * (r2 + 2.0 * y * y) + 2.0 * p1 * x * y,
-    )
+    return (x * q + p1 * (r2 + 2.0 * x * x) + 2.0 * p2 * x * y, y * q + p2 * (r2 + 2.0 * y * y) + 2.0 * p1 * x * y)
 
 
 @compile_kernel
@@ -234,16 +231,8 @@ def project(
     if model == ON_THE_SPHERE:
         length, axes = sqrt(X * X + Y * Y + Z * Z), across(X, Y, Z)
         per_length = 1.0 / length if length > 0.0 else 1.0
-        by_star[0, 0], by_star[0, 1], by_star[0, 2] = (
-            axes[0] * per_length,
-            axes[1] * per_length,
-            axes[2] * per_length,
-        )
-        by_star[1, 0], by_star[1, 1], by_star[1, 2] = (
-            axes[3] * per_length,
-            axes[4] * per_length,
-            axes[5] * per_length,
-        )
+        by_star[0, 0], by_star[0, 1], by_star[0, 2] = (axes[0] * per_length, axes[1] * per_length, axes[2] * per_length)
+        by_star[1, 0], by_star[1, 1], by_star[1, 2] = (axes[3] * per_length, axes[4] * per_length, axes[5] * per_length)
         return arcs(X, Y, Z, u, v, axes)
     if model == PANORAMA:
         return project_panorama(X, Y, Z, i, u, by_star, by_interior)

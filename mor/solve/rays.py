@@ -452,9 +452,7 @@ def frame_values(
 
 
 def _parts(
-    group: GroupFrames,
-    observed: tuple[ObservationGroup, ...],
-    of_blocks: Callable[[str, IntArray], FloatArray],
+    group: GroupFrames, observed: tuple[ObservationGroup, ...], of_blocks: Callable[[str, IntArray], FloatArray]
 ) -> dict[str, FloatArray]:
     """Return the parts of the blocks (f,) of each slot of a compiled group, by the role of the slot."""
     slots = observed[group.group].type.slots
@@ -667,11 +665,7 @@ def _chunks(pointers: IntArray, frame: IntArray, frames: int) -> tuple[SmallIntA
 
 
 def _measured(
-    groups: tuple[ObservationGroup, ...],
-    frames: list[GroupFrames],
-    frame: IntArray,
-    row: SmallIntArray,
-    longest: int,
+    groups: tuple[ObservationGroup, ...], frames: list[GroupFrames], frame: IntArray, row: SmallIntArray, longest: int
 ) -> Measurements:
     """Measurements in the order of the rays; ``longest`` is the number of rays of the largest chunk."""
     if len(frames) == 1:

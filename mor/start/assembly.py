@@ -17,12 +17,7 @@ from mor.model.observation_types import PLAIN_TYPES, PROJECTION_CENTRE_TYPES
 from mor.model.parameters import all_known
 from mor.model.rotations import exponential, rotation_from_angles
 from mor.project.network import Network
-from mor.start.along_trajectories import (
-    at_all_times,
-    seen_along_trajectories,
-    standing_still,
-    without_trajectories,
-)
+from mor.start.along_trajectories import at_all_times, seen_along_trajectories, standing_still, without_trajectories
 from mor.start.bundle import unit
 from mor.start.join import (
     Contradiction,
@@ -77,14 +72,7 @@ from mor.start.scene import (
     scale_roughly,
     scene_of,
 )
-from mor.start.seeds import (
-    FramePairs,
-    common_pairs,
-    seed_bundles,
-    seed_doubtful,
-    seed_levelled,
-    seed_plan,
-)
+from mor.start.seeds import FramePairs, common_pairs, seed_bundles, seed_doubtful, seed_levelled, seed_plan
 from mor.start.sights import ROWS, SMALLER, SOUND, Choices, Judgement, disagreement, likeliest
 from mor.types import BoolArray, FloatArray
 
@@ -798,11 +786,7 @@ def _as_they_stand(assembly: Assembly, found: Approximation) -> Judgement:
 
 
 def _adjusted(
-    assembly: Assembly,
-    found: Approximation,
-    judgement: Judgement,
-    moving: Network,
-    settle: SettleNetwork | None,
+    assembly: Assembly, found: Approximation, judgement: Judgement, moving: Network, settle: SettleNetwork | None
 ) -> Judgement:
     """The judgement after an adjustment, where one can be made and may tell more."""
     small, sound = assembly.network.observations <= SMALL, judgement.worst <= SOUND

@@ -369,10 +369,7 @@ def _similarity_solved(
     proper = np.ones(dimension)
     proper[-1] = np.sign(np.linalg.det(left @ right))
     rotation = (left * proper) @ right
-    spread_source, spread_target = (
-        float(np.sum(weight[:, None] * a**2)),
-        float(np.sum(weight[:, None] * b**2)),
-    )
+    spread_source, spread_target = (float(np.sum(weight[:, None] * a**2)), float(np.sum(weight[:, None] * b**2)))
     scale = float(values @ proper) / spread_source if scaled else 1.0
     if not scale > 0.0:
         return _failed(SimilarityOutcome.MIRRORED, source)

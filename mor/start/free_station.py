@@ -261,11 +261,7 @@ class FreeStation(NamedTuple):
 
 
 def free_station_level(
-    points: FloatArray,
-    directions: FloatArray,
-    distances: FloatArray,
-    sigma_direction: float,
-    sigma_distance: float,
+    points: FloatArray, directions: FloatArray, distances: FloatArray, sigma_direction: float, sigma_distance: float
 ) -> FreeStation:
     """Station (2,) from known points (n, 2): ``directions`` (n,), horizontal ``distances`` (n,), NaN where missing."""
     points = np.asarray(points, dtype=float)

@@ -13,14 +13,7 @@ from scipy.special import chdtri
 from mor.model import rotations
 from mor.model.rotations import angles_by_tangent, angles_from_rotation
 from mor.start.bundle import Bundle, cross
-from mor.start.killian import (
-    COLLINEAR,
-    BundleRotation,
-    fit_homography,
-    fit_turn,
-    solutions_of_homography,
-    thickness,
-)
+from mor.start.killian import COLLINEAR, BundleRotation, fit_homography, fit_turn, solutions_of_homography, thickness
 from mor.start.relative_orientation import (
     Coplanarity,
     LinearSolution,

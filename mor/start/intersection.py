@@ -292,11 +292,7 @@ def _nearest(
             first = n
         rays += 1
         x, y, z = direction[n]
-        p, q, r = (
-            centre[n, 0] - centre[first, 0],
-            centre[n, 1] - centre[first, 1],
-            centre[n, 2] - centre[first, 2],
-        )
+        p, q, r = (centre[n, 0] - centre[first, 0], centre[n, 1] - centre[first, 1], centre[n, 2] - centre[first, 2])
         along = x * p + y * q + z * r
         a += 1.0 - x * x
         b -= x * y
@@ -463,11 +459,7 @@ def _likelier_pairs(
             continue
         pairs = np.array(list(combinations(range(min(len(rows), PAIRED)), 2)))
         own = _Lines._make(array[rows] for array in lines)
-        meeting, centre, direction = (
-            np.repeat(np.arange(len(pairs)), 2),
-            own.centre[pairs],
-            own.direction[pairs],
-        )
+        meeting, centre, direction = (np.repeat(np.arange(len(pairs)), 2), own.centre[pairs], own.direction[pairs])
         X, good = _forward_intersection_nearest(
             meeting, centre.reshape(-1, 3), direction.reshape(-1, 3), len(pairs), smallest
         )
@@ -534,17 +526,7 @@ def adjust_pose(
         new_position = position - step[:3]
         new_rotation = _rotated(rotation, step[3:])
         after = _system(
-            rays,
-            normals,
-            axes,
-            sigma,
-            points,
-            new_position,
-            new_rotation,
-            place,
-            weight,
-            moved_normal,
-            moved_side,
+            rays, normals, axes, sigma, points, new_position, new_rotation, place, weight, moved_normal, moved_side
         )
         range_ = np.max(np.abs(points - position))
         small = max(np.max(np.abs(step[:3])) / range_, np.max(np.abs(step[3:]))) < 1e-10

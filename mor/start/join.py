@@ -78,13 +78,7 @@ def _turns(O_l: FloatArray, D_l: FloatArray, O_f: FloatArray, D_f: FloatArray, g
 
 
 def _with_turn(
-    T: FloatArray,
-    O_l: FloatArray,
-    D_l: FloatArray,
-    O_f: FloatArray,
-    D_f: FloatArray,
-    scaled: bool,
-    base: FloatArray,
+    T: FloatArray, O_l: FloatArray, D_l: FloatArray, O_f: FloatArray, D_f: FloatArray, scaled: bool, base: FloatArray
 ) -> Movement | None:
     """Rotation, scale, shift and base that go with a turn; the shortest base where several do."""
     R = nearest_rotation((np.swapaxes(D_l, 1, 2) @ T.T @ D_f).sum(axis=0))
@@ -341,12 +335,7 @@ def _scaling(scale: float) -> Similarity:
 
 def _times(moved: Similarity, factor: float) -> Similarity:
     return Similarity(
-        moved.outcome,
-        moved.scale * factor,
-        moved.rotation,
-        moved.translation * factor,
-        moved.residuals,
-        moved.sigma0,
+        moved.outcome, moved.scale * factor, moved.rotation, moved.translation * factor, moved.residuals, moved.sigma0
     )
 
 

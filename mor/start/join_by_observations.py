@@ -313,11 +313,7 @@ def placed(sides: Sides, moves: SimilarityTransformations) -> tuple[FloatArray, 
     turns[:, own] = sides.rotations[own] @ turned[:, None]
     if not sides.stands:
         back = np.swapaxes(moves.stance, 1, 2)
-        points, lever, turns = (
-            moves.unit[:, None, None] * (points @ back),
-            lever @ back,
-            turns @ back[:, None],
-        )
+        points, lever, turns = (moves.unit[:, None, None] * (points @ back), lever @ back, turns @ back[:, None])
     points += lever
     points[..., 2] -= sides.lowered
     turns[:, sides.sets] = about_vertical(moves.kappas.ravel()).reshape(k, -1, 3, 3)
@@ -772,13 +768,7 @@ def _remembered(
 
 
 def _search(
-    target: Part,
-    source: Part,
-    scene: Scene,
-    sides: Sides,
-    rows: list[GroupRows],
-    common: IntArray,
-    middle: FloatArray,
+    target: Part, source: Part, scene: Scene, sides: Sides, rows: list[GroupRows], common: IntArray, middle: FloatArray
 ) -> Search:
     both = source.levelled and target.levelled
     turn = (

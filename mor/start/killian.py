@@ -421,12 +421,7 @@ def _quadratic(leading: float, half: float, constant: float) -> list[float]:
 
 
 def _complete(
-    link: Linking,
-    a: QuadrilateralAngles,
-    b: QuadrilateralAngles,
-    rho: float,
-    cot_phi_b: float,
-    cot_psi_b: float,
+    link: Linking, a: QuadrilateralAngles, b: QuadrilateralAngles, rho: float, cot_phi_b: float, cot_psi_b: float
 ) -> Quadrilateral:
     cot_phi_a, cot_psi_a = (cot_phi_b - link.k1) / link.c1, (cot_psi_b - link.k2) / link.c2
     factor = rho / (link.c1 * link.c2)
@@ -519,12 +514,7 @@ class PlaneOutcome(Enum):
     @property
     def usable(self) -> bool:
         """True if the solution, or one of several, can serve as a start value."""
-        return self in (
-            PlaneOutcome.UNIQUE,
-            PlaneOutcome.AMBIGUOUS,
-            PlaneOutcome.WEAK,
-            PlaneOutcome.BASE_ALONG_NORMAL,
-        )
+        return self in (PlaneOutcome.UNIQUE, PlaneOutcome.AMBIGUOUS, PlaneOutcome.WEAK, PlaneOutcome.BASE_ALONG_NORMAL)
 
 
 class PlaneOrientation(NamedTuple):

@@ -472,8 +472,7 @@ def _residuals(surfaces: Surfaces, X: FloatArray, size: float) -> tuple[FloatArr
     square = flat**2 + up[..., 2] ** 2
     cone = np.arctan2(up[..., 2], flat) - surfaces.cones[:, 3]
     by_cone = np.stack(
-        [-up[..., 0] * up[..., 2] / flat / square, -up[..., 1] * up[..., 2] / flat / square, flat / square],
-        axis=2,
+        [-up[..., 0] * up[..., 2] / flat / square, -up[..., 1] * up[..., 2] / flat / square, flat / square], axis=2
     )
     residuals = np.concatenate([plane, length / radius - 1.0, cone], axis=1)
     rows = np.concatenate([by_plane, out / (length * radius)[..., None], by_cone], axis=1)
@@ -505,11 +504,7 @@ def _pose_of_system(part: Part, system: LocalSystem, fits: float) -> tuple[Float
 
 
 def _surfaces(
-    part: Part,
-    scene: Scene,
-    systems: list[tuple[FloatArray, FloatArray, LocalSystem] | None],
-    point: int,
-    size: float,
+    part: Part, scene: Scene, systems: list[tuple[FloatArray, FloatArray, LocalSystem] | None], point: int, size: float
 ) -> Surfaces:
     sights = []
     seen = scene.rays_for(part)[1]

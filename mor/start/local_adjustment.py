@@ -16,16 +16,7 @@ from mor.model.rotations import cross_matrix, rotate
 from mor.start.bundle import Bundle, direction_bundle, misfits, remembered, reproject
 from mor.start.intersection import SMALLEST_ANGLE, PosedFrames, meet, posed_frames
 from mor.start.part import SLACKS, Frame, Part, Sightings, empty_part, loosened, rule
-from mor.start.resection import (
-    AGREES,
-    KnownPosition,
-    Pose,
-    Resection,
-    ResectionOutcome,
-    adjust_pose,
-    resect,
-    star_of,
-)
+from mor.start.resection import AGREES, KnownPosition, Pose, Resection, ResectionOutcome, adjust_pose, resect, star_of
 from mor.start.scene import Scene, make_upright
 from mor.types import BoolArray, FloatArray, IntArray
 
@@ -215,12 +206,7 @@ def _rays(part: Part, seen: Sightings, poses: PosedFrames, points: IntArray, col
 
 
 def _step(
-    part: Part,
-    frames: Sequence[Frame],
-    poses: PosedFrames,
-    rays: _PosedRays,
-    X: FloatArray,
-    moving: Sequence[int],
+    part: Part, frames: Sequence[Frame], poses: PosedFrames, rays: _PosedRays, X: FloatArray, moving: Sequence[int]
 ) -> FloatArray:
     """One step of Gauss–Newton, points eliminated: changes (m, 6) of X0 and δ of the moving frames."""
     residuals, by_pose, by_point = _linearised(poses, rays, X)

@@ -193,10 +193,7 @@ def _closed_forms(ties: _Normalised, turn: FreeRotation, scaled: bool) -> list[F
     if len(full) < axes:
         return []
     draw = np.random.default_rng(1)
-    samples = [
-        full,
-        *(draw.choice(full, axes, replace=False) for _ in range(_TRIPLES if len(full) > axes else 0)),
-    ]
+    samples = [full, *(draw.choice(full, axes, replace=False) for _ in range(_TRIPLES if len(full) > axes else 0))]
     fitted = congruence if scaled and abs(ties.sizes[0] - ties.sizes[1]) < 1e-12 * ties.sizes[0] else similarity
     found = []
     for chosen in samples:

@@ -316,10 +316,7 @@ def bare_frames(frames: Sequence[Frame], heights: FloatArray) -> tuple[Frame, ..
 
 def _bare(frame: Frame, kept: BoolArray) -> Frame:
     return frame._replace(
-        points=frame.points[kept],
-        heights=np.zeros(int(kept.sum())),
-        rays=frame.rays[kept],
-        sigma=frame.sigma[kept],
+        points=frame.points[kept], heights=np.zeros(int(kept.sum())), rays=frame.rays[kept], sigma=frame.sigma[kept]
     )
 
 
@@ -449,10 +446,7 @@ class Distances:
             ends = zip(lengths.start.tolist(), lengths.end.tolist(), strict=True)
             self.sigma |= {(min(a, b), max(a, b)): s for (a, b), s in zip(ends, lengths.sigma.tolist(), strict=True)}
         for a, b, s in zip(
-            measured.horizontals.start,
-            measured.horizontals.end,
-            measured.horizontals.value[:, 0],
-            strict=True,
+            measured.horizontals.start, measured.horizontals.end, measured.horizontals.value[:, 0], strict=True
         ):
             self._put(self.horizontal, int(a), int(b), float(s))
         slopes = measured.slopes

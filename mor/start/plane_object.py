@@ -306,12 +306,7 @@ SAME_NORMAL = 0.02
 """Angle in radians between the normals of two pairs up to which one of them is start enough."""
 SAME = 1e-5
 """Differences of normals and attitudes, beyond their σ, up to which two shapes are one."""
-SOLVED = (
-    PlaneOutcome.UNIQUE,
-    PlaneOutcome.AMBIGUOUS,
-    PlaneOutcome.BASE_ALONG_NORMAL,
-    PlaneOutcome.NOT_VISIBLE,
-)
+SOLVED = (PlaneOutcome.UNIQUE, PlaneOutcome.AMBIGUOUS, PlaneOutcome.BASE_ALONG_NORMAL, PlaneOutcome.NOT_VISIBLE)
 """Outcomes of a pair that leave it to all images."""
 
 
@@ -686,8 +681,7 @@ def sides_and_angles(corners: FloatArray) -> SidesAndAngles:
     """Sides and interior angles of a polygon (k, 2), corners in order round it either way."""
     following, previous = np.roll(corners, -1, axis=0) - corners, np.roll(corners, 1, axis=0) - corners
     turning = np.arctan2(
-        following[:, 0] * previous[:, 1] - following[:, 1] * previous[:, 0],
-        np.sum(following * previous, axis=1),
+        following[:, 0] * previous[:, 1] - following[:, 1] * previous[:, 0], np.sum(following * previous, axis=1)
     )
     x, y = corners.T
     counter_clockwise = float(np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)) > 0.0

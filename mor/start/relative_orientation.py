@@ -351,8 +351,7 @@ def misfit(a: Bundle, b: Bundle, base: FloatArray, rotation: FloatArray) -> Copl
     rays_a, rays_b = a.rays, b.rays
     for _ in range(INNER):
         slopes = np.concatenate(
-            [np.einsum("nij,ni->nj", axes_a, rays_b @ ik.T), np.einsum("nij,ni->nj", axes_b, rays_a @ ik)],
-            axis=1,
+            [np.einsum("nij,ni->nj", axes_a, rays_b @ ik.T), np.einsum("nij,ni->nj", axes_b, rays_a @ ik)], axis=1
         )
         spread = np.sqrt(np.maximum(np.sum(slopes**2, axis=1), 1e-300))
         condition = np.einsum("ni,ni->n", rays_a @ ik, rays_b)

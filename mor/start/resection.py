@@ -54,11 +54,7 @@ class KnownPosition(NamedTuple):
 
 
 def adjust_pose(
-    bundle: Bundle,
-    points: FloatArray,
-    pose: Pose,
-    iterations: int = 40,
-    observed: KnownPosition | None = None,
+    bundle: Bundle, points: FloatArray, pose: Pose, iterations: int = 40, observed: KnownPosition | None = None
 ) -> Pose:
     """Least-squares pose from n ≥ 3 points (n, 3), starting at ``pose``; steps are damped only where they must be.
 
@@ -88,11 +84,7 @@ def _contiguous(array: FloatArray) -> FloatArray:
 
 
 def adjust_pose_plainly(
-    bundle: Bundle,
-    points: FloatArray,
-    pose: Pose,
-    iterations: int = 40,
-    observed: KnownPosition | None = None,
+    bundle: Bundle, points: FloatArray, pose: Pose, iterations: int = 40, observed: KnownPosition | None = None
 ) -> Pose:
     """The same without a compiler: the readable form."""
     damping = 0.0

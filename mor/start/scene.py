@@ -241,10 +241,7 @@ def _systems(network: Network, partial: bool) -> tuple[LocalSystem, ...]:
             rows = np.flatnonzero(usable & (rotation == system))
             points, coordinates = point[rows], group.observed[rows]
             if origin[rows[0]] in marks:
-                points, coordinates = (
-                    np.append(points, origin[rows[0]]),
-                    np.vstack([coordinates, np.zeros(3)]),
-                )
+                points, coordinates = (np.append(points, origin[rows[0]]), np.vstack([coordinates, np.zeros(3)]))
             if len(points) < 3 or (partial and seen[rows].all()):
                 continue
             block = scale[rows[0]]
@@ -348,10 +345,7 @@ def vertical_by_directions(part: Part, scene: Scene, redundant: int) -> FloatArr
     length = np.linalg.norm(end - start, axis=1)
     near = np.abs(measured.rises) <= FITS * length * part.scaled
     rows = np.flatnonzero(np.isfinite(length) & near)[: MOST_SETS * MOST_POINTS]
-    sets, angles = (
-        _sets(part, scene),
-        VerticalAngles(start[rows], end[rows], np.arctan(measured.tangents[rows])),
-    )
+    sets, angles = (_sets(part, scene), VerticalAngles(start[rows], end[rows], np.arctan(measured.tangents[rows])))
     told = sum(len(one.points) for one in sets) + len(angles.values)
     if told <= part.asked_for_vertical.get(redundant, 0):
         return None

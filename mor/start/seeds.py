@@ -14,12 +14,7 @@ import scipy.sparse
 from mor.start.bundle import direction_bundle, remembered
 from mor.start.free_station import PlanShape, StationOutcome, free_station_level, three_bundles
 from mor.start.image_pair import FEWEST as FITTING_FEWEST
-from mor.start.image_pair import (
-    RobustOrientation,
-    StartOrientation,
-    fitting_orientations,
-    robust_relative_orientation,
-)
+from mor.start.image_pair import RobustOrientation, StartOrientation, fitting_orientations, robust_relative_orientation
 from mor.start.part import SLACKS, Frame, Part, Phrase, Sightings, empty_part, loosened, rule
 from mor.start.relative_orientation import RelativeOutcome, nearest_rotation
 from mor.start.scene import Scene

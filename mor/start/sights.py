@@ -115,10 +115,7 @@ class Judgement(NamedTuple):
             if abs(self.squares - other.squares) <= SMALLER * other.squares:
                 return self.before + BETTER < other.before
             return self.squares < other.squares
-        return (self.missing, self.fit + BETTER * (self.missing == other.missing)) < (
-            other.missing,
-            other.fit,
-        )
+        return (self.missing, self.fit + BETTER * (self.missing == other.missing)) < (other.missing, other.fit)
 
 
 def likeliest(

@@ -336,9 +336,7 @@ def write_dynaml(document: Document, folder: Path, target: Path) -> Written:
     files = {
         f"{name}{STATIONS}": _document("Station File", found.frame, _stations(found)),
         f"{name}{MEASURED}": _document(
-            "Measurement File",
-            found.frame,
-            (text for one in found.measured for text in _measured(one, found.frame)),
+            "Measurement File", found.frame, (text for one in found.measured for text in _measured(one, found.frame))
         ),
     }
     if found.above:

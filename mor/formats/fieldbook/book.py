@@ -26,14 +26,7 @@ from scipy.sparse.csgraph import dijkstra
 
 from mor.errors import counted
 from mor.formats.draft import Draft, Row, read_lines
-from mor.project.levelling import (
-    ALONE,
-    REPEATED,
-    SIGMA_KILOMETRE,
-    SIGMA_SET_UP,
-    LevelledDifference,
-    Levelling,
-)
+from mor.project.levelling import ALONE, REPEATED, SIGMA_KILOMETRE, SIGMA_SET_UP, LevelledDifference, Levelling
 from mor.types import FloatArray
 
 SIGMA_ANGLE = "3 arcsec"
@@ -597,8 +590,7 @@ class FieldBook:
                 sight
                 if sight.horizontal is None
                 else sight._replace(
-                    horizontal=None,
-                    bearing=(sight.horizontal + set_up.orientation + self._flip(sight)) % self._full,
+                    horizontal=None, bearing=(sight.horizontal + set_up.orientation + self._flip(sight)) % self._full
                 )
                 for sight in set_up.sights
             ]
@@ -920,8 +912,7 @@ def _put_points(book: FieldBook, occupied: Sequence[InstrumentSetUp], levelled: 
         draft.note(f"coordinates of the book are observed with σ = {sigma} m: it says none", bare[0].line)
     elif known and measured and not sigma:
         draft.note(
-            "coordinates of the book are start values: one point does not define the datum of a network",
-            known[0].line,
+            "coordinates of the book are start values: one point does not define the datum of a network", known[0].line
         )
     if not sigma or without_height:
         draft.put("datum", "free")

@@ -33,26 +33,11 @@ _METRES = {
     "inch": 0.0254,
     "mile": 1609.344,
 }
-_ANGLES = {
-    "radians": "rad",
-    "grads": "gon",
-    "decimal degrees": "deg",
-    "degrees": "deg",
-    "decimal dd.mm.ss": "dms",
-}
+_ANGLES = {"radians": "rad", "grads": "gon", "decimal degrees": "deg", "degrees": "deg", "decimal dd.mm.ss": "dms"}
 _COMPUTED = ("computed", "calculated", "derived")
 _INSIDE = ("ObservationGroup", "Survey", "InstrumentSetup")
 """Elements that observations and set-ups stand in."""
-_DESIGN = (
-    "Alignments",
-    "GradeModel",
-    "Monuments",
-    "Parcels",
-    "PipeNetworks",
-    "PlanFeatures",
-    "Roadways",
-    "Surfaces",
-)
+_DESIGN = ("Alignments", "GradeModel", "Monuments", "Parcels", "PipeNetworks", "PlanFeatures", "Roadways", "Surfaces")
 """Parts of a file that have no observations."""
 _LEICA = "HexagonLandXML"
 """Leica's part of a file (HeXML), beside that of LandXML."""

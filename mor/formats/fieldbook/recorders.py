@@ -91,11 +91,7 @@ _NOTES = {"0": "notes", "4": "codes", "23": "units"}
 
 
 def _thing(
-    entries: list[Entry],
-    book: FieldBook,
-    dms: bool,
-    height: float,
-    backsights: list[tuple[InstrumentSetUp, Sight]],
+    entries: list[Entry], book: FieldBook, dms: bool, height: float, backsights: list[tuple[InstrumentSetUp, Sight]]
 ) -> float:
     """A station, reference object or point with all that follows it; returns the target height from here on."""
     values = {label: (value, line) for label, value, line in entries}
@@ -139,18 +135,7 @@ def _thing(
 # ---- Leica IDX: sections of POINTS, SETUP and SLOPE; the header says the units.
 
 _SLOPE = ("TGTNO", "TGTID", "CFGNO", "HZ", "VZ", "SDIST", "REFHT")
-_IGNORED = (
-    "VERSION",
-    "SYSTEM",
-    "UNITS",
-    "TEMP",
-    "PRESS",
-    "TIME",
-    "PROJECT",
-    "NAME",
-    "OPERATOR",
-    "CREATION_DATE",
-)
+_IGNORED = ("VERSION", "SYSTEM", "UNITS", "TEMP", "PRESS", "TIME", "PROJECT", "NAME", "OPERATOR", "CREATION_DATE")
 
 
 _GIVEN = ("", "FIX", "FIXED", "CTRL", "CONTROL", "REF", "NONE")

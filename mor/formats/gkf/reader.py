@@ -103,13 +103,7 @@ class ElementRule(NamedTuple):
         return {**(self.required or {}), **(self.optional or {})}
 
 
-_SIGHT = {
-    "from": _identifier,
-    "stdev": _positive,
-    "from_dh": parse_number,
-    "to_dh": parse_number,
-    "extern": _anything,
-}
+_SIGHT = {"from": _identifier, "stdev": _positive, "from_dh": parse_number, "to_dh": parse_number, "extern": _anything}
 _LENGTH = ElementRule((), {"to": _identifier, "val": _positive}, _SIGHT)
 _ANGULAR = ElementRule((), {"to": _identifier, "val": _angle}, _SIGHT)
 _MEASURED = ("direction", "distance", "angle", "s-distance", "z-angle", "azimuth", "dh")
@@ -134,8 +128,7 @@ RULES = {
             "tol-abs": _positive,
             "sigma-act": _one_of("aposteriori", "apriori"),
             **dict.fromkeys(
-                ("update-constrained-coordinates", "algorithm", "language", "encoding", "angles", "latitude"),
-                _anything,
+                ("update-constrained-coordinates", "algorithm", "language", "encoding", "angles", "latitude"), _anything
             ),
             **dict.fromkeys(("ellipsoid", "cov-band", "iterations"), _anything),
         },
@@ -339,11 +332,7 @@ KINDS = {
     "distance": GamaKind("horizontal_distance", _FROM_TO, (("val", "distance"),), ("xy",), "distance-stdev"),
     "s-distance": GamaKind("distance", _FROM_TO, (("val", "distance"),), ("xy", "z"), "distance-stdev", True),
     "direction": GamaKind(
-        "directions",
-        (("from", "station"), ("to", "to")),
-        (("val", "horizontal"),),
-        ("xy",),
-        "direction-stdev",
+        "directions", (("from", "station"), ("to", "to")), (("val", "horizontal"),), ("xy",), "direction-stdev"
     ),
     "angle": GamaKind(
         "angle", (("from", "at"), ("bs", "from"), ("fs", "to")), (("val", "angle"),), ("xy",), "angle-stdev"
@@ -422,10 +411,7 @@ def _observation(
     element: Element, cluster: Element, root: Element, sigma_apriori: float, draft: Draft
 ) -> GamaObservation | None:
     kind = KINDS[element.name]
-    given = {
-        **{k: v for k, v in cluster.attributes.items() if k in ("from", "from_dh")},
-        **element.attributes,
-    }
+    given = {**{k: v for k, v in cluster.attributes.items() if k in ("from", "from_dh")}, **element.attributes}
     missing = [attribute for attribute, _ in kind.names if attribute not in given]
     if missing:
         draft.problem(f"<{element.name}>: {missing[0]!r} is given neither here nor in <{cluster.name}>", element.line)
@@ -790,10 +776,7 @@ def read_gkf(path: Path) -> Document:
 
 def _read_network(network: Element, body: Element, draft: Draft) -> None:
     parameters = {key: value for part in network.all("parameters") for key, value in part.attributes.items()}
-    axes, angles = (
-        network.attributes.get("axes-xy", "ne").strip(),
-        network.attributes.get("angles", "left-handed"),
-    )
+    axes, angles = (network.attributes.get("axes-xy", "ne").strip(), network.attributes.get("angles", "left-handed"))
     left = angles.strip() == "left-handed"
     sigma_apriori = float(parameters.get("sigma-apr", "10"))
     points = read_points(body, draft)
@@ -850,13 +833,7 @@ def _put_observations(clusters: list[GamaCluster], draft: Draft) -> None:
         for observation in cluster.observations:
             key = observation.kind, observation.unit
             set_name = (names[observation.names[0]] or None) if observation.kind == "direction" else None
-            cells = [
-                *observation.names,
-                set_name,
-                *observation.values,
-                observation.sigma,
-                *observation.heights,
-            ]
+            cells = [*observation.names, set_name, *observation.values, observation.sigma, *observation.heights]
             tables.setdefault(key, []).append(Row(cells, observation.line))
             order.setdefault(key, []).extend(range(first, first + observation.entries))
             first += observation.entries

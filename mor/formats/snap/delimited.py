@@ -19,17 +19,7 @@ from mor.formats.draft import Draft, read_lines
 _PART = re.compile(r'"([^"]*)"|@(\w+)|\$(\w+)|(\w+)\(\s*([@$]\w+)\s*\)|(\S+)')
 _OBSERVATION = {
     *("type", "set_id", "instrument_station", "instrument_height", "target_station", "target_height"),
-    *(
-        "value",
-        "error",
-        "error_factor",
-        "datetime",
-        "datetime_format",
-        "projection",
-        "id",
-        "note",
-        "rejected",
-    ),
+    *("value", "error", "error_factor", "datetime", "datetime_format", "projection", "id", "note", "rejected"),
     *("reference_frame", "refraction_coefficient", "bearing_orientation_error", "distance_scale_factor"),
     *("vector_error_type", "distance_error_type", "angle_format", "angle_error_type"),
     *("zenith_distance_error_type", "height_difference_error_type"),

@@ -206,12 +206,7 @@ class VectorError(NamedTuple):
 
 _VECTOR_UNITS = {
     "GB": {"mm": ("metres", 1e-3), "m": ("metres", 1.0), "ppm": ("ppm", 1.0)},
-    "GX": {
-        "mm": ("metres", 1e-3),
-        "m": ("metres", 1.0),
-        "mmr": ("common", 1e-3),
-        "ppmr": ("common_ppm", 1.0),
-    },
+    "GX": {"mm": ("metres", 1e-3), "m": ("metres", 1.0), "mmr": ("common", 1e-3), "ppmr": ("common_ppm", 1.0)},
 }
 """Fields of an error, and their factors, by data type and unit."""
 
@@ -377,17 +372,7 @@ def read_stations(path: Path, draft: Draft, form: Definition | None = None) -> S
         words = f"{code}: the geoid of {code.partition('/')[2]} is not in this file; add geoid_heights to it"
         raise InputError([Message(words, str(path), lines[1].number)])
     found = StationFile(
-        path,
-        " ".join(lines[0].words),
-        code,
-        crs,
-        reference_system(crs),
-        orthometric,
-        geoid,
-        deflections,
-        {},
-        {},
-        set(),
+        path, " ".join(lines[0].words), code, crs, reference_system(crs), orthometric, geoid, deflections, {}, {}, set()
     )
     if frame:
         draft.note(f"coordinate system {code}: coordinates are taken as {frame}", lines[1].number, str(path))
@@ -803,11 +788,7 @@ class Set(NamedTuple):
 
 
 def set_of(
-    stations: StationFile,
-    members: list[Member],
-    form: str,
-    error: VectorError | None,
-    numbers: list[float] | None,
+    stations: StationFile, members: list[Member], form: str, error: VectorError | None, numbers: list[float] | None
 ) -> Set | None:
     """The members that are not rejected with their covariance matrix. Raises ``ValueError``."""
     kept = np.flatnonzero([member.factor > 0.0 for member in members])
@@ -872,10 +853,7 @@ def put_singles(draft: Draft, singles: list[Set], file: str) -> None:
     values = [name for name in names if name in ("x", "y", "z", "dx", "dy", "dz")]
     pairs = [f"cov_{values[i]}_{values[j]}" for i in range(3) for j in range(i, 3)]
     rows = [
-        Row(
-            [*one.rows[0].cells, *(repr(float(one.Q[i, j])) for i in range(3) for j in range(i, 3))],
-            one.rows[0].line,
-        )
+        Row([*one.rows[0].cells, *(repr(float(one.Q[i, j])) for i in range(3) for j in range(i, 3))], one.rows[0].line)
         for one in singles
     ]
     draft.table("observations", [*names, *pairs], rows, file, type=_type(names))
@@ -891,11 +869,7 @@ def _type(columns: list[str]) -> str:
 
 
 def _covariance(
-    stations: StationFile,
-    members: list[Member],
-    form: str,
-    error: VectorError | None,
-    numbers: list[float] | None,
+    stations: StationFile, members: list[Member], form: str, error: VectorError | None, numbers: list[float] | None
 ) -> FloatArray:
     if not form:
         return _of_command(stations, members, error)

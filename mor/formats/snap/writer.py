@@ -355,11 +355,7 @@ def _coordinates(points: EarthPoints, world: EarthModel) -> list[str]:
     digits = [_DEGREES, _DEGREES, _METRES] if geographic else [_METRES] * 3
     seconds = (points.deflections / ANGLE_UNITS["arcsec"]).tolist()
     for name, given, two, N in zip(
-        points.ids,
-        (points.given * units).tolist(),
-        seconds,
-        np.nan_to_num(points.geoid).tolist(),
-        strict=True,
+        points.ids, (points.given * units).tolist(), seconds, np.nan_to_num(points.geoid).tolist(), strict=True
     ):
         place = [_plain(value, *own) for value, own in zip(given, digits, strict=True)]
         numbers = [*place, *(two if deflected else []), *([N] if geoid else [])]
