@@ -607,7 +607,7 @@ class FieldBook:
         station, full = self.points[set_up.station], self._full
         turns = []
         for sight in set_up.sights:
-            end, polar = self.computed.get(sight.target), self._polar(sight)
+            end, polar = self.computed.get(sight.target), self.polar(sight)
             if end is None or polar is None or sight.horizontal is None or None in (*end[:2], *station[:2]):
                 continue
             east, north = (end.east or 0.0) - (station.east or 0.0), (end.north or 0.0) - (station.north or 0.0)
@@ -697,7 +697,7 @@ class FieldBook:
     def _same_place(self, one: Sight, other: Sight) -> bool:
         if None in (one.zenith, other.zenith, one.slope, other.slope, one.horizontal, other.horizontal):
             return False
-        a, b = self._polar(one._replace(height=0.0)), self._polar(other._replace(height=0.0))
+        a, b = self.polar(one._replace(height=0.0)), self.polar(other._replace(height=0.0))
         across = self._apart(one, other) * (one.slope or 0.0)
         return (
             bool(a and b)
@@ -739,7 +739,7 @@ class FieldBook:
             seen: dict[str, list[tuple[str, float, float]]] = {}
             elsewhere = self._elsewhere(set_up)
             for k, sight in enumerate(set_up.sights):
-                name, measured = sight.target, self._polar(sight)
+                name, measured = sight.target, self.polar(sight)
                 alone = len(stations[name]) == 1 and name not in self.points and name not in occupied
                 if not alone or measured is None:
                     continue
@@ -787,7 +787,7 @@ class FieldBook:
             if abs(size) > AGREES
         }
 
-    def _polar(self, sight: Sight) -> tuple[float, float] | None:
+    def polar(self, sight: Sight) -> tuple[float, float] | None:
         """Distance in plan and height above the instrument of a target; ``None`` if they were not measured."""
         if sight.slope is None or sight.zenith is None:
             return None

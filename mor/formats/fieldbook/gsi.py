@@ -251,35 +251,36 @@ class _GsiReader:
             self.book.instrument_height(height, line)
         target = _length(words, "87", line, self.book)
         slope = _length(words, "31", line, self.book)
-        self.book.sight(
-            Sight(
-                name,
-                line,
-                _angle(words, "21", self.book),
-                _angle(words, "22", self.book),
-                slope or None,
-                None if "31" in words else _length(words, "32", line, self.book) or None,
-                self.target if target is None else target,
-            )
+        sight = Sight(
+            name,
+            line,
+            _angle(words, "21", self.book),
+            _angle(words, "22", self.book),
+            slope or None,
+            None if "31" in words else _length(words, "32", line, self.book) or None,
+            self.target if target is None else target,
         )
+        self.book.sight(sight)
         self.sighted = name
         if not {"81", "82"} & set(words):
             self.book.unlocated.add(line)
-        elif slope:
-            self._correct_unit(self._place(words, line, 81), slope)
+        else:
+            self._correct_unit(self._place(words, line, 81), self.book.polar(sight))
 
-    def _correct_unit(self, target: tuple[float | None, float | None, float | None], slope: float) -> None:
+    def _correct_unit(
+        self, target: tuple[float | None, float | None, float | None], polar: tuple[float, float] | None
+    ) -> None:
         """Divide coordinates of the station by 10 or 100 if only then the computed ones of a target fit the distance.
 
         Format files may write another number of decimals than the unit that they write says.
         """
         station = self.book.set_ups[-1].station if self.book.set_ups else ""
         place = self.book.points.get(station)
-        if place is None or None in (*place[:2], *target[:2]) or not any(target):
+        if place is None or polar is None or None in (*place[:2], *target[:2]) or not any(target):
             return
         plan, end = complex(place.east or 0.0, place.north or 0.0), complex(target[0] or 0.0, target[1] or 0.0)
         for factor in (1.0, 10.0, 100.0):
-            if abs(plan / factor - end) < AGREES + slope:
+            if abs(abs(plan / factor - end) - polar[0]) < AGREES:
                 break
         else:
             return
