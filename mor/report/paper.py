@@ -547,7 +547,7 @@ def _weakest(to: Writer, data: PageData) -> None:
             controlled.append((*names, *_cells(row, "smallest_r:.2f nabla:.3g shift:.3g")))
     to.heading(say("Least controlled"), 3)
     numbers = ("observation", "unit", "smallest r", "∇", f"{say('effect')} [{view.length}]")
-    to.table((say("weakest"), "id", *map(say, numbers)), controlled, 4)
+    to.table((say("weakest"), say("id"), *map(say, numbers)), controlled, 4)
 
 
 def _flagged(to: Writer, data: PageData) -> None:
