@@ -177,7 +177,6 @@ def _document(block: BalBlock, path: Path) -> Document:
     }
     draft.frame("observations", "image points", pl.DataFrame(columns), type="image", values={"sigma": "1"})
     draft.put("datum", "free")
-    draft.put("settings", {"undetermined": "leave_out"})
     draft.note("σ = 1 px for all image points; f, k1, k2 of every image are free; lengths are called m")
     return draft.finish()
 
