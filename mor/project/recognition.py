@@ -1176,9 +1176,7 @@ def begin(
     tables = [t for t in tables if t.part != _BENCHMARK or listed.isdisjoint(t.texts("id"))]
     by_kind = {kind: [t for t in tables if t.kind == kind] for kind in ("images", "points", "stations")}
     measured = [t for t in tables if t.kind not in by_kind]
-    is_known = any(t.has_sigma for kind in ("images", "points") for t in by_kind[kind])
-    is_control = not is_known and not listed.issuperset(_names(measured, PLACES))
-    held = {t.path for t in by_kind["points"] if datum == "fixed" and (is_control or t.part == _BENCHMARK)}
+    held = {t.path for t in by_kind["points"] if datum == "fixed" and t.part == _BENCHMARK}
     texts: dict[Path, str] = {}
     for table in tables:
         if table.tidied:
@@ -1360,8 +1358,7 @@ def _entry(target: Path, table: Found, corner: bool, levelled: bool = False, is_
     ]
     if table.header[:4] == _OF_POINTS and not table.has_header:
         lines[0] += "  # CHECK the order: the file has no header"
-    why = "  # CHECK" if table.part == _BENCHMARK else "  # CHECK: taken as control, as the list has some points only"
-    lines = [f"{line}{why}" if is_held and line.startswith("fixed:") else line for line in lines]
+    lines = [f"{line}  # CHECK" if is_held and line.startswith("fixed:") else line for line in lines]
     lines = [
         f"{line}  # CHECK: found standard deviations that are large in the unit of the readings"
         if line.startswith("units:") and guessed
