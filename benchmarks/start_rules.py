@@ -1,4 +1,4 @@
-"""What each rule of the start values is for: how many networks do not start from nothing without it.
+"""Count the networks that do not start from nothing without each rule of the start values.
 
     python benchmarks/start_rules.py --seeds 40 --first 1
 

@@ -66,7 +66,7 @@ class Asked(NamedTuple):
 
     @property
     def folder(self) -> Path:
-        """Where results are written."""
+        """The folder of the results."""
         from mor.report.output_folder import folder_beside
 
         return self.output or folder_beside(self.project, ".results")

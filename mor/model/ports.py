@@ -26,7 +26,10 @@ from mor.units import LENGTH, NUMBER, Component
 
 
 class _Face(NamedTuple):
-    """Where n rays meet a face. The rays are the last axis of all arrays, which makes them several times faster."""
+    """The points at which n rays meet a face.
+
+    The rays are the last axis of all arrays, which makes them several times faster.
+    """
 
     reach: FloatArray
     """(n,) λ: the ray Q + λ d meets the face."""

@@ -61,7 +61,7 @@ Requirement = RequiredPrecision | RequiredControl
 
 @dataclass(frozen=True)
 class RequirementResult:
-    """Whether a requirement is met, and its largest excess."""
+    """The outcome of a requirement, and its largest excess."""
 
     requirement: Requirement
     worst: float

@@ -866,8 +866,9 @@ def _with_sigmas(rows: _Cells) -> _Cells:
     for k, name in enumerate(names):
         match = _VARIANCE.fullmatch(name)
         cells = [_cell(row, k).replace(",", ".") for row in body]
-        if match and "sigma" not in names and all(_NUMBER.fullmatch(cell) for cell in cells if cell):
-            roots = [f"{math.sqrt(abs(float(cell))):.9g}" if cell else "" for cell in cells]
+        others = {"sigma", "sigma1"}.intersection(names)
+        if match and not others and all(_NUMBER.fullmatch(cell) and cell[0] != "-" for cell in cells if cell):
+            roots = [f"{math.sqrt(float(cell)):.9g}" if cell else "" for cell in cells]
             of = match["of"] or match["behind"] or ""
             rows = _replaced(rows, k, f"sigma_{of}" if of else "sigma", roots)
     kinds = _kinds(_named([cell.strip() for cell in header]))

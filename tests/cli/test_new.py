@@ -599,6 +599,13 @@ def test_points_that_a_list_holds_fixed(tmp_path: Path, points: str, c: float) -
     assert rows["z"].to_list() == pytest.approx([100.0, 101.002, c], abs=1e-6)
 
 
+@pytest.mark.parametrize("text", ["dist,var\nA,B,30,-4e-6\n", "dist,sigma1,sigma2\nA,B,30,0.002,0.003\n"])
+def test_no_variances_are_taken_from_negative_numbers_and_second_sigmas(tmp_path: Path, text: str) -> None:
+    (tmp_path / "d.csv").write_text(f"from,to,{text}")
+    (table,) = recognise(tmp_path / "d.csv")
+    assert not any(ours.startswith("sigma") and theirs == "sigma" for ours, theirs in table.columns.items())
+
+
 def test_heights_that_are_not_known_do_not_reduce_distances(tmp_path: Path) -> None:
     """Distances of 30 m and 40 m in the plane though heights are listed: P at (30, 0) from A, 50 m from B (0, 40)."""
     (tmp_path / "p.csv").write_text(

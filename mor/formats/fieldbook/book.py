@@ -603,7 +603,7 @@ class FieldBook:
             )
 
     def _computed_orientation(self, set_up: InstrumentSetUp) -> float | None:
-        """What the instrument added to circle readings to compute the targets; ``None`` if that is not one angle."""
+        """The angle that the instrument added to circle readings to compute the targets; ``None`` if it is not one."""
         station, full = self.points[set_up.station], self._full
         turns = []
         for sight in set_up.sights:

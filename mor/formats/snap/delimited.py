@@ -71,7 +71,7 @@ class Definition:
     observations: list[_RecordValues] = field(default_factory=list)
 
     def value(self, definition: str, cells: dict[str, str]) -> str:
-        """What a definition means on a line: the first of its alternatives that is not blank."""
+        """The value of a definition on a line: the first of its alternatives that is not blank."""
         text = ""
         for match in _PART.finditer(definition):
             literal, column, option, lookup, key, other = match.groups()
@@ -171,7 +171,7 @@ def _divide(found: Definition, rest: str) -> None:
 
 
 def records(path: Path, found: Definition, blocks: list[_RecordValues], draft: Draft) -> Iterator[Record]:
-    """What the lines of a file mean, one record for each block. Raises :class:`InputError`."""
+    """Yield the records of a file, one for each block and line. Raises :class:`InputError`."""
     if not path.is_file():
         raise InputError([Message("this file does not exist", str(path))])
     lines = read_lines(path, draft)[found.skipped :]
