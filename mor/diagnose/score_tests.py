@@ -727,9 +727,8 @@ class _Columns(NamedTuple):
     squares: FloatArray
     """(P,) the diagonal of BᵀPB = ZᵀZ."""
     right: FloatArray
-    """(c, P) AᵀPB at the unknowns that are touched."""
     solved: FloatArray
-    """(c, P) Q AᵀPB."""
+    """(l, P) both, with the product BᵀPA Q AᵀPB."""
     g: FloatArray
     """(P,) −BᵀPv."""
 
@@ -751,13 +750,9 @@ def _columns(quality: Quality, candidates: Sequence[_Candidate]) -> _Columns:
             entries.append((place[used], column[used], derivatives[used]))
     Z = (rows.whitening @ sparse_matrix(entries, (rows.design.shape[0], int(ends[-1])))).tocsc()
     residuals = rows.whitened([np.nan_to_num(one.v) for one in quality.groups])
-    right = rows.design.T @ Z
-    if right.shape[1] > right.shape[0]:  # few unknowns: their cofactors are less than the solutions
-        solved = (right.T @ rows.system.solve(np.eye(right.shape[0]))).T
-    else:
-        solved = rows.system.solve(right.toarray())
+    right, solved = rows.system.factors((rows.design.T @ Z).tocsr())
     slices = [slice(first, end) for first, end in pairwise(ends.tolist())]
-    return _Columns(slices, Z, Z.power(2).sum(axis=0), right.toarray(), solved, -(Z.T @ residuals))
+    return _Columns(slices, Z, Z.power(2).sum(axis=0), right, solved, -(Z.T @ residuals))
 
 
 def _scores(quality: Quality, candidates: Sequence[_Candidate], count: int) -> list[_Scored]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -17,6 +17,8 @@ from mor.types import BoolArray, FloatArray, IntArray
 
 if TYPE_CHECKING:
     from scipy.sparse import csr_array
+
+    AnyMatrix = FloatArray | csr_array
 
 # ------------------------------------------------------------
 # What gross errors of chosen observations do to all unknowns.
@@ -63,142 +65,76 @@ def gradient(adjustment: Adjustment, entry: ObservationComponent) -> tuple[IntAr
     return rows.columns[0][used], rows.jacobian[0, entry.component][used] * weight
 
 
-# ---- What gross errors do to the points next to them, without a pass over everything.
+# ---- Points that are eliminated by their own rays, without a pass over everything.
 #
-# An observation has few unknowns, and a point that only rays meet is eliminated by its own rays alone. So with
-# b = AᵀP e ∇, nonzero in a handful of places, only the rays of that one point are looked at:
+# N_p are the normal equations of such a point, C = A_rᵀ A_p their coupling with the unknowns of its rays. Only the rays
+# of points that a right-hand side b touches are looked at:
 #
-#     reduced system   b_r − A_rᵀ A_p N_pp⁻¹ b_p,    x_r = Q_rr of it
-#     the point        x_p = N_pp⁻¹ (b_p − A_pᵀ A_r x_r)
-#     into the datum   x − G H (QB)ᵀ b
+#     reduced system   b_r − C N_p⁻¹ b_p,    x_r = Q_rr of it
+#     the point        x_p = N_p⁻¹ (b_p − Cᵀ x_r)
 
-_NUMBERS = 4_000_000
-"""Numbers of right-hand sides at a time. More are fresh memory with every array: to clear it takes most of the time."""
+_RAYS = 20_000
+"""At a time: larger arrays than these make are had from the system again each time, which clears them first."""
 
 
-class EliminatedPoint(NamedTuple):
-    """The rays of one eliminated point."""
+class EliminatedPoints(NamedTuple):
+    """P points that are eliminated during accumulation."""
 
+    place: IntArray
+    """(points,) number of each point block among them, −1 where it is not."""
     columns: IntArray
-    """(3,) its unknowns."""
-    normals: FloatArray
-    """(3, 3)."""
-    others: IntArray
-    """(k,) unknowns of all its rays, each once."""
-    coupling: FloatArray
-    """(k, 3) A_rᵀ A_p."""
+    """(P, 3) their unknowns."""
+    inverse: FloatArray
+    """(P, 3, 3) N_p⁻¹."""
+    coupling: csr_array
+    """(r, 3P) C of all of them, side by side, by the reduced unknowns."""
+
+    def alone(self, right: AnyMatrix) -> AnyMatrix:
+        """N_p⁻¹ b_p (3P, k) of all of them."""
+        from scipy.sparse import block_diag
+
+        if not len(self.inverse):
+            return right
+        return block_diag(self.inverse, format="csr") @ right
 
 
-def point_movements(
-    quality: Quality, entries: list[ObservationComponent], errors: FloatArray, points: list[list[int]]
-) -> list[FloatArray]:
-    """Movements (q, 3) of the point blocks listed for each entry by its gross error, in the datum of the adjustment."""
-    eliminated = eliminated_points(quality.adjustment, {p for some in points for p in some})
-    some = max(1, _NUMBERS // max(len(quality.adjustment.plan.kept), 1))
-    parts = (slice(first, first + some) for first in range(0, len(entries), some))
-    return [
-        moved for part in parts for moved in _movements(quality, entries[part], errors[part], points[part], eliminated)
-    ]
-
-
-def _movements(
-    quality: Quality,
-    entries: list[ObservationComponent],
-    errors: FloatArray,
-    points: list[list[int]],
-    eliminated: Mapping[int, EliminatedPoint],
-) -> list[FloatArray]:
-    adjustment, plan = quality.adjustment, quality.adjustment.plan
-    right = np.zeros((len(plan.kept), len(entries)))
-    sparse: list[tuple[IntArray, FloatArray]] = []
-    for k, (entry, error) in enumerate(zip(entries, errors, strict=True)):
-        columns, values = gradient(adjustment, entry)
-        values = values * error
-        sparse.append((columns, values))
-        inside = plan.reduced[columns] >= 0
-        np.add.at(right[:, k], plan.reduced[columns[inside]], values[inside])
-        for point in points[k]:
-            if point in eliminated:
-                rays = eliminated[point]
-                own = _at(columns, values, rays.columns)
-                back = rays.coupling @ rotations.solve(rays.normals, own)
-                np.subtract.at(right[:, k], plan.reduced[rays.others], back)
-    inverse = adjustment.inverse
-    reduced = inverse.scale[:, None] * inverse.factor.solve(inverse.scale[:, None] * right)
-    result = []
-    for k, some in enumerate(points):
-        columns, values = sparse[k]
-        along_weak = inverse.weak[columns].T @ values
-        shift = quality.datum.binding @ (quality.datum.through[columns].T @ values)
-        moved = []
-        for point in some:
-            own = adjustment.problem.index.columns["point"][point]
-            x = _solution(plan.reduced, own, eliminated.get(point), reduced[:, k], columns, values)
-            free = own >= 0
-            x[free] += inverse.weak[own[free]] @ along_weak - quality.datum.null[own[free]] @ shift
-            moved.append(x)
-        result.append(np.array(moved).reshape(-1, 3))
-    return result
-
-
-def _solution(
-    numbers: IntArray,
-    own: IntArray,
-    rays: EliminatedPoint | None,
-    reduced: FloatArray,
-    columns: IntArray,
-    values: FloatArray,
-) -> FloatArray:
-    if rays is not None:
-        back = rays.coupling.T @ reduced[numbers[rays.others]]
-        return np.asarray(rotations.solve(rays.normals, _at(columns, values, rays.columns) - back))
-    return np.where(own >= 0, reduced[numbers[np.maximum(own, 0)]], 0.0)
-
-
-def _at(columns: IntArray, values: FloatArray, wanted: IntArray) -> FloatArray:
-    return np.array([float(values[columns == column].sum()) for column in wanted])
-
-
-def eliminated_points(adjustment: Adjustment, points: set[int]) -> dict[int, EliminatedPoint]:
-    """Rays of those of the points that are eliminated on the fly."""
+def eliminated_points(adjustment: Adjustment, blocks: IntArray) -> EliminatedPoints:
+    """Those of the point blocks that are eliminated during accumulation."""
     problem, plan = adjustment.problem, adjustment.plan
     own = problem.index.columns["point"]
-    chosen = [p for p in sorted(points) if (own[p] >= 0).all() and (plan.reduced[own[p]] < 0).all()]
+    blocks = np.unique(blocks)
+    blocks = blocks[(own[blocks] >= 0).all(axis=1)]
+    blocks = blocks[(plan.reduced[own[blocks]] < 0).all(axis=1)]
     place = np.full(len(own), -1, dtype=np.int64)
-    place[chosen] = np.arange(len(chosen))
+    place[blocks] = np.arange(len(blocks))
+    shape = (len(plan.kept), 3 * len(blocks))
+    normals, coupling = np.zeros((len(blocks), 3, 3)), sparse_matrix([], shape)
     tangent = rotation_tangents(problem.index, adjustment.values)
-    parts: list[list[tuple[FloatArray, FloatArray, IntArray]]] = [[] for _ in chosen]
     for group in problem.groups:
-        slot = group.type.slots[-1]
-        if not chosen or slot.kind != "point":
+        if not len(blocks) or group.type.slots[-1].kind != "point":
             continue
-        rows = np.flatnonzero(place[group.blocks[-1]] >= 0)
-        if len(rows) == 0:
-            continue
-        part = linearise(group, problem.index, adjustment.values, tangent, rows)
-        weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
-        jacobian = part.jacobian * weight[:, :, None]
-        for i, row in enumerate(rows):
-            parts[place[group.blocks[-1][row]]].append((jacobian[i, :, -3:], jacobian[i, :, :-3], part.columns[i, :-3]))
-    return {p: _gathered(own[p], parts[k]) for k, p in enumerate(chosen)}
+        number = place[group.blocks[-1]]
+        seen = np.flatnonzero(number >= 0)
+        for first in range(0, len(seen), _RAYS):
+            rows = seen[first : first + _RAYS]
+            part = linearise(group, problem.index, adjustment.values, tangent, rows)
+            weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
+            J = part.jacobian * weight[:, :, None]
+            by_point, by_others = J[:, :, -3:], J[:, :, :-3]
+            np.add.at(normals, number[rows], by_point.transpose(0, 2, 1) @ by_point)
+            others = np.where(part.columns >= 0, plan.reduced[part.columns], -1)[:, :-3, None]
+            at = (3 * number[rows, None] + np.arange(3))[:, None, :]
+            entries = by_others.transpose(0, 2, 1) @ by_point
+            others, at = np.broadcast_to(others, entries.shape), np.broadcast_to(at, entries.shape)
+            free = others >= 0
+            coupling = coupling + sparse_matrix([(others[free], at[free], entries[free])], shape)
+    return EliminatedPoints(place, own[blocks], np.asarray(rotations.inv(normals)), coupling)
 
 
-def _gathered(own: IntArray, rays: list[tuple[FloatArray, FloatArray, IntArray]]) -> EliminatedPoint:
-    others = np.unique(np.concatenate([columns[columns >= 0] for _, _, columns in rays]))
-    normals, coupling = np.zeros((3, 3)), np.zeros((len(others), 3))
-    for by_point, by_others, columns in rays:
-        normals += by_point.T @ by_point
-        free = columns >= 0
-        np.add.at(coupling, np.searchsorted(others, columns[free]), by_others[:, free].T @ by_point)
-    return EliminatedPoint(own, normals, others, coupling)
-
-
-# ---- Solutions of the normal equations for right-hand sides that touch few points, without a pass over everything.
-#
-# Only the rays of the points that are touched are looked at, b_r − A_rᵀ A_p N_pp⁻¹ b_p.
+# ---- Solutions of the normal equations for right-hand sides that touch few points.
 
 _FEW = 2_000
-"""Eliminated points up to which they are gathered one by one; a pass over all rays is quicker beyond."""
+"""Eliminated points up to which their rays are gathered; a pass over all rays is quicker beyond."""
 
 
 class NormalEquationSolver(NamedTuple):
@@ -207,7 +143,7 @@ class NormalEquationSolver(NamedTuple):
     adjustment: Adjustment
     columns: IntArray
     """(c,) the unknowns, each once, in ascending order."""
-    points: tuple[EliminatedPoint, ...] | None
+    points: EliminatedPoints | None
     """Those of them that are eliminated on the fly; ``None`` where they are too many."""
 
     def solve(self, right: FloatArray) -> FloatArray:
@@ -217,25 +153,41 @@ class NormalEquationSolver(NamedTuple):
             whole = np.zeros((self.adjustment.problem.index.count, right.shape[1]))
             whole[columns] = right
             return inverse.solve(whole)[columns]
+        _, reduced, alone = self._reduced(right)
         kept = plan.reduced[columns] >= 0
-        reduced = np.zeros((len(plan.kept), right.shape[1]))
-        reduced[plan.reduced[columns[kept]]] = right[kept]
-        alone = []
-        for point in self.points:
-            own = rotations.solve(point.normals, right[self._at(point)])
-            reduced[plan.reduced[point.others]] -= point.coupling @ own
-            alone.append(own)
-        reduced = inverse.scale[:, None] * inverse.factor.solve(inverse.scale[:, None] * reduced)
         x = np.zeros(right.shape)
         x[kept] = reduced[plan.reduced[columns[kept]]]
-        for point, own in zip(self.points, alone, strict=True):
-            back = point.coupling.T @ reduced[plan.reduced[point.others]]
-            x[self._at(point)] = own - rotations.solve(point.normals, back)
+        x[self._at_points] = alone - self.points.alone(self.points.coupling.T @ reduced)
         weak = inverse.weak[columns]
         return np.asarray(x + weak @ (weak.T @ right))
 
-    def _at(self, point: EliminatedPoint) -> IntArray:
-        return np.searchsorted(self.columns, point.columns)
+    def factors(self, right: csr_array) -> tuple[FloatArray, FloatArray]:
+        """L and S (l, k) with LᵀS = bᵀ N⁻¹ b, for b (c, k) in the range of N."""
+        if self.points is None:
+            whole = right.toarray()
+            return whole, self.solve(whole)
+        before, after, alone = self._reduced(right)
+        of_points, along = right[self._at_points], self.adjustment.inverse.weak[self.columns].T @ right
+        return np.vstack([before, _dense(of_points), along]), np.vstack([after, _dense(alone), along])
+
+    def _reduced(self, right: AnyMatrix) -> tuple[FloatArray, FloatArray, AnyMatrix]:
+        """b_r − C N_p⁻¹ b_p, x_r, and N_p⁻¹ b_p."""
+        inverse, plan, points = self.adjustment.inverse, self.adjustment.plan, self.points
+        assert points is not None  # noqa: S101
+        kept = plan.reduced[self.columns] >= 0
+        alone = points.alone(right[self._at_points])
+        reduced = -_dense(points.coupling @ alone)
+        reduced[plan.reduced[self.columns[kept]]] += _dense(right[kept])
+        return reduced, inverse.scale[:, None] * inverse.factor.solve(inverse.scale[:, None] * reduced), alone
+
+    @property
+    def _at_points(self) -> IntArray:
+        assert self.points is not None  # noqa: S101
+        return np.searchsorted(self.columns, self.points.columns.ravel())
+
+
+def _dense(matrix: AnyMatrix) -> FloatArray:
+    return matrix if isinstance(matrix, np.ndarray) else np.asarray(matrix.toarray())
 
 
 def local_system(adjustment: Adjustment, columns: IntArray) -> NormalEquationSolver:
@@ -246,8 +198,32 @@ def local_system(adjustment: Adjustment, columns: IntArray) -> NormalEquationSol
     if len(blocks) > _FEW:
         return NormalEquationSolver(adjustment, used, None)
     used = np.union1d(used, index.columns["point"][blocks].ravel())
-    points = eliminated_points(adjustment, set(blocks.tolist()))
-    return NormalEquationSolver(adjustment, used, tuple(points.values()))
+    return NormalEquationSolver(adjustment, used, eliminated_points(adjustment, blocks))
+
+
+# ---- What gross errors do to the points next to them: x − G H (QB)ᵀ b for b = AᵀP e ∇, nonzero in a handful of places.
+
+
+def point_movements(
+    quality: Quality, entries: list[ObservationComponent], errors: FloatArray, points: list[list[int]]
+) -> list[FloatArray]:
+    """Movements (q, 3) of the point blocks listed for each entry by its gross error, in the datum of the adjustment."""
+    adjustment, datum = quality.adjustment, quality.datum
+    own = adjustment.problem.index.columns["point"]
+    gradients = [gradient(adjustment, entry) for entry in entries]
+    none = np.zeros(0, dtype=np.int64)
+    touched = [*(columns for columns, _ in gradients), *(own[some].ravel() for some in points)]
+    system = local_system(adjustment, np.concatenate([none, *touched]))
+    right = np.zeros((len(system.columns), len(entries)))
+    for k, ((columns, values), error) in enumerate(zip(gradients, errors, strict=True)):
+        np.add.at(right[:, k], np.searchsorted(system.columns, columns), values * error)
+    x = system.solve(right)
+    x -= datum.null[system.columns] @ (datum.binding @ (datum.through[system.columns].T @ right))
+    moved = []
+    for k, some in enumerate(points):
+        at = np.minimum(np.searchsorted(system.columns, own[some]), len(system.columns) - 1)
+        moved.append(np.where(own[some] >= 0, x[at, k], 0.0).reshape(-1, 3))
+    return moved
 
 
 # ---- Some observations as whitened rows: W A x and (W A)ᵀ z for them alone, correlated or not.
