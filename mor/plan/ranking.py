@@ -26,30 +26,22 @@ from mor.plan.requirements import (
     solvable,
 )
 from mor.quality.assessment import Quality
-from mor.solve.iterate import Adjustment
+from mor.quality.external_reliability import EliminatedPoints, eliminated_points
 from mor.solve.problem import linearise, rotation_tangents
 from mor.types import BoolArray, FloatArray, IntArray
 
-# ---- Points that are eliminated by their own rays, many at once: N⁻¹ and N⁻¹Cᵀ of each.
+# ---- N⁻¹ and N⁻¹Cᵀ of points that are eliminated by their own rays, as in ``quality/external_reliability.py``.
 #
-# As ``quality/external_reliability.py`` has them one by one: N the normal equations of a point, C
-# their coupling with the unknowns of its rays. Rows of all points are as long as the longest, filled up with
-# zeros.
+# Rows of all points are as long as the longest, filled up with zeros.
 
-_RAYS = 20_000
-"""At a time: larger arrays than these make are had from the system again each time, which clears them first."""
 _POINTS = 200
+"""At a time: larger arrays than these make are had from the system again each time, which clears them first."""
 
 
-class EliminatedPoints(NamedTuple):
-    """P eliminated points."""
+class PointRows(NamedTuple):
+    """What P eliminated points do with the reduced unknowns of their rays."""
 
-    place: IntArray
-    """(points,) number of each point block among them, −1 where it is not."""
-    columns: IntArray
-    """(P, 3) their unknowns."""
-    inverse: FloatArray
-    """(P, 3, 3) N⁻¹."""
+    points: EliminatedPoints
     others: IntArray
     """(P, k) reduced unknowns of their rays; 0 where there are less than k."""
     back: FloatArray
@@ -60,12 +52,12 @@ class EliminatedPoints(NamedTuple):
     def put_solutions(self, found: FloatArray, reduced: FloatArray, chosen: IntArray, right: FloatArray) -> None:
         """Put what they do (u, m) where the reduced unknowns do x (r, m), with right-hand sides (c, 3, m) of some."""
         for some, most in self.parts:
-            found[self.columns[some]] = -(self.back[some, :, :most] @ reduced[self.others[some, :most]])
-        found[self.columns[chosen]] += self.inverse[chosen] @ right
+            found[self.points.columns[some]] = -(self.back[some, :, :most] @ reduced[self.others[some, :most]])
+        found[self.points.columns[chosen]] += self.points.inverse[chosen] @ right
 
     def cofactors(self, reduced: FloatArray) -> FloatArray:
         """(P, 3, 3) N⁻¹ + N⁻¹Cᵀ Q_rr C N⁻¹."""
-        found = self.inverse.copy()
+        found = self.points.inverse.copy()
         for some, most in self.parts:
             others, back = self.others[some, :most], self.back[some, :, :most]
             inner = reduced[others[:, :, None], others[:, None, :]]
@@ -73,71 +65,23 @@ class EliminatedPoints(NamedTuple):
         return found
 
 
-def eliminated(adjustment: Adjustment, blocks: IntArray) -> EliminatedPoints:
-    """Those of the point blocks that are eliminated during accumulation."""
-    problem, plan = adjustment.problem, adjustment.plan
-    own = problem.index.columns["point"]
-    blocks = np.unique(blocks)
-    blocks = blocks[(own[blocks] >= 0).all(axis=1)]
-    blocks = blocks[(plan.reduced[own[blocks]] < 0).all(axis=1)]
-    place = np.full(len(own), -1, dtype=np.int64)
-    place[blocks] = np.arange(len(blocks))
-    normals = np.zeros((len(blocks), 3, 3))
-    keys, values = [np.zeros(0, dtype=np.int64)], [np.zeros((0, 3))]
-    size = len(plan.kept)
-    tangent = rotation_tangents(problem.index, adjustment.values)
-    for group in problem.groups:
-        if not len(blocks) or group.type.slots[-1].kind != "point":
-            continue
-        number = place[group.blocks[-1]]
-        seen = np.argsort(number, kind="stable")[int((number < 0).sum()) :]
-        for first in range(0, len(seen), _RAYS):
-            rows = seen[first : first + _RAYS]
-            part = linearise(group, problem.index, adjustment.values, tangent, rows)
-            weight = np.where(group.mask[rows], 1.0 / group.sigma[rows], 0.0)
-            J = part.jacobian * weight[:, :, None]
-            by_point, by_others = J[:, :, -3:], J[:, :, :-3]
-            normals += _summed(number[rows], by_point.transpose(0, 2, 1) @ by_point, len(blocks))
-            coupling = by_others.transpose(0, 2, 1) @ by_point
-            others = part.columns[:, :-3]
-            free = others >= 0
-            key = number[rows, None] * size + plan.reduced[np.maximum(others, 0)]
-            keys.append(key[free])
-            values.append(coupling[free])
-    inverse = np.asarray(rotations.inv(normals), dtype=np.float64)
-    return EliminatedPoints(place, own[blocks], inverse, *_padded(inverse, keys, values, size))
-
-
-def _summed(number: IntArray, parts: FloatArray, count: int) -> FloatArray:
-    """(count, 3, 3) sums of matrices (n, 3, 3) by their numbers (n,)."""
-    flat = parts.reshape(len(parts), 9)
-    sums = np.stack([np.bincount(number, flat[:, k], count) for k in range(9)], axis=1)
-    return np.asarray(sums.reshape(count, 3, 3))
-
-
-def _padded(
-    inverse: FloatArray, keys: list[IntArray], values: list[FloatArray], size: int
-) -> tuple[IntArray, FloatArray, tuple[tuple[IntArray, int], ...]]:
-    """Unknowns (P, k) of the rays of each point, each once, N⁻¹Cᵀ (P, 3, k), and the parts to work in."""
-    key = np.concatenate(keys)
-    order = np.argsort(key, kind="stable")  # rays come by point: few runs to merge
-    key = key[order]
-    first = np.flatnonzero(np.diff(key, prepend=-1))
-    coupling = np.concatenate(values)[order]
-    if len(first) < len(key):  # unknowns that several rays of a point share
-        key, coupling = key[first], np.add.reduceat(coupling, first, axis=0)
+def _rows_of(points: EliminatedPoints) -> PointRows:
+    entries, count = points.coupling.tocoo(), len(points.inverse)
+    size = entries.shape[0]
+    point, component = np.divmod(entries.col.astype(np.int64), 3)
+    key, place = np.unique(point * size + entries.row, return_inverse=True)
     point, other = np.divmod(key, size)
-    begin = np.searchsorted(point, np.arange(len(inverse) + 1))
-    count = np.diff(begin)
-    point = np.repeat(np.arange(len(inverse)), count)
+    begin = np.searchsorted(point, np.arange(count + 1))
+    number = np.diff(begin)
     within = np.arange(len(other)) - begin[point]
-    most = int(count.max(initial=0))
-    others = np.zeros((len(inverse), most), dtype=np.int64)
-    padded = np.zeros((len(inverse), most, 3))
-    others[point, within], padded[point, within] = other, coupling
-    order = np.lexsort((others[:, 0], count)) if most else np.argsort(count)  # neighbours meet the same cofactors
+    most = int(number.max(initial=0))
+    others = np.zeros((count, most), dtype=np.int64)
+    padded = np.zeros((count, most, 3))
+    others[point, within], padded[point[place], within[place], component] = other, entries.data
+    order = np.lexsort((others[:, 0], number)) if most else np.argsort(number)  # neighbours meet the same cofactors
     parts = [order[first : first + _POINTS] for first in range(0, len(order), _POINTS)]
-    return (others, inverse @ padded.transpose(0, 2, 1), tuple((some, int(count[some].max())) for some in parts))
+    back = points.inverse @ padded.transpose(0, 2, 1)
+    return PointRows(points, others, back, tuple((some, int(number[some].max())) for some in parts))
 
 
 # ---- Candidates of large blocks, ranked without the cofactors of everything.
@@ -168,7 +112,7 @@ class Wide(NamedTuple):
     """(u, m) Q M_Iᵀ at the reduced unknowns and the points below."""
     reduced: FloatArray
     """(r, r) Q_rr of the reduced unknowns, without the part of the weak directions."""
-    points: EliminatedPoints
+    rows: PointRows
     """Those that candidates, or rows of the interest, refer to."""
     spread: FloatArray
     """(P, 3, 3) their cofactors, without that part."""
@@ -207,12 +151,12 @@ def wide_interest(
     there = np.unique(M.indices).astype(np.int64)
     used = problem.index.block_of[there[plan.reduced[there] < 0]]
     met = [_points_of(group) for group in candidates]
-    points = eliminated(adjustment, np.concatenate([used.astype(np.int64), *met]))
-    solutions = _solutions(quality, M, reduced, points)
+    of_points = _rows_of(eliminated_points(adjustment, np.concatenate([used.astype(np.int64), *met])))
+    solutions = _solutions(quality, M, reduced, of_points)
     K = np.asarray(M @ solutions)
     group_of = np.concatenate([*groups, np.full(of_datum.shape[0], -1)]).astype(np.int64)
     interest = Interest(0.5 * (K + K.T), group_of >= 0, group_of, (), (), places, ())
-    return Wide(interest, solutions, reduced, points, points.cofactors(reduced))
+    return Wide(interest, solutions, reduced, of_points, of_points.cofactors(reduced))
 
 
 def _coordinate_rows(quality: Quality, blocks: IntArray, first: int) -> tuple[csr_matrix, IntArray]:
@@ -236,7 +180,7 @@ def _check_size(looked_at: int, reduced: int) -> None:
         raise InputError([Message(words)])
 
 
-def _solutions(quality: Quality, M: csr_matrix, reduced: FloatArray, points: EliminatedPoints) -> FloatArray:
+def _solutions(quality: Quality, M: csr_matrix, reduced: FloatArray, of_points: PointRows) -> FloatArray:
     """(u, m) Q Mᵀ at the reduced unknowns and at the points; 0 at all other points.
 
     The rows of M are 0 at these, but for coordinates in a free datum, whose inner constraints reach all points.
@@ -249,16 +193,16 @@ def _solutions(quality: Quality, M: csr_matrix, reduced: FloatArray, points: Eli
         return np.concatenate(parts, axis=1)
     index = adjustment.problem.index
     met = np.unique(M.indices)
-    own = points.place[index.block_of[met[plan.reduced[met] < 0]]]
+    own = of_points.points.place[index.block_of[met[plan.reduced[met] < 0]]]
     own = np.unique(own[own >= 0])
-    right = M[:, points.columns[own].ravel()].toarray().T.reshape(len(own), 3, M.shape[0])
+    right = M[:, of_points.points.columns[own].ravel()].toarray().T.reshape(len(own), 3, M.shape[0])
     alone = np.ascontiguousarray(M[:, plan.kept].toarray().T)
     for k, its_right in zip(own.tolist(), right, strict=True):
-        np.subtract.at(alone, points.others[k], points.back[k].T @ its_right)
+        np.subtract.at(alone, of_points.others[k], of_points.back[k].T @ its_right)
     x = reduced @ alone
     found = np.zeros((index.count, M.shape[0]))
     found[plan.kept] = x
-    points.put_solutions(found, x, own, right)
+    of_points.put_solutions(found, x, own, right)
     weak = inverse.weak
     return found + weak @ np.asarray(M @ weak).T if weak.shape[1] else found
 
@@ -380,11 +324,11 @@ def _through_points(
     wide: Wide, J: FloatArray, columns: IntArray, by_reduced: FloatArray, at: IntArray, point: IntArray
 ) -> FloatArray:
     """(c, k, k) what the eliminated points of candidates add to K_jj."""
-    number = wide.points.place[point]
+    rows, number = wide.rows, wide.rows.points.place[point]
     # derivatives by the three coordinates, wherever they stand among the columns
-    at_point = (columns[:, :, None] == wide.points.columns[number][:, None, :]).astype(float)
+    at_point = (columns[:, :, None] == rows.points.columns[number][:, None, :]).astype(float)
     J_p = J @ at_point
-    others, back = wide.points.others[number], wide.points.back[number]
+    others, back = rows.others[number], rows.back[number]
     crossing = wide.reduced[at[:, :, None], others[:, None, :]] @ back.transpose(0, 2, 1)
     cross = by_reduced @ crossing @ J_p.transpose(0, 2, 1)
     return np.asarray(J_p @ wide.spread[number] @ J_p.transpose(0, 2, 1) - cross - cross.transpose(0, 2, 1))

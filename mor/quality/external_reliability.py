@@ -157,7 +157,7 @@ class NormalEquationSolver(NamedTuple):
         kept = plan.reduced[columns] >= 0
         x = np.zeros(right.shape)
         x[kept] = reduced[plan.reduced[columns[kept]]]
-        x[self._at_points] = alone - self.points.alone(self.points.coupling.T @ reduced)
+        x[self._at_points] = _dense(alone) - _dense(self.points.alone(self.points.coupling.T @ reduced))
         weak = inverse.weak[columns]
         return np.asarray(x + weak @ (weak.T @ right))
 
@@ -173,7 +173,7 @@ class NormalEquationSolver(NamedTuple):
     def _reduced(self, right: AnyMatrix) -> tuple[FloatArray, FloatArray, AnyMatrix]:
         """b_r − C N_p⁻¹ b_p, x_r, and N_p⁻¹ b_p."""
         inverse, plan, points = self.adjustment.inverse, self.adjustment.plan, self.points
-        assert points is not None  # noqa: S101
+        assert points is not None
         kept = plan.reduced[self.columns] >= 0
         alone = points.alone(right[self._at_points])
         reduced = -_dense(points.coupling @ alone)
@@ -182,7 +182,7 @@ class NormalEquationSolver(NamedTuple):
 
     @property
     def _at_points(self) -> IntArray:
-        assert self.points is not None  # noqa: S101
+        assert self.points is not None
         return np.searchsorted(self.columns, self.points.columns.ravel())
 
 
