@@ -12,6 +12,7 @@ from typing import NamedTuple
 import numpy as np
 
 from mor.diagnose.hypothesis import (
+    OBSERVED_POINTS,
     SMALL,
     CellEdit,
     Edit,
@@ -188,29 +189,31 @@ def moved_hypotheses(situation: Situation) -> list[Hypothesis]:
         if one.cause != "control moved":
             continue
         points = np.array([place[name] for name in one.things if name in place])
+        observed = {situation.network.groups[number].type.key for number, _ in one.rows} <= {*OBSERVED_POINTS}
+        components = np.array(one.components if observed else (0, 1, 2))
         found.append(
             Hypothesis(
                 "control moved",
                 one.things,
-                partial(_released, points=points),
+                partial(_released, points=points, components=components),
                 f"points, {', '.join(one.things)}: x, y, z",
                 max(sum(len(control.points) for control in control_tables(situation)), 1),
-                parameters=3 * len(points),
+                parameters=len(components) * len(points),
             )
         )
     return found
 
 
-def _released(network: Network, points: IntArray) -> Network:
+def _released(network: Network, points: IntArray, components: IntArray) -> Network:
     blocks = network.blocks["point"]
     free = blocks.free.copy()
-    free[points] = True
+    free[np.ix_(points, components)] = True
     network = replace(network, blocks={**network.blocks, "point": blocks._replace(free=free)})
     for number, group in enumerate(network.groups):
-        if group.type.key in ("observed/point", "coordinates"):
+        if group.type.key in OBSERVED_POINTS:
             rows = np.flatnonzero(np.isin(group.blocks[0], points))
             observed = group.observed.copy()
-            observed[rows] = np.nan
+            observed[np.ix_(rows, components)] = np.nan
             network = with_group(network, number, replace(group, observed=observed))
     return network
 
@@ -222,7 +225,7 @@ def control_tables(situation: Situation) -> list[ControlPoints]:
     ids, blocks = network.blocks["point"].ids, network.blocks["point"]
     tables = []
     for group in network.groups:
-        if group.type.key not in ("observed/point", "coordinates"):
+        if group.type.key not in OBSERVED_POINTS:
             continue
         points = np.asarray(group.blocks[0], dtype=np.int64)
         declared = np.isin(points, own.parts["position"])

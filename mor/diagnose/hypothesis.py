@@ -539,7 +539,7 @@ def with_points(network: Network, points: IntArray, change: Callable[[FloatArray
     start[points] = change(start[points])
     network = replace(network, start={**network.start, "point": start})
     for number, group in enumerate(network.groups):
-        if group.type.key not in ("observed/point", "coordinates"):
+        if group.type.key not in OBSERVED_POINTS:
             continue
         place = np.full(len(start), -1)
         place[points] = np.arange(len(points))
@@ -560,6 +560,8 @@ def with_points(network: Network, points: IntArray, change: Callable[[FloatArray
 
 # ---- The starting point of a search: the network, how its adjustment ended, and values at which most observations fit.
 
+OBSERVED_POINTS = ("observed/point", "coordinates")
+"""Types of observations of points themselves."""
 SMALL = 20_000
 """Observations up to which graduated weights and intersections of single points take next to no time."""
 _PATIENCE = 2

@@ -21,6 +21,7 @@ import numpy as np
 
 from mor.diagnose.control import DISTANCE, HORIZONTAL_DISTANCE, other_kind
 from mor.diagnose.heights import HeightRows, given_height, height_sights
+from mor.diagnose.hypothesis import OBSERVED_POINTS
 from mor.diagnose.images import PRINCIPAL_POINT
 from mor.diagnose.names import ROWS, Match, matches, where, with_the_same_names, wrong_name
 from mor.model import rotations
@@ -635,7 +636,7 @@ def _control(
     image_at = dict(zip(images.parts["position"].tolist(), images.ids, strict=True))
     for k in adjusted:
         group = problem.groups[k]
-        if group.type.key not in ("observed/point", "coordinates"):
+        if group.type.key not in OBSERVED_POINTS:
             continue
         points = np.asarray(group.blocks[0])
         for row in np.flatnonzero(flagged[k]).tolist():
@@ -940,6 +941,7 @@ def _cause(one: _Scored) -> ScoredHypothesis:
         name, present = candidate.amount
         amount = AddedParameter(name, present + float(one.x[0]))
     rows = [(number, row) for number, own, _ in candidate.parts for row in own.tolist()]
+    components = {k for _, _, change in candidate.parts for k in np.flatnonzero(change.any(axis=(0, 2))).tolist()}
     return ScoredHypothesis(
         candidate.cause,
         candidate.things,
@@ -950,4 +952,5 @@ def _cause(one: _Scored) -> ScoredHypothesis:
         amount,
         # Rows of a possible cause that are handed on.
         tuple(rows) if len(rows) <= 1000 else (),
+        tuple(sorted(components)),
     )

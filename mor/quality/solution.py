@@ -349,6 +349,8 @@ class ScoredHypothesis(NamedTuple):
     amount: AddedParameter | None
     rows: tuple[tuple[int, int], ...] = ()
     """(group, row) of the observations that it changes, if they are few."""
+    components: tuple[int, ...] = ()
+    """Components of these that it changes in any row."""
 
 
 @dataclass(frozen=True, eq=False)
