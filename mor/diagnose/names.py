@@ -24,7 +24,7 @@ from mor.model import rotations
 from mor.model.contract import ObservationGroup, some_rows, wrap
 from mor.model.parameters import Values, index_unknowns, move
 from mor.project.network import Network
-from mor.quality.outliers import cost_of_residuals, sizes_of
+from mor.quality.outliers import by_sights_alone, cost_of_residuals, costs_at_places, sizes_of
 from mor.solve.problem import Problem, linearise, rotation_tangents
 from mor.types import FloatArray, IntArray
 
@@ -69,7 +69,11 @@ def name_hypotheses(situation: Situation) -> list[Hypothesis]:
         for place, row in enumerate(situation.worst_rows(number, ROWS).tolist())
         for match in _matches(situation, number, row, group.count <= _FEW and place < _ALONE)
     ]
-    exchanges = [*_exchanges(situation.network, found), *_at_spoiled_stations(situation)]
+    exchanges = [
+        *_exchanges(situation.network, found),
+        *_at_spoiled_stations(situation),
+        *_between_lost_points(situation),
+    ]
     worst = sorted(with_the_same_names(found), key=lambda same: -sum(match.drop for match in same))[:_TRIED]
     return [*exchanges[:_TRIED], *(_wrong_name(situation.network, same) for same in worst)]
 
@@ -155,6 +159,59 @@ def _at_spoiled_stations(situation: Situation) -> Iterator[Hypothesis]:
             for row, own, right in zip(found.rows, names, reversed(names), strict=True)
         )
         yield _exchange(situation.network, one, other, names[0][:-1])
+
+
+def _between_lost_points(situation: Situation) -> list[Hypothesis]:
+    """Exchanges after which two points are where their sights meet, of which half do not fit now; the best first."""
+    network, groups = situation.network, situation.network.groups
+    lost = _lost_points(situation)
+    if situation.count > SMALL or not lost:
+        return []
+    problem = situation.make(network, situation.start, situation.values)
+    place = dict(zip(network.blocks["point"].ids, range(len(network.blocks["point"].ids)), strict=True))
+    rows = [
+        (number, row)
+        for number in _sighting(groups)
+        for row, name in enumerate(groups[number].references[-1])
+        if name in lost or situation.misfitting[number][row].any()
+    ]
+    if len(rows) > ROWS:
+        return []
+    found = []
+    for (number, row), (other_number, other) in combinations(rows, 2):
+        names = [tuple(column[k] for column in groups[number].references) for k in sorted((row, other))]
+        same = names[0][-1] == names[1][-1] or not {names[0][-1], names[1][-1]} <= place.keys()
+        if number != other_number or names[0][0] != names[1][0] or same:
+            continue
+        points = np.array([place[name[-1]] for name in names])
+        costs = []
+        for tried in (problem, _exchanged(problem, number, (row, other))):
+            places = by_sights_alone(tried, situation.values, points)
+            each = zip(points.tolist(), places, strict=True)
+            costs.append(sum(float(costs_at_places(tried, situation.values, p, xyz[None])[0]) for p, xyz in each))
+        if costs[1] < costs[0]:
+            found.append((costs[1] - costs[0], number, sorted((row, other)), names, points))
+    exchanges = []
+    for _, number, own, names, points in sorted(found, key=lambda one: one[0])[:_TRIED]:
+        target = groups[number].type.references[-1].name
+        one, other_one = (
+            Match(number, row, target, name, right[-1], {}, len(found), 0.0)
+            for row, name, right in zip(own, names, reversed(names), strict=True)
+        )
+        hypothesis = _exchange(network, one, other_one, names[0][:-1])
+        exchanges.append(replace(hypothesis, recomputed={"point": points}))
+    return exchanges
+
+
+def _lost_points(situation: Situation) -> set[str]:
+    """Points that are sighted twice or more, half of whose sights do not fit."""
+    whole: Counter[str] = Counter()
+    wrong: Counter[str] = Counter()
+    for number in _sighting(situation.network.groups):
+        names = list(situation.network.groups[number].references[-1])
+        whole.update(names)
+        wrong.update(names[row] for row in np.flatnonzero(situation.misfitting[number].any(axis=1)))
+    return {name for name in wrong if whole[name] >= 2 and 2 * wrong[name] >= whole[name]}
 
 
 def _exchange(network: Network, one: Match, other: Match, frame: tuple[str, ...]) -> Hypothesis:
