@@ -62,12 +62,15 @@ def cost_of_residuals(sizes: Sequence[FloatArray], count: int, most: float = np.
     other would have any k at a place that fits none of them.
     """
     every = observed(sizes)
-    plain = float(np.sum(costs_of_sizes(every, count)))
-    factor = min(factor_of_sigmas(sizes), most)
-    if factor <= 1.0:
-        return plain
-    scaled = float(np.sum(costs_of_sizes(every / factor, count)))
-    return min(plain, scaled + 2.0 * every.size * float(np.log(factor)))
+    return float(_costs_of_rows(every[None], count, most)[0]) if every.size else 0.0
+
+
+def _costs_of_rows(sizes: FloatArray, count: int, most: float) -> FloatArray:
+    """(p,) :func:`cost_of_residuals` of each row of |v|/σ (p, s), none of which is 0."""
+    plain = np.sum(costs_of_sizes(sizes, count), axis=1)
+    factor = np.clip(np.median(sizes, axis=1) / _MEDIAN, 1.0, max(most, 1.0))
+    scaled = np.sum(costs_of_sizes(sizes / factor[:, None], count), axis=1)
+    return np.asarray(np.minimum(plain, scaled + 2.0 * sizes.shape[1] * np.log(factor)))
 
 
 def observed(sizes: Sequence[FloatArray]) -> FloatArray:
@@ -273,8 +276,9 @@ def _costs(told: list[_Observed], values: Values, places: FloatArray, count: int
 
     ``most``: factor by which all σ may be too small.
     """
-    sizes = np.abs(_residuals(told, values, places)[0])
-    found: FloatArray = np.array([cost_of_residuals([size], count, most) for size in sizes])
+    sizes = np.maximum(np.abs(_residuals(told, values, places)[0]), np.finfo(float).tiny)
+    with np.errstate(all="ignore"):
+        found = _costs_of_rows(sizes, count, most)
     return np.where(np.isfinite(sizes).all(axis=1) & np.isfinite(found), found, np.inf)
 
 
@@ -291,9 +295,11 @@ def _intersected(told: list[_Observed], values: Values, begins: FloatArray, few:
         goes_on, at = goes_on[sound], np.flatnonzero(sound)[:, None]
         if not len(goes_on):
             break
-        rows = np.pad(jacobians, ((0, 0), (0, 1), (0, 0)))[at, few[goes_on]]
-        off = np.pad(residuals, ((0, 0), (0, 1)))[at, few[goes_on]]
-        places[goes_on] += np.einsum("pij,pj->pi", rotations.pinv(rows, rcond=_SINGULAR), off)
+        none = np.zeros((len(residuals), 1, 4))
+        rows, off = np.split(
+            np.concatenate([np.dstack([jacobians, residuals]), none], axis=1)[at, few[goes_on]], [3], 2
+        )
+        places[goes_on] += (rotations.pinv(rows, rcond=_SINGULAR) @ off)[:, :, 0]
     return places
 
 
