@@ -342,10 +342,9 @@ def fetch_block(values: FloatArray, start: int) -> None:
 
 # ---- Kernels that carry the coupling of a single point into blocks of the reduced system.
 #
-# A block column is worked on in strips of six columns, then three, then single ones; what belongs to the
-# columns stays in registers. Without those of six, normal equations of an aerial block take 4 to 7 per cent
-# longer, without those of three 2 to 3. Places are unsigned numbers: signed ones would be tested, entry by
-# entry, for counting from the end.
+# A block column is worked on in strips of six columns, then single ones; what belongs to the columns stays in
+# registers. Without strips, normal equations of an aerial block take a fifth longer. Places are unsigned
+# numbers: signed ones would be tested, entry by entry, for counting from the end.
 #
 # In all of them ``couplings`` holds the transposed coupling (3, m) of the point from ``first`` on. The
 # unknowns of its blocks, ``slots`` in number, are ``begin[k]:begin[k+1]``; ``count`` blocks of the column of
@@ -407,45 +406,6 @@ def subtract_six(
 
 
 @compile_inline
-def subtract_three(
-    values: FloatArray,
-    others: IntArray,
-    starts: IntArray,
-    count: int,
-    width: int,
-    couplings: FloatArray,
-    first: int,
-    begin: IntArray,
-    slot: int,
-    slots: int,
-    strip: int,
-) -> None:
-    """The same for three columns."""
-    size = begin[slots]
-    one, two, three = np.uint64(first), np.uint64(first + size), np.uint64(first + 2 * size)
-    k = np.uint64(begin[slot] + strip)
-    a0 = couplings[one + k]
-    a1 = couplings[one + k + _STRIPS_ONE]
-    a2 = couplings[one + k + _STRIPS_TWO]
-    b0 = couplings[two + k]
-    b1 = couplings[two + k + _STRIPS_ONE]
-    b2 = couplings[two + k + _STRIPS_TWO]
-    c0 = couplings[three + k]
-    c1 = couplings[three + k + _STRIPS_ONE]
-    c2 = couplings[three + k + _STRIPS_TWO]
-    further = np.uint64(width)
-    for visit in range(count):
-        other, p = others[visit], np.uint64(starts[visit] + strip)
-        for row in range(begin[other], begin[other + 1]):
-            i = np.uint64(row)
-            x, y, z = couplings[one + i], couplings[two + i], couplings[three + i]
-            values[p] -= x * a0 + y * b0 + z * c0
-            values[p + _STRIPS_ONE] -= x * a1 + y * b1 + z * c1
-            values[p + _STRIPS_TWO] -= x * a2 + y * b2 + z * c2
-            p += further
-
-
-@compile_inline
 def subtract_one(
     values: FloatArray,
     others: IntArray,
@@ -494,9 +454,6 @@ def subtract_column_of_point(
     while width - strip >= 6:
         subtract_six(values, others, starts, count, width, couplings, first, begin, slot, slots, strip)
         strip += 6
-    while width - strip >= 3:
-        subtract_three(values, others, starts, count, width, couplings, first, begin, slot, slots, strip)
-        strip += 3
     while strip < width:
         subtract_one(values, others, starts, count, width, couplings, first, begin, slot, slots, strip)
         strip += 1
