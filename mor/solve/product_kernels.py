@@ -39,8 +39,6 @@ from mor.types import BoolArray, FloatArray, IntArray, SmallIntArray
 # With the Jacobians j of the rays by the others, and any right factor c (n, 2, 3), the coupling of a point is Σ jᵀc,
 # kept transposed (3, m), where m counts the merged unknowns of its rays; or as fours (m, 4), the last number zero.
 
-_ONE, _TWO = (np.uint64(k) for k in range(1, 3))
-
 
 @compile_inline
 def couple(
@@ -66,48 +64,12 @@ def couple(
         for t in range(start, runs.pointers[frame[i] + 1]):
             at = np.uint64(base + local[i - first, t - start])
             x = np.uint64(2 * i * width + runs.first[t])
-            left = runs.length[t]
-            while left >= 2:
-                couple_two(by_others, x, width, a, b, c, d, e, f, couplings, at, size)
-                at, x, left = at + _TWO, x + _TWO, left - 2
-            if left == 1:
-                x0, y0 = by_others[x], by_others[x + np.uint64(width)]
-                couplings[at] += x0 * a + y0 * d
-                couplings[at + np.uint64(size)] += x0 * b + y0 * e
-                couplings[at + np.uint64(2 * size)] += x0 * c + y0 * f
-
-
-@compile_inline
-def couple_two(
-    by_others: FloatArray,
-    x: np.uint64,
-    width: int,
-    a: float,
-    b: float,
-    c: float,
-    d: float,
-    e: float,
-    f: float,
-    couplings: FloatArray,
-    at: np.uint64,
-    size: int,
-) -> None:
-    """Couple two unknowns, whose Jacobian is (x, x + 1) and as much a row below, by the factor (a, b, c; d, e, f).
-
-    All that is fetched is fetched before anything is stored: the compiler takes the arrays for one that overlaps. Four
-    unknowns at a time are no faster.
-    """
-    y = x + np.uint64(width)
-    x0, x1 = by_others[x], by_others[x + _ONE]
-    y0, y1 = by_others[y], by_others[y + _ONE]
-    couplings[at] += x0 * a + y0 * d
-    couplings[at + _ONE] += x1 * a + y1 * d
-    below = at + np.uint64(size)
-    couplings[below] += x0 * b + y0 * e
-    couplings[below + _ONE] += x1 * b + y1 * e
-    below += np.uint64(size)
-    couplings[below] += x0 * c + y0 * f
-    couplings[below + _ONE] += x1 * c + y1 * f
+            for k in range(runs.length[t]):
+                step = np.uint64(k)
+                x0, y0 = by_others[x + step], by_others[x + step + np.uint64(width)]
+                couplings[at + step] += x0 * a + y0 * d
+                couplings[at + step + np.uint64(size)] += x0 * b + y0 * e
+                couplings[at + step + np.uint64(2 * size)] += x0 * c + y0 * f
 
 
 @compile_inline
@@ -133,46 +95,12 @@ def reduce_rays(
         for t in range(start, runs.pointers[frame[i] + 1]):
             at = np.uint64(base + local[i - first, t - start])
             x = np.uint64(2 * i * width + runs.first[t])
-            left = runs.length[t]
-            while left >= 2:
-                reduce_two(by_others, x, width, a, b, c, d, e, f, couplings, at, size, reduced)
-                at, x, left = at + _TWO, x + _TWO, left - 2
-            if left == 1:
-                y = x + np.uint64(width)
-                p, q, r = couplings[at], couplings[at + np.uint64(size)], couplings[at + np.uint64(2 * size)]
-                reduced[x] = by_others[x] - (a * p + b * q + c * r)
-                reduced[y] = by_others[y] - (d * p + e * q + f * r)
-
-
-@compile_inline
-def reduce_two(
-    by_others: FloatArray,
-    x: np.uint64,
-    width: int,
-    a: float,
-    b: float,
-    c: float,
-    d: float,
-    e: float,
-    f: float,
-    couplings: FloatArray,
-    at: np.uint64,
-    size: int,
-    reduced: FloatArray,
-) -> None:
-    """The same for two unknowns; arguments as those of ``couple_two``."""
-    y, further = x + np.uint64(width), np.uint64(size)
-    x0, x1 = by_others[x], by_others[x + _ONE]
-    y0, y1 = by_others[y], by_others[y + _ONE]
-    p0, p1 = couplings[at], couplings[at + _ONE]
-    below = at + further
-    q0, q1 = couplings[below], couplings[below + _ONE]
-    below += further
-    r0, r1 = couplings[below], couplings[below + _ONE]
-    reduced[x] = x0 - (a * p0 + b * q0 + c * r0)
-    reduced[x + _ONE] = x1 - (a * p1 + b * q1 + c * r1)
-    reduced[y] = y0 - (d * p0 + e * q0 + f * r0)
-    reduced[y + _ONE] = y1 - (d * p1 + e * q1 + f * r1)
+            for k in range(runs.length[t]):
+                here, x0 = at + np.uint64(k), x + np.uint64(k)
+                y0 = x0 + np.uint64(width)
+                p, q, r = couplings[here], couplings[here + np.uint64(size)], couplings[here + np.uint64(2 * size)]
+                reduced[x0] = by_others[x0] - (a * p + b * q + c * r)
+                reduced[y0] = by_others[y0] - (d * p + e * q + f * r)
 
 
 @compile_inline
