@@ -70,6 +70,7 @@ def name_hypotheses(situation: Situation) -> list[Hypothesis]:
         for match in _matches(situation, number, row, group.count <= _FEW and place < _ALONE)
     ]
     exchanges = [
+        *_by_scores(situation),
         *_exchanges(situation.network, found),
         *_at_spoiled_stations(situation),
         *_between_lost_points(situation),
@@ -149,16 +150,31 @@ def _exchanges(network: Network, matches: list[Match]) -> Iterator[Hypothesis]:
                 yield _exchange(network, one, other, rest[0])
 
 
+def _by_scores(situation: Situation) -> Iterator[Hypothesis]:
+    """Exchanges that score tests of the solution name: a pose that one has spoiled need not show it."""
+    for one in situation.scored:
+        numbers, rows = {number for number, _ in one.rows}, tuple(row for _, row in one.rows)
+        if one.cause == "names exchanged" and len(numbers) == 1 and len(rows) == 2:
+            number = numbers.pop()
+            count = situation.network.groups[number].count
+            yield _exchange_of_rows(situation.network, number, rows, count * (count - 1) // 2)
+
+
 def _at_spoiled_stations(situation: Situation) -> Iterator[Hypothesis]:
     for found in exchanges_at_stations(situation):
-        group = situation.network.groups[found.group]
-        target = group.type.references[-1].name
-        names = [tuple(column[row] for column in group.references) for row in found.rows]
-        one, other = (
-            Match(found.group, row, target, own, right[-1], {}, found.candidates, 0.0)
-            for row, own, right in zip(found.rows, names, reversed(names), strict=True)
-        )
-        yield _exchange(situation.network, one, other, names[0][:-1])
+        yield _exchange_of_rows(situation.network, found.group, found.rows, found.candidates)
+
+
+def _exchange_of_rows(network: Network, number: int, rows: Sequence[int], candidates: int) -> Hypothesis:
+    """Return the exchange of the targets of two rows of one image or station."""
+    group = network.groups[number]
+    target = group.type.references[-1].name
+    names = [tuple(column[row] for column in group.references) for row in rows]
+    one, other = (
+        Match(number, row, target, own, right[-1], {}, candidates, 0.0)
+        for row, own, right in zip(rows, names, reversed(names), strict=True)
+    )
+    return _exchange(network, one, other, names[0][:-1])
 
 
 def _between_lost_points(situation: Situation) -> list[Hypothesis]:
@@ -190,17 +206,11 @@ def _between_lost_points(situation: Situation) -> list[Hypothesis]:
             each = zip(points.tolist(), places, strict=True)
             costs.append(sum(float(costs_at_places(tried, situation.values, p, xyz[None])[0]) for p, xyz in each))
         if costs[1] < costs[0]:
-            found.append((costs[1] - costs[0], number, sorted((row, other)), names, points))
-    exchanges = []
-    for _, number, own, names, points in sorted(found, key=lambda one: one[0])[:_TRIED]:
-        target = groups[number].type.references[-1].name
-        one, other_one = (
-            Match(number, row, target, name, right[-1], {}, len(found), 0.0)
-            for row, name, right in zip(own, names, reversed(names), strict=True)
-        )
-        hypothesis = _exchange(network, one, other_one, names[0][:-1])
-        exchanges.append(replace(hypothesis, recomputed={"point": points}))
-    return exchanges
+            found.append((costs[1] - costs[0], number, sorted((row, other)), points))
+    return [
+        replace(_exchange_of_rows(network, number, own, len(found)), recomputed={"point": points})
+        for _, number, own, points in sorted(found, key=lambda one: one[0])[:_TRIED]
+    ]
 
 
 def _lost_points(situation: Situation) -> set[str]:

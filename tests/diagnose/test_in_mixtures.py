@@ -13,6 +13,7 @@ from tests.scenarios.planted_mistakes.trial import mixture_trial
     [
         pytest.param(15017, id="names exchanged in an image: only some sights of the two points do not fit"),
         pytest.param(15047, id="names exchanged in one of two images: no sight of the two points fits"),
+        pytest.param(15149, id="names exchanged in an image, whose pose they spoil: score tests name them"),
         pytest.param(15024, id="one height of control is wrong, and without the point the datum is not defined"),
     ],
 )
