@@ -198,7 +198,7 @@ def moved_hypotheses(situation: Situation) -> list[Hypothesis]:
                 partial(_released, points=points, components=components),
                 f"points, {', '.join(one.things)}: x, y, z",
                 max(sum(len(control.points) for control in control_tables(situation)), 1),
-                parameters=len(components) * len(points),
+                parameters=3 * len(points),  # any of its coordinates might have been wrong
             )
         )
     return found
