@@ -646,6 +646,8 @@ FEWEST_OF_DATUM = 3
 """Points with all coordinates in the datum that determine any movement of a network."""
 _NO_PARALLAX = 1e-3
 """Inverse distance in units of its σ below which a point is at infinity: vᵀPv is the same to 1e-6 there."""
+_SAME = 1e-3
+"""Part of vᵀPv within which two solutions fit alike."""
 EXPLAINED = 30
 """Loose things up to which the null space of the whole network is worked out to explain them."""
 
@@ -737,7 +739,8 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     begun["point"] = np.where(np.isnan(begun["point"]), start["point"], begun["point"])
     second = _with_far_points(network, start, begun, again, means)
     solved = [attempt.adjustment.outcome.is_solution for _, attempt in (first, second)]
-    return second if second[1].is_complete or solved == [False, True] else first
+    better = second[1].is_complete and not _is_worse((first[1], again), (second[1], again), means.critical)
+    return second if better or solved == [False, True] else first
 
 
 def _with_far_points(
@@ -784,9 +787,8 @@ def _with_far_points(
             far, given[beyond.points] = beyond, False  # it may be their coordinates that lead nowhere
             continue
         if before is not None and _is_worse(before[1:], (attempt, far), means.critical):
-            reduced, attempt, far = before
             break
-        before = (reduced, attempt, far) if attempt.is_complete else before
+        before = before if _of_all(attempt) is None else (reduced, attempt, far)
         found = nearly_parallel(network, there)
         found = with_free_poses(network, reduced, adjustment, there, found, means.critical)
         now = _beyond_reach(network, there, found, means)
@@ -800,6 +802,8 @@ def _with_far_points(
             complete.add(tuple(np.sort(far.points).tolist()))
         far = now
         network = _with_reference(plain, start, values, doubted)
+    if before is not None and _is_worse(before[1:], (attempt, far), means.critical):
+        reduced, attempt, far = before
     adjustment = attempt.adjustment
     there = _values_of(network, adjustment.values, far.points)
     if len(far.points) and _leaves_out(network):
@@ -812,14 +816,23 @@ def _with_far_points(
 
 
 def _is_worse(before: tuple[Attempt, RayPoints], after: tuple[Attempt, RayPoints], critical: float) -> bool:
-    """True where more points at infinity, each of which may be there, together fit significantly worse."""
-    more = len(after[1].points) - len(before[1].points)
-    if more <= 0 or not after[0].is_complete:
-        return False
-    problem, squares = before[0].adjustment.problem, before[0].adjustment.normals.objective
-    factor = max(squares / max(problem.observations - problem.index.count, 1), 1.0)
-    limit = float(chdtri(more, erfc(critical / np.sqrt(2.0))))
-    return after[0].adjustment.normals.objective - squares > factor * limit
+    """True where all observations fit worse than before, significantly so if more points are at infinity."""
+    first, then = _of_all(before[0]), _of_all(after[0])
+    if first is None or then is None:
+        return first is not None
+    squares = first.normals.objective
+    more = max(len(after[1].points) - len(before[1].points), 0)
+    factor = max(squares / max(first.problem.observations - first.problem.index.count, 1), 1.0)
+    limit = float(chdtri(more, erfc(critical / np.sqrt(2.0)))) if more else 0.0
+    return then.normals.objective - squares > max(factor * limit, _SAME * squares)
+
+
+def _of_all(attempt: Attempt) -> Adjustment | None:
+    """The solution of all observations, whether suspects were left out after it or not."""
+    if attempt.suspects is None:
+        return attempt.adjustment if attempt.is_complete else None
+    plain = attempt.suspects.plain
+    return plain if plain.outcome.is_solution else None
 
 
 def _without_parallax(values: Values, found: RayPoints) -> BoolArray:

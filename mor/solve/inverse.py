@@ -245,9 +245,11 @@ def _released(matrix: BlockMatrix, factor: Factor) -> FloatArray:
 
 def _spread_out(directions: FloatArray) -> IntArray:
     """As many unknowns as directions (u, k), such that the directions differ most on them (pivoted QR)."""
+    sizes = np.linalg.norm(directions, axis=0)
+    directions, sizes = directions[:, sizes > 0.0], sizes[sizes > 0.0]
     if directions.shape[1] == 0:
         return np.zeros(0, dtype=np.int64)
-    normed = directions / np.linalg.norm(directions, axis=0)
+    normed = directions / sizes
     _, _, order = scipy.linalg.qr(np.linalg.qr(normed)[0].T, mode="economic", pivoting=True)
     return np.sort(order[: directions.shape[1]]).astype(np.int64)
 
