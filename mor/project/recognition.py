@@ -310,8 +310,8 @@ _NO_READING, _SUMS = "rows without readings", "sums of the readings"
 _TO_ITSELF = "height differences from a point to itself"
 _SIGNED = re.compile(r"(?:vista|visada|lectura|leitura|lecture|reading|v|l)?\s*\(?([-+−])\)?")
 """Readings back and forward that have the signs with which they enter the height."""
-_DASHES = re.compile(r"\s*[-–—]{2,}\s*")
-"""What programs write into empty cells."""
+_NOTHING = re.compile(r"\s*(?:[-–—]{2,}|\*+)\s*")
+"""What programs write into empty cells; an asterisk is the σ of what is free."""
 _PARTS = tuple(
     re.compile(f"(.*?)(?:{words})")
     for words in (
@@ -440,7 +440,7 @@ def recognise(path: Path) -> list[Found]:
 def _recognise(path: Path, sheet: str | None) -> list[Found]:
     delimiter, read, above, encoding = _cells(path, sheet)
     width = max((k for row in read for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
-    blank = tuple(tuple("" if _DASHES.fullmatch(cell) else cell for cell in row[:width]) for row in read)
+    blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in read)
     tidy, stated = _tidied(_with_whole_angles(blank))
     tidy = _with_sigmas(tidy)
     encoded = (not_utf8(encoding),) if encoding in CODE_PAGES else ()

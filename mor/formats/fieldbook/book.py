@@ -13,8 +13,9 @@ Readers translate records into calls of :class:`FieldBook`; everything that hold
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import combinations
 from math import atan2, cos, hypot, pi, radians, sin, sqrt, tau
 from pathlib import Path
 from statistics import median
@@ -64,7 +65,9 @@ _ZERO = "coordinates that are all 0"
 _ZERO_HEIGHTS = "heights of given points that are all 0"
 _HEIGHT = "target heights that differ from those of a later sight to the same place, which are used instead"
 _CONTRADICTED = "coordinates that are farther from other given ones than the sights between them reach"
+_WRONG = "coordinates that most of the measured distances contradict"
 _POINTING = "zenith angles of first sights without a distance, which are rough: these sights set the circle"
+_OTHER_HEIGHT = "zenith angles of sights without a distance to another height than those with one"
 _PRESET = "coordinates that an instrument presets: several stations share them, or they are far from others"
 
 
@@ -438,32 +441,36 @@ class FieldBook:
         return any(sight.zenith is not None or sight.slope is not None for sight in sights)
 
     def _drop_pointings(self) -> None:
-        """Leave out the zenith angles of first sights without a distance if they are rough.
+        """Leave out the zenith angles of sights without a distance if they are rough.
 
-        Such a sight sets the circle: the target is pointed at in direction only. That is so in a book whose later
-        sights to these targets have other zenith angles.
+        A first sight of this kind sets the circle: the target is pointed at in direction only. That is so in a book
+        whose later sights to these targets have other zenith angles. A later one is to another height.
         """
         turned = CIRCLE_SET * self._full
-        first = [
-            (set_up, set_up.sights[0])
-            for set_up in self.set_ups
-            if set_up.sights and set_up.sights[0].slope is None and set_up.sights[0].zenith is not None
-        ]
-        apart = [
-            abs((other.zenith or 0.0) - (sight.zenith or 0.0))
-            for set_up, sight in first
-            for other in set_up.sights[1:]
-            if other.target == sight.target and other.slope and face_of(other, self._full) == face_of(sight, self._full)
-        ]
-        if not apart or median(apart) < turned:
-            return
-        reached = {
-            name for set_up in self.set_ups for s in set_up.sights if s.slope for name in (set_up.station, s.target)
-        }
-        for set_up, sight in first:
-            if sight.target in reached and sight.horizontal is not None:
-                self.leave_out(_POINTING, sight.line)
-                set_up.sights[0] = sight._replace(zenith=None, face=face_of(sight, self._full))
+        first, later, known = list[tuple[InstrumentSetUp, int]](), list[tuple[InstrumentSetUp, int]](), list[float]()
+        reached = set[str]()
+        for set_up in self.set_ups:
+            for k, sight in enumerate(set_up.sights):
+                if sight.slope:
+                    reached |= {set_up.station, sight.target}
+                if sight.slope is not None or sight.zenith is None or sight.horizontal is None:
+                    continue
+                apart = [
+                    abs((other.zenith or 0.0) - sight.zenith)
+                    for other in set_up.sights[1:]
+                    if other.target == sight.target and other.slope
+                    if face_of(other, self._full) == face_of(sight, self._full)
+                ]
+                if k == 0:
+                    first.append((set_up, k))
+                    known += apart
+                elif min(apart, default=0.0) > turned:
+                    later.append((set_up, k))
+        for set_up, k in [*(first if known and median(known) >= turned else []), *later]:
+            sight = set_up.sights[k]
+            if sight.target in reached:
+                self.leave_out(_OTHER_HEIGHT if k else _POINTING, sight.line)
+                set_up.sights[k] = sight._replace(zenith=None, face=face_of(sight, self._full))
 
     def _take_zeros(self) -> None:
         """Take coordinates that are all 0 as those of the origin if nothing else is given, or if distances fit them."""
@@ -509,7 +516,8 @@ class FieldBook:
     def _drop_contradicted(self) -> None:
         """Leave out given coordinates that are farther from most others than the sights between them reach.
 
-        They are of another system. Nothing is left out if that concerns half of the points or more, unless the others
+        They are of another system. All are left out if distances contradict most of them: somebody keyed them in to
+        begin. Nothing is left out if that concerns half of the points or more, unless the others
         alone are no whole metres. Books of more than ``MOST_COMPARED`` given points are taken as they are.
         """
         plans = {
@@ -518,6 +526,10 @@ class FieldBook:
             if place.east is not None and place.north is not None
         }
         if not 2 <= len(plans) <= MOST_COMPARED:
+            return
+        if self._are_wrong(plans):
+            for name in plans:
+                self.leave_out(_WRONG, self.points.pop(name).line)
             return
         places, ways = np.array(list(plans.values())), self._ways(list(plans))
         bad = np.isfinite(ways) & (np.abs(places[:, None] - places) > FARTHER * ways + FARTHER)
@@ -533,6 +545,35 @@ class FieldBook:
         if dropped < len(left) or (dropped == len(left) and is_whole[~left].all()):
             for name in np.array(list(plans))[~left].tolist():
                 self.leave_out(_CONTRADICTED, self.points.pop(name).line)
+
+    def _are_wrong(self, plans: Mapping[str, complex]) -> bool:
+        """Return whether distances in plan contradict more pairs of given points than they confirm, and two or more.
+
+        A pair is contradicted by the distances between its points, or by those to two or more other points that are
+        nearer to one of them than the coordinates allow.
+        """
+        lengths: dict[str, dict[str, float]] = {}
+        for set_up in self.set_ups:
+            for sight in set_up.sights:
+                polar = self.polar(sight)
+                length = polar[0] if polar else sight.horizontal_distance
+                if length and set_up.station != sight.target:
+                    lengths.setdefault(set_up.station, {})[sight.target] = length
+                    lengths.setdefault(sight.target, {})[set_up.station] = length
+        confirmed = contradicted = 0
+        known = sorted(plans.keys() & lengths.keys())
+        pairs = dict.fromkeys((one, other) for one in known for other in sorted(lengths[one]) if one < other in plans)
+        pairs |= dict.fromkeys(combinations([name for name in known if len(lengths[name]) > 1], 2))
+        for one, other in pairs:
+            given = FARTHER * abs(plans[one] - plans[other]) + FARTHER
+            ahead, behind = lengths[one], lengths[other]
+            if other in ahead:
+                fits = ahead[other] < given and given < FARTHER**2 * (ahead[other] + 2.0)
+                confirmed, contradicted = confirmed + fits, contradicted + (not fits)
+            else:
+                apart = [abs(ahead[name] - behind[name]) for name in ahead.keys() & behind.keys()]
+                contradicted += len(apart) > 1 and median(apart) > given
+        return contradicted > max(confirmed, 1)
 
     def _ways(self, names: Sequence[str]) -> FloatArray:
         """Lengths (n, n) of the shortest ways along sights between points; infinite if there is none."""
