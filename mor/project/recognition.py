@@ -329,6 +329,8 @@ _PLACEHOLDER = re.compile(r"column\d+")
 _DIGIT, _WORD = re.compile(r"\d"), re.compile(r"\w")
 _STAFF = 10.0
 """No staff is as long in metres: larger readings are millimetres."""
+_WIRES = 0.1
+"""Part of the interval of the outer wires by which the middle one may be off."""
 _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
 PLACES = ("point", "at", "from", "to", "station")
 """Columns of measurements that name points."""
@@ -662,6 +664,7 @@ def _with_readings(rows: _Cells, kind: str, columns: Mapping[str, str], header: 
 
 def _levelled(table: Found) -> tuple[Found, ...]:
     """Height differences of a levelling book, and its benchmark; a second instrument has columns of its own."""
+    table = _with_mean_wires(table)
     left = dict.fromkeys((_NO_READING, _SUMS, ALONE, _TO_ITSELF), 0)
     found = _height_differences(table, left)
     if _SECOND.keys() <= table.columns.keys():
@@ -751,6 +754,57 @@ def _height_differences(table: Found, left: dict[str, int]) -> list[LevelledDiff
     left[ALONE] += len(book.alone)
     left[_TO_ITSELF] += len(measured) - len(found)
     return found
+
+
+def _with_mean_wires(table: Found) -> Found:
+    """One row for each point of a book with three wires in rows below each other: their mean, and the distance.
+
+    The first row of a point names it. The middle wire is the mean of the outer ones, and the distance is 100 times
+    what they differ by.
+    """
+    rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
+    full = [row for row in rows if row.has_readings()]
+    names = [name for name in _READINGS[:3] if name in table.columns]
+    triples = list(zip(full[::3], full[1::3], full[2::3], strict=False))
+    wires = [[[row.number(name) for row in triple] for name in names] for triple in triples]
+    if len(full) % 3 or len(full) < 6 or not all(_are_wires(one) for found in wires for one in found):
+        return table
+    if any(not first.text("point") or second.text("point") or third.text("point") for first, second, third in triples):
+        return table
+    header, ends = ("point", *names, "back_distance", "fore_distance"), ("back", "fore")
+    means = []
+    for triple, found in zip(triples, wires, strict=True):
+        read = dict(zip(names, ([value for value in one if value is not None] for one in found), strict=True))
+        ahead = read.get("fore") or read.get("between")
+        far = [read.get("back"), ahead]
+        means.append(
+            (
+                triple[0].text("point"),
+                *(f"{sum(read[name]) / 3:.9g}" if read[name] else "" for name in names),
+                *(f"{100.0 * (one[0] - one[2]):.9g}" if one else "" for one in far),
+            )
+        )
+    unit = table.units.get(ends[0], "mm" if median(table.numbers(ends[0])) > _STAFF else "")
+    units = dict.fromkeys((*names, "back_distance", "fore_distance"), unit) if unit else {}
+    return table._replace(
+        columns=dict(zip(header, header, strict=True)),
+        units=units,
+        header=header,
+        rows=tuple(means),
+        decimal_comma=False,
+        notes=(
+            *table.notes,
+            f"three wires at {counted(len(means), 'point')}: their mean, and 100 times their interval",
+        ),
+    )
+
+
+def _are_wires(values: Sequence[float | None]) -> bool:
+    """Return whether three readings are those of the upper, middle and lower wire, or none."""
+    upper, middle, lower = values
+    if upper is None or middle is None or lower is None:
+        return upper is middle is lower is None
+    return upper > lower and abs(upper + lower - 2.0 * middle) <= _WIRES * (upper - lower)
 
 
 class _LevelRow(NamedTuple):
@@ -1172,7 +1226,10 @@ def begin(
     camera: CameraSettings,
     datum: str = "fixed",
 ) -> dict[Path, str]:
-    """Texts by path: the project file and the lists of names that belong to no table. ``units``: length, angle."""
+    """Texts by path: the project file and the lists of names that belong to no table.
+
+    ``units``: length and angle; readings of a vertical circle tell the unit of angles if it is empty.
+    """
     listed = {name for t in tables if t.kind == "points" and t.part != _BENCHMARK for name in t.texts("id")}
     tables = [t for t in tables if t.part != _BENCHMARK or listed.isdisjoint(t.texts("id"))]
     by_kind = {kind: [t for t in tables if t.kind == kind] for kind in ("images", "points", "stations")}
@@ -1195,11 +1252,13 @@ def begin(
     if is_plane:
         flat = [{ours: cell for ours, cell in t.columns.items() if ours != "z"} for t in by_kind["points"]]
         by_kind["points"] = [t._replace(columns=c) for t, c in zip(by_kind["points"], flat, strict=True)]
+    angle = units[1] or _unit_of_circles(measured)
     content = {
         "name": target.name,
         "title": _quoted(title),
         "length": units[0],
-        "angle": units[1],
+        "angle": angle or "gon",
+        "guessed_angle": angle if not units[1] else "",
         "zenith": any(t.kind in _VERTICAL and not _VERTICAL_COLUMNS.isdisjoint(t.columns) for t in measured),
         "camera": _camera(camera, corner) if seen or by_kind["images"] else None,
         "more_images": _rest(target, "images", _names(seen, ("image",)), by_kind["images"], texts),
@@ -1286,6 +1345,23 @@ def _from_a_corner(table: Found) -> bool:
         return False
     values = [value for name in "xy" for value in table.numbers(name)]
     return bool(values) and min(values) >= 0.0 and max(values) > _PIXELS
+
+
+def _unit_of_circles(tables: Iterable[Found]) -> str:
+    """Degrees or gon, whichever has its horizon nearer to most zenith angles; empty if the tables have none."""
+    readings = [
+        value
+        for table in tables
+        for name in ("zenith", "zenith_angle")
+        if name not in table.units
+        for value in table.numbers(name)
+    ]
+    if not readings:
+        return ""
+    off = {
+        unit: median(abs(value % half - half / 2) for value in readings) for unit, half in (("gon", 200), ("deg", 180))
+    }
+    return min(off, key=lambda unit: off[unit])
 
 
 def _names(tables: Iterable[Found], columns: Sequence[str]) -> list[str]:

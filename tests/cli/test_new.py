@@ -935,3 +935,43 @@ def test_a_column_that_is_read_is_given_once(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("id,x,y,z,x,Note,Note\nA,1,2,3,1.1,a,b\n")
     with pytest.raises(InputError, match="column 'x' is given twice"):
         recognise(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize(
+    ("scale", "unit", "options"), [(1.0, "deg", []), (400.0 / 360.0, "gon", []), (1.0, "gon", ["--angle", "gon"])]
+)
+def test_zenith_angles_tell_the_unit_of_angles(tmp_path: Path, scale: float, unit: str, options: list[str]) -> None:
+    book, project = tmp_path / "book.csv", tmp_path / "p.yaml"
+    rows = [("A", 72.0, 91.0), ("B", 245.0, 92.5), ("C", 100.0, 84.0), ("A", 252.0, 269.0)]
+    lines = [f"S,{name},{hz * scale},{v * scale}" for name, hz, v in rows]
+    book.write_text("\n".join(["station,to,Hz,Vz", *lines]) + "\n")
+    assert run(["new", str(project), str(book), *options]) == 0
+    assert read_document(project).data["units"]["angle"] == unit
+    assert (f"# CHECK: zenith angles are near the horizon in {unit}" in project.read_text()) == (not options)
+
+
+def test_an_asterisk_is_the_sigma_of_what_is_free(tmp_path: Path) -> None:
+    """As STAR*NET has it."""
+    table, distances, project = tmp_path / "points.csv", tmp_path / "distances.csv", tmp_path / "p.yaml"
+    table.write_text("id,x,y,z,sx,sy,sz\nA,0,0,0,0.1,0.1,*\nB,10,0,0,0.1,0.1,0.1\n")
+    distances.write_text("from,to,distance\nA,B,10\n")
+    assert run(["new", str(project), str(table), str(distances)]) == 0
+    assert run(["check", str(project), "--quiet"]) == 0
+
+
+def test_three_wires_below_each_other_are_one_reading(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Millimetres, sums below the wires; the mean of the wires, and 100 times their interval."""
+    rows = [
+        *("A,1430,,,", ",1138,292,,", ",847,291,,", ",,583,,", ",,,,"),
+        *("T,1456,,1125,", ",1256,200,840,285", ",1056,200,556,284", ",,400,,569", ",,,,"),
+        *("B,,,1300,", ",,,1200,100", ",,,1100,100"),
+    ]
+    book, project = tmp_path / "book.csv", tmp_path / "p.yaml"
+    book.write_text("\n".join(["Point,BS,BS_INT,FS,FS_INT", *rows]) + "\n")
+    assert run(["new", str(project), str(book)]) == 0
+    assert "three wires at 3 points" in capsys.readouterr().err
+    found = pl.read_csv(tmp_path / "p_book.csv")
+    assert found.select("from", "to").rows() == [("A", "T"), ("T", "B")]
+    assert found["dz"].to_list() == pytest.approx([(3415 - 2521) / 3, 1256 - 1200], abs=1e-4)
+    assert found["length"].to_list() == pytest.approx([100 * (583 + 569), 100 * (400 + 200)])
+    assert read_document(project).data["observations"][0]["units"] == {"dz": "mm", "length": "mm"}

@@ -13,9 +13,8 @@ Readers translate records into calls of :class:`FieldBook`; everything that hold
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from itertools import combinations
 from math import atan2, cos, hypot, pi, radians, sin, sqrt, tau
 from pathlib import Path
 from statistics import median
@@ -28,7 +27,7 @@ from scipy.sparse.csgraph import dijkstra
 from mor.errors import counted
 from mor.formats.draft import Draft, Row, read_lines
 from mor.project.levelling import ALONE, REPEATED, SIGMA_KILOMETRE, SIGMA_SET_UP, LevelledDifference, Levelling
-from mor.types import FloatArray
+from mor.types import BoolArray, FloatArray
 
 SIGMA_ANGLE = "3 arcsec"
 SIGMA_DISTANCE, PPM = "2 mm", "2"
@@ -64,8 +63,8 @@ COMPUTED = "coordinates that the instrument computed from its readings"
 _ZERO = "coordinates that are all 0"
 _ZERO_HEIGHTS = "heights of given points that are all 0"
 _HEIGHT = "target heights that differ from those of a later sight to the same place, which are used instead"
-_CONTRADICTED = "coordinates that are farther from other given ones than the sights between them reach"
-_WRONG = "coordinates that most of the measured distances contradict"
+_CONTRADICTED = "coordinates that are farther from other given ones, or nearer, than the sights between them allow"
+_WRONG = "coordinates that the measured distances contradict"
 _POINTING = "zenith angles of first sights without a distance, which are rough: these sights set the circle"
 _OTHER_HEIGHT = "zenith angles of sights without a distance to another height than those with one"
 _PRESET = "coordinates that an instrument presets: several stations share them, or they are far from others"
@@ -514,11 +513,11 @@ class FieldBook:
                 self.leave_out(_PRESET, self.points.pop(name).line)
 
     def _drop_contradicted(self) -> None:
-        """Leave out given coordinates that are farther from most others than the sights between them reach.
+        """Leave out given coordinates that are farther from most others, or nearer, than the sights between them allow.
 
-        They are of another system. All are left out if distances contradict most of them: somebody keyed them in to
-        begin. Nothing is left out if that concerns half of the points or more, unless the others
-        alone are no whole metres. Books of more than ``MOST_COMPARED`` given points are taken as they are.
+        They are of another system, as are points nearer to those than it allows that no distance confirms. All are left out
+        if that concerns more than half of the points, and none if it concerns half of them, unless the others alone are
+        no whole metres. Books of more than ``MOST_COMPARED`` given points are taken as they are.
         """
         plans = {
             name: complex(place.east, place.north)
@@ -527,12 +526,10 @@ class FieldBook:
         }
         if not 2 <= len(plans) <= MOST_COMPARED:
             return
-        if self._are_wrong(plans):
-            for name in plans:
-                self.leave_out(_WRONG, self.points.pop(name).line)
-            return
         places, ways = np.array(list(plans.values())), self._ways(list(plans))
-        bad = np.isfinite(ways) & (np.abs(places[:, None] - places) > FARTHER * ways + FARTHER)
+        given = np.abs(places[:, None] - places)
+        nearer, confirmed = self._nearer(list(plans), given)
+        bad = np.isfinite(ways) & ((given > FARTHER * ways + FARTHER) | nearer)
         contradicted, excess = bad.sum(axis=1), (2 * bad - np.isfinite(ways).astype(int)).sum(axis=1)
         is_whole = (places.real % 1.0 == 0.0) & (places.imag % 1.0 == 0.0)
         left = np.ones(len(places), dtype=bool)
@@ -541,39 +538,41 @@ class FieldBook:
             left[worst] = False
             contradicted -= bad[worst]
             excess -= 2 * bad[worst] - np.isfinite(ways[worst]).astype(int)
+        left &= ~nearer.any(axis=1) | (confirmed & left).any(axis=1)
         dropped = 2 * np.count_nonzero(~left)
         if dropped < len(left) or (dropped == len(left) and is_whole[~left].all()):
             for name in np.array(list(plans))[~left].tolist():
                 self.leave_out(_CONTRADICTED, self.points.pop(name).line)
+        elif dropped > len(left):
+            for name in plans:
+                self.leave_out(_WRONG, self.points.pop(name).line)
 
-    def _are_wrong(self, plans: Mapping[str, complex]) -> bool:
-        """Return whether distances in plan contradict more pairs of given points than they confirm, and two or more.
+    def _nearer(self, names: Sequence[str], given: FloatArray) -> tuple[BoolArray, BoolArray]:
+        """Which pairs (n, n) are nearer than distances in plan allow, and which a distance confirms.
 
-        A pair is contradicted by the distances between its points, or by those to two or more other points that are
-        nearer to one of them than the coordinates allow.
+        They are nearer than the distance between them, or than two or more other points allow: the difference of the
+        distances to such a point is larger.
         """
-        lengths: dict[str, dict[str, float]] = {}
+        lengths: dict[str, dict[int, float]] = {}
+        number = {name: k for k, name in enumerate(names)}
         for set_up in self.set_ups:
             for sight in set_up.sights:
                 polar = self.polar(sight)
                 length = polar[0] if polar else sight.horizontal_distance
-                if length and set_up.station != sight.target:
-                    lengths.setdefault(set_up.station, {})[sight.target] = length
-                    lengths.setdefault(sight.target, {})[set_up.station] = length
-        confirmed = contradicted = 0
-        known = sorted(plans.keys() & lengths.keys())
-        pairs = dict.fromkeys((one, other) for one in known for other in sorted(lengths[one]) if one < other in plans)
-        pairs |= dict.fromkeys(combinations([name for name in known if len(lengths[name]) > 1], 2))
-        for one, other in pairs:
-            given = FARTHER * abs(plans[one] - plans[other]) + FARTHER
-            ahead, behind = lengths[one], lengths[other]
-            if other in ahead:
-                fits = ahead[other] < given and given < FARTHER**2 * (ahead[other] + 2.0)
-                confirmed, contradicted = confirmed + fits, contradicted + (not fits)
-            else:
-                apart = [abs(ahead[name] - behind[name]) for name in ahead.keys() & behind.keys()]
-                contradicted += len(apart) > 1 and median(apart) > given
-        return contradicted > max(confirmed, 1)
+                for one, other in ((set_up.station, sight.target), (sight.target, set_up.station)):
+                    if length and one in number:
+                        lengths.setdefault(other, {})[number[one]] = length
+        most = FARTHER * given + FARTHER
+        direct, count, over = np.full(given.shape, np.nan), np.zeros(given.shape, int), np.zeros(given.shape, int)
+        for name, known in lengths.items():
+            places, found = np.array(list(known)), np.array(list(known.values()))
+            block = np.ix_(places, places)
+            count[block] += 1
+            over[block] += np.abs(found[:, None] - found) > most[block]
+            if name in number:
+                direct[number[name], places] = direct[places, number[name]] = found
+        confirmed = (direct <= most) & (given <= FARTHER * direct + FARTHER)
+        return (direct > most) | ((over > 1) & (2 * over > count)), confirmed
 
     def _ways(self, names: Sequence[str]) -> FloatArray:
         """Lengths (n, n) of the shortest ways along sights between points; infinite if there is none."""
