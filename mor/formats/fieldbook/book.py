@@ -515,9 +515,9 @@ class FieldBook:
     def _drop_contradicted(self) -> None:
         """Leave out given coordinates that are farther from most others, or nearer, than the sights between them allow.
 
-        They are of another system, as are points nearer to those than it allows that no distance confirms. All are left out
-        if that concerns more than half of the points, and none if it concerns half of them, unless the others alone are
-        no whole metres. Books of more than ``MOST_COMPARED`` given points are taken as they are.
+        They are of another system, as are points nearer to those than allowed that no distance confirms. All are left
+        out if that concerns more than half of the points, and none if it concerns half of them, unless the others alone
+        are no whole metres. Books of more than ``MOST_COMPARED`` given points are taken as they are.
         """
         plans = {
             name: complex(place.east, place.north)
