@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     "--angle",
     metavar="UNIT",
     default="",
-    show_default="as zenith angles tell, else gon",
+    show_default="as the angles tell, else gon",
     help="Unit of angles: gon, deg, rad and more.",
 )
 @click.option("--camera", metavar="NAME", default="camera", show_default=True, help="Name of the camera.")

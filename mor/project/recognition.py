@@ -8,8 +8,8 @@ import math
 import os
 import re
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import combinations, product, zip_longest
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import combinations, product, takewhile, zip_longest
 from math import isclose
 from pathlib import Path
 from statistics import median
@@ -263,7 +263,10 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {"unit": "units|einheit|unidad|unite"},
     ),
-    "images": ({"id": f"id|{_IMAGE}", "omega": "", "phi": "", "kappa": ""}, {**_POINTS, **_STATED, "camera": "kamera"}),
+    "images": (
+        {"id": f"id|{_IMAGE}|name|label|filename", "omega": "", "phi": "", "kappa": ""},
+        {**_POINTS, **_STATED, "camera": "kamera"},
+    ),
     "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
     "stations": ({"id": f"id|{_FROM}", "orientation": "orientierung"}, {"point": _POINT, "height": "ih|hi"}),
     "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
@@ -361,6 +364,9 @@ _NO = {"", "false", "no", "n", "0", "free", "unknown", "new", "nein", "falsch", 
 _JOINS = re.compile(r"\s*(?:->|[-–—→/:>]|\bto\b)\s*")
 _ANGLES = ("horizontal", "zenith", "angle", "bearing", "zenith_angle", "vertical_direction")
 """Columns that may hold degrees, minutes and seconds."""
+_CIRCLES = {"gon": 400.0, "deg": 360.0}
+_AGREES = 0.5
+"""Part of the misfit in the other unit that angles in theirs have at most."""
 _OF_POINTS = ("id", "x", "y", "z")
 _UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "δ": "d", "ω": "omega", "φ": "phi", "κ": "kappa", "σ": "sigma"}
@@ -1016,7 +1022,7 @@ def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
 
 
 def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...], str]:
-    """Delimiter, cells without comments and empty lines, cells of a comment in the first line, and encoding."""
+    """Delimiter, cells without comments and empty lines, cells of a comment that may be the header, and encoding."""
     if is_spreadsheet(path):
         frame = read_spreadsheet(path, sheet)
         rows = (tuple(cell or "" for cell in row) for row in frame.iter_rows())
@@ -1025,15 +1031,19 @@ def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...],
     if encoding in CODE_PAGES and "\0" in text:
         raise InputError([Message("this is not UTF-8 text", str(path))])
     lines = [line for line in text.split("\n") if line.strip() and not line.startswith("#")]
+    comments = [
+        line.strip().removeprefix("#") for line in takewhile(lambda line: line.startswith("#"), text.split("\n"))
+    ]
     first = lines[0] if lines else ""
     likely = max(";\t,", key=first.count)
     likely = likely if first.count(likely) else " "
     delimiter = next((sign for sign in (likely, *";\t,") if any(map(_fits, _rows(lines[:_TITLES], sign)))), likely)
     lines = _spaced(lines, delimiter)
     try:
-        comment = text.partition("\n")[0].strip().removeprefix("#") if text.startswith("#") else ""
-        above = tuple(cell.strip() for cell in next(csv.reader([comment], delimiter=delimiter), ()))
-        return delimiter, tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row), above, encoding
+        rows = tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
+        heads = [tuple(cell.strip() for cell in row) for row in csv.reader(comments, delimiter=delimiter)]
+        above = next((head for head in reversed(heads) if rows and len(head) == len(rows[0])), ())
+        return delimiter, rows, above, encoding
     except csv.Error as error:
         raise InputError([Message(f"this is not a table: {error}; is a quote not closed?", str(path))]) from None
 
@@ -1228,7 +1238,7 @@ def begin(
 ) -> dict[Path, str]:
     """Texts by path: the project file and the lists of names that belong to no table.
 
-    ``units``: length and angle; readings of a vertical circle tell the unit of angles if it is empty.
+    ``units``: length and angle; if that of angles is empty, zenith angles or coordinates may tell it.
     """
     listed = {name for t in tables if t.kind == "points" and t.part != _BENCHMARK for name in t.texts("id")}
     tables = [t for t in tables if t.part != _BENCHMARK or listed.isdisjoint(t.texts("id"))]
@@ -1252,13 +1262,13 @@ def begin(
     if is_plane:
         flat = [{ours: cell for ours, cell in t.columns.items() if ours != "z"} for t in by_kind["points"]]
         by_kind["points"] = [t._replace(columns=c) for t, c in zip(by_kind["points"], flat, strict=True)]
-    angle = units[1] or _unit_of_circles(measured)
+    guessed = _unit_of_angles(tables) if not units[1] else None
     content = {
         "name": target.name,
         "title": _quoted(title),
         "length": units[0],
-        "angle": angle or "gon",
-        "guessed_angle": angle if not units[1] else "",
+        "angle": units[1] or guessed or "gon",
+        "angle_guessed": guessed is not None,
         "zenith": any(t.kind in _VERTICAL and not _VERTICAL_COLUMNS.isdisjoint(t.columns) for t in measured),
         "camera": _camera(camera, corner) if seen or by_kind["images"] else None,
         "more_images": _rest(target, "images", _names(seen, ("image",)), by_kind["images"], texts),
@@ -1347,21 +1357,70 @@ def _from_a_corner(table: Found) -> bool:
     return bool(values) and min(values) >= 0.0 and max(values) > _PIXELS
 
 
-def _unit_of_circles(tables: Iterable[Found]) -> str:
-    """Degrees or gon, whichever has its horizon nearer to most zenith angles; empty if the tables have none."""
-    readings = [
-        value
+def _unit_of_angles(tables: Sequence[Found]) -> str | None:
+    """Degrees or gon as angles tell that are in no stated unit; empty if they do not tell, ``None`` if there are none.
+
+    The horizon is nearer to most zenith angles, or horizontal angles agree with coordinates.
+    """
+    bare = [table for table in tables if any(_is_bare(table, name) for name in _ANGLES)]
+    zeniths = [v for t in bare for name in ("zenith", "zenith_angle") if name not in t.units for v in t.numbers(name)]
+    if zeniths:
+        return min(
+            _CIRCLES, key=lambda unit: median(abs(v % (_CIRCLES[unit] / 2) - _CIRCLES[unit] / 4) for v in zeniths)
+        )
+    places = {
+        name: (float(x.replace(",", ".")), float(y.replace(",", ".")))
         for table in tables
-        for name in ("zenith", "zenith_angle")
-        if name not in table.units
-        for value in table.numbers(name)
-    ]
-    if not readings:
-        return ""
-    off = {
-        unit: median(abs(value % half - half / 2) for value in readings) for unit, half in (("gon", 200), ("deg", 180))
+        if table.kind == "points"
+        for name, x, y in zip(*map(table.texts, ("id", "x", "y")), strict=False)
+        if _NUMBER.fullmatch(x) and _NUMBER.fullmatch(y)
     }
-    return min(off, key=lambda unit: off[unit])
+    off: dict[str, list[float]] = {unit: [] for unit in _CIRCLES}
+    for table in bare:
+        pairs = list(_turns(table, places))
+        for unit, full in _CIRCLES.items():
+            for sense in (1.0, -1.0):
+                apart = [abs((read / full - sense * turn + 0.5) % 1.0 - 0.5) for read, turn in pairs]
+                off[unit] += [median(apart)] if apart else []
+    best, other = sorted(_CIRCLES, key=lambda unit: min(off[unit], default=0.0))
+    is_told = bool(off[best]) and min(off[best]) < _AGREES * min(off[other])
+    return (best if is_told else "") if bare else None
+
+
+def _is_bare(table: Found, name: str) -> bool:
+    """Return whether a table has angles of this name that are plain numbers in no stated unit."""
+    return name in table.columns and name not in table.units and bool(table.numbers(name))
+
+
+_AT = {
+    "angle": ("at", "from", "to", "angle"),
+    "bearing": ("from", "from", "to", "bearing"),
+    "directions": ("station", "station", "to", "horizontal"),
+}
+"""Columns with the point of the circle, where an angle begins and ends, and the reading."""
+
+
+def _turns(table: Found, places: Mapping[str, tuple[float, float]]) -> Iterator[tuple[float, float]]:
+    """Angles, or differences between directions in a set: as read, and by coordinates as part of a circle."""
+    before: tuple[str, float, float] | None = None
+    names = _AT.get(table.kind)
+    if names is None:
+        return
+    sets = table.texts("set") or [""] * len(table.rows)
+    for at, start, end, text, number in zip(*map(table.texts, names), sets, strict=False):
+        cell = text.replace(",", ".") if table.decimal_comma else text
+        if not {at, start, end} <= places.keys() or not _NUMBER.fullmatch(cell) or "," in cell:
+            continue
+        back, ahead = (
+            math.atan2(places[name][0] - places[at][0], places[name][1] - places[at][1]) / math.tau
+            for name in (start, end)
+        )
+        if table.kind == "directions":
+            last, before = before, (f"{at} {number}", float(cell), ahead)
+            if last is not None and last[0] == before[0]:
+                yield before[1] - last[1], ahead - last[2]
+        else:
+            yield float(cell), ahead - (back if start != at else 0.0)
 
 
 def _names(tables: Iterable[Found], columns: Sequence[str]) -> list[str]:

@@ -947,7 +947,7 @@ def test_zenith_angles_tell_the_unit_of_angles(tmp_path: Path, scale: float, uni
     book.write_text("\n".join(["station,to,Hz,Vz", *lines]) + "\n")
     assert run(["new", str(project), str(book), *options]) == 0
     assert read_document(project).data["units"]["angle"] == unit
-    assert (f"# CHECK: zenith angles are near the horizon in {unit}" in project.read_text()) == (not options)
+    assert ("# CHECK the unit of angles" in project.read_text()) == (not options)
 
 
 def test_an_asterisk_is_the_sigma_of_what_is_free(tmp_path: Path) -> None:
@@ -975,3 +975,32 @@ def test_three_wires_below_each_other_are_one_reading(tmp_path: Path, capsys: py
     assert found["dz"].to_list() == pytest.approx([(3415 - 2521) / 3, 1256 - 1200], abs=1e-4)
     assert found["length"].to_list() == pytest.approx([100 * (583 + 569), 100 * (400 + 200)])
     assert read_document(project).data["observations"][0]["units"] == {"dz": "mm", "length": "mm"}
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1.0, "deg"), (400.0 / 360.0, "gon")])
+@pytest.mark.parametrize(
+    ("header", "rows"),
+    [
+        ("at,from,to,angle", [("A", "B", "C", 90.0), ("B", "C", "A", 45.001), ("C", "A", "B", 45.001)]),
+        ("at,from,to,angle", [("A", "C", "B", 270.0), ("B", "A", "C", 315.0), ("C", "B", "A", 315.0)]),
+        ("from,to,direction", [("A", "B", 17.0), ("A", "C", 107.0), ("B", "C", 5.0), ("B", "A", 50.0)]),
+        ("from,to,azimuth", [("A", "B", 0.0), ("B", "C", 135.0), ("C", "A", 270.0)]),
+    ],
+)
+def test_coordinates_tell_the_unit_of_angles(
+    tmp_path: Path, header: str, rows: list[tuple[str | float, ...]], scale: float, unit: str
+) -> None:
+    """A (0, 0), B 100 m north, C 100 m east of it."""
+    points, angles, project = tmp_path / "points.csv", tmp_path / "angles.csv", tmp_path / "p.yaml"
+    points.write_text("id,E,N\nA,0,0\nB,0,100\nC,100,0\n")
+    lines = [",".join([*map(str, names), str(float(angle) * scale)]) for *names, angle in rows]
+    angles.write_text("\n".join([header, *lines]) + "\n")
+    assert run(["new", str(project), str(angles), str(points)]) == 0
+    assert read_document(project).data["units"]["angle"] == unit
+
+
+def test_the_header_may_be_the_last_of_the_comments_above(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    path.write_text("#cameras 2\n#name,x,y,z,omega,phi,kappa\na.jpg,1,2,3,0,0,0.1\nb.jpg,4,5,6,0,0,0.2\n")
+    (found,) = recognise(path)
+    assert (found.kind, found.columns["id"], found.texts("kappa")) == ("images", "name", ["0.1", "0.2"])
