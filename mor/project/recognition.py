@@ -1040,10 +1040,12 @@ def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...],
     delimiter = next((sign for sign in (likely, *";\t,") if any(map(_fits, _rows(lines[:_TITLES], sign)))), likely)
     lines = _spaced(lines, delimiter)
     try:
-        rows = tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
-        heads = [tuple(cell.strip() for cell in row) for row in csv.reader(comments, delimiter=delimiter)]
-        above = next((head for head in reversed(heads) if rows and len(head) == len(rows[0])), ())
-        return delimiter, rows, above, encoding
+        cells = tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
+        heads = [
+            tuple(cell.strip() for cell in row) for row in csv.reader(_spaced(comments, delimiter), delimiter=delimiter)
+        ]
+        above = next((head for head in reversed(heads) if cells and len(head) == len(cells[0])), ())
+        return delimiter, cells, above, encoding
     except csv.Error as error:
         raise InputError([Message(f"this is not a table: {error}; is a quote not closed?", str(path))]) from None
 
@@ -1256,9 +1258,13 @@ def begin(
     corner = any(_from_a_corner(t) for t in seen)
     kinds = {t.kind for t in measured}
     levelled = bool(measured) and all(t.kind == "height_difference" for t in measured)
-    is_plane = (
-        kinds <= _PLANE | {"distance"} and any("x" in t.columns and not t.has_heights for t in by_kind["points"])
-    ) or ("horizontal_distance" in kinds <= _PLANE and not any(t.has_heights for t in by_kind["points"]))
+    has_heights = any(t.has_heights for t in by_kind["points"])
+    in_plan = any("x" in t.columns and not t.has_heights for t in by_kind["points"]) or not (
+        has_heights or kinds.isdisjoint(_PLANE)
+    )
+    is_plane = (kinds <= _PLANE | {"distance"} and in_plan) or (
+        "horizontal_distance" in kinds <= _PLANE and not has_heights
+    )
     if is_plane:
         flat = [{ours: cell for ours, cell in t.columns.items() if ours != "z"} for t in by_kind["points"]]
         by_kind["points"] = [t._replace(columns=c) for t, c in zip(by_kind["points"], flat, strict=True)]
@@ -1382,9 +1388,27 @@ def _unit_of_angles(tables: Sequence[Found]) -> str | None:
             for sense in (1.0, -1.0):
                 apart = [abs((read / full - sense * turn + 0.5) % 1.0 - 0.5) for read, turn in pairs]
                 off[unit] += [median(apart)] if apart else []
+    for unit, full in _CIRCLES.items():
+        off[unit] = [min(off[unit])] if off[unit] else []
+        off[unit] += [abs((total / full * 2.0 + 0.5) % 1.0 - 0.5) for table in bare for total in _traversed(table)]
     best, other = sorted(_CIRCLES, key=lambda unit: min(off[unit], default=0.0))
     is_told = bool(off[best]) and min(off[best]) < _AGREES * min(off[other])
     return (best if is_told else "") if bare else None
+
+
+def _traversed(table: Found) -> Iterator[float]:
+    """Sum of the angles of a closed traverse, a multiple of half a circle; nothing if they are not those of one."""
+    if table.kind != "angle":
+        return
+    numbers = table.numbers("angle")
+    ends = dict(zip(table.texts("at"), table.texts("to"), strict=False))
+    if len(ends) == len(table.rows) == len(numbers) > 2:
+        at = start = next(iter(ends))
+        passed = 0
+        while at in ends and passed < len(ends) and (passed == 0 or at != start):
+            at, passed = ends[at], passed + 1
+        if at == start and passed == len(ends):
+            yield sum(numbers)
 
 
 def _is_bare(table: Found, name: str) -> bool:

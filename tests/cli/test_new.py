@@ -1004,3 +1004,24 @@ def test_the_header_may_be_the_last_of_the_comments_above(tmp_path: Path) -> Non
     path.write_text("#cameras 2\n#name,x,y,z,omega,phi,kappa\na.jpg,1,2,3,0,0,0.1\nb.jpg,4,5,6,0,0,0.2\n")
     (found,) = recognise(path)
     assert (found.kind, found.columns["id"], found.texts("kappa")) == ("images", "name", ["0.1", "0.2"])
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1.0, "deg"), (400.0 / 360.0, "gon")])
+def test_a_closed_traverse_tells_the_unit_of_its_angles(tmp_path: Path, scale: float, unit: str) -> None:
+    sheet, project = tmp_path / "sheet.csv", tmp_path / "p.yaml"
+    angles = {"A": 81.197, "B": 120.431, "C": 149.564, "D": 95.697, "E": 93.097}
+    rows = [f"{name},{angle * scale},{length}" for length, (name, angle) in enumerate(angles.items(), start=155)]
+    sheet.write_text("\n".join(["Station,Observed Angles,Distance", *rows]) + "\n")
+    assert run(["new", str(project), str(sheet)]) == 0
+    assert read_document(project).data["units"]["angle"] == unit
+
+
+def test_directions_with_distances_and_nothing_that_has_a_height_are_in_the_plane(tmp_path: Path) -> None:
+    """Without heights in the list of points, or without a list."""
+    sheet, points, project = tmp_path / "sheet.csv", tmp_path / "points.csv", tmp_path / "p.yaml"
+    sheet.write_text("from,to,distance,direction\nA,B,50,10\nA,C,40,70\nB,C,45,33\n")
+    points.write_text("id,E,N,H\nA,0,0,5\n")
+    assert run(["new", str(project), str(sheet)]) == 0
+    assert read_document(project).data["settings"]["dimensions"] == "xy"
+    assert run(["new", str(project), str(sheet), str(points), "--force"]) == 0
+    assert "dimensions" not in read_document(project).data["settings"]
