@@ -297,6 +297,17 @@ def test_poses_are_fitted_to_references_in_a_projection(tmp_path: Path) -> None:
     assert [thing.name for thing in solved.network.undeterminable] == ["2.jpg"]
 
 
+def test_a_chunk_without_projections_has_no_observations(tmp_path: Path) -> None:
+    """Observed positions of its cameras alone are nothing to adjust."""
+    camera = '<camera id="0" sensor_id="0" label="a.jpg">'
+    text = XML.replace(camera, f'{camera}<reference x="1.5" y="2" z="3"/>')
+    path = tmp_path / "cameras.xml"
+    path.write_text(re.sub(r"<frames>.*</frames>", "", text, flags=re.DOTALL))
+    with pytest.raises(InputError) as caught:
+        network_of(read_foreign(path), tmp_path)
+    assert [message.message.partition(";")[0] for message in caught.value.problems] == ["there are no observations"]
+
+
 PANE = """# CoordinateSystem: LOCAL_CS["Local Coordinates (m)"]
 #Label,X/Easting,Y/Northing,Z/Altitude,Accuracy_X_(m),Accuracy_Y_(m),Accuracy_Z_(m),Error_(m),X_error,Enable
 P1,1.5,2,3,0.01,0.02,0.03,0.1,0.05,1
