@@ -55,8 +55,8 @@ _HEIGHTS = {
 _SIGHT = {
     "station_height": f"fromheight|{_HEIGHTS['from_height']}",
     "to_height": _HEIGHTS["to_height"],
-    "set": "set|satz|setid|setno|round|series",
-    "face": "face|lage|kreislage",
+    "set": "set|satz|setid|setno|setnr|round|series",
+    "face": "face|facenr|faceno|lage|kreislage",
     "epoch": "epoch|epoche",
 }
 
@@ -71,7 +71,7 @@ _BETWEEN = {**_HEIGHTS, "sigma": "", "epoch": "epoch|epoche"}
 _LENGTHS = "laenge|linelength|length|distance|dist|strecke|d"
 """Names of a distance that beside a height difference is the length of a levelling line."""
 _DISTANCE = (
-    "distance|length|dist|strecke|sd|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke|schraegdistanz"
+    "distance|length|dist|strecke|sd|ds|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke|schraegdistanz"
     "|distanz|di|dp|distanceinclinee|distinclinee|distancepente|distanciainclinada|distinclinada|distanciageometrica"
     "|distancia|distanzainclinata|distinclinata|distanza"
 )
@@ -343,6 +343,7 @@ _TITLES = 20
 _STATION = ("station", "at", "from", "station_height", "at_height", "from_height")
 """Columns that hold for the rows below as well, until another station stands there."""
 _Cells = tuple[tuple[str, ...], ...]
+_EMPTY, _ZERO = re.compile(""), re.compile(r"(?:0+(?:[.,]0*)?)?")
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
 _LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
@@ -357,7 +358,9 @@ _PARTS_OF_QUADRANT = re.compile(r"ns d(?:eg\w*)? m(?:in\w*)? (?:s(?:ec\w*)? )?(?
 """Headings of a quadrant bearing in columns of its own."""
 _VARIANCE = re.compile(r"(?:var(?:iance)?(?P<of>[a-z]?)|sigma(?P<behind>[xyz]?)(?:2|²|squared))")
 """Headings of variances, perhaps of a coordinate."""
-_HELD = re.compile(r"(?:is)?(?:fix|fixed|held|known|control|constrained|fasthold|fest|fijo|fixe)(?P<axis>[xyzenhu]?)")
+_HELD = re.compile(
+    r"(?:is)?(?:fix|fixed|held|known|control|constrained|fasthold|fest|fijo|fixe)(?:1(?:free)?0)?(?P<axis>[xyzenhu]?)"
+)
 """Headings of columns that say whether a point, or a coordinate of it, is fixed."""
 _YES = {"true", "yes", "y", "1", "fix", "fixed", "held", "known", "control", "x", "ja", "wahr", "si", "oui", "vrai"}
 _NO = {"", "false", "no", "n", "0", "free", "unknown", "new", "nein", "falsch", "non", "faux", "-"}
@@ -365,8 +368,11 @@ _JOINS = re.compile(r"\s*(?:->|[-–—→/:>]|\bto\b)\s*")
 _ANGLES = ("horizontal", "zenith", "angle", "bearing", "zenith_angle", "vertical_direction")
 """Columns that may hold degrees, minutes and seconds."""
 _CIRCLES = {"gon": 400.0, "deg": 360.0}
+_WAYS = tuple(product(_CIRCLES, (1, -1)))
 _AGREES = 0.5
-"""Part of the misfit in the other unit that angles in theirs have at most."""
+"""Part of the misfit in the other unit or sense that angles in theirs have at most."""
+_REVERSED = 0.02
+"""Part of the circle within which angles agree with exchanged axes."""
 _OF_POINTS = ("id", "x", "y", "z")
 _UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "δ": "d", "ω": "omega", "φ": "phi", "κ": "kappa", "σ": "sigma"}
@@ -450,12 +456,13 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
     width = max((k for row in read for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
     blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in read)
     tidy, stated = _tidied(_with_whole_angles(blank))
-    tidy = _with_sigmas(tidy)
-    encoded = (not_utf8(encoding),) if encoding in CODE_PAGES else ()
+    tidy, zeros = _without_zeros(_with_sigmas(tidy))
+    tidy, alone = _with_station(tidy)
+    encoded = ((not_utf8(encoding),) if encoding in CODE_PAGES else ()) + zeros + alone
     parts = _parts(tidy, path)
     return [
         table._replace(
-            tidied=table.tidied or bool(encoded),
+            tidied=table.tidied or encoding in CODE_PAGES,
             notes=(*encoded, *notes, *table.notes),
             part=table.part or (table.kind if len(parts) > 1 else ""),
         )
@@ -662,10 +669,15 @@ def _by_type(header: tuple[str, ...], body: _Cells, columns: Mapping[str, str]) 
 
 
 def _with_readings(rows: _Cells, kind: str, columns: Mapping[str, str], header: Sequence[str]) -> _Cells:
-    """Rows that have a reading of a kind, and those that are too short."""
+    """Rows that have a reading of a kind, and those that are too short; a distance of 0 is none."""
     readings = KINDS[kind][0].keys() - {*PLACES, "image"} if kind in _SIGMA else ()
     places = [header.index(columns[name]) for name in readings]
-    return tuple(row for row in rows if not places or len(row) < len(header) or any(row[k].strip() for k in places))
+    nothing = _ZERO if kind in _LINES else _EMPTY
+    return tuple(
+        row
+        for row in rows
+        if not places or len(row) < len(header) or not all(nothing.fullmatch(row[k].strip()) for k in places)
+    )
 
 
 def _levelled(table: Found) -> tuple[Found, ...]:
@@ -906,10 +918,15 @@ def _with_whole_angles(rows: _Cells) -> _Cells:
                 return _with_whole_angles((*rows[:k], (*row[:j], "bearing", *row[end:]), *below))
             found = [form.fullmatch(name) for form, name in zip(_PARTS, names[j : j + 3], strict=True)]
             before = {match[1] for match in found if match}
-            if None in found or len(before) > 1 or (before == {""} and len(names[j]) == 1 and names[j].isalpha()):
+            if None in found or len(before) > 1:
                 continue
-            name = before.pop() or "angle"
             cells = [[_whole(cell) for cell in line[j : j + 3]] for line in rows[k + 1 :]]
+            name = before.pop()
+            if not name and len(names[j]) == 1 and names[j].isalpha() and not all(map(_is_sexagesimal, cells)):
+                continue
+            if not name:
+                header = (*row[:j], "angle", *row[j + 3 :])
+                name = "angle" if _columns("angle", _named(header)) else "direction"
             parts = ("-".join(cell or "0" for cell in three) if any(three) else "" for three in cells)
             joined = (
                 (*line[:j], angle, *line[j + 3 :]) if len(line) > j + 2 else line
@@ -917,6 +934,16 @@ def _with_whole_angles(rows: _Cells) -> _Cells:
             )
             return _with_whole_angles((*rows[:k], (*row[:j], name, *row[j + 3 :]), *joined))
     return rows
+
+
+def _is_sexagesimal(cells: Sequence[str]) -> bool:
+    """Return whether three cells are degrees, minutes and seconds, or empty."""
+    if not any(cells):
+        return True
+    if not all(map(_NUMBER.fullmatch, cells)):
+        return False
+    minutes, seconds = (float(cell.replace(",", ".")) for cell in cells[1:])
+    return minutes.is_integer() and 0.0 <= minutes < 60.0 and 0.0 <= seconds < 60.0
 
 
 def _with_sigmas(rows: _Cells) -> _Cells:
@@ -945,6 +972,36 @@ def _with_sigmas(rows: _Cells) -> _Cells:
             for axis in axes[1:]:
                 rows = tuple((*row, cell) for row, cell in zip(rows, (f"sigma_{axis}", *zeros), strict=True))
     return rows
+
+
+def _with_station(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
+    """Rows of directions with a column for their station if there is none, as for one set-up; and a note on it."""
+    named = _named([cell.strip() for cell in rows[0]]) if rows else []
+    if not named or _kinds(named) or _columns("directions", [("station", "station", ""), *named]) is None:
+        return rows, ()
+    below = (("station", *row) for row in rows[1:])
+    return (("station", *rows[0]), *below), ("no column names the station of the readings: it is called 'station'",)
+
+
+def _without_zeros(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
+    """Rows without coordinates that are all 0 if several points have such: they are none. And a note on it."""
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    kinds = _kinds(_named(header))
+    columns = next((columns for kind, columns in kinds.items() if kind.startswith("points")), {})
+    places = [header.index(columns[axis]) for axis in "xyz" if axis in columns]
+    if len(places) < 2:
+        return rows, ()
+    bare = [
+        row
+        for row in rows[1:]
+        if all(_ZERO.fullmatch(_cell(row, k)) for k in places) and any(_cell(row, k) for k in places)
+    ]
+    if len(bare) < 2:
+        return rows, ()
+    kept = tuple(
+        tuple("" if k in places else cell for k, cell in enumerate(row)) if row in bare else row for row in rows[1:]
+    )
+    return (rows[0], *kept), (f"coordinates that are all 0 are none: {counted(len(bare), 'point')}",)
 
 
 def _replaced(rows: _Cells, place: int, name: str, cells: Sequence[str]) -> _Cells:
@@ -1268,13 +1325,15 @@ def begin(
     if is_plane:
         flat = [{ours: cell for ours, cell in t.columns.items() if ours != "z"} for t in by_kind["points"]]
         by_kind["points"] = [t._replace(columns=c) for t, c in zip(by_kind["points"], flat, strict=True)]
-    guessed = _unit_of_angles(tables) if not units[1] else None
+    circles = _circles(tables)
+    guessed = circles.unit if not units[1] else None
     content = {
         "name": target.name,
         "title": _quoted(title),
         "length": units[0],
         "angle": units[1] or guessed or "gon",
         "angle_guessed": guessed is not None,
+        "axes": _exchanged(by_kind["points"]) if circles.reversed else "",
         "zenith": any(t.kind in _VERTICAL and not _VERTICAL_COLUMNS.isdisjoint(t.columns) for t in measured),
         "camera": _camera(camera, corner) if seen or by_kind["images"] else None,
         "more_images": _rest(target, "images", _names(seen, ("image",)), by_kind["images"], texts),
@@ -1363,17 +1422,21 @@ def _from_a_corner(table: Found) -> bool:
     return bool(values) and min(values) >= 0.0 and max(values) > _PIXELS
 
 
-def _unit_of_angles(tables: Sequence[Found]) -> str | None:
-    """Degrees or gon as angles tell that are in no stated unit; empty if they do not tell, ``None`` if there are none.
+class _Circles(NamedTuple):
+    """What angles tell that are in no stated unit, or beside coordinates whose axes may be exchanged."""
 
-    The horizon is nearer to most zenith angles, or horizontal angles agree with coordinates.
+    unit: str | None = None
+    """Degrees or gon; empty if the angles do not tell, ``None`` if all are in a stated unit."""
+    reversed: bool = False
+    """True if angles agree with coordinates only in the other sense."""
+
+
+def _circles(tables: Sequence[Found]) -> _Circles:
+    """Return the unit and the sense of horizontal angles.
+
+    The horizon is nearer to most zenith angles, horizontal angles agree with coordinates, or those of a traverse close.
     """
     bare = [table for table in tables if any(_is_bare(table, name) for name in _ANGLES)]
-    zeniths = [v for t in bare for name in ("zenith", "zenith_angle") if name not in t.units for v in t.numbers(name)]
-    if zeniths:
-        return min(
-            _CIRCLES, key=lambda unit: median(abs(v % (_CIRCLES[unit] / 2) - _CIRCLES[unit] / 4) for v in zeniths)
-        )
     places = {
         name: (float(x.replace(",", ".")), float(y.replace(",", ".")))
         for table in tables
@@ -1381,19 +1444,20 @@ def _unit_of_angles(tables: Sequence[Found]) -> str | None:
         for name, x, y in zip(*map(table.texts, ("id", "x", "y")), strict=False)
         if _NUMBER.fullmatch(x) and _NUMBER.fullmatch(y)
     }
-    off: dict[str, list[float]] = {unit: [] for unit in _CIRCLES}
-    for table in bare:
-        pairs = list(_turns(table, places))
-        for unit, full in _CIRCLES.items():
-            for sense in (1.0, -1.0):
-                apart = [abs((read / full - sense * turn + 0.5) % 1.0 - 0.5) for read, turn in pairs]
-                off[unit] += [median(apart)] if apart else []
-    for unit, full in _CIRCLES.items():
-        off[unit] = [min(off[unit])] if off[unit] else []
-        off[unit] += [abs((total / full * 2.0 + 0.5) % 1.0 - 0.5) for table in bare for total in _traversed(table)]
-    best, other = sorted(_CIRCLES, key=lambda unit: min(off[unit], default=0.0))
-    is_told = bool(off[best]) and min(off[best]) < _AGREES * min(off[other])
-    return (best if is_told else "") if bare else None
+    off = {(unit, sense): [_misfit(table, places, _CIRCLES[unit], sense) for table in tables] for unit, sense in _WAYS}
+    best = {way: min((size for size in sizes if size is not None), default=1.0) for way, sizes in off.items()}
+    for name, full in _CIRCLES.items():
+        sums = [abs((total / full * 2.0 + 0.5) % 1.0 - 0.5) for table in bare for total in _traversed(table)]
+        best[name, 1] = min([best[name, 1], *sums])
+    zeniths = [v for t in bare for name in ("zenith", "zenith_angle") if name not in t.units for v in t.numbers(name)]
+    least = {name: min(best[name, 1], best[name, -1]) for name in _CIRCLES}
+    if zeniths:
+        least = {name: median(abs(v % (full / 2) - full / 4) for v in zeniths) for name, full in _CIRCLES.items()}
+    first, second = sorted(_CIRCLES, key=lambda name: least[name])
+    told = first if zeniths or least[first] < _AGREES * least[second] else ""
+    known = told or "gon"
+    is_reversed = best[known, -1] < min(_AGREES * best[known, 1], _REVERSED)
+    return _Circles(told if bare else None, is_reversed)
 
 
 def _traversed(table: Found) -> Iterator[float]:
@@ -1411,6 +1475,12 @@ def _traversed(table: Found) -> Iterator[float]:
             yield sum(numbers)
 
 
+def _exchanged(points: Iterable[Found]) -> str:
+    """Axes of coordinates that fit angles in the other sense: x leads north if the columns do not say otherwise."""
+    named = {_normalised(table.columns.get("x", "")) for table in points}
+    return "{xy: ne}" if named <= {"x", "x0", "xo", "xcoord", "xcoordinate", "coordx"} else "{angles: counterclockwise}"
+
+
 def _is_bare(table: Found, name: str) -> bool:
     """Return whether a table has angles of this name that are plain numbers in no stated unit."""
     return name in table.columns and name not in table.units and bool(table.numbers(name))
@@ -1420,31 +1490,50 @@ _AT = {
     "angle": ("at", "from", "to", "angle"),
     "bearing": ("from", "from", "to", "bearing"),
     "directions": ("station", "station", "to", "horizontal"),
+    "zenith_directions": ("station", "station", "to", "horizontal"),
 }
 """Columns with the point of the circle, where an angle begins and ends, and the reading."""
 
 
-def _turns(table: Found, places: Mapping[str, tuple[float, float]]) -> Iterator[tuple[float, float]]:
-    """Angles, or differences between directions in a set: as read, and by coordinates as part of a circle."""
-    before: tuple[str, float, float] | None = None
+def _misfit(table: Found, places: Mapping[str, tuple[float, float]], full: float, sense: int) -> float | None:
+    """Median misfit of angles to coordinates as part of the circle, ``None`` without both.
+
+    Angles in no stated unit are in the unit that has ``full`` in a circle. ``sense`` -1 is that of exchanged axes.
+    """
     names = _AT.get(table.kind)
     if names is None:
-        return
+        return None
+    before: tuple[str, float, float] | None = None
+    apart = list[float]()
     sets = table.texts("set") or [""] * len(table.rows)
+    full = {"deg": 360.0, "gon": 400.0}.get(table.units.get(names[3], ""), full)
     for at, start, end, text, number in zip(*map(table.texts, names), sets, strict=False):
-        cell = text.replace(",", ".") if table.decimal_comma else text
-        if not {at, start, end} <= places.keys() or not _NUMBER.fullmatch(cell) or "," in cell:
+        value = _turn(text.replace(",", ".") if table.decimal_comma else text, full)
+        if value is None or not {at, start, end} <= places.keys() or places[at] == places[end]:
             continue
         back, ahead = (
             math.atan2(places[name][0] - places[at][0], places[name][1] - places[at][1]) / math.tau
             for name in (start, end)
         )
-        if table.kind == "directions":
-            last, before = before, (f"{at} {number}", float(cell), ahead)
-            if last is not None and last[0] == before[0]:
-                yield before[1] - last[1], ahead - last[2]
+        if table.kind == "angle":
+            apart.append(value - sense * (ahead - back))
+        elif table.kind == "bearing":
+            apart.append(value - (ahead if sense > 0 else 0.25 - ahead))
         else:
-            yield float(cell), ahead - (back if start != at else 0.0)
+            last, before = before, (f"{at} {number}", value, ahead)
+            if last is not None and last[0] == before[0]:
+                apart.append(before[1] - last[1] - sense * (ahead - last[2]))
+    return median(abs((size + 0.5) % 1.0 - 0.5) for size in apart) if apart else None
+
+
+def _turn(text: str, full: float) -> float | None:
+    """An angle as part of the circle; degrees, minutes and seconds may be in one cell."""
+    if _NUMBER.fullmatch(text):
+        return float(text) / full if "," not in text else None
+    if not _DMS.match(text):
+        return None
+    degrees, minutes, *seconds = map(float, re.findall(r"\d+\.?\d*", text)[:3])
+    return (degrees + minutes / 60.0 + sum(seconds) / 3600.0) / 360.0
 
 
 def _names(tables: Iterable[Found], columns: Sequence[str]) -> list[str]:

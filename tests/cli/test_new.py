@@ -1025,3 +1025,41 @@ def test_directions_with_distances_and_nothing_that_has_a_height_are_in_the_plan
     assert read_document(project).data["settings"]["dimensions"] == "xy"
     assert run(["new", str(project), str(sheet), str(points), "--force"]) == 0
     assert "dimensions" not in read_document(project).data["settings"]
+
+
+def test_a_traverse_of_an_exercise(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """D, M, S in columns, distances of 0 where none was measured, x to the north, zeros for unknown points."""
+    book, control, project = tmp_path / "book.csv", tmp_path / "control.csv", tmp_path / "p.yaml"
+    sights = [
+        *("P1,P2,0,90,0,0", "P1,P3,0,45,0,0", "P1,Q,50.000,36,52,11.6", "P1,R,0,33,41,24.2"),
+        *("P2,P1,0,270,0,0", "P2,P3,0,9,27,44.4", "P2,Q,0,333,26,5.8", "P2,R,0,315,0,0"),
+    ]
+    book.write_text("\n".join(["source,target,distance,D,M,S", *sights]) + "\n")
+    control.write_text("point,y,x,fixed=1/free=0\nP1,100,200,1\nP2,150,200,1\nP3,160,260,1\nQ,0,0,0\nR,0,0,0\n")
+    assert run(["new", str(project), str(book), str(control)]) == 0
+    assert "coordinates that are all 0 are none: 2 points" in capsys.readouterr().err
+    data = read_document(project).data
+    assert data["axes"] == {"xy": "ne"}
+    assert run(["adjust", str(project), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) in (0, 1)
+    found = pl.read_csv(tmp_path / "r" / "points.csv").filter(pl.col("id").is_in(["Q", "R"]))
+    np.testing.assert_allclose(found.select("x", "y").to_numpy(), [[240, 130], [230, 120]], atol=1e-3)
+    assert pl.read_csv(tmp_path / "r" / "residuals.csv").height == 9
+
+
+def test_angles_to_the_left_beside_easting_and_northing(tmp_path: Path) -> None:
+    points, angles, project = tmp_path / "points.csv", tmp_path / "angles.csv", tmp_path / "p.yaml"
+    points.write_text("id,E,N\nA,0,0\nB,0,100\nC,100,0\nD,30,30\n")
+    angles.write_text("at,from,to,angle\nA,C,B,100\nB,A,C,350\nA,D,B,50\n")
+    assert run(["new", str(project), str(angles), str(points)]) == 0
+    data = read_document(project).data
+    assert (data["axes"], data["units"]["angle"]) == ({"angles": "counterclockwise"}, "gon")
+
+
+def test_one_set_up_without_a_column_for_its_station(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    book, project = tmp_path / "book.csv", tmp_path / "p.yaml"
+    book.write_text("Point_ID,Hz_gon,V_gon,Ds_m,Face_nr,Set_nr\n1,10,99,20,1,1\n2,50,98,30,1,1\n2,250,302,30,2,1\n")
+    assert run(["new", str(project), str(book)]) == 0
+    assert "no column names the station of the readings" in capsys.readouterr().err
+    entries = read_document(project).data["observations"]
+    assert [entry["type"] for entry in entries] == ["zenith_directions", "distance"]
+    assert run(["check", str(project), "--quiet"]) == 0
