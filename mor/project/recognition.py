@@ -135,6 +135,10 @@ _BACK = (
     "back|backsight|bs|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar|arriere|lecturearriere"
     "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
 )
+_BETWEEN_READINGS = (
+    "between|is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia|intermediaire|vistaintermedia"
+    "|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio"
+)
 _FORE = (
     "fore|foresight|fs|forereading|fsreading|fsreadings|foresightreading|vorblick|vor|vorwaerts|av|avant|lectureavant|lectav"
     "|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
@@ -203,8 +207,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {
             **_SECOND,
-            "between": "is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia"
-            "|intermediaire|vistaintermedia|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio",
+            "between": _joined(_BETWEEN_READINGS, "", *_MIDDLE),
             "distance": _LENGTHS,
             **_STAFF_DISTANCES,
             "height": _POINTS["z"],
@@ -334,6 +337,16 @@ _STAFF = 10.0
 """No staff is as long in metres: larger readings are millimetres."""
 _WIRES = 0.1
 """Part of the interval of the outer wires by which the middle one may be off."""
+_HAIRS = tuple(
+    tuple(re.compile(f"(?:hilo|fil|filo)?(?:{name})(?:hair|wire|stadia|reading|faden)?") for name in names)
+    for names in (
+        ("upper|up|top|u|t", "middle|mid|centre|center|m|c", "lower|low|bottom|bot|l|b"),
+        ("oben|ober|o", "mitte|mittel|m", "unten|unter|u"),
+        ("superior|superieur|superiore|sup|s", "medio|central|moyen|m|c", "inferior|inferieur|inferiore|inf|i"),
+    )
+)
+"""Names of the upper, middle and lower hair behind that of the reading; only where all three are there."""
+_HAIRED_NAMES = {"back": _BACK.split("|"), "fore": _FORE.split("|"), "between": _BETWEEN_READINGS.split("|")}
 _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
 PLACES = ("point", "at", "from", "to", "station")
 """Columns of measurements that name points."""
@@ -455,10 +468,11 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
     delimiter, read, above, encoding = _cells(path, sheet)
     width = max((k for row in read for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
     blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in read)
-    tidy, stated = _tidied(_with_whole_angles(blank))
+    tidy, stated = _tidied(_with_whole_angles(tuple(map(_with_hairs, blank[:_TITLES])) + blank[_TITLES:]))
+    tidy, wires = _with_whole_readings(tidy)
     tidy, zeros = _without_zeros(_with_sigmas(tidy))
     tidy, alone = _with_station(tidy)
-    encoded = ((not_utf8(encoding),) if encoding in CODE_PAGES else ()) + zeros + alone
+    encoded = ((not_utf8(encoding),) if encoding in CODE_PAGES else ()) + wires + zeros + alone
     parts = _parts(tidy, path)
     return [
         table._replace(
@@ -899,7 +913,58 @@ def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str,
         group = cell if is_own else group
         divided |= bool(part) and not is_own
         names.append(f"{group} {part.strip()}" if part.strip() else cell)
-    return tuple(names) if divided else ()
+    return _with_hairs(names) if divided else ()
+
+
+def _hairs(header: Sequence[str]) -> dict[str, tuple[int, int, int]]:
+    """Places of the upper, middle and lower hair of readings back, forward and between, where all three are."""
+    names, found = [_name_and_unit(cell.strip())[0] for cell in header], dict[str, tuple[int, int, int]]()
+    for ours, others in _HAIRED_NAMES.items():
+        for forms in _HAIRS:
+            rest = [[name[len(other) :] for other in others if name.startswith(other)] for name in names]
+            places = [[k for k, ends in enumerate(rest) if any(map(form.fullmatch, ends))] for form in forms]
+            if all(len(one) == 1 for one in places) and len({one[0] for one in places}) == len(places):
+                found.setdefault(ours, (places[0][0], places[1][0], places[2][0]))
+    return found
+
+
+def _with_hairs(header: Sequence[str]) -> tuple[str, ...]:
+    """Header in which the hairs of readings have names that are known, and their units."""
+    cells = list(header)
+    for ours, places in _hairs(header).items():
+        for k, hair in zip(places, ("upper", "middle", "lower"), strict=True):
+            unit = _name_and_unit(cells[k].strip())[1]
+            cells[k] = f"{ours} {hair} [{unit}]" if unit else f"{ours} {hair}"
+    return tuple(cells)
+
+
+def _with_whole_readings(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
+    """Rows with the mean of three hairs in columns beside each other, and 100 times their interval; and a note on it.
+
+    Where the middle hair is not the mean of the others in every row, it alone is the reading.
+    """
+    hairs = _hairs(rows[0]) if rows else {}
+    read = {ours: [[_number(_cell(row, k)) for k in places] for row in rows[1:]] for ours, places in hairs.items()}
+    if not {"back", "fore"} <= read.keys() or not all(_are_wires(one) for found in read.values() for one in found):
+        return rows, ()
+    unit = _name_and_unit(rows[0][hairs["back"][1]].strip())[1]
+    ends = {"back": "back_distance", "fore": "fore_distance"}
+    header = [f"{name} [{unit}]" if unit else name for name in (*read, *ends.values())]
+    left = {k for places in hairs.values() for k in places}
+    lines = [(*(cell for k, cell in enumerate(rows[0]) if k not in left), *header)]
+    for k, row in enumerate(rows[1:]):
+        three = {ours: [value for value in found[k] if value is not None] for ours, found in read.items()}
+        means = [f"{sum(values) / 3:.9g}" if values else "" for values in three.values()]
+        sights = (three["back"], three["fore"] or three.get("between", []))
+        far = [f"{100.0 * (values[0] - values[2]):.9g}" if values else "" for values in sights]
+        full = (*row, *[""] * (len(rows[0]) - len(row)))
+        lines.append((*(cell for k, cell in enumerate(full) if k not in left), *means, *far))
+    count = sum(any(one[0] is not None for one in found) for found in zip(*read.values(), strict=True))
+    return tuple(lines), (f"three wires at {counted(count, 'point')}: their mean, and 100 times their interval",)
+
+
+def _number(cell: str) -> float | None:
+    return float(cell.replace(",", ".")) or None if _NUMBER.fullmatch(cell) else None
 
 
 def _with_whole_angles(rows: _Cells) -> _Cells:

@@ -875,7 +875,35 @@ def test_the_middle_hair_is_the_reading(tmp_path: Path) -> None:
     head = "Point,Backsight,,,Foresight,,\n,Upper Hair (m),Middle Hair (m),Lower Hair (m)" + ",Upper,Mid,Lower"
     (tmp_path / "t.csv").write_text(f"Book 7\n{head}\nA,1.7,1.5,1.3,,,\nB,,,,1.3,1.2,1.1\n")
     (table,) = recognise(tmp_path / "t.csv")
+    assert table.rows == (("A", "B", "0.3", "60"),)
+    (tmp_path / "t.csv").write_text(f"Book 7\n{head}\nA,1.7,1.5,1.34,,,\nB,,,,1.3,1.2,1.1\n")
+    (table,) = recognise(tmp_path / "t.csv")
     assert table.rows == (("A", "B", "0.3"),)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "point,bsU,bsM,bsL,isU,isM,isL,fsU,fsM,fsL,RL",
+        "Point,BS,,,IS,,,FS,,,RL\n,U,M,L,U,M,L,U,M,L,",
+        "Punkt,Rück o,Rück m,Rück u,Zwischen o,Zwischen m,Zwischen u,Vor o,Vor m,Vor u,Höhe",
+        "Point,Back sight,,,Intermediate,,,Fore sight,,,RL\n,Top,Mid,Bottom,Top,Mid,Bottom,Top,Mid,Bottom,",
+    ],
+)
+def test_three_hairs_beside_each_other_are_one_reading(tmp_path: Path, head: str) -> None:
+    rows = [
+        "A,1.602,1.502,1.402,,,,,,,100",
+        "p,,,,1.311,1.250,1.189,,,,",
+        "B,1.900,1.801,1.703,,,,1.300,1.200,1.100,",
+        "A,,,,,,,2.199,2.104,2.009,",
+    ]
+    (tmp_path / "t.csv").write_text("\n".join([head, *rows]) + "\n")
+    table, benchmark = recognise(tmp_path / "t.csv")
+    assert benchmark.rows == (("A", "100"),)
+    found = {row[:2]: [float(cell) for cell in row[2:]] for row in table.rows}
+    assert found["A", "B"] == pytest.approx([1.502 - 1.2, 40.0])
+    assert found["A", "p"] == pytest.approx([1.502 - 1.25, 32.2])
+    assert found["B", "A"] == pytest.approx([(1.9 + 1.801 + 1.703) / 3 - 2.104, 38.7])
 
 
 def test_a_traverse_by_angles_and_distances(tmp_path: Path) -> None:
