@@ -27,7 +27,7 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 # ---- Recognise tables of measurements and coordinates by the names of their columns, to begin a project from them.
 
 _FROM = (
-    "from|von|fra|fran|start|anfang|pointa|frompoint|fromstation|fromstn|punkta|p1|station|stn|standpunkt|stand|at"
+    "from|von|fra|fran|start|anfang|pointa|frompoint|fromstation|fromstn|punkta|p1|station|stn|sta|standpunkt|stand|at"
     "|instrument|occ|occupied|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt"
     "|instrumentenstandpunkt|setup|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion|estacao|stazione|st|est|punktodstania|stanowisko"
 )
@@ -316,7 +316,7 @@ _NO_READING, _SUMS = "rows without readings", "sums of the readings"
 _TO_ITSELF = "height differences from a point to itself"
 _SIGNED = re.compile(r"(?:vista|visada|lectura|leitura|lecture|reading|v|l)?\s*\(?([-+−])\)?")
 """Readings back and forward that have the signs with which they enter the height."""
-_NOTHING = re.compile(r"\s*(?:[-–—]{2,}|\*+)\s*")
+_NOTHING = re.compile(r"\s*(?:[-–—]{2,}|\*+|NaN)\s*")
 """What programs write into empty cells; an asterisk is the σ of what is free."""
 _PARTS = tuple(
     re.compile(f"(.*?)(?:{words})")
@@ -468,6 +468,7 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
     delimiter, read, above, encoding = _cells(path, sheet)
     width = max((k for row in read for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
     blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in read)
+    blank = _without_index(blank)
     tidy, stated = _tidied(_with_whole_angles(tuple(map(_with_hairs, blank[:_TITLES])) + blank[_TITLES:]))
     tidy, wires = _with_whole_readings(tidy)
     tidy, zeros = _without_zeros(_with_sigmas(tidy))
@@ -868,6 +869,16 @@ class _LevelRow(NamedTuple):
         return float(text.replace(",", ".")) or None
 
 
+def _without_index(rows: _Cells) -> _Cells:
+    """Rows without numbers that count them and have no heading, as programs print a table."""
+    header, below = (rows[0], rows[1:]) if rows else ((), ())
+    counts = [row[0].strip() for row in below if len(row) == len(header) + 1]
+    start = int(counts[0]) if counts and counts[0] in ("0", "1") else 0
+    if len(counts) < 2 or any(map(_NUMBER.fullmatch, header)) or counts != [str(start + k) for k in range(len(below))]:
+        return rows
+    return (header, *(row[1:] for row in below))
+
+
 def _fits(header: Sequence[str]) -> bool:
     """Return whether a row has the columns of a known table, perhaps of one with stations in rows of their own."""
     named = _named([cell.strip() for cell in header])
@@ -929,13 +940,13 @@ def _hairs(header: Sequence[str]) -> dict[str, tuple[int, int, int]]:
 
 
 def _with_hairs(header: Sequence[str]) -> tuple[str, ...]:
-    """Header in which the hairs of readings have names that are known, and their units."""
+    """Header of a levelling book in which the hairs of readings have names that are known, and their units."""
     cells = list(header)
     for ours, places in _hairs(header).items():
         for k, hair in zip(places, ("upper", "middle", "lower"), strict=True):
             unit = _name_and_unit(cells[k].strip())[1]
             cells[k] = f"{ours} {hair} [{unit}]" if unit else f"{ours} {hair}"
-    return tuple(cells)
+    return tuple(cells if _columns("levelling", _named(cells)) else header)
 
 
 def _with_whole_readings(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:

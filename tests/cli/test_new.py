@@ -906,6 +906,13 @@ def test_three_hairs_beside_each_other_are_one_reading(tmp_path: Path, head: str
     assert found["B", "A"] == pytest.approx([(1.9 + 1.801 + 1.703) / 3 - 2.104, 38.7])
 
 
+def test_a_printed_table_counts_its_rows(tmp_path: Path) -> None:
+    """The numbers of rows have no heading; NaN is an empty cell, and Sta the station."""
+    (tmp_path / "t.txt").write_text("  Sta   BS   FS\n0  A 1.5  NaN\n1  B 1.4  1.2\n2  A NaN  1.7\n")
+    (table,) = recognise(tmp_path / "t.txt")
+    assert table.rows == (("A", "B", "0.3"), ("B", "A", "-0.3"))
+
+
 def test_a_traverse_by_angles_and_distances(tmp_path: Path) -> None:
     """A square of 100 m, turned through counterclockwise: its angles are 100 gon, clockwise from the point before."""
     rows = "".join(f"{name},100,100,\n" for name in "ABCD")
