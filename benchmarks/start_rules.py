@@ -44,8 +44,6 @@ RULES: dict[str, tuple[Any, str, Any]] = {
     "sections of spheres": (assembly, "grow_distances", False),
     "single points by all that meets in them": (assembly, "grow_single_points", False),
     "poses again from all known points": (assembly, "pose_again", False),
-    "vertical by directions": (scene, "_level_by_directions", False),
-    "vertical by height differences": (scene, "_level_by_heights", False),
     "vertical by levelled instruments": (scene, "_level_by_frames", False),
     "joins by common points and poses": (assembly, "join", False),
     "joins by all observations": (assembly, "tie_by_observations", None),

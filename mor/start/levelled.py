@@ -289,10 +289,7 @@ def begin_heights(part: Part, measured: Terrestrial) -> bool:
 
 
 def stand_level_with_sights(part: Part, measured: Terrestrial) -> bool:
-    """Stations of known plan begin as high as the middle of what they sight, where nothing else says how high.
-
-    Horizontal directions alone tell it where the vertical is looked for, too, and then only beside everything else.
-    """
+    """Stations of known plan begin as high as the middle of what they sight, where nothing else says how high."""
     added = False
     for sight in measured.sights:
         heights = part.points[sight.points, 2]
