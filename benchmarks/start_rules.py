@@ -41,7 +41,6 @@ RULES: dict[str, tuple[Any, str, Any]] = {
     "tilted instruments: polar points": (assembly, "grow_polar", False),
     "followers of stereo pairs": (assembly, "grow_relative", False),
     "intersections of arcs": (assembly, "grow_arcs", False),
-    "sections of spheres": (assembly, "grow_distances", False),
     "single points by all that meets in them": (assembly, "grow_single_points", False),
     "poses again from all known points": (assembly, "pose_again", False),
     "vertical by levelled instruments": (scene, "_level_by_frames", False),
