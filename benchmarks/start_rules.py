@@ -46,6 +46,7 @@ RULES: dict[str, tuple[Any, str, Any]] = {
     "vertical by levelled instruments": (scene, "_level_by_frames", False),
     "joins by common points and poses": (assembly, "join", False),
     "joins by all observations": (assembly, "tie_by_observations", None),
+    "last ties: vertical as well as it fits": (assembly, "level_roughly", False),
     "first height of a network": (assembly, "begin_heights", False),
     "tilted stations as if level": (assembly, "place_as_if_level", False),
     "frames of few points at last": (assembly, "pose_the_rest", False),

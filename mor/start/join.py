@@ -171,6 +171,12 @@ def open_movements(target: Part, source: Part, scene: Scene) -> int:
     return ALL_OPEN if found is None else found.open
 
 
+def free_movements(target: Part, source: Part) -> int:
+    """Return the number of movements of two parts against each other if nothing ties them."""
+    turns = 3 if not (target.levelled and source.levelled) else 0 if target.oriented and source.oriented else 1
+    return 3 + turns + (not (target.scaled and source.scaled))
+
+
 def lay_upon(part: Part, places: FloatArray, turn: FreeRotation, scaled: bool) -> None:
     """Carry a part as near as possible to where some points (points, 3) are said to be.
 

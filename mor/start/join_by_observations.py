@@ -734,7 +734,7 @@ def tie_by_observations(
     after too many searches in the network (``SEARCHED``).
     """
     known = np.asarray(np.isfinite(source.points).all(axis=1))
-    if (redundant and network.observations > SMALL) or not (known.any() or source.poses):
+    if network.observations > SMALL or not (known.any() or source.poses):
         return None
     middle = source.points[known].mean(axis=0) if known.any() else np.zeros(3)
     sides = sides_of(network, scene, target, source, middle)
@@ -761,7 +761,7 @@ def _remembered(
     asked = search.goal_sigma, search.size, search.turn, search.scaled, search.stance, redundant
     words = repr(asked).encode()
     key = sha256(words + b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)).digest()
-    if key not in tied and (not redundant or observations * (len(tied) + 1) <= SEARCHED):
+    if key not in tied and observations * (len(tied) + 1) <= SEARCHED:
         with np.errstate(all="ignore"):
             tied[key] = _judged(search, minima(search, starts(search)), redundant)
     return tied.get(key)

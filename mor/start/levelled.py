@@ -48,6 +48,7 @@ def grow_levelled(part: Part, measured: Terrestrial, distances: Distances) -> bo
     grown = False
     while True:
         added = _orient(part, measured)
+        added |= _vectors(part, measured) if part.oriented and part.scaled else False
         added |= _polar(part, measured, distances)
         added |= _sections(part, measured)
         added |= _free_stations(part, measured, distances)
@@ -252,6 +253,28 @@ def _station_that_agrees(points: FloatArray, directions: FloatArray, lengths: Fl
     if len(points) < least:
         return station(np.arange(len(points)))
     return station(agreeing(len(points), fit, SECTION_FITS / SIGMA_DIRECTION, least - 1))
+
+
+def _vectors(part: Part, measured: Terrestrial) -> bool:
+    """Points at the other end of vectors from known ones, the nearest to what is known first."""
+    v = measured.vectors
+    if v.value.shape[1] != 3:
+        return False
+    added = False
+    full = v.value.copy()
+    full[:, 2] += v.start_height - v.end_height
+    start, end = np.concatenate([v.start, v.end]), np.concatenate([v.end, v.start])
+    full = np.concatenate([full, -full])
+    while True:
+        fresh = np.isnan(part.points[end]) & np.isfinite(part.points[start] + full)
+        rows = np.flatnonzero(fresh.any(axis=1))
+        if len(rows) == 0:
+            return added
+        rows = rows[np.sort(np.unique(end[rows], return_index=True)[1])]
+        candidates = part.points[start[rows]] + full[rows]
+        part.points[end[rows]] = np.where(fresh[rows], candidates, part.points[end[rows]])
+        part.how |= {f"point {point}": rule("vector") for point in end[rows].tolist()}
+        added = True
 
 
 def begin_heights(part: Part, measured: Terrestrial) -> bool:
@@ -559,8 +582,6 @@ def _of_systems(
 
 SIZES = (40, 20, 10)
 """Points, at the most, of which a shape is looked for; the others grow from it."""
-
-
 def seed_distances(scene: Scene, system: Part, known: BoolArray, tried: set[tuple[int, ...]]) -> Part | None:
     """A part of points of which one at least is not ``known`` (points,) in any part; ``tried`` remembers all tries."""
     if known[list(scene.distances[1].neighbours)].all():

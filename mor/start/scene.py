@@ -10,6 +10,7 @@ import numpy as np
 import scipy.sparse
 from scipy.sparse.csgraph import breadth_first_order, connected_components
 
+from mor.model import rotations
 from mor.model.shapes import SHAPE_TYPES
 from mor.project.network import Network
 from mor.start.bundle import Similarity, SimilarityOutcome
@@ -31,6 +32,7 @@ from mor.start.sights import (
     Choices,
     PositionDifferences,
     Terrestrial,
+    bearing,
     frame_verticals,
     terrestrial,
 )
@@ -319,10 +321,15 @@ def _posed(part: Part, pair: StereoPair) -> Iterator[tuple[FloatArray, FloatArra
 # ---- A part finds the vertical and the length unit from what was measured inside it.
 #
 # The vertical from posed frames that know it (levelled instruments, levels); the scale from distances, height
-# differences, and bases of stereo pairs that are given. What nothing else levels the tie by all observations does.
+# differences, and bases of stereo pairs that are given. What nothing else levels is turned at last so that height
+# differences fit.
 
 WEAKEST = 0.02
 """Extension of height differences across their main direction, relative to that along, from which they level a part."""
+ALIKE = 3.0
+"""Factor of the misfits up to which two verticals fit alike."""
+DISAGREEMENT = 0.05
+"""Relative misfit beyond which height differences and points do not belong together."""
 
 
 def level_and_scale(part: Part, scene: Scene) -> bool:
@@ -360,6 +367,75 @@ def make_upright(part: Part, vertical: FloatArray) -> None:
     x /= np.linalg.norm(x)
     part.transform(_movement(1.0, np.stack([x, np.cross(z, x), z])))
     part.levelled = True
+
+
+def _above(part: Part) -> FloatArray:
+    """(3,) from what is seen to those who see it: up, as far as nothing else tells."""
+    seen = part.points[np.isfinite(part.points).all(axis=1)]
+    centres = np.array([centre for centre, _ in part.poses.values()])
+    above: FloatArray = centres.mean(axis=0) - (seen.mean(axis=0) if len(seen) else 0.0)
+    return above
+
+
+def level_roughly(part: Part, scene: Scene) -> bool:
+    """Turn a part so that heights of instruments and height differences inside it fit as well as they can.
+
+    True where it is upright after that.
+    """
+    lift = _lift(part, scene.frames)
+    if not part.levelled and np.any(lift):
+        make_upright(part, lift)
+    difference, dz = _between_known(part, scene.level_lines)
+    if part.levelled or len(dz) == 0:
+        return part.levelled
+    k = np.arange(400) + 0.5
+    z, around = 1.0 - 2.0 * k / 400.0, np.pi * (1.0 + 5.0**0.5) * k
+    up = np.stack([np.sqrt(1.0 - z**2) * np.cos(around), np.sqrt(1.0 - z**2) * np.sin(around), z], axis=1)
+    rise = up @ difference.T
+    factor = np.ones(len(up))
+    if not part.scaled:
+        factor = np.maximum(rise @ dz, 0.0) / np.maximum(np.sum(rise**2, axis=1), 1e-300)
+    cost = np.sum((factor[:, None] * rise - dz) ** 2, axis=1)
+    alike = up[cost <= max(ALIKE**2 * float(cost.min()), (DISAGREEMENT * float(np.linalg.norm(dz))) ** 2)]
+    best = alike[int(np.argmax(alike @ _above(part)))] if part.poses else up[int(np.argmin(cost))]
+    for _ in range(20 if part.scaled else 0):
+        across = difference - np.outer(difference @ best, best)
+        best = best - rotations.lstsq(across, difference @ best - dz, rcond=1e-6)
+        best = best / np.linalg.norm(best)
+    make_upright(part, best)
+    return True
+
+
+def _lift(part: Part, frames: Sequence[Frame]) -> FloatArray:
+    """(3,) sum of what leads up over one position: from its point to instrument, from instrument to instrument."""
+    over: dict[int, list[tuple[float, FloatArray]]] = {}
+    for number, (centre, _) in part.poses.items():
+        frame = frames[number]
+        if frame.stands:
+            over.setdefault(frame.position, []).append((float(frame.offset[0]), centre))
+    lift = np.zeros(3)
+    for position, places in over.items():
+        if np.isfinite(part.points[position]).all():
+            places.append((0.0, part.points[position]))
+        (low, below), (high, above) = min(places, key=lambda one: one[0]), max(places, key=lambda one: one[0])
+        if high > low:
+            lift += above - below
+    return lift
+
+
+def direct_roughly(part: Part, scene: Scene) -> None:
+    """Turn a part about its Z axis so that the bearings between its points fit, whether or not it is upright."""
+    known = np.asarray(np.isfinite(part.points[:, :2]).all(axis=1))
+    turns = []
+    for sight in scene.terrestrial.sights:
+        if sight.oriented and known[sight.position] and known[sight.points].all():
+            present = bearing(part.points[sight.position, :2], part.points[sight.points, :2])
+            turns.append(np.exp(1j * (sight.directions - present)))
+    if part.oriented or not turns:
+        return
+    turn = float(np.angle(np.mean(np.concatenate(turns))))
+    c, s = np.cos(turn), np.sin(turn)
+    part.transform(_movement(1.0, np.array([[c, s, 0.0], [-s, c, 0.0], [0.0, 0.0, 1.0]])))
 
 
 def _between_known(part: Part, lines: Sequence[TiedPoints]) -> tuple[FloatArray, FloatArray]:
@@ -412,6 +488,23 @@ def forget_marks(part: Part, scene: Scene) -> None:
     places += [frame.position for frame in scene.frames if frame.stands and frame.offset[0] != 0.0]
     marks = np.unique(np.array(places, dtype=np.int64))
     part.points[marks[~part.fixed[marks]], 2] = np.nan
+
+
+def scale_roughly(part: Part, scene: Scene) -> None:
+    """The scale from instruments of different height over one position, where nothing else tells it."""
+    if part.scaled or not part.levelled:
+        return
+    over: dict[int, list[tuple[float, float]]] = {}
+    for number, (centre, _) in part.poses.items():
+        frame = scene.frames[number]
+        if frame.stands:
+            over.setdefault(frame.position, []).append((float(frame.offset[0]), float(centre[2])))
+    spans = np.array([np.subtract(max(places), min(places)) for places in over.values()]).reshape(-1, 2)
+    measured, present = spans[spans[:, 0] > 0.0].T
+    if present.sum() > 0.0:
+        part.transform(_movement(float(measured.sum() / present.sum()), np.eye(3)))
+        part.scaled = True
+        forget_marks(part, scene)
 
 
 def _ratios(present: FloatArray, measured: FloatArray) -> FloatArray:
