@@ -582,6 +582,8 @@ def _of_systems(
 
 SIZES = (40, 20, 10)
 """Points, at the most, of which a shape is looked for; the others grow from it."""
+
+
 def seed_distances(scene: Scene, system: Part, known: BoolArray, tried: set[tuple[int, ...]]) -> Part | None:
     """A part of points of which one at least is not ``known`` (points,) in any part; ``tried`` remembers all tries."""
     if known[list(scene.distances[1].neighbours)].all():
