@@ -22,7 +22,11 @@ if TYPE_CHECKING:
 )
 @click.option("--length", metavar="UNIT", default="m", show_default=True, help="Unit of lengths: m, mm, ft and more.")
 @click.option(
-    "--angle", metavar="UNIT", default="gon", show_default=True, help="Unit of angles: gon, deg, rad and more."
+    "--angle",
+    metavar="UNIT",
+    default="",
+    show_default="as the angles tell, else gon",
+    help="Unit of angles: gon, deg, rad and more.",
 )
 @click.option("--camera", metavar="NAME", default="camera", show_default=True, help="Name of the camera.")
 @click.option("-c", "--constant", metavar="NUMBER", type=float, help="Camera constant, mm.")
@@ -92,7 +96,7 @@ def command(
         tell(f"fill in {list(texts)[1]}, then mor adjust {project}")
         return
     for unit, known in ((length, LENGTH_UNITS), (angle, ANGLE_UNITS)):
-        if unit not in known:
+        if unit and unit not in known:
             raise InputError([Message(f"unknown unit {unit!r}{nearest(unit, known)} (known: {', '.join(known)})")])
     if tables and all(map(is_photograph, tables)):
         _begin_from_photographs(project, tables, force)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -33,6 +33,8 @@ from mor.model.rotations import angles_from_rotation, exponential, rotation_from
 from mor.project.axes import image_scale, split
 from mor.project.document import Document
 from mor.project.schema import Camera, Value
+from mor.start.bundle import SimilarityOutcome, similarity
+from mor.start.intersection import nearest_point
 from mor.types import FloatArray
 
 # ---- Sensors of Metashape as cameras, and back: frame cameras in model ``metashape``, with its own numbers.
@@ -145,6 +147,8 @@ class MetashapeChunk:
     """Latitude, longitude and height about which coordinates are east, north and up."""
     markers_placed: dict[str, tuple[list[str | None], list[str | None], int]] = field(default_factory=dict)
     tie: TiePoints | None = None
+    there: tuple[FloatArray, FloatArray, float] | None = None
+    """Rotation, translation and scale from the chunk to the references."""
     posed: bool = False
     """True if poses are read."""
 
@@ -187,6 +191,7 @@ def read_metashape(path: Path) -> Document:
         draft.problem(str(error), chunk.line)
     if not control:
         draft.put("datum", "free")
+    draft.put("settings", {"undetermined": "leave_out"})  # as Metashape, which leaves images without a pose alone
     return draft.finish()
 
 
@@ -241,6 +246,66 @@ def _to_project(chunk: Element, origin: FloatArray | None) -> tuple[FloatArray, 
         return None
     turn = horizon_axes(*np.radians(origin[:2]))  # the transform leads to geocentric axes
     return turn @ R, turn @ (t - geocentric(origin[None])[0]), s
+
+
+def _to_references(
+    chunk: Element,
+    found: MetashapeChunk,
+    known: Mapping[str, tuple[list[str | None], list[str | None]]],
+    draft: Draft,
+) -> tuple[FloatArray, FloatArray, float] | None:
+    """Rotation, translation and scale from the chunk to references in a projection, for start values; else ``None``.
+
+    Markers are intersected in the chunk, without distortions.
+    """
+    poses = {
+        camera.attributes.get("id", ""): (_matrix(camera), camera) for camera in _section(chunk, "cameras", "camera")
+    }
+    rays: dict[str, list[tuple[FloatArray, FloatArray]]] = {}
+    for frame in _section(chunk, "frames", "frame"):
+        for marker in _section(frame, "markers", "marker"):
+            for location in marker.all("location"):
+                T, camera = poses.get(location.attributes.get("camera_id", ""), (None, None))
+                inner = draft.data["cameras"].get(camera.attributes.get("sensor_id", "")) if camera else None
+                if T is None or inner is None:
+                    continue
+                f, cx, cy = (parse_number(next(iter(inner["interior"][name].values()))) for name in ("f", "cx", "cy"))
+                size = (parse_number(inner["image"][name]) / 2.0 for name in ("width", "height"))
+                x, y = (
+                    parse_number(location.attributes.get(axis, "")) - half
+                    for axis, half in zip("xy", size, strict=True)
+                )
+                ray = T[:3, :3] @ np.array([(x - cx) / f, (y - cy) / f, 1.0])
+                rays.setdefault(found.markers.get(marker.attributes.get("marker_id", ""), ""), []).append(
+                    (T[:3, 3], ray / np.linalg.norm(ray))
+                )
+    places = [
+        (nearest_point(*map(np.array, zip(*rays[name], strict=True))), place)
+        for name, (place, _, _) in found.markers_placed.items()
+        if len(rays.get(name, ())) > 1
+    ]
+    places += [(T[:3, 3], known[key][0]) for key, (T, _) in poses.items() if T is not None and key in known]
+    pairs = [(own, [parse_number(str(v)) for v in place]) for own, place in places if None not in place]
+    if len(pairs) < 3:
+        return None
+    moved = similarity(*map(np.array, zip(*pairs, strict=True)))
+    if moved.outcome is not SimilarityOutcome.DETERMINED:
+        return None
+    words = "poses are geocentric, references are not: the poses are fitted to them as start values"
+    draft.note(words, chunk.line)
+    return moved.rotation, moved.translation, moved.scale
+
+
+def _matrix(camera: Element) -> FloatArray | None:
+    """Transform of a camera to the chunk with a rotation in it, ``None`` if it has none."""
+    given = next(iter(camera.all("transform")), None)
+    if given is None:
+        return None
+    T = _numbers(given.text, 16, f"transform of camera {camera.attributes.get('label', '')!r}").reshape(4, 4)
+    if np.abs(T).max() > 1e30:
+        raise ValueError(f"transform of camera {camera.attributes.get('label', '')!r}: found a number beyond 1e30")
+    T[:3, :3] /= max(np.cbrt(abs(np.linalg.det(T[:3, :3]))), 1e-300)
+    return T
 
 
 def _similarity(chunk: Element) -> tuple[FloatArray, FloatArray, float]:
@@ -351,7 +416,9 @@ def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Dra
     True if positions of three or more images are observed.
     """
     known = _positions(chunk, found.origin, draft)
-    there = _to_project(chunk, found.origin)
+    found.there = there = _to_project(chunk, found.origin)
+    if there is None and (control or known):
+        found.there = there = _to_references(chunk, found, known, draft)
     other = (control or bool(known)) and there is None
     seen = {
         location.attributes.get("camera_id", "")
@@ -396,15 +463,13 @@ def _put_images(chunk: Element, found: MetashapeChunk, control: bool, draft: Dra
 
 def _pose(there: tuple[FloatArray, FloatArray, float] | None, camera: Element, name: str) -> list[str | None]:
     """Position and ω, φ, κ of the transform of a camera, where it has one."""
-    given = next(iter(camera.all("transform")), None)
-    if given is None:
+    T = _matrix(camera)
+    if T is None:
         return [None, None, None, *_attitude(camera)]
     R, t, s = there or (np.eye(3), np.zeros(3), 1.0)
-    T = _numbers(given.text, 16, f"transform of camera {name!r}").reshape(4, 4)
-    if max(np.abs(T).max(), np.abs(R).max(), np.abs(t).max(), abs(s)) > 1e30:
+    if max(np.abs(R).max(), np.abs(t).max(), abs(s)) > 1e30:
         raise ValueError(f"transform of camera {name!r}: found a number beyond 1e30")
-    scaled = T[:3, :3] / max(np.cbrt(abs(np.linalg.det(T[:3, :3]))), 1e-300)
-    world, centre = R @ scaled, s * R @ T[:3, 3] + t
+    world, centre = R @ T[:3, :3], s * R @ T[:3, 3] + t
     numbers = [*centre, *angles_from_rotation(_FLIP @ world.T)]
     return [repr(float(v)) for v in numbers] if np.isfinite(numbers).all() else [None] * 6
 
@@ -485,7 +550,7 @@ def _put_tie_points(chunk: Element, found: MetashapeChunk, draft: Draft) -> None
         return
     xyz = None
     if found.posed:
-        R, t, s = _to_project(chunk, found.origin) or (np.eye(3), np.zeros(3), 1.0)
+        R, t, s = found.there or (np.eye(3), np.zeros(3), 1.0)
         xyz = s * found.tie.xyz @ R.T + t
     sigma = _accuracy(chunk, "accuracy_tiepoints", SIGMA_TIE_POINT)
     put_tie_points(draft, found.tie, found.cameras, found.markers.values(), xyz, sigma)

@@ -540,7 +540,8 @@ def check_feasible(
     """
     groups = list(groups)
     bare = any("the points are all there is" in note.message for note in left_out)
-    if not groups or (bare and not reading.project.observations):
+    of_images = bool(left_out) and bool(reading.project.images)
+    if not groups or ((bare or of_images) and not reading.project.observations):
         words = "there are no observations"
         if left_out:
             notes = counted(len(left_out), "note")
@@ -564,7 +565,7 @@ def check_feasible(
         else:
             words = "there is nothing to adjust: all coordinates and parameters are fixed or not estimated"
             reading.at("points").tell(words)
-    if not carries_datum:
+    if not carries_datum and groups:
         none = "" if reading.shop.things["point"].ids else ": there are no points"
         reading.at("datum").tell(f"datum: names no coordinates{none}")
 

@@ -8,8 +8,8 @@ import math
 import os
 import re
 import unicodedata
-from collections.abc import Iterable, Mapping, Sequence
-from itertools import combinations, product, zip_longest
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import combinations, product, takewhile, zip_longest
 from math import isclose
 from pathlib import Path
 from statistics import median
@@ -27,7 +27,7 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 # ---- Recognise tables of measurements and coordinates by the names of their columns, to begin a project from them.
 
 _FROM = (
-    "from|von|fra|fran|start|anfang|pointa|frompoint|fromstation|fromstn|punkta|p1|station|stn|standpunkt|stand|at"
+    "from|von|fra|fran|start|anfang|pointa|frompoint|fromstation|fromstn|punkta|p1|station|stn|sta|standpunkt|stand|at"
     "|instrument|occ|occupied|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt"
     "|instrumentenstandpunkt|setup|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion|estacao|stazione|st|est|punktodstania|stanowisko"
 )
@@ -55,8 +55,8 @@ _HEIGHTS = {
 _SIGHT = {
     "station_height": f"fromheight|{_HEIGHTS['from_height']}",
     "to_height": _HEIGHTS["to_height"],
-    "set": "set|satz|setid|setno|round|series",
-    "face": "face|lage|kreislage",
+    "set": "set|satz|setid|setno|setnr|round|series",
+    "face": "face|facenr|faceno|lage|kreislage",
     "epoch": "epoch|epoche",
 }
 
@@ -71,7 +71,7 @@ _BETWEEN = {**_HEIGHTS, "sigma": "", "epoch": "epoch|epoche"}
 _LENGTHS = "laenge|linelength|length|distance|dist|strecke|d"
 """Names of a distance that beside a height difference is the length of a levelling line."""
 _DISTANCE = (
-    "distance|length|dist|strecke|sd|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke|schraegdistanz"
+    "distance|length|dist|strecke|sd|ds|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke|schraegdistanz"
     "|distanz|di|dp|distanceinclinee|distinclinee|distancepente|distanciainclinada|distinclinada|distanciageometrica"
     "|distancia|distanzainclinata|distinclinata|distanza"
 )
@@ -134,6 +134,10 @@ _MIDDLE = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") 
 _BACK = (
     "back|backsight|bs|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar|arriere|lecturearriere"
     "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
+)
+_BETWEEN_READINGS = (
+    "between|is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia|intermediaire|vistaintermedia"
+    "|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio"
 )
 _FORE = (
     "fore|foresight|fs|forereading|fsreading|fsreadings|foresightreading|vorblick|vor|vorwaerts|av|avant|lectureavant|lectav"
@@ -203,8 +207,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {
             **_SECOND,
-            "between": "is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia"
-            "|intermediaire|vistaintermedia|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio",
+            "between": _joined(_BETWEEN_READINGS, "", *_MIDDLE),
             "distance": _LENGTHS,
             **_STAFF_DISTANCES,
             "height": _POINTS["z"],
@@ -263,7 +266,10 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {"unit": "units|einheit|unidad|unite"},
     ),
-    "images": ({"id": f"id|{_IMAGE}", "omega": "", "phi": "", "kappa": ""}, {**_POINTS, **_STATED, "camera": "kamera"}),
+    "images": (
+        {"id": f"id|{_IMAGE}|name|label|filename", "omega": "", "phi": "", "kappa": ""},
+        {**_POINTS, **_STATED, "camera": "kamera"},
+    ),
     "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
     "stations": ({"id": f"id|{_FROM}", "orientation": "orientierung"}, {"point": _POINT, "height": "ih|hi"}),
     "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
@@ -310,8 +316,8 @@ _NO_READING, _SUMS = "rows without readings", "sums of the readings"
 _TO_ITSELF = "height differences from a point to itself"
 _SIGNED = re.compile(r"(?:vista|visada|lectura|leitura|lecture|reading|v|l)?\s*\(?([-+−])\)?")
 """Readings back and forward that have the signs with which they enter the height."""
-_DASHES = re.compile(r"\s*[-–—]{2,}\s*")
-"""What programs write into empty cells."""
+_NOTHING = re.compile(r"\s*(?:[-–—]{2,}|\*+|NaN)\s*")
+"""What programs write into empty cells; an asterisk is the σ of what is free."""
 _PARTS = tuple(
     re.compile(f"(.*?)(?:{words})")
     for words in (
@@ -329,6 +335,18 @@ _PLACEHOLDER = re.compile(r"column\d+")
 _DIGIT, _WORD = re.compile(r"\d"), re.compile(r"\w")
 _STAFF = 10.0
 """No staff is as long in metres: larger readings are millimetres."""
+_WIRES = 0.1
+"""Part of the interval of the outer wires by which the middle one may be off."""
+_HAIRS = tuple(
+    tuple(re.compile(f"(?:hilo|fil|filo)?(?:{name})(?:hair|wire|stadia|reading|faden)?") for name in names)
+    for names in (
+        ("upper|up|top|u|t", "middle|mid|centre|center|m|c", "lower|low|bottom|bot|l|b"),
+        ("oben|ober|o", "mitte|mittel|m", "unten|unter|u"),
+        ("superior|superieur|superiore|sup|s", "medio|central|moyen|m|c", "inferior|inferieur|inferiore|inf|i"),
+    )
+)
+"""Names of the upper, middle and lower hair behind that of the reading; only where all three are there."""
+_HAIRED_NAMES = {"back": _BACK.split("|"), "fore": _FORE.split("|"), "between": _BETWEEN_READINGS.split("|")}
 _UNITS = {**LENGTH_UNITS, **ANGLE_UNITS, PIXEL: 1.0}
 PLACES = ("point", "at", "from", "to", "station")
 """Columns of measurements that name points."""
@@ -338,6 +356,7 @@ _TITLES = 20
 _STATION = ("station", "at", "from", "station_height", "at_height", "from_height")
 """Columns that hold for the rows below as well, until another station stands there."""
 _Cells = tuple[tuple[str, ...], ...]
+_EMPTY, _ZERO = re.compile(""), re.compile(r"(?:0+(?:[.,]0*)?)?")
 _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
 _LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
@@ -352,13 +371,21 @@ _PARTS_OF_QUADRANT = re.compile(r"ns d(?:eg\w*)? m(?:in\w*)? (?:s(?:ec\w*)? )?(?
 """Headings of a quadrant bearing in columns of its own."""
 _VARIANCE = re.compile(r"(?:var(?:iance)?(?P<of>[a-z]?)|sigma(?P<behind>[xyz]?)(?:2|²|squared))")
 """Headings of variances, perhaps of a coordinate."""
-_HELD = re.compile(r"(?:is)?(?:fix|fixed|held|known|control|constrained|fasthold|fest|fijo|fixe)(?P<axis>[xyzenhu]?)")
+_HELD = re.compile(
+    r"(?:is)?(?:fix|fixed|held|known|control|constrained|fasthold|fest|fijo|fixe)(?:1(?:free)?0)?(?P<axis>[xyzenhu]?)"
+)
 """Headings of columns that say whether a point, or a coordinate of it, is fixed."""
 _YES = {"true", "yes", "y", "1", "fix", "fixed", "held", "known", "control", "x", "ja", "wahr", "si", "oui", "vrai"}
 _NO = {"", "false", "no", "n", "0", "free", "unknown", "new", "nein", "falsch", "non", "faux", "-"}
 _JOINS = re.compile(r"\s*(?:->|[-–—→/:>]|\bto\b)\s*")
 _ANGLES = ("horizontal", "zenith", "angle", "bearing", "zenith_angle", "vertical_direction")
 """Columns that may hold degrees, minutes and seconds."""
+_CIRCLES = {"gon": 400.0, "deg": 360.0}
+_WAYS = tuple(product(_CIRCLES, (1, -1)))
+_AGREES = 0.5
+"""Part of the misfit in the other unit or sense that angles in theirs have at most."""
+_REVERSED = 0.02
+"""Part of the circle within which angles agree with exchanged axes."""
 _OF_POINTS = ("id", "x", "y", "z")
 _UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "ß": "ss", "δ": "d", "ω": "omega", "φ": "phi", "κ": "kappa", "σ": "sigma"}
@@ -440,14 +467,17 @@ def recognise(path: Path) -> list[Found]:
 def _recognise(path: Path, sheet: str | None) -> list[Found]:
     delimiter, read, above, encoding = _cells(path, sheet)
     width = max((k for row in read for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
-    blank = tuple(tuple("" if _DASHES.fullmatch(cell) else cell for cell in row[:width]) for row in read)
-    tidy, stated = _tidied(_with_whole_angles(blank))
-    tidy = _with_sigmas(tidy)
-    encoded = (not_utf8(encoding),) if encoding in CODE_PAGES else ()
+    blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in read)
+    blank = _without_index(blank)
+    tidy, stated = _tidied(_with_whole_angles(tuple(map(_with_hairs, blank[:_TITLES])) + blank[_TITLES:]))
+    tidy, wires = _with_whole_readings(tidy)
+    tidy, zeros = _without_zeros(_with_sigmas(tidy))
+    tidy, alone = _with_station(tidy)
+    encoded = ((not_utf8(encoding),) if encoding in CODE_PAGES else ()) + wires + zeros + alone
     parts = _parts(tidy, path)
     return [
         table._replace(
-            tidied=table.tidied or bool(encoded),
+            tidied=table.tidied or encoding in CODE_PAGES,
             notes=(*encoded, *notes, *table.notes),
             part=table.part or (table.kind if len(parts) > 1 else ""),
         )
@@ -654,14 +684,20 @@ def _by_type(header: tuple[str, ...], body: _Cells, columns: Mapping[str, str]) 
 
 
 def _with_readings(rows: _Cells, kind: str, columns: Mapping[str, str], header: Sequence[str]) -> _Cells:
-    """Rows that have a reading of a kind, and those that are too short."""
+    """Rows that have a reading of a kind, and those that are too short; a distance of 0 is none."""
     readings = KINDS[kind][0].keys() - {*PLACES, "image"} if kind in _SIGMA else ()
     places = [header.index(columns[name]) for name in readings]
-    return tuple(row for row in rows if not places or len(row) < len(header) or any(row[k].strip() for k in places))
+    nothing = _ZERO if kind in _LINES else _EMPTY
+    return tuple(
+        row
+        for row in rows
+        if not places or len(row) < len(header) or not all(nothing.fullmatch(row[k].strip()) for k in places)
+    )
 
 
 def _levelled(table: Found) -> tuple[Found, ...]:
     """Height differences of a levelling book, and its benchmark; a second instrument has columns of its own."""
+    table = _with_mean_wires(table)
     left = dict.fromkeys((_NO_READING, _SUMS, ALONE, _TO_ITSELF), 0)
     found = _height_differences(table, left)
     if _SECOND.keys() <= table.columns.keys():
@@ -753,6 +789,57 @@ def _height_differences(table: Found, left: dict[str, int]) -> list[LevelledDiff
     return found
 
 
+def _with_mean_wires(table: Found) -> Found:
+    """One row for each point of a book with three wires in rows below each other: their mean, and the distance.
+
+    The first row of a point names it. The middle wire is the mean of the outer ones, and the distance is 100 times
+    what they differ by.
+    """
+    rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
+    full = [row for row in rows if row.has_readings()]
+    names = [name for name in _READINGS[:3] if name in table.columns]
+    triples = list(zip(full[::3], full[1::3], full[2::3], strict=False))
+    wires = [[[row.number(name) for row in triple] for name in names] for triple in triples]
+    if len(full) % 3 or len(full) < 6 or not all(_are_wires(one) for found in wires for one in found):
+        return table
+    if any(not first.text("point") or second.text("point") or third.text("point") for first, second, third in triples):
+        return table
+    header, ends = ("point", *names, "back_distance", "fore_distance"), ("back", "fore")
+    means = []
+    for triple, found in zip(triples, wires, strict=True):
+        read = dict(zip(names, ([value for value in one if value is not None] for one in found), strict=True))
+        ahead = read.get("fore") or read.get("between")
+        far = [read.get("back"), ahead]
+        means.append(
+            (
+                triple[0].text("point"),
+                *(f"{sum(read[name]) / 3:.9g}" if read[name] else "" for name in names),
+                *(f"{100.0 * (one[0] - one[2]):.9g}" if one else "" for one in far),
+            )
+        )
+    unit = table.units.get(ends[0], "mm" if median(table.numbers(ends[0])) > _STAFF else "")
+    units = dict.fromkeys((*names, "back_distance", "fore_distance"), unit) if unit else {}
+    return table._replace(
+        columns=dict(zip(header, header, strict=True)),
+        units=units,
+        header=header,
+        rows=tuple(means),
+        decimal_comma=False,
+        notes=(
+            *table.notes,
+            f"three wires at {counted(len(means), 'point')}: their mean, and 100 times their interval",
+        ),
+    )
+
+
+def _are_wires(values: Sequence[float | None]) -> bool:
+    """Return whether three readings are those of the upper, middle and lower wire, or none."""
+    upper, middle, lower = values
+    if upper is None or middle is None or lower is None:
+        return upper is middle is lower is None
+    return upper > lower and abs(upper + lower - 2.0 * middle) <= _WIRES * (upper - lower)
+
+
 class _LevelRow(NamedTuple):
     """A row of a levelling book."""
 
@@ -780,6 +867,16 @@ class _LevelRow(NamedTuple):
             words = f"row {self.row}, column {self.table.columns[name]}: found {text!r}, expected a number"
             raise InputError([Message(words, str(self.table.path))])
         return float(text.replace(",", ".")) or None
+
+
+def _without_index(rows: _Cells) -> _Cells:
+    """Rows without numbers that count them and have no heading, as programs print a table."""
+    header, below = (rows[0], rows[1:]) if rows else ((), ())
+    counts = [row[0].strip() for row in below if len(row) == len(header) + 1]
+    start = int(counts[0]) if counts and counts[0] in ("0", "1") else 0
+    if len(counts) < 2 or any(map(_NUMBER.fullmatch, header)) or counts != [str(start + k) for k in range(len(below))]:
+        return rows
+    return (header, *(row[1:] for row in below))
 
 
 def _fits(header: Sequence[str]) -> bool:
@@ -827,7 +924,58 @@ def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str,
         group = cell if is_own else group
         divided |= bool(part) and not is_own
         names.append(f"{group} {part.strip()}" if part.strip() else cell)
-    return tuple(names) if divided else ()
+    return _with_hairs(names) if divided else ()
+
+
+def _hairs(header: Sequence[str]) -> dict[str, tuple[int, int, int]]:
+    """Places of the upper, middle and lower hair of readings back, forward and between, where all three are."""
+    names, found = [_name_and_unit(cell.strip())[0] for cell in header], dict[str, tuple[int, int, int]]()
+    for ours, others in _HAIRED_NAMES.items():
+        for forms in _HAIRS:
+            rest = [[name[len(other) :] for other in others if name.startswith(other)] for name in names]
+            places = [[k for k, ends in enumerate(rest) if any(map(form.fullmatch, ends))] for form in forms]
+            if all(len(one) == 1 for one in places) and len({one[0] for one in places}) == len(places):
+                found.setdefault(ours, (places[0][0], places[1][0], places[2][0]))
+    return found
+
+
+def _with_hairs(header: Sequence[str]) -> tuple[str, ...]:
+    """Header of a levelling book in which the hairs of readings have names that are known, and their units."""
+    cells = list(header)
+    for ours, places in _hairs(header).items():
+        for k, hair in zip(places, ("upper", "middle", "lower"), strict=True):
+            unit = _name_and_unit(cells[k].strip())[1]
+            cells[k] = f"{ours} {hair} [{unit}]" if unit else f"{ours} {hair}"
+    return tuple(cells if _columns("levelling", _named(cells)) else header)
+
+
+def _with_whole_readings(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
+    """Rows with the mean of three hairs in columns beside each other, and 100 times their interval; and a note on it.
+
+    Where the middle hair is not the mean of the others in every row, it alone is the reading.
+    """
+    hairs = _hairs(rows[0]) if rows else {}
+    read = {ours: [[_number(_cell(row, k)) for k in places] for row in rows[1:]] for ours, places in hairs.items()}
+    if not {"back", "fore"} <= read.keys() or not all(_are_wires(one) for found in read.values() for one in found):
+        return rows, ()
+    unit = _name_and_unit(rows[0][hairs["back"][1]].strip())[1]
+    ends = {"back": "back_distance", "fore": "fore_distance"}
+    header = [f"{name} [{unit}]" if unit else name for name in (*read, *ends.values())]
+    left = {k for places in hairs.values() for k in places}
+    lines = [(*(cell for k, cell in enumerate(rows[0]) if k not in left), *header)]
+    for k, row in enumerate(rows[1:]):
+        three = {ours: [value for value in found[k] if value is not None] for ours, found in read.items()}
+        means = [f"{sum(values) / 3:.9g}" if values else "" for values in three.values()]
+        sights = (three["back"], three["fore"] or three.get("between", []))
+        far = [f"{100.0 * (values[0] - values[2]):.9g}" if values else "" for values in sights]
+        full = (*row, *[""] * (len(rows[0]) - len(row)))
+        lines.append((*(cell for k, cell in enumerate(full) if k not in left), *means, *far))
+    count = sum(any(one[0] is not None for one in found) for found in zip(*read.values(), strict=True))
+    return tuple(lines), (f"three wires at {counted(count, 'point')}: their mean, and 100 times their interval",)
+
+
+def _number(cell: str) -> float | None:
+    return float(cell.replace(",", ".")) or None if _NUMBER.fullmatch(cell) else None
 
 
 def _with_whole_angles(rows: _Cells) -> _Cells:
@@ -846,10 +994,15 @@ def _with_whole_angles(rows: _Cells) -> _Cells:
                 return _with_whole_angles((*rows[:k], (*row[:j], "bearing", *row[end:]), *below))
             found = [form.fullmatch(name) for form, name in zip(_PARTS, names[j : j + 3], strict=True)]
             before = {match[1] for match in found if match}
-            if None in found or len(before) > 1 or (before == {""} and len(names[j]) == 1 and names[j].isalpha()):
+            if None in found or len(before) > 1:
                 continue
-            name = before.pop() or "angle"
             cells = [[_whole(cell) for cell in line[j : j + 3]] for line in rows[k + 1 :]]
+            name = before.pop()
+            if not name and len(names[j]) == 1 and names[j].isalpha() and not all(map(_is_sexagesimal, cells)):
+                continue
+            if not name:
+                header = (*row[:j], "angle", *row[j + 3 :])
+                name = "angle" if _columns("angle", _named(header)) else "direction"
             parts = ("-".join(cell or "0" for cell in three) if any(three) else "" for three in cells)
             joined = (
                 (*line[:j], angle, *line[j + 3 :]) if len(line) > j + 2 else line
@@ -857,6 +1010,16 @@ def _with_whole_angles(rows: _Cells) -> _Cells:
             )
             return _with_whole_angles((*rows[:k], (*row[:j], name, *row[j + 3 :]), *joined))
     return rows
+
+
+def _is_sexagesimal(cells: Sequence[str]) -> bool:
+    """Return whether three cells are degrees, minutes and seconds, or empty."""
+    if not any(cells):
+        return True
+    if not all(map(_NUMBER.fullmatch, cells)):
+        return False
+    minutes, seconds = (float(cell.replace(",", ".")) for cell in cells[1:])
+    return minutes.is_integer() and 0.0 <= minutes < 60.0 and 0.0 <= seconds < 60.0
 
 
 def _with_sigmas(rows: _Cells) -> _Cells:
@@ -885,6 +1048,36 @@ def _with_sigmas(rows: _Cells) -> _Cells:
             for axis in axes[1:]:
                 rows = tuple((*row, cell) for row, cell in zip(rows, (f"sigma_{axis}", *zeros), strict=True))
     return rows
+
+
+def _with_station(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
+    """Rows of directions with a column for their station if there is none, as for one set-up; and a note on it."""
+    named = _named([cell.strip() for cell in rows[0]]) if rows else []
+    if not named or _kinds(named) or _columns("directions", [("station", "station", ""), *named]) is None:
+        return rows, ()
+    below = (("station", *row) for row in rows[1:])
+    return (("station", *rows[0]), *below), ("no column names the station of the readings: it is called 'station'",)
+
+
+def _without_zeros(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
+    """Rows without coordinates that are all 0 if several points have such: they are none. And a note on it."""
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    kinds = _kinds(_named(header))
+    columns = next((columns for kind, columns in kinds.items() if kind.startswith("points")), {})
+    places = [header.index(columns[axis]) for axis in "xyz" if axis in columns]
+    if len(places) < 2:
+        return rows, ()
+    bare = [
+        row
+        for row in rows[1:]
+        if all(_ZERO.fullmatch(_cell(row, k)) for k in places) and any(_cell(row, k) for k in places)
+    ]
+    if len(bare) < 2:
+        return rows, ()
+    kept = tuple(
+        tuple("" if k in places else cell for k, cell in enumerate(row)) if row in bare else row for row in rows[1:]
+    )
+    return (rows[0], *kept), (f"coordinates that are all 0 are none: {counted(len(bare), 'point')}",)
 
 
 def _replaced(rows: _Cells, place: int, name: str, cells: Sequence[str]) -> _Cells:
@@ -962,7 +1155,7 @@ def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
 
 
 def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...], str]:
-    """Delimiter, cells without comments and empty lines, cells of a comment in the first line, and encoding."""
+    """Delimiter, cells without comments and empty lines, cells of a comment that may be the header, and encoding."""
     if is_spreadsheet(path):
         frame = read_spreadsheet(path, sheet)
         rows = (tuple(cell or "" for cell in row) for row in frame.iter_rows())
@@ -971,15 +1164,21 @@ def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...],
     if encoding in CODE_PAGES and "\0" in text:
         raise InputError([Message("this is not UTF-8 text", str(path))])
     lines = [line for line in text.split("\n") if line.strip() and not line.startswith("#")]
+    comments = [
+        line.strip().removeprefix("#") for line in takewhile(lambda line: line.startswith("#"), text.split("\n"))
+    ]
     first = lines[0] if lines else ""
     likely = max(";\t,", key=first.count)
     likely = likely if first.count(likely) else " "
     delimiter = next((sign for sign in (likely, *";\t,") if any(map(_fits, _rows(lines[:_TITLES], sign)))), likely)
     lines = _spaced(lines, delimiter)
     try:
-        comment = text.partition("\n")[0].strip().removeprefix("#") if text.startswith("#") else ""
-        above = tuple(cell.strip() for cell in next(csv.reader([comment], delimiter=delimiter), ()))
-        return delimiter, tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row), above, encoding
+        cells = tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
+        heads = [
+            tuple(cell.strip() for cell in row) for row in csv.reader(_spaced(comments, delimiter), delimiter=delimiter)
+        ]
+        above = next((head for head in reversed(heads) if cells and len(head) == len(cells[0])), ())
+        return delimiter, cells, above, encoding
     except csv.Error as error:
         raise InputError([Message(f"this is not a table: {error}; is a quote not closed?", str(path))]) from None
 
@@ -1172,7 +1371,10 @@ def begin(
     camera: CameraSettings,
     datum: str = "fixed",
 ) -> dict[Path, str]:
-    """Texts by path: the project file and the lists of names that belong to no table. ``units``: length, angle."""
+    """Texts by path: the project file and the lists of names that belong to no table.
+
+    ``units``: length and angle; if that of angles is empty, zenith angles or coordinates may tell it.
+    """
     listed = {name for t in tables if t.kind == "points" and t.part != _BENCHMARK for name in t.texts("id")}
     tables = [t for t in tables if t.part != _BENCHMARK or listed.isdisjoint(t.texts("id"))]
     by_kind = {kind: [t for t in tables if t.kind == kind] for kind in ("images", "points", "stations")}
@@ -1189,17 +1391,25 @@ def begin(
     corner = any(_from_a_corner(t) for t in seen)
     kinds = {t.kind for t in measured}
     levelled = bool(measured) and all(t.kind == "height_difference" for t in measured)
-    is_plane = (
-        kinds <= _PLANE | {"distance"} and any("x" in t.columns and not t.has_heights for t in by_kind["points"])
-    ) or ("horizontal_distance" in kinds <= _PLANE and not any(t.has_heights for t in by_kind["points"]))
+    has_heights = any(t.has_heights for t in by_kind["points"])
+    in_plan = any("x" in t.columns and not t.has_heights for t in by_kind["points"]) or not (
+        has_heights or kinds.isdisjoint(_PLANE)
+    )
+    is_plane = (kinds <= _PLANE | {"distance"} and in_plan) or (
+        "horizontal_distance" in kinds <= _PLANE and not has_heights
+    )
     if is_plane:
         flat = [{ours: cell for ours, cell in t.columns.items() if ours != "z"} for t in by_kind["points"]]
         by_kind["points"] = [t._replace(columns=c) for t, c in zip(by_kind["points"], flat, strict=True)]
+    circles = _circles(tables)
+    guessed = circles.unit if not units[1] else None
     content = {
         "name": target.name,
         "title": _quoted(title),
         "length": units[0],
-        "angle": units[1],
+        "angle": units[1] or guessed or "gon",
+        "angle_guessed": guessed is not None,
+        "axes": _exchanged(by_kind["points"]) if circles.reversed else "",
         "zenith": any(t.kind in _VERTICAL and not _VERTICAL_COLUMNS.isdisjoint(t.columns) for t in measured),
         "camera": _camera(camera, corner) if seen or by_kind["images"] else None,
         "more_images": _rest(target, "images", _names(seen, ("image",)), by_kind["images"], texts),
@@ -1286,6 +1496,120 @@ def _from_a_corner(table: Found) -> bool:
         return False
     values = [value for name in "xy" for value in table.numbers(name)]
     return bool(values) and min(values) >= 0.0 and max(values) > _PIXELS
+
+
+class _Circles(NamedTuple):
+    """What angles tell that are in no stated unit, or beside coordinates whose axes may be exchanged."""
+
+    unit: str | None = None
+    """Degrees or gon; empty if the angles do not tell, ``None`` if all are in a stated unit."""
+    reversed: bool = False
+    """True if angles agree with coordinates only in the other sense."""
+
+
+def _circles(tables: Sequence[Found]) -> _Circles:
+    """Return the unit and the sense of horizontal angles.
+
+    The horizon is nearer to most zenith angles, horizontal angles agree with coordinates, or those of a traverse close.
+    """
+    bare = [table for table in tables if any(_is_bare(table, name) for name in _ANGLES)]
+    places = {
+        name: (float(x.replace(",", ".")), float(y.replace(",", ".")))
+        for table in tables
+        if table.kind == "points"
+        for name, x, y in zip(*map(table.texts, ("id", "x", "y")), strict=False)
+        if _NUMBER.fullmatch(x) and _NUMBER.fullmatch(y)
+    }
+    off = {(unit, sense): [_misfit(table, places, _CIRCLES[unit], sense) for table in tables] for unit, sense in _WAYS}
+    best = {way: min((size for size in sizes if size is not None), default=1.0) for way, sizes in off.items()}
+    for name, full in _CIRCLES.items():
+        sums = [abs((total / full * 2.0 + 0.5) % 1.0 - 0.5) for table in bare for total in _traversed(table)]
+        best[name, 1] = min([best[name, 1], *sums])
+    zeniths = [v for t in bare for name in ("zenith", "zenith_angle") if name not in t.units for v in t.numbers(name)]
+    least = {name: min(best[name, 1], best[name, -1]) for name in _CIRCLES}
+    if zeniths:
+        least = {name: median(abs(v % (full / 2) - full / 4) for v in zeniths) for name, full in _CIRCLES.items()}
+    first, second = sorted(_CIRCLES, key=lambda name: least[name])
+    told = first if zeniths or least[first] < _AGREES * least[second] else ""
+    known = told or "gon"
+    is_reversed = best[known, -1] < min(_AGREES * best[known, 1], _REVERSED)
+    return _Circles(told if bare else None, is_reversed)
+
+
+def _traversed(table: Found) -> Iterator[float]:
+    """Sum of the angles of a closed traverse, a multiple of half a circle; nothing if they are not those of one."""
+    if table.kind != "angle":
+        return
+    numbers = table.numbers("angle")
+    ends = dict(zip(table.texts("at"), table.texts("to"), strict=False))
+    if len(ends) == len(table.rows) == len(numbers) > 2:
+        at = start = next(iter(ends))
+        passed = 0
+        while at in ends and passed < len(ends) and (passed == 0 or at != start):
+            at, passed = ends[at], passed + 1
+        if at == start and passed == len(ends):
+            yield sum(numbers)
+
+
+def _exchanged(points: Iterable[Found]) -> str:
+    """Axes of coordinates that fit angles in the other sense: x leads north if the columns do not say otherwise."""
+    named = {_normalised(table.columns.get("x", "")) for table in points}
+    return "{xy: ne}" if named <= {"x", "x0", "xo", "xcoord", "xcoordinate", "coordx"} else "{angles: counterclockwise}"
+
+
+def _is_bare(table: Found, name: str) -> bool:
+    """Return whether a table has angles of this name that are plain numbers in no stated unit."""
+    return name in table.columns and name not in table.units and bool(table.numbers(name))
+
+
+_AT = {
+    "angle": ("at", "from", "to", "angle"),
+    "bearing": ("from", "from", "to", "bearing"),
+    "directions": ("station", "station", "to", "horizontal"),
+    "zenith_directions": ("station", "station", "to", "horizontal"),
+}
+"""Columns with the point of the circle, where an angle begins and ends, and the reading."""
+
+
+def _misfit(table: Found, places: Mapping[str, tuple[float, float]], full: float, sense: int) -> float | None:
+    """Median misfit of angles to coordinates as part of the circle, ``None`` without both.
+
+    Angles in no stated unit are in the unit that has ``full`` in a circle. ``sense`` -1 is that of exchanged axes.
+    """
+    names = _AT.get(table.kind)
+    if names is None:
+        return None
+    before: tuple[str, float, float] | None = None
+    apart = list[float]()
+    sets = table.texts("set") or [""] * len(table.rows)
+    full = {"deg": 360.0, "gon": 400.0}.get(table.units.get(names[3], ""), full)
+    for at, start, end, text, number in zip(*map(table.texts, names), sets, strict=False):
+        value = _turn(text.replace(",", ".") if table.decimal_comma else text, full)
+        if value is None or not {at, start, end} <= places.keys() or places[at] == places[end]:
+            continue
+        back, ahead = (
+            math.atan2(places[name][0] - places[at][0], places[name][1] - places[at][1]) / math.tau
+            for name in (start, end)
+        )
+        if table.kind == "angle":
+            apart.append(value - sense * (ahead - back))
+        elif table.kind == "bearing":
+            apart.append(value - (ahead if sense > 0 else 0.25 - ahead))
+        else:
+            last, before = before, (f"{at} {number}", value, ahead)
+            if last is not None and last[0] == before[0]:
+                apart.append(before[1] - last[1] - sense * (ahead - last[2]))
+    return median(abs((size + 0.5) % 1.0 - 0.5) for size in apart) if apart else None
+
+
+def _turn(text: str, full: float) -> float | None:
+    """An angle as part of the circle; degrees, minutes and seconds may be in one cell."""
+    if _NUMBER.fullmatch(text):
+        return float(text) / full if "," not in text else None
+    if not _DMS.match(text):
+        return None
+    degrees, minutes, *seconds = map(float, re.findall(r"\d+\.?\d*", text)[:3])
+    return (degrees + minutes / 60.0 + sum(seconds) / 3600.0) / 360.0
 
 
 def _names(tables: Iterable[Found], columns: Sequence[str]) -> list[str]:

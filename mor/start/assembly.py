@@ -42,7 +42,6 @@ from mor.start.join_by_observations import tie_by_observations
 from mor.start.levelled import (
     begin_heights,
     grow_arcs,
-    grow_distances,
     grow_levelled,
     grow_single_points,
     place_as_if_level,
@@ -120,7 +119,6 @@ def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool
         grown |= grow_polar(part, scene)
         grown |= grow_relative(part, scene)
         grown |= grow_bundles(part, *scene.rays_for(part), fewest, most)
-        grown = grown or grow_distances(part, scene.distances[1])
         grown = grown or grow_single_points(part, scene)
         grown = grown or pose_again(part, scene)
         spread_positions(part, scene.frames)
@@ -133,8 +131,7 @@ def grow(part: Part, scene: Scene, fewest: int, most: int | None = None) -> bool
 
 def _grow_shape(part: Part, scene: Scene) -> bool:
     """Grow by distances alone, because directions would accept a mirrored shape."""
-    distances = scene.distances[1]
-    return grow_arcs(part, distances) if part.levelled else grow_distances(part, distances)
+    return grow_arcs(part, scene.distances[1]) if part.levelled else grow_single_points(part, scene)
 
 
 def _sets_and_poses(part: Part, scene: Scene) -> None:

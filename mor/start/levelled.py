@@ -289,10 +289,7 @@ def begin_heights(part: Part, measured: Terrestrial) -> bool:
 
 
 def stand_level_with_sights(part: Part, measured: Terrestrial) -> bool:
-    """Stations of known plan begin as high as the middle of what they sight, where nothing else says how high.
-
-    Horizontal directions alone tell it where the vertical is looked for, too, and then only beside everything else.
-    """
+    """Stations of known plan begin as high as the middle of what they sight, where nothing else says how high."""
     added = False
     for sight in measured.sights:
         heights = part.points[sight.points, 2]
@@ -585,10 +582,6 @@ def _of_systems(
 
 SIZES = (40, 20, 10)
 """Points, at the most, of which a shape is looked for; the others grow from it."""
-AGREES = 0.01
-"""Misfit of a point in space, in parts of its mean distance, up to which it is taken."""
-FLAT = 0.02
-"""Extension of known points across their plane, relative to that along it, from which they tell the side."""
 
 
 def seed_distances(scene: Scene, system: Part, known: BoolArray, tried: set[tuple[int, ...]]) -> Part | None:
@@ -632,52 +625,3 @@ def _lengths(scene: Scene, rows: list[tuple[int, int, float]]) -> PointDistances
     value = np.array([row[2] for row in rows])
     sigma = np.array([scene.distances[1].sigma.get((a, b), 0.0) for a, b, _ in rows])
     return PointDistances(scene.points, start, end, value, sigma)
-
-
-def grow_distances(part: Part, distances: Distances) -> bool:
-    """Points in space from four slope distances and more to known points; true where any was added."""
-    if not part.scaled:
-        return False
-    added = False
-    missing = np.asarray(np.isnan(part.points).any(axis=1))
-    for point, neighbours in distances.neighbours.items():
-        if not missing[point] or len(neighbours) < 4:
-            continue
-        slopes = _known_slopes(part, distances, point, neighbours)
-        if len(slopes) < 4:
-            continue
-        found = multilaterated(*_spheres(part, slopes))
-        if found is not None:
-            part.points[point] = np.where(np.isnan(part.points[point]), found, part.points[point])
-            part.how[f"point {point}"] = rule("section of {count} spheres", count=len(slopes))
-            added = True
-    return added
-
-
-def _known_slopes(part: Part, distances: Distances, point: int, neighbours: set[int]) -> list[tuple[int, float, float]]:
-    slopes = [(p, *distances.slope[p, point]) for p in sorted(neighbours) if (p, point) in distances.slope]
-    return [s for s in slopes if np.isfinite(part.points[s[0]]).all() and (part.levelled or s[2] == 0.0)]
-
-
-def _spheres(part: Part, slopes: list[tuple[int, float, float]]) -> tuple[FloatArray, FloatArray]:
-    """Centres (n, 3) and radii (n,)."""
-    lift = np.array([[0.0, 0.0, rise] for *_, rise in slopes])
-    return part.points[[p for p, *_ in slopes]] + lift, np.array([length for _, length, _ in slopes])
-
-
-def multilaterated(centres: FloatArray, lengths: FloatArray) -> FloatArray | None:
-    """The point (3,) at measured distances (n,) from four known ones (n, 3) or more that lie in no plane."""
-    middle = centres.mean(axis=0)
-    away = centres - middle
-    values = rotations.singular_values(away)
-    if len(values) < 3 or values[2] < FLAT * values[0]:
-        return None
-    # |X|² − 2 aᵀX + |a|² = s²; the mean of all taken off each, |X|² drops out.
-    square = lengths**2 - np.sum(away**2, axis=1)
-    X: FloatArray = rotations.lstsq(-2.0 * away, square - square.mean(), rcond=None)
-    for _ in range(10):
-        towards = X - away
-        span = np.maximum(np.linalg.norm(towards, axis=1), 1e-12)
-        X = X - rotations.lstsq(towards / span[:, None], span - lengths, rcond=None)
-    off = np.linalg.norm(X - away, axis=1) - lengths
-    return X + middle if np.sqrt(np.mean(off**2)) < AGREES * np.mean(lengths) else None

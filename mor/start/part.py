@@ -365,8 +365,6 @@ class Part:
     """The parts it took up, in the order in which they joined it or one another."""
     placed: set[int] = field(default_factory=set)
     """Points placed one at a time: what takes such a place away again does not have it placed again."""
-    asked_for_vertical: dict[int, int] = field(default_factory=dict)
-    """Redundancy with which directions were asked for the vertical → directions there were."""
     asked_for_ties: dict[tuple[int, int], int] = field(default_factory=dict)
     """Part and redundancy with which all observations were asked for the movement to it → observations there were."""
     place_sigma: float = 0.0

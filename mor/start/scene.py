@@ -29,19 +29,12 @@ from mor.start.part import (
     theodolite_frames,
 )
 from mor.start.sights import (
-    FITS,
-    OPEN,
     Choices,
-    HorizontalSet,
-    LevelledSet,
     PositionDifferences,
     Terrestrial,
-    Vertical,
-    VerticalAngles,
     bearing,
     frame_verticals,
     terrestrial,
-    vertical_of_directions,
 )
 from mor.types import FloatArray, IntArray
 
@@ -325,83 +318,26 @@ def _posed(part: Part, pair: StereoPair) -> Iterator[tuple[FloatArray, FloatArra
             yield D_b @ D_a.T, D_a @ (O_b - O_a)
 
 
-# ---- A part without vertical gets it from horizontal directions and vertical angles to its points.
-
-MOST_SETS = 8
-MOST_POINTS = 16
-"""Of each set: start values do not become better with more."""
-AGREEING = 0.7
-"""Part of all directions that agree with a vertical, at the least."""
-
-
-def vertical_by_directions(part: Part, scene: Scene, redundant: int) -> FloatArray | None:
-    """The vertical (3,) in the axes of a part that has none, where at least ``redundant`` directions control it.
-
-    ``None`` where it is open, where another vertical fits alike, or where too few directions agree. It is asked again
-    only where more points are known than before.
-    """
-    measured = scene.distances[1]
-    start, end = (part.points[block] for block in measured.ends.T)
-    length = np.linalg.norm(end - start, axis=1)
-    near = np.abs(measured.rises) <= FITS * length * part.scaled
-    rows = np.flatnonzero(np.isfinite(length) & near)[: MOST_SETS * MOST_POINTS]
-    sets, angles = (_sets(part, scene), VerticalAngles(start[rows], end[rows], np.arctan(measured.tangents[rows])))
-    told = sum(len(one.points) for one in sets) + len(angles.values)
-    if told <= part.asked_for_vertical.get(redundant, 0):
-        return None
-    part.asked_for_vertical[redundant] = told
-    found = vertical_of_directions(sets, angles)
-    if found is None or not _settles(found, told, redundant):
-        return None
-    return found.up
-
-
-def _settles(found: Vertical, told: int, redundant: int) -> bool:
-    enough = found.redundancy >= redundant and found.agreeing >= AGREEING * told
-    return enough and found.alone and found.sigma < OPEN
-
-
-def _sets(part: Part, scene: Scene) -> list[HorizontalSet]:
-    found = [_set(part, sight) for sight in scene.terrestrial.sights if not sight.oriented]
-    found = [one for one in found if len(one.points) > (1 if np.isfinite(one.place).all() else 3)]
-    return sorted(found, key=lambda one: -len(one.points))[:MOST_SETS]
-
-
-def _set(part: Part, sight: LevelledSet) -> HorizontalSet:
-    known = part.known(sight.points) & np.isfinite(sight.directions) & (sight.points != sight.position)
-    rows = np.flatnonzero(known)
-    if len(rows) > MOST_POINTS:
-        rows = rows[np.linspace(0, len(rows) - 1, MOST_POINTS).astype(int)]
-    place = part.points[sight.position]
-    return HorizontalSet(place, part.points[sight.points[rows]], sight.directions[rows])
-
-
 # ---- A part finds the vertical and the length unit from what was measured inside it.
 #
-# The vertical from posed frames that know it (levelled instruments, levels), else from height differences between its
-# points; the scale from distances, height differences, and bases of stereo pairs that are given.
+# The vertical from posed frames that know it (levelled instruments, levels); the scale from distances, height
+# differences, and bases of stereo pairs that are given. What nothing else levels is turned at last so that height
+# differences fit.
 
 WEAKEST = 0.02
 """Extension of height differences across their main direction, relative to that along, from which they level a part."""
 ALIKE = 3.0
 """Factor of the misfits up to which two verticals fit alike."""
-CONTROLLED = 3
-"""Horizontal directions beyond those that a vertical takes, from which on they tell it beyond doubt."""
 DISAGREEMENT = 0.05
 """Relative misfit beyond which height differences and points do not belong together."""
 
 
 def level_and_scale(part: Part, scene: Scene) -> bool:
     """Turn the part upright and bring it to the length unit, as far as it tells; true where it gained either."""
-    # The scale first: with it the heights of points nearly in a plane tell the vertical, too.
     lifted = part.lifts
     gained = not part.scaled and _scale(part, scene)
     if not part.levelled:
-        gained |= (
-            _level_by_frames(part, scene.frames)
-            or _level_by_heights(part, scene)
-            or _level_by_directions(part, scene, CONTROLLED)
-        )
+        gained |= _level_by_frames(part, scene.frames)
     if not part.scaled:
         gained |= _scale(part, scene)
     if part.lifts and not lifted:
@@ -433,56 +369,6 @@ def make_upright(part: Part, vertical: FloatArray) -> None:
     part.levelled = True
 
 
-def _level_by_heights(part: Part, scene: Scene) -> bool:
-    """Three height differences and more: Δx · g = Δh; g is the vertical times the scale."""
-    difference, dz = _between_known(part, scene.level_lines)
-    if len(dz) < 3:
-        return False
-    values = rotations.singular_values(difference)
-    if values[2] < WEAKEST * values[0]:
-        return False
-    g = rotations.lstsq(difference, dz, rcond=None)
-    misfit = float(np.linalg.norm(difference @ g - dz))
-    length = float(np.linalg.norm(g))
-    if length == 0.0 or misfit > DISAGREEMENT * float(np.linalg.norm(dz)):
-        return False
-    if part.scaled:
-        return _level_by_unit_vector(part, scene, difference, dz)
-    part.transform(_movement(length, np.eye(3)))
-    part.scaled = True
-    make_upright(part, np.asarray(g, dtype=np.float64))
-    return True
-
-
-def _level_by_directions(part: Part, scene: Scene, redundant: int) -> bool:
-    """Horizontal directions and vertical angles to points of the part, at least ``redundant`` more than it takes."""
-    up = vertical_by_directions(part, scene, redundant)
-    if up is None:
-        return False
-    make_upright(part, up)
-    return True
-
-
-def _level_by_unit_vector(part: Part, scene: Scene, difference: FloatArray, dz: FloatArray) -> bool:
-    """The vertical of a part that has its scale: of unit length, so that points nearly in a plane leave two.
-
-    Where both fit alike it is the one with the cameras above what they see.
-    """
-    axes = rotations.svd(difference, full_matrices=False)[2]
-    in_plane: FloatArray = rotations.lstsq(difference @ axes[:2].T, dz, rcond=None) @ axes[:2]
-    rest = float(np.sqrt(max(1.0 - float(in_plane @ in_plane), 0.0)))
-    both = [in_plane + sign * rest * axes[2] for sign in (1.0, -1.0)]
-    misfits = [float(np.linalg.norm(difference @ g - dz)) for g in both]
-    best = int(np.argmin(misfits))
-    if misfits[best] > DISAGREEMENT * float(np.linalg.norm(dz)):
-        return False
-    if part.poses and misfits[1 - best] < ALIKE * misfits[best]:
-        order = np.argsort(-(np.array(both) @ _above(part)))
-        best = int(order[scene.choices.take(2)])
-    make_upright(part, both[best] / np.linalg.norm(both[best]))
-    return True
-
-
 def _above(part: Part) -> FloatArray:
     """(3,) from what is seen to those who see it: up, as far as nothing else tells."""
     seen = part.points[np.isfinite(part.points).all(axis=1)]
@@ -499,8 +385,6 @@ def level_roughly(part: Part, scene: Scene) -> bool:
     lift = _lift(part, scene.frames)
     if not part.levelled and np.any(lift):
         make_upright(part, lift)
-    if not part.levelled:
-        _level_by_directions(part, scene, 0)
     difference, dz = _between_known(part, scene.level_lines)
     if part.levelled or len(dz) == 0:
         return part.levelled

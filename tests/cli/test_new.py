@@ -875,7 +875,42 @@ def test_the_middle_hair_is_the_reading(tmp_path: Path) -> None:
     head = "Point,Backsight,,,Foresight,,\n,Upper Hair (m),Middle Hair (m),Lower Hair (m)" + ",Upper,Mid,Lower"
     (tmp_path / "t.csv").write_text(f"Book 7\n{head}\nA,1.7,1.5,1.3,,,\nB,,,,1.3,1.2,1.1\n")
     (table,) = recognise(tmp_path / "t.csv")
+    assert table.rows == (("A", "B", "0.3", "60"),)
+    (tmp_path / "t.csv").write_text(f"Book 7\n{head}\nA,1.7,1.5,1.34,,,\nB,,,,1.3,1.2,1.1\n")
+    (table,) = recognise(tmp_path / "t.csv")
     assert table.rows == (("A", "B", "0.3"),)
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "point,bsU,bsM,bsL,isU,isM,isL,fsU,fsM,fsL,RL",
+        "Point,BS,,,IS,,,FS,,,RL\n,U,M,L,U,M,L,U,M,L,",
+        "Punkt,Rück o,Rück m,Rück u,Zwischen o,Zwischen m,Zwischen u,Vor o,Vor m,Vor u,Höhe",
+        "Point,Back sight,,,Intermediate,,,Fore sight,,,RL\n,Top,Mid,Bottom,Top,Mid,Bottom,Top,Mid,Bottom,",
+    ],
+)
+def test_three_hairs_beside_each_other_are_one_reading(tmp_path: Path, head: str) -> None:
+    rows = [
+        "A,1.602,1.502,1.402,,,,,,,100",
+        "p,,,,1.311,1.250,1.189,,,,",
+        "B,1.900,1.801,1.703,,,,1.300,1.200,1.100,",
+        "A,,,,,,,2.199,2.104,2.009,",
+    ]
+    (tmp_path / "t.csv").write_text("\n".join([head, *rows]) + "\n")
+    table, benchmark = recognise(tmp_path / "t.csv")
+    assert benchmark.rows == (("A", "100"),)
+    found = {row[:2]: [float(cell) for cell in row[2:]] for row in table.rows}
+    assert found["A", "B"] == pytest.approx([1.502 - 1.2, 40.0])
+    assert found["A", "p"] == pytest.approx([1.502 - 1.25, 32.2])
+    assert found["B", "A"] == pytest.approx([(1.9 + 1.801 + 1.703) / 3 - 2.104, 38.7])
+
+
+def test_a_printed_table_counts_its_rows(tmp_path: Path) -> None:
+    """The numbers of rows have no heading; NaN is an empty cell, and Sta the station."""
+    (tmp_path / "t.txt").write_text("  Sta   BS   FS\n0  A 1.5  NaN\n1  B 1.4  1.2\n2  A NaN  1.7\n")
+    (table,) = recognise(tmp_path / "t.txt")
+    assert table.rows == (("A", "B", "0.3"), ("B", "A", "-0.3"))
 
 
 def test_a_traverse_by_angles_and_distances(tmp_path: Path) -> None:
@@ -935,3 +970,131 @@ def test_a_column_that_is_read_is_given_once(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("id,x,y,z,x,Note,Note\nA,1,2,3,1.1,a,b\n")
     with pytest.raises(InputError, match="column 'x' is given twice"):
         recognise(tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize(
+    ("scale", "unit", "options"), [(1.0, "deg", []), (400.0 / 360.0, "gon", []), (1.0, "gon", ["--angle", "gon"])]
+)
+def test_zenith_angles_tell_the_unit_of_angles(tmp_path: Path, scale: float, unit: str, options: list[str]) -> None:
+    book, project = tmp_path / "book.csv", tmp_path / "p.yaml"
+    rows = [("A", 72.0, 91.0), ("B", 245.0, 92.5), ("C", 100.0, 84.0), ("A", 252.0, 269.0)]
+    lines = [f"S,{name},{hz * scale},{v * scale}" for name, hz, v in rows]
+    book.write_text("\n".join(["station,to,Hz,Vz", *lines]) + "\n")
+    assert run(["new", str(project), str(book), *options]) == 0
+    assert read_document(project).data["units"]["angle"] == unit
+    assert ("# CHECK the unit of angles" in project.read_text()) == (not options)
+
+
+def test_an_asterisk_is_the_sigma_of_what_is_free(tmp_path: Path) -> None:
+    """As STAR*NET has it."""
+    table, distances, project = tmp_path / "points.csv", tmp_path / "distances.csv", tmp_path / "p.yaml"
+    table.write_text("id,x,y,z,sx,sy,sz\nA,0,0,0,0.1,0.1,*\nB,10,0,0,0.1,0.1,0.1\n")
+    distances.write_text("from,to,distance\nA,B,10\n")
+    assert run(["new", str(project), str(table), str(distances)]) == 0
+    assert run(["check", str(project), "--quiet"]) == 0
+
+
+def test_three_wires_below_each_other_are_one_reading(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Millimetres, sums below the wires; the mean of the wires, and 100 times their interval."""
+    rows = [
+        *("A,1430,,,", ",1138,292,,", ",847,291,,", ",,583,,", ",,,,"),
+        *("T,1456,,1125,", ",1256,200,840,285", ",1056,200,556,284", ",,400,,569", ",,,,"),
+        *("B,,,1300,", ",,,1200,100", ",,,1100,100"),
+    ]
+    book, project = tmp_path / "book.csv", tmp_path / "p.yaml"
+    book.write_text("\n".join(["Point,BS,BS_INT,FS,FS_INT", *rows]) + "\n")
+    assert run(["new", str(project), str(book)]) == 0
+    assert "three wires at 3 points" in capsys.readouterr().err
+    found = pl.read_csv(tmp_path / "p_book.csv")
+    assert found.select("from", "to").rows() == [("A", "T"), ("T", "B")]
+    assert found["dz"].to_list() == pytest.approx([(3415 - 2521) / 3, 1256 - 1200], abs=1e-4)
+    assert found["length"].to_list() == pytest.approx([100 * (583 + 569), 100 * (400 + 200)])
+    assert read_document(project).data["observations"][0]["units"] == {"dz": "mm", "length": "mm"}
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1.0, "deg"), (400.0 / 360.0, "gon")])
+@pytest.mark.parametrize(
+    ("header", "rows"),
+    [
+        ("at,from,to,angle", [("A", "B", "C", 90.0), ("B", "C", "A", 45.001), ("C", "A", "B", 45.001)]),
+        ("at,from,to,angle", [("A", "C", "B", 270.0), ("B", "A", "C", 315.0), ("C", "B", "A", 315.0)]),
+        ("from,to,direction", [("A", "B", 17.0), ("A", "C", 107.0), ("B", "C", 5.0), ("B", "A", 50.0)]),
+        ("from,to,azimuth", [("A", "B", 0.0), ("B", "C", 135.0), ("C", "A", 270.0)]),
+    ],
+)
+def test_coordinates_tell_the_unit_of_angles(
+    tmp_path: Path, header: str, rows: list[tuple[str | float, ...]], scale: float, unit: str
+) -> None:
+    """A (0, 0), B 100 m north, C 100 m east of it."""
+    points, angles, project = tmp_path / "points.csv", tmp_path / "angles.csv", tmp_path / "p.yaml"
+    points.write_text("id,E,N\nA,0,0\nB,0,100\nC,100,0\n")
+    lines = [",".join([*map(str, names), str(float(angle) * scale)]) for *names, angle in rows]
+    angles.write_text("\n".join([header, *lines]) + "\n")
+    assert run(["new", str(project), str(angles), str(points)]) == 0
+    assert read_document(project).data["units"]["angle"] == unit
+
+
+def test_the_header_may_be_the_last_of_the_comments_above(tmp_path: Path) -> None:
+    path = tmp_path / "poses.csv"
+    path.write_text("#cameras 2\n#name,x,y,z,omega,phi,kappa\na.jpg,1,2,3,0,0,0.1\nb.jpg,4,5,6,0,0,0.2\n")
+    (found,) = recognise(path)
+    assert (found.kind, found.columns["id"], found.texts("kappa")) == ("images", "name", ["0.1", "0.2"])
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1.0, "deg"), (400.0 / 360.0, "gon")])
+def test_a_closed_traverse_tells_the_unit_of_its_angles(tmp_path: Path, scale: float, unit: str) -> None:
+    sheet, project = tmp_path / "sheet.csv", tmp_path / "p.yaml"
+    angles = {"A": 81.197, "B": 120.431, "C": 149.564, "D": 95.697, "E": 93.097}
+    rows = [f"{name},{angle * scale},{length}" for length, (name, angle) in enumerate(angles.items(), start=155)]
+    sheet.write_text("\n".join(["Station,Observed Angles,Distance", *rows]) + "\n")
+    assert run(["new", str(project), str(sheet)]) == 0
+    assert read_document(project).data["units"]["angle"] == unit
+
+
+def test_directions_with_distances_and_nothing_that_has_a_height_are_in_the_plane(tmp_path: Path) -> None:
+    """Without heights in the list of points, or without a list."""
+    sheet, points, project = tmp_path / "sheet.csv", tmp_path / "points.csv", tmp_path / "p.yaml"
+    sheet.write_text("from,to,distance,direction\nA,B,50,10\nA,C,40,70\nB,C,45,33\n")
+    points.write_text("id,E,N,H\nA,0,0,5\n")
+    assert run(["new", str(project), str(sheet)]) == 0
+    assert read_document(project).data["settings"]["dimensions"] == "xy"
+    assert run(["new", str(project), str(sheet), str(points), "--force"]) == 0
+    assert "dimensions" not in read_document(project).data["settings"]
+
+
+def test_a_traverse_of_an_exercise(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """D, M, S in columns, distances of 0 where none was measured, x to the north, zeros for unknown points."""
+    book, control, project = tmp_path / "book.csv", tmp_path / "control.csv", tmp_path / "p.yaml"
+    sights = [
+        *("P1,P2,0,90,0,0", "P1,P3,0,45,0,0", "P1,Q,50.000,36,52,11.6", "P1,R,0,33,41,24.2"),
+        *("P2,P1,0,270,0,0", "P2,P3,0,9,27,44.4", "P2,Q,0,333,26,5.8", "P2,R,0,315,0,0"),
+    ]
+    book.write_text("\n".join(["source,target,distance,D,M,S", *sights]) + "\n")
+    control.write_text("point,y,x,fixed=1/free=0\nP1,100,200,1\nP2,150,200,1\nP3,160,260,1\nQ,0,0,0\nR,0,0,0\n")
+    assert run(["new", str(project), str(book), str(control)]) == 0
+    assert "coordinates that are all 0 are none: 2 points" in capsys.readouterr().err
+    data = read_document(project).data
+    assert data["axes"] == {"xy": "ne"}
+    assert run(["adjust", str(project), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) in (0, 1)
+    found = pl.read_csv(tmp_path / "r" / "points.csv").filter(pl.col("id").is_in(["Q", "R"]))
+    np.testing.assert_allclose(found.select("x", "y").to_numpy(), [[240, 130], [230, 120]], atol=1e-3)
+    assert pl.read_csv(tmp_path / "r" / "residuals.csv").height == 9
+
+
+def test_angles_to_the_left_beside_easting_and_northing(tmp_path: Path) -> None:
+    points, angles, project = tmp_path / "points.csv", tmp_path / "angles.csv", tmp_path / "p.yaml"
+    points.write_text("id,E,N\nA,0,0\nB,0,100\nC,100,0\nD,30,30\n")
+    angles.write_text("at,from,to,angle\nA,C,B,100\nB,A,C,350\nA,D,B,50\n")
+    assert run(["new", str(project), str(angles), str(points)]) == 0
+    data = read_document(project).data
+    assert (data["axes"], data["units"]["angle"]) == ({"angles": "counterclockwise"}, "gon")
+
+
+def test_one_set_up_without_a_column_for_its_station(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    book, project = tmp_path / "book.csv", tmp_path / "p.yaml"
+    book.write_text("Point_ID,Hz_gon,V_gon,Ds_m,Face_nr,Set_nr\n1,10,99,20,1,1\n2,50,98,30,1,1\n2,250,302,30,2,1\n")
+    assert run(["new", str(project), str(book)]) == 0
+    assert "no column names the station of the readings" in capsys.readouterr().err
+    entries = read_document(project).data["observations"]
+    assert [entry["type"] for entry in entries] == ["zenith_directions", "distance"]
+    assert run(["check", str(project), "--quiet"]) == 0

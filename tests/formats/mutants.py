@@ -82,7 +82,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
     from .test_jag3d import FILES
     from .test_jag3d_script import small
     from .test_landxml import PLAN, survey
-    from .test_metashape import PANE, XML, _zipped, tied
+    from .test_metashape import PANE, XML, _zipped, projected, tied
     from .test_odd_books import FBK
     from .test_opensfm import _folder
     from .test_photomodeler_reader import HEAD, PHOTO, POINTS
@@ -113,6 +113,7 @@ def materials(folder: Path) -> dict[str, tuple[str, str, Files]]:
         "opensfm": ("opensfm", "", {path.name: path.read_bytes() for path in opensfm.iterdir()}),
         "bal": ("bal", "p.bal", written_by("bal", "p.bal")),
         "metashape": ("metashape", "m.xml", {"m.xml": XML.encode()}),
+        "metashape projection": ("metashape", "m.xml", {"m.xml": projected().encode()}),
         "metashape project": ("metashape", "m.psz", {"m.psz": _zipped(XML)}),
         "metashape tie points": (
             "metashape",

@@ -250,6 +250,64 @@ def test_longitude_and_latitude_become_east_north_up(tmp_path: Path) -> None:
     np.testing.assert_allclose(D, np.diag([1.0, -1.0, -1.0]), atol=1e-9)
 
 
+CENTRES = np.array([[600010.0, 5000020.0, 180.0], [600040.0, 5000030.0, 185.0]])
+"""Projection centres of ``projected``."""
+
+
+def projected() -> str:
+    """A chunk in a system of its own, with four markers in a projection and an image that has no pose."""
+    turn = rotation_from_angles(np.array([[0.3, -0.5, 1.1]]))[0]
+    flip, scale, f = np.diag([1.0, -1.0, -1.0]), 2.5, 4000.0
+    markers = np.array([[0, 0, 0], [60, 5, 3], [10, 50, -2], [55, 60, 4]]) + np.array([6e5, 5e6, 100.0])
+    references = "".join(
+        f'<marker id="{k}" label="M{k}"><reference x="{x}" y="{y}" z="{z}"/></marker>'
+        for k, (x, y, z) in enumerate(markers)
+    )
+    cameras, seen = "", dict.fromkeys(range(4), "")
+    for k, centre in enumerate(CENTRES):
+        matrix = np.vstack([np.column_stack([turn.T @ flip, turn.T @ (centre - markers[0]) / scale]), [0, 0, 0, 1]])
+        numbers = " ".join(map(repr, matrix.ravel().tolist()))
+        cameras += f'<camera id="{k}" sensor_id="0" label="{k}.jpg"><transform>{numbers}</transform></camera>\n'
+        for m, marker in enumerate(markers):
+            x, y, z = flip.T @ (marker - centre)
+            seen[m] += f'<location camera_id="{k}" x="{3000 + f * x / z}" y="{2000 + f * y / z}"/>'
+    cameras += '<camera id="2" sensor_id="0" label="2.jpg"/>'
+    seen[0] += '<location camera_id="2" x="5" y="6"/>'
+    rays = "".join(f'<marker marker_id="{m}">{locations}</marker>\n' for m, locations in seen.items())
+    return (
+        '<document version="2.0.0"><chunk label="c"><sensors><sensor id="0" type="frame">\n'
+        '<property name="fixed" value="true"/><resolution width="6000" height="4000"/>\n'
+        f'<calibration type="frame"><resolution width="6000" height="4000"/><f>{f}</f></calibration>\n'
+        f"</sensor></sensors><cameras>{cameras}</cameras><markers>{references}</markers>\n"
+        f'<frames><frame id="0"><markers>{rays}</markers></frame></frames>\n'
+        "<transform><rotation>1 0 0 0 1 0 0 0 1</rotation><translation>4e6 5e5 4e6</translation></transform>\n"
+        '<reference>PROJCS["UTM",GEOGCS["E",DATUM["D"]]]</reference></chunk></document>'
+    )
+
+
+def test_poses_are_fitted_to_references_in_a_projection(tmp_path: Path) -> None:
+    path = tmp_path / "markers.xml"
+    path.write_text(projected())
+    document = read_foreign(path)
+    assert "the poses are fitted to them as start values" in " ".join(map(str, document.notes))
+    rows = [row for row in document.data["images"][0]["rows"] if row[0] != "2.jpg"]
+    np.testing.assert_allclose([[float(v) for v in row[2:5]] for row in rows], CENTRES, atol=1e-4)
+    solved = solve_network(network_of(document, tmp_path))
+    assert solved.quality.sigma0 < 1e-3
+    assert [thing.name for thing in solved.network.undeterminable] == ["2.jpg"]
+
+
+def test_a_chunk_without_projections_has_no_observations(tmp_path: Path) -> None:
+    """Observed positions of its cameras alone are nothing to adjust."""
+    camera = '<camera id="0" sensor_id="0" label="a.jpg">'
+    text = XML.replace(camera, f'{camera}<reference x="1.5" y="2" z="3"/>')
+    path = tmp_path / "cameras.xml"
+    path.write_text(re.sub(r"<frames>.*</frames>", "", text, flags=re.DOTALL))
+    with pytest.raises(InputError) as caught:
+        network_of(read_foreign(path), tmp_path)
+    assert [message.message.partition(";")[0] for message in caught.value.problems] == ["there are no observations"]
+
+
 PANE = """# CoordinateSystem: LOCAL_CS["Local Coordinates (m)"]
 #Label,X/Easting,Y/Northing,Z/Altitude,Accuracy_X_(m),Accuracy_Y_(m),Accuracy_Z_(m),Error_(m),X_error,Enable
 P1,1.5,2,3,0.01,0.02,0.03,0.1,0.05,1

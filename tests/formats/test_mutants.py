@@ -18,6 +18,7 @@ from .mutants import faults, materials
             "opensfm",
             "bal",
             "metashape",
+            "metashape projection",
             "photomodeler",
             "starnet",
             "starnet vectors",
@@ -66,4 +67,4 @@ def test_no_mutant_breaks_a_reader(tmp_path: Path, name: str) -> None:
 
 
 def test_every_material_is_tried(tmp_path: Path) -> None:
-    assert len(materials(tmp_path)) == 43
+    assert len(materials(tmp_path)) == 44

@@ -552,3 +552,40 @@ def test_angles_of_fbk(tmp_path: Path, old: str, new: str, circle: float, zenith
 def test_mistakes_of_fbk(tmp_path: Path, line: str, words: str) -> None:
     with pytest.raises(Exception, match=words):
         _read(tmp_path, "a.fbk", f"{FBK}{line}\n")
+
+
+def _given(**places: tuple[float, ...]) -> str:
+    return "".join(
+        f"110001+{name:0>8} " + " ".join(f"8{k}..10{round(v * 1e3):+09d}" for k, v in enumerate(place, start=1)) + "\n"
+        for name, place in places.items()
+    )
+
+
+def test_given_coordinates_that_most_distances_contradict_are_not_used(tmp_path: Path) -> None:
+    """Stations were begun with small numbers; one point was computed from one of them, so that one distance agrees."""
+    sights = _gsi("S1", "P", "Q", "S2", "R") + _gsi("S2", "P", "Q", "R", "S3") + _gsi("S3", "P", "Q", "R", "S2")
+    begun = _given(S1=(1.2, 1.1, 1.0), S2=(3.2, 3.1, 3.0), S3=(5.2, 5.1, 5.0), P=(-43.2, 5.0, 2.0))
+    document = _read(tmp_path, "a.gsi", begun + sights)
+    assert "coordinates that the measured distances contradict (4 records" in _notes(document)
+    assert document.data["datum"] == "free"
+    assert solve_network(network_of(document, tmp_path)).quality.sigma0 < 1.5
+    right = {name: PLACES[name] for name in ("S1", "S2", "S3", "P")}
+    moved = {**right, "P": (PLACES["P"][0] + 50.0, *PLACES["P"][1:])}
+    document = _read(tmp_path, "b.gsi", _given(**moved) + sights)
+    assert "or nearer, than the sights between them allow (1 record" in _notes(document)
+    assert "datum" not in document.data
+    solved = solve_network(network_of(document, tmp_path))
+    values = dict(zip(solved.network.blocks["point"].ids, solved.adjustment.values["point"], strict=True))
+    np.testing.assert_allclose(values["P"], PLACES["P"], atol=0.01)
+
+
+def test_a_zenith_angle_without_a_distance_may_be_to_another_height(tmp_path: Path) -> None:
+    """The foot of a pole is sighted for its direction, then the prism on it."""
+    foot = "110002+0000000P 21.322+{:08d} 22.322+11500000 87..10+00001500\n"
+    text = _gsi("S1", "P", "Q")
+    circle = round((atan2(*PLACES["P"][:2]) * 200 / pi) * 1e5)
+    head, first, second = text.splitlines(keepends=True)
+    document = _read(tmp_path, "a.gsi", head + second + foot.format(circle) + first)
+    assert [row["to"] for row in _rows(document, "zenith_directions")] == ["Q", "P"]
+    assert [row["to"] for row in _rows(document, "directions")] == ["P"]
+    assert "zenith angles of sights without a distance to another height than those with one" in _notes(document)

@@ -27,7 +27,7 @@ from scipy.sparse.csgraph import dijkstra
 from mor.errors import counted
 from mor.formats.draft import Draft, Row, read_lines
 from mor.project.levelling import ALONE, REPEATED, SIGMA_KILOMETRE, SIGMA_SET_UP, LevelledDifference, Levelling
-from mor.types import FloatArray
+from mor.types import BoolArray, FloatArray
 
 SIGMA_ANGLE = "3 arcsec"
 SIGMA_DISTANCE, PPM = "2 mm", "2"
@@ -63,8 +63,10 @@ COMPUTED = "coordinates that the instrument computed from its readings"
 _ZERO = "coordinates that are all 0"
 _ZERO_HEIGHTS = "heights of given points that are all 0"
 _HEIGHT = "target heights that differ from those of a later sight to the same place, which are used instead"
-_CONTRADICTED = "coordinates that are farther from other given ones than the sights between them reach"
+_CONTRADICTED = "coordinates that are farther from other given ones, or nearer, than the sights between them allow"
+_WRONG = "coordinates that the measured distances contradict"
 _POINTING = "zenith angles of first sights without a distance, which are rough: these sights set the circle"
+_OTHER_HEIGHT = "zenith angles of sights without a distance to another height than those with one"
 _PRESET = "coordinates that an instrument presets: several stations share them, or they are far from others"
 
 
@@ -438,32 +440,36 @@ class FieldBook:
         return any(sight.zenith is not None or sight.slope is not None for sight in sights)
 
     def _drop_pointings(self) -> None:
-        """Leave out the zenith angles of first sights without a distance if they are rough.
+        """Leave out the zenith angles of sights without a distance if they are rough.
 
-        Such a sight sets the circle: the target is pointed at in direction only. That is so in a book whose later
-        sights to these targets have other zenith angles.
+        A first sight of this kind sets the circle: the target is pointed at in direction only. That is so in a book
+        whose later sights to these targets have other zenith angles. A later one is to another height.
         """
         turned = CIRCLE_SET * self._full
-        first = [
-            (set_up, set_up.sights[0])
-            for set_up in self.set_ups
-            if set_up.sights and set_up.sights[0].slope is None and set_up.sights[0].zenith is not None
-        ]
-        apart = [
-            abs((other.zenith or 0.0) - (sight.zenith or 0.0))
-            for set_up, sight in first
-            for other in set_up.sights[1:]
-            if other.target == sight.target and other.slope and face_of(other, self._full) == face_of(sight, self._full)
-        ]
-        if not apart or median(apart) < turned:
-            return
-        reached = {
-            name for set_up in self.set_ups for s in set_up.sights if s.slope for name in (set_up.station, s.target)
-        }
-        for set_up, sight in first:
-            if sight.target in reached and sight.horizontal is not None:
-                self.leave_out(_POINTING, sight.line)
-                set_up.sights[0] = sight._replace(zenith=None, face=face_of(sight, self._full))
+        first, later, known = list[tuple[InstrumentSetUp, int]](), list[tuple[InstrumentSetUp, int]](), list[float]()
+        reached = set[str]()
+        for set_up in self.set_ups:
+            for k, sight in enumerate(set_up.sights):
+                if sight.slope:
+                    reached |= {set_up.station, sight.target}
+                if sight.slope is not None or sight.zenith is None or sight.horizontal is None:
+                    continue
+                apart = [
+                    abs((other.zenith or 0.0) - sight.zenith)
+                    for other in set_up.sights[1:]
+                    if other.target == sight.target and other.slope
+                    if face_of(other, self._full) == face_of(sight, self._full)
+                ]
+                if k == 0:
+                    first.append((set_up, k))
+                    known += apart
+                elif min(apart, default=0.0) > turned:
+                    later.append((set_up, k))
+        for set_up, k in [*(first if known and median(known) >= turned else []), *later]:
+            sight = set_up.sights[k]
+            if sight.target in reached:
+                self.leave_out(_OTHER_HEIGHT if k else _POINTING, sight.line)
+                set_up.sights[k] = sight._replace(zenith=None, face=face_of(sight, self._full))
 
     def _take_zeros(self) -> None:
         """Take coordinates that are all 0 as those of the origin if nothing else is given, or if distances fit them."""
@@ -507,10 +513,11 @@ class FieldBook:
                 self.leave_out(_PRESET, self.points.pop(name).line)
 
     def _drop_contradicted(self) -> None:
-        """Leave out given coordinates that are farther from most others than the sights between them reach.
+        """Leave out given coordinates that are farther from most others, or nearer, than the sights between them allow.
 
-        They are of another system. Nothing is left out if that concerns half of the points or more, unless the others
-        alone are no whole metres. Books of more than ``MOST_COMPARED`` given points are taken as they are.
+        They are of another system, as are points nearer to those than allowed that no distance confirms. All are left
+        out if that concerns more than half of the points, and none if it concerns half of them, unless the others alone
+        are no whole metres. Books of more than ``MOST_COMPARED`` given points are taken as they are.
         """
         plans = {
             name: complex(place.east, place.north)
@@ -520,7 +527,9 @@ class FieldBook:
         if not 2 <= len(plans) <= MOST_COMPARED:
             return
         places, ways = np.array(list(plans.values())), self._ways(list(plans))
-        bad = np.isfinite(ways) & (np.abs(places[:, None] - places) > FARTHER * ways + FARTHER)
+        given = np.abs(places[:, None] - places)
+        nearer, confirmed = self._nearer(list(plans), given)
+        bad = np.isfinite(ways) & ((given > FARTHER * ways + FARTHER) | nearer)
         contradicted, excess = bad.sum(axis=1), (2 * bad - np.isfinite(ways).astype(int)).sum(axis=1)
         is_whole = (places.real % 1.0 == 0.0) & (places.imag % 1.0 == 0.0)
         left = np.ones(len(places), dtype=bool)
@@ -529,10 +538,41 @@ class FieldBook:
             left[worst] = False
             contradicted -= bad[worst]
             excess -= 2 * bad[worst] - np.isfinite(ways[worst]).astype(int)
+        left &= ~nearer.any(axis=1) | (confirmed & left).any(axis=1)
         dropped = 2 * np.count_nonzero(~left)
         if dropped < len(left) or (dropped == len(left) and is_whole[~left].all()):
             for name in np.array(list(plans))[~left].tolist():
                 self.leave_out(_CONTRADICTED, self.points.pop(name).line)
+        elif dropped > len(left):
+            for name in plans:
+                self.leave_out(_WRONG, self.points.pop(name).line)
+
+    def _nearer(self, names: Sequence[str], given: FloatArray) -> tuple[BoolArray, BoolArray]:
+        """Which pairs (n, n) are nearer than distances in plan allow, and which a distance confirms.
+
+        They are nearer than the distance between them, or than two or more other points allow: the difference of the
+        distances to such a point is larger.
+        """
+        lengths: dict[str, dict[int, float]] = {}
+        number = {name: k for k, name in enumerate(names)}
+        for set_up in self.set_ups:
+            for sight in set_up.sights:
+                polar = self.polar(sight)
+                length = polar[0] if polar else sight.horizontal_distance
+                for one, other in ((set_up.station, sight.target), (sight.target, set_up.station)):
+                    if length and one in number:
+                        lengths.setdefault(other, {})[number[one]] = length
+        most = FARTHER * given + FARTHER
+        direct, count, over = np.full(given.shape, np.nan), np.zeros(given.shape, int), np.zeros(given.shape, int)
+        for name, known in lengths.items():
+            places, found = np.array(list(known)), np.array(list(known.values()))
+            block = np.ix_(places, places)
+            count[block] += 1
+            over[block] += np.abs(found[:, None] - found) > most[block]
+            if name in number:
+                direct[number[name], places] = direct[places, number[name]] = found
+        confirmed = (direct <= most) & (given <= FARTHER * direct + FARTHER)
+        return (direct > most) | ((over > 1) & (2 * over > count)), confirmed
 
     def _ways(self, names: Sequence[str]) -> FloatArray:
         """Lengths (n, n) of the shortest ways along sights between points; infinite if there is none."""
