@@ -81,3 +81,12 @@ def test_no_solution_is_told_that_lies_above_what_the_iteration_came_down_to(tmp
     """A point runs to infinity, so slowly that nothing converges; other minima lie twelve times as high."""
     found = by_mor(bal_problem(5057), tmp_path)
     assert found.cost < 63.2, found.words
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "lowest"), [(15327, 185661.72782), (15378, 7679.32486)])
+def test_points_at_infinity_do_not_end_above_the_minimum_without_them(seed: int, lowest: float, tmp_path: Path):
+    """The lowest is that of Ceres Solver from the same start."""
+    found = by_mor(bal_problem(seed), tmp_path)
+    assert found.converged, found.words
+    assert found.cost <= lowest * (1.0 + SAME)
