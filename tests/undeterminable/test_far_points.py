@@ -27,7 +27,10 @@ def test_points_at_infinity_are_tested_together(more: float, worse: bool) -> Non
     def end(squares: float, points: int) -> Any:
         problem = SimpleNamespace(observations=200, index=SimpleNamespace(count=100))
         adjustment = SimpleNamespace(problem=problem, normals=SimpleNamespace(objective=squares))
-        return SimpleNamespace(adjustment=adjustment, is_complete=True), SimpleNamespace(points=np.arange(points))
+        return SimpleNamespace(adjustment=adjustment, is_complete=True, suspects=None), SimpleNamespace(
+            points=np.arange(points)
+        )
 
     assert _is_worse(end(90.0, 4), end(90.0 + more, 40), critical_value(0.001)) is worse
-    assert not _is_worse(end(90.0, 40), end(190.0, 40), critical_value(0.001))
+    assert _is_worse(end(90.0, 40), end(190.0, 40), critical_value(0.001)), "no more are there that could explain it"
+    assert not _is_worse(end(190.0, 40), end(90.0, 40), critical_value(0.001))
