@@ -283,7 +283,7 @@ def where(group: ObservationGroup, row: int) -> str:
     return f"{group.name}, {', '.join(group.names_of(row).values())}"
 
 
-_LEAST, _MOST = 4, 12
+_LEAST, _MOST = 4, 40
 """Sights of a station: of fewer any exchange fits, of more the others keep its pose right."""
 _ITERATIONS, _HALVED, _SETTLED = 12, 6, 1e-3
 
@@ -322,14 +322,17 @@ def _sighting(groups: Sequence[ObservationGroup]) -> list[int]:
 def _spoiled(situation: Situation) -> list[str]:
     whole: Counter[str] = Counter()
     wrong: Counter[str] = Counter()
+    squares: dict[str, float] = {}
     for number in _sighting(situation.network.groups):
         names = list(situation.network.groups[number].references[0])
         whole.update(names)
         wrong.update(names[row] for row in np.flatnonzero(situation.misfitting[number].any(axis=1)))
+        for name, size in zip(names, np.sum(situation.sizes[number] ** 2, axis=1).tolist(), strict=False):
+            squares[name] = squares.get(name, 0.0) + size
     shares = {n: wrong[n] / whole[n] for n in whole if _LEAST <= whole[n] <= _MOST}
     # Sights that do not fit: an exchange makes two.
     spoiled = [n for n in shares if wrong[n] >= 2]
-    return sorted(spoiled, key=lambda n: -shares[n])[:2]
+    return sorted(spoiled, key=lambda n: (-shares[n], -squares[n] / whole[n]))[:2]
 
 
 def _alone(problem: Problem, situation: Situation, name: str) -> _Alone:
