@@ -66,7 +66,7 @@ class PointRows(NamedTuple):
 
 
 def _rows_of(points: EliminatedPoints) -> PointRows:
-    entries, count = points.coupling.tocoo(), len(points.inverse)
+    entries, count = csr_matrix(points.coupling).tocoo(), len(points.inverse)
     size = entries.shape[0]
     point, component = np.divmod(entries.col.astype(np.int64), 3)
     key, place = np.unique(point * size + entries.row, return_inverse=True)

@@ -86,15 +86,15 @@ class EliminatedPoints(NamedTuple):
     """(P, 3) their unknowns."""
     inverse: FloatArray
     """(P, 3, 3) N_p⁻¹."""
-    coupling: csr_array
-    """(r, 3P) C of all of them, side by side, by the reduced unknowns."""
+    coupling: AnyMatrix
+    """(r, 3P) C of all of them, side by side, by the reduced unknowns; sparse if there are any."""
 
     def alone(self, right: AnyMatrix) -> AnyMatrix:
         """N_p⁻¹ b_p (3P, k) of all of them."""
-        from scipy.sparse import block_diag
-
         if not len(self.inverse):
             return right
+        from scipy.sparse import block_diag
+
         return block_diag(self.inverse, format="csr") @ right
 
 
@@ -108,10 +108,12 @@ def eliminated_points(adjustment: Adjustment, blocks: IntArray) -> EliminatedPoi
     place = np.full(len(own), -1, dtype=np.int64)
     place[blocks] = np.arange(len(blocks))
     shape = (len(plan.kept), 3 * len(blocks))
+    if not len(blocks):
+        return EliminatedPoints(place, own[blocks], np.zeros((0, 3, 3)), np.zeros(shape))
     normals, coupling = np.zeros((len(blocks), 3, 3)), sparse_matrix([], shape)
     tangent = rotation_tangents(problem.index, adjustment.values)
     for group in problem.groups:
-        if not len(blocks) or group.type.slots[-1].kind != "point":
+        if group.type.slots[-1].kind != "point":
             continue
         number = place[group.blocks[-1]]
         seen = np.flatnonzero(number >= 0)

@@ -202,7 +202,7 @@ def rows_between(network: Network, sides: Sides) -> list[GroupRows]:
     """The rows of which everything is known or wanted, and that a movement may change."""
     found = []
     for group in network.groups:
-        if group.type.key.partition("/")[0] in ("observed", "coordinates"):
+        if group.type.key.partition("/")[0] in ("observed", "coordinates") or group.count == 0:
             continue
         known, moving = np.ones(group.count, dtype=bool), np.zeros(group.count, dtype=bool)
         fixed = np.zeros(group.count, dtype=bool)

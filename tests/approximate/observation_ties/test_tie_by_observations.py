@@ -7,6 +7,7 @@ import pytest
 
 import mor
 from mor.api.pipeline import read_document, read_network
+from mor.model.contract import some_rows
 from mor.model.rotations import exponential
 from mor.start.bundle import Similarity, SimilarityOutcome
 from mor.start.join_by_observations import SEARCHED, tie_by_observations
@@ -216,3 +217,11 @@ observations:
     values: {sigma: 2 mm}
 """)
     assert not mor.adjust(tmp_path / "project.yaml").accepted
+
+
+def test_a_table_of_which_no_row_is_left_ties_nothing(tmp_path):
+    draw = np.random.default_rng(5)
+    at = places(draw)
+    network, scene, target, source = two_parts(distances(at, draw), at, tmp_path)
+    empty = replace(network, groups=(*network.groups, some_rows(network.groups[0], np.zeros(0, dtype=np.int64))))
+    assert tie_by_observations(empty, target, source, scene) is not None
