@@ -242,3 +242,22 @@ def test_set_ups_that_backsights_name_and_points_from_side_shots(tmp_path: Path)
     assert float(rows[1]["horizontal"]) % 360.0 == pytest.approx(90.0)
     (lengths,) = (t for t in document.data["observations"] if t["type"] == "distance")
     assert float(lengths["rows"][1][lengths["columns"].index("distance")]) == pytest.approx(60.96)
+
+
+def test_the_azimuth_of_the_circle_orients_a_set_up_without_known_targets(tmp_path: Path) -> None:
+    path = tmp_path / "radial.xml"
+    path.write_text(
+        _HEAD
+        + """<Units><Metric linearUnit="meter" angularUnit="grads" directionUnit="decimal degrees"/></Units>
+<CgPoints><CgPoint name="A">100.0 200.0 5.0</CgPoint></CgPoints>
+<Survey><SurveyHeader name="radial"/>
+<InstrumentSetup id="s" stationName="A" instrumentHeight="1.5" orientationAzimuth="45"/>
+<ObservationGroup id="g" setupID="s">
+<RawObservation horizAngle="50" slopeDistance="30" zenithAngle="100" targetHeight="1.5"><TargetPoint name="P"/>
+</RawObservation></ObservationGroup></Survey></LandXML>
+"""
+    )
+    result = mor.adjust(str(path))
+    points = result.project.network.things["point"]
+    P = result.solved.adjustment.values["point"][points.part("P", "position")]
+    np.testing.assert_allclose(P[:2], [230.0, 100.0], atol=1e-6)  # 45° and 50 gon: due east

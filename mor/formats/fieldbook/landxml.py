@@ -183,7 +183,8 @@ class _Survey:
         if not name:
             raise ValueError("found no stationName and no InstrumentPoint with a name")
         height = self._length(element, "instrumentHeight") or 0.0
-        self.stations[key] = self.book.set_up(name, element.line, height)
+        self.stations[key] = set_up = self.book.set_up(name, element.line, height)
+        set_up.orientation = _angle(element, "orientationAzimuth", self.direction)
 
     def _named(self, name: str, point: Element | None, observed: bool = False) -> str:
         """Name of a point that an element stands for: its own, else that of what it refers to."""
