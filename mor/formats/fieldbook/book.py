@@ -637,8 +637,8 @@ class FieldBook:
         if turned:
             names = ", ".join(s.station for s in turned[:_NAMED]) + (", …" if len(turned) > _NAMED else "")
             self.draft.note(
-                f"{counted(len(turned), 'set-up')} oriented by the azimuth of circle or backsight that the book says, or "
-                f"by computed coordinates, as no known point is sighted: {names}",
+                f"{counted(len(turned), 'set-up')} oriented by the azimuth of circle or backsight that the book says, "
+                f"or by computed coordinates, as no known point is sighted: {names}",
                 turned[0].line,
             )
 
