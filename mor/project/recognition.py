@@ -384,6 +384,8 @@ _CIRCLES = {"gon": 400.0, "deg": 360.0}
 _WAYS = tuple(product(_CIRCLES, (1, -1)))
 _AGREES = 0.5
 """Part of the misfit in the other unit or sense that angles in theirs have at most."""
+_LEVEL = 2.0
+"""Degrees or gon that half of the sights rise or fall at most if their zenith angles tell the unit."""
 _REVERSED = 0.02
 """Part of the circle within which angles agree with exchanged axes."""
 _OF_POINTS = ("id", "x", "y", "z")
@@ -1510,7 +1512,7 @@ class _Circles(NamedTuple):
 def _circles(tables: Sequence[Found]) -> _Circles:
     """Return the unit and the sense of horizontal angles.
 
-    The horizon is nearer to most zenith angles, horizontal angles agree with coordinates, or those of a traverse close.
+    Most sights are level, or else horizontal angles agree with coordinates, or those of a traverse close.
     """
     bare = [table for table in tables if any(_is_bare(table, name) for name in _ANGLES)]
     places = {
@@ -1527,10 +1529,11 @@ def _circles(tables: Sequence[Found]) -> _Circles:
         best[name, 1] = min([best[name, 1], *sums])
     zeniths = [v for t in bare for name in ("zenith", "zenith_angle") if name not in t.units for v in t.numbers(name)]
     least = {name: min(best[name, 1], best[name, -1]) for name in _CIRCLES}
-    if zeniths:
-        least = {name: median(abs(v % (full / 2) - full / 4) for v in zeniths) for name, full in _CIRCLES.items()}
+    level = [median(abs(v % (full / 2) - full / 4) for v in zeniths or (0.0,)) for full in _CIRCLES.values()]
+    if min(level) < _LEVEL:  # steep sights, as to a facade, do not tell
+        least = dict(zip(_CIRCLES, level, strict=True))
     first, second = sorted(_CIRCLES, key=lambda name: least[name])
-    told = first if zeniths or least[first] < _AGREES * least[second] else ""
+    told = first if least[first] < _AGREES * least[second] else ""
     known = told or "gon"
     is_reversed = best[known, -1] < min(_AGREES * best[known, 1], _REVERSED)
     return _Circles(told if bare else None, is_reversed)

@@ -985,6 +985,15 @@ def test_zenith_angles_tell_the_unit_of_angles(tmp_path: Path, scale: float, uni
     assert ("# CHECK the unit of angles" in project.read_text()) == (not options)
 
 
+def test_steep_sights_do_not_tell_the_unit_of_angles(tmp_path: Path) -> None:
+    """To a facade: 70 to 98 gon, whose middle is nearer to 90 than to 100."""
+    book, project = tmp_path / "book.csv", tmp_path / "p.yaml"
+    rows = [f"S,P{k},{20 * k},{zenith}" for k, zenith in enumerate((61.8, 71.0, 78.2, 83.4, 97.3, 98.8))]
+    book.write_text("\n".join(["station,to,Hz,Vz", *rows]) + "\n")
+    assert run(["new", str(project), str(book)]) == 0
+    assert read_document(project).data["units"]["angle"] == "gon"
+
+
 def test_an_asterisk_is_the_sigma_of_what_is_free(tmp_path: Path) -> None:
     """As STAR*NET has it."""
     table, distances, project = tmp_path / "points.csv", tmp_path / "distances.csv", tmp_path / "p.yaml"
