@@ -93,9 +93,10 @@ class EliminatedPoints(NamedTuple):
         """N_p⁻¹ b_p (3P, k) of all of them."""
         if not len(self.inverse):
             return right
-        from scipy.sparse import block_diag
+        from scipy.sparse import bsr_array
 
-        return block_diag(self.inverse, format="csr") @ right
+        count = np.arange(len(self.inverse) + 1)
+        return bsr_array((self.inverse, count[:-1], count)).tocsr() @ right
 
 
 def eliminated_points(adjustment: Adjustment, blocks: IntArray) -> EliminatedPoints:
