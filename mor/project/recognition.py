@@ -1501,7 +1501,7 @@ def _from_a_corner(table: Found) -> bool:
 
 
 class _Circles(NamedTuple):
-    """What angles tell that are in no stated unit, or beside coordinates whose axes may be exchanged."""
+    """Unit and sense of angles, as the angles and the coordinates beside them tell."""
 
     unit: str | None = None
     """Degrees or gon; empty if the angles do not tell, ``None`` if all are in a stated unit."""

@@ -244,7 +244,7 @@ def _released(matrix: BlockMatrix, factor: Factor) -> FloatArray:
 
 
 def _spread_out(directions: FloatArray) -> IntArray:
-    """As many unknowns as directions (u, k), such that the directions differ most on them (pivoted QR)."""
+    """Return unknowns, one for each direction (u, k) with a length, on which these differ most (pivoted QR)."""
     sizes = np.linalg.norm(directions, axis=0)
     directions, sizes = directions[:, sizes > 0.0], sizes[sizes > 0.0]
     if directions.shape[1] == 0:

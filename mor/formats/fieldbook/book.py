@@ -548,7 +548,7 @@ class FieldBook:
                 self.leave_out(_WRONG, self.points.pop(name).line)
 
     def _nearer(self, names: Sequence[str], given: FloatArray) -> tuple[BoolArray, BoolArray]:
-        """Which pairs (n, n) are nearer than distances in plan allow, and which a distance confirms.
+        """Return the pairs (n, n) that are nearer than distances in plan allow, and those that a distance confirms.
 
         They are nearer than the distance between them, or than two or more other points allow: the difference of the
         distances to such a point is larger.
