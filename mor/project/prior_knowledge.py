@@ -553,6 +553,9 @@ def check_feasible(
                 )
             elif bare:
                 words = f"there are no observations, only points; mor convert lists what was not read ({notes})"
+                sights = [note.message for note in left_out if note.message.startswith("not read: sights")]
+                if sights:
+                    words = f"there are no observations, only points; {sights[0]}"
         reading.at("observations").tell(words)
     elif not reading.shop.store("point").ids:
         reading.at("points").tell("there are no points, images or stations")

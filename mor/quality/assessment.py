@@ -12,6 +12,7 @@ import numpy as np
 from mor.model import rotations
 from mor.model.coordinates import can_be_at_infinity, target_slot
 from mor.model.parameters import move
+from mor.project.rows import rows_of_points
 from mor.quality.precision import (
     FollowerCofactors,
     MovingCofactors,
@@ -305,16 +306,23 @@ def median_distance(adjustment: Adjustment) -> float:
     """
     if "point" not in adjustment.values:
         return 0.0
-    if np.count_nonzero(np.ptp(adjustment.values["point"], axis=0) > 0.0) < 2:
+    observed = _observed(adjustment)
+    if np.count_nonzero(np.ptp(adjustment.values["point"][observed], axis=0) > 0.0) < 2:
         return 0.0
-    return float(np.median(_distances(adjustment)))
+    return float(np.median(_distances(adjustment)[observed]))
 
 
 def _distances(adjustment: Adjustment) -> FloatArray:
-    """(n,) distances of points from their median."""
+    """(n,) distances of points from the median of those that are observed."""
     points = adjustment.values["point"]
-    result: FloatArray = np.linalg.norm(points - np.median(points, axis=0), axis=1)
+    result: FloatArray = np.linalg.norm(points - np.median(points[_observed(adjustment)], axis=0), axis=1)
     return result
+
+
+def _observed(adjustment: Adjustment) -> BoolArray:
+    """(n,) points with observations, all if none has: those that are left out may have no coordinates."""
+    rows = rows_of_points(adjustment.problem.groups, len(adjustment.values["point"]))
+    return rows > 0 if rows.any() else np.ones(len(rows), dtype=bool)
 
 
 def told_by_user(quality: Quality, kind: str) -> BoolArray:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Final, NamedTuple
 
@@ -134,6 +134,7 @@ _LEVELLED = {
     "zenith_angle",
     "distance",
     "horizontal_distance",
+    "bearing",
     "height_difference",
     "observed/point",
 }
@@ -156,7 +157,8 @@ def without_hanging(network: Network) -> Network:
     """The network without stations that can turn about the only point they share with the others.
 
     Sets of directions are one part if they share two points with directions and distances; the points with given
-    coordinates are a part as well. The smallest part that hangs on one point goes first, until none does.
+    coordinates are a part as well, and so are points with bearings and distances. The smallest part that hangs on one
+    point goes first, until none does.
     """
     types = {group.type.key for group in network.groups if group.count}
     if not types <= _LEVELLED or not types & {"directions", "zenith_directions"}:
@@ -217,7 +219,7 @@ def _ties(parts: Sequence[_RigidPart]) -> set[int]:
 def _sets_of_directions(network: Network) -> Iterator[_RigidPart]:
     free = network.blocks["point"].free
     given = set[int]()
-    lengths = set[tuple[int, int]]()
+    lengths, bearings = set[tuple[int, int]](), set[tuple[int, int]]()
     sets: dict[int, tuple[int, set[int]]] = {}
     for group in network.groups:
         if group.type.key in ("directions", "zenith_directions"):
@@ -226,19 +228,36 @@ def _sets_of_directions(network: Network) -> Iterator[_RigidPart]:
                 sets.setdefault(number, (station, set()))[1].add(target)
         elif group.type.key in ("distance", "horizontal_distance"):
             lengths.update(zip(group.blocks[0].tolist(), group.blocks[2].tolist(), strict=True))
+        elif group.type.key == "bearing":
+            bearings.update(zip(*(group.blocks_of("point")[k].tolist() for k in (0, 1)), strict=True))
         elif group.type.key == "observed/point":
             given.update(group.blocks[0][group.mask[:, :2].all(axis=1)].tolist())
     used = {point for station, targets in sets.values() for point in (station, *targets)}
+    used |= {point for ends in bearings for point in ends}
     given = (given | set(np.flatnonzero(~free[:, :2].any(axis=1)).tolist())) & used
+    oriented = _connected(ends for ends in bearings if ends in lengths)
+    given |= set[int]().union(*(points for points in oriented if not points.isdisjoint(given)))
+    for points in oriented:
+        yield _RigidPart(points, points, [])
     if len(given) > 1 and not network.datum.free:
         yield _RigidPart(given, given, [], given=True)
     for number, (station, targets) in sets.items():
         polar = {target for target in targets if (station, target) in lengths or (target, station) in lengths}
-        yield _RigidPart(polar | {station}, targets | {station}, [number])
+        is_oriented = any((station, target) in bearings or (target, station) in bearings for target in targets)
+        yield _RigidPart(polar | {station}, targets | {station}, [] if is_oriented else [number])
     seen = {(station, target) for station, targets in sets.values() for target in targets}
     for start, end in lengths - seen:
         if (end, start) not in seen:
             yield _RigidPart({start, end}, {start, end}, [])
+
+
+def _connected(pairs: Iterable[tuple[int, int]]) -> list[set[int]]:
+    """Sets of points that pairs of points connect."""
+    sets: list[set[int]] = []
+    for pair in pairs:
+        met = [points for points in sets if not points.isdisjoint(pair)]
+        sets = [points for points in sets if points not in met] + [set(pair).union(*met)]
+    return sets
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,12 @@ Readers translate records into calls of :class:`FieldBook`; everything that hold
 
 from __future__ import annotations
 
+import cmath
 from collections import Counter
 from collections.abc import Container, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
-from math import atan2, cos, hypot, pi, radians, sin, sqrt, tau
+from itertools import combinations, count, islice, pairwise
+from math import atan2, cos, hypot, inf, isnan, nan, pi, radians, sin, sqrt, tau
 from pathlib import Path
 from statistics import median
 from typing import Any, NamedTuple
@@ -50,12 +52,20 @@ FARTHER = 1.1
 """Factor and metres by which given points may be farther apart than the sights between them: target heights, scale."""
 MOST_COMPARED = 2_000
 """Given points of a book up to which each is compared with every other."""
+_COMPARED, _BLOCKS = 20, 100
+"""Targets with which one is compared, and groups of sights of a set-up that are compared with each other."""
 SAME_PLACE = 0.01
 """Metres within which readings are to the same place."""
 LEAST_COPIED = 3
 """Sights in a run from which on equal readings are copies."""
 ROUNDED = 0.0015
 """Metres within which coordinates are the same but for rounding."""
+COMMON = 3
+"""Targets with the same distances from each other by which a set-up is known to be at another place."""
+NEAR = 1.0
+"""Metres within which given points tell no direction."""
+TALLEST = 3.0
+"""Metres between a point and the instrument over it, at most."""
 CIRCLE_SET = 1e-4
 """Part of the full circle (2 arcmin) within which a sight reads what the circle was set to."""
 GNSS = "GNSS positions (latitude, longitude); their coordinates in the system of the job are read if it has them"
@@ -65,6 +75,11 @@ _ZERO_HEIGHTS = "heights of given points that are all 0"
 _HEIGHT = "target heights that differ from those of a later sight to the same place, which are used instead"
 _CONTRADICTED = "coordinates that are farther from other given ones, or nearer, than the sights between them allow"
 _WRONG = "coordinates that the measured distances contradict"
+_UPRIGHT = "sights straight up or down, whose horizontal direction means nothing"
+_MOVED = (
+    "sights of set-ups during which the instrument was moved without a record: targets sighted again are as far from "
+    "each other as before, but not from the instrument"
+)
 _POINTING = "zenith angles of first sights without a distance, which are rough: these sights set the circle"
 _OTHER_HEIGHT = "zenith angles of sights without a distance to another height than those with one"
 _PRESET = "coordinates that an instrument presets: several stations share them, or they are far from others"
@@ -85,6 +100,8 @@ class Sight(NamedTuple):
     bearing: float | None = None
     before: bool = False
     """True if the instrument recorded it before its station: the circle may have been turned in between."""
+    computed: PointRecord | None = None
+    """Coordinates of the target that the instrument computed from the readings; ``None`` if the book has none."""
 
 
 class PointRecord(NamedTuple):
@@ -329,6 +346,9 @@ class FieldBook:
         self, name: str, east: float | None, north: float | None, height: float | None, line: int
     ) -> None:
         """Add coordinates that the instrument computed: they are used only if the book has no readings."""
+        sights = self.set_ups[-1].sights if self.set_ups else self.waiting
+        if any((east, north, height)) and sights and sights[-1].target == name:
+            sights[-1] = sights[-1]._replace(computed=PointRecord(east, north, height, line))
         if any((east, north, height)):
             self.computed[name] = PointRecord(east, north, height, line)
             self.leave_out(COMPUTED, line)
@@ -605,7 +625,7 @@ class FieldBook:
         """Turn circle readings into azimuths where nothing but the orientation that the book says tells the direction.
 
         That is at stations with given coordinates that sight no point with given coordinates, or with a place from
-        another station, and at one set-up of a part of the book with one given point.
+        another station, and at one set-up of a part of the book whose given points are one, or near to each other.
         """
         placed: dict[str, set[int]] = {}
         for k, set_up in enumerate(self.set_ups):
@@ -614,7 +634,7 @@ class FieldBook:
                 if sight.slope or sight.horizontal_distance:
                     placed.setdefault(sight.target, set()).add(k)
         turned = list[InstrumentSetUp]()
-        alone = [part for part in _parts(self.set_ups) if len(part & self.points.keys()) == 1]
+        alone = [part for part in _parts(self.set_ups) if 0.0 <= self._extent(part & self.points.keys()) < NEAR]
         for k, set_up in enumerate(self.set_ups):
             targets = {sight.target for sight in set_up.sights if sight.horizontal is not None}
             part = next((part for part in alone if set_up.station in part), None)
@@ -642,12 +662,18 @@ class FieldBook:
                 turned[0].line,
             )
 
+    def _extent(self, names: Iterable[str]) -> float:
+        """Largest distance in plan between given points; negative without any."""
+        known = [self.points[name] for name in names]
+        plans = [complex(p.east or 0.0, p.north or 0.0) for p in known if p.east is not None and p.north is not None]
+        return max((abs(plan - plans[0]) for plan in plans), default=-1.0)
+
     def _computed_orientation(self, set_up: InstrumentSetUp) -> float | None:
         """The angle that the instrument added to circle readings to compute the targets; ``None`` if it is not one."""
         station, full = self.points[set_up.station], self._full
         turns = []
         for sight in set_up.sights:
-            end, polar = self.computed.get(sight.target), self.polar(sight)
+            end, polar = sight.computed or self.computed.get(sight.target), self.polar(sight)
             if end is None or polar is None or sight.horizontal is None or None in (*end[:2], *station[:2]):
                 continue
             east, north = (end.east or 0.0) - (station.east or 0.0), (end.north or 0.0) - (station.north or 0.0)
@@ -687,6 +713,8 @@ class FieldBook:
                     self.leave_out("sights from a station to itself", sight.line)
             set_up.sights = [sight for sight in set_up.sights if sight.target != set_up.station]
             self._drop_faulty(set_up)
+        self._part_set_ups()
+        for set_up in self.set_ups:
             self._correct_heights(set_up)
             self._part_first_sight(set_up)
         for set_up in self.set_ups:
@@ -707,6 +735,8 @@ class FieldBook:
         for sight in set_up.sights:
             if sight.zenith is not None and not 0.0 <= sight.zenith <= self._full:
                 self.leave_out("sights with an impossible zenith angle", sight.line)
+            elif (polar := self.polar(sight)) is not None and polar[0] < ROUNDED < (sight.slope or 0.0):
+                self.leave_out(_UPRIGHT, sight.line)
             else:
                 kept.append(sight)
         first: dict[Sight, int] = {}
@@ -723,6 +753,96 @@ class FieldBook:
         for k in copies:
             self.leave_out("sights that repeat earlier ones in the same order to the last digit", kept[k].line)
         set_up.sights = [sight for k, sight in enumerate(kept) if k not in copies]
+
+    def _part_set_ups(self) -> None:
+        """Part set-ups where the instrument computed targets from other coordinates; place those without a name.
+
+        The sights of a set-up during which the instrument was moved otherwise are left out.
+        """
+        whole, self.set_ups = self.set_ups, []
+        taken = {set_up.station for set_up in whole}
+        runs = [self._computed_from(set_up.sights) for set_up in whole]
+        if not any(run.spread > 0.5 for found in runs for run in found):
+            runs = [[] for _ in whole]  # the circle does not read azimuths
+        placed = list[InstrumentSetUp]()
+        for set_up, found in zip(whole, runs, strict=True):
+            pieces = _parted(set_up, [run.first for run in found[1:]], taken)
+            self.set_ups += pieces
+            for piece, run in zip(pieces, found, strict=False):
+                if piece.unnamed and piece.station not in self.points:
+                    self._place(piece, run.axis())
+                    placed.append(piece)
+        for set_up in self.set_ups:
+            if self._is_moved(set_up.sights):
+                for sight in set_up.sights:
+                    self.leave_out(_MOVED, sight.line)
+                set_up.sights = []
+        if placed:
+            names = ", ".join(s.station for s in placed[:_NAMED]) + (", …" if len(placed) > _NAMED else "")
+            self.draft.note(
+                f"{counted(len(placed), 'set-up')} whose station the book does not name stand where the instrument "
+                f"computed its targets from: {names}",
+                placed[0].line,
+            )
+
+    def _computed_from(self, sights: Sequence[Sight]) -> list[_Run]:
+        """Runs of sights whose targets the instrument computed from the same coordinates, read as azimuths."""
+        runs, before = list[_Run](), _Run(0)
+        for k, sight in enumerate(sights):
+            polar, target = self.polar(sight), sight.computed
+            if polar is None or sight.horizontal is None or target is None or None in target[:2]:
+                continue
+            azimuth = (sight.horizontal + self._flip(sight)) * tau / self._full
+            end = complex(target.east or 0.0, target.north or 0.0)
+            height = nan if target.height is None else target.height - polar[1]
+            one = _Run(k, [sight.target], [end], [end - polar[0] * complex(sin(azimuth), cos(azimuth))], [height])
+            if runs and runs[-1].is_at(one):
+                runs[-1].take(one)
+            elif before.ends and before.names[0] != sight.target and before.is_at(one):
+                before.take(one)
+                runs.append(before)
+            else:
+                before = one
+        return runs
+
+    def _place(self, set_up: InstrumentSetUp, axis: tuple[float, float, float]) -> None:
+        """Name a set-up after the point at given or computed coordinates, or give it those of its axis.
+
+        Two given targets or more place it themselves.
+        """
+        known = [*self.points.items(), *self.computed.items()]
+        east, north, height = axis
+        at = [(name, p) for name, p in known if hypot((p.east or inf) - east, (p.north or inf) - north) < SAME_PLACE]
+        if at:
+            set_up.station, point = at[0]
+            above = height - (nan if point.height is None else point.height)
+            if not set_up.height and 0.0 < above < TALLEST:
+                set_up.height = round(above, 3)
+        elif len({sight.target for sight in set_up.sights} & self.points.keys()) < 2:
+            up = None if isnan(height) else round(height - set_up.height, 3)
+            self.point(set_up.station, round(east, 3), round(north, 3), up, set_up.line)
+
+    def _is_moved(self, sights: Sequence[Sight]) -> bool:
+        """Return whether targets are sighted again that are as far from each other as before, but not from here."""
+        blocks: list[_Block] = [{}]
+        for sight, before in zip(sights, [None, *sights], strict=False):
+            place = self._local(sight)
+            if place is None:
+                continue
+            again = before is not None and before.target == sight.target  # in the other face
+            if not again and _is_elsewhere(sight.target, place, blocks):
+                blocks.append({})
+            known = blocks[-1].setdefault(sight.target, [])
+            if not any(abs(place[0] - other[0]) <= AGREES for other in known):
+                known.append(place)
+        return any(_is_away(block, one) and _is_rigid(block, one) for block, one in combinations(blocks[:_BLOCKS], 2))
+
+    def _local(self, sight: Sight) -> tuple[complex, float] | None:
+        """Place in plan, in the directions of the circle, and height of a target relative to the instrument."""
+        polar = self.polar(sight)
+        if polar is None or sight.horizontal is None:
+            return None
+        return cmath.rect(polar[0], (sight.horizontal + self._flip(sight)) * tau / self._full), polar[1]
 
     def _correct_heights(self, set_up: InstrumentSetUp) -> None:
         """Give a target that is sighted at the same place again the last target height, unless that is 0."""
@@ -895,6 +1015,96 @@ class FieldBook:
         if end is None or None in end[:2] or None in station[:2]:
             return None
         return atan2((end.east or 0.0) - (station.east or 0.0), (end.north or 0.0) - (station.north or 0.0))
+
+
+_Block = dict[str, list[tuple[complex, float]]]
+"""Places of targets relative to an instrument; several if the readings to a target differ."""
+
+
+@dataclass
+class _Run:
+    """Sights whose targets the instrument computed from the same coordinates."""
+
+    first: int
+    names: list[str] = field(default_factory=list)
+    ends: list[complex] = field(default_factory=list)
+    plans: list[complex] = field(default_factory=list)
+    """Plan coordinates of the instrument, read back from each target."""
+    heights: list[float] = field(default_factory=list)
+
+    def is_at(self, other: _Run) -> bool:
+        length = abs(other.ends[0] - other.plans[0])
+        return abs(other.plans[0] - self.plans[0]) < AGREES + 1e-3 * length
+
+    def take(self, other: _Run) -> None:
+        self.names += other.names
+        self.ends += other.ends
+        self.plans += other.plans
+        self.heights += other.heights
+
+    @property
+    def spread(self) -> float:
+        """How far targets are from the first one, in parts of the longest sight: an error of azimuth would show."""
+        longest = max(abs(end - plan) for end, plan in zip(self.ends, self.plans, strict=True))
+        return max(abs(end - self.ends[0]) for end in self.ends) / longest if longest else 0.0
+
+    def axis(self) -> tuple[float, float, float]:
+        return (
+            median(plan.real for plan in self.plans),
+            median(plan.imag for plan in self.plans),
+            median(self.heights),
+        )
+
+
+def _parted(set_up: InstrumentSetUp, begins: Sequence[int], taken: set[str]) -> list[InstrumentSetUp]:
+    """The set-up with its sights before the first of ``begins``, and a new one for those from each of them on."""
+    sights, parts = set_up.sights, [set_up]
+    for first, end in pairwise([*begins, len(sights)]):
+        name = next(name for n in count(2) if (name := f"station {n}") not in taken)
+        taken.add(name)
+        own = [sight._replace(before=False) for sight in sights[first:end]]
+        parts.append(InstrumentSetUp(name, sights[first].line, set_up.height, own, unnamed=True))
+    if begins:
+        set_up.sights = sights[: begins[0]]
+    return parts
+
+
+def _is_elsewhere(name: str, place: tuple[complex, float], blocks: Sequence[_Block]) -> bool:
+    """Return whether a place of a target contradicts the last of the blocks, by its distance or those to others."""
+    current = blocks[-1]
+    if name in current:
+        return not any(_as_far(place, other) for other in current[name])
+    off = [
+        min(abs(abs(place[0] - here[0]) - abs(one[0] - there[0])) for here in current[target] for one in block[name])
+        for block in blocks[:-1]
+        if name in block
+        for target, (there, *_) in islice(block.items(), _COMPARED)
+        if target in current
+    ]
+    return 2 * sum(gap > APART for gap in off) > len(off)
+
+
+def _as_far(one: tuple[complex, float], other: tuple[complex, float]) -> bool:
+    return abs(abs(one[0]) - abs(other[0])) <= APART and abs(one[1] - other[1]) <= APART_IN_HEIGHT
+
+
+def _is_away(block: _Block, other: _Block) -> bool:
+    """Return whether most targets that two blocks share are at other distances from the instrument."""
+    same = [any(_as_far(a, b) for a in block[name] for b in other[name]) for name in block if name in other]
+    return 2 * sum(same) < len(same)
+
+
+def _is_rigid(block: _Block, other: _Block) -> bool:
+    """Return whether ``COMMON`` targets or more of two blocks are as far from each other, in plan and height."""
+    names, agree, contradict = set[str](), 0, 0
+    for one, two in combinations([name for name in block if name in other][:_COMPARED], 2):
+        (a, up_a), (b, up_b), (c, up_c), (d, up_d) = block[one][0], block[two][0], other[one][0], other[two][0]
+        off, rise = abs(abs(a - b) - abs(c - d)), abs((up_a - up_b) - (up_c - up_d))
+        if off <= AGREES and rise <= AGREES:
+            names |= {one, two}
+            agree += 1
+        contradict += off > APART
+    return len(names) >= COMMON and agree > contradict
 
 
 def _same_plan(place: PointRecord, coordinates: tuple[float | None, float | None]) -> bool:

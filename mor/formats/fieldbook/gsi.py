@@ -241,7 +241,7 @@ class _GsiReader:
         set_up = self.book.set_up(name, line, height, place, claims=True)
         if "25" in words:
             set_up.turn = _angle(words, "25", self.book)
-        self.station = place or ()
+        self.station, self.sighted = place or (), ""
 
     def _sight(self, name: str, words: Words, line: int) -> None:
         if {"84", "85"} <= set(words):
