@@ -208,6 +208,31 @@ def test_a_point_sighted_twice_without_a_distance_is_no_second_tie(tmp_path: Pat
     assert solved.quality.sigma0 < 1.5
 
 
+def test_a_chain_of_stations_that_share_one_point_keeps_the_oriented_one(tmp_path: Path) -> None:
+    """The azimuths of S1 come from the coordinates that its instrument computed; S2 and S3 can turn about P and R."""
+    lines = ["*110001+000000000000000A 84..10+0000000000100000 85..10+0000000000200000 86..10+0000000000010000"]
+    lines += [
+        "*110002+000000000000000P 21.102+0000000010000000 22.102+0000000010000000 31..00+0000000000030000 "
+        "81..00+0000000000130000 82..00+0000000000200000 83..00+0000000000010000",
+        "*110003+000000000000000Q 21.102+0000000020000000 22.102+0000000010000000 31..00+0000000000040000 "
+        "81..00+0000000000100000 82..00+0000000000160000 83..00+0000000000010000",
+    ]
+    text = _gsi("S2", "P", "R", turn=30) + _gsi("S3", "R", "T", turn=70)
+    solved = solve_network(network_of(_read(tmp_path, "a.gsi", "\n".join([*lines, text])), tmp_path))
+    left = {thing.name for thing in solved.network.undeterminable}
+    assert left == {"S2", "S3", "R", "T"}
+    values = dict(zip(solved.network.blocks["point"].ids, solved.adjustment.values["point"], strict=True))
+    np.testing.assert_allclose(values["Q"], (100.0, 160.0, 10.0), atol=0.01)
+
+
+def test_points_left_out_say_nothing_of_the_size_of_the_network(tmp_path: Path) -> None:
+    """Half of the targets are sighted without a distance; the station and the others are determined."""
+    far = "".join(f"1101{k:02d}+0000000{k % 10} 21.102+{k:02d}200000 22.102+09{k:02d}0000\n" for k in range(10, 13))
+    solved = solve_network(network_of(_read(tmp_path, "a.gsi", _gsi("S1", "P", "Q", "R") + far), tmp_path))
+    assert len(solved.network.undeterminable) == 3
+    assert solved.adjustment.outcome.is_solution
+
+
 def test_stations_that_share_two_points_are_kept(tmp_path: Path) -> None:
     text = _gsi("S1", "S2", "P", "Q") + _gsi("S2", "S1", "P", "Q", "R") + _gsi("S3", "P", "R", "T", turn=70)
     solved = solve_network(network_of(_read(tmp_path, "a.gsi", text), tmp_path))

@@ -605,3 +605,88 @@ def test_a_stream_of_topcon_gts6(tmp_path: Path) -> None:
         ("S2", "A", "20.0", "1.7"),
     ]
     assert "sights without readings (1 record" in _notes(document)
+
+
+@pytest.mark.parametrize("turn", [0.0, 37.0])
+def test_stations_without_a_name_stand_where_the_instrument_computed_from(tmp_path: Path, turn: float) -> None:
+    """The first is over M, whose coordinates follow; then the instrument is moved. Other circles tell no place."""
+    book = _Gsi(0, located=True)
+    stations = {"M": np.array([500.0, 300.0, 21.5]), "": np.array([540.0, 260.0, 22.0])}
+    for name, station in stations.items():
+        for k, step in enumerate(([30, 5, 1], [-20, 40, 2], [7, -35, 0])):
+            book.sight(name, station, f"{name}D{k}", station + step, turn, computed=True)
+    book.line("M", *book.place("M", (500.0, 300.0, 20.0), 81))
+    document = _read(tmp_path, "b.gsi", "\n".join(book.lines))
+    names = set(_station_of_lines(document).values())
+    if turn:
+        assert names == {"station 1"}
+        return
+    assert "2 set-ups whose station the book does not name stand where the instrument computed" in _notes(document)
+    assert _points(document) == {"M": [500.0, 300.0, 20.0], "station 2": [540.0, 260.0, 22.0]}
+    heights = {row[1]: float(row[2]) for table in document.data["stations"] for row in table["rows"]}
+    assert heights == {"M": 1.5, "station 2": 0.0}
+    network = network_of(document, tmp_path)
+    solved = solve_network(network)
+    for name, station in stations.items():
+        for k, step in enumerate(([30, 5, 1], [-20, 40, 2], [7, -35, 0])):
+            number = network.blocks["point"].ids.index(f"{name}D{k}")
+            assert solved.adjustment.values["point"][number] == pytest.approx(station + step, abs=2e-3)
+
+
+def _sights_from(station: tuple[float, float], names: str, first: int) -> list[str]:
+    """Sights to targets K, L, M, … at fixed places, in GSI-16."""
+    book, lines = _Gsi(first, located=False), []
+    book.lines = [""] * first
+    for name in names:
+        k = ord(name) - ord("K")
+        target = (60.0 * np.cos(k), 60.0 * np.sin(k), 0.5 * k)
+        book.sight("S", (*station, 0.0), name, target, 50.0 * first, computed=False)
+        lines.append(book.lines[-1])
+    return lines
+
+
+def test_an_instrument_moved_without_a_record_is_named(tmp_path: Path) -> None:
+    """Targets are sighted again that have the same distances from each other, but not from the instrument."""
+    head = "*110001+000000000000000S 84..10+0000000000000000 85..10+0000000000000100 86..10+0000000000000000"
+    moved = [head, *_sights_from((0.0, 0.1), "KLMNO", 1), *_sights_from((20.0, -15.0), "LNKPQ", 6)]
+    document = _read(tmp_path, "a.gsi", "\n".join(moved))
+    with pytest.raises(
+        InputError, match="only points; not read: sights of set-ups during which the instrument was mov"
+    ):
+        network_of(document, tmp_path)
+    again = [head, *_sights_from((0.0, 0.1), "KLMNO", 1), *_sights_from((0.0, 0.1), "LNKPQ", 6)]
+    assert len(_rows(_read(tmp_path, "b.gsi", "\n".join(again)), "distance")) == 10, "the circle was turned"
+    others = [line.replace(f"000{name}", f"000{other}") for line in again[6:] for name, other in ("LK", "NL", "KN")]
+    document = _read(tmp_path, "c.gsi", "\n".join([*again[:6], *others]))
+    assert "instrument was moved" not in _notes(document)
+
+
+def test_sights_straight_up_are_left_out(tmp_path: Path) -> None:
+    book = "JB,NMj\nMO,AD0,UN1,AU0\nOC,OPA,N 0,E 0,EL0\nLS,HI1.5,HR0\n"
+    book += "SS,OPA,FPB,AR55.0552,ZE0.0001,SD12.5\nSS,OPA,FPC,AR10.0,ZE80.0,SD12.5\n"
+    document = _read(tmp_path, "a.rw5", book)
+    assert [row["to"] for row in _rows(document, "distance")] == ["C"]
+    assert "sights straight up or down, whose horizontal direction means nothing (1 record, lines 5)" in _notes(
+        document
+    )
+
+
+@pytest.mark.parametrize(("minutes", "unit"), [("45.1731", "deg"), ("45.1764", "gon")])
+def test_angles_of_an_rw5_job_in_gon_may_be_degrees(tmp_path: Path, minutes: str, unit: str) -> None:
+    book = "JB,NMj\nMO,AD0,UN1,AU1\nOC,OPA,N 0,E 0,EL0\nLS,HI1.5,HR0\n"
+    book += "".join(f"SS,OPA,FP{k},AR1{k}.3{k}2{k},ZE9{k}.1{k}4{k},SD12.5\n" for k in range(5))
+    document = _read(tmp_path, "a.rw5", f"{book}SS,OPA,FPX,AR{minutes},ZE80.01,SD12.5\n")
+    assert document.data["units"]["angle"] == unit
+    assert ("the job says gon, but no angle has 60" in _notes(document)) == (unit == "deg")
+
+
+def test_given_points_near_to_each_other_leave_the_orientation_to_the_circle(tmp_path: Path) -> None:
+    """A station that was entered twice, 5 cm apart: the azimuths of the circle hold."""
+    book = _Gsi(0, located=True)
+    for name, place in (("A", (1000.0, 500.0, 10.0)), ("A2", (1000.05, 500.0, 10.0))):
+        book.line(name, *book.place(name, place, 84), book.word("88", 0.0))
+        for k, step in enumerate(([30, 5, 1], [-20, 40, 2])):
+            book.sight(name, place, f"D{k}", np.add((1000.0, 500.0, 10.0), step), 0.0, computed=True)
+    document = _read(tmp_path, "b.gsi", "\n".join(book.lines))
+    bearings = [float(row["bearing"]) for row in _rows(document, "bearing")]
+    assert bearings == pytest.approx(np.degrees(np.arctan2([30, -20], [5, 40])) / 0.9 % 400, abs=1e-3)

@@ -453,6 +453,9 @@ _USED = {
     **dict.fromkeys(_SIGHTS, _SIGHT_KEYS),
 }
 """Keys of the values that are read, by record, besides the date DT and the time TM."""
+_RW5_ANGLE = re.compile(r",(?:A[RLZ]|D[RL]|ZE|BS|BC)\s*(\d+\.\d*[1-9])")
+_DECISIVE = 10
+"""Angles with decimals that tell degrees, minutes and seconds from gon: of as many in gon, one would not be read."""
 _RMS = re.compile(r"--H(?:RMS|SDV):\s*(\d*\.\d+),.*?\bV(?:RMS|SDV):\s*(\d*\.\d+)")
 _UNITS = {0: 0.3048, 1: 1.0, 2: 1200.0 / 3937.0}
 """Metres of feet, metres, US survey feet."""
@@ -462,7 +465,10 @@ def read_rw5(path: Path) -> Document:
     """The project of an RW5 file. Raises :class:`InputError` with every mistake found."""
     draft = Draft(str(path))
     reader = _RW5Reader(FieldBook(draft))
-    for line, text in records(path, draft):
+    lines = list(records(path, draft))
+    angles = {angle for _, text in lines for angle in _RW5_ANGLE.findall(text)}
+    reader.may_be_gon = len(angles) < _DECISIVE or not may_be_sexagesimal(angles)
+    for line, text in lines:
         kind, _, rest = text.partition(",")
         try:
             reader.record(kind.strip(), rest, line)
@@ -484,6 +490,8 @@ class _RW5Reader:
         self.metres = 1.0
         self.mode = False
         """True once a record told the units."""
+        self.may_be_gon = True
+        """False if the digits of all angles are degrees, minutes and seconds."""
         self.station, self.height, self.target = "", 0.0, 0.0
         self.backsight: tuple[str, float, int] = ("", 0.0, 0)
         """Point, reading of the circle and line of the last BK."""
@@ -559,7 +567,14 @@ class _RW5Reader:
         if unit not in _UNITS:
             raise ValueError(f"found UN{cells['UN']}, expected 0 (feet), 1 (metres) or 2 (US survey feet)")
         self.metres = _UNITS[int(unit)]
-        self.book.angle = "gon" if parse_number(cells.get("AU") or "0") == 1 else "deg"
+        is_gon = parse_number(cells.get("AU") or "0") == 1
+        self.book.angle = "gon" if is_gon and self.may_be_gon else "deg"
+        if is_gon and not self.may_be_gon:
+            self.book.draft.note(
+                "the job says gon, but no angle has 60 or more in the digits of minutes or seconds: they are taken as "
+                "degrees, minutes and seconds",
+                line,
+            )
         scale, offset = parse_number(cells.get("SF") or "1"), parse_number(cells.get("EO") or "0")
         if scale != 1.0:
             self.book.draft.note(f"the scale factor {scale:g} of the job is not applied to distances", line)
