@@ -553,7 +553,8 @@ def check_feasible(
                 )
             elif bare:
                 words = f"there are no observations, only points; mor convert lists what was not read ({notes})"
-                sights = [note.message for note in left_out if note.message.startswith("not read: sights")]
+                lost = ("not read: sights", "not read: all sights")
+                sights = [note.message for note in left_out if note.message.startswith(lost)]
                 if sights:
                     words = f"there are no observations, only points; {sights[0]}"
         reading.at("observations").tell(words)

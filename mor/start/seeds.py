@@ -333,7 +333,7 @@ def seed_levelled(
         if sight.oriented:
             count = _promise_of_bearing(sight, reach, meeting, with_distances)
         else:
-            count = _promise(measured, sight, reach, with_distances)
+            count = _promise(measured, sight, reach, with_distances, alone=not tried and len(measured.sights) == 1)
         rank = (not sight.oriented, count)
         if count and (best is None or rank > best[0]):
             best = (rank, number)
@@ -381,10 +381,15 @@ def _measured_from(measured: Terrestrial) -> dict[int, set[int]]:
     return reach
 
 
-def _promise(measured: Terrestrial, sight: LevelledSet, reach: dict[int, set[int]], with_distances: bool) -> int:
-    """Sighted points, where the set can begin a part: with distances two of them, without another station."""
+def _promise(
+    measured: Terrestrial, sight: LevelledSet, reach: dict[int, set[int]], with_distances: bool, alone: bool
+) -> int:
+    """Sighted points, where the set can begin a part: with distances two of them, without another station.
+
+    The only set of a network may sight one.
+    """
     sighted = sight.points[np.isfinite(sight.directions)]
-    if len(sighted) < 2:
+    if len(sighted) < (1 if alone else 2):
         return 0
     if with_distances:
         both = len(reach.get(sight.position, set()).intersection(sighted.tolist()))

@@ -690,3 +690,18 @@ def test_given_points_near_to_each_other_leave_the_orientation_to_the_circle(tmp
     document = _read(tmp_path, "b.gsi", "\n".join(book.lines))
     bearings = [float(row["bearing"]) for row in _rows(document, "bearing")]
     assert bearings == pytest.approx(np.degrees(np.arctan2([30, -20], [5, 40])) / 0.9 % 400, abs=1e-3)
+
+
+@pytest.mark.parametrize("pad", [8, 0])
+def test_keys_of_gts7_may_end_with_one_blank(tmp_path: Path, pad: int) -> None:
+    rows = (("STN", "S,1.5,"), ("XYZ", "10,20,30"), ("SS", "A,1.3,"), ("SD", "45.0000,89.3000,50.0"))
+    text = "".join(f"{key:{pad}} {cells}\n" for key, cells in rows)
+    (row,) = _rows(_read(tmp_path, "a.gt7", text), "zenith_directions")
+    assert [row["station"], row["to"], row["to_height"], row["zenith"]] == ["S", "A", "1.3", "89.5"]
+
+
+def test_one_sight_at_a_station_with_large_coordinates_solves(tmp_path: Path) -> None:
+    lines = [_sdr("02TP", "S", "1045000.0", "745000.0", "300.0", "1.5"), _sdr_sight("S", "A", 45.0, 90.0, 10.0)]
+    solved = solve_network(network_of(_read(tmp_path, "b.sdr", SDR + "\n".join(lines)), tmp_path))
+    station, target = solved.adjustment.values["point"]
+    assert np.hypot(*(target - station)[:2]) == pytest.approx(45.0, abs=1e-4)

@@ -205,16 +205,23 @@ def read_topcon(path: Path) -> Document:
         reader = _Topcon(book, lines)
         for line, text in lines:
             try:
-                reader.record(text[:8].strip(), _cells(text[8:], 3), line)
+                kind, rest = _keyed(text)
+                reader.record(kind, _cells(rest, 3), line)
             except ValueError as error:
                 draft.problem(str(error), line)
-        first = next((line for line, text in lines if text[:8].strip() == "XYZ"), 0)
+        first = next((line for line, text in lines if _keyed(text)[0] == "XYZ"), 0)
         if first:
             draft.note(
                 "coordinates (XYZ) are taken as east, north and height; the file does not say their order", first
             )
     book.finish(path.stem)
     return draft.finish()
+
+
+def _keyed(text: str) -> tuple[str, str]:
+    """Key of a record, which instruments pad to 8 letters, and the rest."""
+    kind, *rest = text.split(maxsplit=1)
+    return kind, rest[0] if rest else ""
 
 
 class _Topcon:
@@ -225,7 +232,8 @@ class _Topcon:
         self.target: list[str] = []
         self.add: Callable[..., None] = book.computed_point
         self.point = ""
-        angles = [cell for _, text in lines if text[:8].strip() in ("HV", "SD") for cell in _cells(text[8:], 2)[:2]]
+        pairs = [_keyed(text) for _, text in lines]
+        angles = [cell for kind, rest in pairs if kind in ("HV", "SD") for cell in _cells(rest, 2)[:2]]
         book.angle = "deg" if may_be_sexagesimal(angles) else "gon"
 
     def record(self, kind: str, cells: list[str], line: int) -> None:
