@@ -705,3 +705,15 @@ def test_one_sight_at_a_station_with_large_coordinates_solves(tmp_path: Path) ->
     solved = solve_network(network_of(_read(tmp_path, "b.sdr", SDR + "\n".join(lines)), tmp_path))
     station, target = solved.adjustment.values["point"]
     assert np.hypot(*(target - station)[:2]) == pytest.approx(45.0, abs=1e-4)
+
+
+def test_a_target_height_of_gsi_holds_until_another_one(tmp_path: Path) -> None:
+    sight = {"w21_022": "8000000", "w22_022": "10000000", "w31__00": "30000"}
+    book = [
+        _gsi("S", w84__10="100000", w85__10="200000", w86__10="5000", w87__10="1500", w88__10="1600"),
+        _gsi("P", **sight),
+        _gsi("Q", **sight, w87__10="1700"),
+        _gsi("R", **sight),
+    ]
+    rows = _rows(_read(tmp_path, "b.gsi", "".join(book)), "distance")
+    assert [row["to_height"] for row in rows] == ["1.5", "1.7", "1.7"]

@@ -160,6 +160,7 @@ class _GsiReader:
         self.heights_in_codes = not any("87" in block.words for block in blocks)
         self.levels = any(block.level for block in blocks)
         self.target = 0.0
+        """Height of the target, which holds until another one is recorded."""
         self.station: tuple[float | None, ...] = ()
         """Coordinates of the open set-up as its last record has them."""
         self.sighted = ""
@@ -238,10 +239,15 @@ class _GsiReader:
             return
         place = self._place(words, line, 84) if located else None
         height = _length(words, "88", line, self.book) or 0.0
+        self._target_height(words, line)
         set_up = self.book.set_up(name, line, height, place, claims=True)
         if "25" in words:
             set_up.turn = _angle(words, "25", self.book)
         self.station, self.sighted = place or (), ""
+
+    def _target_height(self, words: Words, line: int) -> None:
+        height = _length(words, "87", line, self.book)
+        self.target = self.target if height is None else height
 
     def _sight(self, name: str, words: Words, line: int) -> None:
         if {"84", "85"} <= set(words):
@@ -249,7 +255,7 @@ class _GsiReader:
         height = _length(words, "88", line, self.book)
         if height is not None:
             self.book.instrument_height(height, line)
-        target = _length(words, "87", line, self.book)
+        self._target_height(words, line)
         slope = _length(words, "31", line, self.book)
         sight = Sight(
             name,
@@ -258,7 +264,7 @@ class _GsiReader:
             _angle(words, "22", self.book),
             slope or None,
             None if "31" in words else _length(words, "32", line, self.book) or None,
-            self.target if target is None else target,
+            self.target,
         )
         self.book.sight(sight)
         self.sighted = name
