@@ -717,3 +717,17 @@ def test_a_target_height_of_gsi_holds_until_another_one(tmp_path: Path) -> None:
     ]
     rows = _rows(_read(tmp_path, "b.gsi", "".join(book)), "distance")
     assert [row["to_height"] for row in rows] == ["1.5", "1.7", "1.7"]
+
+
+def test_negative_degrees_of_gsi(tmp_path: Path) -> None:
+    """A circle reading of −4° 30′; an elevation of −0° 43′ is no zenith angle."""
+    book = _gsi("S", w84__10="100000", w85__10="200000") + _gsi(
+        "P", w21_324="430000", w22_324="9000000", w31__00="9000"
+    )
+    book += _gsi("Q", w21_324="0", w22_324="43000", w31__00="9000")
+    book = book.replace("21.324+0000000000430000", "21.324-0000000000430000").replace(
+        "22.324+000000000004", "22.324-000000000004"
+    )
+    document = _read(tmp_path, "b.gsi", book)
+    assert [row["horizontal"] for row in _rows(document, "zenith_directions")] == ["-4.5"]
+    assert "sights with an impossible zenith angle (1 record" in _notes(document)

@@ -365,7 +365,7 @@ def _angle(words: Words, index: str, book: FieldBook) -> float | None:
         raise ValueError(f"word {index}: found unit {unit!r}, expected a unit of angles (2 gon, 3 deg, 4 dms, 5 mil)")
     _choose_unit(book, "gon" if unit == "2" else "deg")
     if unit == "4":
-        return sexagesimal(f"{digits // 100000}.{digits % 100000:05d}")
+        return sexagesimal(f"{'-' * (digits < 0)}{abs(digits) // 100000}.{abs(digits) % 100000:05d}")
     degrees = digits / 1e5 if unit in "23" else digits / 1e4 * 360.0 / 6400.0
     if book.angle == ("gon" if unit == "2" else "deg"):
         return degrees
