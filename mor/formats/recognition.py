@@ -1256,13 +1256,17 @@ _RECORD_FORMATS: tuple[tuple[str, re.Pattern[str], int, str], ...] = (
     ("sokkia-scr", re.compile(r"A,SET\d"), 1, "the head of a SET file"),
     (
         "fbk",
-        re.compile(r"UNITS? (?:METER|(?:US)?FOOT)|(?:AD|F[12]|FC[12]) VA |STN \S+|PRISM [\d.]|NEZ? \S+ [\d.]"),
+        re.compile(
+            r"UNITS? (?:METER|(?:US)?FOOT)|(?:AD|F[12]|FC[12]) VA |STN [^\s,]+(?:\s|$)|PRISM [\d.]|NEZ? \S+ [\d.]"
+        ),
         2,
         "the commands UNIT, STN, F1 VA",
     ),
     (
         "topcon",
-        re.compile(r"TopSURV|(?=.{8}\S)(?:JOB|UNITS|STN|BKB|XYZ|[BFS]S|[SH]D|HV) {3,}\S"),
+        re.compile(
+            r"TopSURV|(?=.{8}\S)(?:JOB|UNITS|STN|BKB|XYZ|[BFS]S|[SH]D|HV) {3,}\S|(?:STN|[BFS]S|[SH]D|HV) +[^\s,]+,"
+        ),
         2,
         "the records STN, JOB, UNITS",
     ),

@@ -731,3 +731,25 @@ def test_negative_degrees_of_gsi(tmp_path: Path) -> None:
     document = _read(tmp_path, "b.gsi", book)
     assert [row["horizontal"] for row in _rows(document, "zenith_directions")] == ["-4.5"]
     assert "sights with an impossible zenith angle (1 record" in _notes(document)
+
+
+@pytest.mark.parametrize(("zero", "zenith"), [("31", ["5.275", "184.5"]), ("32", ["84.725", "265.5"])])
+def test_sdr_vertical_angles_from_the_horizon(tmp_path: Path, zero: str, zenith: list[str]) -> None:
+    """The record of the instrument says where vertical angles are 0; from the horizon they go on in face 2."""
+    lines = [
+        f"01NM:{'SET 5':16}123456{'SET 5':16}123456{zero}0.00000000",
+        _sdr("02TP", "S", "10.0", "20.0", "30.0", "1.5"),
+        _sdr_sight("S", "A", 45.0, 5.275, 10.0),
+        _sdr_sight("S", "A", 45.0, 184.5, 190.0).replace("09F1", "09F2"),
+    ]
+    rows = _rows(_read(tmp_path, "b.sdr", SDR + "\n".join(lines)), "zenith_directions")
+    assert [float(row["zenith"]) for row in rows] == pytest.approx([float(value) for value in zenith])
+
+
+def test_a_target_height_of_nikon_holds_until_another_one(tmp_path: Path) -> None:
+    head = "CO,Nikon RAW data format V2.00\nCO,Dist Units: Metres\nCO,Angle Units: Gons\nST,S,,,,1.5,0.0,0.0\n"
+    book = (
+        head + "SS,A,1.6,10.0,50.0,99.0,10:00:00,\nF2,A,,10.0,250.0,301.0,10:00:30\nSS,B,1.7,9.0,60.0,98.0,10:01:00,\n"
+    )
+    rows = _rows(_read(tmp_path, "b.raw", book), "distance")
+    assert [row["to_height"] for row in rows] == ["1.6", "1.6", "1.7"]

@@ -65,6 +65,8 @@ class _Nikon:
     def __init__(self, book: FieldBook) -> None:
         self.book = book
         self.state = {"angle units": "DDDMMSS", "coord order": "NEZ", "dist units": "Metres", "zero va": "Zenith"}
+        self.height = 0.0
+        """Height of the target, which holds until another one is recorded."""
         self.resection = 0
         """Line where a resection began that no station record ended yet."""
         self.backsights: list[tuple[InstrumentSetUp, Sight]] = []
@@ -163,6 +165,7 @@ class _Nikon:
     def _sight(self, kind: str, rest: list[str], line: int) -> None:
         shift = _BEFORE_HEIGHT[kind]
         name, height, slope, circle, zenith = (rest[0], *rest[1 + shift : 5 + shift])
+        self.height = self._length(height) or 0.0 if height else self.height
         if not name:
             self.book.leave_out("sights without a point", line)
             return
@@ -177,7 +180,7 @@ class _Nikon:
             line,
             *angles,
             self._length(slope) or None,
-            height=self._length(height) or 0.0,
+            height=self.height,
             face=2 if kind == "F2" else 0,
         )
         if self.resection and kind in ("F1", "F2", "CP"):

@@ -668,6 +668,8 @@ _SDR_GIVEN = ("KI", "CO")
 """Origins of coordinates that were not computed from readings."""
 _SDR_UNITS = slice(40, 46)
 """Columns of the digits of the units in the head."""
+_FROM_HORIZON = re.compile(r".{49}[13]2(?:[ -]|\d+\.|$)")
+"""Record of an instrument whose vertical angles count from the horizon: 2 in column 51, where 1 is the zenith."""
 _METRES = {"1": 1.0, "2": 0.3048, "3": 1200.0 / 3937.0}
 
 
@@ -727,6 +729,8 @@ class _SDRReader:
         self.book = book
         self.width, self.number_width = 16, 16
         self.metres, self.east_first = 1.0, False
+        self.elevations = False
+        """True if vertical angles count from the horizon upwards, 180° and more in face 2."""
         self.height = 0.0
         self.resection = 0
         """Line where a resection began that no station record ended yet."""
@@ -750,6 +754,8 @@ class _SDRReader:
         elif kind == "09":
             self.book.leave_out(_REDUCED, line)
         else:
+            if kind == "01":
+                self.elevations = bool(_FROM_HORIZON.match(text))
             if kind == "07":
                 self._orientation(text)
             if kind == "13" and "resection" in text.lower():
@@ -798,12 +804,16 @@ class _SDRReader:
         return (first, second, up) if self.east_first else (second, first, up)
 
     def _sight(self, text: str, line: int) -> None:
-        station, target, slope, zenith, horizontal = self._fields(text, 2, 3)
+        station, target, slope, vertical, horizontal = self._fields(text, 2, 3)
+        zenith = parse_number(vertical) if vertical else None
+        if zenith is not None and self.elevations:
+            full = 400.0 if self.book.angle == "gon" else 360.0
+            zenith = (full / 4 - zenith) % full
         sight = Sight(
             target,
             line,
             parse_number(horizontal) if horizontal else None,
-            parse_number(zenith) if zenith else None,
+            zenith,
             self._length(slope) or None,
             height=self.height,
             face=2 if text[2:4] == "F2" else 1,
