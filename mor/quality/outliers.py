@@ -355,6 +355,10 @@ def _arguments(one: _Observed, values: Values, places: FloatArray) -> tuple[list
 
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
+_BENT = 10.0 * _WORSE
+"""The same after one step of all observations, from which on they come to no solution that is any good."""
+_FITS = 0.01
+"""vᵀPv by the redundancy below which no observation is a suspect: residuals are a tenth of their σ."""
 _LONG_TAILS = 1.6
 """Root mean square of residuals in units of their robust σ: 1 if normal, 1.7 with 2 % errors of ten σ among them."""
 _TOO_SMALL = 30.0
@@ -509,6 +513,8 @@ def without_suspects(
         return other._replace(suspects=suspects)
     if plain.outcome in (Outcome.SINGULAR, Outcome.CONVERGED) and not may_be_absurd(plain):
         return Attempt(plain)
+    if plain.normals.objective < _FITS * _freedom(plain):
+        return Attempt(plain)
     return _repaired(plain, settings, watch)
 
 
@@ -587,9 +593,11 @@ def _attempt(
     if plain.outcome is Outcome.CONVERGED and not _overall(plain) > _WORSE * scale:
         return Attempt(plain)
     most = settings if plain.outcome is Outcome.CONVERGED else _from_near(settings)
-    again = adjust(problem, found.values, most, watch)
-    if _is_minimum(again, plain) and not _overall(again) > _WORSE * scale:
-        return Attempt(again, note=BY_WEIGHTS)
+    of_all = cache(partial(adjust, problem, found.values, most, watch))
+    if not _overall(adjust(problem, found.values, SolverSettings(2), watch)) > _BENT * scale:
+        again = of_all()
+        if _is_minimum(again, plain) and not _overall(again) > _WORSE * scale:
+            return Attempt(again, note=BY_WEIGHTS)
     suspects = _enough_left(problem, SuspectedOutliers(plain, found.suspects, found.sizes, ()))
     for _ in range(_ROUNDS):
         remaining = left_out(problem, suspects)
@@ -601,7 +609,7 @@ def _attempt(
         if rest.outcome is Outcome.CONVERGED:
             if plain.outcome is Outcome.CONVERGED and not (
                 _are_gross(plain, rest)
-                and ((_freedom(rest) >= _MANY * (_freedom(plain) - _freedom(rest))) or not _same_place(plain, again))
+                and ((_freedom(rest) >= _MANY * (_freedom(plain) - _freedom(rest))) or not _same_place(plain, of_all()))
             ):
                 break
             # True where most suspects are such for what is lost with them: that alone may be what is far off.
