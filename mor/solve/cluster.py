@@ -9,7 +9,7 @@ import logging
 import platform
 import secrets
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -26,6 +26,9 @@ _ANSWER = 20.0
 """Seconds that a scheduler may take to answer who it is."""
 _LOOK = 5.0
 """Seconds after which it is looked whether there still are workers."""
+_TRIES = 5
+"""Times that tasks are begun whose data were lost with the workers that had them."""
+_LOST = "the scheduler is lost, and with it the tasks"
 
 
 @dataclass
@@ -35,6 +38,8 @@ class ComputeCluster:
     client: Any
     idle_since: float | None = None
     """Since when nobody has been at work, though tasks are waited for."""
+    kept: tuple[object, Any] | None = None
+    """What the workers keep for several tasks, and its copies there."""
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
         """Have a worker do the task."""
@@ -48,7 +53,47 @@ class ComputeCluster:
         """
         from concurrent.futures import CancelledError
 
-        from distributed.client import FutureCancelledError
+        try:
+            return self._waited_for(submitted)
+        except (CancelledError, OSError):
+            if submitted.status == "error":  # the task's own: a full disk, say
+                raise
+            raise InputError([Message(_LOST)]) from None
+
+    def results(self, shared: object, call: Callable[..., Any], each: Sequence[Any], common: object) -> list[Any]:
+        """Return ``call(shared, one, common)`` for all of them, in their order.
+
+        All workers keep ``shared`` until there is another one. What is lost with them is sent once more. Raises what a
+        task raises, and :class:`InputError` as :meth:`result`.
+        """
+        from concurrent.futures import CancelledError
+
+        for _ in range(_TRIES):
+            tasks: list[Any] = []
+            try:
+                if self.kept is None or self.kept[0] is not shared:
+                    self.kept = None  # the workers forget the last one first
+                    self.kept = shared, self._sent(shared)
+                sent = self._sent(common)
+                tasks = [self.submit(call, self.kept[1], one, sent) for one in each]
+                return [self._waited_for(task) for task in tasks]
+            except (CancelledError, OSError):
+                if any(task.status == "error" for task in tasks):
+                    raise
+                self.kept = None
+                if self._at_work()[1] is None:
+                    break
+        raise InputError([Message(_LOST)])
+
+    def _sent(self, value: object) -> Any:
+        """A copy of a value at every worker. Raises :class:`InputError` if there are none."""
+        try:
+            self.client.wait_for_workers(1, timeout=_PATIENCE)
+        except TimeoutError:
+            raise InputError([Message(_IDLE[0])]) from None
+        return self.client.scatter([value], broadcast=True, hash=False)[0]
+
+    def _waited_for(self, submitted: Any) -> Any:
         from distributed.scheduler import KilledWorker
 
         try:
@@ -70,10 +115,6 @@ class ComputeCluster:
                     )
                 ]
             ) from None
-        except (CancelledError, FutureCancelledError, OSError):
-            if submitted.status == "error":  # the task's own: a full disk, say
-                raise
-            raise InputError([Message("the scheduler is lost, and with it the tasks")]) from None
 
     def _look(self) -> None:
         """Raise :class:`InputError` if nobody has been at work for too long."""
@@ -104,15 +145,36 @@ _IDLE = {
 
 
 @contextmanager
-def connected(folder: Path, address: str) -> Iterator[ComputeCluster]:
-    """The cluster at an address, all workers of which see ``folder``.
+def local(count: int) -> Iterator[ComputeCluster]:
+    """A cluster of so many processes of this machine. They and this process talk by TLS with keys of their own."""
+    _check_installed("cryptography")
+    from distributed import Client, LocalCluster
+    from distributed.security import Security
+
+    _silence()
+    security = Security.temporary()  # type: ignore[no-untyped-call]
+    with (
+        LocalCluster(  # type: ignore[no-untyped-call]
+            n_workers=count,
+            threads_per_worker=1,
+            memory_limit=None,
+            dashboard_address=None,
+            protocol="tls",
+            security=security,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster, security=security, set_as_default=False) as client,  # type: ignore[no-untyped-call]
+    ):
+        yield ComputeCluster(client)
+
+
+@contextmanager
+def connected(folder: Path | None, address: str) -> Iterator[ComputeCluster]:
+    """The cluster at an address, all workers of which see ``folder`` if there is one.
 
     Raises :class:`InputError` where they cannot do the work: another version, files they do not see.
     """
-    missing = [name for name in ("dask", "distributed") if find_spec(name) is None]
-    if missing:
-        words = f"{' and '.join(missing)} missing: pip install 'mor-adjustment[dask]'"
-        raise InputError([Message(f"a cluster needs Dask, {words}")])
+    _check_installed()
     from distributed import Client
 
     _silence()
@@ -124,6 +186,13 @@ def connected(folder: Path, address: str) -> Iterator[ComputeCluster]:
     with client:
         _check(client, folder)
         yield ComputeCluster(client)
+
+
+def _check_installed(*more: str) -> None:
+    missing = [name for name in ("dask", "distributed", *more) if find_spec(name) is None]
+    if missing:
+        words = f"{' and '.join(missing)} missing: pip install 'mor-adjustment[dask]'"
+        raise InputError([Message(f"a cluster needs Dask, {words}")])
 
 
 _NO_SCHEDULER = (
@@ -167,26 +236,28 @@ def _silence() -> None:
             logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
-def _check(client: Any, folder: Path) -> None:
+def _check(client: Any, folder: Path | None) -> None:
     """Raise :class:`InputError` with all that keeps the workers from doing it."""
     try:
         client.wait_for_workers(1, timeout=_PATIENCE)
     except TimeoutError:
         raise InputError([Message(f"the scheduler has no workers ({_PATIENCE:.0f} s waited)")]) from None
-    folder.mkdir(parents=True, exist_ok=True)
-    word = secrets.token_hex(8)
-    token = folder / f"seen-by-{word}"
-    token.write_text(word, encoding="ascii")
+    word, token = secrets.token_hex(8), None
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        token = folder / f"seen-by-{word}"
+        token.write_text(word, encoding="ascii")
     here, problems = versions(), []
-    for worker, found in sorted(_asked(client, str(token)).items()):
+    for worker, found in sorted(_asked(client, str(token or "")).items()):
         other = [f"{name} {found['versions'].get(name)} there, {mine} here" for name, mine in here.items()
                  if found["versions"].get(name) != mine]  # fmt: skip
         if other:
             problems.append(Message(f"another version: {'; '.join(other)}", worker))
-        if found["word"] != word:
+        if token is not None and found["word"] != word:
             words = f"does not see {folder}: it has to be on a file system that all machines share"
             problems.append(Message(words, worker))
-    token.unlink()
+    if token is not None:
+        token.unlink()
     if problems:
         raise InputError(problems)
 
