@@ -9,6 +9,7 @@ import logging
 import platform
 import secrets
 import time
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -26,9 +27,6 @@ _ANSWER = 20.0
 """Seconds that a scheduler may take to answer who it is."""
 _LOOK = 5.0
 """Seconds after which it is looked whether there still are workers."""
-_TRIES = 5
-"""Times that tasks are begun whose data were lost with the workers that had them."""
-_LOST = "the scheduler is lost, and with it the tasks"
 
 
 @dataclass
@@ -53,47 +51,7 @@ class ComputeCluster:
         """
         from concurrent.futures import CancelledError
 
-        try:
-            return self._waited_for(submitted)
-        except (CancelledError, OSError):
-            if submitted.status == "error":  # the task's own: a full disk, say
-                raise
-            raise InputError([Message(_LOST)]) from None
-
-    def results(self, shared: object, call: Callable[..., Any], each: Sequence[Any], common: object) -> list[Any]:
-        """Return ``call(shared, one, common)`` for all of them, in their order.
-
-        All workers keep ``shared`` until there is another one. What is lost with them is sent once more. Raises what a
-        task raises, and :class:`InputError` as :meth:`result`.
-        """
-        from concurrent.futures import CancelledError
-
-        for _ in range(_TRIES):
-            tasks: list[Any] = []
-            try:
-                if self.kept is None or self.kept[0] is not shared:
-                    self.kept = None  # the workers forget the last one first
-                    self.kept = shared, self._sent(shared)
-                sent = self._sent(common)
-                tasks = [self.submit(call, self.kept[1], one, sent) for one in each]
-                return [self._waited_for(task) for task in tasks]
-            except (CancelledError, OSError):
-                if any(task.status == "error" for task in tasks):
-                    raise
-                self.kept = None
-                if self._at_work()[1] is None:
-                    break
-        raise InputError([Message(_LOST)])
-
-    def _sent(self, value: object) -> Any:
-        """A copy of a value at every worker. Raises :class:`InputError` if there are none."""
-        try:
-            self.client.wait_for_workers(1, timeout=_PATIENCE)
-        except TimeoutError:
-            raise InputError([Message(_IDLE[0])]) from None
-        return self.client.scatter([value], broadcast=True, hash=False)[0]
-
-    def _waited_for(self, submitted: Any) -> Any:
+        from distributed.client import FutureCancelledError
         from distributed.scheduler import KilledWorker
 
         try:
@@ -115,6 +73,28 @@ class ComputeCluster:
                     )
                 ]
             ) from None
+        except (CancelledError, FutureCancelledError, OSError):
+            if submitted.status == "error":  # the task's own: a full disk, say
+                raise
+            raise InputError([Message("the scheduler is lost, and with it the tasks")]) from None
+
+    def results(self, shared: object, call: Callable[..., Any], each: Sequence[Any], common: object) -> list[Any]:
+        """Return ``call(shared, one, common)`` for all of them, in their order.
+
+        A worker keeps ``shared`` until there is another one; the scheduler has it, too, for workers that join later.
+        Raises what a task raises, and :class:`InputError` as :meth:`result`.
+        """
+        if self.kept is None or self.kept[0] is not shared:
+            self.kept = None  # the workers forget the last one first
+            self.kept = shared, self._sent(shared)
+        sent = self._sent(common)
+        tasks = [self.submit(call, self.kept[1], one, sent) for one in each]
+        return [self.result(task) for task in tasks]
+
+    def _sent(self, value: object) -> Any:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Sending large graph")  # a scattered value would be lost with its worker
+            return self.submit(_itself, value)
 
     def _look(self) -> None:
         """Raise :class:`InputError` if nobody has been at work for too long."""
@@ -129,11 +109,17 @@ class ComputeCluster:
 
     def _at_work(self) -> tuple[bool, int | None]:
         """Return whether a worker is busy, and the number of workers; ``None`` if the scheduler does not answer."""
+        if self.client.scheduler is None:
+            return False, None
         try:
             told = self.client.sync(self.client.scheduler.processing, workers=None, callback_timeout=_LOOK)
         except (TimeoutError, OSError):
             return False, None
         return any(told.values()), min(len(told), 1)
+
+
+def _itself(value: object) -> object:
+    return value
 
 
 _IDLE = {

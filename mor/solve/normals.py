@@ -24,7 +24,7 @@ from mor.solve.elimination import (
     ray_chunks,
     ray_objective,
 )
-from mor.solve.engine import Put, RaysOfProblem, in_lanes
+from mor.solve.engine import Put, RaysOfProblem, in_lanes, shared_among
 from mor.solve.problem import (
     AlikeClusters,
     ClusterRows,
@@ -587,7 +587,8 @@ def eliminable_rays(problem: Problem, values: Values) -> RayPlan:
     rays = plan_rays(problem, candidates)
     # Normal matrices (p, 3, 3) of the points, all else known.
     normal = np.zeros((len(rays.points), 3, 3))
-    in_lanes(RaysOfProblem(problem, rays), 0, _normals_of_points, values, put=normal.__setitem__)
+    with shared_among(None):  # one pass only: to send the problem for it takes longer
+        in_lanes(RaysOfProblem(problem, rays), 0, _normals_of_points, values, put=normal.__setitem__)
     good = _well_determined(normal)
     return rays if good.all() else plan_rays(problem, rays.points[good])
 
