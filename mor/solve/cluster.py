@@ -27,6 +27,7 @@ _ANSWER = 20.0
 """Seconds that a scheduler may take to answer who it is."""
 _LOOK = 5.0
 """Seconds after which it is looked whether there still are workers."""
+_LOST = "the scheduler is lost, and with it the tasks"
 
 
 @dataclass
@@ -40,7 +41,9 @@ class ComputeCluster:
     """What the workers keep for several tasks, and its copies there."""
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
-        """Have a worker do the task."""
+        """Have a worker do the task. Raises :class:`InputError` if the connection to the scheduler is closed."""
+        if self.client.status == "closed":
+            raise InputError([Message(_LOST)])
         return self.client.submit(task, *arguments, pure=False)
 
     def result(self, submitted: Any) -> Any:
@@ -76,7 +79,7 @@ class ComputeCluster:
         except (CancelledError, FutureCancelledError, OSError):
             if submitted.status == "error":  # the task's own: a full disk, say
                 raise
-            raise InputError([Message("the scheduler is lost, and with it the tasks")]) from None
+            raise InputError([Message(_LOST)]) from None
 
     def results(self, shared: object, call: Callable[..., Any], each: Sequence[Any], common: object) -> list[Any]:
         """Return ``call(shared, one, common)`` for all of them, in their order.
@@ -144,7 +147,8 @@ def local(count: int) -> Iterator[ComputeCluster]:
             n_workers=count,
             threads_per_worker=1,
             memory_limit=None,
-            dashboard_address=None,
+            dashboard_address="127.0.0.1:0",
+            worker_dashboard_address="127.0.0.1:0",
             protocol="tls",
             security=security,
             silence_logs=logging.CRITICAL,
