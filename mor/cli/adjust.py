@@ -15,17 +15,17 @@ from mor.cli.options import (
     InputPath,
     MemorySize,
     OutputPath,
+    cluster_option,
     format_option,
     kernels_option,
     only_project,
     output_option,
     quiet_option,
 )
-from mor.errors import ExitCode, NoStartValuesError
+from mor.errors import ExitCode, InputError, Message, NoStartValuesError
 
 if TYPE_CHECKING:
     from mor.cli.progress import Progress
-    from mor.errors import Message
     from mor.project.document import Document
     from mor.quality.solution import Solved
     from mor.report.identity import RunIdentity
@@ -55,6 +55,8 @@ class Asked(NamedTuple):
     table_format: Literal["csv", "parquet"] | None
     memory: float | None
     scratch: Path | None
+    workers: int | None
+    cluster: str | None
     events: Path | None
     quiet: bool
     verbose: bool
@@ -78,11 +80,20 @@ class Asked(NamedTuple):
         return (*(("--snoop",) if self.snoop else ()), *of_format)
 
 
-def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) -> None:
-    """Raise a usage error if one adjustment is to be shared among processes."""
-    if value is not None:
-        words = "mor adjust works in one process, on all its processors"
-        raise click.UsageError(f"--{param.name}: {words}; mor batch and mor simulate share work", ctx)
+@contextmanager
+def workers_of(asked: Asked) -> Iterator[None]:
+    """Within, long passes are done by the workers that were asked for. Raises :class:`InputError` if they cannot."""
+    if asked.workers is None and asked.cluster is None:
+        yield
+        return
+    if asked.workers is not None and asked.cluster is not None:
+        raise InputError([Message("--workers and --cluster together; give either of them")])
+    from mor.solve.cluster import connected, local
+    from mor.solve.engine import shared_among
+
+    place = local(asked.workers) if asked.workers is not None else connected(None, asked.cluster or "")
+    with place as workers, shared_among(workers):
+        yield
 
 
 @click.command(name="adjust")
@@ -131,8 +142,13 @@ def refuse_workers(ctx: click.Context, param: click.Parameter, value: object) ->
     show_default="beside the results",
     help="Folder for the files of long arrays.",
 )
-@click.option("--workers", metavar="N", hidden=True, callback=refuse_workers, expose_value=False)
-@click.option("--cluster", metavar="ADDRESS", hidden=True, callback=refuse_workers, expose_value=False)
+@click.option(
+    "--workers",
+    metavar="N",
+    type=click.IntRange(min=1),
+    help="Processes that do the passes over image points, instead of threads (needs mor-adjustment[dask]).",
+)
+@cluster_option
 @click.option(
     "--events",
     metavar="FILE",
@@ -196,7 +212,7 @@ def run(asked: Asked) -> int:
         place = held.enter_context(reserve(folder, replaces, names)) if asked.writes else None
         scratch = asked.scratch or (place.work if place is not None else Path(gettempdir()))
         held.enter_context(limited_memory(asked.memory, scratch))
-        with named_in_full(place):
+        with named_in_full(place), workers_of(asked):
             solved = adjusted(document, project.parent, asked.snoop, say)
         of = RunIdentity(tuple(files.values()), project.parent, asked.told)
         say.phase("writing")
@@ -329,7 +345,6 @@ def chosen(asked: Asked, solved: Solved, say: Progress) -> Choice:
 
 def has_library(say: Progress) -> bool:
     """Return whether the chart library of the page is installed, and note if it is not."""
-    from mor.errors import Message
     from mor.report.page_data import library_path
 
     if library_path() is None:
@@ -340,7 +355,6 @@ def has_library(say: Progress) -> bool:
 
 def left_out(solved: Solved, tables: str | None, html: bool | None) -> list[Message]:
     """Notes about files that are omitted because the project is large."""
-    from mor.errors import Message
     from mor.report.results import MOST_OF_PAGE, WORST, entries, is_large
 
     if solved.quality is None:

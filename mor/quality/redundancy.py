@@ -16,14 +16,16 @@ from mor.linalg.selected_inverse import operations
 from mor.model import rotations
 from mor.model.contract import OUT, ObservationGroup
 from mor.model.images import FOLLOWER_TYPES, IMAGE_TYPES, MOVING_TYPES
+from mor.model.parameters import Values
 from mor.quality.test_statistics import CONTROLLED, Correlated, ObservationQuality, in_pieces, joint_statistic
 from mor.solve.datum import STransformation
-from mor.solve.elimination import RayChunk, ray_chunks, ray_residuals, split
+from mor.solve.elimination import RayChunk, Split, ray_chunks, ray_residuals, split
 from mor.solve.elimination import cofactors as ray_cofactors
+from mor.solve.engine import Put, in_lanes
 from mor.solve.iterate import Adjustment
-from mor.solve.normals import Plan, RowClusters, RowSet, image_of_rays, in_lanes, point_of_ray, reduced_columns
+from mor.solve.normals import Plan, RowClusters, RowSet, image_of_rays, point_of_ray, reduced_columns
 from mor.solve.problem import AlikeClusters, linearise, linearised_parts, misclosures, rotation_tangents, spread
-from mor.solve.rays import RayPlan
+from mor.solve.rays import Chunk, RayPlan
 from mor.types import AnyIntArray, BoolArray, FloatArray, IntArray, SmallestIntArray, SmallIntArray
 
 # ---- Kernels that note the quality of rays: what ``redundancy`` does for all observations, for millions of rays.
@@ -562,19 +564,47 @@ def observation_quality(
     weak = adjustment.inverse.weak
     selected = split(reduced_columns(plan.rays.frames.columns, plan.reduced), cofactors)
 
-    def of_lane(rays: RayPlan) -> None:
-        for chunk in ray_chunks(adjustment.problem, rays, plan.reduced, values):
-            of_points[rays.points[chunk.points]], white, shares = ray_cofactors(chunk.rays, selected)
-            if weak.shape[1]:
-                image = image_of_rays(chunk.rays, weak[plan.kept], weak[rays.columns[chunk.points]])
-                white = white + image @ np.swapaxes(image, 1, 2)
-            add_directions(plan, rays, chunk, extra, shares)
-            _fill_rays(quality, chunk, white, shares)
-            if done is not None:
-                done(len(chunk.row))
+    def put(points: slice, cofactors: FloatArray, rows: _RowsOfRays, white: FloatArray, shares: FloatArray) -> None:
+        of_points[plan.rays.points[points]] = cofactors
+        _fill_rays(quality, rows, white, shares)
+        if done is not None:
+            done(len(rows.row))
 
-    in_lanes(plan.rays, 0, of_lane)
+    in_lanes(plan, 0, _cofactors_of_rays, values, selected, weak, extra, put=put)
     return tuple(_with_correlated(number, one, correlated) for number, one in enumerate(quality)), of_points
+
+
+class _RowsOfRays(NamedTuple):
+    """Rays of a chunk, as rows of their groups."""
+
+    group: IntArray
+    row: SmallIntArray
+    weight: FloatArray
+    by_point: FloatArray
+
+
+def _cofactors_of_rays(
+    plan: Plan,
+    rays: RayPlan,
+    put: Put,
+    values: Values,
+    selected: Split,
+    weak: FloatArray,
+    extra: WeakDirections,
+) -> None:
+    for chunk in ray_chunks(plan.problem, rays, plan.reduced, values):
+        of_points, white, shares = ray_cofactors(chunk.rays, selected)
+        if weak.shape[1]:
+            image = image_of_rays(chunk.rays, weak[plan.kept], weak[rays.columns[chunk.points]])
+            white = white + image @ np.swapaxes(image, 1, 2)
+        add_directions(plan, rays, chunk, extra, shares)
+        put(
+            chunk.points,
+            of_points,
+            _RowsOfRays(chunk.group, chunk.row, chunk.weight, chunk.rays.by_point),
+            white,
+            shares,
+        )
 
 
 def _fill_row_set(
@@ -606,17 +636,19 @@ def _fill_row_set(
     _fill(quality, row_set.rows, here, white, shares * row_set.weight**2 * length, row_set.weight)
 
 
-def _fill_rays(quality: tuple[ObservationQuality, ...], chunk: RayChunk, white: FloatArray, shares: FloatArray) -> None:
-    for number, place in _of_each_group(chunk.group):
+def _fill_rays(
+    quality: tuple[ObservationQuality, ...], rays: _RowsOfRays, white: FloatArray, shares: FloatArray
+) -> None:
+    for number, place in _of_each_group(rays.group):
         one = quality[number]
-        rows = chunk.row[place]
+        rows = rays.row[place]
         if compilation.wanted():
             arrays = one.v, one.absorbed, one.carried, one.joint_of_row, one.freedom_of_row
-            fill(rows, place, chunk.weight, white, shares, chunk.rays.by_point, CONTROLLED, *arrays)
+            fill(rows, place, rays.weight, white, shares, rays.by_point, CONTROLLED, *arrays)
         else:
             # (n, 2) 1/|∂x/∂X|, which makes of shares of rays what an error of 1 carries into their points.
-            slope = np.sqrt(np.einsum("ncj,ncj->nc", chunk.rays.by_point, chunk.rays.by_point))
-            weight, carries = chunk.weight[place], shares[place] * _quotient(chunk.weight, slope)[place]
+            slope = np.sqrt(np.einsum("ncj,ncj->nc", rays.by_point, rays.by_point))
+            weight, carries = rays.weight[place], shares[place] * _quotient(rays.weight, slope)[place]
             _fill(one, rows, weight > 0.0, white[place], carries, weight)
 
 
@@ -631,20 +663,24 @@ def _residuals(adjustment: Adjustment) -> tuple[ObservationQuality, ...]:
         if len(rows):
             one.v[rows] = -misclosures(group, values, rows)
 
-    def of_lane(lane: RayPlan) -> None:
-        for chunk, residual in ray_residuals(adjustment.problem, lane, values):
-            weight = lane.measurements.of(chunk.rays).weight
-            for number, here in _of_each_group(lane.group_of_frame[chunk.frames][lane.frame[chunk.rays]]):
-                rows, v = lane.row[chunk.rays][here], result[number].v
-                if compilation.wanted():
-                    note_residuals(rows, here, weight, residual, v)
-                else:
-                    v[rows] = np.divide(
-                        residual[here], weight[here], out=np.full((len(here), 2), np.nan), where=weight[here] > 0.0
-                    )
+    def put(chunk: Chunk, residual: FloatArray) -> None:
+        weight = rays.measurements.of(chunk.rays).weight
+        for number, here in _of_each_group(rays.group_of_frame[chunk.frames][rays.frame[chunk.rays]]):
+            rows, v = rays.row[chunk.rays][here], result[number].v
+            if compilation.wanted():
+                note_residuals(rows, here, weight, residual, v)
+            else:
+                v[rows] = np.divide(
+                    residual[here], weight[here], out=np.full((len(here), 2), np.nan), where=weight[here] > 0.0
+                )
 
-    in_lanes(rays, 0, of_lane)
+    in_lanes(adjustment.plan, 0, _residuals_of_rays, values, put=put)
     return result
+
+
+def _residuals_of_rays(plan: Plan, rays: RayPlan, put: Put, values: Values) -> None:
+    for chunk, residual in ray_residuals(plan.problem, rays, values):
+        put(chunk, residual)
 
 
 def _of_each_group(group: IntArray) -> Iterator[tuple[int, IntArray]]:

@@ -9,7 +9,8 @@ import logging
 import platform
 import secrets
 import time
-from collections.abc import Callable, Iterator
+import warnings
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from importlib.metadata import version
@@ -26,6 +27,7 @@ _ANSWER = 20.0
 """Seconds that a scheduler may take to answer who it is."""
 _LOOK = 5.0
 """Seconds after which it is looked whether there still are workers."""
+_LOST = "the scheduler is lost, and with it the tasks"
 
 
 @dataclass
@@ -35,9 +37,13 @@ class ComputeCluster:
     client: Any
     idle_since: float | None = None
     """Since when nobody has been at work, though tasks are waited for."""
+    kept: tuple[object, Any] | None = None
+    """What the workers keep for several tasks, and its copies there."""
 
     def submit(self, task: Callable[..., Any], *arguments: Any) -> Any:
-        """Have a worker do the task."""
+        """Have a worker do the task. Raises :class:`InputError` if the connection to the scheduler is closed."""
+        if self.client.status == "closed":
+            raise InputError([Message(_LOST)])
         return self.client.submit(task, *arguments, pure=False)
 
     def result(self, submitted: Any) -> Any:
@@ -73,7 +79,25 @@ class ComputeCluster:
         except (CancelledError, FutureCancelledError, OSError):
             if submitted.status == "error":  # the task's own: a full disk, say
                 raise
-            raise InputError([Message("the scheduler is lost, and with it the tasks")]) from None
+            raise InputError([Message(_LOST)]) from None
+
+    def results(self, shared: object, call: Callable[..., Any], each: Sequence[Any], common: object) -> list[Any]:
+        """Return ``call(shared, one, common)`` for all of them, in their order.
+
+        A worker keeps ``shared`` until there is another one; the scheduler has it, too, for workers that join later.
+        Raises what a task raises, and :class:`InputError` as :meth:`result`.
+        """
+        if self.kept is None or self.kept[0] is not shared:
+            self.kept = None  # the workers forget the last one first
+            self.kept = shared, self._sent(shared)
+        sent = self._sent(common)
+        tasks = [self.submit(call, self.kept[1], one, sent) for one in each]
+        return [self.result(task) for task in tasks]
+
+    def _sent(self, value: object) -> Any:
+        with warnings.catch_warnings():
+            warnings.filterwarnings("ignore", "Sending large graph")  # a scattered value would be lost with its worker
+            return self.submit(_itself, value)
 
     def _look(self) -> None:
         """Raise :class:`InputError` if nobody has been at work for too long."""
@@ -88,11 +112,17 @@ class ComputeCluster:
 
     def _at_work(self) -> tuple[bool, int | None]:
         """Return whether a worker is busy, and the number of workers; ``None`` if the scheduler does not answer."""
+        if self.client.scheduler is None:
+            return False, None
         try:
             told = self.client.sync(self.client.scheduler.processing, workers=None, callback_timeout=_LOOK)
         except (TimeoutError, OSError):
             return False, None
         return any(told.values()), min(len(told), 1)
+
+
+def _itself(value: object) -> object:
+    return value
 
 
 _IDLE = {
@@ -104,15 +134,37 @@ _IDLE = {
 
 
 @contextmanager
-def connected(folder: Path, address: str) -> Iterator[ComputeCluster]:
-    """The cluster at an address, all workers of which see ``folder``.
+def local(count: int) -> Iterator[ComputeCluster]:
+    """A cluster of so many processes of this machine. They and this process talk by TLS with keys of their own."""
+    _check_installed("cryptography")
+    from distributed import Client, LocalCluster
+    from distributed.security import Security
+
+    _silence()
+    security = Security.temporary()  # type: ignore[no-untyped-call]
+    with (
+        LocalCluster(  # type: ignore[no-untyped-call]
+            n_workers=count,
+            threads_per_worker=1,
+            memory_limit=None,
+            dashboard_address="127.0.0.1:0",
+            worker_dashboard_address="127.0.0.1:0",
+            protocol="tls",
+            security=security,
+            silence_logs=logging.CRITICAL,
+        ) as cluster,
+        Client(cluster, security=security, set_as_default=False) as client,  # type: ignore[no-untyped-call]
+    ):
+        yield ComputeCluster(client)
+
+
+@contextmanager
+def connected(folder: Path | None, address: str) -> Iterator[ComputeCluster]:
+    """The cluster at an address, all workers of which see ``folder`` if there is one.
 
     Raises :class:`InputError` where they cannot do the work: another version, files they do not see.
     """
-    missing = [name for name in ("dask", "distributed") if find_spec(name) is None]
-    if missing:
-        words = f"{' and '.join(missing)} missing: pip install 'mor-adjustment[dask]'"
-        raise InputError([Message(f"a cluster needs Dask, {words}")])
+    _check_installed()
     from distributed import Client
 
     _silence()
@@ -124,6 +176,13 @@ def connected(folder: Path, address: str) -> Iterator[ComputeCluster]:
     with client:
         _check(client, folder)
         yield ComputeCluster(client)
+
+
+def _check_installed(*more: str) -> None:
+    missing = [name for name in ("dask", "distributed", *more) if find_spec(name) is None]
+    if missing:
+        words = f"{' and '.join(missing)} missing: pip install 'mor-adjustment[dask]'"
+        raise InputError([Message(f"a cluster needs Dask, {words}")])
 
 
 _NO_SCHEDULER = (
@@ -167,26 +226,28 @@ def _silence() -> None:
             logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
-def _check(client: Any, folder: Path) -> None:
+def _check(client: Any, folder: Path | None) -> None:
     """Raise :class:`InputError` with all that keeps the workers from doing it."""
     try:
         client.wait_for_workers(1, timeout=_PATIENCE)
     except TimeoutError:
         raise InputError([Message(f"the scheduler has no workers ({_PATIENCE:.0f} s waited)")]) from None
-    folder.mkdir(parents=True, exist_ok=True)
-    word = secrets.token_hex(8)
-    token = folder / f"seen-by-{word}"
-    token.write_text(word, encoding="ascii")
+    word, token = secrets.token_hex(8), None
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        token = folder / f"seen-by-{word}"
+        token.write_text(word, encoding="ascii")
     here, problems = versions(), []
-    for worker, found in sorted(_asked(client, str(token)).items()):
+    for worker, found in sorted(_asked(client, str(token or "")).items()):
         other = [f"{name} {found['versions'].get(name)} there, {mine} here" for name, mine in here.items()
                  if found["versions"].get(name) != mine]  # fmt: skip
         if other:
             problems.append(Message(f"another version: {'; '.join(other)}", worker))
-        if found["word"] != word:
+        if token is not None and found["word"] != word:
             words = f"does not see {folder}: it has to be on a file system that all machines share"
             problems.append(Message(words, worker))
-    token.unlink()
+    if token is not None:
+        token.unlink()
     if problems:
         raise InputError(problems)
 

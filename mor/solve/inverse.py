@@ -15,6 +15,7 @@ from mor.linalg.selected_inverse import selected_inverse
 from mor.linalg.symbolic import Elimination
 from mor.model.parameters import Values
 from mor.solve.elimination import ray_residuals
+from mor.solve.engine import Put, in_lanes
 from mor.solve.normals import (
     NormalEquations,
     Plan,
@@ -22,13 +23,12 @@ from mor.solve.normals import (
     full_directions,
     full_step,
     image_of,
-    in_lanes,
     normal_product,
     reduce_right_hand_side,
 )
 from mor.solve.problem import ClusterRows, Problem, linearise, misclosures, misclosures_of, rotation_tangents
 from mor.solve.rays import Measurements, RayPlan
-from mor.types import FloatArray, IntArray
+from mor.types import AnyIntArray, FloatArray, IntArray
 
 # ---- The solved system: factorisation, directions that are null or nearly so, steps and cofactors.
 #
@@ -382,15 +382,10 @@ def normalised_misclosures(plan: Plan, values: Values) -> tuple[FloatArray, ...]
     problem = plan.problem
     found = tuple(np.zeros(group.observed.shape) for group in problem.groups)
 
-    def of_lane(rays: RayPlan) -> None:
-        for chunk, residual in ray_residuals(problem, rays, values):
-            rows = rays.row[chunk.rays]
-            group_of_ray = rays.group_of_frame[chunk.frames[rays.frame[chunk.rays]]]
-            for group in rays.frames.groups:
-                here = group_of_ray == group.group
-                found[group.group][rows[here]] = -residual[here]
+    def put(number: int, rows: AnyIntArray, misclosure: FloatArray) -> None:
+        found[number][rows] = misclosure
 
-    in_lanes(plan.rays, 0, of_lane)
+    in_lanes(plan, 0, _misclosures_of_rays, values, put=put)
     for row_set in plan.row_sets:
         misclosure = misclosures_of(problem, row_set.group, values, row_set.rows)
         seen = row_set.weight > 0.0
@@ -404,6 +399,15 @@ def normalised_misclosures(plan: Plan, values: Values) -> tuple[FloatArray, ...]
             own = misclosure[np.arange(len(rows)), components]
             found[number][rows, components] = own / sigma[here]
     return found
+
+
+def _misclosures_of_rays(plan: Plan, rays: RayPlan, put: Put, values: Values) -> None:
+    for chunk, residual in ray_residuals(plan.problem, rays, values):
+        rows = rays.row[chunk.rays]
+        group_of_ray = rays.group_of_frame[chunk.frames[rays.frame[chunk.rays]]]
+        for group in rays.frames.groups:
+            here = group_of_ray == group.group
+            put(group.group, rows[here], -residual[here])
 
 
 def _sigmas(cluster: ClusterRows) -> FloatArray:

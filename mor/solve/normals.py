@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Iterator
 from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import NamedTuple, TypeVar
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
 from mor.linalg.block_matrix import BlockMatrix, BlockStructure, Target, accumulate_rows, structure_from_cliques, target
-from mor.linalg.compilation import as_here
 from mor.linalg.symbolic import Elimination, analyse
-from mor.machine import processors
 from mor.model.contract import ObservationGroup
 from mor.model.parameters import Values
 from mor.solve.elimination import (
@@ -27,6 +24,7 @@ from mor.solve.elimination import (
     ray_chunks,
     ray_objective,
 )
+from mor.solve.engine import Put, RaysOfProblem, in_lanes, shared_among
 from mor.solve.problem import (
     AlikeClusters,
     ClusterRows,
@@ -272,39 +270,6 @@ def _cliques(columns: IntArray, block_of: IntArray) -> tuple[IntArray, IntArray]
     return first.sum(axis=1).astype(np.int64), blocks[first]
 
 
-# ---- Passes over the rays on all processors: the chunks run in a few lanes side by side.
-#
-# How the chunks are shared out depends on the problem alone, and what the lanes found is put together in
-# their order: the last digit of a result does not depend on how many processors there are. (Rays that are
-# left to numpy may differ in it from run to run: numpy adds up in an order that depends on where an array
-# begins.)
-
-Found = TypeVar("Found")
-
-MOST_LANES = 4
-NUMBERS_OF_ALL_LANES = 30_000_000
-"""Room (240 MB) for the reduced systems that the lanes add up each for itself."""
-
-
-def in_lanes(rays: RayPlan, numbers: int, work: Callable[[RayPlan], Found]) -> list[Found]:
-    """Return the results of the work of all lanes, in their order.
-
-    Args:
-        rays: all rays; a lane is the same with some of its chunks.
-        numbers: how many numbers the work holds in each lane, so that lanes do not fill the memory.
-        work: a pass over the chunks, which may write to arrays at places that are its own.
-    """
-    chunks = rays.chunks
-    count = max(min(MOST_LANES, len(chunks) // 2, NUMBERS_OF_ALL_LANES // max(numbers, 1)), 1)
-    bounds = [len(chunks) * k // count for k in range(count + 1)]
-    lanes = [rays._replace(chunks=chunks[bounds[k] : bounds[k + 1]]) for k in range(count)]
-    workers = min(len(lanes), processors())
-    if workers <= 1:
-        return [work(lane) for lane in lanes]
-    with ThreadPoolExecutor(workers) as pool:
-        return list(pool.map(lambda one: one(), [as_here(partial(work, lane)) for lane in lanes]))
-
-
 # ---- From the reduced system to the eliminated points and back, one pass over the rays each.
 #
 # With the rows of the rays split into A_p (their points) and A_r (all else), N_pp = A_pᵀA_p is block diagonal:
@@ -320,12 +285,18 @@ def full_directions(plan: Plan, values: Values, reduced: FloatArray, damping: fl
     if reduced.shape[1] == 0:
         return full
 
-    def of_lane(rays: RayPlan) -> None:
-        for chunk in ray_chunks(plan.problem, rays, plan.reduced, values):
-            full[rays.columns[chunk.points]] = follow_directions(chunk.rays, reduced, damping)
+    def put(points: slice, directions: FloatArray) -> None:
+        full[plan.rays.columns[points]] = directions
 
-    in_lanes(plan.rays, 0, of_lane)
+    in_lanes(plan, 0, _directions_of_points, values, reduced, damping, put=put)
     return full
+
+
+def _directions_of_points(
+    plan: Plan, rays: RayPlan, put: Put, values: Values, reduced: FloatArray, damping: float
+) -> None:
+    for chunk in ray_chunks(plan.problem, rays, plan.reduced, values):
+        put(chunk.points, follow_directions(chunk.rays, reduced, damping))
 
 
 def full_step(plan: Plan, values: Values, reduced: FloatArray, damping: float = 0.0) -> FloatArray:
@@ -334,13 +305,14 @@ def full_step(plan: Plan, values: Values, reduced: FloatArray, damping: float = 
     full[plan.kept] = reduced
     steps = np.empty((len(plan.rays.columns), 3))
 
-    def of_lane(rays: RayPlan) -> None:
-        for points, found in point_steps(plan.problem, rays, values, full, damping):
-            steps[points] = found
-
-    in_lanes(plan.rays, 0, of_lane)
+    in_lanes(plan, 0, _steps_of_points, values, full, damping, put=steps.__setitem__)
     full[plan.rays.columns] = steps
     return full
+
+
+def _steps_of_points(plan: Plan, rays: RayPlan, put: Put, values: Values, step: FloatArray, damping: float) -> None:
+    for points, found in point_steps(plan.problem, rays, values, step, damping):
+        put(points, found)
 
 
 def reduce_right_hand_side(
@@ -438,21 +410,27 @@ def build_normals(plan: Plan, values: Values, damping: float = 0.0) -> NormalEqu
     matrix = BlockMatrix(structure, block_values)
     system = ReducedSystem(matrix, reduced_rhs, matrix.diagonal(), reduced_rhs.copy())
 
-    def of_lane(rays: RayPlan) -> tuple[ReducedSystem, float]:
-        own, squares = empty_reduced_system(structure), 0.0
-        for chunk in eliminate_chunks(plan.problem, rays, plan.reduced, values, own, damping):
-            rhs[rays.columns[chunk.points]] = chunk.gradient
-            squares += chunk.squares
-        return own, squares
+    def put(points: slice, gradient: FloatArray) -> None:
+        rhs[plan.rays.columns[points]] = gradient
 
-    for own, squares in in_lanes(plan.rays, block_values.size, of_lane):
-        for whole, part in zip(_arrays(system), _arrays(own), strict=True):
+    for own, squares in in_lanes(plan, block_values.size, _reduced_system, values, damping, put=put):
+        for whole, part in zip(_arrays(system), own, strict=True):
             whole += part
         total += squares
     rhs[plan.kept] = system.gradient
     if damping:
         add_to_diagonal(matrix, damping * system.diagonal)
     return NormalEquations(matrix, reduced_rhs, system.diagonal, rhs, total)
+
+
+def _reduced_system(
+    plan: Plan, rays: RayPlan, put: Put, values: Values, damping: float
+) -> tuple[tuple[FloatArray, ...], float]:
+    own, squares = empty_reduced_system(plan.target.structure), 0.0
+    for chunk in eliminate_chunks(plan.problem, rays, plan.reduced, values, own, damping):
+        put(chunk.points, chunk.gradient)
+        squares += chunk.squares
+    return _arrays(own), squares
 
 
 def _arrays(system: ReducedSystem) -> tuple[FloatArray, ...]:
@@ -501,7 +479,7 @@ def white_rows(plan: Plan, values: Values) -> Iterator[WhiteRows]:
 
 def objective(plan: Plan, values: Values) -> float:
     """lᵀPl at the given values, without derivatives; infinite where an equation cannot be evaluated."""
-    total = sum(in_lanes(plan.rays, 0, lambda rays: ray_objective(plan.problem, rays, values)))
+    total = sum(in_lanes(plan, 0, _objective_of_rays, values))
     for row_set in plan.row_sets:
         misclosure = misclosures_of(plan.problem, row_set.group, values, row_set.rows)
         total += float(np.sum(np.where(row_set.weight > 0.0, row_set.weight * misclosure, 0.0) ** 2))
@@ -516,6 +494,10 @@ def objective(plan: Plan, values: Values) -> float:
     return total if np.isfinite(total) else np.inf
 
 
+def _objective_of_rays(plan: Plan, rays: RayPlan, put: Put | None, values: Values) -> float:
+    return ray_objective(plan.problem, rays, values)
+
+
 def image_of(plan: Plan, values: Values, directions: FloatArray) -> FloatArray:
     """GᵀNG (k, k) of directions G (u, k), formed from A G itself: a null vector shows as zero, not as noise."""
     gram = np.zeros((directions.shape[1], directions.shape[1]))
@@ -525,15 +507,16 @@ def image_of(plan: Plan, values: Values, directions: FloatArray) -> FloatArray:
         image = np.einsum("nmk,nkd->nmd", rows.jacobian, moved)
         gram += np.einsum("nmd,nme->de", image, image)
 
-    def of_lane(rays: RayPlan) -> FloatArray:
-        own = np.zeros_like(gram)
-        for chunk in ray_chunks(plan.problem, rays, plan.reduced, values):
-            image = image_of_rays(chunk.rays, reduced, directions[rays.columns[chunk.points]])
-            flat = image.reshape(-1, image.shape[2])
-            own += flat.T @ flat
-        return own
+    return sum(in_lanes(plan, gram.size, _gram_of_rays, values, directions), gram)
 
-    return sum(in_lanes(plan.rays, gram.size, of_lane), gram)
+
+def _gram_of_rays(plan: Plan, rays: RayPlan, put: Put | None, values: Values, directions: FloatArray) -> FloatArray:
+    own, reduced = np.zeros((directions.shape[1], directions.shape[1])), directions[plan.kept]
+    for chunk in ray_chunks(plan.problem, rays, plan.reduced, values):
+        image = image_of_rays(chunk.rays, reduced, directions[rays.columns[chunk.points]])
+        flat = image.reshape(-1, image.shape[2])
+        own += flat.T @ flat
+    return own
 
 
 def normal_product(plan: Plan, values: Values, directions: FloatArray) -> FloatArray:
@@ -604,15 +587,15 @@ def eliminable_rays(problem: Problem, values: Values) -> RayPlan:
     rays = plan_rays(problem, candidates)
     # Normal matrices (p, 3, 3) of the points, all else known.
     normal = np.zeros((len(rays.points), 3, 3))
-    reduced = np.arange(problem.index.count)
-
-    def of_lane(lane: RayPlan) -> None:
-        for chunk in ray_chunks(problem, lane, reduced, values):
-            normal[chunk.points] = point_normals(chunk.rays)
-
-    in_lanes(rays, 0, of_lane)
+    with shared_among(None):  # one pass only: to send the problem for it takes longer
+        in_lanes(RaysOfProblem(problem, rays), 0, _normals_of_points, values, put=normal.__setitem__)
     good = _well_determined(normal)
     return rays if good.all() else plan_rays(problem, rays.points[good])
+
+
+def _normals_of_points(shared: RaysOfProblem, rays: RayPlan, put: Put, values: Values) -> None:
+    for chunk in ray_chunks(shared.problem, rays, np.arange(shared.problem.index.count), values):
+        put(chunk.points, point_normals(chunk.rays))
 
 
 def _candidates(problem: Problem) -> IntArray:

@@ -178,13 +178,6 @@ def test_the_scratch_folder_must_exist(tmp_path: Path) -> None:
     assert "this is not a folder" in done.stderr
 
 
-@pytest.mark.parametrize("option", ["--workers", "--cluster"])
-def test_workers_are_refused(option: str, tmp_path: Path) -> None:
-    done = command("adjust", tmp_path, option, "2")
-    assert done.exit_code == 2
-    assert "mor adjust works in one process" in done.stderr
-
-
 _HELD = """
 import sys, time
 from pathlib import Path

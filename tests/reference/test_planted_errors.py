@@ -92,10 +92,10 @@ def _normals(build: Callable[..., Any]) -> Callable[..., Any]:
 def _lost_in_threads(in_lanes: Callable[..., Any]) -> Callable[..., Any]:
     """What the last of several threads adds to the normal equations is too large."""
 
-    def planted(rays: Any, numbers: int, work: Callable[..., Any]) -> Any:
-        found = in_lanes(rays, numbers, work)
+    def planted(*given: Any, **more: Any) -> Any:
+        found = in_lanes(*given, **more)
         if len(found) > 1 and processors() == 2 and isinstance(found[-1], tuple):
-            for array in normals._arrays(found[-1][0]):
+            for array in found[-1][0]:
                 array *= FACTOR
         return found
 

@@ -11,7 +11,7 @@ from mor.linalg import compilation
 from mor.model.images import read_out_at_once
 from mor.model.parameters import INTERIORS
 from mor.quality.assessment import assess
-from mor.solve import normals as lanes
+from mor.solve import engine as lanes
 from mor.solve import product_kernels as image_passes
 from mor.solve import rays as ray_plan
 from mor.solve.elimination import back_substitute, point_steps, ray_chunks, ray_objective, ray_residuals
@@ -309,13 +309,13 @@ def test_the_number_of_processors_changes_not_a_digit(monkeypatch):
     scene = scene_of("two cameras")
     problem = scene.problem(np.random.default_rng(5))
     alone = assess(adjust(problem, scene.start(1e-3)))
-    assert len(lanes.in_lanes(alone.adjustment.plan.rays, 0, lambda rays: rays)) == 1
+    assert len(lanes.in_lanes(alone.adjustment.plan, 0, lambda _, rays, put: rays)) == 1
     monkeypatch.setattr(ray_plan, "POINTS_AT_A_TIME", 1)
     found = []
     for processors in (1, 2, 5):
         monkeypatch.setattr(lanes, "processors", lambda count=processors: count)
         found.append(assess(adjust(problem, scene.start(1e-3))))
-    shared = lanes.in_lanes(found[0].adjustment.plan.rays, 0, lambda rays: rays.chunks)
+    shared = lanes.in_lanes(found[0].adjustment.plan, 0, lambda _, rays, put: rays.chunks)
     assert len(shared) == lanes.MOST_LANES
     assert sum(shared, ()) == found[0].adjustment.plan.rays.chunks
     for other in found[1:]:
