@@ -551,7 +551,11 @@ def _tables(
         raise InputError(
             [Message(f"unknown kind of table: found the columns {', '.join(header)}; {_known()}", str(path), 1)]
         )
-    body = rows[has_header:]
+    body, nameless = rows[has_header:], 0
+    if target := next((columns["to"] for kind, columns in kinds.items() if kind in _SIGMA and "to" in columns), ""):
+        place = header.index(target)
+        named_rows = tuple(row for row in body if len(row) <= place or row[place].strip())
+        body, nameless = named_rows, len(body) - len(named_rows)
     full = {kind: _with_readings(body, kind, columns, header) for kind, columns in kinds.items()}
     kept = {row for rows_of_kind in full.values() for row in rows_of_kind}
     if "image" in full and "points" in full:
@@ -559,6 +563,7 @@ def _tables(
         full["points"] = tuple({_cell(row, place): row for row in reversed(body)}.values())[::-1]
     bare = sum(row not in kept for row in body)
     notes = (f"{_NO_READING}: {counted(bare, 'row')}",) if bare else ()
+    notes += (f"rows without a target: {counted(nameless, 'row')}",) if nameless else ()
     used = {cell for columns in kinds.values() for cell in columns.values()}
     if twice := sorted(cell for cell in used if header.count(cell) > 1):
         raise InputError([Message(f"column {', '.join(map(repr, twice))} is given twice", str(path))])
