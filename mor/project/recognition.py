@@ -67,7 +67,8 @@ def _precisions(names: str) -> str:
 
 
 _IMAGE = "image|imageid|imagename|photo|photoid|bild|foto|idimg|idimage|idphoto"
-_BETWEEN = {**_HEIGHTS, "sigma": "", "epoch": "epoch|epoche"}
+_STANDARD_DEVIATION = "std|stdev|stddev|standarddeviation|err|error|uncertainty|precision"
+_BETWEEN = {**_HEIGHTS, "sigma": _STANDARD_DEVIATION, "epoch": "epoch|epoche"}
 _LENGTHS = "laenge|linelength|length|distance|dist|strecke|d"
 """Names of a distance that beside a height difference is the length of a levelling line."""
 _DISTANCE = (
@@ -179,7 +180,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "directions": (
         {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": _HORIZONTAL},
-        {**_SIGHT, "sigma": _precisions("dir|direction|hz")},
+        {**_SIGHT, "sigma": f"{_precisions('dir|direction|hz')}|{_STANDARD_DEVIATION}"},
     ),
     "angle": (
         {
@@ -188,7 +189,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "to": "to|nach|foresight|fs|topoint|tostation|secondpoint",
             "angle": "angle|ang|winkel|angleright|horizontalangle",
         },
-        {**_BETWEEN, "at_height": "ih|hi", "sigma": _precisions("angle")},
+        {**_BETWEEN, "at_height": "ih|hi", "sigma": f"{_precisions('angle')}|{_STANDARD_DEVIATION}"},
     ),
     "levelling between points": (
         {
@@ -240,7 +241,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "vertical_direction": ({"from": _FROM, "to": _TO, "vertical_direction": ""}, _BETWEEN),
     "distance": (
         {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _DISTANCE},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|std|stdev"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_STANDARD_DEVIATION}"},
     ),
     "height_difference": (
         {
@@ -250,14 +251,14 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "|dislivello",
         },
         {
-            "sigma": f"{_precisions('dz|dh|hdiff')}|std|stdev|calcerr",
+            "sigma": f"{_precisions('dz|dh|hdiff')}|calcerr|{_STANDARD_DEVIATION}",
             "length": f"km|lengthkm|l|{_LENGTHS}",
             "epoch": "epoch|epoche",
         },
     ),
     "horizontal_distance": (
         {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _BEARING_DISTANCE},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|std|stdev"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_STANDARD_DEVIATION}"},
     ),
     "observations by type": (
         {
@@ -369,8 +370,11 @@ _QUADRANT = re.compile(
 """Bearings from north or south towards east or west (O: ouest, oeste)."""
 _PARTS_OF_QUADRANT = re.compile(r"ns d(?:eg\w*)? m(?:in\w*)? (?:s(?:ec\w*)? )?(?:ew|we)\b")
 """Headings of a quadrant bearing in columns of its own."""
-_VARIANCE = re.compile(r"(?:var(?:iance)?(?P<of>[a-z]?)|sigma(?P<behind>[xyz]?)(?:2|²|squared))")
-"""Headings of variances, perhaps of a coordinate."""
+_VARIANCE = re.compile(
+    r"(?:var(?:iance)?(?P<of>[a-z]?)|sigma(?P<behind>[xyz]?)(?:2|²|squared)"
+    r"|(?P<before>dist|distance|dir|direction|hz|angle|dh|dz)var(?:iance)?)"
+)
+"""Headings of variances, perhaps of a coordinate or reading."""
 _HELD = re.compile(
     r"(?:is)?(?:fix|fixed|held|known|control|constrained|fasthold|fest|fijo|fixe)(?:1(?:free)?0)?(?P<axis>[xyzenhu]?)"
 )
@@ -561,8 +565,14 @@ def _tables(
     if "image" in full and "points" in full:
         place = header.index(kinds["points"]["id"])
         full["points"] = tuple({_cell(row, place): row for row in reversed(body)}.values())[::-1]
+    repeated = 0
+    for kind in full:
+        if kind.startswith("points") and len(kinds) == 1:
+            once = tuple(dict.fromkeys(full[kind]))
+            full[kind], repeated = once, len(full[kind]) - len(once)
     bare = sum(row not in kept for row in body)
     notes = (f"{_NO_READING}: {counted(bare, 'row')}",) if bare else ()
+    notes += (f"points given twice alike: {counted(repeated, 'row')}",) if repeated else ()
     notes += (f"rows without a target: {counted(nameless, 'row')}",) if nameless else ()
     used = {cell for columns in kinds.values() for cell in columns.values()}
     if twice := sorted(cell for cell in used if header.count(cell) > 1):
@@ -1145,7 +1155,7 @@ def _with_sigmas(rows: _Cells) -> _Cells:
         others = {"sigma", "sigma1"}.intersection(names)
         if match and not others and all(_NUMBER.fullmatch(cell) and cell[0] != "-" for cell in cells if cell):
             roots = [f"{math.sqrt(float(cell)):.9g}" if cell else "" for cell in cells]
-            of = match["of"] or match["behind"] or ""
+            of = match["of"] or match["behind"] or match["before"] or ""
             rows = _replaced(rows, k, f"sigma_{of}" if of else "sigma", roots)
     kinds = _kinds(_named([cell.strip() for cell in header]))
     points = next((columns for kind, columns in kinds.items() if kind.startswith("points")), {})

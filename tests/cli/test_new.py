@@ -1169,3 +1169,22 @@ def test_directions_of_a_station_in_two_sheets_are_two_set_ups(tmp_path: Path) -
     first, second = recognise(_as_spreadsheet(tmp_path / "t.csv", *texts))
     assert first.texts("set") == [] and second.texts("set") == ["T", "T"]
     assert "stations that another sheet has too are set up once more: S" in second.notes
+
+
+@pytest.mark.parametrize(
+    ("heading", "cells", "sigma"),
+    [("distance,error", "10,0.003", "0.003"), ("distance,distvar", "10,0.000009", "0.003"), ("dh,err", "1,2", "2")],
+)
+def test_errors_and_variances_beside_readings_are_their_sigma(
+    tmp_path: Path, heading: str, cells: str, sigma: str
+) -> None:
+    (tmp_path / "t.csv").write_text(f"from,to,{heading}\nA,B,{cells}\n")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert table.texts("sigma") == [sigma]
+
+
+def test_a_point_given_twice_alike_is_one(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("id,x,y,z\nA,1,2,3\nB,4,5,6\nA,1,2,3\n")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert table.texts("id") == ["A", "B"]
+    assert "points given twice alike: 1 row" in table.notes
