@@ -29,28 +29,38 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 _FROM = (
     "from|von|fra|fran|start|anfang|pointa|frompoint|fromstation|fromstn|punkta|p1|station|stn|sta|standpunkt|stand|at"
     "|instrument|occ|occupied|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt"
-    "|instrumentenstandpunkt|setup|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion|estacao|stazione|st|est|punktodstania|stanowisko"
+    "|instrumentenstandpunkt|setup|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion"
+    "|estacao|stazione|st|est|punktodstania|stanowisko"
+    "|od|de|desde|da|durulannokta|istasyon|baslangıc|станция|точкастояния|от|dari|titikalat|titikdiri|alat"
 )
 _TO = (
-    "to|nach|til|till|end|ende|pointb|topoint|tostn|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
-    "|obj|object|objectsighted|targetpoint|pointvise|ptvise|vise|visee|pointobserve|cible|puntovisado|ptovisado|visado|puntoobservado|observado"
+    "to|nach|til|till|end|ende|pointb|topoint|tostn|punktb|p2|target|ziel|zielpunkt|sighted|foresight"
+    "|tostation|targetid|targetname"
+    "|obj|object|objectsighted|targetpoint|pointvise|ptvise|vise|visee|pointobserve|cible|puntovisado"
+    "|ptovisado|visado|puntoobservado|observado"
     "|pv|pontovisado|pontoobservado|puntobattuto|battuto|puntocollimato|collimato|zielpunktnr|zielnr|cel"
     "|secondpoint|secondpointnumber|ciel|cil"
+    "|do|vers|hacia|hasta|a|bakılannokta|bitis|цель|визирнаяцель|точкавизирования|до|ke|titiktarget|titiktujuan"
 )
 _POINT = (
-    "point|pointid|pt|ptid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
+    "point|pointid|pt|ptid|pnt|pntid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
     "|ptno|ptnr|ptname|pnr|pointno|pointnr|pointname|pointnumber|punktname|gcpid|gcpname|gcplabel|markerid|markername"
-    "|idgcp|idtie|idpoint|idmarker|matricule|nom|npoint|numero|punto|nopunto|ponto|nomepunto|nombre|npunto|nombrepunto|pto"
+    "|idgcp|idtie|idpoint|idmarker|matricule|nom|npoint|numero|punto|nopunto|ponto|nomepunto|nombre|npunto"
+    "|nombrepunto|pto"
+    "|nrpunktu|numerpunktu|nazwapunktu|nokta|noktano|noktaadı|точка|номерточки|имяточки|titik|notitik|namatitik"
 )
 _HEIGHTS = {
     "from_height": "fromheight|ih|hi|instrumentheight|instrheight|geraetehoehe|instrumentenhoehe|standhoehe|hinst"
     "|heightofinstrument|instrumenthoehe|kippachsenhoehe|instrht|insth|hauteurinstrument|hauteurappareil|hauteurstation"
     "|alturainstrumento|alturadelinstrumento|alturadoinstrumento|altinstrumento|altinst|ai|altezzastrumentale"
-    "|altezzastrumento|altstrum",
+    "|altezzastrumento|altstrum"
+    "|wysokoscinstrumentu|aletyueksekligi|высотаинструмента|высотаприбора|tinggialat",
     "to_height": "toheight|th|ht|hr|targetheight|prismheight|reflectorheight|rodheight|zielhoehe|reflektorhoehe|rh"
     "|heightoftarget|poleheight|prismenhoehe|spiegelhoehe|tafelhoehe|hp|hv|hauteurprisme|hauteurvoyant|hauteurcible"
     "|hauteurreflecteur|alturaprisma|alturadelprisma|alturadoprisma|altprisma|ap|alturajalon|alturaobjetivo|alturasinal"
-    "|altezzaprisma|altprisma|altezzamira|reflht|rodht|targetht|prismht",
+    "|altezzaprisma|altprisma|altezzamira|reflht|rodht|targetht|prismht"
+    "|wysokosccelu|wysokosclustra|reflektoeryueksekligi|hedefyueksekligi|высотацели|высотаотражателя"
+    "|tinggitarget|tinggiprisma",
 }
 _SIGHT = {
     "station_height": f"fromheight|{_HEIGHTS['from_height']}",
@@ -66,33 +76,48 @@ def _precisions(names: str) -> str:
     return "|".join(text for name, word in pairs for text in (f"{word}{name}", f"{name}{word}"))
 
 
-_IMAGE = "image|imageid|imagename|photo|photoid|bild|foto|idimg|idimage|idphoto"
+_IMAGE = "bildname|bildnr|image|imageid|imagename|photo|photoid|bild|foto|idimg|idimage|idphoto"
 _STANDARD_DEVIATION = "std|stdev|stddev|standarddeviation|err|error|uncertainty|precision"
 _BETWEEN = {**_HEIGHTS, "sigma": _STANDARD_DEVIATION, "epoch": "epoch|epoche"}
-_LENGTHS = "laenge|linelength|length|distance|dist|strecke|d"
+_LENGTHS = (
+    "laenge|linelength|length|distance|dist|strecke|d|distancia|longitud|longueur|distanza|długosc|odległosc"
+    "|mesafe|uzunluk"
+    "|расстояние|длина|jarak"
+)
 """Names of a distance that beside a height difference is the length of a levelling line."""
 _DISTANCE = (
     "distance|length|dist|strecke|sd|ds|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke|schraegdistanz"
     "|distanz|di|dp|distanceinclinee|distinclinee|distancepente|distanciainclinada|distinclinada|distanciageometrica"
     "|distancia|distanzainclinata|distinclinata|distanza"
+    "|odległoscskosna|odległosc|długosc|egikmesafe|egikuzunluk|mesafe|наклонноерасстояние|расстояние|длина"
+    "|jarakmiring|jarak"
 )
 _PLAN_DISTANCE = (
-    "hd|horizontaldistance|horizdistance|horizontaldist|horizdist|hordist|hdist|hdistance|plandistance|horizontalstrecke"
-    "|horizontaldistanz|distancehorizontale|disthorizontale|disthoriz|distanciahorizontal|disthorizontal|distanciareducida"
+    "hd|horizontaldistance|horizdistance|horizontaldist|horizdist|hordist|hdist|hdistance|plandistance"
+    "|horizontalstrecke"
+    "|horizontaldistanz|distancehorizontale|disthorizontale|disthoriz|distanciahorizontal|disthorizontal"
+    "|distanciareducida"
     "|distanzaorizzontale|distorizzontale"
+    "|odległoscpozioma|yataymesafe|yatayuzunluk|горизонтальноепроложение|горизонтальноерасстояние"
+    "|jarakhorizontal|jarakdatar"
 )
 _BEARING = (
-    "bearing|azimuth|azimut|richtungswinkel|az|azi|brg|wcb|wholecirclebearing|quadrantbearing|reducedbearing|qb|rb|course"
+    "bearing|azimuth|azimut|richtungswinkel|az|azi|brg|wcb|wholecirclebearing|quadrantbearing|reducedbearing"
+    "|qb|rb|course"
     "|forebearing|forwardbearing|gisement|acimut|azimute|rumbo|rumo"
+    "|azymut|semt|acıklıkacısı|азимут|дирекционныиугол"
 )
 _BEARING_DISTANCE = f"{_PLAN_DISTANCE}|distance|length|dist|strecke|distancia|distanza|d"
 """Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
 _HORIZONTAL = (
     "horizontal|hz|ha|dir|hdir|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
-    "|horreading|horizreading|hzreading|hreading|horrdg|hrdg|hzrichtung|horizontalrichtung|horizangle|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
+    "|horreading|horizreading|hzreading|hreading|horrdg|hrdg|hzrichtung|horizontalrichtung|horizangle|har"
+    "|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
     "|hzwinkel|horizontalkreis|anglehorizontal|anglehz|ah|lecturehorizontale|lecturehz|lecture|lectureazimutale"
     "|angulohorizontal|anghorizontal|anghz|lecturahorizontal|leiturahorizontal|acimutal|angolorizzontale"
     "|angoloorizzontale|cerchioorizzontale|letturaorizzontale|letturaazimutale"
+    "|kierunek|kierunekpoziomy|katpoziomy|yatayacı|yataydogrultu|dogrultu|горизонтальныиугол"
+    "|горизонтальноенаправление|направление|suduthorizontal|sudutmendatar"
 )
 _ZENITH = (
     "zenith|zeta|v|za|zen|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
@@ -100,6 +125,8 @@ _ZENITH = (
     "|vwinkel|vertikalkreis|zenithwinkel|anglevertical|anglev|av|anglezenithal|distancezenithale|lectureverticale"
     "|lecturezenithale|angulovertical|angvertical|angulocenital|cenital|distanciacenital|lecturavertical"
     "|leituravertical|angulozenital|zenital|angoloverticale|angolozenitale|cerchioverticale|zenitale"
+    "|katzenitalny|katpionowy|dueseyacı|zenitacısı|вертикальныиугол|зенитныиугол|зенитноерасстояние"
+    "|sudutvertikal|sudutzenit"
 )
 _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
 """Kind and column of vertical circles that read elevations, whose columns have the same names."""
@@ -110,7 +137,8 @@ _POINTS = {
     "|este|est|coordx",
     "y": "y|y0|yo|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy|pointy"
     "|norte|coordy",
-    "z": "z|z0|zo|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|pointz|rl"
+    "z": "z|z0|zo|zaltitude|h|height|wysokosc|yuekseklik|kot|высота|отметка|tinggi|elevasi|elevation|elev|el"
+    "|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|pointz|rl"
     "|reducedlevel|reducelevel|kote|cota|quota|elevacion|altitud|coordz",
 }
 _AXES = {"x": "xe", "y": "yn", "z": "zhu"}
@@ -133,16 +161,21 @@ _NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", 
 _MIDDLE = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") for hair in ("hair", "wire", ""))
 """Names of the hair that is the reading, behind the name of the reading."""
 _BACK = (
-    "back|backsight|bs|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar|arriere|lecturearriere"
+    "back|backsight|bs|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar"
+    "|arriere|lecturearriere"
     "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
+    "|wstecz|odczytwstecz|geri|geriokuma|назад|отсчетназад|belakang|bacaanbelakang"
 )
 _BETWEEN_READINGS = (
-    "between|is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia|intermediaire|vistaintermedia"
+    "between|is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia|intermediaire"
+    "|vistaintermedia"
     "|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio"
 )
 _FORE = (
-    "fore|foresight|fs|forereading|fsreading|fsreadings|foresightreading|vorblick|vor|vorwaerts|av|avant|lectureavant|lectav"
+    "fore|foresight|fs|forereading|fsreading|fsreadings|foresightreading|vorblick|vor|vorwaerts|av|avant"
+    "|lectureavant|lectav"
     "|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
+    "|wprzod|odczytwprzod|ileri|ileriokuma|вперед|отсчетвперед|muka|bacaanmuka"
 )
 _STAFF_DISTANCES = {
     "back_distance": "bsdistance|bsdist|distancebs|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz"
@@ -248,7 +281,8 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "from": _FROM,
             "to": _TO,
             "dz": "dz|dh|lv|deltah|deltaz|heightdifference|heightdiff|hdiff|hoehenunterschied|denivelee|desnivel"
-            "|dislivello",
+            "|dislivello"
+            "|przewyzszenie|roznicawysokosci|yuekseklikfarkı|kotfarkı|превышение|bedatinggi",
         },
         {
             "sigma": f"{_precisions('dz|dh|hdiff')}|calcerr|{_STANDARD_DEVIATION}",
@@ -383,7 +417,10 @@ _YES = {"true", "yes", "y", "1", "fix", "fixed", "held", "known", "control", "x"
 _NO = {"", "false", "no", "n", "0", "free", "unknown", "new", "nein", "falsch", "non", "faux", "-"}
 _FACES = {"": "", "1": "1", "2": "2"} | {
     word: face
-    for face, words in (("1", "l|left|fl|faceleft|cl|i|d|direct|links"), ("2", "r|right|fr|faceright|cr|ii|reverse|rechts"))
+    for face, words in (
+        ("1", "l|left|fl|faceleft|cl|i|d|direct|links"),
+        ("2", "r|right|fr|faceright|cr|ii|reverse|rechts"),
+    )
     for word in words.split("|")
 }
 """Faces of an instrument by their names."""

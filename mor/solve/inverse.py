@@ -141,18 +141,7 @@ def invert(
     share = np.einsum("kw,kw->w", vectors, Y[anchors] @ vectors)
     directions = full @ vectors
     weak = directions[:, ~is_null] * np.sqrt(share[~is_null] / eigenvalues[~is_null])
-    null = _refined(plan, values, factor, scale, directions[:, is_null])
-    return Inverse(plan, values, factor, scale, null, weak)
-
-
-def _refined(plan: Plan, values: Values, factor: Factor, scale: FloatArray, null: FloatArray) -> FloatArray:
-    """Null vectors G (u, d) less N'⁻¹NG: errors of the factorisation that move points seen under a narrow angle."""
-    if null.shape[1] == 0:
-        return null
-    below, alone = reduce_right_hand_side(plan, values, normal_product(plan, values, null))
-    error = full_directions(plan, values, scale[:, None] * factor.solve(scale[:, None] * below))
-    error[plan.rays.columns] += alone
-    return null - error
+    return Inverse(plan, values, factor, scale, directions[:, is_null], weak)
 
 
 def invert_alike(plan: Plan, normals: NormalEquations, values: Values, anchors: IntArray) -> Inverse:

@@ -1167,7 +1167,7 @@ def test_a_closed_traverse_above_its_computation(tmp_path: Path) -> None:
 def test_directions_of_a_station_in_two_sheets_are_two_set_ups(tmp_path: Path) -> None:
     texts = (f"station;to;Hz\nS;A;{hz}\nS;B;{hz + 50}\n" for hz in (10, 30))
     first, second = recognise(_as_spreadsheet(tmp_path / "t.csv", *texts))
-    assert first.texts("set") == [] and second.texts("set") == ["T", "T"]
+    assert (first.texts("set"), second.texts("set")) == ([], ["T", "T"])
     assert "stations that another sheet has too are set up once more: S" in second.notes
 
 
@@ -1188,3 +1188,37 @@ def test_a_point_given_twice_alike_is_one(tmp_path: Path) -> None:
     (table,) = recognise(tmp_path / "t.csv")
     assert table.texts("id") == ["A", "B"]
     assert "points given twice alike: 1 row" in table.notes
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        "Stanowisko;Cel;Kierunek;Kąt zenitalny;Odległość skośna;Wysokość instrumentu;Wysokość celu",
+        "Станция;Цель;Горизонтальный угол;Зенитное расстояние;Наклонное расстояние;Высота инструмента;Высота цели",
+        "Durulan Nokta;Bakılan Nokta;Yatay Açı;Düşey Açı;Eğik Mesafe;Alet Yüksekliği;Hedef Yüksekliği",
+        "Titik Alat;Titik Target;Sudut Horizontal;Sudut Vertikal;Jarak Miring;Tinggi Alat;Tinggi Target",
+    ],
+)
+def test_sights_in_other_languages(tmp_path: Path, heading: str) -> None:
+    (tmp_path / "t.csv").write_text(f"{heading}\n1;2;0,5;99,8;123,4;1,5;1,6\n1;3;101,2;100,1;98,7;1,5;1,6\n", "utf-8")
+    directions, distances = recognise(tmp_path / "t.csv")
+    assert directions.kind == "zenith_directions"
+    assert [directions.numbers(name)[0] for name in ("horizontal", "zenith", "station_height", "to_height")] == [
+        *(0.5, 99.8, 1.5, 1.6)
+    ]
+    assert distances.numbers("distance") == [123.4, 98.7]
+    assert not directions.unused
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        *("De;Vers;Dénivelée;Distance", "De;Hacia;Desnivel;Distancia", "Od;Do;Przewyższenie;Długość"),
+        *("От;До;Превышение;Расстояние", "Başlangıç;Bitiş;Yükseklik Farkı;Mesafe", "Dari;Ke;Beda Tinggi;Jarak"),
+    ],
+)
+def test_levelling_in_other_languages(tmp_path: Path, heading: str) -> None:
+    (tmp_path / "t.csv").write_text(f"{heading}\nR1;R2;1,25;0,5\nR2;R3;-0,25;0,7\n", "utf-8")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert table.kind == "height_difference"
+    assert (table.numbers("dz"), table.numbers("length")) == ([1.25, -0.25], [0.5, 0.7])
