@@ -608,7 +608,7 @@ def _tables(
             once = tuple(dict.fromkeys(full[kind]))
             full[kind], repeated = once, len(full[kind]) - len(once)
     bare = sum(row not in kept for row in body)
-    notes = (f"{_NO_READING}: {counted(bare, 'row')}",) if bare else ()
+    notes: tuple[str, ...] = (f"{_NO_READING}: {counted(bare, 'row')}",) if bare else ()
     notes += (f"points given twice alike: {counted(repeated, 'row')}",) if repeated else ()
     notes += (f"rows without a target: {counted(nameless, 'row')}",) if nameless else ()
     used = {cell for columns in kinds.values() for cell in columns.values()}
@@ -973,15 +973,16 @@ def _first_table(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
         return rows, ()
     header, body, notes = tuple(cell.strip() for cell in rows[start]), rows[start + 1 :], list[str]()
     kinds = _kinds(_named(header))
-    used = {cell for columns in kinds.values() for cell in columns.values()}
-    headings = [k for k, row in enumerate(body) if _is_heading(row) and _fits(row)]
-    others = [k for k in headings if any(_cell(body[k], j) != cell for j, cell in enumerate(header) if cell in used)]
+    used = {cell for columns in kinds.values() for cell in columns.values()} or set(header)
+    again = [k for k, row in enumerate(body) if all(_cell(row, j) == c for j, c in enumerate(header) if c in used)]
+    bare = [k for k, row in enumerate(body) if not any(_NUMBER.fullmatch(cell.strip()) for cell in row)]
+    others = [k for k in bare if k not in again and _fits(body[k])]
     if others:
         names = ", ".join(filter(None, (cell.strip() for cell in body[others[0]])))
         notes.append(f"another table begins below (columns {names}): {counted(len(body) - others[0], 'row')} not read")
         body = body[: others[0]]
     if not any(kind.startswith("levelling") for kind in kinds):  # its rows have numbers
-        body = tuple(row for k, row in enumerate(body) if k not in headings)
+        body = tuple(row for k, row in enumerate(body) if k not in again)
     header, body = _with_joined_parts(header, body)
     if twice := sorted({cell for cell in header if cell and header.count(cell) > 1}):
         notes.append(f"column {', '.join(map(repr, twice))} is given twice: the first one is read")
@@ -1033,7 +1034,7 @@ def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
     named = _named(header)
     if not _kinds(named):
         return _with_stations(header, body) or rows, stated
-    columns = next(iter(_kinds(named).values()))
+    columns: Mapping[str, str] = next(iter(_kinds(named).values()))
     places = [header.index(columns[name]) for name in _STATION if name in columns]
     empty = [bool(places) and len(row) == len(header) and not row[places[0]].strip() for row in body]
     if not start and not stated and not any(empty[1:]):
