@@ -361,10 +361,9 @@ def _from_start_values(network: Network, watch: Watcher | None, plainly: bool = 
 
 
 def _mostly_left_out(network: Network) -> bool:
-    """True where more images and stations have been left out than are adjusted: the rest says nothing of the whole."""
-    of_kind = ("image", "station")
-    left = sum(thing.kind in of_kind and thing.treatment == "left out" for thing in network.undeterminable)
-    return 2 * left > sum(len(network.things[kind].ids) for kind in of_kind if kind in network.things)
+    """True where more images have been left out than are adjusted: the rest says nothing of the whole."""
+    left = sum(thing.kind == "image" and thing.treatment == "left out" for thing in network.undeterminable)
+    return 2 * left > len(network.things["image"].ids)
 
 
 def _problem_at(network: Network, values: Mapping[str, FloatArray]) -> Problem:
