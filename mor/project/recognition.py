@@ -605,7 +605,11 @@ def _tables(
     repeated = 0
     for kind in full:
         if kind.startswith("points") and len(kinds) == 1:
-            once = tuple(dict.fromkeys(full[kind]))
+            used_places = [header.index(cell) for cell in kinds[kind].values()]
+            by_content = dict[tuple[str, ...], tuple[str, ...]]()
+            for row in full[kind]:
+                by_content.setdefault(tuple(_cell(row, k) for k in used_places), row)
+            once = tuple(by_content.values())
             full[kind], repeated = once, len(full[kind]) - len(once)
     bare = sum(row not in kept for row in body)
     notes: tuple[str, ...] = (f"{_NO_READING}: {counted(bare, 'row')}",) if bare else ()

@@ -1184,9 +1184,9 @@ def test_errors_and_variances_beside_readings_are_their_sigma(
 
 
 def test_a_point_given_twice_alike_is_one(tmp_path: Path) -> None:
-    (tmp_path / "t.csv").write_text("id,x,y,z\nA,1,2,3\nB,4,5,6\nA,1,2,3\n")
+    (tmp_path / "t.csv").write_text("id,x,y,z,Note\nA,1,2,3,new\nB,4,5,6,\nA,1,2,3,old\nA,1,2,4,\n")
     (table,) = recognise(tmp_path / "t.csv")
-    assert table.texts("id") == ["A", "B"]
+    assert table.texts("id") == ["A", "B", "A"]
     assert "points given twice alike: 1 row" in table.notes
 
 
