@@ -339,6 +339,8 @@ def _from_start_values(network: Network, watch: Watcher | None, plainly: bool = 
         )
         network, attempt = adjust_determinable(whole, start, means)
     adjustment, notes = attempt.adjustment, []
+    if not adjustment.outcome.is_solution and _mostly_left_out(whole):
+        raise NoStartValuesError(whole.undeterminable, [])
     if attempt.note:
         notes.append(Message(attempt.note))
     bent = neglected_curvature(network, adjustment.values if adjustment.outcome.is_solution else start)
@@ -356,6 +358,12 @@ def _from_start_values(network: Network, watch: Watcher | None, plainly: bool = 
         marked = {kind: lost_blocks(blocks, kind, attempt.suspects.lost) for kind, blocks in network.blocks.items()}
         network = with_blocks_held(network, marked, things)
     return _Adjusted(whole, start, network, attempt)
+
+
+def _mostly_left_out(network: Network) -> bool:
+    """True where more images have been left out than are adjusted: the rest says nothing of the whole."""
+    left = sum(thing.kind == "image" and thing.treatment == "left out" for thing in network.undeterminable)
+    return 2 * left > len(network.things["image"].ids)
 
 
 def _problem_at(network: Network, values: Mapping[str, FloatArray]) -> Problem:

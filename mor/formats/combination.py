@@ -49,13 +49,24 @@ def combined(documents: Sequence[Document]) -> Document:
     they are left out, those of the first file only where another one has control. Raises :class:`InputError` if
     axes differ or two cameras share a name.
     """
-    whole, *others = (_opened(document) for document in documents)
+    whole, *others = (_opened(document) for document in _once(documents))
     for other in others:
         _add(whole, other)
     if whole.problems:
         raise InputError(whole.problems)
     notes = tuple(whole.notes)
     return Document(whole.data, whole.lines, whole.file, whole.files, notes, frames=whole.frames)
+
+
+def _once(documents: Sequence[Document]) -> list[Document]:
+    """The documents without those that say what an earlier one says: files that belong together were named each."""
+    kept, said = list[Document](), list[dict[str, Any]]()
+    for document in documents:
+        content = {section: document.data.get(section) for section in _SECTIONS}
+        if document.frames or content not in said:
+            kept.append(document)
+            said.append(content)
+    return kept
 
 
 def _opened(document: Document) -> _Project:

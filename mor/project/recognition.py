@@ -21,7 +21,7 @@ from mor.errors import InputError, Message, counted
 from mor.input_files import CODE_PAGES, TABLE, as_utf8, decoded, not_utf8, read_bytes
 from mor.project.document import LONGEST, guarded, plain
 from mor.project.levelling import ALONE, LevelledDifference, Levelling, StaffReading
-from mor.project.tables import is_spreadsheet, read_sheets, read_spreadsheet
+from mor.project.tables import is_spreadsheet, read_sheets, sheet_rows
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
 # ---- Recognise tables of measurements and coordinates by the names of their columns, to begin a project from them.
@@ -29,28 +29,38 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 _FROM = (
     "from|von|fra|fran|start|anfang|pointa|frompoint|fromstation|fromstn|punkta|p1|station|stn|sta|standpunkt|stand|at"
     "|instrument|occ|occupied|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt"
-    "|instrumentenstandpunkt|setup|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion|estacao|stazione|st|est|punktodstania|stanowisko"
+    "|instrumentenstandpunkt|setup|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion"
+    "|estacao|stazione|st|est|punktodstania|stanowisko"
+    "|od|de|desde|da|durulannokta|istasyon|baslangıc|станция|точкастояния|от|dari|titikalat|titikdiri|alat"
 )
 _TO = (
-    "to|nach|til|till|end|ende|pointb|topoint|tostn|punktb|p2|target|ziel|zielpunkt|sighted|foresight|tostation|targetid|targetname"
-    "|targetpoint|pointvise|ptvise|vise|visee|pointobserve|cible|puntovisado|ptovisado|visado|puntoobservado|observado"
+    "to|nach|til|till|end|ende|pointb|topoint|tostn|punktb|p2|target|ziel|zielpunkt|sighted|foresight"
+    "|tostation|targetid|targetname"
+    "|obj|object|objectsighted|targetpoint|pointvise|ptvise|vise|visee|pointobserve|cible|puntovisado"
+    "|ptovisado|visado|puntoobservado|observado"
     "|pv|pontovisado|pontoobservado|puntobattuto|battuto|puntocollimato|collimato|zielpunktnr|zielnr|cel"
     "|secondpoint|secondpointnumber|ciel|cil"
+    "|do|vers|hacia|hasta|a|bakılannokta|bitis|цель|визирнаяцель|точкавизирования|до|ke|titiktarget|titiktujuan"
 )
 _POINT = (
-    "point|pointid|pt|ptid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
+    "point|pointid|pt|ptid|pnt|pntid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
     "|ptno|ptnr|ptname|pnr|pointno|pointnr|pointname|pointnumber|punktname|gcpid|gcpname|gcplabel|markerid|markername"
-    "|idgcp|idtie|idpoint|idmarker|matricule|nom|npoint|numero|punto|nopunto|ponto|nomepunto|nombre|npunto|nombrepunto|pto"
+    "|idgcp|idtie|idpoint|idmarker|matricule|nom|npoint|numero|punto|nopunto|ponto|nomepunto|nombre|npunto"
+    "|nombrepunto|pto"
+    "|nrpunktu|numerpunktu|nazwapunktu|nokta|noktano|noktaadı|точка|номерточки|имяточки|titik|notitik|namatitik"
 )
 _HEIGHTS = {
     "from_height": "fromheight|ih|hi|instrumentheight|instrheight|geraetehoehe|instrumentenhoehe|standhoehe|hinst"
     "|heightofinstrument|instrumenthoehe|kippachsenhoehe|instrht|insth|hauteurinstrument|hauteurappareil|hauteurstation"
     "|alturainstrumento|alturadelinstrumento|alturadoinstrumento|altinstrumento|altinst|ai|altezzastrumentale"
-    "|altezzastrumento|altstrum",
+    "|altezzastrumento|altstrum"
+    "|wysokoscinstrumentu|aletyueksekligi|высотаинструмента|высотаприбора|tinggialat",
     "to_height": "toheight|th|ht|hr|targetheight|prismheight|reflectorheight|rodheight|zielhoehe|reflektorhoehe|rh"
     "|heightoftarget|poleheight|prismenhoehe|spiegelhoehe|tafelhoehe|hp|hv|hauteurprisme|hauteurvoyant|hauteurcible"
     "|hauteurreflecteur|alturaprisma|alturadelprisma|alturadoprisma|altprisma|ap|alturajalon|alturaobjetivo|alturasinal"
-    "|altezzaprisma|altprisma|altezzamira|reflht|rodht|targetht|prismht",
+    "|altezzaprisma|altprisma|altezzamira|reflht|rodht|targetht|prismht"
+    "|wysokosccelu|wysokosclustra|reflektoeryueksekligi|hedefyueksekligi|высотацели|высотаотражателя"
+    "|tinggitarget|tinggiprisma",
 }
 _SIGHT = {
     "station_height": f"fromheight|{_HEIGHTS['from_height']}",
@@ -66,32 +76,48 @@ def _precisions(names: str) -> str:
     return "|".join(text for name, word in pairs for text in (f"{word}{name}", f"{name}{word}"))
 
 
-_IMAGE = "image|imageid|imagename|photo|photoid|bild|foto|idimg|idimage|idphoto"
-_BETWEEN = {**_HEIGHTS, "sigma": "", "epoch": "epoch|epoche"}
-_LENGTHS = "laenge|linelength|length|distance|dist|strecke|d"
+_IMAGE = "bildname|bildnr|image|imageid|imagename|photo|photoid|bild|foto|idimg|idimage|idphoto"
+_STANDARD_DEVIATION = "std|stdev|stddev|standarddeviation|err|error|uncertainty|precision"
+_BETWEEN = {**_HEIGHTS, "sigma": _STANDARD_DEVIATION, "epoch": "epoch|epoche"}
+_LENGTHS = (
+    "laenge|linelength|length|distance|dist|strecke|d|distancia|longitud|longueur|distanza|długosc|odległosc"
+    "|mesafe|uzunluk"
+    "|расстояние|длина|jarak"
+)
 """Names of a distance that beside a height difference is the length of a levelling line."""
 _DISTANCE = (
     "distance|length|dist|strecke|sd|ds|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke|schraegdistanz"
     "|distanz|di|dp|distanceinclinee|distinclinee|distancepente|distanciainclinada|distinclinada|distanciageometrica"
     "|distancia|distanzainclinata|distinclinata|distanza"
+    "|odległoscskosna|odległosc|długosc|egikmesafe|egikuzunluk|mesafe|наклонноерасстояние|расстояние|длина"
+    "|jarakmiring|jarak"
 )
 _PLAN_DISTANCE = (
-    "hd|horizontaldistance|horizdistance|horizontaldist|horizdist|hordist|hdist|hdistance|plandistance|horizontalstrecke"
-    "|horizontaldistanz|distancehorizontale|disthorizontale|disthoriz|distanciahorizontal|disthorizontal|distanciareducida"
+    "hd|horizontaldistance|horizdistance|horizontaldist|horizdist|hordist|hdist|hdistance|plandistance"
+    "|horizontalstrecke"
+    "|horizontaldistanz|distancehorizontale|disthorizontale|disthoriz|distanciahorizontal|disthorizontal"
+    "|distanciareducida"
     "|distanzaorizzontale|distorizzontale"
+    "|odległoscpozioma|yataymesafe|yatayuzunluk|горизонтальноепроложение|горизонтальноерасстояние"
+    "|jarakhorizontal|jarakdatar"
 )
 _BEARING = (
-    "bearing|azimuth|azimut|richtungswinkel|az|azi|brg|wcb|wholecirclebearing|quadrantbearing|reducedbearing|qb|rb|course"
+    "bearing|azimuth|azimut|richtungswinkel|az|azi|brg|wcb|wholecirclebearing|quadrantbearing|reducedbearing"
+    "|qb|rb|course"
     "|forebearing|forwardbearing|gisement|acimut|azimute|rumbo|rumo"
+    "|azymut|semt|acıklıkacısı|азимут|дирекционныиугол"
 )
 _BEARING_DISTANCE = f"{_PLAN_DISTANCE}|distance|length|dist|strecke|distancia|distanza|d"
 """Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
 _HORIZONTAL = (
     "horizontal|hz|ha|dir|hdir|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
-    "|hzrichtung|horizontalrichtung|horizangle|har|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
+    "|horreading|horizreading|hzreading|hreading|horrdg|hrdg|hzrichtung|horizontalrichtung|horizangle|har"
+    "|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
     "|hzwinkel|horizontalkreis|anglehorizontal|anglehz|ah|lecturehorizontale|lecturehz|lecture|lectureazimutale"
     "|angulohorizontal|anghorizontal|anghz|lecturahorizontal|leiturahorizontal|acimutal|angolorizzontale"
     "|angoloorizzontale|cerchioorizzontale|letturaorizzontale|letturaazimutale"
+    "|kierunek|kierunekpoziomy|katpoziomy|yatayacı|yataydogrultu|dogrultu|горизонтальныиугол"
+    "|горизонтальноенаправление|направление|suduthorizontal|sudutmendatar"
 )
 _ZENITH = (
     "zenith|zeta|v|za|zen|vz|zd|zenithangle|zenithdistance|zenitwinkel|zenitdistanz|vangle|va|ze|zenit|verticalangle"
@@ -99,6 +125,8 @@ _ZENITH = (
     "|vwinkel|vertikalkreis|zenithwinkel|anglevertical|anglev|av|anglezenithal|distancezenithale|lectureverticale"
     "|lecturezenithale|angulovertical|angvertical|angulocenital|cenital|distanciacenital|lecturavertical"
     "|leituravertical|angulozenital|zenital|angoloverticale|angolozenitale|cerchioverticale|zenitale"
+    "|katzenitalny|katpionowy|dueseyacı|zenitacısı|вертикальныиугол|зенитныиугол|зенитноерасстояние"
+    "|sudutvertikal|sudutzenit"
 )
 _ELEVATIONS = {"zenith_directions": ("directions", "vertical"), "zenith_angle": ("vertical_direction",) * 2}
 """Kind and column of vertical circles that read elevations, whose columns have the same names."""
@@ -109,7 +137,8 @@ _POINTS = {
     "|este|est|coordx",
     "y": "y|y0|yo|ynorthing|n|north|northing|northings|hoch|hochwert|nord|nordwert|ygcp|ycoord|ycoordinate|mapy|pointy"
     "|norte|coordy",
-    "z": "z|z0|zo|zaltitude|h|height|elevation|elev|el|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|pointz|rl"
+    "z": "z|z0|zo|zaltitude|h|height|wysokosc|yuekseklik|kot|высота|отметка|tinggi|elevasi|elevation|elev|el"
+    "|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|pointz|rl"
     "|reducedlevel|reducelevel|kote|cota|quota|elevacion|altitud|coordz",
 }
 _AXES = {"x": "xe", "y": "yn", "z": "zhu"}
@@ -132,16 +161,21 @@ _NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", 
 _MIDDLE = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") for hair in ("hair", "wire", ""))
 """Names of the hair that is the reading, behind the name of the reading."""
 _BACK = (
-    "back|backsight|bs|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar|arriere|lecturearriere"
+    "back|backsight|bs|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar"
+    "|arriere|lecturearriere"
     "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
+    "|wstecz|odczytwstecz|geri|geriokuma|назад|отсчетназад|belakang|bacaanbelakang"
 )
 _BETWEEN_READINGS = (
-    "between|is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia|intermediaire|vistaintermedia"
+    "between|is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia|intermediaire"
+    "|vistaintermedia"
     "|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio"
 )
 _FORE = (
-    "fore|foresight|fs|forereading|fsreading|fsreadings|foresightreading|vorblick|vor|vorwaerts|av|avant|lectureavant|lectav"
+    "fore|foresight|fs|forereading|fsreading|fsreadings|foresightreading|vorblick|vor|vorwaerts|av|avant"
+    "|lectureavant|lectav"
     "|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
+    "|wprzod|odczytwprzod|ileri|ileriokuma|вперед|отсчетвперед|muka|bacaanmuka"
 )
 _STAFF_DISTANCES = {
     "back_distance": "bsdistance|bsdist|distancebs|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz"
@@ -179,7 +213,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "directions": (
         {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": _HORIZONTAL},
-        {**_SIGHT, "sigma": _precisions("dir|direction|hz")},
+        {**_SIGHT, "sigma": f"{_precisions('dir|direction|hz')}|{_STANDARD_DEVIATION}"},
     ),
     "angle": (
         {
@@ -188,7 +222,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
             "to": "to|nach|foresight|fs|topoint|tostation|secondpoint",
             "angle": "angle|ang|winkel|angleright|horizontalangle",
         },
-        {**_BETWEEN, "at_height": "ih|hi", "sigma": _precisions("angle")},
+        {**_BETWEEN, "at_height": "ih|hi", "sigma": f"{_precisions('angle')}|{_STANDARD_DEVIATION}"},
     ),
     "levelling between points": (
         {
@@ -240,24 +274,25 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "vertical_direction": ({"from": _FROM, "to": _TO, "vertical_direction": ""}, _BETWEEN),
     "distance": (
         {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _DISTANCE},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|std|stdev"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_STANDARD_DEVIATION}"},
     ),
     "height_difference": (
         {
             "from": _FROM,
             "to": _TO,
             "dz": "dz|dh|lv|deltah|deltaz|heightdifference|heightdiff|hdiff|hoehenunterschied|denivelee|desnivel"
-            "|dislivello",
+            "|dislivello"
+            "|przewyzszenie|roznicawysokosci|yuekseklikfarkı|kotfarkı|превышение|bedatinggi",
         },
         {
-            "sigma": f"{_precisions('dz|dh|hdiff')}|std|stdev|calcerr",
+            "sigma": f"{_precisions('dz|dh|hdiff')}|calcerr|{_STANDARD_DEVIATION}",
             "length": f"km|lengthkm|l|{_LENGTHS}",
             "epoch": "epoch|epoche",
         },
     ),
     "horizontal_distance": (
         {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _BEARING_DISTANCE},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|std|stdev"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_STANDARD_DEVIATION}"},
     ),
     "observations by type": (
         {
@@ -369,14 +404,26 @@ _QUADRANT = re.compile(
 """Bearings from north or south towards east or west (O: ouest, oeste)."""
 _PARTS_OF_QUADRANT = re.compile(r"ns d(?:eg\w*)? m(?:in\w*)? (?:s(?:ec\w*)? )?(?:ew|we)\b")
 """Headings of a quadrant bearing in columns of its own."""
-_VARIANCE = re.compile(r"(?:var(?:iance)?(?P<of>[a-z]?)|sigma(?P<behind>[xyz]?)(?:2|²|squared))")
-"""Headings of variances, perhaps of a coordinate."""
+_VARIANCE = re.compile(
+    r"(?:var(?:iance)?(?P<of>[a-z]?)|sigma(?P<behind>[xyz]?)(?:2|²|squared)"
+    r"|(?P<before>dist|distance|dir|direction|hz|angle|dh|dz)var(?:iance)?)"
+)
+"""Headings of variances, perhaps of a coordinate or reading."""
 _HELD = re.compile(
     r"(?:is)?(?:fix|fixed|held|known|control|constrained|fasthold|fest|fijo|fixe)(?:1(?:free)?0)?(?P<axis>[xyzenhu]?)"
 )
 """Headings of columns that say whether a point, or a coordinate of it, is fixed."""
 _YES = {"true", "yes", "y", "1", "fix", "fixed", "held", "known", "control", "x", "ja", "wahr", "si", "oui", "vrai"}
 _NO = {"", "false", "no", "n", "0", "free", "unknown", "new", "nein", "falsch", "non", "faux", "-"}
+_FACES = {"": "", "1": "1", "2": "2"} | {
+    word: face
+    for face, words in (
+        ("1", "l|left|fl|faceleft|cl|i|d|direct|links"),
+        ("2", "r|right|fr|faceright|cr|ii|reverse|rechts"),
+    )
+    for word in words.split("|")
+}
+"""Faces of an instrument by their names."""
 _JOINS = re.compile(r"\s*(?:->|[-–—→/:>]|\bto\b)\s*")
 _ANGLES = ("horizontal", "zenith", "angle", "bearing", "zenith_angle", "vertical_direction")
 """Columns that may hold degrees, minutes and seconds."""
@@ -463,19 +510,40 @@ def recognise(path: Path) -> list[Found]:
             mistakes += [Message(f"sheet {name}: {mistake.message}", str(path)) for mistake in error.problems]
     if not found:
         raise InputError(mistakes)
-    return found
+    return _with_sheets_apart(found)
+
+
+def _with_sheets_apart(tables: list[Found]) -> list[Found]:
+    """The tables with other names of sets where a station has directions in an earlier sheet as well."""
+    seen, apart = dict[str, str](), list[Found]()
+    for table in tables:
+        own = dict.fromkeys(table.texts("station")) if "horizontal" in table.columns else {}
+        again = {name for name in own if seen.setdefault(name, table.sheet) != table.sheet}
+        if again:
+            place = table.header.index(table.columns["station"])
+            header = table.header if "set" in table.columns else (*table.header, "set")
+            k = header.index(table.columns.get("set", "set"))
+            full = [(*row, *[""] * (len(header) - len(row))) for row in table.rows]
+            names = [f"{row[k]} {table.sheet}".strip() if _cell(row, place) in again else row[k] for row in full]
+            rows = tuple((*row[:k], name, *row[k + 1 :]) for row, name in zip(full, names, strict=True))
+            columns = {**table.columns, "set": header[k]}
+            words = f"stations that another sheet has too are set up once more: {', '.join(sorted(again))}"
+            table = table._replace(header=header, rows=rows, columns=columns, part=table.part or table.kind)
+            table = table._replace(tidied=True, notes=(*table.notes, words))
+        apart.append(table)
+    return apart
 
 
 def _recognise(path: Path, sheet: str | None) -> list[Found]:
     delimiter, read, above, encoding = _cells(path, sheet)
     width = max((k for row in read for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
     blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in read)
-    blank = _without_index(blank)
+    blank, more = _first_table(_without_index(blank))
     tidy, stated = _tidied(_with_whole_angles(tuple(map(_with_hairs, blank[:_TITLES])) + blank[_TITLES:]))
     tidy, wires = _with_whole_readings(tidy)
-    tidy, zeros = _without_zeros(_with_sigmas(tidy))
+    tidy, zeros = _without_zeros(_with_faces(_with_sigmas(tidy)))
     tidy, alone = _with_station(tidy)
-    encoded = ((not_utf8(encoding),) if encoding in CODE_PAGES else ()) + wires + zeros + alone
+    encoded = ((not_utf8(encoding),) if encoding in CODE_PAGES else ()) + more + wires + zeros + alone
     parts = _parts(tidy, path)
     return [
         table._replace(
@@ -493,7 +561,7 @@ def _tables(
 ) -> list[Found]:
     """Tables of every kind in the rows. ``read``: those of the file."""
     header = tuple(cell.strip() for cell in rows[0]) if rows else ()
-    has_header = bool(header) and not any(_NUMBER.fullmatch(cell) for cell in header)
+    has_header = bool(header) and _is_heading(header)
     if not has_header and len(above) == len(header) and _kinds(_named(above)):
         header = above
     elif not has_header:
@@ -524,18 +592,33 @@ def _tables(
         raise InputError(
             [Message(f"unknown kind of table: found the columns {', '.join(header)}; {_known()}", str(path), 1)]
         )
-    body = rows[has_header:]
+    body, nameless = rows[has_header:], 0
+    if target := next((columns["to"] for kind, columns in kinds.items() if kind in _SIGMA and "to" in columns), ""):
+        place = header.index(target)
+        named_rows = tuple(row for row in body if len(row) <= place or row[place].strip())
+        body, nameless = named_rows, len(body) - len(named_rows)
     full = {kind: _with_readings(body, kind, columns, header) for kind, columns in kinds.items()}
     kept = {row for rows_of_kind in full.values() for row in rows_of_kind}
     if "image" in full and "points" in full:
         place = header.index(kinds["points"]["id"])
         full["points"] = tuple({_cell(row, place): row for row in reversed(body)}.values())[::-1]
+    repeated = 0
+    for kind in full:
+        if kind.startswith("points") and len(kinds) == 1:
+            used_places = [header.index(cell) for cell in kinds[kind].values()]
+            by_content = dict[tuple[str, ...], tuple[str, ...]]()
+            for row in full[kind]:
+                by_content.setdefault(tuple(_cell(row, k) for k in used_places), row)
+            once = tuple(by_content.values())
+            full[kind], repeated = once, len(full[kind]) - len(once)
     bare = sum(row not in kept for row in body)
-    notes = (f"{_NO_READING}: {counted(bare, 'row')}",) if bare else ()
+    notes: tuple[str, ...] = (f"{_NO_READING}: {counted(bare, 'row')}",) if bare else ()
+    notes += (f"points given twice alike: {counted(repeated, 'row')}",) if repeated else ()
+    notes += (f"rows without a target: {counted(nameless, 'row')}",) if nameless else ()
     used = {cell for columns in kinds.values() for cell in columns.values()}
     if twice := sorted(cell for cell in used if header.count(cell) > 1):
         raise InputError([Message(f"column {', '.join(map(repr, twice))} is given twice", str(path))])
-    unused = tuple(cell for cell in header if cell not in used)
+    unused = tuple(cell for cell in header if cell and cell not in used and not _PLACEHOLDER.fullmatch(cell))
     units = {**{cell: unit for cell, _, unit in named if unit}, **stated}
     decimal_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row)
     found = [
@@ -611,6 +694,12 @@ def _with_both_ends(
     bearing, distance = header.index(columns["bearing"]), header.index(columns["distance"])
     # A row with a distance alone is a sum.
     named = [row for row in body if _cell(row, place) and (_cell(row, bearing) or not _cell(row, distance))]
+    named = [row for row in named if not _TOTAL.match(_cell(row, place))]
+    again = [k for k, row in enumerate(named) if k > 1 and _cell(row, place) == _cell(named[0], place)]
+    # A closed traverse that ends where it began may have the first bearing once more there, and remarks below.
+    if again and not any(_cell(row, distance) for row in named[again[-1] :]) and "leg" not in columns:
+        end = named[again[-1]]
+        named = [*named[: again[-1]], (*end[:bearing], "", *end[bearing + 1 :])]
     legs = [row for row in named if _cell(row, bearing)]
     names, notes = [_cell(row, place) for row in named], list[str]()
     if "leg" in columns:
@@ -881,6 +970,51 @@ def _without_index(rows: _Cells) -> _Cells:
     return (header, *(row[1:] for row in below))
 
 
+def _first_table(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
+    """Rows up to the heading of another table, each column once, angles in one column; and notes on the rest."""
+    start = next((k for k, row in enumerate(rows[:_TITLES]) if _fits(row)), None)
+    if start is None:
+        return rows, ()
+    header, body, notes = tuple(cell.strip() for cell in rows[start]), rows[start + 1 :], list[str]()
+    kinds = _kinds(_named(header))
+    used = {cell for columns in kinds.values() for cell in columns.values()} or set(header)
+    again = [k for k, row in enumerate(body) if all(_cell(row, j) == c for j, c in enumerate(header) if c in used)]
+    bare = [k for k, row in enumerate(body) if not any(_NUMBER.fullmatch(cell.strip()) for cell in row)]
+    others = [k for k in bare if k not in again and _fits(body[k])]
+    if others:
+        names = ", ".join(filter(None, (cell.strip() for cell in body[others[0]])))
+        notes.append(f"another table begins below (columns {names}): {counted(len(body) - others[0], 'row')} not read")
+        body = body[: others[0]]
+    if not any(kind.startswith("levelling") for kind in kinds):  # its rows have numbers
+        body = tuple(row for k, row in enumerate(body) if k not in again)
+    header, body = _with_joined_parts(header, body)
+    if twice := sorted({cell for cell in header if cell and header.count(cell) > 1}):
+        notes.append(f"column {', '.join(map(repr, twice))} is given twice: the first one is read")
+        keep = [k for k, cell in enumerate(header) if not cell or cell not in header[:k]]
+        header, body = tuple(header[k] for k in keep), tuple(tuple(_cell(row, k) for k in keep) for row in body)
+    return (*rows[:start], header, *body), tuple(notes)
+
+
+def _with_joined_parts(header: tuple[str, ...], body: _Cells) -> tuple[tuple[str, ...], _Cells]:
+    """Degrees, minutes and seconds below one heading, with two columns beside it that have none, as one column."""
+    for k in range(len(header) - 2):
+        if not header[k] or not all(not cell or _PLACEHOLDER.fullmatch(cell) for cell in header[k + 1 : k + 3]):
+            continue
+        cells = [[_whole(_cell(row, j)) for j in (k, k + 1, k + 2)] for row in body]
+        parts = [[cell or "0" for cell in three] if three[0] else three for three in cells]
+        if sum(map(all, cells)) > 1 and all(map(_is_sexagesimal, parts)):
+            angles = ("-".join(three) if any(three) else "" for three in parts)
+            below = tuple((*row[:k], angle, *row[k + 3 :]) for row, angle in zip(body, angles, strict=True))
+            return _with_joined_parts((*header[: k + 1], *header[k + 3 :]), below)
+    return header, body
+
+
+def _is_heading(row: Sequence[str]) -> bool:
+    """Return whether no cell is a number, or few beside the names of the columns of a known table."""
+    numbers = sum(bool(_NUMBER.fullmatch(cell.strip())) for cell in row)
+    return not numbers or (3 * numbers < sum(bool(cell.strip()) for cell in row) and _fits(row))
+
+
 def _fits(header: Sequence[str]) -> bool:
     """Return whether a row has the columns of a known table, perhaps of one with stations in rows of their own."""
     named = _named([cell.strip() for cell in header])
@@ -904,16 +1038,45 @@ def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
     named = _named(header)
     if not _kinds(named):
         return _with_stations(header, body) or rows, stated
-    columns = next(iter(_kinds(named).values()))
+    columns: Mapping[str, str] = next(iter(_kinds(named).values()))
     places = [header.index(columns[name]) for name in _STATION if name in columns]
     empty = [bool(places) and len(row) == len(header) and not row[places[0]].strip() for row in body]
     if not start and not stated and not any(empty[1:]):
         return rows, {}
     filled: list[tuple[str, ...]] = []
+    if any(empty) and "set" in KINDS[next(iter(_kinds(named)))][1]:
+        header, body, columns = _with_set_ups(header, body, columns)
+        empty = [len(row) == len(header) and not row[places[0]].strip() for row in body]
     for row, below in zip(body, empty, strict=True):
         above = filled[-1] if filled and below and len(filled[-1]) == len(header) else row
-        filled.append(tuple(above[k] if k in places else cell for k, cell in enumerate(row)))
+        sets = () if above is row or "set" not in columns else (header.index(columns["set"]),)
+        filled.append(
+            tuple(above[k] if k in places or (k in sets and not cell) else cell for k, cell in enumerate(row))
+        )
     return (header, *filled), stated
+
+
+def _with_set_ups(
+    header: tuple[str, ...], body: _Cells, columns: Mapping[str, str]
+) -> tuple[tuple[str, ...], _Cells, Mapping[str, str]]:
+    """Rows below their stations with other names of sets where a station is set up once more, after another one."""
+    place, visits, last, row_visits = header.index(columns["station"]), dict[str, int](), "", list[int]()
+    for row in body:
+        name = _cell(row, place)
+        visits[name] = visits.get(name, 0) + bool(name and name != last)
+        last = name or last
+        row_visits.append(visits.get(last, 1))
+    if max(row_visits, default=1) == 1:
+        return header, body, columns
+    if "set" not in columns:
+        header, body, columns = (*header, "set"), tuple((*row, "") for row in body), {**columns, "set": "set"}
+    k, last = header.index(columns["set"]), ""
+    rows = list[tuple[str, ...]]()
+    for row, visit in zip(body, row_visits, strict=True):
+        last = _cell(row, k) or ("" if _cell(row, place) else last)
+        name = last if visit == 1 else f"{last} ({visit})".strip()
+        rows.append((*row[:k], name, *row[k + 1 :]))
+    return header, tuple(rows), columns
 
 
 def _with_subheadings(header: Sequence[str], below: Sequence[str]) -> tuple[str, ...]:
@@ -1034,7 +1197,7 @@ def _with_sigmas(rows: _Cells) -> _Cells:
         others = {"sigma", "sigma1"}.intersection(names)
         if match and not others and all(_NUMBER.fullmatch(cell) and cell[0] != "-" for cell in cells if cell):
             roots = [f"{math.sqrt(float(cell)):.9g}" if cell else "" for cell in cells]
-            of = match["of"] or match["behind"] or ""
+            of = match["of"] or match["behind"] or match["before"] or ""
             rows = _replaced(rows, k, f"sigma_{of}" if of else "sigma", roots)
     kinds = _kinds(_named([cell.strip() for cell in header]))
     points = next((columns for kind, columns in kinds.items() if kind.startswith("points")), {})
@@ -1049,6 +1212,16 @@ def _with_sigmas(rows: _Cells) -> _Cells:
             rows = _replaced(rows, k, f"sigma_{axes[0]}", zeros)
             for axis in axes[1:]:
                 rows = tuple((*row, cell) for row, cell in zip(rows, (f"sigma_{axis}", *zeros), strict=True))
+    return rows
+
+
+def _with_faces(rows: _Cells) -> _Cells:
+    """Rows with 1 and 2 for faces that are letters or words."""
+    header, body = (rows[0], rows[1:]) if rows else ((), ())
+    for k, name in enumerate(map(_normalised, header)):
+        cells = [_normalised(_cell(row, k)) for row in body]
+        if name in _SIGHT["face"].split("|") and any(cells) and set(cells) <= _FACES.keys():
+            rows = _replaced(rows, k, header[k], [_FACES[cell] for cell in cells])
     return rows
 
 
@@ -1159,9 +1332,7 @@ def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
 def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...], str]:
     """Delimiter, cells without comments and empty lines, cells of a comment that may be the header, and encoding."""
     if is_spreadsheet(path):
-        frame = read_spreadsheet(path, sheet)
-        rows = (tuple(cell or "" for cell in row) for row in frame.iter_rows())
-        return ",", (tuple(frame.columns), *rows), (), ""
+        return ",", tuple(map(tuple, sheet_rows(path, sheet))), (), ""
     text, encoding = decoded(as_utf8(read_bytes(path, TABLE)))
     if encoding in CODE_PAGES and "\0" in text:
         raise InputError([Message("this is not UTF-8 text", str(path))])

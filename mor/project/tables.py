@@ -360,6 +360,16 @@ def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
     ``sheet`` is needed if several sheets hold something. Raises :class:`InputError` if the file cannot be read, if the
     sheet is missing or not named, and if python-calamine (extra ``formats``) is not installed.
     """
+    header, *rows = sheet_rows(path, sheet)
+    twice = sorted({name for name in header if header.count(name) > 1})
+    if twice:
+        raise InputError([Message(f"column {', '.join(map(repr, twice))} is given twice", str(path))])
+    columns = {name: [row[k] or None for row in rows] for k, name in enumerate(header)}
+    return pl.DataFrame(columns, schema=dict.fromkeys(header, pl.String))
+
+
+def sheet_rows(path: Path, sheet: str | None) -> list[list[str]]:
+    """Return the names of the columns of a sheet, then its rows; names may be given twice."""
     sheets = read_sheets(path)
     filled = [name for name, rows in sheets.items() if rows]
     if sheet is not None and sheet not in sheets:
@@ -374,12 +384,7 @@ def read_spreadsheet(path: Path, sheet: str | None = None) -> pl.DataFrame:
     titles = next((k for k, row in enumerate(rows) if sum(map(bool, row)) > 1), 0)
     if not any(cell.replace(".", "").removeprefix("-").isdigit() for cell in rows[titles]):
         rows = rows[titles:]
-    header = [name or f"column{k + 1}" for k, name in enumerate(rows[0])]
-    twice = sorted({name for name in header if header.count(name) > 1})
-    if twice:
-        raise InputError([Message(f"column {', '.join(map(repr, twice))} is given twice", str(path))])
-    columns = {name: [row[k] or None for row in rows[1:]] for k, name in enumerate(header)}
-    return pl.DataFrame(columns, schema=dict.fromkeys(header, pl.String))
+    return [[name or f"column{k + 1}" for k, name in enumerate(rows[0])], *rows[1:]]
 
 
 def read_sheets(path: Path) -> Mapping[str, Sequence[Sequence[object]]]:

@@ -968,8 +968,9 @@ def test_angles_among_observations_by_type(tmp_path: Path) -> None:
 
 def test_a_column_that_is_read_is_given_once(tmp_path: Path) -> None:
     (tmp_path / "t.csv").write_text("id,x,y,z,x,Note,Note\nA,1,2,3,1.1,a,b\n")
-    with pytest.raises(InputError, match="column 'x' is given twice"):
-        recognise(tmp_path / "t.csv")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert table.texts("x") == ["1"]
+    assert "column 'Note', 'x' is given twice: the first one is read" in table.notes
 
 
 @pytest.mark.parametrize(
@@ -1107,3 +1108,117 @@ def test_one_set_up_without_a_column_for_its_station(tmp_path: Path, capsys: pyt
     entries = read_document(project).data["observations"]
     assert [entry["type"] for entry in entries] == ["zenith_directions", "distance"]
     assert run(["check", str(project), "--quiet"]) == 0
+
+
+def test_an_angle_book_as_a_spreadsheet_has_it(tmp_path: Path) -> None:
+    """Degrees, minutes and seconds below one heading, a decimal copy, faces as letters, stations twice, headings again.
+
+    The directions from S to A and B are 10 and 70 degrees, or 40 and 100 when S is set up once more.
+    """
+    heading = "Station,Set,Face,Obj.,Hor. Rdg,,,Dist,Hor. Rdg"
+    rows = [
+        "S,1,L,A,10,0,0,100,10.0",
+        ",,L,B,70,0,30.5,200,70.008472",
+        ",,R,B,250,,,200,250.0",
+        ",,R,A,190,0,1,100,190.000278",
+        ",,,,,,,150,",
+        heading,
+        "A,1,L,S,0,0,0,100,0.0",
+        ",,L,B,300,30,0,173.205,300.5",
+        "S,1,L,A,40,0,0,100,40.0",
+        ",,L,B,100,0,29,200,100.008056",
+        "Obj.,Northing,Easting,,,,,,",
+        "S,100,200,,,,,,",
+    ]
+    (tmp_path / "t.csv").write_text("\n".join([heading, *rows]) + "\n")
+    directions, distances = recognise(tmp_path / "t.csv")
+    assert directions.texts("horizontal") == [
+        *("10-0-0", "70-0-30.5", "250-0-0", "190-0-1"),
+        *("0-0-0", "300-30-0", "40-0-0", "100-0-29"),
+    ]
+    assert directions.texts("station") == ["S"] * 4 + ["A"] * 2 + ["S"] * 2
+    assert directions.texts("set") == ["1"] * 6 + ["1 (2)"] * 2
+    assert directions.texts("face") == ["1", "1", "2", "2", "1", "1", "1", "1"]
+    assert distances.numbers("distance") == [100.0, 200.0, 200.0, 100.0, 100.0, 173.205, 100.0, 200.0]
+    assert directions.notes[:2] == (
+        "another table begins below (columns Obj., Northing, Easting): 2 rows not read",
+        "column 'Hor. Rdg' is given twice: the first one is read",
+    )
+    assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.csv")]) == 0
+    assert run(["check", str(tmp_path / "p.yaml"), "--quiet"]) == 0
+
+
+def test_a_closed_traverse_above_its_computation(tmp_path: Path) -> None:
+    """The first point stands again at the end, with its bearing; sums, remarks and the computation are no legs."""
+    (tmp_path / "t.csv").write_text(
+        "Sta.,Azimuth,Hor.Dist\nA,90,100\nB,180,100\nC,315,141.421\nA,90,\nsum,,341.421\nClosure,,\n"
+        "Sta.,Hor Dist,Azimuth\nA,100,90\nB,100,180\n"
+    )
+    bearings, distances = recognise(tmp_path / "t.csv")
+    assert list(zip(*map(bearings.texts, ("from", "to", "bearing")), strict=True)) == [
+        ("A", "B", "90"),
+        ("B", "C", "180"),
+        ("C", "A", "315"),
+    ]
+    assert distances.numbers("distance") == [100.0, 100.0, 141.421]
+    assert "another table begins below (columns Sta., Hor Dist, Azimuth): 3 rows not read" in bearings.notes
+
+
+def test_directions_of_a_station_in_two_sheets_are_two_set_ups(tmp_path: Path) -> None:
+    texts = (f"station;to;Hz\nS;A;{hz}\nS;B;{hz + 50}\n" for hz in (10, 30))
+    first, second = recognise(_as_spreadsheet(tmp_path / "t.csv", *texts))
+    assert (first.texts("set"), second.texts("set")) == ([], ["T", "T"])
+    assert "stations that another sheet has too are set up once more: S" in second.notes
+
+
+@pytest.mark.parametrize(
+    ("heading", "cells", "sigma"),
+    [("distance,error", "10,0.003", "0.003"), ("distance,distvar", "10,0.000009", "0.003"), ("dh,err", "1,2", "2")],
+)
+def test_errors_and_variances_beside_readings_are_their_sigma(
+    tmp_path: Path, heading: str, cells: str, sigma: str
+) -> None:
+    (tmp_path / "t.csv").write_text(f"from,to,{heading}\nA,B,{cells}\n")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert table.texts("sigma") == [sigma]
+
+
+def test_a_point_given_twice_alike_is_one(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text("id,x,y,z,Note\nA,1,2,3,new\nB,4,5,6,\nA,1,2,3,old\nA,1,2,4,\n")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert table.texts("id") == ["A", "B", "A"]
+    assert "points given twice alike: 1 row" in table.notes
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        "Stanowisko;Cel;Kierunek;Kąt zenitalny;Odległość skośna;Wysokość instrumentu;Wysokość celu",
+        "Станция;Цель;Горизонтальный угол;Зенитное расстояние;Наклонное расстояние;Высота инструмента;Высота цели",
+        "Durulan Nokta;Bakılan Nokta;Yatay Açı;Düşey Açı;Eğik Mesafe;Alet Yüksekliği;Hedef Yüksekliği",
+        "Titik Alat;Titik Target;Sudut Horizontal;Sudut Vertikal;Jarak Miring;Tinggi Alat;Tinggi Target",
+    ],
+)
+def test_sights_in_other_languages(tmp_path: Path, heading: str) -> None:
+    (tmp_path / "t.csv").write_text(f"{heading}\n1;2;0,5;99,8;123,4;1,5;1,6\n1;3;101,2;100,1;98,7;1,5;1,6\n", "utf-8")
+    directions, distances = recognise(tmp_path / "t.csv")
+    assert directions.kind == "zenith_directions"
+    assert [directions.numbers(name)[0] for name in ("horizontal", "zenith", "station_height", "to_height")] == [
+        *(0.5, 99.8, 1.5, 1.6)
+    ]
+    assert distances.numbers("distance") == [123.4, 98.7]
+    assert not directions.unused
+
+
+@pytest.mark.parametrize(
+    "heading",
+    [
+        *("De;Vers;Dénivelée;Distance", "De;Hacia;Desnivel;Distancia", "Od;Do;Przewyższenie;Długość"),
+        *("От;До;Превышение;Расстояние", "Başlangıç;Bitiş;Yükseklik Farkı;Mesafe", "Dari;Ke;Beda Tinggi;Jarak"),
+    ],
+)
+def test_levelling_in_other_languages(tmp_path: Path, heading: str) -> None:
+    (tmp_path / "t.csv").write_text(f"{heading}\nR1;R2;1,25;0,5\nR2;R3;-0,25;0,7\n", "utf-8")
+    (table,) = recognise(tmp_path / "t.csv")
+    assert table.kind == "height_difference"
+    assert (table.numbers("dz"), table.numbers("length")) == ([1.25, -0.25], [0.5, 0.7])

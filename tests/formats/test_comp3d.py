@@ -122,6 +122,14 @@ def test_a_file_of_observations_takes_the_coordinates_beside_it(tmp_path: Path) 
     assert "no .comp file says the coefficient of refraction" in " ".join(map(str, document.notes))
 
 
+def test_both_files_of_a_network_named_are_the_network_once(tmp_path: Path) -> None:
+    (tmp_path / "n.cor").write_text(COR)
+    (tmp_path / "n.obs").write_text("\n".join(line for line in observed().splitlines() if "@" not in line) + "\n")
+    names = [str(tmp_path / name) for name in ("n.cor", "n.obs", "p.yaml")]
+    assert run("convert", *names).code == 0
+    assert run("check", names[-1]).code == 0
+
+
 @pytest.mark.parametrize(
     ("old", "new", "words"),
     [

@@ -244,6 +244,11 @@ class TestTheFileItself:
             ("mor: 1\n[a]: 2\n", "project.yaml:2: a key must be a plain text"),
             ("mor: \0\n", "project.yaml: this is not a text file of YAML"),
             ("title: x\n", "project.yaml:1: mor: this key is required"),
+            (
+                "defaults: {}\npoints: [{id: A}]\n",
+                "project.yaml:1: this is YAML, but no project file, which has the key mor (mor: 1); "
+                "found the keys defaults, points",
+            ),
             ("mor: 2\n", "project.yaml:1: mor: found '2', expected '1'"),
         ],
     )

@@ -140,3 +140,32 @@ observations:
     )
     for column in ("x", "y", "z", "sx", "sz"):
         assert with_it[column][0] == pytest.approx(without_it[column][0], abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("lost", "code", "words"), [(4, 2, "too few observations"), (1, 4, "the datum is not defined")]
+)
+def test_what_is_left_out_is_the_reason_where_it_is_most(tmp_path, lost, code, words):
+    """Two images see the same points, others two points each; nothing ties the two to control either."""
+    rng = np.random.default_rng(7)
+    X = rng.uniform([-4, -4, -1], [4, 4, 1], (9, 3))
+    places = np.array([[-2.0, 0.0, 10.0], [2.0, 0.5, 10.0], *rng.uniform([-3, -3, 9], [3, 3, 11], (lost, 3))])
+    rays = []
+    for k, place in enumerate(places):
+        for j in range(9) if k < 2 else (2 * k - 4, 2 * k - 3):
+            x, y, z = X[j] - place
+            rays.append([f"I{k}", f"P{j}", float(-20 * x / z), float(-20 * y / z)])
+    rows = json.dumps([[f"I{k}", "K"] for k in range(2 + lost)])
+    project = tmp_path / "project.yaml"
+    project.write_text(
+        "mor: 1\ndatum: fixed\nsettings: {undetermined: leave_out}\n"
+        "cameras: {K: {interior: {c: {fixed: 20}, xh: {fixed: 0}, yh: {fixed: 0}}}}\n"
+        f"images: [{{columns: [id, camera], rows: {rows}}}]\n"
+        f"points: [{{columns: [id], rows: {json.dumps([[f'P{j}'] for j in range(9)])}}}]\n"
+        "observations: [{type: image, columns: [image, point, x, y], values: {sigma: 0.001}, "
+        f"rows: {json.dumps(rays)}}}]\n",
+        encoding="utf-8",
+    )
+    run = mor("adjust", project)
+    assert run.code == code
+    assert words in run.out + run.err
