@@ -95,8 +95,9 @@ class ComputeCluster:
         return [self.result(task) for task in tasks]
 
     def _sent(self, value: object) -> Any:
+        # The value of a task can be had again where its worker is lost, not so one that is scattered.
         with warnings.catch_warnings():
-            warnings.filterwarnings("ignore", "Sending large graph")  # a scattered value would be lost with its worker
+            warnings.simplefilter("ignore", UserWarning)  # that it is large
             return self.submit(_itself, value)
 
     def _look(self) -> None:

@@ -10,7 +10,7 @@ import pytest
 from mor.api.pipeline import make_problem, read_document, read_network
 from mor.solve.iterate import moved_by
 from mor.solve.normals import make_plan
-from tests.scenarios.bal_problems import SAME, bal_problem, by_mor, by_scipy, projected
+from tests.scenarios.bal_problems import SAME, Minimum, bal_problem, by_mor, by_scipy, projected
 
 
 def test_derivatives_of_the_independent_solver():
@@ -86,7 +86,8 @@ def test_no_solution_is_told_that_lies_above_what_the_iteration_came_down_to(tmp
 @pytest.mark.slow
 @pytest.mark.parametrize(("seed", "lowest"), [(15327, 185661.72782), (15378, 7679.32486)])
 def test_points_at_infinity_do_not_end_above_the_minimum_without_them(seed: int, lowest: float, tmp_path: Path):
-    """The lowest is that of Ceres Solver from the same start."""
-    found = by_mor(bal_problem(seed), tmp_path)
-    assert found.converged, found.words
-    assert found.cost <= lowest * (1.0 + SAME)
+    """The lowest is that of Ceres Solver from the same start; more points at infinity may cost what may be chance."""
+    problem = bal_problem(seed)
+    found = by_mor(problem, tmp_path)
+    redundancy = 2 * len(problem.xy) - problem.cameras.size - problem.points.size + 7
+    assert found.is_as_low_as(Minimum(lowest, 0, True), redundancy), found.words
