@@ -6,6 +6,7 @@ A task is done again where the worker that had it is lost: it must leave the sam
 from __future__ import annotations
 
 import logging
+import pickle
 import platform
 import secrets
 import time
@@ -95,10 +96,12 @@ class ComputeCluster:
         return [self.result(task) for task in tasks]
 
     def _sent(self, value: object) -> Any:
+        import cloudpickle  # type: ignore[import-untyped]
+
         # The value of a task can be had again where its worker is lost, not so one that is scattered.
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # that it is large
-            return self.submit(_itself, value)
+            return self.submit(pickle.loads, cloudpickle.dumps(value))
 
     def _look(self) -> None:
         """Raise :class:`InputError` if nobody has been at work for too long."""
@@ -120,10 +123,6 @@ class ComputeCluster:
         except (TimeoutError, OSError):
             return False, None
         return any(told.values()), min(len(told), 1)
-
-
-def _itself(value: object) -> object:
-    return value
 
 
 _IDLE = {
