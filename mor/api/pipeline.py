@@ -26,12 +26,13 @@ from mor.project.planned_network import read_out_at
 from mor.project.schema import Settings as ProjectSettings
 from mor.project.schema import validate, without_empty_keys
 from mor.project.tables import MOST_TOLD
-from mor.quality.assessment import BEYOND_USE, Levels, Quality, assess, checked
+from mor.quality.assessment import BEYOND_USE, Levels, Quality, assess, checked, points_far_off
 from mor.quality.determinability import (
     Means,
     adjust_determinable,
     completed,
     with_fitting_reason,
+    with_nearer_datum,
     without_hanging,
     without_moved,
     without_unknown,
@@ -409,7 +410,9 @@ def _assessed(adjusted: _Adjusted, assessing: Callable[[int], Done] | None) -> S
     sound = checked(quality)
     if not sound.outcome.is_solution:
         rest = None
-        if sound.reason == BEYOND_USE and settings.undetermined == "leave_out":
+        if sound.reason == BEYOND_USE and suspects is None:
+            rest = with_nearer_datum(network, adjustment, points_far_off(adjustment))
+        if rest is None and sound.reason == BEYOND_USE and settings.undetermined == "leave_out":
             rest = without_moved(network, sound, sound.values, _problem_at)
         if rest is None:
             return Solved(network, sound, None, None, suspects)

@@ -312,6 +312,12 @@ def median_distance(adjustment: Adjustment) -> float:
     return float(np.median(_distances(adjustment)[observed]))
 
 
+def points_far_off(adjustment: Adjustment) -> IntArray:
+    """Numbers (k,) of the points that are farther from the others than the size of the network."""
+    far = _distances(adjustment) > _BEYOND_MEDIAN * median_distance(adjustment)
+    return np.asarray(np.flatnonzero(far & _observed(adjustment)))
+
+
 def _distances(adjustment: Adjustment) -> FloatArray:
     """(n,) distances of points from the median of those that are observed."""
     points = adjustment.values["point"]

@@ -10,7 +10,7 @@ from typing import Final, NamedTuple
 import numpy as np
 from scipy.special import chdtri, erfc
 
-from mor.errors import NoStartValuesError, UndeterminedObject
+from mor.errors import Message, NoStartValuesError, UndeterminedObject, counted
 from mor.model import rotations
 from mor.model.contract import ObservationGroup
 from mor.model.coordinates import TURNED_AXIS, can_be_at_infinity, target_slot
@@ -876,6 +876,26 @@ def _with_reference(network: Network, start: Values, values: Values, doubted: In
         begun = np.where(np.isfinite(start["point"]), start["point"], values["point"])
         datum = datum._replace(reference=datum.reference_from(begun))
     return replace(network, datum=datum)
+
+
+def with_nearer_datum(network: Network, adjustment: Adjustment, far: IntArray) -> Network | None:
+    """The network whose datum all points but the ``far`` ones carry; ``None`` where not all do, or none is far off.
+
+    What is not known of them would be part of the precision of all others.
+    """
+    own: IntArray = far[far < len(network.datum.mask)]
+    carried = network.datum.mask[network.things["point"].parts["position"]]
+    if network.datum.minimal or not network.datum.free or not carried.all() or not network.datum.mask[own].any():
+        return None
+    there = _values_of(network, adjustment.values, own[:0])
+    nearer = _with_reference(network, network.start, there, own)
+    if nearer.datum.mask[own].any():
+        return None
+    note = Message(
+        f"{counted(len(own), 'point')} farther from the others than 10 times the median distance of points do not "
+        "carry the datum, in which the others would not be known to the size of the network"
+    )
+    return replace(nearer, notes=(*network.notes, note))
 
 
 def _leaves_out(network: Network) -> bool:
