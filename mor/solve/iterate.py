@@ -286,27 +286,20 @@ def accept(state: Adjustment, regular: FloatArray, weak: FloatArray, shift: Floa
     1/κ = 1/(2 − ρ) of the step then hits.
     """
     along = weak + shift
-    step = regular + along
+    whole = regular + along
+    values = moved_by(state.plan, state.values, whole)
     damped_before = bool(state.iterations) and state.iterations[-1].damping > 0.0
-
-    def straight(share: float) -> Mapping[str, FloatArray]:
-        return moved_by(state.plan, state.values, share * step)
-
-    def turned(share: float) -> Mapping[str, FloatArray]:
-        return _as_a_whole(state, moved_by(state.plan, state.values, share * (regular + weak)), shift)
-
-    way, values = straight, straight(1.0)
     normals = None if damped_before else build_normals(state.plan, values)
     reached = objective(state.plan, values) if normals is None else normals.objective
-    if shift.any() and _is_poor(state, reached, change):
-        there = turned(1.0)
-        if (other := objective(state.plan, there)) < reached:
-            way, values, normals, reached = turned, there, None, other
     full = Taken(values, 0.0, 1.0, normals) if reached <= _limit(state) else None
-    ratio = _share_of(state.normals.objective - reached, change)
-    curved = -1.0 < ratio < _EXPECTED and (full is None or change**2 > _round_off_of_sum(state))
-    if full is not None and not curved:
+    gained = state.normals.objective - reached
+    curved = state.inverse.weak.shape[1] == 0 and -1.0 < _share_of(gained, change) < _EXPECTED
+    if full is not None and not (curved and change**2 > _round_off_of_sum(state)):
         return full
+    if full is None and shift.any():
+        shifted = _as_a_whole(state, moved_by(state.plan, state.values, regular + weak), shift)
+        if objective(state.plan, shifted) <= _limit(state):
+            return Taken(shifted, 0.0, 1.0)
     if full is None and weak.any():
         # Damping takes weak directions with the others, unless they all turn the whole network: these are bent.
         turns = weak_turns(state.inverse.weak, state.problem, state.values)
@@ -315,8 +308,8 @@ def accept(state: Adjustment, regular: FloatArray, weak: FloatArray, shift: Floa
     if full is None and along.any() and (taken := _along(state, regular, along)) is not None:
         return taken
     if curved:
-        share = 1.0 / (2.0 - ratio)
-        values = way(share)
+        share = 1.0 / (2.0 - _share_of(gained, change))
+        values = moved_by(state.plan, state.values, share * whole)
         if objective(state.plan, values) < min(state.normals.objective, reached):
             return Taken(values, 1.0 / share - 1.0, share)
     return full or _damped(state)
@@ -326,14 +319,10 @@ def accept_whole(state: Adjustment, step: FloatArray, shift: FloatArray, change:
     """The step (u,) and the shift into the datum (u,), where that gains a quarter of ``change``² or more."""
     values = moved_by(state.plan, state.values, step + shift)
     normals = build_normals(state.plan, values)
-    if normals.objective <= _limit(state) and not _is_poor(state, normals.objective, change):
+    gained = state.normals.objective - normals.objective
+    if normals.objective <= _limit(state) and gained >= _EXPECTED * change**2 - _round_off_of_sum(state):
         return Taken(values, 0.0, 1.0, normals, step=step)
     return None
-
-
-def _is_poor(state: Adjustment, reached: float, change: float) -> bool:
-    """True if vᵀPv ``reached`` by a step is not smaller by a quarter of ``change``², but for round-off."""
-    return not state.normals.objective - reached >= _EXPECTED * change**2 - _round_off_of_sum(state)
 
 
 def _share_of(gained: float, change: float) -> float:
@@ -832,7 +821,7 @@ def _with_curvature(state: Adjustment, change: float) -> Taken | None:
 def _learnt(state: Adjustment, moved: Adjustment, step: FloatArray) -> Secants:
     """Return the curvature that a step (u,) has shown; nothing unless residuals stay as large as they are."""
     damped = moved.iterations[-1].damping > 0.0
-    if damped or not residuals_stay(state, moved):
+    if damped or moved.inverse.weak.shape[1] or not residuals_stay(state, moved):
         return NOTHING_LEARNT
     return state.secants.after(step, state.normals.rhs, moved.normals.rhs)
 
