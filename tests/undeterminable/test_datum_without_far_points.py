@@ -1,0 +1,49 @@
+"""Points far from the others do not carry a free datum in which nothing would be known of these."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+import mor
+from mor.project.network import Network
+from mor.quality.assessment import points_far_off
+from mor.quality.determinability import with_nearer_datum
+from mor.solve.iterate import Adjustment
+
+SAMPLES = Path(__file__).parents[2] / "sample_projects"
+
+
+def solved(name: str) -> tuple[Network, Adjustment]:
+    """A sample project, adjusted."""
+    found = mor.adjust(str(SAMPLES / name / "project.yaml")).solved
+    return found.network, found.adjustment
+
+
+def test_a_point_beyond_ten_median_distances_is_far_off() -> None:
+    _, adjustment = solved("test_field")
+    assert len(points_far_off(adjustment)) == 0
+    points = adjustment.values["point"].copy()
+    median = np.median(np.linalg.norm(points - np.median(points, axis=0), axis=1))
+    points[7] += [12.0 * median, 0.0, 0.0]
+    moved = adjustment._replace(values={**adjustment.values, "point": points})
+    assert points_far_off(moved).tolist() == [7]
+
+
+def test_far_points_leave_the_datum_and_it_is_said() -> None:
+    network, adjustment = solved("test_field")
+    far = np.array([3, 5])
+    nearer = with_nearer_datum(network, adjustment, far)
+    assert nearer is not None
+    changed = (nearer.datum.mask != network.datum.mask).any(axis=1)
+    assert np.flatnonzero(changed).tolist() == [3, 5]
+    assert not nearer.datum.mask[far].any()
+    assert "2 points" in nearer.notes[-1].message
+
+
+def test_a_datum_that_the_user_chose_stays() -> None:
+    network, adjustment = solved("dam_epochs")
+    assert with_nearer_datum(network, adjustment, np.array([0])) is None
+    network, adjustment = solved("test_field")
+    assert with_nearer_datum(network, adjustment, np.array([], dtype=np.int64)) is None
