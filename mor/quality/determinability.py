@@ -892,8 +892,8 @@ def with_nearer_datum(network: Network, adjustment: Adjustment, far: IntArray) -
     if nearer.datum.mask[own].any():
         return None
     note = Message(
-        f"{counted(len(own), 'point')} farther from the others than 10 times the median distance of points do not "
-        "carry the datum, in which the others would not be known to the size of the network"
+        f"{counted(len(own), 'point')} do not carry the datum, being farther from the others than 10 times the median "
+        "distance of points"
     )
     return replace(nearer, notes=(*network.notes, note))
 

@@ -356,7 +356,9 @@ def _arguments(one: _Observed, values: Values, places: FloatArray) -> tuple[list
 _WORSE = 3.0
 """Times that half of all residuals are larger than they need be, where a converged solution is no good."""
 _BENT = 10.0 * _WORSE
-"""The same after one step of all observations, from which on they come to no solution that is any good."""
+"""The same after the first steps of all observations, from which on no solution of them is expected to fit."""
+_FIRST_STEPS = SolverSettings(2)
+"""At most four iterations."""
 _FITS = 0.01
 """vᵀPv by the redundancy below which no observation is a suspect: residuals are a tenth of their σ."""
 _LONG_TAILS = 1.6
@@ -594,7 +596,7 @@ def _attempt(
         return Attempt(plain)
     most = settings if plain.outcome is Outcome.CONVERGED else _from_near(settings)
     of_all = cache(partial(adjust, problem, found.values, most, watch))
-    if not _overall(adjust(problem, found.values, SolverSettings(2), watch)) > _BENT * scale:
+    if not _overall(adjust(problem, found.values, _FIRST_STEPS, watch)) > _BENT * scale:
         again = of_all()
         if _is_minimum(again, plain) and not _overall(again) > _WORSE * scale:
             return Attempt(again, note=BY_WEIGHTS)

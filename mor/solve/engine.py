@@ -37,7 +37,7 @@ WORTH_SENDING = 20_000
 
 
 class Shared(Protocol):
-    """What passes over some rays share."""
+    """Data that passes over some rays share."""
 
     @property
     def problem(self) -> Problem:
@@ -118,7 +118,6 @@ def _lane(shared: Shared, first: int, last: int) -> RayPlan:
 def _done_by_worker(
     shared: Shared, lane: tuple[int, int], common: tuple[Task[Found], tuple[Any, ...], bool]
 ) -> tuple[Found, list[tuple[Any, ...]]]:
-    """What the task of a lane returns and what it hands over, in the process of a worker."""
     task, arguments, kernels = common
     handed: list[tuple[Any, ...]] = []
 

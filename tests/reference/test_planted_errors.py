@@ -90,7 +90,7 @@ def _normals(build: Callable[..., Any]) -> Callable[..., Any]:
 
 
 def _lost_in_threads(in_lanes: Callable[..., Any]) -> Callable[..., Any]:
-    """What the last of several threads adds to the normal equations is too large."""
+    """The last of several threads adds too much to the normal equations."""
 
     def planted(*given: Any, **more: Any) -> Any:
         found = in_lanes(*given, **more)
