@@ -14,6 +14,7 @@ from mor.errors import Message, NoStartValuesError, UndeterminedObject, counted
 from mor.model import rotations
 from mor.model.contract import ObservationGroup
 from mor.model.coordinates import TURNED_AXIS, can_be_at_infinity, target_slot
+from mor.model.images import is_image_point
 from mor.model.parameters import Values
 from mor.project.entities import thing_of
 from mor.project.network import (
@@ -588,11 +589,11 @@ def with_fitting_reason(adjustment: Adjustment, untied: bool = False) -> Adjustm
         return adjustment
     if not adjustment.plan.problem.index.count:
         return adjustment
-    if _ran_away(adjustment):
+    if not fits(adjustment) and _ran_away(adjustment):
         return adjustment._replace(outcome=Outcome.DIVERGED, reason=RAN_AWAY)
     if only_here(adjustment):
         return adjustment._replace(reason=AT_THE_START)
-    if untied and adjustment.reason != NO_DATUM and not _fits(adjustment):
+    if untied and adjustment.reason != NO_DATUM and not fits(adjustment):
         return adjustment._replace(reason=PUT_ANYWHERE)
     return adjustment
 
@@ -605,7 +606,8 @@ def _ran_away(adjustment: Adjustment) -> bool:
     return begin.outcome is not Outcome.SINGULAR
 
 
-def _fits(adjustment: Adjustment) -> bool:
+def fits(adjustment: Adjustment) -> bool:
+    """True where residuals are of the size of their σ, solution or not."""
     return adjustment.normals.objective <= MISFIT * adjustment.problem.observations
 
 
@@ -614,7 +616,7 @@ def only_here(adjustment: Adjustment) -> bool:
     problem = adjustment.problem
     if adjustment.outcome is not Outcome.SINGULAR or adjustment.iterations:
         return False
-    if _fits(adjustment):
+    if fits(adjustment):
         return False
     there = adjust(problem, beside(problem, adjustment.values), SolverSettings(max_iterations=0))
     return there.outcome is not Outcome.SINGULAR
@@ -659,6 +661,8 @@ ONE_PLACE = "all its rays come from one place: its distance is undetermined"
 AT_INFINITY: Final = "at infinity"
 PARALLEL = "its rays are parallel within their precision: it has a direction but no distance"
 NARROW_ANGLE = "its rays meet at a narrow angle"
+IN_CENTRE = "it lies in the projection centre of an image"
+BEYOND_FOLD = "an image sees it where the distortion of its camera folds the image"
 ROUNDS = 6
 """Adjustments at most, until what is at infinity and what is left out stays the same."""
 FEWEST_OF_DATUM = 3
@@ -667,6 +671,8 @@ _NO_PARALLAX = 1e-3
 """Inverse distance in units of its σ below which a point is at infinity: vᵀPv is the same to 1e-6 there."""
 _SAME = 1e-3
 """Part of vᵀPv within which two solutions fit alike."""
+_TOO_NEAR = 1e-6
+"""Distance from a projection centre, in parts of the median one, at which N loses all digits of the image."""
 EXPLAINED = 30
 """Loose things up to which the null space of the whole network is worked out to explain them."""
 
@@ -742,6 +748,8 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     may be at fault, whose start values are hardly better than none: it is begun once more where the others come to
     without them.
     """
+    if _leaves_out(network):
+        network = _without_misplaced(network, start)
     found = nearly_parallel(network, start)
     first = _with_far_points(network, start, start, found, means)
     if found.from_one_place().all() or first[1].is_complete:
@@ -760,6 +768,43 @@ def adjust_determinable(network: Network, start: Values, means: Means) -> tuple[
     solved = [attempt.adjustment.outcome.is_solution for _, attempt in (first, second)]
     better = second[1].is_complete and not _is_worse((first[1], again), (second[1], again), means.critical)
     return second if better or solved == [False, True] else first
+
+
+def _without_misplaced(network: Network, start: Values) -> Network:
+    """The network without unknown points that no image can show where it shows them, if they are where they begin."""
+    count = len(network.blocks["point"].ids)
+    in_centre, beyond_fold = np.zeros((2, count), dtype=bool)
+    for group in network.groups:
+        if not is_image_point(group.type) or group.count == 0:
+            continue
+        target, centre = group.blocks[target_slot(group.type)], start["point"][group.blocks[0]]
+        ray = start["point"][target] - centre
+        distance = np.linalg.norm(ray, axis=1)
+        in_centre[target[distance < _TOO_NEAR * np.median(distance)]] = True
+        beyond_fold[target[_folded(group, start, ray / np.maximum(distance, 1e-300)[:, None])]] = True
+    unknown = network.blocks["point"].free.all(axis=1) & ~np.isfinite(network.sigma["point"]).any(axis=1)
+    network = without_points(network, np.flatnonzero(unknown & in_centre), IN_CENTRE)
+    return without_points(network, np.flatnonzero(unknown & beyond_fold & ~in_centre), BEYOND_FOLD)
+
+
+def _folded(group: ObservationGroup, start: Values, ray: FloatArray) -> BoolArray:
+    """(n,) true for unit rays (n, 3) off the middle of their images, on the way to which the image turns over."""
+    image = np.unique(group.blocks[1], return_inverse=True)[1]
+    axis = np.stack([np.bincount(image, one) for one in ray.T], axis=1)
+    axis = (axis / np.linalg.norm(axis, axis=1)[:, None])[image]
+    along = np.einsum("ni,ni->n", ray, axis)
+    off = np.linalg.norm(np.cross(ray, axis), axis=1)
+    outside = np.flatnonzero((off > 2.0 * np.median(off)) & (along > 0.0))
+    across = (ray / along[:, None] - axis)[outside]
+    slot, turned, sides = target_slot(group.type), np.zeros(group.count, dtype=bool), []
+    blocks = [start[one.kind][own[outside]] for one, own in zip(group.type.slots, group.blocks, strict=True)]
+    for share in np.linspace(0.0, 1.0, 11):
+        way = axis[outside] + share * across
+        blocks[slot] = start["point"][group.blocks[0][outside]] + way
+        by_x, by_y = np.moveaxis(group.type.equation(blocks, group.constants[outside]).jacobians[slot], 1, 0)
+        sides.append(np.einsum("ni,ni->n", np.cross(by_x, by_y), way) > 0.0)
+    turned[outside] = (np.stack(sides) != sides[0]).any(axis=0)
+    return turned
 
 
 def _with_far_points(
@@ -823,14 +868,22 @@ def _with_far_points(
         network = _with_reference(plain, start, values, doubted)
     if before is not None and _is_worse(before[1:], (attempt, far), means.critical):
         reduced, attempt, far = before
-    adjustment = attempt.adjustment
-    there = _values_of(network, adjustment.values, far.points)
-    if len(far.points) and _leaves_out(network):
+    rounds, solved = ROUNDS, attempt.adjustment.outcome.is_solution
+    there = _values_of(network, attempt.adjustment.values, far.points)
+    values = {**there, "point": np.where(np.isnan(there["point"]), start["point"], there["point"])} if solved else start
+    while len(far.points) and _leaves_out(network) and rounds:
         # Left out only now: with them the poses are known well enough to tell which points are at infinity.
+        rounds -= 1
         network = _with_reference(plain, start, there, doubted)
-        values = {**there, "point": np.where(np.isnan(there["point"]), start["point"], there["point"])}
-        values = values if adjustment.outcome.is_solution else start
-        reduced, attempt = _adjusted(network, values, far, blind, means, far_too=True)
+        found = _adjusted(network, values, far, blind, means, far_too=True)
+        ended = found[1].adjustment
+        if ended.outcome.is_solution or not solved:
+            return found
+        every = nearly_parallel(network, there, contradicting=True)
+        more = every.take(np.isin(every.points, np.union1d(far.points, ended.gone)))
+        if len(more.points) <= len(far.points):
+            break
+        far = more
     return reduced, attempt
 
 
@@ -932,7 +985,7 @@ def _adjusted(
         return reduced, Attempt(attempt.adjustment._replace(outcome=Outcome.SINGULAR, reason=OPEN))
     for _ in range(ROUNDS if leave else 0):
         adjustment = attempt.adjustment
-        if only_here(adjustment) or (not _fits(adjustment) and _ran_away(adjustment)):
+        if only_here(adjustment) or (not fits(adjustment) and _ran_away(adjustment)):
             break  # the start values or gross errors are at fault
         further = without_moved(reduced, adjustment, begun, means.make)
         if further is None:

@@ -15,10 +15,10 @@ from mor.model.rotations import angles_from_rotation
 from mor.project.entities import thing_of
 from mor.project.planned_network import image_poses
 from mor.project.trajectories import TRAJECTORY
-from mor.quality.determinability import NetworkPart, connected_parts
+from mor.quality.determinability import NetworkPart, connected_parts, fits
 from mor.quality.solution import Solved, weak_directions
 from mor.solve.datum import NOTHING_KNOWN, Undetermined, similarities, weak_turns
-from mor.solve.iterate import A_WEAK_TURN, Adjustment
+from mor.solve.iterate import A_WEAK_TURN, Adjustment, Outcome
 from mor.types import BoolArray, IntArray
 from mor.units import ANGLE_UNITS, LENGTH_UNITS
 
@@ -490,13 +490,14 @@ def _geometry(solved: Solved, alone: set[tuple[str, str]], say: Translate) -> li
 
 
 def weakness(solved: Solved, say: Translate = english) -> list[str]:
-    """One line for every direction that is determined, but hardly."""
-    if solved.quality is None:
+    """One line for every direction that is determined, but hardly; without a solution only where residuals are small."""
+    adjustment = solved.adjustment
+    if solved.quality is None and not (adjustment.outcome is Outcome.NOT_CONVERGED and fits(adjustment)):
         return []
     units = solved.network.project.units
     image = next((scale.unit for scale in solved.network.scales.values()), "mm")
     lines = []
-    for direction in weak_directions(solved.quality):
+    for direction in weak_directions(adjustment, solved.quality):
         parts = []
         for (kind, block, component), sigma in zip(direction.unknowns, direction.sigmas, strict=True):
             quantity = KINDS[kind].components[KINDS[kind].names.index(component)].quantity

@@ -58,35 +58,40 @@ class WeakDirection(NamedTuple):
     """A direction that the observations hardly determine."""
 
     unknowns: tuple[tuple[str, str, str], ...]
-    """(kind, block, component), those first of whose variance it makes up most."""
+    """(kind, block, component); points follow what they hang on, and those come first of whose variance it is most."""
     sigmas: tuple[float, ...]
     """Standard deviation of each along this direction, internal units, with its sign: they move together."""
 
 
-def weak_directions(quality: Quality) -> list[WeakDirection]:
-    """Weak directions that the datum leaves, the weakest first."""
-    adjustment = quality.adjustment
+def weak_directions(adjustment: Adjustment, quality: Quality | None) -> list[WeakDirection]:
+    """Weak directions that the datum leaves, the weakest first; without a solution those at the last values."""
     weak = adjustment.inverse.weak
     if weak.shape[1] == 0:
         return []
-    datum = quality.datum
-    if datum.null.shape[1]:
-        weak = weak - datum.null @ (datum.binding @ (adjustment.constraint.normals.T @ weak))
+    null, bound = adjustment.defect.datum, adjustment.constraint.normals
+    if null.shape[1]:
+        weak = weak - null @ np.linalg.solve(bound.T @ null, bound.T @ weak)
     index = adjustment.problem.index
-    variance = np.zeros(index.count)
-    for kind, columns in index.columns.items():
-        diagonal = np.diagonal(quality.cofactors[kind], axis1=1, axis2=2)
-        variance[columns[columns >= 0]] = diagonal[columns >= 0]
+    variance = np.sum(weak**2, axis=1)
+    if quality is None:
+        variance[adjustment.plan.kept] += 1.0 / adjustment.normals.diagonal
+    else:
+        for kind, columns in index.columns.items():
+            diagonal = np.diagonal(quality.cofactors[kind], axis1=1, axis2=2)
+            variance[columns[columns >= 0]] = diagonal[columns >= 0]
+    factor = 1.0 if quality is None else quality.sigma_factor
     share = weak**2 / np.maximum(variance, 1e-300)[:, None]
+    of_points = np.zeros(index.count, dtype=bool)
+    of_points[index.columns["point"][index.columns["point"] >= 0]] = True
     directions = []
     for k in range(weak.shape[1]):
-        order = np.argsort(-share[:, k], kind="stable")[:_MOST]
-        told = order[share[order, k] > _SHARE]
+        moving = np.flatnonzero(share[:, k] > _SHARE)
+        told = moving[np.lexsort([-share[moving, k], of_points[moving]])][:_MOST]
         if len(told):
             directions.append(
                 WeakDirection(
                     tuple(index.label(int(column)) for column in told),
-                    tuple(float(quality.sigma_factor * weak[column, k]) for column in told),
+                    tuple(float(factor * weak[column, k]) for column in told),
                 )
             )
     return directions
@@ -193,7 +198,7 @@ def verdict(quality: Quality, network: Network, tests: GroupTests | None = None)
 def determined(quality: Quality) -> Determination:
     """Return how well the points of an adjustment are determined."""
     adjustment = quality.adjustment
-    size, directions = 2.0 * median_distance(adjustment), len(weak_directions(quality))
+    size, directions = 2.0 * median_distance(adjustment), len(weak_directions(adjustment, quality))
     if "point" not in quality.cofactors or size == 0.0:
         return Determination(size, 0, 0.0, 0.0, (), directions)
     index = adjustment.problem.index

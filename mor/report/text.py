@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from mor.errors import escaped
+from mor.quality.singularity import weakness
 from mor.quality.solution import Solved
 from mor.report import layout, text_findings, text_tables
 from mor.report import verdict as words_of_reliability
@@ -137,6 +138,14 @@ def _untied(solved: Solved, words: Words) -> list[str]:
 
 def _advice(solved: Solved, words: Words) -> list[str]:
     count = len(solved.adjustment.iterations)
+    if weakness(solved):
+        return [
+            words(
+                "After {count:iteration|iterations} the network still moves along poorly determined directions. "
+                "Fix or observe what moves.",
+                count=count,
+            )
+        ]
     if solved.adjustment.reason == STANDS_STILL:
         return [
             words("More iterations would not help: look at the observations that fit worst, and at the start values.")

@@ -337,8 +337,13 @@ def _limit(state: Adjustment) -> float:
     return state.normals.objective * (1.0 + 1e-6) + 1e-6
 
 
-def _as_a_whole(state: Adjustment, values: Mapping[str, FloatArray], shift: FloatArray) -> Mapping[str, FloatArray]:
-    """Return values moved by the similarity of all points whose derivative is the shift (u,), as far as it is one."""
+def _as_a_whole(
+    state: Adjustment, values: Mapping[str, FloatArray], shift: FloatArray, exactly: bool = False
+) -> Mapping[str, FloatArray]:
+    """Return values moved by the similarity of all points whose derivative is the shift (u,), as far as it is one.
+
+    ``exactly``: by the similarity of its kind that leads into the datum, however large it is.
+    """
     index, moved = state.problem.index, dict(values)
     columns = index.columns["point"]
     free = columns >= 0
@@ -348,9 +353,26 @@ def _as_a_whole(state: Adjustment, values: Mapping[str, FloatArray], shift: Floa
     fields = similarities(state.values["point"], centre)[free]
     lengths = np.linalg.norm(fields, axis=0)
     fields = fields / np.where(lengths > 0.0, lengths, 1.0)
-    found: FloatArray = np.asarray(np.linalg.lstsq(fields, shift[columns[free]], rcond=1e-12)[0], float)
-    found /= np.where(lengths > 0.0, lengths, 1.0)
-    found *= min(1.0, _LARGEST_TURN / max(float(np.abs(found[3:]).max()), 1e-300))
+
+    def movements(directions: FloatArray) -> FloatArray:
+        found: FloatArray = np.asarray(np.linalg.lstsq(fields, directions[columns[free]], rcond=1e-12)[0], float)
+        return (found.T / np.where(lengths > 0.0, lengths, 1.0)).T
+
+    def at(movement: FloatArray) -> FloatArray:
+        there = centre + movement[:3] + np.exp(movement[6]) * (values["point"] - centre) @ exponential(movement[3:6]).T
+        return np.asarray(np.where(free, there, values["point"]))
+
+    found = movements(shift)
+    if exactly:
+        from scipy.optimize import least_squares  # hardly any network needs it
+
+        # The inner constraint is the condition of the least sum of squared corrections.
+        ways, carries = movements(state.defect.datum), free & state.problem.datum.mask["point"]
+        reference = state.problem.datum.reference["point"]
+        digits = dict.fromkeys(("xtol", "ftol", "gtol"), _EPS)
+        found = ways @ least_squares(lambda m: (at(ways @ m) - reference)[carries], np.zeros(ways.shape[1]), **digits).x
+    else:
+        found = found * min(1.0, _LARGEST_TURN / max(float(np.abs(found[3:]).max()), 1e-300))
     R, scale = exponential(found[3:6]), float(np.exp(found[6]))
     for kind, own in index.columns.items():
         change = np.where(own >= 0, shift[own], 0.0)
@@ -358,8 +380,7 @@ def _as_a_whole(state: Adjustment, values: Mapping[str, FloatArray], shift: Floa
         if index.blocks[kind].kind.is_rotation:
             moved[kind] = np.where(touched[:, None, None], values[kind] @ R.T, values[kind])
         elif kind == "point":
-            there = centre + found[:3] + scale * (values[kind] - centre) @ R.T
-            moved[kind] = np.where(own >= 0, there, values[kind])
+            moved[kind] = at(found)
         else:
             powers = [float(one.quantity.length) for one in index.blocks[kind].kind.components]
             moved[kind] = np.where(change != 0.0, values[kind] * scale ** np.array(powers), values[kind])
@@ -782,6 +803,9 @@ def _advance(state: Adjustment, to_infinity: bool) -> Adjustment:
     if over and change <= ACCURACY:
         return _converged(_last_step(state, step + shift, iteration))
     taken = None if over else _with_curvature(state, change)  # steps of round-off tell no curvature
+    if not over and _swings(state, change):
+        taken = Taken(_as_a_whole(state, moved_by(state.plan, state.values, step), shift, exactly=True), 0.0, 1.0)
+        over = True
     if taken is None:
         taken = accept(state, regular, stride.weak, shift, change)
     if taken is None and change <= AT_THE_LAST_DIGIT:
@@ -798,6 +822,13 @@ def _advance(state: Adjustment, to_infinity: bool) -> Adjustment:
         secants=_learnt(state, moved, step if taken.step is None else taken.step),
     )
     return _converged(moved) if over and taken.share == 1.0 else moved
+
+
+def _swings(state: Adjustment, change: float) -> bool:
+    """True where only the datum is still missed after steps that are nothing: a turn is too large for its derivatives."""
+    last = state.iterations[-3:]
+    bends = state.problem.datum.movements is None and state.problem.datum.mask.get("point") is not None
+    return bends and len(last) == 3 and max(change, *(one.largest_change for one in last)) <= ACCURACY
 
 
 def _gone(state: Adjustment, step: FloatArray) -> IntArray:

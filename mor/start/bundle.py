@@ -244,7 +244,7 @@ def ideal_rays(
     Behind a port the rays are those in the water, to points so far away that they begin at the projection centre.
 
     Newton's method in the tangent plane of the ray, so that fisheye rays beyond 90° are reached too. Where it does not
-    converge (a polynomial beyond its range), the ray of the undistorted central projection is kept.
+    converge (a polynomial beyond its range), the ray of the central projection that the camera has along its axis is kept.
     """
     rays = np.empty((len(measured), 3))
     # Some thousand rays at a time stay in the cache, and ten million do not fill the memory with derivatives.
@@ -255,10 +255,11 @@ def ideal_rays(
 
 
 def _chunk_of_rays(model: CameraModel, interior: FloatArray, constants: FloatArray, measured: FloatArray) -> FloatArray:
-    plain = np.concatenate([measured - interior[:, 1:3], -np.abs(interior[:, :1])], axis=1)
-    start = unit(plain)
-    ray = start
+    axis = np.tile([0.0, 0.0, -1.0], (len(measured), 1))
     with np.errstate(all="ignore"):
+        middle, across = model.project(_FAR * axis, interior, constants, measured), tangent_axes(axis)
+        beside = _solved(_FAR * middle.by_star @ across, measured - middle.xy, 1e-12 * interior[:, 0] ** 2)
+        ray = start = unit(axis + np.einsum("nij,nj->ni", across, beside))
         for left in range(12, -1, -1):
             projection = model.project(_FAR * ray, interior, constants, measured)
             wrong = measured - projection.xy

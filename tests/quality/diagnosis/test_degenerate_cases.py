@@ -60,7 +60,7 @@ def test_a_point_seen_twice_along_one_ray():
             assert abs(along.get(component, 0.0)) == pytest.approx(abs(ray[k]), abs=2e-3)
     else:
         # round-off may leave it determined on paper: then it must be shown as what it is
-        told = {block for d in weak_directions(assess(adjustment)) for _, block, _ in d.unknowns}
+        told = {block for d in weak_directions(adjustment, assess(adjustment)) for _, block, _ in d.unknowns}
         assert "T" in told
 
 
