@@ -27,7 +27,7 @@ from mor.project.network import (
 from mor.project.rows import rows_of_points
 from mor.quality.outliers import Attempt
 from mor.solve.datum import NOTHING_KNOWN, LocalDefects, beside, local_defects, weak_turns
-from mor.solve.iterate import A_WEAK_TURN, RAN_AWAY, Adjustment, Outcome, SolverSettings, adjust
+from mor.solve.iterate import A_WEAK_TURN, INTO_CENTRE, RAN_AWAY, Adjustment, Outcome, SolverSettings, adjust
 from mor.solve.problem import Problem, linearise, misclosures, rotation_tangents
 from mor.start.points_at_infinity import RayPoints, nearly_parallel
 from mor.types import BoolArray, FloatArray, IntArray
@@ -834,6 +834,11 @@ def _with_far_points(
         if attempt.stayed_plain:
             means = means._replace(solve=means.plainly)
         there = _values_of(network, adjustment.values, far.points)
+        if adjustment.reason == INTO_CENTRE:
+            plain = without_points(plain, adjustment.gone, IN_CENTRE)
+            network, values, before = _with_reference(plain, start, there, doubted), there, None
+            rounds += 1
+            continue
         if len(adjustment.gone):
             every = nearly_parallel(network, there, contradicting=True)
             to_infinity = np.isin(every.points, np.union1d(far.points, adjustment.gone))
@@ -875,12 +880,11 @@ def _with_far_points(
         # Left out only now: with them the poses are known well enough to tell which points are at infinity.
         rounds -= 1
         network = _with_reference(plain, start, there, doubted)
-        found = _adjusted(network, values, far, blind, means, far_too=True)
-        ended = found[1].adjustment
-        if ended.outcome.is_solution or not solved:
-            return found
+        smaller, then = _adjusted(network, values, far, blind, means, far_too=True)
+        if then.adjustment.outcome.is_solution or not solved:
+            return smaller, then
         every = nearly_parallel(network, there, contradicting=True)
-        more = every.take(np.isin(every.points, np.union1d(far.points, ended.gone)))
+        more = every.take(np.isin(every.points, np.union1d(far.points, then.adjustment.gone)))
         if len(more.points) <= len(far.points):
             break
         far = more

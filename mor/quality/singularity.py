@@ -490,7 +490,7 @@ def _geometry(solved: Solved, alone: set[tuple[str, str]], say: Translate) -> li
 
 
 def weakness(solved: Solved, say: Translate = english) -> list[str]:
-    """One line for every direction that is determined, but hardly; without a solution only where residuals are small."""
+    """One line for every direction that is determined, but hardly; without a solution if residuals are small."""
     adjustment = solved.adjustment
     if solved.quality is None and not (adjustment.outcome is Outcome.NOT_CONVERGED and fits(adjustment)):
         return []

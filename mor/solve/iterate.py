@@ -99,6 +99,7 @@ A_WEAK_TURN = "a rotation of the whole network is not usefully determined"
 RAN_AWAY = "the iteration moved away from the start values to a place where unknowns are not determined"
 STANDS_STILL = "the iteration makes no progress"
 TO_INFINITY = "points have moved to infinity"
+INTO_CENTRE = "points have moved into projection centres"
 SINGULAR_MINIMUM = "at the minimum of the sum of squares, a movement of the network changes no observation"
 """Reasons of outcomes."""
 
@@ -183,7 +184,7 @@ class Adjustment(NamedTuple):
     kernels: bool = False
     """True where compiled kernels did the work, False where plain NumPy did."""
     gone: IntArray = _NO_POINTS
-    """Numbers of the point blocks that have moved to infinity: the adjustment has stopped there."""
+    """Numbers of the point blocks that have moved to infinity, or into a projection centre: it has stopped there."""
 
 
 Watcher = Callable[[Iteration], None]
@@ -229,6 +230,8 @@ _LARGEST_TURN = 0.5
 
 _FARTHER = 10.0
 """Times that a point may get farther from a camera in a step."""
+_PASSING = 5
+"""Damped iterations without a gain after which a point that a step leads through a camera is what they wait for."""
 _BEYOND = 1e3
 """Inverse distances of a point that a step takes from it, from which on the point is at infinity."""
 
@@ -369,8 +372,13 @@ def _as_a_whole(
         # The inner constraint is the condition of the least sum of squared corrections.
         ways, carries = movements(state.defect.datum), free & state.problem.datum.mask["point"]
         reference = state.problem.datum.reference["point"]
-        digits = dict.fromkeys(("xtol", "ftol", "gtol"), _EPS)
-        found = ways @ least_squares(lambda m: (at(ways @ m) - reference)[carries], np.zeros(ways.shape[1]), **digits).x
+        begin = np.zeros(ways.shape[1])
+
+        def corrections(movement: FloatArray) -> FloatArray:
+            return np.asarray((at(ways @ movement) - reference)[carries])
+
+        fit = least_squares(corrections, begin, xtol=_EPS, ftol=_EPS, gtol=_EPS)
+        found = ways @ fit.x
     else:
         found = found * min(1.0, _LARGEST_TURN / max(float(np.abs(found[3:]).max()), 1e-300))
     R, scale = exponential(found[3:6]), float(np.exp(found[6]))
@@ -722,6 +730,8 @@ class SolverSettings(NamedTuple):
     patience: Patience | None = None
     to_infinity: bool = False
     """Stop where points have moved to infinity, so that they can be directions."""
+    into_centre: bool = False
+    """Stop where points are about to pass through a camera, so that they can be left out."""
 
 
 def adjust(
@@ -729,7 +739,7 @@ def adjust(
 ) -> Adjustment:
     """Adjust from the start values. The outcome says whether it converged; nothing is raised for a bad network."""
     settings = settings or SolverSettings()
-    plan = make_plan(problem, eliminable_rays(problem, start))
+    plan = make_plan(problem, eliminable_rays(problem, start), start)
     check_room(memory_of_adjustment(plan), "the adjustment", LESS)
     with threads_for(plan.elimination.largest_front):
         return _iterated(plan, start, settings, watch)
@@ -742,7 +752,7 @@ def _iterated(plan: Plan, start: Values, settings: SolverSettings, watch: Watche
         and (without_progress(state.iterations) < settings.max_iterations or settles(state.iterations))
         and len(state.iterations) < 2 * settings.max_iterations
     ):
-        before, state = len(state.iterations), _advance(state, settings.to_infinity)
+        before, state = len(state.iterations), _advance(state, settings)
         if watch is not None and len(state.iterations) > before:
             watch(state.iterations[-1])
         if state.outcome is Outcome.NOT_CONVERGED and stands_still(state.iterations, settings.patience):
@@ -788,16 +798,20 @@ def _judge_defect(state: Adjustment) -> Adjustment:
     return state
 
 
-def _advance(state: Adjustment, to_infinity: bool) -> Adjustment:
-    """One accepted step, or the end; ``to_infinity``: points that have moved there are an end."""
+def _advance(state: Adjustment, settings: SolverSettings) -> Adjustment:
+    """One accepted step, or the end."""
     regular, weak = state.inverse.parts_of_step(state.normals)
     stride = state.stride.next(weak)
     step = regular + stride.weak
     shift, gain = _into_datum(state, step)
     change = _gain(state, regular + weak)
-    gone = _gone(state, regular + weak) if to_infinity else _NO_POINTS
-    if len(gone):
-        return state._replace(outcome=Outcome.DIVERGED, reason=TO_INFINITY, gone=gone)
+    far, through = _gone(state, regular + weak)
+    for wanted, gone, reason in (
+        (settings.to_infinity, far, TO_INFINITY),
+        (settings.into_centre, through, INTO_CENTRE),
+    ):
+        if wanted and len(gone):
+            return state._replace(outcome=Outcome.DIVERGED, reason=reason, gone=gone)
     over = is_over(state, change, state.inverse.weak) and is_in_datum(state, step, shift, gain, change)
     iteration = Iteration(len(state.iterations) + 1, state.normals.objective, change, 0.0, _redundancy(state))
     if over and change <= ACCURACY:
@@ -825,19 +839,24 @@ def _advance(state: Adjustment, to_infinity: bool) -> Adjustment:
 
 
 def _swings(state: Adjustment, change: float) -> bool:
-    """True where only the datum is still missed after steps that are nothing: a turn is too large for its derivatives."""
+    """True where only the datum is missed after steps that are nothing: the way into it bends too much."""
     last = state.iterations[-3:]
     bends = state.problem.datum.movements is None and state.problem.datum.mask.get("point") is not None
     return bends and len(last) == 3 and max(change, *(one.largest_change for one in last)) <= ACCURACY
 
 
-def _gone(state: Adjustment, step: FloatArray) -> IntArray:
-    """Return the points (k,) that are at infinity, as far as the step (u,) of Gauss-Newton and a standstill show it."""
+def _gone(state: Adjustment, step: FloatArray) -> tuple[IntArray, IntArray]:
+    """Return points (k,) at infinity, and those that pass their camera, by the step (u,) at a standstill.
+
+    What they gain is little, but as they leave the range of their derivatives all others wait for them.
+    """
     now = state.normals.objective
     if not state.iterations or state.iterations[-1].objective > (1.0 + _STANDS) * now:
-        return _NO_POINTS
-    beyond = _toward_points(state.plan, state.values, step)[-1] > _BEYOND
-    return state.plan.seen_points[0][beyond]
+        return _NO_POINTS, _NO_POINTS
+    farther = _toward_points(state.plan, state.values, step)[-1]
+    points, last = state.plan.seen_points[0], state.iterations[-_PASSING:]
+    waits = len(last) == _PASSING and all(one.damping for one in last) and last[0].objective <= (1.0 + _STANDS) * now
+    return points[farther > _BEYOND], points[waits & (farther < -1.0)]
 
 
 def _with_curvature(state: Adjustment, change: float) -> Taken | None:

@@ -244,7 +244,7 @@ def ideal_rays(
     Behind a port the rays are those in the water, to points so far away that they begin at the projection centre.
 
     Newton's method in the tangent plane of the ray, so that fisheye rays beyond 90° are reached too. Where it does not
-    converge (a polynomial beyond its range), the ray of the central projection that the camera has along its axis is kept.
+    converge (a polynomial beyond its range), the ray of the central projection along the axis of the camera is kept.
     """
     rays = np.empty((len(measured), 3))
     # Some thousand rays at a time stay in the cache, and ten million do not fill the memory with derivatives.
