@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 SIGMA_KILOMETRE, SIGMA_SET_UP = "1 mm", "0.3 mm"
 """Standard deviations of a height difference over 1 km, and of one set-up without distances: no field book has any."""
-_SAME_HEIGHT = 0.01
+SAME_HEIGHT = 0.01
 """Metres within which recorded heights of a point agree: levelling lines close better than that."""
 ALONE = "staff readings without a counterpart"
 REPEATED = "staff readings that were repeated"
@@ -131,7 +131,11 @@ class Levelling:
         if self.fore or not self.between:
             self.close()
         if height is not None:
-            self._line().heights[name] = height
+            self.record(name, height)
+
+    def record(self, point: str, height: float) -> None:
+        """Record the height of a point that the book has in the open line."""
+        self._line().heights[point] = height
 
     def close_at(self, last: str, benchmark: str) -> None:
         """End the line: its last point, which bears the number of a turning point, is a benchmark."""
@@ -185,7 +189,7 @@ class Levelling:
                 same = [
                     k
                     for k, other in enumerate(places)
-                    if height is not None and other is not None and abs(height - other) <= _SAME_HEIGHT
+                    if height is not None and other is not None and abs(height - other) <= SAME_HEIGHT
                 ]
                 if not same:
                     places.append(height)

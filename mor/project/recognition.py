@@ -9,7 +9,7 @@ import os
 import re
 import unicodedata
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import combinations, product, takewhile, zip_longest
+from itertools import combinations, pairwise, product, takewhile, zip_longest
 from math import isclose
 from pathlib import Path
 from statistics import median
@@ -20,7 +20,7 @@ import yaml
 from mor.errors import InputError, Message, counted
 from mor.input_files import CODE_PAGES, TABLE, as_utf8, decoded, not_utf8, read_bytes
 from mor.project.document import LONGEST, guarded, plain
-from mor.project.levelling import ALONE, LevelledDifference, Levelling, StaffReading
+from mor.project.levelling import ALONE, SAME_HEIGHT, LevelledDifference, Levelling, StaffReading
 from mor.project.tables import is_spreadsheet, read_sheets, sheet_rows
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
@@ -31,7 +31,7 @@ _FROM = (
     "|instrument|occ|occupied|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt"
     "|instrumentenstandpunkt|setup|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion"
     "|estacao|stazione|st|est|punktodstania|stanowisko"
-    "|od|de|desde|da|durulannokta|istasyon|baslangıc|станция|точкастояния|от|dari|titikalat|titikdiri|alat"
+    "|od|de|desde|da|durulannokta|dn|istasyon|baslangıc|станция|точкастояния|от|dari|titikalat|titikdiri|alat"
 )
 _TO = (
     "to|nach|til|till|end|ende|pointb|topoint|tostn|punktb|p2|target|ziel|zielpunkt|sighted|foresight"
@@ -40,14 +40,14 @@ _TO = (
     "|ptovisado|visado|puntoobservado|observado"
     "|pv|pontovisado|pontoobservado|puntobattuto|battuto|puntocollimato|collimato|zielpunktnr|zielnr|cel"
     "|secondpoint|secondpointnumber|ciel|cil"
-    "|do|vers|hacia|hasta|a|bakılannokta|bitis|цель|визирнаяцель|точкавизирования|до|ke|titiktarget|titiktujuan"
+    "|do|vers|hacia|hasta|a|bakılannokta|bn|bitis|цель|визирнаяцель|точкавизирования|до|ke|titiktarget|titiktujuan"
 )
 _POINT = (
     "point|pointid|pt|ptid|pnt|pntid|punkt|punktid|punktnr|punktnummer|pktnr|pkt|name|number|nr|no|num|label|marker|gcp"
     "|ptno|ptnr|ptname|pnr|pointno|pointnr|pointname|pointnumber|punktname|gcpid|gcpname|gcplabel|markerid|markername"
     "|idgcp|idtie|idpoint|idmarker|matricule|nom|npoint|numero|punto|nopunto|ponto|nomepunto|nombre|npunto"
     "|nombrepunto|pto"
-    "|nrpunktu|numerpunktu|nazwapunktu|nokta|noktano|noktaadı|точка|номерточки|имяточки|titik|notitik|namatitik"
+    "|nrpunktu|numerpunktu|nazwapunktu|nokta|noktano|noktaadı|nn|точка|номерточки|имяточки|titik|notitik|namatitik"
 )
 _HEIGHTS = {
     "from_height": "fromheight|ih|hi|instrumentheight|instrheight|geraetehoehe|instrumentenhoehe|standhoehe|hinst"
@@ -89,7 +89,7 @@ _DISTANCE = (
     "distance|length|dist|strecke|sd|ds|d|slope|slopedistance|slopedist|slopedistances|schraegstrecke|schraegdistanz"
     "|distanz|di|dp|distanceinclinee|distinclinee|distancepente|distanciainclinada|distinclinada|distanciageometrica"
     "|distancia|distanzainclinata|distinclinata|distanza"
-    "|odległoscskosna|odległosc|długosc|egikmesafe|egikuzunluk|mesafe|наклонноерасстояние|расстояние|длина"
+    "|odległoscskosna|odległosc|długosc|egikmesafe|egikuzunluk|mesafe|kenar|наклонноерасстояние|расстояние|длина"
     "|jarakmiring|jarak"
 )
 _PLAN_DISTANCE = (
@@ -107,7 +107,7 @@ _BEARING = (
     "|forebearing|forwardbearing|gisement|acimut|azimute|rumbo|rumo"
     "|azymut|semt|acıklıkacısı|азимут|дирекционныиугол"
 )
-_BEARING_DISTANCE = f"{_PLAN_DISTANCE}|distance|length|dist|strecke|distancia|distanza|d"
+_BEARING_DISTANCE = f"{_PLAN_DISTANCE}|distance|length|dist|strecke|distancia|distanza|kenar|d"
 """Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
 _HORIZONTAL = (
     "horizontal|hz|ha|dir|hdir|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
@@ -139,7 +139,7 @@ _POINTS = {
     "|norte|coordy",
     "z": "z|z0|zo|zaltitude|h|height|wysokosc|yuekseklik|kot|высота|отметка|tinggi|elevasi|elevation|elev|el"
     "|alt|altitude|hoehe|zgcp|zcoord|zcoordinate|mapz|pointz|rl"
-    "|reducedlevel|reducelevel|kote|cota|quota|elevacion|altitud|coordz",
+    "|reducedlevel|reducelevel|kote|cota|quota|elevacion|altitud|coordz|elevatie|startingelevation|startelevation",
 }
 _AXES = {"x": "xe", "y": "yn", "z": "zhu"}
 _STATED = {
@@ -161,26 +161,34 @@ _NAMED = re.sub(r"\b(number|numero|no|nr|num|pointno|punktnr|foresight)\|", "", 
 _MIDDLE = tuple(f"{one}{hair}" for one in ("middle", "mid", "centre", "center") for hair in ("hair", "wire", ""))
 """Names of the hair that is the reading, behind the name of the reading."""
 _BACK = (
-    "back|backsight|bs|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar"
+    "back|backsight|bs|ab|achterbaak|backreading|bsreading|bsreadings|backsightreading|rueckblick|rueck|rueckwaerts|ar"
     "|arriere|lecturearriere"
     "|lectar|atras|vistaatras|lecturaatras|lectatras|espalda|indietro|letturaindietro|re|leiturare|visadare|vistare"
     "|wstecz|odczytwstecz|geri|geriokuma|назад|отсчетназад|belakang|bacaanbelakang"
 )
 _BETWEEN_READINGS = (
-    "between|is|ifs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia|intermediaire"
+    "between|is|ifs|zs|intermediate|intermediatesight|intersight|zwischenblick|zwischen|intermedia|intermediaire"
     "|vistaintermedia"
     "|lecturaintermedia|lectureintermediaire|inter|int|intermediaria|intermedio"
 )
 _FORE = (
     "fore|foresight|fs|forereading|fsreading|fsreadings|foresightreading|vorblick|vor|vorwaerts|av|avant"
     "|lectureavant|lectav"
-    "|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
+    "|vb|voorbaak|adelante|vistaadelante|lecturaadelante|lectadelante|frente|avanti|letturaavanti|vante|leituravante|visadavante"
     "|wprzod|odczytwprzod|ileri|ileriokuma|вперед|отсчетвперед|muka|bacaanmuka"
 )
+_STAFF_HEIGHTS = ("height", "hgt")
+"""Names of the height at which a staff is read, behind the name of the reading."""
+_CODES = {
+    **dict.fromkeys(["b", "bs", "back", "backsight", "rueckblick", "r", "ab"], "back"),
+    **dict.fromkeys(["f", "fs", "fore", "foresight", "vorblick", "v", "vb"], "fore"),
+    **dict.fromkeys(["i", "is", "intermediate", "zwischenblick", "z", "zs"], "between"),
+}
+"""Codes of staff readings in a column of their own; others are those of results."""
 _STAFF_DISTANCES = {
-    "back_distance": "bsdistance|bsdist|distancebs|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz"
+    "back_distance": "bsdistance|bsdist|abdist|distancebs|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz"
     "|distatras",
-    "fore_distance": "fsdistance|fsdist|distancefs|foredistance|foresightdistance|distav|distfs|distfore|vordistanz"
+    "fore_distance": "fsdistance|fsdist|vbdist|distancefs|foredistance|foresightdistance|distav|distfs|distfore|vordistanz"
     "|distadelante",
 }
 
@@ -236,16 +244,24 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "levelling": (
         {
             "point": f"{_NAMED}|{_FROM}|{_POINT}|id|remarks|remark|bemerkung",
-            "back": _joined(_BACK, *_MIDDLE, "", 1),
-            "fore": _joined(_FORE, *_MIDDLE, "", 1),
+            "back": _joined(_BACK, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
+            "fore": _joined(_FORE, *_MIDDLE, "", 1, *_STAFF_HEIGHTS),
         },
         {
             **_SECOND,
-            "between": _joined(_BETWEEN_READINGS, "", *_MIDDLE),
+            "between": _joined(_BETWEEN_READINGS, "", *_MIDDLE, *_STAFF_HEIGHTS),
             "distance": _LENGTHS,
             **_STAFF_DISTANCES,
             "height": _POINTS["z"],
         },
+    ),
+    "levelling by codes": (
+        {
+            "point": f"{_POINT}|id",
+            "reading": "height|hoogte|hoehe|reading|staffreading",
+            "code": "meastype|measurementtype|meettype|messtyp|messart",
+        },
+        {"distance": f"{_LENGTHS}|distantie|distanz", "height": "elevation|elevatie|elev|hoehenwert|rl"},
     ),
     "vector": (
         {"from": _FROM, "to": _TO, **_VECTOR},
@@ -286,7 +302,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
         {
             "sigma": f"{_precisions('dz|dh|hdiff')}|calcerr|{_STANDARD_DEVIATION}",
-            "length": f"km|lengthkm|l|{_LENGTHS}",
+            "length": f"km|lengthkm|skm|l|{_LENGTHS}",
             "epoch": "epoch|epoche",
         },
     ),
@@ -457,6 +473,8 @@ class Found(NamedTuple):
     has_header: bool
     header: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
+    lines: tuple[int, ...] = ()
+    """Lines of the file that the rows of a levelling book stand in."""
     sheet: str = ""
     """Sheet of a spreadsheet that has several."""
     tidied: bool = False
@@ -535,31 +553,45 @@ def _with_sheets_apart(tables: list[Found]) -> list[Found]:
 
 
 def _recognise(path: Path, sheet: str | None) -> list[Found]:
-    delimiter, read, above, encoding = _cells(path, sheet)
-    width = max((k for row in read for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
-    blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in read)
-    blank, more = _first_table(_without_index(blank))
+    cells = _cells(path, sheet)
+    width = max((k for row in cells.rows for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
+    blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in cells.rows)
+    blocks = _blocks(_without_index(blank), cells.lines)
+    found = [_of_block(path, cells, rows, lines, more, len(blocks) > 1) for rows, lines, more in blocks]
+    tables, copies = list[Found](), list[str]()
+    for table in (table for tables in found for table in tables):
+        copies.append(table.part)
+        again = copies.count(table.part)
+        tables.append(table._replace(part=f"{table.part}_{again}") if table.part and again > 1 else table)
+    return tables
+
+
+def _of_block(
+    path: Path, cells: _File, blank: _Cells, lines: tuple[int, ...], more: tuple[str, ...], is_one_of_several: bool
+) -> list[Found]:
+    """Tables of every kind in rows that have one header."""
     tidy, stated = _tidied(_with_whole_angles(tuple(map(_with_hairs, blank[:_TITLES])) + blank[_TITLES:]))
     tidy, wires = _with_whole_readings(tidy)
     tidy, zeros = _without_zeros(_with_faces(_with_sigmas(tidy)))
     tidy, alone = _with_station(tidy)
-    encoded = ((not_utf8(encoding),) if encoding in CODE_PAGES else ()) + more + wires + zeros + alone
+    is_encoded = cells.encoding in CODE_PAGES
+    encoded = ((not_utf8(cells.encoding),) if is_encoded else ()) + more + wires + zeros + alone
     parts = _parts(tidy, path)
     return [
         table._replace(
-            tidied=table.tidied or encoding in CODE_PAGES,
+            tidied=table.tidied or is_encoded,
             notes=(*encoded, *notes, *table.notes),
-            part=table.part or (table.kind if len(parts) > 1 else ""),
+            part=table.part or (table.kind if len(parts) > 1 or is_one_of_several else ""),
         )
         for rows, notes in parts
-        for table in _tables(path, rows, read, stated, above, delimiter)
+        for table in _tables(path, rows, cells, lines, stated)
     ]
 
 
-def _tables(
-    path: Path, rows: _Cells, read: _Cells, stated: Mapping[str, str], above: tuple[str, ...], delimiter: str
-) -> list[Found]:
-    """Tables of every kind in the rows. ``read``: those of the file."""
+def _tables(path: Path, rows: _Cells, cells: _File, lines: tuple[int, ...], stated: Mapping[str, str]) -> list[Found]:
+    """Tables of every kind in the rows. ``lines``: those of the file from the header on."""
+    delimiter, above = cells.delimiter, cells.above
+    line = lines[0] if lines else 1
     header = tuple(cell.strip() for cell in rows[0]) if rows else ()
     has_header = bool(header) and _is_heading(header)
     if not has_header and len(above) == len(header) and _kinds(_named(above)):
@@ -575,7 +607,7 @@ def _tables(
                 "(name, x, y, z) may be without"
             )
         if has_two_names(rows) or not _is_list_of_points(_padded(rows)):
-            raise InputError([Message(words, str(path), 1)])
+            raise InputError([Message(words, str(path), line)])
         rows = _padded(rows)
         header = (*_OF_POINTS, *(f"column{k}" for k in range(5, len(rows[0]) + 1)))
     named = _named(header)
@@ -587,11 +619,13 @@ def _tables(
             f"found latitudes and longitudes (columns {', '.join(places)}), expected coordinates in metres; in a "
             "project with world: {crs: EPSG:4326} points have columns latitude, longitude, height"
         )
-        raise InputError([Message(words, str(path), 1)])
+        raise InputError([Message(words, str(path), line)])
     if not kinds:
-        raise InputError(
-            [Message(f"unknown kind of table: found the columns {', '.join(header)}; {_known()}", str(path), 1)]
-        )
+        words = [_columns_that_are_known(row) for row in rows[:_TITLES]]
+        likely = max(range(len(words)), key=lambda k: (words[k] > 1) * words[k])  # the first row may be a title
+        columns = ", ".join(c for c in map(str.strip, rows[likely]) if c and not _PLACEHOLDER.fullmatch(c))
+        line = lines[max(0, len(lines) - len(rows)) + likely]
+        raise InputError([Message(f"unknown kind of table: found the columns {columns}; {_known()}", str(path), line)])
     body, nameless = rows[has_header:], 0
     if target := next((columns["to"] for kind, columns in kinds.items() if kind in _SIGMA and "to" in columns), ""):
         place = header.index(target)
@@ -633,7 +667,8 @@ def _tables(
             has_header,
             header,
             full[kind],
-            tidied=rows != read or bool(notes) or full[kind] != body,
+            lines[len(lines) - len(body) :] if kind.startswith("levelling") else (),
+            tidied=rows != cells.rows or bool(notes) or full[kind] != body,
             part=kind if len({len(part) for part in full.values()}) > 1 else "",
             notes=notes,
         )
@@ -787,37 +822,39 @@ def _with_readings(rows: _Cells, kind: str, columns: Mapping[str, str], header: 
 
 
 def _levelled(table: Found) -> tuple[Found, ...]:
-    """Height differences of a levelling book, and its benchmark; a second instrument has columns of its own."""
+    """Height differences of levelling books, and their benchmarks; a second instrument has columns of its own."""
     table = _with_mean_wires(table)
     left = dict.fromkeys((_NO_READING, _SUMS, ALONE, _TO_ITSELF), 0)
-    found = _height_differences(table, left)
+    found, words = _height_differences(table, left)
     if _SECOND.keys() <= table.columns.keys():
         second = {"back": table.columns["back2"], "fore": table.columns["fore2"]}
-        found += _height_differences(table._replace(columns={**table.columns, **second}), left)
+        found += _height_differences(table._replace(columns={**table.columns, **second}), left)[0]
     if not found and table.rows:
         raise InputError([Message("no set-up has readings back and forward", str(table.path))])
     names = ["from", "to", "dz", "length"][: 3 + all(row.length is not None for row in found)]
-    values = [abs(value) for ours in ("back", "fore") for value in table.numbers(ours)]
-    units = {"dz": table.units.get("back", "mm" if values and median(values) > _STAFF else "")}
+    read = ("back", "fore", "reading")
+    values = [abs(value) for ours in read for value in table.numbers(ours)]
+    unit = next((table.units[name] for name in read if name in table.units), "")
+    units = {"dz": unit or ("mm" if values and median(values) > _STAFF else "")}
     units["length"] = next((table.units[name] for name in _DISTANCES if name in table.units), "")
     lines = [(row.start, row.end, f"{row.value:.9g}", f"{row.length or 0.0:.9g}")[: len(names)] for row in found]
-    words = f"{counted(len(found), 'height difference')} from the staff readings"
-    rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
-    known = [row for row in rows if row.text("point") and _NUMBER.fullmatch(row.text("height"))]
-    notes, benchmark = (*table.notes, words), tuple[Found, ...]()
+    counts = f"{counted(len(found), 'height difference')} from the staff readings"
+    notes, benchmark = (*table.notes, counts, *words), tuple[Found, ...]()
     written = table._replace(delimiter=",", decimal_comma=False, has_header=True, tidied=True)
-    if known and known[0].text("point") in {name for row in found for name in (row.start, row.end)}:
-        name, height = known[0].text("point"), known[0].text("height").replace(",", ".")
-        below = counted(len(known) - 1, "height")
-        notes = (*notes, f"the height of {name} is taken over; {below} below not used: they are computed")
-        unit = table.units.get("height")
+    measured = {name for row in found for name in (row.start, row.end)}
+    known = {name: height for name, height in _benchmarks(table).items() if name in measured}
+    if known:
+        others = [row for row in _level_rows(table) if row.has_height() and row.text("point") not in known]
+        below = counted(len(others), "height")
+        notes = (*notes, f"the height of {', '.join(known)} is taken over; {below} below not used: they are computed")
+        unit = table.units.get("height", "")
         heights = written._replace(
             kind="points",
             columns={"id": "id", "z": "z"},
             unused=(),
             units={"z": unit} if unit else {},
             header=("id", "z"),
-            rows=((name, height),),
+            rows=tuple(known.items()),
             notes=(),
             part=_BENCHMARK,
         )
@@ -835,25 +872,123 @@ def _levelled(table: Found) -> tuple[Found, ...]:
     return differences, *benchmark
 
 
-def _height_differences(table: Found, left: dict[str, int]) -> list[LevelledDifference]:
-    """Height differences: a reading forward ends a set-up, one back begins the next. ``left`` is counted up."""
-    book = Levelling()
-    rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
+def _level_rows(table: Found) -> list[_LevelRow]:
+    return [_LevelRow(table, line, cells) for line, cells in zip(table.lines, table.rows, strict=True)]
+
+
+def _books(table: Found) -> list[list[_LevelRow]]:
+    """Rows of levelling books below each other: each has the header again, unless it goes on at the last point."""
+    books, last = [list[_LevelRow]()], ""
+    rows = _level_rows(table)
+    for k, row in enumerate(rows):
+        if _repeats(row.cells, table.header):
+            first = next((below for below in rows[k:] if below.has_readings()), None)
+            is_page = first is not None and (
+                first.number("back") is None or first.number("fore") is not None or first.text("point") == last
+            )
+            if not is_page and "to" not in table.columns:
+                books.append([])
+        else:
+            books[-1].append(row)
+            last = (row.text("point") if row.has_readings() else "") or last
+    return books
+
+
+def _benchmarks(table: Found) -> dict[str, str]:
+    """First heights in books below each other, by point. Raises :class:`InputError` if a point has two of them."""
+    found, listed = dict[str, str](), dict[str, list[tuple[float, _LevelRow]]]()
+    tolerance = _DECIMETRE / LENGTH_UNITS.get(table.units.get("height", "m"), 1.0)
+    for book in _books(table):
+        known = [row for row in book if row.has_height()]
+        for row in known[:1]:
+            name, height = row.text("point"), row.height()
+            before = listed.get(name, [])
+            if before and min(abs(height - other) for other, _ in before) > tolerance:
+                words = (
+                    f"the books that begin here and in row {before[0][1].row} give point {name} the heights "
+                    f"{height:g} and {before[0][0]:g}: put books of different points into files of their own"
+                )
+                raise InputError([Message(words, str(table.path), row.row)])
+            if not before:
+                found[name] = row.text("height").replace(",", ".")
+        for row in known[:1] + [row for row in known[1:] if row.height()]:
+            listed.setdefault(row.text("point"), []).append((row.height(), row))
+    return found
+
+
+def _height_differences(table: Found, left: dict[str, int]) -> tuple[list[LevelledDifference], list[str]]:
+    """Height differences of levelling books, and words on their points. ``left`` is counted up."""
+    levelling = Levelling()
+    for book in _books(table):
+        levelling.begin()
+        if "code" in table.columns:
+            _add_by_codes(levelling, book, left)
+        else:
+            _add_book(levelling, book, left)
+    measured, renamed = levelling.finish()
+    found = [row for row in measured if row.start != row.end]
+    left[ALONE] += len(levelling.alone)
+    left[_TO_ITSELF] += len(measured) - len(found)
+    words = list[str]()
+    if len(levelling.lines) > 1:
+        words.append(f"{len(levelling.lines)} levelling books below each other")
+        names = [name for line in levelling.lines for name in line.inside() | line.ends()]
+        shared = [name for name in dict.fromkeys(names) if names.count(name) > 1 and name not in renamed]
+        words += (
+            [f"points that several of them have are the same points: {', '.join(sorted(shared))}"] if shared else []
+        )
+        words += [f"points of the same name in other books are other points: {', '.join(renamed)}"] if renamed else []
+    return found, words
+
+
+def _add_by_codes(levelling: Levelling, rows: Sequence[_LevelRow], left: dict[str, int]) -> None:
+    """Add readings whose side a code says; a row with another code has the result of a set-up."""
+    for row in rows:
+        name, side, value, height = row.text("point"), row.side(), row.number("reading"), row.number("height")
+        if not side and row.text("code") and _DIGIT.search("".join(row.cells)):
+            levelling.result(name, height)
+            continue
+        if not side or value is None:
+            left[_NO_READING] += 1
+            continue
+        reading = StaffReading(name or f"line {row.row}", value, row.number("distance"), row.row)
+        if side == "back":
+            levelling.sight_back(reading)
+        elif side == "fore":
+            levelling.sight_forward(reading)
+        else:
+            levelling.sight_between(reading)
+        levelling.record(name, height)
+
+
+def _add_book(levelling: Levelling, rows: Sequence[_LevelRow], left: dict[str, int]) -> None:
+    """Add a levelling book: a reading forward ends a set-up, one back begins the next."""
     full = [row for row in rows if row.has_readings()]
     left[_NO_READING] += len(rows) - len(full)
-    distances = table.numbers("distance")
+    for row in rows:
+        if row.has_height():
+            levelling.record(row.text("point"), row.height())
+    if _is_read_twice(full):
+        for one, other in zip(full[::2], full[1::2], strict=True):
+            for row in (one, other):
+                back, fore, _, behind, ahead = map(row.number, _READINGS)
+                levelling.sight_back(StaffReading(one.text("point"), back or 0.0, behind, row.row))
+                levelling.sight_forward(StaffReading(other.text("point"), fore or 0.0, ahead, row.row))
+            levelling.close()
+        return
+    distances = [value for row in full if (value := row.number("distance")) is not None]
     is_chainage = distances == sorted(set(distances))
     total = 0.0
     for row, after in zip_longest(full, full[1:]):
         back, fore, between, behind, ahead = map(row.number, _READINGS)
         if behind is None and ahead is None and not is_chainage and (back is None or fore is None):
             behind = ahead = row.number("distance")
-        elif "to" in table.columns and behind is None and ahead is None:
+        elif "to" in row.table.columns and behind is None and ahead is None:
             behind = ahead = (row.number("distance") or 0.0) / 2.0 or None
-        if "to" in table.columns and back is not None and fore is not None:
-            book.sight_back(StaffReading(row.text("from"), back, behind, row.row))
-            book.sight_forward(StaffReading(row.text("to"), fore, ahead, row.row))
-            book.close()
+        if "to" in row.table.columns and back is not None and fore is not None:
+            levelling.sight_back(StaffReading(row.text("from"), back, behind, row.row))
+            levelling.sight_forward(StaffReading(row.text("to"), fore, ahead, row.row))
+            levelling.close()
             continue
         is_last = after is None or (after.number("back") is not None and after.number("fore") is None)
         if is_last and back is not None and fore is not None and isclose(back, total, abs_tol=1e-6):
@@ -862,22 +997,35 @@ def _height_differences(table: Found, left: dict[str, int]) -> list[LevelledDiff
             continue
         total += back or 0.0
         if row is full[0] and back is not None and fore is not None:
-            words = f"row {row.row} has readings back and forward; expected one row for each point, first one back"
-            raise InputError([Message(words, str(table.path))])
+            words = "found readings back and forward in the first row; expected a row for each point, first one back"
+            raise InputError([Message(words, str(row.table.path), row.row)])
         name = row.text("point")
         if back is None and after and after.number("fore") is not None and not (after.text("point") == name != ""):
             fore, between = None, fore if between is None else between  # no reading back from this point follows
         if between is not None:
-            book.sight_between(StaffReading(name or f"line {row.row}", between, ahead, row.row))
+            levelling.sight_between(StaffReading(name or f"line {row.row}", between, ahead, row.row))
         if fore is not None:
-            book.sight_forward(StaffReading(name, fore, ahead, row.row))
+            levelling.sight_forward(StaffReading(name, fore, ahead, row.row))
         if back is not None:
-            book.sight_back(StaffReading(name, back, behind, row.row))
-    measured, _ = book.finish()
-    found = [row for row in measured if row.start != row.end]
-    left[ALONE] += len(book.alone)
-    left[_TO_ITSELF] += len(measured) - len(found)
-    return found
+            levelling.sight_back(StaffReading(name, back, behind, row.row))
+
+
+def _is_read_twice(rows: Sequence[_LevelRow]) -> bool:
+    """Return whether rows have the readings of set-ups twice: one row with the point behind, one with that ahead."""
+    read = [(row.number("back"), row.number("fore")) for row in rows]
+    if (
+        len(rows) % 2
+        or not rows
+        or any(back is None or fore is None for back, fore in read)
+        or "to" in rows[0].table.columns
+    ):
+        return False
+    steps = [(back or 0.0) - (fore or 0.0) for back, fore in read]
+    unit = 1000.0 if max(abs(back or 0.0) for back, _ in read) > _STAFF else 1.0
+    names = [row.text("point") for row in rows]
+    return all(one != other for one, other in zip(names[::2], names[1::2], strict=True)) and all(
+        abs(one - other) < SAME_HEIGHT * unit for one, other in zip(steps[::2], steps[1::2], strict=True)
+    )
 
 
 def _with_mean_wires(table: Found) -> Found:
@@ -886,8 +1034,7 @@ def _with_mean_wires(table: Found) -> Found:
     The first row of a point names it. The middle wire is the mean of the outer ones, and the distance is 100 times
     what they differ by.
     """
-    rows = [_LevelRow(table, row, cells) for row, cells in enumerate(table.rows, start=1)]
-    full = [row for row in rows if row.has_readings()]
+    full = [row for row in _level_rows(table) if row.has_readings()]
     names = [name for name in _READINGS[:3] if name in table.columns]
     triples = list(zip(full[::3], full[1::3], full[2::3], strict=False))
     wires = [[[row.number(name) for row in triple] for name in names] for triple in triples]
@@ -915,6 +1062,7 @@ def _with_mean_wires(table: Found) -> Found:
         units=units,
         header=header,
         rows=tuple(means),
+        lines=tuple(triple[0].row for triple in triples),
         decimal_comma=False,
         notes=(
             *table.notes,
@@ -932,7 +1080,7 @@ def _are_wires(values: Sequence[float | None]) -> bool:
 
 
 class _LevelRow(NamedTuple):
-    """A row of a levelling book."""
+    """A row of a levelling book, and the line of the file it stands in."""
 
     table: Found
     row: int
@@ -942,6 +1090,18 @@ class _LevelRow(NamedTuple):
         """Cell of a column, empty if it is missing."""
         place = self.table.header.index(self.table.columns[name]) if name in self.table.columns else len(self.cells)
         return self.cells[place].strip() if place < len(self.cells) else ""
+
+    def side(self) -> str:
+        """Name of the reading that a code says, empty if it is that of no reading."""
+        return _CODES.get(_normalised(self.text("code")), "")
+
+    def has_height(self) -> bool:
+        """Return whether the row has a point and a height."""
+        return bool(self.text("point") and _NUMBER.fullmatch(self.text("height")))
+
+    def height(self) -> float:
+        """Height in a row that has one."""
+        return float(self.text("height").replace(",", "."))
 
     def has_readings(self) -> bool:
         """Return whether the row has a reading, and no word in its place as those with checks below a book."""
@@ -955,8 +1115,8 @@ class _LevelRow(NamedTuple):
         if not _DIGIT.search(text):
             return None
         if not _NUMBER.fullmatch(text):
-            words = f"row {self.row}, column {self.table.columns[name]}: found {text!r}, expected a number"
-            raise InputError([Message(words, str(self.table.path))])
+            words = f"column {self.table.columns[name]}: found {text!r}, expected a number"
+            raise InputError([Message(words, str(self.table.path), self.row)])
         return float(text.replace(",", ".")) or None
 
 
@@ -970,29 +1130,67 @@ def _without_index(rows: _Cells) -> _Cells:
     return (header, *(row[1:] for row in below))
 
 
-def _first_table(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
-    """Rows up to the heading of another table, each column once, angles in one column; and notes on the rest."""
+def _blocks(rows: _Cells, lines: tuple[int, ...]) -> list[tuple[_Cells, tuple[int, ...], tuple[str, ...]]]:
+    """Tables beside each other, each with its header in the first row, their lines, and notes on what is not read."""
     start = next((k for k, row in enumerate(rows[:_TITLES]) if _fits(row)), None)
     if start is None:
-        return rows, ()
-    header, body, notes = tuple(cell.strip() for cell in rows[start]), rows[start + 1 :], list[str]()
+        return [(rows, lines, ())]
+    found, rest, kinds = list[tuple[_Cells, tuple[int, ...], tuple[str, ...]]](), list[str](), set[str]()
+    for columns in _side_by_side(rows, start):
+        cut = [tuple(_cell(row, k) for k in range(len(rows[start]))[columns]) for row in rows[start:]]
+        kept = [k for k, row in enumerate(cut) if any(row)] if columns != slice(None) else range(len(cut))
+        block = tuple(cut[k] if columns != slice(None) else rows[start + k] for k in kept)
+        kind = next(iter(_kinds(_named(block[0]))), "") if block else ""
+        if kind in kinds and not kind.startswith("points"):
+            names = ", ".join(filter(None, block[0]))
+            rest.append(f"another table stands beside it (columns {names}): {counted(len(block) - 1, 'row')} not read")
+        else:
+            kinds.add(kind)
+            table, more = _first_table(block)
+            found.append((table, tuple(lines[start + k] for k in kept)[: len(block)], more))
+    return [(table, below, (*more, *rest)) for table, below, more in found]
+
+
+def _side_by_side(rows: _Cells, start: int) -> list[slice]:
+    """Columns of tables beside each other: a column is named twice, and an empty one or titles above part them."""
+    header = [cell.strip() for cell in rows[start]]
+    header = ["" if _PLACEHOLDER.fullmatch(cell) else cell for cell in header]
+    named = [cell for cell in header if cell]
+    if len(set(named)) == len(named):
+        return [slice(None)]
+    above = [cell.strip() for cell in rows[start - 1]] if start else []
+    titled = [k for k, cell in enumerate(above[: len(header)]) if cell and not _PLACEHOLDER.fullmatch(cell)]
+    empty = [k for k, cell in enumerate(header) if not cell and not any(_cell(row, k) for row in rows[start + 1 :])]
+    edges = sorted({0, len(header), *empty, *(titled if len(titled) > 1 else ())})
+    found = [slice(one, other) for one, other in pairwise(edges) if _fits(header[one:other])]
+    return found if len(found) > 1 else [slice(None)]
+
+
+def _first_table(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
+    """Rows up to the heading of another table, each column once, angles in one column; and notes on the rest."""
+    header, body, notes = tuple(cell.strip() for cell in rows[0]), rows[1:], list[str]()
     kinds = _kinds(_named(header))
-    used = {cell for columns in kinds.values() for cell in columns.values()} or set(header)
-    again = [k for k, row in enumerate(body) if all(_cell(row, j) == c for j, c in enumerate(header) if c in used)]
+    again = [k for k, row in enumerate(body) if _repeats(row, header)]
     bare = [k for k, row in enumerate(body) if not any(_NUMBER.fullmatch(cell.strip()) for cell in row)]
     others = [k for k in bare if k not in again and _fits(body[k])]
     if others:
         names = ", ".join(filter(None, (cell.strip() for cell in body[others[0]])))
         notes.append(f"another table begins below (columns {names}): {counted(len(body) - others[0], 'row')} not read")
         body = body[: others[0]]
-    if not any(kind.startswith("levelling") for kind in kinds):  # its rows have numbers
+    if not any(kind.startswith("levelling") for kind in kinds):  # each book has points and heights of its own
         body = tuple(row for k, row in enumerate(body) if k not in again)
     header, body = _with_joined_parts(header, body)
     if twice := sorted({cell for cell in header if cell and header.count(cell) > 1}):
         notes.append(f"column {', '.join(map(repr, twice))} is given twice: the first one is read")
         keep = [k for k, cell in enumerate(header) if not cell or cell not in header[:k]]
         header, body = tuple(header[k] for k in keep), tuple(tuple(_cell(row, k) for k in keep) for row in body)
-    return (*rows[:start], header, *body), tuple(notes)
+    return (header, *body), tuple(notes)
+
+
+def _repeats(row: Sequence[str], header: Sequence[str]) -> bool:
+    """Return whether a row has the header once more, at least its columns that are used."""
+    used = {cell for columns in _kinds(_named(header)).values() for cell in columns.values()} or set(header)
+    return all(_cell(tuple(row), k) == cell for k, cell in enumerate(header) if cell in used)
 
 
 def _with_joined_parts(header: tuple[str, ...], body: _Cells) -> tuple[tuple[str, ...], _Cells]:
@@ -1007,6 +1205,10 @@ def _with_joined_parts(header: tuple[str, ...], body: _Cells) -> tuple[tuple[str
             below = tuple((*row[:k], angle, *row[k + 3 :]) for row, angle in zip(body, angles, strict=True))
             return _with_joined_parts((*header[: k + 1], *header[k + 3 :]), below)
     return header, body
+
+
+def _columns_that_are_known(row: Sequence[str]) -> int:
+    return sum(text in _KNOWN for _, text, _ in _named([cell.strip() for cell in row if cell.strip()]))
 
 
 def _is_heading(row: Sequence[str]) -> bool:
@@ -1329,14 +1531,26 @@ def _told_apart(table: Found, images: set[str], points: set[str]) -> Found:
     return table._replace(kind="images") if of_images else table
 
 
-def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...], str]:
-    """Delimiter, cells without comments and empty lines, cells of a comment that may be the header, and encoding."""
+class _File(NamedTuple):
+    """Rows of a file without comments and empty lines."""
+
+    delimiter: str
+    rows: _Cells
+    lines: tuple[int, ...]
+    above: tuple[str, ...]
+    """Cells of a comment that may be the header."""
+    encoding: str
+
+
+def _cells(path: Path, sheet: str | None) -> _File:
     if is_spreadsheet(path):
-        return ",", tuple(map(tuple, sheet_rows(path, sheet))), (), ""
+        numbers, cells = sheet_rows(path, sheet)
+        return _File(",", tuple(map(tuple, cells)), tuple(numbers), (), "")
     text, encoding = decoded(as_utf8(read_bytes(path, TABLE)))
     if encoding in CODE_PAGES and "\0" in text:
         raise InputError([Message("this is not UTF-8 text", str(path))])
-    lines = [line for line in text.split("\n") if line.strip() and not line.startswith("#")]
+    numbered = [(k, ln) for k, ln in enumerate(text.split("\n"), start=1) if ln.strip() and not ln.startswith("#")]
+    lines = [line for _, line in numbered]
     comments = [
         line.strip().removeprefix("#") for line in takewhile(lambda line: line.startswith("#"), text.split("\n"))
     ]
@@ -1344,16 +1558,16 @@ def _cells(path: Path, sheet: str | None) -> tuple[str, _Cells, tuple[str, ...],
     likely = max(";\t,", key=first.count)
     likely = likely if first.count(likely) else " "
     delimiter = next((sign for sign in (likely, *";\t,") if any(map(_fits, _rows(lines[:_TITLES], sign)))), likely)
-    lines = _spaced(lines, delimiter)
+    reader = csv.reader(_spaced(lines, delimiter), delimiter=delimiter)
     try:
-        cells = tuple(tuple(row) for row in csv.reader(lines, delimiter=delimiter) if row)
+        found = [(numbered[reader.line_num - 1][0], tuple(row)) for row in reader if row]
         heads = [
             tuple(cell.strip() for cell in row) for row in csv.reader(_spaced(comments, delimiter), delimiter=delimiter)
         ]
-        above = next((head for head in reversed(heads) if cells and len(head) == len(cells[0])), ())
-        return delimiter, cells, above, encoding
     except csv.Error as error:
         raise InputError([Message(f"this is not a table: {error}; is a quote not closed?", str(path))]) from None
+    above = next((head for head in reversed(heads) if found and len(head) == len(found[0][1])), ())
+    return _File(delimiter, tuple(row for _, row in found), tuple(line for line, _ in found), above, encoding)
 
 
 def _rows(lines: list[str], delimiter: str) -> list[list[str]]:

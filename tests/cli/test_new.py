@@ -394,8 +394,8 @@ def test_two_lines_with_sums_in_one_levelling_book(tmp_path: Path) -> None:
         ("M", "T", "0.5"),
         ("T", "N", "0.5"),
         ("N", "M", "-1"),
-        ("N", "line 10", "-0.25"),
-        ("N", "line 11", "-0.5"),
+        ("N", "line 11", "-0.25"),
+        ("N", "line 12", "-0.5"),
     }
     assert "sums of the readings: 1 row" in table.notes
     assert (benchmark.kind, benchmark.rows) == ("points", (("M", "100"),))
@@ -459,8 +459,8 @@ def test_distances_and_both_points_of_a_levelling_book(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "words"),
     [
-        ("A,1.5,1.2\nB,1.0,0.9\n", "row 1 has readings back and forward"),
-        ("A,1.5,\nB,,1.2O\n", "row 2, column FS: found '1.2O', expected a number"),
+        ("A,1.5,1.2\nB,1.0,0.9\n", "t.csv:2: found readings back and forward"),
+        ("A,1.5,\nB,,1.2O\n", "t.csv:3: column FS: found '1.2O', expected a number"),
         ("A,1.5,\n", "no set-up has readings back and forward"),
     ],
 )
