@@ -186,9 +186,11 @@ _CODES = {
 }
 """Codes of staff readings in a column of their own; others are those of results."""
 _STAFF_DISTANCES = {
-    "back_distance": "bsdistance|bsdist|abdist|distancebs|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz"
+    "back_distance": "bsdistance|bsdist|abdist"
+    "|distancebs|backdistance|backsightdistance|distar|distbs|distback|rueckdistanz"
     "|distatras",
-    "fore_distance": "fsdistance|fsdist|vbdist|distancefs|foredistance|foresightdistance|distav|distfs|distfore|vordistanz"
+    "fore_distance": "fsdistance|fsdist|vbdist"
+    "|distancefs|foredistance|foresightdistance|distav|distfs|distfore|vordistanz"
     "|distadelante",
 }
 
@@ -220,8 +222,8 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
         },
     ),
     "directions": (
-        {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": _HORIZONTAL},
-        {**_SIGHT, "sigma": f"{_precisions('dir|direction|hz')}|{_STANDARD_DEVIATION}"},
+        {"station": _FROM, "to": f"{_TO}|{_POINT}|id", "horizontal": f"{_HORIZONTAL}|r"},
+        {**_SIGHT, "sigma": f"{_precisions('dir|direction|hz')}|{_STANDARD_DEVIATION}|md"},
     ),
     "angle": (
         {
@@ -265,7 +267,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "vector": (
         {"from": _FROM, "to": _TO, **_VECTOR},
-        {**_BETWEEN, **_COVARIANCES, **{f"sigma_{name}": f"s{name}" for name in _VECTOR}},
+        {**_BETWEEN, **_COVARIANCES, **{f"sigma_{name}": f"s{name}|m{name}" for name in _VECTOR}},
     ),
     "zenith_angle": ({"from": _FROM, "to": f"{_TO}|{_POINT}", "zenith_angle": _ZENITH}, _BETWEEN),
     "bearing": ({"from": _FROM, "to": _TO, "bearing": _BEARING}, _BETWEEN),
@@ -289,8 +291,8 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "vertical_direction": ({"from": _FROM, "to": _TO, "vertical_direction": ""}, _BETWEEN),
     "distance": (
-        {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": _DISTANCE},
-        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_STANDARD_DEVIATION}"},
+        {"from": _FROM, "to": f"{_TO}|{_POINT}", "distance": f"{_DISTANCE}|s"},
+        {**_BETWEEN, "sigma": f"{_precisions('distance|dist')}|{_STANDARD_DEVIATION}|ms"},
     ),
     "height_difference": (
         {
@@ -378,6 +380,12 @@ _PARTS = tuple(
     )
 )
 """Headings of degrees, minutes and seconds in columns of their own, behind a common name."""
+_CONTROL = re.compile(
+    r"(?:gcp|gcps|(?:fix|fixed|known|given|held|control|kesin|fest|bekannte|gegebene|datum)"
+    r"(?:points?|coordinates?|heights?|stations?|punkte?|koordinaten|hoehen|koordinatlar|yuekseklikler|noktalar)"
+    r"|gcp(?:s|id|name|label|no)|idgcp|festpunkte?|passpunkte?)"
+)
+"""Titles of lists of control points, and headings of their names."""
 _TOTAL = re.compile(r"sum|total|[σ∑]", re.IGNORECASE)
 """Beginning of the name of a row of sums."""
 _SUFFIX = re.compile(r"(?P<name>[^-_]+)[-_](?P<end>[^-_()\[\]]+)(?P<unit>\s*(?:\(.*\)|\[.*\])?)")
@@ -480,6 +488,8 @@ class Found(NamedTuple):
     tidied: bool = False
     """True if the rows are not those of the file: a copy of them is written."""
     notes: tuple[str, ...] = ()
+    is_control: bool = False
+    """True for points whose coordinates are known: a benchmark, or a list that says so."""
     part: str = ""
     """Kind, if other kinds in the table have readings in other rows."""
 
@@ -557,7 +567,7 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
     width = max((k for row in cells.rows for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
     blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in cells.rows)
     blocks = _blocks(_without_index(blank), cells.lines)
-    found = [_of_block(path, cells, rows, lines, more, len(blocks) > 1) for rows, lines, more in blocks]
+    found = [_of_block(path, cells, block, len(blocks) > 1) for block in blocks]
     tables, copies = list[Found](), list[str]()
     for table in (table for tables in found for table in tables):
         copies.append(table.part)
@@ -566,26 +576,40 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
     return tables
 
 
-def _of_block(
-    path: Path, cells: _File, blank: _Cells, lines: tuple[int, ...], more: tuple[str, ...], is_one_of_several: bool
-) -> list[Found]:
-    """Tables of every kind in rows that have one header."""
+class _Block(NamedTuple):
+    """Rows with one header, their lines in the file, notes on what is not read, and the title above."""
+
+    rows: _Cells
+    lines: tuple[int, ...]
+    notes: tuple[str, ...] = ()
+    title: str = ""
+
+
+def _of_block(path: Path, cells: _File, block: _Block, is_one_of_several: bool) -> list[Found]:
+    """Tables of every kind in a block."""
+    blank = block.rows
     tidy, stated = _tidied(_with_whole_angles(tuple(map(_with_hairs, blank[:_TITLES])) + blank[_TITLES:]))
     tidy, wires = _with_whole_readings(tidy)
     tidy, zeros = _without_zeros(_with_faces(_with_sigmas(tidy)))
     tidy, alone = _with_station(tidy)
     is_encoded = cells.encoding in CODE_PAGES
-    encoded = ((not_utf8(cells.encoding),) if is_encoded else ()) + more + wires + zeros + alone
+    encoded = ((not_utf8(cells.encoding),) if is_encoded else ()) + block.notes + wires + zeros + alone
     parts = _parts(tidy, path)
     return [
         table._replace(
             tidied=table.tidied or is_encoded,
             notes=(*encoded, *notes, *table.notes),
+            is_control=table.is_control or _is_control(table, block.title),
             part=table.part or (table.kind if len(parts) > 1 or is_one_of_several else ""),
         )
         for rows, notes in parts
-        for table in _tables(path, rows, cells, lines, stated)
+        for table in _tables(path, rows, cells, block.lines, stated)
     ]
+
+
+def _is_control(table: Found, title: str) -> bool:
+    names = (title, table.columns.get("id", ""))
+    return table.kind == "points" and any(_CONTROL.fullmatch(_normalised(name)) for name in names)
 
 
 def _tables(path: Path, rows: _Cells, cells: _File, lines: tuple[int, ...], stated: Mapping[str, str]) -> list[Found]:
@@ -844,8 +868,9 @@ def _levelled(table: Found) -> tuple[Found, ...]:
     measured = {name for row in found for name in (row.start, row.end)}
     known = {name: height for name, height in _benchmarks(table).items() if name in measured}
     if known:
-        others = [row for row in _level_rows(table) if row.has_height() and row.text("point") not in known]
-        below = counted(len(others), "height")
+        given = [row.height() for row in _level_rows(table) if row.has_height()]
+        others = sum(map(bool, given)) - sum(bool(float(height)) for height in known.values())
+        below = counted(others, "height")
         notes = (*notes, f"the height of {', '.join(known)} is taken over; {below} below not used: they are computed")
         unit = table.units.get("height", "")
         heights = written._replace(
@@ -856,6 +881,7 @@ def _levelled(table: Found) -> tuple[Found, ...]:
             header=("id", "z"),
             rows=tuple(known.items()),
             notes=(),
+            is_control=True,
             part=_BENCHMARK,
         )
         benchmark = (heights,)
@@ -1130,44 +1156,45 @@ def _without_index(rows: _Cells) -> _Cells:
     return (header, *(row[1:] for row in below))
 
 
-def _blocks(rows: _Cells, lines: tuple[int, ...]) -> list[tuple[_Cells, tuple[int, ...], tuple[str, ...]]]:
-    """Tables beside each other, each with its header in the first row, their lines, and notes on what is not read."""
+def _blocks(rows: _Cells, lines: tuple[int, ...]) -> list[_Block]:
+    """Return tables beside each other, each with its header in the first row."""
     start = next((k for k, row in enumerate(rows[:_TITLES]) if _fits(row)), None)
     if start is None:
-        return [(rows, lines, ())]
-    found, rest, kinds = list[tuple[_Cells, tuple[int, ...], tuple[str, ...]]](), list[str](), set[str]()
-    for columns in _side_by_side(rows, start):
-        cut = [tuple(_cell(row, k) for k in range(len(rows[start]))[columns]) for row in rows[start:]]
-        kept = [k for k, row in enumerate(cut) if any(row)] if columns != slice(None) else range(len(cut))
-        block = tuple(cut[k] if columns != slice(None) else rows[start + k] for k in kept)
-        kind = next(iter(_kinds(_named(block[0]))), "") if block else ""
-        if kind in kinds and not kind.startswith("points"):
-            names = ", ".join(filter(None, block[0]))
-            rest.append(f"another table stands beside it (columns {names}): {counted(len(block) - 1, 'row')} not read")
-        else:
+        return [_Block(rows, lines)]
+    found, rest, kinds = list[_Block](), list[str](), set[str]()
+    for one, end in _side_by_side(rows, start):
+        cut = [tuple(_cell(row, k) for k in range(one, end)) for row in rows[start:]] if end else rows[start:]
+        kept = [k for k, row in enumerate(cut) if not end or any(row)]
+        table, names = tuple(cut[k] for k in kept), [cell.strip() for cell in cut[0]]
+        kind = next(iter(_kinds(_named(names))), "") if end else "the only table"
+        if kind and (kind not in kinds or kind.startswith("points")):
             kinds.add(kind)
-            table, more = _first_table(block)
-            found.append((table, tuple(lines[start + k] for k in kept)[: len(block)], more))
-    return [(table, below, (*more, *rest)) for table, below, more in found]
+            above = [cell.strip() for cell in rows[start - 1][one : end or None]] if start else []
+            title = next((cell for cell in above if cell and not _PLACEHOLDER.fullmatch(cell)), "")
+            found.append(_Block(*_first_table(table, tuple(lines[start + k] for k in kept)), title))
+        elif named := [cell for cell in names if cell and not _PLACEHOLDER.fullmatch(cell)]:
+            count = counted(len(table) - 1, "row")
+            rest.append(f"another table stands beside it (columns {', '.join(named)}): {count} not read")
+    return [block._replace(notes=(*block.notes, *rest)) for block in found]
 
 
-def _side_by_side(rows: _Cells, start: int) -> list[slice]:
-    """Columns of tables beside each other: a column is named twice, and an empty one or titles above part them."""
+def _side_by_side(rows: _Cells, start: int) -> list[tuple[int, int]]:
+    """Columns of tables beside each other: one is named twice, and empty ones or titles above part them; or (0, 0)."""
     header = [cell.strip() for cell in rows[start]]
     header = ["" if _PLACEHOLDER.fullmatch(cell) else cell for cell in header]
     named = [cell for cell in header if cell]
     if len(set(named)) == len(named):
-        return [slice(None)]
+        return [(0, 0)]
     above = [cell.strip() for cell in rows[start - 1]] if start else []
     titled = [k for k, cell in enumerate(above[: len(header)]) if cell and not _PLACEHOLDER.fullmatch(cell)]
     empty = [k for k, cell in enumerate(header) if not cell and not any(_cell(row, k) for row in rows[start + 1 :])]
     edges = sorted({0, len(header), *empty, *(titled if len(titled) > 1 else ())})
-    found = [slice(one, other) for one, other in pairwise(edges) if _fits(header[one:other])]
-    return found if len(found) > 1 else [slice(None)]
+    found = list(pairwise(edges))
+    return found if sum(_fits(header[one:end]) for one, end in found) > 1 else [(0, 0)]
 
 
-def _first_table(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
-    """Rows up to the heading of another table, each column once, angles in one column; and notes on the rest."""
+def _first_table(rows: _Cells, lines: tuple[int, ...]) -> tuple[_Cells, tuple[int, ...], tuple[str, ...]]:
+    """Rows up to the heading of another table, each column once, angles in one column; lines, and notes on the rest."""
     header, body, notes = tuple(cell.strip() for cell in rows[0]), rows[1:], list[str]()
     kinds = _kinds(_named(header))
     again = [k for k, row in enumerate(body) if _repeats(row, header)]
@@ -1176,7 +1203,7 @@ def _first_table(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
     if others:
         names = ", ".join(filter(None, (cell.strip() for cell in body[others[0]])))
         notes.append(f"another table begins below (columns {names}): {counted(len(body) - others[0], 'row')} not read")
-        body = body[: others[0]]
+        body, lines = body[: others[0]], lines[: others[0] + 1]
     if not any(kind.startswith("levelling") for kind in kinds):  # each book has points and heights of its own
         body = tuple(row for k, row in enumerate(body) if k not in again)
     header, body = _with_joined_parts(header, body)
@@ -1184,7 +1211,7 @@ def _first_table(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
         notes.append(f"column {', '.join(map(repr, twice))} is given twice: the first one is read")
         keep = [k for k, cell in enumerate(header) if not cell or cell not in header[:k]]
         header, body = tuple(header[k] for k in keep), tuple(tuple(_cell(row, k) for k in keep) for row in body)
-    return (header, *body), tuple(notes)
+    return (header, *body), lines, tuple(notes)
 
 
 def _repeats(row: Sequence[str], header: Sequence[str]) -> bool:
@@ -1242,6 +1269,7 @@ def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
         return _with_stations(header, body) or rows, stated
     columns: Mapping[str, str] = next(iter(_kinds(named).values()))
     places = [header.index(columns[name]) for name in _STATION if name in columns]
+    body = _without_zeros_below(header, body, columns, places)
     empty = [bool(places) and len(row) == len(header) and not row[places[0]].strip() for row in body]
     if not start and not stated and not any(empty[1:]):
         return rows, {}
@@ -1256,6 +1284,17 @@ def _tidied(rows: _Cells) -> tuple[_Cells, dict[str, str]]:
             tuple(above[k] if k in places or (k in sets and not cell) else cell for k, cell in enumerate(row))
         )
     return (header, *filled), stated
+
+
+def _without_zeros_below(header: Sequence[str], body: _Cells, columns: Mapping[str, str], places: list[int]) -> _Cells:
+    """Rows without the name 0 of a station if it stands below another one and no sight leads to 0."""
+    targets = [header.index(columns[name]) for name in ("to", "point") if name in columns]
+    if not places or not targets or any(_cell(row, k) == "0" for row in body for k in targets):
+        return body
+    place, first = places[0], next(iter(body), ())
+    if _cell(first, place) in ("", "0"):
+        return body
+    return tuple((*row[:place], "", *row[place + 1 :]) if _cell(row, place) == "0" else row for row in body)
 
 
 def _with_set_ups(
@@ -1766,7 +1805,6 @@ def begin(
     tables = [t for t in tables if t.part != _BENCHMARK or listed.isdisjoint(t.texts("id"))]
     by_kind = {kind: [t for t in tables if t.kind == kind] for kind in ("images", "points", "stations")}
     measured = [t for t in tables if t.kind not in by_kind]
-    held = {t.path for t in by_kind["points"] if datum == "fixed" and t.part == _BENCHMARK}
     texts: dict[Path, str] = {}
     for table in tables:
         if table.tidied:
@@ -1798,7 +1836,7 @@ def begin(
         "angle_guessed": guessed is not None,
         "axes": _exchanged(by_kind["points"]) if circles.reversed else "",
         "zenith": any(t.kind in _VERTICAL and not _VERTICAL_COLUMNS.isdisjoint(t.columns) for t in measured),
-        "camera": _camera(camera, corner) if seen or by_kind["images"] else None,
+        "camera": _camera(camera, corner, seen) if seen or by_kind["images"] else None,
         "more_images": _rest(target, "images", _names(seen, ("image",)), by_kind["images"], texts),
         "more_points": _rest(
             target, "points", _names(measured, PLACES), [*by_kind["points"], *by_kind["stations"]], texts
@@ -1808,7 +1846,10 @@ def begin(
         "levelled": levelled,
         "plane": is_plane,
         **{
-            kind: [_entry(target, table, corner, levelled, table.path in held) for table in found]
+            kind: [
+                _entry(target, table, corner, levelled, table.is_control and not table.has_sigma and datum == "fixed")
+                for table in found
+            ]
             for kind, found in by_kind.items()
         },
     }
@@ -1863,8 +1904,8 @@ def begin_test(target: Path, title: str, protocol: str) -> dict[Path, str]:
     return {target: _rendered(f"{protocol}.yaml.j2", content), target.with_name(table): f"{header}\n{rows}"}
 
 
-def _camera(settings: CameraSettings, corner: bool) -> dict[str, Any]:
-    width, height = settings.size or ((6000, 4000) if corner else (None, None))
+def _camera(settings: CameraSettings, corner: bool, seen: Sequence[Found]) -> dict[str, Any]:
+    width, height = settings.size or (_format(seen) if corner else (None, None))
     return {
         "name": settings.name,
         "constant": settings.constant or 28,
@@ -1876,6 +1917,15 @@ def _camera(settings: CameraSettings, corner: bool) -> dict[str, Any]:
         "sure": settings.size is not None,
         "corner": corner,
     }
+
+
+def _format(seen: Sequence[Found]) -> tuple[int, int]:
+    """Width and height of a format 3 : 2 that holds the image points."""
+    values = (
+        value / size for table in seen for axis, size in (("x", 1500), ("y", 1000)) for value in table.numbers(axis)
+    )
+    times = max(4, math.ceil(max(values, default=0.0)))
+    return 1500 * times, 1000 * times
 
 
 def _from_a_corner(table: Found) -> bool:
@@ -1941,7 +1991,7 @@ def _traversed(table: Found) -> Iterator[float]:
 
 def _exchanged(points: Iterable[Found]) -> str:
     """Axes of coordinates that fit angles in the other sense: x leads north if the columns do not say otherwise."""
-    named = {_normalised(table.columns.get("x", "")) for table in points}
+    named = {_name_and_unit(table.columns.get("x", ""))[0] for table in points}
     return "{xy: ne}" if named <= {"x", "x0", "xo", "xcoord", "xcoordinate", "coordx"} else "{angles: counterclockwise}"
 
 
