@@ -259,7 +259,7 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     ),
     "levelling by codes": (
         {
-            "point": f"{_POINT}|id",
+            "point": f"{_NAMED}|{_POINT}|id",
             "reading": "height|hoogte|hoehe|reading|staffreading",
             "code": "meastype|measurementtype|meettype|messtyp|messart",
         },
