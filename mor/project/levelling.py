@@ -130,12 +130,12 @@ class Levelling:
         name = point or self.current
         if self.fore or not self.between:
             self.close()
-        if height is not None:
-            self.record(name, height)
+        self.record(name, height)
 
-    def record(self, point: str, height: float) -> None:
+    def record(self, point: str, height: float | None) -> None:
         """Record the height of a point that the book has in the open line."""
-        self._line().heights[point] = height
+        if height is not None:
+            self._line().heights[point] = height
 
     def close_at(self, last: str, benchmark: str) -> None:
         """End the line: its last point, which bears the number of a turning point, is a benchmark."""

@@ -8,7 +8,7 @@ import math
 import os
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import combinations, pairwise, product, takewhile, zip_longest
 from math import isclose
 from pathlib import Path
@@ -645,8 +645,8 @@ def _tables(path: Path, rows: _Cells, cells: _File, lines: tuple[int, ...], stat
         )
         raise InputError([Message(words, str(path), line)])
     if not kinds:
-        words = [_columns_that_are_known(row) for row in rows[:_TITLES]]
-        likely = max(range(len(words)), key=lambda k: (words[k] > 1) * words[k])  # the first row may be a title
+        known = [_columns_that_are_known(row) for row in rows[:_TITLES]]
+        likely = max(range(len(known)), key=lambda k: (known[k] > 1) * known[k])  # the first row may be a title
         columns = ", ".join(c for c in map(str.strip, rows[likely]) if c and not _PLACEHOLDER.fullmatch(c))
         line = lines[max(0, len(lines) - len(rows)) + likely]
         raise InputError([Message(f"unknown kind of table: found the columns {columns}; {_known()}", str(path), line)])
@@ -907,7 +907,7 @@ def _books(table: Found) -> list[list[_LevelRow]]:
     books, last = [list[_LevelRow]()], ""
     rows = _level_rows(table)
     for k, row in enumerate(rows):
-        if _repeats(row.cells, table.header):
+        if _repeats(row.cells, table.header, table.columns.values()):
             first = next((below for below in rows[k:] if below.has_readings()), None)
             is_page = first is not None and (
                 first.number("back") is None or first.number("fore") is not None or first.text("point") == last
@@ -1166,7 +1166,7 @@ def _blocks(rows: _Cells, lines: tuple[int, ...]) -> list[_Block]:
         cut = [tuple(_cell(row, k) for k in range(one, end)) for row in rows[start:]] if end else rows[start:]
         kept = [k for k, row in enumerate(cut) if not end or any(row)]
         table, names = tuple(cut[k] for k in kept), [cell.strip() for cell in cut[0]]
-        kind = next(iter(_kinds(_named(names))), "") if end else "the only table"
+        kind = next(iter(_kinds(_named(names))), "") if end else "alone"
         if kind and (kind not in kinds or kind.startswith("points")):
             kinds.add(kind)
             above = [cell.strip() for cell in rows[start - 1][one : end or None]] if start else []
@@ -1197,7 +1197,8 @@ def _first_table(rows: _Cells, lines: tuple[int, ...]) -> tuple[_Cells, tuple[in
     """Rows up to the heading of another table, each column once, angles in one column; lines, and notes on the rest."""
     header, body, notes = tuple(cell.strip() for cell in rows[0]), rows[1:], list[str]()
     kinds = _kinds(_named(header))
-    again = [k for k, row in enumerate(body) if _repeats(row, header)]
+    used = {cell for columns in kinds.values() for cell in columns.values()} or set(header)
+    again = [k for k, row in enumerate(body) if _repeats(row, header, used)]
     bare = [k for k, row in enumerate(body) if not any(_NUMBER.fullmatch(cell.strip()) for cell in row)]
     others = [k for k in bare if k not in again and _fits(body[k])]
     if others:
@@ -1214,10 +1215,9 @@ def _first_table(rows: _Cells, lines: tuple[int, ...]) -> tuple[_Cells, tuple[in
     return (header, *body), lines, tuple(notes)
 
 
-def _repeats(row: Sequence[str], header: Sequence[str]) -> bool:
+def _repeats(row: tuple[str, ...], header: Sequence[str], used: Collection[str]) -> bool:
     """Return whether a row has the header once more, at least its columns that are used."""
-    used = {cell for columns in _kinds(_named(header)).values() for cell in columns.values()} or set(header)
-    return all(_cell(tuple(row), k) == cell for k, cell in enumerate(header) if cell in used)
+    return all(_cell(row, k) == cell for k, cell in enumerate(header) if cell in used)
 
 
 def _with_joined_parts(header: tuple[str, ...], body: _Cells) -> tuple[tuple[str, ...], _Cells]:
@@ -1708,12 +1708,15 @@ def _shared(columns: Mapping[str, str], cell: str) -> bool:
 def _columns(kind: str, named: Sequence[tuple[str, str, str]]) -> dict[str, str] | None:
     """Columns of a kind by their names in a project; ``None`` if one that it must have is missing."""
     required, optional = KINDS[kind]
+    cells = dict[str, list[str]]()
+    for cell, text, _ in named:
+        cells.setdefault(text, []).append(cell)
     columns: dict[str, str] = {}
     for ours, others in (*required.items(), *optional.items()):
         for name in dict.fromkeys((_normalised(ours), *filter(None, others.split("|")))):
-            cell = next((cell for cell, text, _ in named if text == name and cell not in columns.values()), None)
-            if cell is not None:
-                columns[ours] = cell
+            free = [cell for cell in cells.get(name, ()) if cell not in columns.values()]
+            if free:
+                columns[ours] = free[0]
                 break
         else:
             if ours in required:
