@@ -10,6 +10,7 @@ line and ends another, is therefore one point only if the recorded heights agree
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from statistics import fmean
 from typing import NamedTuple
@@ -40,6 +41,10 @@ class LevelledDifference(NamedTuple):
     length: float | None
     line: int
 
+    def with_names(self, names: Mapping[str, str]) -> LevelledDifference:
+        """Return the height difference between points of other names."""
+        return self._replace(start=names.get(self.start, self.start), end=names.get(self.end, self.end))
+
 
 @dataclass
 class LevellingLine:
@@ -50,9 +55,13 @@ class LevellingLine:
     """Intermediate sights."""
     heights: dict[str, float] = field(default_factory=dict)
 
+    def all_differences(self) -> list[LevelledDifference]:
+        """Height differences, those of intermediate sights behind the others."""
+        return [*self.differences, *self.sides]
+
     def inside(self) -> set[str]:
         """Names of points of the line that are neither its first nor its last."""
-        return {name for row in (*self.differences, *self.sides) for name in (row.start, row.end)} - self.ends()
+        return {name for row in self.all_differences() for name in (row.start, row.end)} - self.ends()
 
     def ends(self) -> set[str]:
         """First and last point."""
@@ -173,11 +182,18 @@ class Levelling:
     def finish(self) -> tuple[list[LevelledDifference], list[str]]:
         """Height differences of all lines, and the names that were used again for other points."""
         self.close()
-        self.lines = [line for line in self.lines if line.differences or line.sides]
+        names, renamed = self.names_of_lines()
+        found = [
+            row.with_names(own) for line, own in zip(self.lines, names, strict=True) for row in line.all_differences()
+        ]
+        return found, renamed
+
+    def names_of_lines(self) -> tuple[list[dict[str, str]], list[str]]:
+        """Return for each line its points that are others than those of an earlier line, and their old names."""
         ends = set[str]().union(*(line.ends() for line in self.lines))
         known: dict[str, list[float | None]] = {}
         renamed: list[str] = []
-        found: list[LevelledDifference] = []
+        found: list[dict[str, str]] = []
         for line in self.lines:
             names = {}
             for name in sorted(line.inside()):
@@ -197,10 +213,7 @@ class Levelling:
                 if number > 1:
                     names[name] = f"{name} ({number})"
                     renamed.append(name)
-            found += [
-                row._replace(start=names.get(row.start, row.start), end=names.get(row.end, row.end))
-                for row in (*line.differences, *line.sides)
-            ]
+            found.append(names)
         return found, list(dict.fromkeys(renamed))
 
 

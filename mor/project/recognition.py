@@ -20,7 +20,7 @@ import yaml
 from mor.errors import InputError, Message, counted
 from mor.input_files import CODE_PAGES, TABLE, as_utf8, decoded, not_utf8, read_bytes
 from mor.project.document import LONGEST, guarded, plain
-from mor.project.levelling import ALONE, SAME_HEIGHT, LevelledDifference, Levelling, StaffReading
+from mor.project.levelling import ALONE, SAME_HEIGHT, Levelling, StaffReading
 from mor.project.tables import is_spreadsheet, read_sheets, sheet_rows
 from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 
@@ -522,6 +522,14 @@ class Found(NamedTuple):
 
 
 def recognise(path: Path) -> list[Found]:
+    """Read a table and return what it holds, with height differences for levelling books.
+
+    Raises :class:`InputError` as :func:`read_tables` and :func:`levelled` do.
+    """
+    return levelled(read_tables(path))
+
+
+def read_tables(path: Path) -> list[Found]:
     """Read a table and return what it holds, one entry per kind: a field book may hold directions and distances.
 
     Of several sheets in a spreadsheet those are returned that hold something known. Raises :class:`InputError` if the
@@ -566,7 +574,7 @@ def _recognise(path: Path, sheet: str | None) -> list[Found]:
     cells = _cells(path, sheet)
     width = max((k for row in cells.rows for k, cell in enumerate(row, start=1) if cell.strip()), default=0)
     blank = tuple(tuple("" if _NOTHING.fullmatch(cell) else cell for cell in row[:width]) for row in cells.rows)
-    blocks = _blocks(_without_index(blank), cells.lines)
+    blocks = _blocks(tuple(row if any(map(_number, row)) else _with_hairs(row) for row in blank), cells.lines)
     found = [_of_block(path, cells, block, len(blocks) > 1) for block in blocks]
     tables, copies = list[Found](), list[str]()
     for table in (table for tables in found for table in tables):
@@ -587,8 +595,7 @@ class _Block(NamedTuple):
 
 def _of_block(path: Path, cells: _File, block: _Block, is_one_of_several: bool) -> list[Found]:
     """Tables of every kind in a block."""
-    blank = block.rows
-    tidy, stated = _tidied(_with_whole_angles(tuple(map(_with_hairs, blank[:_TITLES])) + blank[_TITLES:]))
+    tidy, stated = _tidied(_with_whole_angles(block.rows))
     tidy, wires = _with_whole_readings(tidy)
     tidy, zeros = _without_zeros(_with_faces(_with_sigmas(tidy)))
     tidy, alone = _with_station(tidy)
@@ -679,7 +686,7 @@ def _tables(path: Path, rows: _Cells, cells: _File, lines: tuple[int, ...], stat
     unused = tuple(cell for cell in header if cell and cell not in used and not _PLACEHOLDER.fullmatch(cell))
     units = {**{cell: unit for cell, _, unit in named if unit}, **stated}
     decimal_comma = delimiter != "," and any(_DECIMAL_COMMA.fullmatch(cell.strip()) for row in rows for cell in row)
-    found = [
+    return [
         Found(
             path,
             kind.split(" ")[0],
@@ -698,7 +705,6 @@ def _tables(path: Path, rows: _Cells, cells: _File, lines: tuple[int, ...], stat
         )
         for kind, columns in kinds.items()
     ]
-    return [part for table in found for part in (_levelled(table) if table.kind == "levelling" else (table,))]
 
 
 def _parts(rows: _Cells, path: Path) -> list[tuple[_Cells, tuple[str, ...]]]:
@@ -845,14 +851,79 @@ def _with_readings(rows: _Cells, kind: str, columns: Mapping[str, str], header: 
     )
 
 
-def _levelled(table: Found) -> tuple[Found, ...]:
-    """Height differences of levelling books, and their benchmarks; a second instrument has columns of its own."""
-    table = _with_mean_wires(table)
-    left = dict.fromkeys((_NO_READING, _SUMS, ALONE, _TO_ITSELF), 0)
-    found, words = _height_differences(table, left)
-    if _SECOND.keys() <= table.columns.keys():
-        second = {"back": table.columns["back2"], "fore": table.columns["fore2"]}
-        found += _height_differences(table._replace(columns={**table.columns, **second}), left)[0]
+class _Book(NamedTuple):
+    """A table with levelling books: its lines in ``levelling``, and rows that are not used, by reason."""
+
+    table: Found
+    levelling: Levelling
+    lines: slice
+    second: Levelling
+    """Lines of a second instrument."""
+    left: dict[str, int]
+
+
+def levelled(tables: Sequence[Found]) -> list[Found]:
+    """Return the tables with height differences and benchmarks for levelling books.
+
+    A point inside two books is two points unless both have the same height for it: turning points are numbered anew.
+    Raises :class:`InputError` for a book that cannot be read.
+    """
+    joint, read, mistakes = Levelling(), list[Found | _Book](), list[Message]()
+    for table in tables:
+        if table.kind != "levelling":
+            read.append(table)
+            continue
+        table = _with_mean_wires(table)
+        # Where each row names both points, a name is that of one point.
+        levelling, second = Levelling() if "to" in table.columns else joint, Levelling()
+        left = dict.fromkeys((_NO_READING, _SUMS, ALONE, _TO_ITSELF), 0)
+        try:
+            lines = _add(levelling, table, left)
+        except InputError as error:
+            if not table.sheet:
+                raise
+            mistakes += error.problems
+            continue
+        if _SECOND.keys() <= table.columns.keys():
+            names = {"back": table.columns["back2"], "fore": table.columns["fore2"]}
+            _add(second, table._replace(columns={**table.columns, **names}), left)
+        read.append(_Book(table, levelling, lines, second, left))
+    found = [table for one in read for table in (_levelled(one) if isinstance(one, _Book) else (one,))]
+    if not found and mistakes:
+        raise InputError(mistakes)
+    return found
+
+
+def _add(levelling: Levelling, table: Found, left: dict[str, int]) -> slice:
+    """Add the books of a table, and return their lines. ``left`` is counted up."""
+    first, alone = len(levelling.lines), len(levelling.alone)
+    for book in _books(table):
+        levelling.begin()
+        if "code" in table.columns:
+            _add_by_codes(levelling, book, left)
+        else:
+            _add_book(levelling, book, left)
+    levelling.close()
+    if not levelling.lines[-1].all_differences():
+        levelling.lines.pop()
+    left[ALONE] += len(levelling.alone) - alone
+    return slice(first, len(levelling.lines))
+
+
+def _levelled(book: _Book) -> tuple[Found, ...]:
+    table, left = book.table, book.left
+    renamed = book.levelling.names_of_lines()[0]
+    own, lines = renamed[book.lines], book.levelling.lines[book.lines]
+    rows = [
+        row.with_names(names)
+        for part in (lines, book.second.lines)
+        for line, names in zip(part, own, strict=False)
+        for row in line.all_differences()
+    ]
+    found = [row for row in rows if row.start != row.end]
+    left[_TO_ITSELF] += len(rows) - len(found)
+    if not found and table.sheet:
+        return ()
     if not found and table.rows:
         raise InputError([Message("no set-up has readings back and forward", str(table.path))])
     names = ["from", "to", "dz", "length"][: 3 + all(row.length is not None for row in found)]
@@ -861,17 +932,27 @@ def _levelled(table: Found) -> tuple[Found, ...]:
     unit = next((table.units[name] for name in read if name in table.units), "")
     units = {"dz": unit or ("mm" if values and median(values) > _STAFF else "")}
     units["length"] = next((table.units[name] for name in _DISTANCES if name in table.units), "")
-    lines = [(row.start, row.end, f"{row.value:.9g}", f"{row.length or 0.0:.9g}")[: len(names)] for row in found]
-    counts = f"{counted(len(found), 'height difference')} from the staff readings"
-    notes, benchmark = (*table.notes, counts, *words), tuple[Found, ...]()
+    cells = [(row.start, row.end, f"{row.value:.9g}", f"{row.length or 0.0:.9g}")[: len(names)] for row in found]
+    notes: tuple[str, ...] = (*table.notes, f"{counted(len(found), 'height difference')} from the staff readings")
+    if len(lines) > 1:
+        notes += (f"{len(lines)} levelling books below each other",)
+    elsewhere = [
+        {names.get(name, name) for name in line.inside() | line.ends()}
+        for line, names in zip(book.levelling.lines, renamed, strict=True)
+    ]
+    everywhere = [name for one in elsewhere for name in one]
+    shared = {name for one in elsewhere[book.lines] for name in one if everywhere.count(name) > 1}
+    if shared:
+        notes += (f"points that several books have are the same points: {', '.join(sorted(shared))}",)
+    if others := sorted({name for one in own for name in one}):
+        notes += (f"points of the same name in other books are other points: {', '.join(others)}",)
     written = table._replace(delimiter=",", decimal_comma=False, has_header=True, tidied=True)
-    measured = {name for row in found for name in (row.start, row.end)}
+    measured, benchmark = {name for row in found for name in (row.start, row.end)}, tuple[Found, ...]()
     known = {name: height for name, height in _benchmarks(table).items() if name in measured}
     if known:
         given = [row.height() for row in _level_rows(table) if row.has_height()]
-        others = sum(map(bool, given)) - sum(bool(float(height)) for height in known.values())
-        below = counted(others, "height")
-        notes = (*notes, f"the height of {', '.join(known)} is taken over; {below} below not used: they are computed")
+        below = counted(sum(map(bool, given)) - sum(bool(float(height)) for height in known.values()), "height")
+        notes += (f"the height of {', '.join(known)} is taken over; {below} below not used: they are computed",)
         unit = table.units.get("height", "")
         heights = written._replace(
             kind="points",
@@ -891,9 +972,9 @@ def _levelled(table: Found) -> tuple[Found, ...]:
         unused=(*table.unused, *(table.columns[n] for n in _DISTANCES if n in table.columns and "length" not in names)),
         units={name: unit for name, unit in units.items() if unit and name in names},
         header=tuple(names),
-        rows=tuple(lines),
+        rows=tuple(cells),
         notes=(*notes, *(f"{what}: {counted(n, 'row')}" for what, n in left.items() if n)),
-        part="height_difference" if benchmark else "",
+        part="height_difference" if benchmark or table.part else "",
     )
     return differences, *benchmark
 
@@ -940,31 +1021,6 @@ def _benchmarks(table: Found) -> dict[str, str]:
         for row in known[:1] + [row for row in known[1:] if row.height()]:
             listed.setdefault(row.text("point"), []).append((row.height(), row))
     return found
-
-
-def _height_differences(table: Found, left: dict[str, int]) -> tuple[list[LevelledDifference], list[str]]:
-    """Height differences of levelling books, and words on their points. ``left`` is counted up."""
-    levelling = Levelling()
-    for book in _books(table):
-        levelling.begin()
-        if "code" in table.columns:
-            _add_by_codes(levelling, book, left)
-        else:
-            _add_book(levelling, book, left)
-    measured, renamed = levelling.finish()
-    found = [row for row in measured if row.start != row.end]
-    left[ALONE] += len(levelling.alone)
-    left[_TO_ITSELF] += len(measured) - len(found)
-    words = list[str]()
-    if len(levelling.lines) > 1:
-        words.append(f"{len(levelling.lines)} levelling books below each other")
-        names = [name for line in levelling.lines for name in line.inside() | line.ends()]
-        shared = [name for name in dict.fromkeys(names) if names.count(name) > 1 and name not in renamed]
-        words += (
-            [f"points that several of them have are the same points: {', '.join(sorted(shared))}"] if shared else []
-        )
-        words += [f"points of the same name in other books are other points: {', '.join(renamed)}"] if renamed else []
-    return found, words
 
 
 def _add_by_codes(levelling: Levelling, rows: Sequence[_LevelRow], left: dict[str, int]) -> None:
@@ -1057,28 +1113,41 @@ def _is_read_twice(rows: Sequence[_LevelRow]) -> bool:
 def _with_mean_wires(table: Found) -> Found:
     """One row for each point of a book with three wires in rows below each other: their mean, and the distance.
 
-    The first row of a point names it. The middle wire is the mean of the outer ones, and the distance is 100 times
-    what they differ by.
+    The first row of a point names it; their mean may stand in a row below them. The middle wire is the mean of the
+    outer ones, and the distance is 100 times what they differ by.
     """
-    full = [row for row in _level_rows(table) if row.has_readings()]
-    names = [name for name in _READINGS[:3] if name in table.columns]
-    triples = list(zip(full[::3], full[1::3], full[2::3], strict=False))
-    wires = [[[row.number(name) for row in triple] for name in names] for triple in triples]
-    if len(full) % 3 or len(full) < 6 or not all(_are_wires(one) for found in wires for one in found):
+    groups = list[list[_LevelRow]]()
+    for row in _level_rows(table):
+        if row.text("point"):
+            groups.append([])
+        if groups and row.has_readings():
+            groups[-1].append(row)
+    full = [rows for rows in groups if rows]
+    read = [
+        {name: [v for row in rows if (v := row.number(name)) is not None] for name in _READINGS[:3]} for rows in full
+    ]
+    sides = [one for three in read for name, one in three.items() if one and name != "between"]
+    if len(full) < 2 or 3 * sum(map(_are_wires, sides)) <= 2 * len(sides):
         return table
-    if any(not first.text("point") or second.text("point") or third.text("point") for first, second, third in triples):
-        return table
-    header, ends = ("point", *names, "back_distance", "fore_distance"), ("back", "fore")
+    # Names without three readings are those of sums and of other words below the book.
+    left = [len(max(three["back"], three["fore"], three["between"], key=len)) < 3 for three in read]
+    words = ", ".join(rows[0].text("point") for rows, is_left in zip(full, left, strict=True) if is_left)
+    full = [rows for rows, is_left in zip(full, left, strict=True) if not is_left]
+    read = [three for three, is_left in zip(read, left, strict=True) if not is_left]
+    # A column between in which no wires stand has intervals.
+    has_between = all(not three["between"] or _are_wires(three["between"]) for three in read)
+    names = [name for name in _READINGS[: 3 if has_between else 2] if name in table.columns]
+    header, ends, off = ("point", *names, "back_distance", "fore_distance"), ("back", "fore"), list[str]()
     means = []
-    for triple, found in zip(triples, wires, strict=True):
-        read = dict(zip(names, ([value for value in one if value is not None] for one in found), strict=True))
-        ahead = read.get("fore") or read.get("between")
-        far = [read.get("back"), ahead]
+    for rows, three in zip(full, read, strict=True):
+        ahead = three["fore"] or (three["between"] if has_between else [])
+        if not all(_are_wires(three[name]) for name in names if three[name]):
+            off.append(f"{rows[0].text('point')} in row {rows[0].row}")
         means.append(
             (
-                triple[0].text("point"),
-                *(f"{sum(read[name]) / 3:.9g}" if read[name] else "" for name in names),
-                *(f"{100.0 * (one[0] - one[2]):.9g}" if one else "" for one in far),
+                rows[0].text("point"),
+                *(f"{_of_wires(three[name]):.9g}" if three[name] else "" for name in names),
+                *(f"{100.0 * (one[0] - one[2]):.9g}" if len(one) > 2 else "" for one in (three["back"], ahead)),
             )
         )
     unit = table.units.get(ends[0], "mm" if median(table.numbers(ends[0])) > _STAFF else "")
@@ -1088,21 +1157,28 @@ def _with_mean_wires(table: Found) -> Found:
         units=units,
         header=header,
         rows=tuple(means),
-        lines=tuple(triple[0].row for triple in triples),
+        lines=tuple(rows[0].row for rows in full),
         decimal_comma=False,
         notes=(
             *table.notes,
             f"three wires at {counted(len(means), 'point')}: their mean, and 100 times their interval",
+            *((f"names without three wires left out: {words}",) if words else ()),
+            *((f"wires that contradict each other, of which the middle one is read: {', '.join(off)}",) if off else ()),
         ),
     )
 
 
+def _of_wires(values: Sequence[float]) -> float:
+    return sum(values[:3]) / 3 if _are_wires(values) else values[min(1, len(values) - 1)]
+
+
 def _are_wires(values: Sequence[float | None]) -> bool:
-    """Return whether three readings are those of the upper, middle and lower wire, or none."""
-    upper, middle, lower = values
-    if upper is None or middle is None or lower is None:
-        return upper is middle is lower is None
-    return upper > lower and abs(upper + lower - 2.0 * middle) <= _WIRES * (upper - lower)
+    """Return whether readings are those of the upper, middle and lower wire, perhaps with their mean, or none."""
+    if len(values) not in (3, 4) or None in values[:3]:
+        return not any(values)
+    upper, middle, lower = (value or 0.0 for value in values[:3])
+    mean = values[3] or 0.0 if len(values) > 3 else middle
+    return upper > lower and max(abs(upper + lower - 2.0 * middle), abs(mean - middle)) <= _WIRES * (upper - lower)
 
 
 class _LevelRow(NamedTuple):
@@ -1160,7 +1236,7 @@ def _blocks(rows: _Cells, lines: tuple[int, ...]) -> list[_Block]:
     """Return tables beside each other, each with its header in the first row."""
     start = next((k for k, row in enumerate(rows[:_TITLES]) if _fits(row)), None)
     if start is None:
-        return [_Block(rows, lines)]
+        return [_Block(_without_index(rows), lines)]
     found, rest, kinds = list[_Block](), list[str](), set[str]()
     for one, end in _side_by_side(rows, start):
         cut = [tuple(_cell(row, k) for k in range(one, end)) for row in rows[start:]] if end else rows[start:]
@@ -1200,19 +1276,26 @@ def _first_table(rows: _Cells, lines: tuple[int, ...]) -> tuple[_Cells, tuple[in
     used = {cell for columns in kinds.values() for cell in columns.values()} or set(header)
     again = [k for k, row in enumerate(body) if _repeats(row, header, used)]
     bare = [k for k, row in enumerate(body) if not any(_NUMBER.fullmatch(cell.strip()) for cell in row)]
-    others = [k for k in bare if k not in again and _fits(body[k])]
+    # A row of headings that begins like the header is that of another table, even of one that is not known.
+    others = [k for k in bare if k not in again and (_fits(body[k]) or _begins_alike(body[k], header))]
     if others:
         names = ", ".join(filter(None, (cell.strip() for cell in body[others[0]])))
         notes.append(f"another table begins below (columns {names}): {counted(len(body) - others[0], 'row')} not read")
         body, lines = body[: others[0]], lines[: others[0] + 1]
     if not any(kind.startswith("levelling") for kind in kinds):  # each book has points and heights of its own
         body = tuple(row for k, row in enumerate(body) if k not in again)
-    header, body = _with_joined_parts(header, body)
+    header, *body_rows = _without_index((header, *body))
+    header, body = _with_joined_parts(header, tuple(body_rows))
     if twice := sorted({cell for cell in header if cell and header.count(cell) > 1}):
         notes.append(f"column {', '.join(map(repr, twice))} is given twice: the first one is read")
         keep = [k for k, cell in enumerate(header) if not cell or cell not in header[:k]]
         header, body = tuple(header[k] for k in keep), tuple(tuple(_cell(row, k) for k in keep) for row in body)
     return (header, *body), lines, tuple(notes)
+
+
+def _begins_alike(row: tuple[str, ...], header: tuple[str, ...]) -> bool:
+    first, other = _normalised(_cell(header, 0)), _normalised(_cell(row, 0))
+    return first == other != "" and sum(bool(cell.strip()) for cell in row) > 2
 
 
 def _repeats(row: tuple[str, ...], header: Sequence[str], used: Collection[str]) -> bool:

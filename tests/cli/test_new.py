@@ -460,7 +460,7 @@ def test_staff_readings_whose_side_a_code_says(tmp_path: Path) -> None:
     differences, benchmark = recognise(tmp_path / "t.txt")
     assert differences.rows == (("A", "P", "0.299", "44"), ("P", "Q", "-0.5", "61"), ("P", "K", "-0.2", "42"))
     assert (benchmark.rows, benchmark.is_control) == ((("A", "10.0000"),), True)
-    assert "points that several of them have are the same points: P" in differences.notes
+    assert "points that several books have are the same points: P" in differences.notes
     assert run(["new", str(tmp_path / "p.yaml"), str(tmp_path / "t.txt")]) == 0
     assert run(["adjust", str(tmp_path / "p.yaml"), "-o", str(tmp_path / "r"), "--quiet", "--no-html"]) == 0
     assert pl.read_csv(tmp_path / "r" / "points.csv").filter(id="Q")["z"][0] == pytest.approx(9.799, abs=1e-6)
@@ -481,10 +481,7 @@ def test_set_ups_that_were_read_twice_have_two_rows(tmp_path: Path) -> None:
 def test_levelling_books_below_each_other(tmp_path: Path) -> None:
     """A turning point of the same name is another point, a benchmark is not; a page goes on with its last point."""
     head = "Start elevation,Point,FS,BS\n"
-    text = (
-        f"Book 1\n{head}100,A,,1.5\n,T,1.0,\n{head},T,,1.2\n,B,1.4,\n"
-        f"Book 2\n{head}90,C,,1.0\n,T,0.5,2.0\n,B,0.7,\n"
-    )
+    text = f"Book 1\n{head}100,A,,1.5\n,T,1.0,\n{head},T,,1.2\n,B,1.4,\nBook 2\n{head}90,C,,1.0\n,T,0.5,2.0\n,B,0.7,\n"
     (tmp_path / "t.csv").write_text(text)
     differences, benchmark = recognise(tmp_path / "t.csv")
     assert [row[:3] for row in differences.rows] == [
