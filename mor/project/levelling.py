@@ -5,7 +5,8 @@ readings back less the mean of those forward. A reading to another point, the he
 new line ends the set-up. Intermediate sights have the mean of the readings back of their set-up.
 
 Instruments number turning points anew in every line. A name that lies inside two lines, or a number that lies inside a
-line and ends another, is therefore one point only if the recorded heights agree.
+line and ends another, is therefore one point only if the recorded heights agree, in lines that meet at one height:
+others may begin at 0.
 """
 
 from __future__ import annotations
@@ -146,11 +147,12 @@ class Levelling:
         if height is not None:
             self._line().heights[point] = height
 
-    def close_at(self, last: str, benchmark: str) -> None:
-        """End the line: its last point, which bears the number of a turning point, is a benchmark."""
+    def close_at(self, last: str, benchmark: str, known: float | None, computed: float | None) -> None:
+        """End the line: its last point is a benchmark if it is a number with the height that is known."""
         self.close()
         rows = self._line().differences
-        if rows and rows[-1].end == last:
+        is_same = known is not None and computed is not None and abs(computed - known) <= SAME_HEIGHT
+        if rows and rows[-1].end == last and last.isdecimal() and is_same:
             rows[-1] = rows[-1]._replace(end=benchmark)
 
     def repeat(self) -> None:
@@ -191,30 +193,48 @@ class Levelling:
     def names_of_lines(self) -> tuple[list[dict[str, str]], list[str]]:
         """Return for each line its points that are others than those of an earlier line, and their old names."""
         ends = set[str]().union(*(line.ends() for line in self.lines))
-        known: dict[str, list[float | None]] = {}
+        systems = self._height_systems()
+        known: dict[str, list[list[tuple[int, float | None]]]] = {}
         renamed: list[str] = []
         found: list[dict[str, str]] = []
-        for line in self.lines:
+        for line, system in zip(self.lines, systems, strict=True):
             names = {}
             for name in sorted(line.inside()):
                 height = line.heights.get(name)
-                final = [other.heights[name] for other in self.lines if name in other.ends() and name in other.heights]
+                final: list[tuple[int, float | None]] = [
+                    (its, other.heights[name])
+                    for other, its in zip(self.lines, systems, strict=True)
+                    if name in other.ends() and name in other.heights
+                ]
                 if name in ends and not (name.isdecimal() and height is not None and final):
                     continue
-                places = known.setdefault(name, [*final])
+                places = known.setdefault(name, [final] if final else [])
                 same = [
                     k
-                    for k, other in enumerate(places)
-                    if height is not None and other is not None and abs(height - other) <= SAME_HEIGHT
+                    for k, place in enumerate(places)
+                    for its, other in place
+                    if its == system and height is not None and other is not None and abs(height - other) <= SAME_HEIGHT
                 ]
                 if not same:
-                    places.append(height)
+                    places.append([(system, height)])
                 number = 1 + (same[0] if same else len(places) - 1)
                 if number > 1:
                     names[name] = f"{name} ({number})"
                     renamed.append(name)
             found.append(names)
         return found, list(dict.fromkeys(renamed))
+
+    def _height_systems(self) -> list[int]:
+        """Return a number for each line: lines that meet at one height have one, for others may begin at 0."""
+        systems = list(range(len(self.lines)))
+        met: dict[str, list[tuple[int, float]]] = {}
+        for k, line in enumerate(self.lines):
+            for name in line.ends() & line.heights.keys():
+                for other, height in met.setdefault(name, []):
+                    if abs(height - line.heights[name]) <= SAME_HEIGHT:
+                        systems = [systems[other] if its == systems[k] else its for its in systems]
+                met[name].append((k, line.heights[name]))
+        return systems
 
 
 def _difference(back: list[StaffReading], fore: list[StaffReading]) -> LevelledDifference:

@@ -863,12 +863,13 @@ class _Book(NamedTuple):
 
 
 def levelled(tables: Sequence[Found]) -> list[Found]:
-    """Return the tables with height differences and benchmarks for levelling books.
+    """Return the tables with height differences and benchmarks for levelling books, each of which is used once.
 
     A point inside two books is two points unless both have the same height for it: turning points are numbered anew.
     Raises :class:`InputError` for a book that cannot be read.
     """
     joint, read, mistakes = Levelling(), list[Found | _Book](), list[Message]()
+    copies = dict[tuple[tuple[str, str, str], ...], int]()
     for table in tables:
         if table.kind != "levelling":
             read.append(table)
@@ -883,6 +884,15 @@ def levelled(tables: Sequence[Found]) -> list[Found]:
             if not table.sheet:
                 raise
             mistakes += error.problems
+            continue
+        rows = tuple((r.start, r.end, f"{r.value:.6g}") for ln in levelling.lines[lines] for r in ln.all_differences())
+        again = copies.setdefault(rows, len(read))
+        if rows and again < len(read):
+            del levelling.lines[lines]
+            first = read[again]
+            if isinstance(first, _Book):
+                words = f"{f'{table.path.name} {table.sheet}'.strip()} has the same readings: not used once more"
+                read[again] = first._replace(table=first.table._replace(notes=(*first.table.notes, words)))
             continue
         if _SECOND.keys() <= table.columns.keys():
             names = {"back": table.columns["back2"], "fore": table.columns["fore2"]}
@@ -1127,7 +1137,8 @@ def _with_mean_wires(table: Found) -> Found:
         {name: [v for row in rows if (v := row.number(name)) is not None] for name in _READINGS[:3]} for rows in full
     ]
     sides = [one for three in read for name, one in three.items() if one and name != "between"]
-    if len(full) < 2 or 3 * sum(map(_are_wires, sides)) <= 2 * len(sides):
+    several = [one for one in sides if len(one) > 2]
+    if len(full) < 2 or 2 * len(several) <= len(sides) or 3 * sum(map(_are_wires, several)) <= 2 * len(several):
         return table
     # Names without three readings are those of sums and of other words below the book.
     left = [len(max(three["back"], three["fore"], three["between"], key=len)) < 3 for three in read]
@@ -1142,7 +1153,7 @@ def _with_mean_wires(table: Found) -> Found:
     for rows, three in zip(full, read, strict=True):
         ahead = three["fore"] or (three["between"] if has_between else [])
         if not all(_are_wires(three[name]) for name in names if three[name]):
-            off.append(f"{rows[0].text('point')} in row {rows[0].row}")
+            off.append(f"{rows[0].text('point')} ({rows[0].row})")
         means.append(
             (
                 rows[0].text("point"),
@@ -1163,7 +1174,11 @@ def _with_mean_wires(table: Found) -> Found:
             *table.notes,
             f"three wires at {counted(len(means), 'point')}: their mean, and 100 times their interval",
             *((f"names without three wires left out: {words}",) if words else ()),
-            *((f"wires that contradict each other, of which the middle one is read: {', '.join(off)}",) if off else ()),
+            *(
+                (f"wires that contradict each other, of which the middle one is read, with rows: {', '.join(off)}",)
+                if off
+                else ()
+            ),
         ),
     )
 

@@ -497,6 +497,35 @@ def test_levelling_books_below_each_other(tmp_path: Path) -> None:
         recognise(tmp_path / "t.csv")
 
 
+def test_three_wires_with_their_mean_and_intervals_in_two_sheets(tmp_path: Path) -> None:
+    """Turning points of both runs are different ones; a third sheet has the first run again; one wire is wrong."""
+    there = (
+        "Point;BS;INT;FS;INT\nA;1,5;;;\n;1,4;0,1;;\n;1,3;0,1;;\n;1,4;20;;\n;;20;;\nT1;1,6;;1,2;\n;1,5;0,1;1,1;0,1\n"
+        ";1,4;0,1;1,0;0,1\n;1,5;20;1,1;20\nB;;;1,9;\n;;;1,8;0,1\n;;;1,6;0,2\nSum;2,9;;2,9;\n"
+    )
+    back = (
+        "Point;BS;INT;FS;INT\nB;1,9;;;\n;1,8;;;\n;1,7;;;\nT1;1,5;;1,3;\n;1,4;;1,2;\n;1,3;;1,1;\n"
+        "A;;;1,8;\n;;;1,7;\n;;;1,6;\n"
+    )
+    first, second = recognise(_as_spreadsheet(tmp_path / "t.csv", there, back, there))
+    assert first.rows == (("A", "T1", "0.3", "40"), ("T1", "B", "-0.3", "50"))
+    assert second.rows == (("B", "T1 (2)", "0.6", "40"), ("T1 (2)", "A", "-0.3", "40"))
+    assert "wires that contradict each other, of which the middle one is read, with rows: B (11)" in first.notes
+    assert "names without three wires left out: Sum" in first.notes
+    assert "t.xlsx U has the same readings: not used once more" in first.notes
+
+
+def test_a_table_below_that_begins_alike_is_another_one(tmp_path: Path) -> None:
+    (tmp_path / "t.txt").write_text(
+        "    Sta   bsU   bsM   bsL   fsU   fsM   fsL\n0     A 1.500 1.400 1.300   NaN   NaN   NaN\n"
+        "1     T 1.600 1.500 1.400 1.200 1.100 1.000\n2     B   NaN   NaN   NaN 1.900 1.800 1.700\n"
+        "    Sta  bsMean fsMean  Height\n0     A   1.400    NaN   0.000\n1     T   1.500  1.100   0.300\n"
+    )
+    (table,) = recognise(tmp_path / "t.txt")
+    assert table.rows == (("A", "T", "0.3", "40"), ("T", "B", "-0.3", "40"))
+    assert "another table begins below (columns Sta, bsMean, fsMean, Height): 3 rows not read" in table.notes
+
+
 def test_tables_beside_each_other(tmp_path: Path) -> None:
     """Titles above, and empty columns, part them: known and approximate coordinates, distances, a remark."""
     text = (
