@@ -29,13 +29,13 @@ from mor.units import ANGLE_UNITS, LENGTH_UNITS, PIXEL
 _FROM = (
     "from|von|fra|fran|start|anfang|pointa|frompoint|fromstation|fromstn|punkta|p1|station|stn|sta|standpunkt|stand|at"
     "|instrument|occ|occupied|stationid|stationname|std|source|rts|stationsnr|stationnr|stationspunkt"
-    "|instrumentenstandpunkt|setup|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion"
+    "|instrumentenstandpunkt|setup|basepoint|stationno|firstpoint|firstpointnumber|messpunkt|stanovisko|estacion"
     "|estacao|stazione|st|est|punktodstania|stanowisko"
     "|od|de|desde|da|durulannokta|dn|istasyon|baslangıc|станция|точкастояния|от|dari|titikalat|titikdiri|alat"
 )
 _TO = (
     "to|nach|til|till|end|ende|pointb|topoint|tostn|punktb|p2|target|ziel|zielpunkt|sighted|foresight"
-    "|tostation|targetid|targetname"
+    "|tostation|targetid|targetname|tgtpt|tgt"
     "|obj|object|objectsighted|targetpoint|pointvise|ptvise|vise|visee|pointobserve|cible|puntovisado"
     "|ptovisado|visado|puntoobservado|observado"
     "|pv|pontovisado|pontoobservado|puntobattuto|battuto|puntocollimato|collimato|zielpunktnr|zielnr|cel"
@@ -111,7 +111,7 @@ _BEARING_DISTANCE = f"{_PLAN_DISTANCE}|distance|length|dist|strecke|distancia|di
 """Names of the distance beside a bearing, which is horizontal: no zenith angle reduces it."""
 _HORIZONTAL = (
     "horizontal|hz|ha|dir|hdir|hangle|hzangle|horizontalangle|horizontaldirection|horizontalcircle|direction|richtung"
-    "|horreading|horizreading|hzreading|hreading|horrdg|hrdg|hzrichtung|horizontalrichtung|horizangle|har"
+    "|horreading|horizreading|hzreading|hreading|horrdg|hrdg|hzrichtung|horizontalrichtung|horizangle|horangle|har"
     "|circle|hcircle|hzcircle|horizontalreading|horizontalwinkel|horizontalang|hzang"
     "|hzwinkel|horizontalkreis|anglehorizontal|anglehz|ah|lecturehorizontale|lecturehz|lecture|lectureazimutale"
     "|angulohorizontal|anghorizontal|anghz|lecturahorizontal|leiturahorizontal|acimutal|angolorizzontale"
@@ -420,6 +420,9 @@ _NUMBER = re.compile(r"[-+]?(\d+[.,]?\d*|[.,]\d+)([eE][-+]?\d+)?")
 _LEADING = re.compile(r"[-+]?\d+(\.\d*)?")
 _DECIMAL_COMMA = re.compile(r"[-+]?\d+,\d+")
 _DMS = re.compile(r"[-+]?\d+\s*[-°:]\s*\d+\s*[-'′:]\s*\d")
+_PACKED = re.compile(r"(?P<whole>\d{1,3})(?:\.(?P<rest>\d*))?")
+_DISTINCT = 12
+"""Different angles that tell d.mmss: as many others have minutes and seconds below 60 once in 200 000 tables."""
 _QUADRANT = re.compile(
     r"(?P<from>[NS])\s*(?P<d>\d+(?:[.,]\d+)?)(?:\s*[-°ºd:\s]\s*(?P<m>\d+(?:[.,]\d+)?))?"
     r"(?:\s*[-'’′m:\s]\s*(?P<s>\d+(?:[.,]\d+)?))?[\s°ºd'’′m\"”″s-]*(?P<to>[EWO])\.?",
@@ -597,10 +600,11 @@ def _of_block(path: Path, cells: _File, block: _Block, is_one_of_several: bool) 
     """Tables of every kind in a block."""
     tidy, stated = _tidied(_with_whole_angles(block.rows))
     tidy, wires = _with_whole_readings(tidy)
+    tidy, packed = _without_packed_angles(tidy)
     tidy, zeros = _without_zeros(_with_faces(_with_sigmas(tidy)))
     tidy, alone = _with_station(tidy)
     is_encoded = cells.encoding in CODE_PAGES
-    encoded = ((not_utf8(cells.encoding),) if is_encoded else ()) + block.notes + wires + zeros + alone
+    encoded = ((not_utf8(cells.encoding),) if is_encoded else ()) + block.notes + wires + packed + zeros + alone
     parts = _parts(tidy, path)
     return [
         table._replace(
@@ -1514,6 +1518,31 @@ def _with_whole_angles(rows: _Cells) -> _Cells:
             )
             return _with_whole_angles((*rows[:k], (*row[:j], name, *row[j + 3 :]), *joined))
     return rows
+
+
+def _without_packed_angles(rows: _Cells) -> tuple[_Cells, tuple[str, ...]]:
+    """Rows with d-m-s for angles in degrees, minutes and seconds behind one point, as 12.3456; and a note on them.
+
+    Of other angles one in three has minutes and seconds below 60 in this sense.
+    """
+    header, body, notes = tuple(cell.strip() for cell in rows[0]) if rows else (), rows[1:], list[str]()
+    places = {cell for columns in _kinds(_named(header)).values() for name, cell in columns.items() if name in _ANGLES}
+    for k in (k for k, cell in enumerate(header) if cell in places):
+        cells = [_PACKED.fullmatch(_cell(row, k).replace(",", ".")) for row in body]
+        digits = [(match["rest"] or "").ljust(4, "0") for match in cells if match]
+        long = {text for text in digits if len(text.rstrip("0")) > 2}
+        numbers = [_cell(row, k) for row in body if _NUMBER.fullmatch(_cell(row, k))]
+        if len(long) < _DISTINCT or len(digits) < len(numbers) or any(max(t[:1], t[2:3]) > "5" for t in digits):
+            continue
+        texts = []
+        for row, match in zip(body, cells, strict=True):
+            rest = (match["rest"] or "").ljust(4, "0") if match else ""
+            seconds = f"{rest[2:4]}.{rest[4:]}".rstrip(".")
+            texts.append(f"{match['whole']}-{rest[:2]}-{seconds}" if match else _cell(row, k))
+        rows = _replaced(rows, k, header[k], texts)
+        body = rows[1:]
+        notes.append(f"column {header[k]!r}: degrees, minutes and seconds as d.mmss")
+    return rows, tuple(notes)
 
 
 def _is_sexagesimal(cells: Sequence[str]) -> bool:

@@ -414,7 +414,7 @@ def _text(cell: object) -> str:
     if isinstance(cell, bool):
         return str(cell).lower()
     if isinstance(cell, float):
-        return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else repr(cell)
+        return repr(int(cell)) if cell.is_integer() and abs(cell) < 1e15 else np.format_float_positional(cell, trim="-")
     if isinstance(cell, datetime | date | time):
         return cell.isoformat()
     return str(cell).strip()

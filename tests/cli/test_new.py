@@ -526,6 +526,21 @@ def test_a_table_below_that_begins_alike_is_another_one(tmp_path: Path) -> None:
     assert "another table begins below (columns Sta, bsMean, fsMean, Height): 3 rows not read" in table.notes
 
 
+def test_angles_whose_digits_are_degrees_minutes_and_seconds(tmp_path: Path) -> None:
+    """All have minutes and seconds below 60, as no column of decimal degrees has by chance; one is nearly 0."""
+    text = "Base Point;HI;Tgt.Pt;HR;Hor.Angle;Zenith Ang;Slope Dist\n"
+    rows = [(f"{20 * k}.{13 + k}{10 + k}{k % 10}", f"89.{20 + k}{30 + k}5") for k in range(1, 14)]
+    rows.append(("0.00005", "90"))
+    text += "".join(f"S;1.5;P{k};1.4;{hz};{v};100.{k}\n" for k, (hz, v) in enumerate(rows))
+    directions, _ = recognise(_as_spreadsheet(tmp_path / "t.csv", text))
+    assert directions.texts("horizontal")[0] == "20-14-11.1"
+    assert directions.texts("horizontal")[-1] == "0-00-00.5"
+    assert directions.texts("zenith")[-2:] == ["89-33-43.5", "90-00-00"]
+    assert "column 'Hor.Angle': degrees, minutes and seconds as d.mmss" in directions.notes
+    (other,) = recognise(_as_spreadsheet(tmp_path / "u.csv", text.replace("20.1411", "20.8411")))[:1]
+    assert other.texts("horizontal")[0] == "20.84111"
+
+
 def test_tables_beside_each_other(tmp_path: Path) -> None:
     """Titles above, and empty columns, part them: known and approximate coordinates, distances, a remark."""
     text = (

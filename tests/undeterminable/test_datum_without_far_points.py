@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import mor
+from mor.errors import InputError
 from mor.project.network import Network
 from mor.quality.assessment import median_distance, points_far_off
 from mor.quality.determinability import with_nearer_datum
@@ -77,3 +78,23 @@ def test_sights_to_one_target_say_nothing_about_the_size_of_the_network() -> Non
     ).solved
     assert found.adjustment.outcome.is_solution
     assert median_distance(found.adjustment) == pytest.approx(20.0, rel=0.01)
+
+
+def test_a_levelling_line_that_nothing_ties_is_named_as_such() -> None:
+    project = {
+        "mor": 1,
+        "points": [
+            {"columns": ["id", "z"], "rows": [["A", 10.0]], "values": {"x": 0, "y": 0}, "fixed": ["x", "y", "z"]},
+            {"columns": ["id"], "rows": [["B"], ["C"], ["D"]], "values": {"x": 0, "y": 0}, "fixed": ["x", "y"]},
+        ],
+        "observations": [
+            {
+                "type": "height_difference",
+                "columns": ["from", "to", "dz"],
+                "rows": [["A", "B", 1.0], ["C", "D", 1.0]],
+                "values": {"sigma": "1 mm"},
+            }
+        ],
+    }
+    with pytest.raises(InputError, match="point C: no height difference ties it to a point with a height"):
+        mor.adjust(project)
