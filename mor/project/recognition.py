@@ -866,6 +866,13 @@ class _Book(NamedTuple):
     left: dict[str, int]
 
 
+class _Heights(NamedTuple):
+    """Heights that books have by point, with their rows, and points that books before have levelled."""
+
+    listed: dict[str, list[tuple[float, _LevelRow]]]
+    reached: set[str]
+
+
 def levelled(tables: Sequence[Found]) -> list[Found]:
     """Return the tables with height differences and benchmarks for levelling books, each of which is used once.
 
@@ -902,7 +909,8 @@ def levelled(tables: Sequence[Found]) -> list[Found]:
             names = {"back": table.columns["back2"], "fore": table.columns["fore2"]}
             _add(second, table._replace(columns={**table.columns, **names}), left)
         read.append(_Book(table, levelling, lines, second, left))
-    found = [table for one in read for table in (_levelled(one) if isinstance(one, _Book) else (one,))]
+    heights = _Heights({}, set())
+    found = [table for one in read for table in (_levelled(one, heights) if isinstance(one, _Book) else (one,))]
     if not found and mistakes:
         raise InputError(mistakes)
     return found
@@ -924,7 +932,7 @@ def _add(levelling: Levelling, table: Found, left: dict[str, int]) -> slice:
     return slice(first, len(levelling.lines))
 
 
-def _levelled(book: _Book) -> tuple[Found, ...]:
+def _levelled(book: _Book, heights: _Heights) -> tuple[Found, ...]:
     table, left = book.table, book.left
     renamed = book.levelling.names_of_lines()[0]
     own, lines = renamed[book.lines], book.levelling.lines[book.lines]
@@ -962,13 +970,15 @@ def _levelled(book: _Book) -> tuple[Found, ...]:
         notes += (f"points of the same name in other books are other points: {', '.join(others)}",)
     written = table._replace(delimiter=",", decimal_comma=False, has_header=True, tidied=True)
     measured, benchmark = {name for row in found for name in (row.start, row.end)}, tuple[Found, ...]()
-    known = {name: height for name, height in _benchmarks(table).items() if name in measured}
+    known = {name: height for name, height in _benchmarks(table, heights).items() if name in measured}
+    heights.reached.update(measured)
+    suffix = table.part.removeprefix("levelling") if table.part.startswith("levelling") else ""
     if known:
         given = [row.height() for row in _level_rows(table) if row.has_height()]
         below = counted(sum(map(bool, given)) - sum(bool(float(height)) for height in known.values()), "height")
         notes += (f"the height of {', '.join(known)} is taken over; {below} below not used: they are computed",)
         unit = table.units.get("height", "")
-        heights = written._replace(
+        control = written._replace(
             kind="points",
             columns={"id": "id", "z": "z"},
             unused=(),
@@ -977,9 +987,9 @@ def _levelled(book: _Book) -> tuple[Found, ...]:
             rows=tuple(known.items()),
             notes=(),
             is_control=True,
-            part=_BENCHMARK,
+            part=f"{_BENCHMARK}{suffix}",
         )
-        benchmark = (heights,)
+        benchmark = (control,)
     differences = written._replace(
         kind="height_difference",
         columns=dict(zip(names, names, strict=True)),
@@ -988,7 +998,7 @@ def _levelled(book: _Book) -> tuple[Found, ...]:
         header=tuple(names),
         rows=tuple(cells),
         notes=(*notes, *(f"{what}: {counted(n, 'row')}" for what, n in left.items() if n)),
-        part="height_difference" if benchmark or table.part else "",
+        part=f"height_difference{suffix}" if benchmark or table.part else "",
     )
     return differences, *benchmark
 
@@ -1015,25 +1025,32 @@ def _books(table: Found) -> list[list[_LevelRow]]:
     return books
 
 
-def _benchmarks(table: Found) -> dict[str, str]:
-    """First heights in books below each other, by point. Raises :class:`InputError` if a point has two of them."""
-    found, listed = dict[str, str](), dict[str, list[tuple[float, _LevelRow]]]()
+def _benchmarks(table: Found, heights: _Heights) -> dict[str, str]:
+    """First heights in books, by point, that no book before has levelled.
+
+    Raises :class:`InputError` if books begin at one point with two heights.
+    """
+    found = dict[str, str]()
     tolerance = _DECIMETRE / LENGTH_UNITS.get(table.units.get("height", "m"), 1.0)
     for book in _books(table):
         known = [row for row in book if row.has_height()]
         for row in known[:1]:
             name, height = row.text("point"), row.height()
-            before = listed.get(name, [])
+            before = heights.listed.get(name, [])
             if before and min(abs(height - other) for other, _ in before) > tolerance:
+                other, first = before[0]
+                place = (
+                    f"{first.table.path.name}:{first.row}" if first.table.sheet == table.sheet else first.table.sheet
+                )
                 words = (
-                    f"the books that begin here and in row {before[0][1].row} give point {name} the heights "
-                    f"{height:g} and {before[0][0]:g}: put books of different points into files of their own"
+                    f"the books that begin here and in {place} give point {name} the heights {height:g} and {other:g}: "
+                    "put books of different points into files of their own"
                 )
                 raise InputError([Message(words, str(table.path), row.row)])
-            if not before:
+            if not before and name not in heights.reached:
                 found[name] = row.text("height").replace(",", ".")
         for row in known[:1] + [row for row in known[1:] if row.height()]:
-            listed.setdefault(row.text("point"), []).append((row.height(), row))
+            heights.listed.setdefault(row.text("point"), []).append((row.height(), row))
     return found
 
 
@@ -1262,7 +1279,7 @@ def _blocks(rows: _Cells, lines: tuple[int, ...]) -> list[_Block]:
         kept = [k for k, row in enumerate(cut) if not end or any(row)]
         table, names = tuple(cut[k] for k in kept), [cell.strip() for cell in cut[0]]
         kind = next(iter(_kinds(_named(names))), "") if end else "alone"
-        if kind and (kind not in kinds or kind.startswith("points")):
+        if kind and (kind not in kinds or kind.startswith(("points", "levelling"))):
             kinds.add(kind)
             above = [cell.strip() for cell in rows[start - 1][one : end or None]] if start else []
             title = next((cell for cell in above if cell and not _PLACEHOLDER.fullmatch(cell)), "")
@@ -1931,8 +1948,10 @@ def begin(
 
     ``units``: length and angle; if that of angles is empty, zenith angles or coordinates may tell it.
     """
-    listed = {name for t in tables if t.kind == "points" and t.part != _BENCHMARK for name in t.texts("id")}
-    tables = [t for t in tables if t.part != _BENCHMARK or listed.isdisjoint(t.texts("id"))]
+    listed = {
+        name for t in tables if t.kind == "points" and not t.part.startswith(_BENCHMARK) for name in t.texts("id")
+    }
+    tables = [t for t in tables if not t.part.startswith(_BENCHMARK) or listed.isdisjoint(t.texts("id"))]
     by_kind = {kind: [t for t in tables if t.kind == kind] for kind in ("images", "points", "stations")}
     measured = [t for t in tables if t.kind not in by_kind]
     texts: dict[Path, str] = {}

@@ -493,7 +493,9 @@ def test_levelling_books_below_each_other(tmp_path: Path) -> None:
     assert benchmark.rows == (("A", "100"), ("C", "90"))
     assert "points of the same name in other books are other points: T" in differences.notes
     (tmp_path / "t.csv").write_text(text.replace("90,C", "90,A"))
-    with pytest.raises(InputError, match=r"t.csv:10: the books that begin here and in row 3 give point A the heights"):
+    with pytest.raises(
+        InputError, match=r"t.csv:10: the books that begin here and in t.csv:3 give point A the heights"
+    ):
         recognise(tmp_path / "t.csv")
 
 
@@ -513,6 +515,19 @@ def test_three_wires_with_their_mean_and_intervals_in_two_sheets(tmp_path: Path)
     assert "wires that contradict each other, of which the middle one is read, with rows: B (11)" in first.notes
     assert "names without three wires left out: Sum" in first.notes
     assert "t.xlsx U has the same readings: not used once more" in first.notes
+
+
+def test_a_levelling_book_there_and_back_beside_each_other(tmp_path: Path) -> None:
+    """Each is read; the height that the second one begins with is a result of the first one."""
+    text = (
+        "PV;Vista (+);Vista (-);Cota;;PV;Vista (+);Vista (-);Cota\nBM1;1,5;;100;;BM2;1,0;;100,3\n"
+        "P;1,4;1,1;100,4;;P;1,3;0,9;100,4\nBM2;;1,5;100,3;;BM1;;1,7;100\n"
+    )
+    there, benchmark, back = recognise(_as_spreadsheet(tmp_path / "t.csv", text))
+    assert there.rows == (("BM1", "P", "0.4"), ("P", "BM2", "-0.1"))
+    assert back.rows == (("BM2", "P", "0.1"), ("P", "BM1", "-0.4"))
+    assert benchmark.rows == (("BM1", "100"),)
+    assert len({table.copy(tmp_path / "p.yaml") for table in (there, benchmark, back)}) == 3
 
 
 def test_a_table_below_that_begins_alike_is_another_one(tmp_path: Path) -> None:
