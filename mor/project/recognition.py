@@ -47,7 +47,7 @@ _POINT = (
     "|ptno|ptnr|ptname|pnr|pointno|pointnr|pointname|pointnumber|punktname|gcpid|gcpname|gcplabel|markerid|markername"
     "|idgcp|idtie|idpoint|idmarker|matricule|nom|npoint|numero|punto|nopunto|ponto|nomepunto|nombre|npunto"
     "|nombrepunto|pto"
-    "|nrpunktu|numerpunktu|nazwapunktu|nokta|noktano|noktaadı|nn|точка|номерточки|имяточки|titik|notitik|namatitik"
+    "|nrpunktu|numerpunktu|nazwapunktu|nokta|noktano|noktaadı|точка|номерточки|имяточки|titik|notitik|namatitik"
 )
 _HEIGHTS = {
     "from_height": "fromheight|ih|hi|instrumentheight|instrheight|geraetehoehe|instrumentenhoehe|standhoehe|hinst"
@@ -326,14 +326,14 @@ KINDS: Mapping[str, tuple[Mapping[str, str], Mapping[str, str]]] = {
     "images with a camera": ({"id": "id|image|photo|bild|foto", "camera": "kamera"}, {**_POINTS, **_STATED}),
     "stations": ({"id": f"id|{_FROM}", "orientation": "orientierung"}, {"point": _POINT, "height": "ih|hi"}),
     "stations over points": ({"id": "id|station", "point": _POINT, "height": "ih|hi"}, {"set": ""}),
-    "points": ({"id": f"id|{_POINT}|station|target|p", **_POINTS}, _STATED),
+    "points": ({"id": f"id|{_POINT}|nn|station|target|p", **_POINTS}, _STATED),
     "images with positions": ({"id": _IMAGE, **_POINTS}, _STATED),
     "points in the plane": (
-        {"id": f"id|{_POINT}|station|target|p", "x": _POINTS["x"], "y": _POINTS["y"]},
+        {"id": f"id|{_POINT}|nn|station|target|p", "x": _POINTS["x"], "y": _POINTS["y"]},
         _STATED,
     ),
     "points with heights": (
-        {"id": f"id|{_POINT}", "z": _POINTS["z"]},
+        {"id": f"id|{_POINT}|nn", "z": _POINTS["z"]},
         {"sigma_z": _STATED["sigma_z"], "sigma": _STATED["sigma"]},
     ),
 }
@@ -1302,7 +1302,7 @@ def _side_by_side(rows: _Cells, start: int) -> list[tuple[int, int]]:
     empty = [k for k, cell in enumerate(header) if not cell and not any(_cell(row, k) for row in rows[start + 1 :])]
     edges = sorted({0, len(header), *empty, *(titled if len(titled) > 1 else ())})
     found = list(pairwise(edges))
-    return found if sum(_fits(header[one:end]) for one, end in found) > 1 else [(0, 0)]
+    return found if sum(bool(_kinds(_named(header[one:end]))) for one, end in found) > 1 else [(0, 0)]
 
 
 def _first_table(rows: _Cells, lines: tuple[int, ...]) -> tuple[_Cells, tuple[int, ...], tuple[str, ...]]:
