@@ -6,11 +6,12 @@ new line ends the set-up. Intermediate sights have the mean of the readings back
 
 Instruments number turning points anew in every line. A name that lies inside two lines, or a number that lies inside a
 line and ends another, is therefore one point only if the recorded heights agree, in lines that meet at one height:
-others may begin at 0.
+others may begin at 0. Names as BM 3 or TBM-A are those of benchmarks, which are one point each.
 """
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from statistics import fmean
@@ -20,6 +21,7 @@ SIGMA_KILOMETRE, SIGMA_SET_UP = "1 mm", "0.3 mm"
 """Standard deviations of a height difference over 1 km, and of one set-up without distances: no field book has any."""
 SAME_HEIGHT = 0.01
 """Metres within which recorded heights of a point agree: levelling lines close better than that."""
+_BENCHMARK = re.compile(r"t?bm(?:[^a-z]|[a-z]?\d*$)|bench ?mark", re.IGNORECASE)
 ALONE = "staff readings without a counterpart"
 REPEATED = "staff readings that were repeated"
 
@@ -200,6 +202,8 @@ class Levelling:
         for line, system in zip(self.lines, systems, strict=True):
             names = {}
             for name in sorted(line.inside()):
+                if _BENCHMARK.match(name):
+                    continue
                 height = line.heights.get(name)
                 final: list[tuple[int, float | None]] = [
                     (its, other.heights[name])

@@ -502,16 +502,16 @@ def test_levelling_books_below_each_other(tmp_path: Path) -> None:
 def test_three_wires_with_their_mean_and_intervals_in_two_sheets(tmp_path: Path) -> None:
     """Turning points of both runs are different ones; a third sheet has the first run again; one wire is wrong."""
     there = (
-        "Point;BS;INT;FS;INT\nA;1,5;;;\n;1,4;0,1;;\n;1,3;0,1;;\n;1,4;20;;\n;;20;;\nT1;1,6;;1,2;\n;1,5;0,1;1,1;0,1\n"
+        "Point;BS;INT;FS;INT\nBM A;1,5;;;\n;1,4;0,1;;\n;1,3;0,1;;\n;1,4;20;;\n;;20;;\nT1;1,6;;1,2;\n;1,5;0,1;1,1;0,1\n"
         ";1,4;0,1;1,0;0,1\n;1,5;20;1,1;20\nB;;;1,9;\n;;;1,8;0,1\n;;;1,6;0,2\nSum;2,9;;2,9;\n"
     )
     back = (
         "Point;BS;INT;FS;INT\nB;1,9;;;\n;1,8;;;\n;1,7;;;\nT1;1,5;;1,3;\n;1,4;;1,2;\n;1,3;;1,1;\n"
-        "A;;;1,8;\n;;;1,7;\n;;;1,6;\n"
+        "BM A;1,5;;1,8;\n;1,4;;1,7;\n;1,3;;1,6;\nC;;;1,4;\n;;;1,3;\n;;;1,2;\n"
     )
     first, second = recognise(_as_spreadsheet(tmp_path / "t.csv", there, back, there))
-    assert first.rows == (("A", "T1", "0.3", "40"), ("T1", "B", "-0.3", "50"))
-    assert second.rows == (("B", "T1 (2)", "0.6", "40"), ("T1 (2)", "A", "-0.3", "40"))
+    assert first.rows == (("BM A", "T1", "0.3", "40"), ("T1", "B", "-0.3", "50"))
+    assert second.rows == (("B", "T1 (2)", "0.6", "40"), ("T1 (2)", "BM A", "-0.3", "40"), ("BM A", "C", "0.1", "40"))
     assert "wires that contradict each other, of which the middle one is read, with rows: B (11)" in first.notes
     assert "names without three wires left out: Sum" in first.notes
     assert "t.xlsx U has the same readings: not used once more" in first.notes

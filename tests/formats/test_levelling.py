@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -11,6 +12,7 @@ from mor.api.pipeline import solve_network
 from mor.errors import InputError
 from mor.formats import read_foreign
 from mor.project.document import Document
+from mor.project.levelling import Levelling, StaffReading
 from tests.reference_data import network_of
 
 M5 = """\
@@ -133,6 +135,18 @@ GSI = """\
 110019+00000003 32...8+01000000 332.08+00140000
 110020+00000003 573.08+00000000 574.08+04000000 83..08+00200300
 """
+
+
+@pytest.mark.parametrize(("name", "again"), [("BM 3", "BM 3"), ("TBM-A", "TBM-A"), ("bmb", "bmb"), ("TP1", "TP1 (2)")])
+def test_a_benchmark_inside_two_lines_is_one_point_and_a_turning_point_is_not(name: str, again: str) -> None:
+    levelling = Levelling()
+    for points in (("A", name, "B"), ("B", name, "A")):
+        levelling.begin()
+        for k, (back, fore) in enumerate(pairwise(points)):
+            levelling.sight_back(StaffReading(back, 1.5, None, 2 * k))
+            levelling.sight_forward(StaffReading(fore, 1.0, None, 2 * k + 1))
+    rows, _ = levelling.finish()
+    assert [row[:2] for row in rows] == [("A", name), (name, "B"), ("B", again), (again, "A")]
 
 
 def test_lines_that_begin_at_0_do_not_share_turning_points(tmp_path: Path) -> None:
